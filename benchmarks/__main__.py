@@ -5,8 +5,9 @@
     python -m benchmarks hits 36 880031         # one case, with other arguments than the table's
     python -m benchmarks quick accuracy         # every case of a table with few draws: does it run?
 
-A case is a function of this package that prints a short table, and gives what was wrong, if anything. Its arguments are
-counts, seeds and words; the first line of its docstring says what it measures.
+A case is a function of this package that prints a short table, and gives what was wrong, if
+anything. Its arguments are counts, seeds and words; the first line of its docstring says what it
+measures.
 """
 
 import ast
@@ -21,7 +22,9 @@ from typing import NamedTuple
 
 
 class Case(NamedTuple):
-    """A function by its module, its arguments in the table and in a quick run, and the program that it cannot do without."""
+    """A function by its module, its arguments in the table and in a quick run, and the program that
+    it cannot do without.
+    """
 
     name: str
     module: str
@@ -100,13 +103,20 @@ def run(case: Case, arguments: Sequence[str]) -> bool:
 
 
 def described(case: Case) -> str:
-    """A case with its arguments and what it measures, as its source has them: to import them all takes long."""
+    """A case with its arguments and what it measures, as its source has them: to import them all
+    takes long.
+    """
     tree = ast.parse(Path(__file__).with_name(f"{case.module}.py").read_text(encoding="utf-8"))
-    (function,) = (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == case.name)
+    (function,) = (
+        node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == case.name
+    )
     for argument in ast.walk(function.args):
         argument.annotation = None  # type: ignore[attr-defined]  # of those that have one
     summary = (ast.get_docstring(function) or "").partition("\n")[0]
-    return f"  {f'{case.name} {case.arguments}'.strip()} ({ast.unparse(function.args)})\n      {summary}"
+    return (
+        f"  {f'{case.name} {case.arguments}'.strip()} ({ast.unparse(function.args)})\n     "
+        f" {summary}"
+    )
 
 
 def wanted(words: Sequence[str]) -> list[tuple[Case, Sequence[str]]]:

@@ -1,18 +1,22 @@
 """Fit and judge the probability of a pole: `python -m benchmarks calibrate`.
 
-Made sets (`made_frfs`, good and harsh laboratories alike) are identified, each pole's features are kept with whether
-it is a mode (`truth`), and the weights of `fecore.modal.weights` are fitted by Bayesian logistic regression,
+Made sets (`made_frfs`, good and harsh laboratories alike) are identified, each pole's features are
+kept with whether it is a mode (`truth`), and the weights of `fecore.modal.weights` are fitted by
+Bayesian logistic regression,
 
     ln p(b) = Σ_k ln P(y_k | b) - ½ (b - m)ᵀ S⁻¹ (b - m),
 
-m and S those of the prior there; the covariance is the inverse of the Hessian at the best b (Laplace). Each fifth of the draws
-is judged with weights fitted to the others: log loss, Brier score, and each feature's worth by leaving it out. Reliability, and
-what becomes of modes and of others, are printed for the weights in use. Poles that cannot be modes whatever their features
-(tones, overdamped ones) are in neither fit nor scores.
+m and S those of the prior there; the covariance is the inverse of the Hessian at the best b
+(Laplace). Each fifth of the draws
+is judged with weights fitted to the others: log loss, Brier score, and each feature's worth by
+leaving it out. Reliability, and what becomes of modes and of others, are printed for the weights in
+use. Poles that cannot be modes whatever their features (tones, overdamped ones) are in neither fit
+nor scores.
 
 `python -m benchmarks calibrate agreement` compares bands and halves of one record (`agreement`).
 
-`CALIBRATE_SEEDS` (default 10) draws of each kind; the printed table replaces the one in `fecore/modal/weights.py`.
+`CALIBRATE_SEEDS` (default 10) draws of each kind; the printed table replaces the one in
+`fecore/modal/weights.py`.
 """
 
 import os
@@ -41,16 +45,18 @@ SEEDS = int(os.environ.get("CALIBRATE_SEEDS", "10"))
 FIRST = int(os.environ.get("CALIBRATE_FIRST_SEED", "5000"))
 SURE, REFUSED = 0.9, 0.1
 _FOLDS = 5
-_NEAR = 0.004  # relative distance within which a pole is a distortion, or half a bandwidth where that is more
+# relative distance within which a pole is a distortion, or half a bandwidth where that is more
+_NEAR = 0.004
 NAMES = ("constant", *FEATURES[1:])
 
 
 @dataclass
 class Poles:
-    """Features of poles with the truth: Λ (n,), design (n, 7), the mode of each or why it is none, kind and seed of its draw.
+    """Features of poles with the truth: Λ (n,), design (n, 7), the mode of each or why it is none,
+    kind and seed of its draw.
 
-    Of each kind: modes that no pole is; whether truths lie in their 95 % intervals, of f and of ζ, given the modes before;
-    CPU seconds.
+    Of each kind: modes that no pole is; whether truths lie in their 95 % intervals, of f and of ζ,
+    given the modes before; CPU seconds.
     """
 
     ratio: list[float] = field(default_factory=list)
@@ -69,7 +75,9 @@ def collect(draw: Draw, kind: str, number: int, poles: Poles) -> None:
     began = time.process_time()
     prepared = prepare(draw.frfs, None)
     try:
-        fitted = fit_series(prepared.arrangement, prepared.noise, 40, 100, lambda _stage, _share: None)
+        fitted = fit_series(
+            prepared.arrangement, prepared.noise, 40, 100, lambda _stage, _share: None
+        )
     except IdentificationError as why:
         print(f"    {kind} {number}: {why}")
         poles.lost[kind] = poles.lost.get(kind, 0) + int(np.sum(~draw.optional))
@@ -86,7 +94,9 @@ def keep(draw: Draw, kind: str, number: int, fitted: Fitted, poles: Poles) -> No
     of = modes_of_poles(draw, fitted.arrangement, fitted.fit)
     use = fitted.arrangement.in_band(hz) & (of != OPTIONAL) & ~no_mode(evidence, zeta)
     use &= hz >= 1.3 * np.max(draw.frequency_hz[draw.optional], initial=0.0)
-    poles.lost[kind] = poles.lost.get(kind, 0) + int(np.sum(~draw.optional)) - int(np.sum(of[use] >= 0))
+    poles.lost[kind] = (
+        poles.lost.get(kind, 0) + int(np.sum(~draw.optional)) - int(np.sum(of[use] >= 0))
+    )
     for k in np.flatnonzero(use):
         poles.ratio.append(float(ratio[k]))
         poles.rows.append(rows[k])
@@ -97,18 +107,26 @@ def keep(draw: Draw, kind: str, number: int, fitted: Fitted, poles: Poles) -> No
         poles.distortion.append(bool(of[k] < 0 and off < max(_NEAR * hz[k], 0.5 * zeta[k] * hz[k])))
     modes = np.flatnonzero(use & (of >= 0))
     errors = np.log(hz[modes] / draw.frequency_hz[of[modes]]), zeta[modes] - draw.zeta[of[modes]]
-    each = [whitened(off, fitted.covariance, modes + part * hz.size) for part, off in enumerate(errors)]
+    each = [
+        whitened(off, fitted.covariance, modes + part * hz.size) for part, off in enumerate(errors)
+    ]
     poles.inside.setdefault(kind, []).extend(zip(*(np.abs(z) < Z_95 for z in each), strict=True))
 
 
 def whitened(off: np.ndarray, covariance: np.ndarray, which: np.ndarray) -> np.ndarray:
-    """Errors over their standard deviations, each given those before it: modes of one draw share its drift, and count once."""
+    """Errors over their standard deviations, each given those before it: modes of one draw share
+    its drift, and count once.
+    """
     return np.asarray(
-        scipy.linalg.solve_triangular(np.linalg.cholesky(covariance[np.ix_(which, which)]), off, lower=True)
+        scipy.linalg.solve_triangular(
+            np.linalg.cholesky(covariance[np.ix_(which, which)]), off, lower=True
+        )
     )
 
 
-def fitted_weights(ratio: np.ndarray, x: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def fitted_weights(
+    ratio: np.ndarray, x: np.ndarray, true: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """The most probable weights and their covariance."""
 
     def cost(b: np.ndarray) -> tuple[float, np.ndarray]:
@@ -144,26 +162,46 @@ def print_kinds(poles: Poles, p: np.ndarray) -> None:
     of, kind, distortion = (np.array(each) for each in (poles.of, poles.kind, poles.distortion))
     sure, open_ = p >= SURE, (p >= REFUSED) & (p < SURE)
     print(
-        f"modes are kept from P = {SURE:g} on and refused below {REFUSED:g}; `expected`: of both kinds of others kept"
+        f"modes are kept from P = {SURE:g} on and refused below {REFUSED:g}; `expected`: of both"
+        " kinds of others kept"
     )
     of_modes = ("modes:d", "kept:d", "uncertain:d", "refused:d", "no pole:d")
     others = ("second, kept:d", "uncertain:d", "others, kept:d", "uncertain:d", "expected:.1f")
-    table = Table("", "kind:10", *of_modes, *others, "held, f %:.1f", "ζ %:.1f", "CPU s:.2f", "most:.2f")
+    table = Table(
+        "", "kind:10", *of_modes, *others, "held, f %:.1f", "ζ %:.1f", "CPU s:.2f", "most:.2f"
+    )
     for name, seconds in poles.seconds.items():
         own = kind == name
         modes, splits, others = own & (of >= 0), own & (of == SPLIT), own & (of == OTHER)
         counts = [modes, modes & sure, modes & open_, modes & (p < REFUSED)]
         wrong = [splits & sure, splits & open_, others & sure, others & open_]
         inside = 100 * np.mean(poles.inside[name] or [(np.nan, np.nan)], axis=0)
-        sums, expected = [[each.sum() for each in some] for some in (counts, wrong)], np.sum(1 - p[own & sure])
-        table.row(name, *sums[0], poles.lost[name], *sums[1], expected, *inside, np.mean(seconds), np.max(seconds))
+        sums, expected = (
+            [[each.sum() for each in some] for some in (counts, wrong)],
+            np.sum(1 - p[own & sure]),
+        )
+        table.row(
+            name,
+            *sums[0],
+            poles.lost[name],
+            *sums[1],
+            expected,
+            *inside,
+            np.mean(seconds),
+            np.max(seconds),
+        )
     for name in ("squared", "cubed", "loose"):
         own = (kind == name) & distortion
-        print(f"distortions of {name}: {own.sum()}, kept {np.sum(own & sure)}, uncertain {np.sum(own & open_)}")
+        print(
+            f"distortions of {name}: {own.sum()}, kept {np.sum(own & sure)}, uncertain"
+            f" {np.sum(own & open_)}"
+        )
 
 
 def calibrate(part: str = "weights", *words: str) -> None:
-    """The probability of a pole on made FRFs: its weights, reliability, modes lost; `agreement`: has one record one answer?"""
+    """The probability of a pole on made FRFs: its weights, reliability, modes lost; `agreement`:
+    has one record one answer?
+    """
     if part == "agreement":
         agreement.main(*words)
         return
@@ -189,4 +227,6 @@ def calibrate(part: str = "weights", *words: str) -> None:
     print_kinds(poles, used)
     print("MEAN = np.array([" + ", ".join(f"{each:.3f}" for each in b) + "])")
     print("COVARIANCE = np.array([")
-    print("\n".join("    [" + ", ".join(f"{each:.4f}" for each in row) + "]," for row in C) + "\n])")
+    print(
+        "\n".join("    [" + ", ".join(f"{each:.4f}" for each in row) + "]," for row in C) + "\n])"
+    )

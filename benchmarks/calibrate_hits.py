@@ -1,13 +1,15 @@
 """Fit and judge the probability of a hit: `python -m benchmarks calibrate_hits`.
 
-Made campaigns (`made_hits`) are looked at, each hit's features are kept with whether it is good, and `fecore.signal.weights`
-is made anew from half of them: what good hits are like by their medians and spreads in each campaign, and the weights by
-Bayesian logistic regression,
+Made campaigns (`made_hits`) are looked at, each hit's features are kept with whether it is good,
+and `fecore.signal.weights`
+is made anew from half of them: what good hits are like by their medians and spreads in each
+campaign, and the weights by Bayesian logistic regression,
 
     ln p(b) = Σ_k ln P(y_k | b) - Σ (b - 3)²/2σ²,    σ = 2, b ≥ 0.
 
-The other half shows how good they are: bad hits missed and good ones refused by kind, reliability, log loss and Brier score,
-and each feature's worth by leaving it out. A bad hit that does not bias its FRF counts on neither side.
+The other half shows how good they are: bad hits missed and good ones refused by kind, reliability,
+log loss and Brier score, and each feature's worth by leaving it out. A bad hit that does not bias
+its FRF counts on neither side.
 
 The arguments are campaigns of each half, and the first seed.
 """
@@ -52,7 +54,9 @@ class Looked:
 
 @dataclass(frozen=True)
 class Tabled:
-    """Features of the hits of several campaigns: x (n, F), whether none is beside a hit, whether it is good; and its kind."""
+    """Features of the hits of several campaigns: x (n, F), whether none is beside a hit, whether it
+    is good; and its kind.
+    """
 
     x: FloatArray
     alone: BoolArray
@@ -70,7 +74,9 @@ def looked_at(seeds: Sequence[int]) -> Iterator[Looked]:
 
 
 def usual(campaigns: Sequence[Looked]) -> dict[str, tuple[float, float, float]]:
-    """Centre, its scatter between campaigns, and the scatter within one, of the logarithm of each number of good hits."""
+    """Centre, its scatter between campaigns, and the scatter within one, of the logarithm of each
+    number of good hits.
+    """
     rows: dict[str, list[tuple[float, float]]] = {name: [] for name in NAMES}
     for own in campaigns:
         numbers = features_of(own.points, own.positions).numbers
@@ -84,7 +90,11 @@ def usual(campaigns: Sequence[Looked]) -> dict[str, tuple[float, float, float]]:
                 rows[name].append((float(middle), float(max(high - middle, middle - low)) / 1.645))
     found = {name: np.array(row) for name, row in rows.items()}
     return {
-        name: (float(np.median(row[:, 0])), float(np.std(row[:, 0])), max(float(np.median(row[:, 1])), _LEAST_SCATTER))
+        name: (
+            float(np.median(row[:, 0])),
+            float(np.std(row[:, 0])),
+            max(float(np.median(row[:, 1])), _LEAST_SCATTER),
+        )
         for name, row in found.items()
     }
 
@@ -94,7 +104,9 @@ def tabled(campaigns: Sequence[Looked]) -> Tabled:
     rows, alone, good, kind = [], [], [], []
     for own in campaigns:
         found = features_of(own.points, own.positions)
-        for i, (fault, biases, hits) in enumerate(zip(own.faults, own.biases, own.hits, strict=True)):
+        for i, (fault, biases, hits) in enumerate(
+            zip(own.faults, own.biases, own.hits, strict=True)
+        ):
             if fault is not None and not biases:
                 continue
             rows.append(np.log1p(found.u[i] ** 4))
@@ -106,7 +118,9 @@ def tabled(campaigns: Sequence[Looked]) -> Tabled:
 
 
 def fitted(table: Tabled, free: Sequence[int] | None = None) -> FloatArray:
-    """(2 + F,) the most probable constant, what a hit alone loses, and weights; those not `free` are nil."""
+    """(2 + F,) the most probable constant, what a hit alone loses, and weights; those not `free`
+    are nil.
+    """
     design = np.column_stack((np.ones(len(table.x)), -table.alone.astype(float), -table.x))
     mean = np.array([4.0, 0.5, *[_PRIOR_MEAN] * table.x.shape[1]])
     bounds = [(-10.0, 10.0), (0.0, 5.0), *[(0.0, 12.0)] * table.x.shape[1]]
@@ -117,11 +131,15 @@ def fitted(table: Tabled, free: Sequence[int] | None = None) -> FloatArray:
         logit = design @ b
         p = scipy.special.expit(logit)
         off = (b - mean) / _PRIOR_SD
-        loss = -np.sum(np.where(table.good, scipy.special.log_expit(logit), scipy.special.log_expit(-logit)))
+        loss = -np.sum(
+            np.where(table.good, scipy.special.log_expit(logit), scipy.special.log_expit(-logit))
+        )
         return float(loss + off @ off / 2), design.T @ (p - table.good) + off / _PRIOR_SD
 
     start = np.array([np.clip(m, *b) for m, b in zip(mean, bounds, strict=True)])
-    return np.asarray(scipy.optimize.minimize(cost, start, jac=True, bounds=bounds, method="L-BFGS-B").x)
+    return np.asarray(
+        scipy.optimize.minimize(cost, start, jac=True, bounds=bounds, method="L-BFGS-B").x
+    )
 
 
 def probability(table: Tabled, b: FloatArray) -> FloatArray:
@@ -132,8 +150,12 @@ def probability(table: Tabled, b: FloatArray) -> FloatArray:
 def print_kinds(table: Tabled, p: FloatArray) -> None:
     """How many of each kind are refused."""
     hits = Counter(table.kind)
-    refused = Counter(kind for kind, own in zip(table.kind, p, strict=True) if own < FALSE_DISCOVERY)
-    shown = Table(f"refused where P < {FALSE_DISCOVERY:g}", "kind:24", "refused:d", "of:d", "share:.1%")
+    refused = Counter(
+        kind for kind, own in zip(table.kind, p, strict=True) if own < FALSE_DISCOVERY
+    )
+    shown = Table(
+        f"refused where P < {FALSE_DISCOVERY:g}", "kind:24", "refused:d", "of:d", "share:.1%"
+    )
     for kind in sorted(hits):
         shown.row(kind, refused[kind], hits[kind], refused[kind] / hits[kind])
     few = {kind for kind in hits if kind.endswith("1 or 2 hits")}
@@ -143,7 +165,9 @@ def print_kinds(table: Tabled, p: FloatArray) -> None:
 
 
 def print_worth(learn: Tabled, test: Tabled) -> None:
-    """What each feature is worth: log loss, Brier score, good hits refused and bad ones missed without it."""
+    """What each feature is worth: log loss, Brier score, good hits refused and bad ones missed
+    without it.
+    """
     shown = Table("", "without:12", "log loss:.4f", "Brier:.4f", "good refused:d", "bad missed:d")
     for k in (-1, *range(len(NAMES))):
         p = probability(test, fitted(learn, [j for j in range(len(NAMES)) if j != k]))
@@ -163,7 +187,9 @@ def calibrate_hits(campaigns: int = 200, seed: int = 0) -> None:
         print(f"{name:8} log loss %.4f, Brier %.4f" % scores(probability(test, weights), test.good))
     p = probability(test, used)
     print_kinds(test, p)
-    print_reliability(p, test.good, "hits", "that is good", (0, 0.01, 0.1, 0.3, 0.5, 0.9, 0.97, 0.99))
+    print_reliability(
+        p, test.good, "hits", "that is good", (0, 0.01, 0.1, 0.3, 0.5, 0.9, 0.97, 0.99)
+    )
     print_worth(learn, test)
     print(f"CONSTANT = {b[0]:.2f}\nALONE = {b[1]:.2f}")
     for name, weight, row in zip(NAMES, b[2:], usual(learned).values(), strict=True):

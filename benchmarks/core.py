@@ -1,7 +1,8 @@
 """The speed of the core beside peers in the same run, and decks of it beside CalculiX.
 
-The peers are optional: `pip install -e '.[bench]'`, and `ccx` where it is installed. One thread of BLAS for everyone. Ratios
-come from one run; a busy machine stretches wall clock, so processor time stands beside it.
+The peers are optional: `pip install -e '.[bench]'`, and `ccx` where it is installed. One thread of
+BLAS for everyone. Ratios come from one run; a busy machine stretches wall clock, so processor time
+stands beside it.
 """
 
 import importlib.util
@@ -17,7 +18,12 @@ import numpy as np
 from benchmarks import peers
 from benchmarks.clock import least, median_ms, now, timed
 from benchmarks.tables import Table, load
-from examples.paper.published import CANTILEVER_CONVERGED, TABLE_4_COUPONS, TABLE_4_UPDATED, cantilever
+from examples.paper.published import (
+    CANTILEVER_CONVERGED,
+    TABLE_4_COUPONS,
+    TABLE_4_UPDATED,
+    cantilever,
+)
 from examples.paper.synthesis import grid, rayleigh_body
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.sections import section
@@ -51,10 +57,12 @@ PLACES = np.array([(x, y) for x in np.linspace(0.05, 0.5, 11) for y in (-0.018, 
 
 
 def forward(rounds: int = 25) -> None:
-    """The forward model: assembly with ten modes, re-solves, FRFs, growth; beside scikit-fem, pyfe3d and CalculiX.
+    """The forward model: assembly with ten modes, re-solves, FRFs, growth; beside scikit-fem,
+    pyfe3d and CalculiX.
 
-    glibc hands freed memory back at once until a process has freed one large block, as each that has read FRFs has; until then
-    page faults take a quarter of a small solve. So one is freed first, for us and for the peers.
+    glibc hands freed memory back at once until a process has freed one large block, as each that
+    has read FRFs has; until then page faults take a quarter of a small solve. So one is freed
+    first, for us and for the peers.
     """
     np.empty(4_000_000)
     print(f"{load()}; ratios within this run are what counts")
@@ -73,32 +81,52 @@ def _solve(body: Structure) -> np.ndarray:
 
 
 def _unproven() -> np.ndarray:
-    """The same modes, as the peers give them: without the count that proves that none is missing."""
+    """The same modes, as the peers give them: without the count that proves that none is
+    missing.
+    """
     with patch("fecore.dynamics.eigen._missing", lambda *_: 0):
         return _ten_modes()
 
 
 def _against_peers(rounds: int) -> None:
-    """From the mesh to the frequencies: medians, ratios, and errors against a fine mesh; CalculiX with its files."""
+    """From the mesh to the frequencies: medians, ratios, and errors against a fine mesh; CalculiX
+    with its files.
+    """
     reference = _ten_modes(120, 12)
-    calls: dict[str, Callable[[], np.ndarray]] = {"modalbase": _ten_modes, "  without its proof": _unproven}
+    calls: dict[str, Callable[[], np.ndarray]] = {
+        "modalbase": _ten_modes,
+        "  without its proof": _unproven,
+    }
     if importlib.util.find_spec("skfem"):
         calls["scikit-fem"] = lambda: peers.scikit_fem(SPECIMEN)
     if importlib.util.find_spec("pyfe3d"):
         calls["pyfe3d Quad4R"] = lambda: peers.pyfe3d(SPECIMEN)
     if shutil.which("ccx"):
         calls["CalculiX S8R"] = lambda: peers.calculix(SPECIMEN)
-    columns = ("median ms:.2f", "ratio:.2f", "CPU ms:.2f", "bending 1, error %:+.4f", "torsion 1, error %:+.4f")
+    columns = (
+        "median ms:.2f",
+        "ratio:.2f",
+        "CPU ms:.2f",
+        "bending 1, error %:+.4f",
+        "torsion 1, error %:+.4f",
+    )
     table = Table("", "assembly + 10 modes, 40 x 4:28", *columns)
-    found, times = {name: call() for name, call in calls.items()}, {name: list[np.ndarray]() for name in calls}
+    found, times = (
+        {name: call() for name, call in calls.items()},
+        {name: list[np.ndarray]() for name in calls},
+    )
     random = np.random.default_rng(0)
-    # In turn, so that a busy machine is busy for all; in no order, as each leaves the caches to the next.
+    # In turn, so that a busy machine is busy for all; in no order, as each leaves the caches to the
+    # next.
     for _ in range(rounds):
         for name in random.permutation(list(calls)):
             times[name].append(timed(calls[name])[1])
     own = float(np.median([wall for wall, _ in times["modalbase"]]))
     for name in calls:
-        errors = [100 * (found[name][np.argmin(np.abs(found[name] - f))] / f - 1) for f in reference[[0, 2]]]
+        errors = [
+            100 * (found[name][np.argmin(np.abs(found[name] - f))] / f - 1)
+            for f in reference[[0, 2]]
+        ]
         wall, cpu = np.median(times[name], axis=0)
         table.row(name, 1e3 * wall, wall / own, 1e3 * cpu, *errors)
     if len(calls) < 5:
@@ -109,22 +137,44 @@ def _resolves(rounds: int) -> None:
     """A new θ: full and reduced, with all that stage 1 needs."""
     specimen = replace(SPECIMEN, masses=(PointMass(0.49, 0.015, 0.0048),))
     known = parametrise(specimen)
-    draws = known.prior_mean * (1 + 0.02 * np.random.default_rng(0).uniform(-1, 1, (200, len(known.names))))
-    full, reduced = (ForwardModel(specimen, known, along_z(range(33)), PLACES, 8, small) for small in (False, True))
+    draws = known.prior_mean * (
+        1 + 0.02 * np.random.default_rng(0).uniform(-1, 1, (200, len(known.names)))
+    )
+    full, reduced = (
+        ForwardModel(specimen, known, along_z(range(33)), PLACES, 8, small)
+        for small in (False, True)
+    )
     for theta in draws:
         reduced.solve(theta)
-    columns = [(m, n, of) for of in ("frequency_hz", "frequency_jacobian") for m, n in ((full, 1), (reduced, 15))]
+    columns = [
+        (m, n, of)
+        for of in ("frequency_hz", "frequency_jacobian")
+        for m, n in ((full, 1), (reduced, 15))
+    ]
     rows = []
     for start in range(0, 8 * rounds, 8):  # in turn, so that a busy machine is busy for all
         some = iter(np.roll(draws, start, axis=0))
-        rows.append([median_ms(lambda m=m, of=of: getattr(m.solve(next(some)), of), n) for m, n, of in columns])  # noqa: B023
+        rows.append(
+            [
+                median_ms(lambda m=m, of=of: getattr(m.solve(next(some)), of), n)
+                for m, n, of in columns
+            ]
+        )  # noqa: B023
     took = np.median(rows, axis=0).reshape(2, 2)
-    build = median_ms(lambda: ForwardModel(specimen, known, along_z((0,)), PLACES[:1], 8).basis.system, 5)
+    build = median_ms(
+        lambda: ForwardModel(specimen, known, along_z((0,)), PLACES[:1], 8).basis.system, 5
+    )
     size, solves = reduced.basis.basis.shape[1], reduced.basis.full_solves
     table = Table(
-        f"re-solve for new parameters, 8 modes, {size} vectors", "of:28", "full ms:.2f", "reduced ms:.3f", "ratio:.1f"
+        f"re-solve for new parameters, 8 modes, {size} vectors",
+        "of:28",
+        "full ms:.2f",
+        "reduced ms:.3f",
+        "ratio:.1f",
     )
-    for name, (whole, small) in zip(("natural frequencies", "and their derivatives"), took, strict=True):
+    for name, (whole, small) in zip(
+        ("natural frequencies", "and their derivatives"), took, strict=True
+    ):
         table.row(name, whole, small, whole / small)
     print(f"  making the basis: {build:.1f} ms, {solves} full solves in 200 draws of +-2 %")
 
@@ -144,7 +194,9 @@ def _growth(sizes: int) -> None:
     dofs, times = [], []
     table = Table("growth of the solve", "mesh:10", "dofs:d", "median s:.3f", "assembly s:.3f")
     for nx, ny in ((40, 4), (80, 8), (140, 14), (220, 22), (330, 33))[:sizes]:
-        body, (assembly, _) = timed(lambda nx=nx, ny=ny: plate((0.5, 0.04), (nx, ny), of_boundary("cantilever")))
+        body, (assembly, _) = timed(
+            lambda nx=nx, ny=ny: plate((0.5, 0.04), (nx, ny), of_boundary("cantilever"))
+        )
         model, (assembled, _) = timed(lambda body=body: body.model)
         assembly += assembled
         times.append(median_ms(lambda body=body: _solve(body), 9 if nx < 100 else 3) / 1e3)
@@ -159,24 +211,41 @@ LINES_HZ = np.linspace(0.3125, 1000.0, 3200)
 
 
 def updating(lines: int = 3200) -> None:
-    """The default update by step, samples beside the Gaussian posterior, both stages beside scipy's `least_squares`."""
+    """The default update by step, samples beside the Gaussian posterior, both stages beside scipy's
+    `least_squares`.
+    """
     print(f"{load()}; OPENBLAS_NUM_THREADS={os.environ.get('OPENBLAS_NUM_THREADS', 'not set')}\n")
     body = cantilever(TABLE_4_UPDATED)
-    data = Measurement(rayleigh_body(body, CANTILEVER_CONVERGED, 5, LINES_HZ[:: 3200 // lines]), grid(body))
-    laplace, laps = min((_by_stage(data) for _ in range(3)), key=lambda run: float(sum(run[1].values())[1]))
+    data = Measurement(
+        rayleigh_body(body, CANTILEVER_CONVERGED, 5, LINES_HZ[:: 3200 // lines]), grid(body)
+    )
+    laplace, laps = min(
+        (_by_stage(data) for _ in range(3)), key=lambda run: float(sum(run[1].values())[1])
+    )
     whole = sum(laps.values(), np.zeros(2))
-    table = Table(f"default job, 33 FRFs x {lines} lines", "stage:40", "wall s:.2f", "processor s:.2f", "share:.0%")
+    table = Table(
+        f"default job, 33 FRFs x {lines} lines",
+        "stage:40",
+        "wall s:.2f",
+        "processor s:.2f",
+        "share:.0%",
+    )
     for stage, lap in {**laps, "together (target: under 4 s)": whole}.items():
         table.row(stage, *lap, lap[1] / whole[1])
     _sampling(data, laplace)
     _against_least_squares(data)
 
 
-def _by_stage(data: Measurement, recipe: Recipe | None = None) -> tuple[UpdateResult, dict[str, np.ndarray]]:
+def _by_stage(
+    data: Measurement, recipe: Recipe | None = None
+) -> tuple[UpdateResult, dict[str, np.ndarray]]:
     """A job, and wall clock and processor time of each stage that it reports."""
     marks: list[tuple[str, np.ndarray]] = []
     result = update(
-        data, cantilever(TABLE_4_COUPONS), recipe or Recipe(), lambda stage, _: marks.append((stage, now()))
+        data,
+        cantilever(TABLE_4_COUPONS),
+        recipe or Recipe(),
+        lambda stage, _: marks.append((stage, now())),
     )
     laps: dict[str, np.ndarray] = {}
     for (stage, start), (_, end) in zip(marks, [*marks[1:], ("", now())], strict=True):
@@ -199,7 +268,9 @@ def _sampling(data: Measurement, laplace: UpdateResult) -> None:
 
 
 def _against_least_squares(data: Measurement) -> None:
-    """Both stages by us and by `least_squares`: the same misfits, unknowns, priors and five starts."""
+    """Both stages by us and by `least_squares`: the same misfits, unknowns, priors and five
+    starts.
+    """
     specimen, modes = cantilever(TABLE_4_COUPONS), identify(data.frfs).modes
     labels = list(dict.fromkeys([*(dof.point for dof in modes.dofs), *data.points]))
     places = np.array([data.points[label][:2] for label in labels])
@@ -212,7 +283,8 @@ def _against_least_squares(data: Measurement) -> None:
     elastic, first = least(lambda: fit(Layout.of_one(replace(model), modes)))
     damping, after = least(second)
     nuisance = damping_data(data.frfs, elastic, modes, "noise").nuisance(damping.discrepancy)
-    # The peer knows of no common gain, nor of what a driving point has for itself, so neither does ours here.
+    # The peer knows of no common gain, nor of what a driving point has for itself, so neither does
+    # ours here.
     misfit, found = damping.reference.misfit, damping.fit
     own = misfit.without_driving(found.eigenvalue, found.rate)
     misfit = replace(misfit, frfs=own, driving=(), common_gain_sd=0.0)
@@ -236,7 +308,9 @@ def _against_least_squares(data: Measurement) -> None:
     mine = np.concatenate([elastic.theta, damping.fit.coefficients])
     theirs = np.concatenate([theirs_1.x, fits[0][0].x[:2] * damping_peer.unit])
     names = ("Ex", "Ey", "Gxy", "Gxz", "a0", "a1")
-    away = ", ".join(f"{name} {100 * (b / a - 1):+.4f} %" for name, a, b in zip(names, mine, theirs, strict=True))
+    away = ", ".join(
+        f"{name} {100 * (b / a - 1):+.4f} %" for name, a, b in zip(names, mine, theirs, strict=True)
+    )
     print(f"  least_squares' estimates from ours: {away}")
     _calculix(float((first + after)[0]), elastic_peer.solves, float(peer_2[0]))
 
@@ -250,8 +324,8 @@ def _calculix(own: float, solves: int, second: float) -> None:
     one = min(timed(lambda: peers.calculix(body))[1][0] for _ in range(3))
     total = one * (solves + 1) + second
     print(
-        f"  around CalculiX S8R, reckoned: {solves + 1} eigenvalue solutions of {one:.2f} s, its modes superposed by us in"
-        f" stage 2: {total:.0f} s, ratio {total / own:.0f}"
+        f"  around CalculiX S8R, reckoned: {solves + 1} eigenvalue solutions of {one:.2f} s, its"
+        f" modes superposed by us in stage 2: {total:.0f} s, ratio {total / own:.0f}"
     )
 
 
@@ -259,7 +333,9 @@ def _calculix(own: float, solves: int, second: float) -> None:
 
 
 def cards(draws: int = 40, seed: int = 7, modes: int = 6) -> None:
-    """Frequencies of decks as `modalbase cards` writes them, by CalculiX: of strips and plates drawn at random."""
+    """Frequencies of decks as `modalbase cards` writes them, by CalculiX: of strips and plates
+    drawn at random.
+    """
     rng, worst = np.random.default_rng(seed), {"solid": list[float](), "shell": list[float]()}
     table = Table("", "boundary:16", "mm:28", "solid, %:.3f", "shell, %:.3f")
     for _ in range(draws):
@@ -268,21 +344,31 @@ def cards(draws: int = 40, seed: int = 7, modes: int = 6) -> None:
         ours = frequencies(specimen, modes)[:modes]
         moduli: Any = (m.Ex, m.Ey, m.Gxy, m.Gxz, m.Gyz)
         deck = Deck(*size, moduli, m.nu_xy, m.density, specimen.boundary, 2 * modes + 12)
-        for name, text in (("solid", write_solids(deck)), ("shell", write_shells(deck, corrected=True))):
+        for name, text in (
+            ("solid", write_solids(deck)),
+            ("shell", write_shells(deck, corrected=True)),
+        ):
             found = calculix.frequencies(calculix.ccx(text.splitlines()))
             worst[name].append(float(np.abs(found[:, None] / ours - 1).min(axis=0).max()))
         millimetres = " x ".join(f"{1e3 * side:.3g}" for side in size)
         table.row(specimen.boundary, millimetres, *(100 * errors[-1] for errors in worst.values()))
     for name, errors in worst.items():
-        print(f"  {name}: median {100 * np.median(errors):.3f} %, worst {100 * max(errors):.3f} % of {draws}")
+        print(
+            f"  {name}: median {100 * np.median(errors):.3f} %, worst {100 * max(errors):.3f} % of"
+            f" {draws}"
+        )
 
 
 def _specimen(rng: np.random.Generator) -> Specimen:
-    """A specimen of 0.2 to 1 m, 4 to 20 times as long as thick or more, constants within 30 % of usual ones."""
+    """A specimen of 0.2 to 1 m, 4 to 20 times as long as thick or more, constants within 30 % of
+    usual ones.
+    """
     length = rng.uniform(0.2, 1.0)
     width = length * rng.uniform(0.06, 0.5)
     thickness = min(length / rng.uniform(30, 100), width / 4)
     moduli = np.array([30e9, 15e9, 5e9, 4e9, 3.5e9]) * rng.uniform(0.7, 1.3, 5)
-    material = OrthotropicMaterial(*map(float, moduli), nu_xy=float(rng.uniform(0.1, 0.3)), density=1900.0)
+    material = OrthotropicMaterial(
+        *map(float, moduli), nu_xy=float(rng.uniform(0.1, 0.3)), density=1900.0
+    )
     boundary = str(rng.choice(["cantilever", "free", "simply_supported"]))
     return Specimen(length, width, thickness, material, boundary, divisions=(40, 8))  # type: ignore[arg-type]

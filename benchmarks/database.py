@@ -1,4 +1,6 @@
-"""The measurement database on a real PostgreSQL, API and worker, each figure beside what bounds it in the same run."""
+"""The measurement database on a real PostgreSQL, API and worker, each figure beside what bounds it
+in the same run.
+"""
 
 import base64
 import io
@@ -34,14 +36,34 @@ PAIRS = 3
 
 
 def measurements(frfs: int = 1000, lines: int = 3201) -> None:
-    """Imports against pyuff's own reading, spectra over HTTP against a raw SELECT, lists that stay flat."""
+    """Imports against pyuff's own reading, spectra over HTTP against a raw SELECT, lists that stay
+    flat.
+    """
     with served() as service, api_of(service) as api:
-        print(f"import of {frfs} FRFs × {lines} lines, upload to result, medians of {PAIRS} pairs of runs, {load()}")
-        print("(target: at most 1.5 × pyuff's reading; COPY: PostgreSQL alone stores the file and its spectra;")
+        print(
+            f"import of {frfs} FRFs × {lines} lines, upload to result, medians of {PAIRS} pairs of"
+            f" runs, {load()}"
+        )
+        print(
+            "(target: at most 1.5 × pyuff's reading; COPY: PostgreSQL alone stores the file and its"
+            " spectra;"
+        )
         print(" memory: of API, worker and child, pages that they share counted for each)")
-        columns = ("MB:.0f", "pyuff s:.2f", "COPY s:.2f", "import s:.2f", "ratio:.2f", "peak MB:.0f", "over idle:.0f")
+        columns = (
+            "MB:.0f",
+            "pyuff s:.2f",
+            "COPY s:.2f",
+            "import s:.2f",
+            "ratio:.2f",
+            "peak MB:.0f",
+            "over idle:.0f",
+        )
         table = Table("", "UFF:4", *columns)
-        for binary, count, pairs in ((True, frfs, PAIRS), (False, frfs, PAIRS), (True, 39 * frfs // 10, 1)):
+        for binary, count, pairs in (
+            (True, frfs, PAIRS),
+            (False, frfs, PAIRS),
+            (True, 39 * frfs // 10, 1),
+        ):
             row = _imports(api, service, (count, lines), binary=binary, pairs=pairs)
             table.row("58b" if binary else "58", *row)
         _spectra(api, service, lines)
@@ -51,12 +73,15 @@ def measurements(frfs: int = 1000, lines: int = 3201) -> None:
 def _imports(
     api: httpx.Client, service: LocalService, size: tuple[int, int], *, binary: bool, pairs: int
 ) -> list[float]:
-    """MB of the file, and medians of the pairs: seconds of pyuff, of COPY, of the import; their ratio; peak memory."""
+    """MB of the file, and medians of the pairs: seconds of pyuff, of COPY, of the import; their
+    ratio; peak memory.
+    """
     (frfs, lines), runs = size, list[tuple[float, ...]]()
     with tempfile.TemporaryDirectory(prefix="mb-") as folder:
         path = Path(folder, "frfs.uff")
         for pair in range(pairs):
-            write_file(path, contents(frfs, lines, 0.5, seed=pair), binary=binary)  # bytes that are not there yet
+            # bytes that are not there yet
+            write_file(path, contents(frfs, lines, 0.5, seed=pair), binary=binary)
             sets, (peer, _) = timed(lambda: pyuff.UFF(str(path)).read_sets())
             assert sum(s["type"] == 58 for s in sets) == frfs
             file, spectrum = path.read_bytes(), os.urandom(16 * lines)
@@ -65,15 +90,22 @@ def _imports(
             (campaign,) = campaigns_of(api, "imports")
             with measured(service) as cost, path.open("rb") as sent:
                 content = iter(lambda: sent.read(1 << 20), b"")
-                counts = ended(api, api.post(f"campaigns/{campaign}/imports", content=content))["counts"]
+                counts = ended(api, api.post(f"campaigns/{campaign}/imports", content=content))[
+                    "counts"
+                ]
             assert counts["frfs"] == counts["grid_points"] == frfs
             memory = cost.peak / 1e6, cost.above_idle / 1e6
-            runs.append((len(file) / 1e6, peer, bound.clock, cost.clock, cost.clock / peer, *memory))
+            runs.append(
+                (len(file) / 1e6, peer, bound.clock, cost.clock, cost.clock / peer, *memory)
+            )
     return [statistics.median(column) for column in zip(*runs, strict=True)]
 
 
 def _spectra(api: httpx.Client, service: LocalService, lines: int) -> None:
-    (campaign,), real = campaigns_of(api, "spectra"), np.random.default_rng(2).standard_normal((2, 100, lines))
+    (campaign,), real = (
+        campaigns_of(api, "spectra"),
+        np.random.default_rng(2).standard_normal((2, 100, lines)),
+    )
     given = {"frequency_hz": np.arange(lines) * 0.5, "values": real[0] + 1j * real[1]}
     dofs = {
         "response_point": np.arange(1, 101),
@@ -82,7 +114,9 @@ def _spectra(api: httpx.Client, service: LocalService, lines: int) -> None:
         "reference_direction": 3,
     }
     npz = {"Content-Type": "application/x-npz"}
-    api.post(f"campaigns/{campaign}/frfs", content=_npz(**given, **dofs), headers=npz).raise_for_status()
+    api.post(
+        f"campaigns/{campaign}/frfs", content=_npz(**given, **dofs), headers=npz
+    ).raise_for_status()
     address = f"campaigns/{campaign}/frfs/data?format=npz"
 
     def over_http() -> None:
@@ -98,8 +132,14 @@ def _spectra(api: httpx.Client, service: LocalService, lines: int) -> None:
 
         turns = [[timed(call)[1][0] for call in (select, over_http)] for _ in range(25)]
     raw, http = (statistics.median(column) for column in zip(*turns, strict=True))
-    print(f"\n100 FRFs × {lines} lines, medians of 25 turns, {load()} (target: at most 3 × a raw SELECT)")
-    print(f"raw SELECT {1000 * raw:.1f} ms, npz over HTTP {1000 * http:.1f} ms, ratio {http / raw:.2f}")
+    print(
+        f"\n100 FRFs × {lines} lines, medians of 25 turns, {load()} (target: at most 3 × a raw"
+        " SELECT)"
+    )
+    print(
+        f"raw SELECT {1000 * raw:.1f} ms, npz over HTTP {1000 * http:.1f} ms, ratio"
+        f" {http / raw:.2f}"
+    )
 
 
 def _npz(**arrays: object) -> bytes:
@@ -122,7 +162,9 @@ def _listing(api: httpx.Client, service: LocalService, sizes: tuple[int, int]) -
             cursor = base64.urlsafe_b64encode(middle).rstrip(b"=").decode()
             for kind, query in enumerate(("", f"?cursor={cursor}", "?point=7")):
                 path = f"campaigns/{campaign}/frfs{query}"
-                taken[turn, size, kind] = timed(lambda path=path: api.get(path).raise_for_status())[1][0]
+                taken[turn, size, kind] = timed(lambda path=path: api.get(path).raise_for_status())[
+                    1
+                ][0]
     times = 1000 * np.median(taken, axis=0)
     for rows, row in zip((*sizes, "ratio"), (*times, times[1] / times[0]), strict=True):
         table.row(rows, *row)
@@ -143,14 +185,22 @@ def _fill(connection: psycopg.Connection[tuple[uuid.UUID]], campaign: str, rows:
 
 
 def backup(frfs: int = 10_000, lines: int = 801) -> None:
-    """A backup of so many FRFs while the service runs, and its restore into a data folder and into an empty server."""
-    with tempfile.TemporaryDirectory(prefix="mb-") as name, served() as service, api_of(service) as api:
+    """A backup of so many FRFs while the service runs, and its restore into a data folder and into
+    an empty server.
+    """
+    with (
+        tempfile.TemporaryDirectory(prefix="mb-") as name,
+        served() as service,
+        api_of(service) as api,
+    ):
         folder = Path(name)
         folder.chmod(0o755)  # the server may run as a user of its own
         sent, file = folder / "frfs.uff", folder / "all.modalbase"
         write_file(sent, contents(frfs, lines), binary=True)
         (campaign,) = campaigns_of(api, "backup")
-        ended(api, api.post(f"campaigns/{campaign}/imports", content=sent.read_bytes(), headers=RAW))
+        ended(
+            api, api.post(f"campaigns/{campaign}/imports", content=sent.read_bytes(), headers=RAW)
+        )
         table = Table(f"{frfs} FRFs × {lines} lines, {load()}", "what:28", "s:.1f", "MB:.0f")
 
         def shown(what: str, *words: str, **settings: str) -> None:
@@ -182,10 +232,17 @@ def many_hits(hits: int = 10_000) -> None:
 
     The first COPY is not shown: it makes the files of the log, which the others use again.
     """
-    with served() as service, api_of(service) as api, tempfile.TemporaryDirectory(prefix="mb-") as folder:
+    with (
+        served() as service,
+        api_of(service) as api,
+        tempfile.TemporaryDirectory(prefix="mb-") as folder,
+    ):
         files = _write_files(Path(folder), hits)
         size = sum(path.stat().st_size for path in files)
-        title = f"{hits} hits of {SAMPLES} samples in {len(files)} files, {size / 2**20:.0f} MB, {load()}"
+        title = (
+            f"{hits} hits of {SAMPLES} samples in {len(files)} files, {size / 2**20:.0f} MB,"
+            f" {load()}"
+        )
         table = Table(title, "what:28", "clock s:.1f", "processor s:.1f", "peak MB:.0f")
 
         def shown(name: str, cost: Cost) -> Cost:
@@ -202,7 +259,9 @@ def many_hits(hits: int = 10_000) -> None:
         def send(path: Path) -> None:
             with path.open("rb") as file:
                 body = iter(lambda: file.read(1 << 20), b"")
-                api.post(f"campaigns/{campaign}/records", content=body, params=query, headers=RAW).raise_for_status()
+                api.post(
+                    f"campaigns/{campaign}/records", content=body, params=query, headers=RAW
+                ).raise_for_status()
 
         with measured(service) as imported, ThreadPoolExecutor(2) as pool:
             list(pool.map(send, files))
@@ -216,18 +275,26 @@ def many_hits(hits: int = 10_000) -> None:
         ("import, over one COPY", imported, stored),
     ):
         own = cost.processor / floor.processor
-        print(f"{what}: {cost.clock / floor.clock:.1f} times by the clock, {own:.1f} by the processors")
+        print(
+            f"{what}: {cost.clock / floor.clock:.1f} times by the clock, {own:.1f} by the"
+            " processors"
+        )
 
 
 def _write_files(folder: Path, hits: int) -> list[Path]:
     """Npz files of hits on a body of one mode, with white noise; ten points of five in each."""
     rng, t, paths = np.random.default_rng(1), np.arange(SAMPLES) / RATE_HZ - 0.05, []
-    pulse, ring = np.exp(-((t / 4e-4) ** 2)), np.where(t > 0, np.exp(-8 * t) * np.sin(2 * np.pi * 200 * t), 0.0)
+    pulse, ring = (
+        np.exp(-((t / 4e-4) ** 2)),
+        np.where(t > 0, np.exp(-8 * t) * np.sin(2 * np.pi * 200 * t), 0.0),
+    )
     for first in range(0, hits, IN_A_FILE):
         number = np.arange(first, min(first + IN_A_FILE, hits))
         heights = rng.uniform(50, 100, (number.size, 1))
         noise = np.float32(0.05) * rng.standard_normal((2, number.size, SAMPLES), np.float32)
-        force, ringing = ((heights * x).astype(np.float32) + n for x, n in zip((pulse, ring), noise, strict=True))
+        force, ringing = (
+            (heights * x).astype(np.float32) + n for x, n in zip((pulse, ring), noise, strict=True)
+        )
         point, hit = 1 + number // AT_A_POINT, 1 + number % AT_A_POINT
         paths.append(folder / f"{first}.npz")
         np.savez(paths[-1], force=force, acceleration=ringing, point=point, hit=hit)
@@ -245,18 +312,35 @@ def _alone(files: Sequence[Path]) -> Cost:
 
 
 def live_hits(points: int = 10) -> None:
-    """How long each answer takes that says whether a hit was good, one request each; a fifth of the hits has a fault."""
+    """How long each answer takes that says whether a hit was good, one request each; a fifth of the
+    hits has a fault.
+    """
     _, _, simulated = hit_campaign(np.random.default_rng(18), "free", points, 5, 0.2)
     with served() as service, api_of(service) as api:
         (campaign,), query = campaigns_of(api, "live"), _mapping(sample_rate_hz={"variable": "fs"})
         took, found = [], 0
         for one in simulated:
-            force, ringing = (x.samples.astype(np.float32) for x in (one.hit.force, one.hit.responses[0]))
-            body = _npz(force=force, acceleration=ringing, point=one.hit.force.dof.point, fs=one.hit.sample_rate_hz)
+            force, ringing = (
+                x.samples.astype(np.float32) for x in (one.hit.force, one.hit.responses[0])
+            )
+            body = _npz(
+                force=force,
+                acceleration=ringing,
+                point=one.hit.force.dof.point,
+                fs=one.hit.sample_rate_hz,
+            )
             start = time.perf_counter()
-            answer = api.post(f"campaigns/{campaign}/records", content=body, params=query, headers=RAW)
+            answer = api.post(
+                f"campaigns/{campaign}/records", content=body, params=query, headers=RAW
+            )
             took.append(1e3 * (time.perf_counter() - start))
             found += answer.raise_for_status().json()["hits"][-1]["accepted"] == (one.fault is None)
     middle, most = np.percentile(took, (50, 95))
-    print(f"{len(took)} hits of {simulated[0].hit.samples} samples, one request each: p50 {middle:.0f} ms, ", end="")
-    print(f"p95 {most:.0f} ms, longest {max(took):.0f} ms; judged as they are: {found} of {len(took)}")
+    print(
+        f"{len(took)} hits of {simulated[0].hit.samples} samples, one request each: p50"
+        f" {middle:.0f} ms, ",
+        end="",
+    )
+    print(
+        f"p95 {most:.0f} ms, longest {max(took):.0f} ms; judged as they are: {found} of {len(took)}"
+    )

@@ -1,8 +1,9 @@
 """Identification: bias, scatter and stated uncertainty over seeds.
 
-The FRFs are the paper's cantilever (five modes in band, two above it) by closed forms, so truth is known. Where sdypy-EMA is
-installed it identifies the same data by its own recipe (LSCF, poles nearest to the true frequencies picked for it, which is
-more help than an unattended run would have).
+The FRFs are the paper's cantilever (five modes in band, two above it) by closed forms, so truth is
+known. Where sdypy-EMA is installed it identifies the same data by its own recipe (LSCF, poles
+nearest to the true frequencies picked for it, which is more help than an unattended run would
+have).
 """
 
 import contextlib
@@ -36,9 +37,14 @@ def _ours(noise: float, seeds: int) -> None:
     each = (time.perf_counter() - began) / seeds
     print(f"\n33 FRFs x 1000 lines, {100 * noise:g} % noise, {each:.2f} s each")
     print(f"{seeds - len(rows)} of {seeds} seeds with a lost, repeated or swapped mode")
-    of_f, of_zeta = ("bias %:.4f", "sd/scatter:.2f"), ("bias %:.3f", "scatter %:.3f", "sd/scatter:.2f")
+    of_f, of_zeta = (
+        ("bias %:.4f", "sd/scatter:.2f"),
+        ("bias %:.3f", "scatter %:.3f", "sd/scatter:.2f"),
+    )
     table = Table("", "f true:8", *of_f, "ζ true %:.2f", *of_zeta, "worst MAC:.5f")
-    for hz, ratio, found in zip(PAPER_HZ, PAPER_ZETA, np.moveaxis(np.array(rows), 2, 0), strict=True):
+    for hz, ratio, found in zip(
+        PAPER_HZ, PAPER_ZETA, np.moveaxis(np.array(rows), 2, 0), strict=True
+    ):
         f, zeta, f_sd, zeta_sd, same = found.T
         scatter = zeta.std(ddof=1)
         seen = 100 * (f.mean() / hz - 1), f_sd.mean() / f.std(ddof=1)
@@ -57,14 +63,18 @@ def _peer(noise: float, seeds: int) -> None:
     for seed in range(seeds):
         frfs = paper_frfs(noise, seed)
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            model = ema.Model(frf=frfs.values, freq=frfs.frequency_hz, lower=5, upper=1000, pol_order_high=60)
+            model = ema.Model(
+                frf=frfs.values, freq=frfs.frequency_hz, lower=5, upper=1000, pol_order_high=60
+            )
             model.get_poles(show_progress=False)
             model.select_closest_poles(list(PAPER_HZ))
         rows.append((model.nat_freq, model.nat_xi))
     f, zeta = (np.array(v, dtype=float) for v in zip(*rows, strict=True))
     each = (time.perf_counter() - began) / seeds
     title = f"sdypy-EMA at the known frequencies, {seeds} seeds, {each:.2f} s each"
-    table = Table(title, "f true:8", "bias %:.4f", "ζ true %:.2f", "bias %:.3f", "seeds with a wrong pole:d")
+    table = Table(
+        title, "f true:8", "bias %:.4f", "ζ true %:.2f", "bias %:.3f", "seeds with a wrong pole:d"
+    )
     for k, (hz, ratio) in enumerate(zip(PAPER_HZ, PAPER_ZETA, strict=True)):
         bias, damped = 100 * (f[:, k].mean() / hz - 1), 100 * (zeta[:, k].mean() / ratio - 1)
         table.row(hz, bias, 100 * ratio, damped, np.sum(np.abs(f[:, k] / hz - 1) > 0.02))

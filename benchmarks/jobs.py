@@ -1,4 +1,6 @@
-"""Jobs in numbers: how soon one starts and stops, what REST adds to the core, what a second worker brings."""
+"""Jobs in numbers: how soon one starts and stops, what REST adds to the core, what a second worker
+brings.
+"""
 
 import os
 import statistics
@@ -104,7 +106,11 @@ def _cancelling(here: Floor, times: int) -> Iterator[Row]:
             time.sleep(0.002)
         passed.append(time.perf_counter() - began)
         wait(here.sessions, job_id)
-    yield f"cancel to the end of the process, median / worst of {times}", _spread(passed), "< 1000 ms"
+    yield (
+        f"cancel to the end of the process, median / worst of {times}",
+        _spread(passed),
+        "< 1000 ms",
+    )
     _stop(here, worker)
 
 
@@ -121,13 +127,18 @@ def _real_jobs(here: Floor, jobs: int) -> Iterator[Row]:
     with here.client("benchmark") as api:
         first, (campaign,) = here.modalbase("worker"), campaigns_of(api, "benchmark")
         ended(api, api.post(f"campaigns/{campaign}/imports", content=paper.uff_file(), headers=RAW))
-        modes = posted(api, f"campaigns/{campaign}/mode-sets", {"name": "published", "modes": paper.MODES})["id"]
+        modes = posted(
+            api, f"campaigns/{campaign}/mode-sets", {"name": "published", "modes": paper.MODES}
+        )["id"]
         recipe = {"mode_set": modes}
-        runs = [_run(api, campaign, recipe) for _ in range(jobs + 1)][1:]  # the first one warms the caches of files
+        # the first one warms the caches of files
+        runs = [_run(api, campaign, recipe) for _ in range(jobs + 1)][1:]
         wall, started, ids = zip(*runs, strict=True)
         with here.sessions() as session:
             inputs = load_update(session, session.get_one(UpdateJob, UUID(ids[-1])), here.folder)
-        bare = [timed(lambda: list(compute_update(inputs, _Quiet())))[1][0] for _ in range(jobs + 1)][1:]
+        bare = [
+            timed(lambda: list(compute_update(inputs, _Quiet())))[1][0] for _ in range(jobs + 1)
+        ][1:]
         yield "POST to started, over REST, median / worst", _spread(started), "< 100 ms"
         yield "real job over REST, median / worst", _spread(wall), ""
         yield "the same by the core alone, median / worst", _spread(bare), ""
@@ -138,7 +149,11 @@ def _real_jobs(here: Floor, jobs: int) -> Iterator[Row]:
         time.sleep(8)  # until it is there
         two = _batch(api, campaign, recipe, 2 * jobs)
         yield "real jobs a second, one worker / two", f"{one:.2f} / {two:.2f}", ""
-        yield "two workers over one", f"{two / one:.2f}", f">= 1.7; two bare cores here: {_two_cores():.2f}"
+        yield (
+            "two workers over one",
+            f"{two / one:.2f}",
+            f">= 1.7; two bare cores here: {_two_cores():.2f}",
+        )
         _stop(here, first, second)
 
 
@@ -154,7 +169,9 @@ def _run(api: httpx.Client, campaign: str, recipe: dict[str, Any]) -> tuple[floa
 def _batch(api: httpx.Client, campaign: str, recipe: dict[str, Any], jobs: int) -> float:
     """Real jobs a second."""
     began = time.perf_counter()
-    made = posted(api, "update-jobs", {"recipe": recipe, "jobs": [{"campaign_id": campaign}] * jobs})["items"]
+    made = posted(
+        api, "update-jobs", {"recipe": recipe, "jobs": [{"campaign_id": campaign}] * jobs}
+    )["items"]
     for job in made:
         ended(api, f"update-jobs/{job['id']}")
     return jobs / (time.perf_counter() - began)

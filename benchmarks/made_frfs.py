@@ -1,12 +1,15 @@
-"""FRFs with the faults that measured ones have, and with known modes: what identification is calibrated and judged on.
+"""FRFs with the faults that measured ones have, and with known modes: what identification is
+calibrated and judged on.
 
 Each kind is drawn by seed:
 
-aeroplane  2 sensors x 20 hammer points (3 x 74 at full size), every point a session whose frequencies drift by 0.03 %, two
+aeroplane  2 sensors x 20 hammer points (3 x 74 at full size), every point a session whose
+frequencies drift by 0.03 %, two
            close pairs, three suspension modes below 5 Hz (which may be lost), 1601 lines to 200 Hz
 bridge     26 FRFs of one sensor to 8 Hz, six modes some of them a few lines apart, leakage that rises as 1/f²
-softening  the same, each FRF the mean over five hits: the high ones open a joint, and some modes' frequencies fall. All FRFs
-           show such a mode alike and not as one resonance, so that a fit has it twice with one shape
+softening  the same, each FRF the mean over five hits: the high ones open a joint, and some modes'
+           frequencies fall. All FRFs show such a mode alike and not as one resonance, so that a fit
+           has it twice with one shape
 plate      one FRF with its coherence from five hits, an exponential window on the response, a comb of 1 Hz
 wide       12 FRFs, damping of 0.1 to 16 % drawn anew for every mode, some modes one to three lines wide and low, where the
            floor of the noise changes tenfold
@@ -17,8 +20,9 @@ quiet      1 to 12 FRFs of noise and hum
 squared,   12 FRFs of a simulated equation of motion with a local spring of F = k₂y² or k₃y³ beside the linear structure,
 cubed      half-sine hits of three heights: what answers at sums, differences and multiples of its frequencies is no mode
 
-All but the last two have hits beside the point, slightly complex shapes, a smooth relative error of the measuring chain (1.5 to
-3 %), white noise, and hum of the mains. `harsh` multiplies these errors by 1 to 6 and the noise by 0.5 to 4.
+All but the last two have hits beside the point, slightly complex shapes, a smooth relative error of
+the measuring chain (1.5 to 3 %), white noise, and hum of the mains. `harsh` multiplies these errors
+by 1 to 6 and the noise by 0.5 to 4.
 """
 
 from __future__ import annotations
@@ -94,14 +98,20 @@ def bridge(seed: int, harsh: Harsh = GOOD, points: int = 26) -> Draw:
 
 
 def softening(seed: int, harsh: Harsh = GOOD, points: int = 26) -> Draw:
-    """A bridge with a joint that high hits open: half of its modes then fall by up to four half bandwidths."""
+    """A bridge with a joint that high hits open: half of its modes then fall by up to four half
+    bandwidths.
+    """
     rng = np.random.default_rng([13, seed])
     falls = rng.uniform(0, 4, 6) * (rng.random(6) < 0.5)
-    return _hit_bridge(rng, harsh, points, falls * (np.arange(_HITS)[:, None] < rng.integers(1, _HITS)))
+    return _hit_bridge(
+        rng, harsh, points, falls * (np.arange(_HITS)[:, None] < rng.integers(1, _HITS))
+    )
 
 
 def _hit_bridge(rng: np.random.Generator, harsh: Harsh, points: int, falls: np.ndarray) -> Draw:
-    """The mean over hits, at each of which the modes are so many (hits, 6) half bandwidths lower."""
+    """The mean over hits, at each of which the modes are so many (hits, 6) half bandwidths
+    lower.
+    """
     hz = np.arange(0, 8.001, 1 / 32)
     f = _spread(rng, 6, rng.uniform(2.2, 2.8), rng.uniform(4.2, 5), 0.025)
     zeta = rng.uniform(0.006, 0.014, 6)
@@ -116,7 +126,9 @@ def _hit_bridge(rng: np.random.Generator, harsh: Harsh, points: int, falls: np.n
 
 
 def plate(seed: int, harsh: Harsh = GOOD) -> Draw:
-    """One accelerance and its coherence from five hits, with a window of one per second and a comb of interference."""
+    """One accelerance and its coherence from five hits, with a window of one per second and a comb
+    of interference.
+    """
     rng = np.random.default_rng([3, seed])
     hz = np.arange(20.5, 600.01, 0.5)
     f = _spread(rng, int(rng.integers(8, 15)), rng.uniform(60, 110), 570, 0.012)
@@ -136,7 +148,9 @@ def plate(seed: int, harsh: Harsh = GOOD) -> Draw:
         for beside, share in ((0, 1.0), (0.5, 0.15), (-0.5, 0.15)):
             tones[np.abs(hz - tone - beside) < 0.1] += size * share
     noise = harsh.noise * level * rng.uniform(0.003, 0.01) * (1 + (60 / hz) ** 2)
-    each = np.array([h * chain + _gauss(rng, hz.size) * noise + tones * _gauss(rng, 1) for h in hits])
+    each = np.array(
+        [h * chain + _gauss(rng, hz.size) * noise + tones * _gauss(rng, 1) for h in hits]
+    )
     mean = each.mean(axis=0)
     coherence = np.abs(mean) ** 2 / np.mean(np.abs(each) ** 2, axis=0)
     variance = np.abs(mean) ** 2 * (1 - coherence) / (coherence * _HITS)
@@ -162,12 +176,14 @@ def wide(seed: int, harsh: Harsh = GOOD, points: int = 12) -> Draw:
 
 
 def wing(seed: int, harsh: Harsh = GOOD, points: int = 18) -> Draw:
-    """A cantilever to 350 Hz whose first mode is two lines wide, low, and beside a floor that changes.
+    """A cantilever to 350 Hz whose first mode is two lines wide, low, and beside a floor that
+    changes.
 
-    The sensor roves: its mass pulls each mode down by the square of the shape there. The true frequency is that of the body
-    with its sensor, the mean over the tests, as wherever a structure drifts: no FRF shows the bare body. Every record has noise
-    of its own level, leakage rises towards 0 Hz, and humps of a support that is no part of the body stand beside the first
-    mode.
+    The sensor roves: its mass pulls each mode down by the square of the shape there. The true
+    frequency is that of the body
+    with its sensor, the mean over the tests, as wherever a structure drifts: no FRF shows the bare
+    body. Every record has noise of its own level, leakage rises towards 0 Hz, and humps of a
+    support that is no part of the body stand beside the first mode.
     """
     rng = np.random.default_rng([10, seed])
     hz = np.arange(0.0, 400.1, 0.3125)
@@ -177,27 +193,53 @@ def wing(seed: int, harsh: Harsh = GOOD, points: int = 18) -> Draw:
     lever = phi * np.where(np.abs(psi) < 0.3, 0.3 * psi / np.abs(psi), psi)
     lever[0] *= rng.uniform(0.1, 0.5)
     pulled = rng.uniform(0.02, 0.15) * zeta.min() * np.abs(phi) ** 2
-    values = np.stack([_accelerance(hz, f * (1 - pulled[:, p]), zeta, lever[:, p : p + 1])[0] for p in range(points)])
+    values = np.stack(
+        [
+            _accelerance(hz, f * (1 - pulled[:, p]), zeta, lever[:, p : p + 1])[0]
+            for p in range(points)
+        ]
+    )
     humps = rng.uniform(0.5, 1.5, 2) * f[0]
-    hump = _accelerance(hz, humps, rng.uniform(0.05, 0.2, 2), 0.03 * lever[:2] * np.exp(1j * rng.uniform(0, 7, (2, 1))))
-    level = np.median(np.abs(values[:, hz > 5])) * np.exp(rng.uniform(np.log(0.3), np.log(3), (points, 1)))
+    hump = _accelerance(
+        hz,
+        humps,
+        rng.uniform(0.05, 0.2, 2),
+        0.03 * lever[:2] * np.exp(1j * rng.uniform(0, 7, (2, 1))),
+    )
+    level = np.median(np.abs(values[:, hz > 5])) * np.exp(
+        rng.uniform(np.log(0.3), np.log(3), (points, 1))
+    )
     floor = 0.02 * level * np.exp(_smooth(rng, hz, 1, 1.0, 40).real) * (hz / 100 + 0.05)
     values = _faults(
-        rng, hz, values + hump, 0.0, harsh.noise * (floor + 0.002 * level / np.maximum(hz, 0.2)), 0.0, harsh
+        rng,
+        hz,
+        values + hump,
+        0.0,
+        harsh.noise * (floor + 0.002 * level / np.maximum(hz, 0.2)),
+        0.0,
+        harsh,
     )
     return _drawn(_set(hz, values), f * (1 - pulled.mean(axis=1)), zeta, lever)
 
 
 def beam(seed: int, harsh: Harsh = GOOD, points: int = 33) -> Draw:
-    """Accelerances to 1 kHz of modes with Rayleigh damping, whose heights differ by e either way at one standard deviation."""
+    """Accelerances to 1 kHz of modes with Rayleigh damping, whose heights differ by e either way at
+    one standard deviation.
+    """
     rng = np.random.default_rng([11, seed])
     hz = np.arange(1.0, 1000.1)
     f = _spread(rng, int(rng.integers(4, 8)), 15, 950, 0.15)
     zeta = rng.uniform(0.03, 0.16) * f[0] / f + rng.uniform(0.002, 0.03) * f / f[-1]
-    residue = _shapes(rng, f.size, points) * np.exp(rng.standard_normal((f.size, 1))) * np.sqrt(zeta / zeta[0])[:, None]
+    residue = (
+        _shapes(rng, f.size, points)
+        * np.exp(rng.standard_normal((f.size, 1)))
+        * np.sqrt(zeta / zeta[0])[:, None]
+    )
     values = _accelerance(hz, f, zeta, residue)
     white = rng.uniform(0.01, 0.05) * np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True))
-    values = _faults(rng, hz, values, harsh.noise * white, 0.0, 0.0, replace(harsh, errors=0.2 * harsh.errors))
+    values = _faults(
+        rng, hz, values, harsh.noise * white, 0.0, 0.0, replace(harsh, errors=0.2 * harsh.errors)
+    )
     return _drawn(_set(hz, values), f, zeta, residue)
 
 
@@ -215,11 +257,17 @@ def cubed(seed: int, harsh: Harsh = GOOD) -> Draw:
 
 
 def _sprung(seed: int, harsh: Harsh, power: int, points: int = 12) -> Draw:
-    """q̈ + 2ζωq̇ + ω²q = φ_p f(t) - φ_s k yᵖ, y = φ_sᵀq, for a hit of three heights at each point."""
+    """q̈ + 2ζωq̇ + ω²q = φ_p f(t) - φ_s k yᵖ, y = φ_sᵀq, for a hit of three heights at each
+    point.
+    """
     rng = np.random.default_rng([7, power, seed])
     f = _spread(rng, int(rng.integers(4, 7)), 18, 90, 0.06)
     zeta = rng.uniform(0.008, 0.02, f.size)
-    phi, at, sensor = rng.standard_normal((f.size, points)), rng.standard_normal(f.size), rng.standard_normal(f.size)
+    phi, at, sensor = (
+        rng.standard_normal((f.size, points)),
+        rng.standard_normal(f.size),
+        rng.standard_normal(f.size),
+    )
     w = 2 * np.pi * f
     usual = np.sqrt(np.sum((at / w) ** 2)) * 0.004  # of y after a hit of height 1 and 4 ms
     share = np.exp(rng.uniform(np.log(0.02), np.log(0.2)))
@@ -229,32 +277,51 @@ def _sprung(seed: int, harsh: Harsh, power: int, points: int = 12) -> Draw:
     pulse = np.where(t < duration, np.sin(np.pi * t / duration), 0.0)
     lever = np.einsum("np,h->phn", phi, _HEIGHTS)
     q = _moved(w, zeta, pulse, lever, at, k, power)  # (steps, p, h, n)
-    while not np.all(np.abs(q[-1]) < np.abs(q).max() / 10):  # F = k₂y² has no rest beyond a height: a softer one
+    # F = k₂y² has no rest beyond a height: a softer one
+    while not np.all(np.abs(q[-1]) < np.abs(q).max() / 10):
         k /= 2
         q = _moved(w, zeta, pulse, lever, at, k, power)
     hz = np.fft.rfftfreq(steps, 1 / _RATE)
     keep = (hz >= 2) & (hz <= 200) & (np.arange(hz.size) % 2 == 0)
     force = np.fft.rfft(pulse)[keep]
-    motion = np.fft.rfft(q @ sensor, axis=0)[keep].transpose(1, 2, 0) * -((2 * np.pi * hz[keep]) ** 2)
+    motion = np.fft.rfft(q @ sensor, axis=0)[keep].transpose(1, 2, 0) * -(
+        (2 * np.pi * hz[keep]) ** 2
+    )
     height = np.array(_HEIGHTS)
-    values = np.einsum("phl,h->pl", motion, height) * force.conj() / np.sum(height**2) / np.abs(force) ** 2
+    values = (
+        np.einsum("phl,h->pl", motion, height)
+        * force.conj()
+        / np.sum(height**2)
+        / np.abs(force) ** 2
+    )
     white = 0.005 * harsh.noise * np.median(np.abs(values))
     values = values + white * _gauss(rng, *values.shape)
     signs = (
         [f[:, None] + f, np.abs(f[:, None] - f)]
         if power == 2
-        else [np.abs(a * f[:, None, None] + b * f[:, None] + c * f) for a, b, c in ((1, 1, 1), (1, 1, -1))]
+        else [
+            np.abs(a * f[:, None, None] + b * f[:, None] + c * f)
+            for a, b, c in ((1, 1, 1), (1, 1, -1))
+        ]
     )
     false = np.unique(np.concatenate([each.ravel() for each in signs]))
     pairs = [(99, i + 1) for i in range(points)]
-    return _drawn(_set(hz[keep], values, pairs=pairs), f, zeta, phi * sensor[:, None], false[false > 2])
+    return _drawn(
+        _set(hz[keep], values, pairs=pairs), f, zeta, phi * sensor[:, None], false[false > 2]
+    )
 
 
 def _moved(
-    w: np.ndarray, zeta: np.ndarray, pulse: np.ndarray, lever: np.ndarray, at: np.ndarray, k: float, power: int
+    w: np.ndarray,
+    zeta: np.ndarray,
+    pulse: np.ndarray,
+    lever: np.ndarray,
+    at: np.ndarray,
+    k: float,
+    power: int,
 ) -> np.ndarray:
-    """(steps, ..., n) modal displacements, by the exact step of each oscillator for a force held over it (twice: the spring's
-    is predicted, then taken as the mean of both ends).
+    """(steps, ..., n) modal displacements, by the exact step of each oscillator for a force held
+    over it (twice: the spring's is predicted, then taken as the mean of both ends).
     """
     dt = 1 / _RATE
     decay, turn = np.exp(-zeta * w * dt), w * np.sqrt(1 - zeta**2) * dt
@@ -312,7 +379,9 @@ _EVERY = (bridge, softening, plate, aeroplane, wide, wing, beam, loose, quiet, s
 KINDS: dict[str, Callable[..., Draw]] = {each.__name__: each for each in _EVERY}
 
 
-def _spread(rng: np.random.Generator, count: int, low: float, high: float, apart: float) -> np.ndarray:
+def _spread(
+    rng: np.random.Generator, count: int, low: float, high: float, apart: float
+) -> np.ndarray:
     """Ascending random frequencies, neighbours at least that share of a frequency apart."""
     while True:
         f = np.sort(np.exp(rng.uniform(np.log(low), np.log(high), count)))
@@ -326,7 +395,9 @@ def _shapes(rng: np.random.Generator, modes: int, points: int) -> np.ndarray:
     return np.asarray(real * np.exp(1j * np.deg2rad(4) * rng.standard_normal((modes, points))))
 
 
-def _accelerance(hz: np.ndarray, f: np.ndarray, zeta: np.ndarray, residue: np.ndarray) -> np.ndarray:
+def _accelerance(
+    hz: np.ndarray, f: np.ndarray, zeta: np.ndarray, residue: np.ndarray
+) -> np.ndarray:
     """(p, L) of residues (modes, p)."""
     s, w = 2j * np.pi * hz, 2 * np.pi * f[:, None]
     return np.asarray(residue.T @ (s**2 / (s**2 + 2 * zeta[:, None] * w * s + w**2)))
@@ -336,7 +407,9 @@ def _gauss(rng: np.random.Generator, *shape: int) -> np.ndarray:
     return np.asarray((rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) * np.sqrt(0.5))
 
 
-def _smooth(rng: np.random.Generator, hz: np.ndarray, rows: int, size: float, length_hz: float) -> np.ndarray:
+def _smooth(
+    rng: np.random.Generator, hz: np.ndarray, rows: int, size: float, length_hz: float
+) -> np.ndarray:
     """(rows, L) complex random functions of that rms that change over `length_hz`."""
     nodes = np.arange(hz[0] - 3 * length_hz, hz[-1] + 3 * length_hz, length_hz / 2)
     kernel = np.exp(-0.5 * ((hz - nodes[:, None]) / (length_hz / 1.5)) ** 2)
@@ -353,10 +426,15 @@ def _faults(
     hum: float,
     harsh: Harsh,
 ) -> np.ndarray:
-    """The chain's smooth error, white noise, leakage, and hum with a phase of its own in every record."""
+    """The chain's smooth error, white noise, leakage, and hum with a phase of its own in every
+    record.
+    """
     rows = len(values)
     values = values * (
-        1 + _smooth(rng, hz, rows, harsh.errors * rng.uniform(0.015, 0.03), rng.uniform(0.02, 0.08) * hz[-1])
+        1
+        + _smooth(
+            rng, hz, rows, harsh.errors * rng.uniform(0.015, 0.03), rng.uniform(0.02, 0.08) * hz[-1]
+        )
     )
     values = values + _gauss(rng, *values.shape) * (harsh.noise * white + leak)
     for tone in (50.0, 100.0, 150.0):
@@ -378,6 +456,12 @@ def _set(
     return FrfSet(hz, values, responses, references, "accelerance", variance)
 
 
-def _drawn(frfs: FrfSet, hz: np.ndarray, zeta: np.ndarray, residue: np.ndarray, distortions: np.ndarray = NONE) -> Draw:
+def _drawn(
+    frfs: FrfSet,
+    hz: np.ndarray,
+    zeta: np.ndarray,
+    residue: np.ndarray,
+    distortions: np.ndarray = NONE,
+) -> Draw:
     """A draw of which no mode may be lost."""
     return Draw(frfs, hz, zeta, residue, np.zeros(hz.size, dtype=bool), distortions)

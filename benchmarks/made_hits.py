@@ -1,17 +1,18 @@
 """Made campaigns with bad hits of every kind, and what each hit's FRF is off by.
 
-The bodies, analysers and habits of `tests.support.hammer` and `habits`, with 1 to 5 hits a point and up to 40 % of
-the hits bad. Beside the faults of `hammer.FAULTS`:
+The bodies, analysers and habits of `tests.support.hammer` and `habits`, with 1 to 5 hits a point
+and up to 40 % of the hits bad. Beside the faults of `hammer.FAULTS`:
 
-`saturated` a soft amplifier; `truncated` the recording ends before the block; `dropout` the sensor's cable is loose for a
-while; `spike` it sparks; `dead` there is no sensor; `neighbour` another grid point was hit; `turned` a cable is reversed or
-the hit came from the other side; `sensitivity` a range was another; `hard` a hit so hard that the body is stiffer; `swapped`
-force and response are exchanged.
+`saturated` a soft amplifier; `truncated` the recording ends before the block; `dropout` the
+sensor's cable is loose for a while; `spike` it sparks; `dead` there is no sensor; `neighbour`
+another grid point was hit; `turned` a cable is reversed or the hit came from the other side;
+`sensitivity` a range was another; `hard` a hit so hard that the body is stiffer; `swapped` force
+and response are exchanged.
 
-A fault need not harm: a cut tail that had died away, or a place that no mode minds. A hit *biases* where its fault moves its
-FRF, under the processing's own windows, from that of the same hit without it: by more than 5 % of the exact one, and by three
-times what three in four good hits of the campaign are off it, in one of the eight with the most power of 16 bands of the
-excited range.
+A fault need not harm: a cut tail that had died away, or a place that no mode minds. A hit *biases*
+where its fault moves its FRF, under the processing's own windows, from that of the same hit without
+it: by more than 5 % of the exact one, and by three times what three in four good hits of the
+campaign are off it, in one of the eight with the most power of 16 bands of the excited range.
 """
 
 from collections import Counter
@@ -32,9 +33,21 @@ from fecore.signal.windows import total_rate
 from tests.support.habits import HABITS, HabitBench
 from tests.support.hammer import FAULTS, Simulated, random_body, random_laboratory
 
-MORE = ("saturated", "truncated", "dropout", "spike", "dead", "neighbour", "turned", "sensitivity", "hard", "swapped")
+MORE = (
+    "saturated",
+    "truncated",
+    "dropout",
+    "spike",
+    "dead",
+    "neighbour",
+    "turned",
+    "sensitivity",
+    "hard",
+    "swapped",
+)
 KINDS = (*FAULTS, *MORE)
-COMPARED = ("off_place", "neighbour", "sensitivity", "hard")  # faults that only the other hits of the point show
+# faults that only the other hits of the point show
+COMPARED = ("off_place", "neighbour", "sensitivity", "hard")
 _BANDS, _OFF, _WORSE = 16, 0.05, 3.0
 Position = tuple[float, float, float]
 
@@ -55,7 +68,9 @@ class MadeBench(HabitBench):
     faults = KINDS
     twins: list[Hit]
 
-    def hit(self, label: int, place: tuple[float, float], number: int, fault: str | None = None) -> Simulated:
+    def hit(
+        self, label: int, place: tuple[float, float], number: int, fault: str | None = None
+    ) -> Simulated:
         """One hit of the grid point `label`."""
         rng, body, lab = self.rng, self.body, self.laboratory
         before = rng.bit_generator.state
@@ -68,11 +83,19 @@ class MadeBench(HabitBench):
             other = self.places[int(rng.choice([k for k in self.places if k != label]))]
             return replace(super().hit(label, other, number), fault=fault)
         if fault == "hard":
-            self.body = replace(body, frequency_hz=body.frequency_hz * (1 + rng.uniform(0.003, 0.012)))
+            self.body = replace(
+                body, frequency_hz=body.frequency_hz * (1 + rng.uniform(0.003, 0.012))
+            )
             self.laboratory = replace(lab, force_n=lab.force_n * rng.uniform(4, 10))
-        found = super().hit(label, place, number, fault if fault in (*FAULTS, "saturated") else None)
+        found = super().hit(
+            label, place, number, fault if fault in (*FAULTS, "saturated") else None
+        )
         self.body, self.laboratory = body, lab
-        return found if fault not in MORE else replace(found, hit=self._spoilt(found.hit, fault), fault=fault)
+        return (
+            found
+            if fault not in MORE
+            else replace(found, hit=self._spoilt(found.hit, fault), fault=fault)
+        )
 
     def _spoilt(self, hit: Hit, fault: str) -> Hit:
         force, response = hit.force, hit.responses[0]
@@ -87,16 +110,24 @@ class MadeBench(HabitBench):
             x[start : start + int(n * rng.uniform(0.02, 0.3))] = 0.0
         elif fault == "spike":
             at = rng.integers(0, n - 4)
-            x[at : at + rng.integers(1, 4)] += rng.choice([-1, 1]) * rng.uniform(0.3, 2) * np.abs(x).max()
+            x[at : at + rng.integers(1, 4)] += (
+                rng.choice([-1, 1]) * rng.uniform(0.3, 2) * np.abs(x).max()
+            )
         elif fault == "dead":
-            x = np.round(self.laboratory.response_noise * rng.standard_normal(n) / 1e-4) * 1e-4 * self.scale
+            x = (
+                np.round(self.laboratory.response_noise * rng.standard_normal(n) / 1e-4)
+                * 1e-4
+                * self.scale
+            )
         elif fault == "turned":
             f, x = (-f, x) if rng.random() < 0.5 else (f, -x)
         elif fault == "sensitivity":
             x = x * np.exp(rng.choice([-1, 1]) * rng.uniform(np.log(1.3), np.log(10)))
         elif fault == "swapped":
             f, x = x, f
-        return replace(hit, force=replace(force, samples=f), responses=(replace(response, samples=x),))
+        return replace(
+            hit, force=replace(force, samples=f), responses=(replace(response, samples=x),)
+        )
 
 
 def made(seed: int) -> Made:
@@ -108,15 +139,22 @@ def made(seed: int) -> Made:
     bench = MadeBench(body, random_laboratory(rng), sensor, rng, habit)
     bench.twins = []
     simulated = bench.tour(int(rng.integers(3, 9)), int(rng.integers(1, 6)), rng.uniform(0.0, 0.4))
-    faults, places = [s.fault for s in simulated], {k: (*place, 0.0) for k, place in bench.places.items()}
+    faults, places = (
+        [s.fault for s in simulated],
+        {k: (*place, 0.0) for k, place in bench.places.items()},
+    )
     return Made([s.hit for s in simulated], faults, _biases(bench, simulated), places)
 
 
 def _biases(bench: MadeBench, simulated: Sequence[Simulated]) -> list[bool]:
     hits, good = [s.hit for s in simulated], np.array([s.fault is None for s in simulated])
-    spectra = Spectra(by_point([h for h, sound in zip(hits, good, strict=True) if sound] or hits), Processing())
+    spectra = Spectra(
+        by_point([h for h, sound in zip(hits, good, strict=True) if sound] or hits), Processing()
+    )
     hz, rate = spectra.frequency[spectra.compared], total_rate(hits[0], spectra.windows)
-    exact = np.array([bench.accelerance(hz, bench.places[hit.force.dof.point], rate) for hit in hits])
+    exact = np.array(
+        [bench.accelerance(hz, bench.places[hit.force.dof.point], rate) for hit in hits]
+    )
     found, sound = (np.array([_frf(spectra, hit) for hit in some]) for some in (hits, bench.twins))
     power = _banded(np.abs(exact) ** 2)
     off, moved = (np.sqrt(_banded(np.abs(found - other) ** 2) / power) for other in (exact, sound))
@@ -140,8 +178,8 @@ def _banded(values: FloatArray) -> FloatArray:
 
 
 def _moves(spectra: Spectra, hits: Sequence[Hit], used: Sequence[int], one: int) -> float:
-    """By how many of its stated standard deviations the FRF of used hits of a point moves by one of them: root mean square over
-    the bands with the most power; NaN where it is alone.
+    """By how many of its stated standard deviations the FRF of used hits of a point moves by one of
+    them: root mean square over the bands with the most power; NaN where it is alone.
     """
     rest = [i for i in used if i != one]
     if not rest:
@@ -150,7 +188,11 @@ def _moves(spectra: Spectra, hits: Sequence[Hit], used: Sequence[int], one: int)
     (whole,), (less,) = (frfs_of(spectra, hits, traits, tuple(some)) for some in (used, rest))
     off, variance, power = (
         _banded(values[lines])
-        for values in (np.abs(whole.values - less.values) ** 2, whole.variance, np.abs(less.values) ** 2)
+        for values in (
+            np.abs(whole.values - less.values) ** 2,
+            whole.variance,
+            np.abs(less.values) ** 2,
+        )
     )
     loud = power >= np.median(power)
     return float(np.sqrt(off[loud].sum() / variance[loud].sum()))
@@ -159,8 +201,9 @@ def _moves(spectra: Spectra, hits: Sequence[Hit], used: Sequence[int], one: int)
 def made_hits(campaigns: int = 140, seed: int = 1000) -> None:
     """Bad hits of 17 kinds that bias an FRF and are missed, and good ones refused.
 
-    They are counted by how many hits a point has where only these show the fault; then how many of these have two good hits
-    beside them, and how far bad hits that are used move the FRF of their point.
+    They are counted by how many hits a point has where only these show the fault; then how many of
+    these have two good hits beside them, and how far bad hits that are used move the FRF of their
+    point.
     """
     hits, refused, shown, moves = Counter[str](), Counter[str](), Counter[bool](), list[float]()
     for number in range(seed, seed + campaigns):
@@ -191,6 +234,12 @@ def made_hits(campaigns: int = 140, seed: int = 1000) -> None:
     total = sum(hits[kind] for kind in bad)
     print(f"bad hits that bias, missed: {total - sum(refused[kind] for kind in bad)} of {total}")
     far = [sum(move > most for move in moves) for most in (1, 2)]
-    print(f"that move the FRF of their point by more than its sd: {far[0]}, by more than two: {far[1]}; ", end="")
+    print(
+        f"that move the FRF of their point by more than its sd: {far[0]}, by more than two:"
+        f" {far[1]}; ",
+        end="",
+    )
     print(f"that are used alone: {int(np.isnan(moves).sum())}")
-    print(f"without those that fewer than two good hits could show: {shown[True]} of {shown.total()}")
+    print(
+        f"without those that fewer than two good hits could show: {shown[True]} of {shown.total()}"
+    )

@@ -1,5 +1,5 @@
-"""A user's deck of mixed elements: a stiffened tube of CQUAD4, CTRIA3, CBEAM, RBE2 and CONM2, as of an aeroelastic wing, from
-file to update.
+"""A user's deck of mixed elements: a stiffened tube of CQUAD4, CTRIA3, CBEAM, RBE2 and CONM2, as of
+an aeroelastic wing, from file to update.
 """
 
 import resource
@@ -29,7 +29,9 @@ A0, A1, NOISE = 4.0, 4e-6, 0.01
 
 
 def around() -> FloatArray:
-    """(70, 2) y and z of the nodes of a section, from the lower edge of the front web along the lower skin."""
+    """(70, 2) y and z of the nodes of a section, from the lower edge of the front web along the
+    lower skin.
+    """
     found = []
     sides = ((28, (1, 0)), (7, (0, 1)), (28, (-1, 0)), (7, (0, -1)))
     place = np.array([-WIDTH / 2, -HEIGHT / 2])
@@ -41,25 +43,44 @@ def around() -> FloatArray:
 
 
 def deck(stations: int = 100) -> bytes:
-    """Aluminium tube of 70 nodes a station, beams along corners and skins, a store of 2 kg on a rigid link, the root clamped.
+    """Aluminium tube of 70 nodes a station, beams along corners and skins, a store of 2 kg on a
+    rigid link, the root clamped.
 
-    By default 7,001 nodes, 6,930 places for quadrilaterals of which 550 are two triangles each, and 594 beams.
+    By default 7,001 nodes, 6,930 places for quadrilaterals of which 550 are two triangles each, and
+    594 beams.
     """
     section, ring = around(), len(around())
-    lines = ["SOL 103", "CEND", "SPC = 1", "BEGIN BULK", "MAT1,1,7.+10,,0.33,2700.", "MAT1,2,7.+10,,0.33,2700."]
+    lines = [
+        "SOL 103",
+        "CEND",
+        "SPC = 1",
+        "BEGIN BULK",
+        "MAT1,1,7.+10,,0.33,2700.",
+        "MAT1,2,7.+10,,0.33,2700.",
+    ]
     lines += ["MAT1,3,7.+10,,0.33,2700.", "PSHELL,1,1,0.003,1,,1", "PSHELL,2,2,0.004,2,,2"]
     lines += ["PBEAM,3,3,1.2-4,4.0-9,4.0-9,,3.0-9"]
     for i, x in enumerate(np.linspace(0, LENGTH, stations)):
-        lines += [f"GRID,{ring * i + j + 1},,{x:.6f},{y:.6f},{z:.6f}" for j, (y, z) in enumerate(section)]
+        lines += [
+            f"GRID,{ring * i + j + 1},,{x:.6f},{y:.6f},{z:.6f}" for j, (y, z) in enumerate(section)
+        ]
     store = ring * stations + 1
     lines.append(f"GRID,{store},,{0.7 * LENGTH:.6f},0.,{-HEIGHT / 2 - 0.1:.6f}")
     numbers = count(1)
     for i in range(stations - 1):
         for j in range(ring):
             a, b = ring * i + j + 1, ring * i + (j + 1) % ring + 1
-            c, d, wall = b + ring, a + ring, 2 if CORNERS[1] <= j < CORNERS[2] or j >= CORNERS[3] else 1
-            if wall == 1 and (i + j) % 9 == 0 and i % 9 < 8:  # a mesher's triangles among the quadrilaterals
-                lines += [f"CTRIA3,{next(numbers)},{wall},{a},{d},{c}", f"CTRIA3,{next(numbers)},{wall},{a},{c},{b}"]
+            c, d, wall = (
+                b + ring,
+                a + ring,
+                2 if CORNERS[1] <= j < CORNERS[2] or j >= CORNERS[3] else 1,
+            )
+            # a mesher's triangles among the quadrilaterals
+            if wall == 1 and (i + j) % 9 == 0 and i % 9 < 8:
+                lines += [
+                    f"CTRIA3,{next(numbers)},{wall},{a},{d},{c}",
+                    f"CTRIA3,{next(numbers)},{wall},{a},{c},{b}",
+                ]
             else:
                 lines.append(f"CQUAD4,{next(numbers)},{wall},{a},{d},{c},{b}")
         for j in (*CORNERS, 14, 49):
@@ -73,10 +94,14 @@ def deck(stations: int = 100) -> bytes:
 
 
 def measured(body: Structure, seed: int = 0) -> Measurement:
-    """FRFs of the body with other moduli, at 45 points along its skins and webs, two accelerometers, 1 % noise."""
+    """FRFs of the body with other moduli, at 45 points along its skins and webs, two
+    accelerometers, 1 % noise.
+    """
     nodes = body.mesh.nodes
     stations = len(nodes) // 70
-    rows = 70 * np.linspace(stations / 10, stations - 1, 9).astype(int)[:, None] + np.array([4, 14, 24, 31, 66])
+    rows = 70 * np.linspace(stations / 10, stations - 1, 9).astype(int)[:, None] + np.array(
+        [4, 14, 24, 31, 66]
+    )
     normal = np.tile([3, 3, 3, 2, 2], 9)
     points = {n + 1: tuple(map(float, nodes[row])) for n, row in enumerate(rows.ravel())}
     hits = [Dof(n, int(axis)) for n, axis in zip(points, normal, strict=True)]
@@ -101,9 +126,15 @@ def mixed_deck(stations: int = 100) -> None:
     content = deck(stations)
     model = in_si(read_bdf(content), "m-N-kg")
     elements = sum(len(each.nodes) for each in model.elements)
-    lap(f"read {len(content) / 1e6:.1f} MB, {len(model.nodes)} nodes, {elements} elements, {len(model.links)} links")
+    lap(
+        f"read {len(content) / 1e6:.1f} MB, {len(model.nodes)} nodes, {elements} elements,"
+        f" {len(model.links)} links"
+    )
     body = body_of_model(model, AS_MODELLED)
-    print(f"  sets {', '.join(body.mesh.sets)}; {len(body.junctions)} junctions, {body.model.stiffness.size} dofs")
+    print(
+        f"  sets {', '.join(body.mesh.sets)}; {len(body.junctions)} junctions,"
+        f" {body.model.stiffness.size} dofs"
+    )
     lap("model and its joints")
     measurement = measured(body)
     lap("simulate FRFs")

@@ -1,4 +1,6 @@
-"""Other people's codes on the problems of `core`: ten modes of the paper's cantilever, and both stages of an update."""
+"""Other people's codes on the problems of `core`: ten modes of the paper's cantilever, and both
+stages of an update.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -30,12 +32,17 @@ def _frequencies(K: object, M: object) -> np.ndarray:
 
 
 def scikit_fem(specimen: Specimen) -> np.ndarray:
-    """The same element family: 8-node serendipity, first-order shear, 2 × 2 stiffness, full mass."""
+    """The same element family: 8-node serendipity, first-order shear, 2 × 2 stiffness, full
+    mass.
+    """
     from skfem import Basis, BilinearForm, ElementQuadS2, MeshQuad
 
     laminate = section([Ply(specimen.material, specimen.thickness)])
     D, S, (i0, _, i2) = laminate.D, laminate.S, laminate.inertia
-    x, y = np.linspace(0, specimen.length, 41), np.linspace(-specimen.width / 2, specimen.width / 2, 5)
+    x, y = (
+        np.linspace(0, specimen.length, 41),
+        np.linspace(-specimen.width / 2, specimen.width / 2, 5),
+    )
     mesh = MeshQuad.init_tensor(x, y)
     element = ElementQuadS2() * ElementQuadS2() * ElementQuadS2()
 
@@ -63,15 +70,22 @@ def scikit_fem(specimen: Specimen) -> np.ndarray:
 
 
 def pyfe3d(specimen: Specimen) -> np.ndarray:
-    """Four-node elements with reduced integration and hourglass control, compiled; w, θx, θy kept."""
+    """Four-node elements with reduced integration and hourglass control, compiled; w, θx, θy
+    kept.
+    """
     from pyfe3d import DOF, DOUBLE, INT, Quad4R, Quad4RData, Quad4RProbe
     from pyfe3d.shellprop_utils import laminated_plate
 
     m, (nx, ny) = specimen.material, (41, 5)
     constants = (m.Ex, m.Ey, m.nu_xy, m.Gxy, m.Gxz, m.Gyz)
-    prop = laminated_plate(stack=[0.0], plyt=specimen.thickness, laminaprop=constants, rho=m.density)
+    prop = laminated_plate(
+        stack=[0.0], plyt=specimen.thickness, laminaprop=constants, rho=m.density
+    )
     prop.scf_k13 = prop.scf_k23 = 5 / 6
-    along, across = np.linspace(0, specimen.length, nx), np.linspace(-specimen.width / 2, specimen.width / 2, ny)
+    along, across = (
+        np.linspace(0, specimen.length, nx),
+        np.linspace(-specimen.width / 2, specimen.width / 2, ny),
+    )
     x, y = np.meshgrid(along, across, indexing="ij")
     coordinates = np.column_stack([x.ravel(), y.ravel(), np.zeros(nx * ny)]).astype(DOUBLE)
     flat, data, probe = coordinates.ravel(), Quad4RData(), Quad4RProbe()
@@ -81,7 +95,9 @@ def pyfe3d(specimen: Specimen) -> np.ndarray:
     mr, mc, mv = (np.zeros(size_m * count, kind) for kind in (INT, INT, DOUBLE))
     for number, first in enumerate(corner.tolist()):
         quad = Quad4R(probe)
-        quad.c1, quad.c2, quad.c3, quad.c4 = (DOF * node for node in (first, first + ny, first + ny + 1, first + 1))
+        quad.c1, quad.c2, quad.c3, quad.c4 = (
+            DOF * node for node in (first, first + ny, first + ny + 1, first + 1)
+        )
         quad.init_k_KC0, quad.init_k_M = number * size_k, number * size_m
         quad.update_rotation_matrix(flat)
         quad.update_probe_xe(flat)
@@ -92,30 +108,46 @@ def pyfe3d(specimen: Specimen) -> np.ndarray:
     keep[coordinates[:, 0] > 0, 2:5] = True
     free = np.flatnonzero(keep.ravel())
     triples = ((kv, kr, kc), (mv, mr, mc))
-    return _frequencies(*(coo_matrix((v, (r, c)), shape=(total, total)).tocsc()[free][:, free] for v, r, c in triples))
+    return _frequencies(
+        *(
+            coo_matrix((v, (r, c)), shape=(total, total)).tocsc()[free][:, free]
+            for v, r, c in triples
+        )
+    )
 
 
 def calculix(specimen: Specimen) -> np.ndarray:
     """Ten frequencies of a cantilever of 40 × 4 S8R shells; it has in-plane modes too."""
-    return calculix_frequencies(ccx([*_shells(specimen), "*STEP", "*FREQUENCY", str(MODES), "*END STEP"]))
+    return calculix_frequencies(
+        ccx([*_shells(specimen), "*STEP", "*FREQUENCY", str(MODES), "*END STEP"])
+    )
 
 
 def _shells(specimen: Specimen) -> list[str]:
     """Mesh, material and clamp."""
     mesh, m = strip(specimen.length, specimen.width, 40, 4), specimen.material
-    lines = ["*NODE, NSET=ALL", *(f"{i + 1},{x:.12g},{y:.12g},0" for i, (x, y, _) in enumerate(mesh.nodes))]
+    lines = [
+        "*NODE, NSET=ALL",
+        *(f"{i + 1},{x:.12g},{y:.12g},0" for i, (x, y, _) in enumerate(mesh.nodes)),
+    ]
     lines.append("*ELEMENT, TYPE=S8R, ELSET=E")
     lines += [",".join(map(str, [i + 1, *(e + 1)])) for i, e in enumerate(mesh.blocks[0].nodes)]
     root = ",\n".join(str(node + 1) for node in mesh.node_sets["start"])
     lines += ["*NSET, NSET=ROOT", root, "*MATERIAL, NAME=M", "*ELASTIC, TYPE=ENGINEERING CONSTANTS"]
     nu = m.nu_xy
     lines += [f"{m.Ex:g},{m.Ey:g},{m.Ey:g},{nu:g},{nu:g},{nu:g},{m.Gxy:g},{m.Gxz:g}", f"{m.Gyz:g}"]
-    lines += ["*DENSITY", f"{m.density:g}", "*SHELL SECTION, ELSET=E, MATERIAL=M", f"{specimen.thickness:g}"]
+    lines += [
+        "*DENSITY",
+        f"{m.density:g}",
+        "*SHELL SECTION, ELSET=E, MATERIAL=M",
+        f"{specimen.thickness:g}",
+    ]
     return [*lines, "*BOUNDARY", "ROOT,1,6"]
 
 
-# Both stages as `least_squares` solves them: the same misfits, unknowns, priors and starts, by differences. What it has of us
-# is the model, and the weights that our estimate took; so it must come to the same estimates.
+# Both stages as `least_squares` solves them: the same misfits, unknowns, priors and starts, by
+# differences. What it has of us is the model, and the weights that our estimate took; so it must
+# come to the same estimates.
 
 
 @dataclass
@@ -128,9 +160,13 @@ class ElasticByDifferences:
 
     def __post_init__(self) -> None:
         self.solves = 0
-        self.rows, self.columns = (list(side) for side in zip(*self.ours.pairing.pairs, strict=True))
+        self.rows, self.columns = (
+            list(side) for side in zip(*self.ours.pairing.pairs, strict=True)
+        )
         n = self.ours.problem.residual.size
-        self.root = cholesky(np.linalg.inv(self.ours.problem.noise + self.ours.discrepancy**2 * np.eye(n)))
+        self.root = cholesky(
+            np.linalg.inv(self.ours.problem.noise + self.ours.discrepancy**2 * np.eye(n))
+        )
 
     def residual(self, theta: np.ndarray) -> np.ndarray:
         """Frequency errors and distances from the prior, in standard deviations."""
@@ -141,14 +177,20 @@ class ElasticByDifferences:
         return np.concatenate([errors, (prior.xi(theta) - prior.xi_mean) / prior.xi_sd])
 
     def fit(self) -> OptimizeResult:
-        """From the prior's mean, in units of the prior; smaller steps drown in the round-off of the eigenvalues."""
+        """From the prior's mean, in units of the prior; smaller steps drown in the round-off of the
+        eigenvalues.
+        """
         prior = self.forward.parametrisation
-        return least_squares(self.residual, prior.prior_mean, x_scale=prior.prior_sd, method="trf", diff_step=1e-5)
+        return least_squares(
+            self.residual, prior.prior_mean, x_scale=prior.prior_sd, method="trf", diff_step=1e-5
+        )
 
 
 @dataclass
 class DampingByDifferences:
-    """Stage 2: Rayleigh's a0 and a1, a shift and a rate of its own of each mode, a gain of each measured one; counted."""
+    """Stage 2: Rayleigh's a0 and a1, a shift and a rate of its own of each mode, a gain of each
+    measured one; counted.
+    """
 
     misfit: FrfMisfit
     nuisance: Nuisance
@@ -162,7 +204,9 @@ class DampingByDifferences:
         self.gain_sd = self.misfit.gain_sd[self.misfit.gained]
 
     def residual(self, x: np.ndarray) -> np.ndarray:
-        """Real and imaginary parts of all lines of all FRFs, and the priors, in standard deviations."""
+        """Real and imaginary parts of all lines of all FRFs, and the priors, in standard
+        deviations.
+        """
         self.syntheses += 1
         (a, shift, own, gain), model, n = np.split(x, self.ends), self.misfit.model, self.nuisance
         omega, residues = model.omega.copy(), model.residues.copy()

@@ -1,5 +1,5 @@
-"""A long recording with many hits, as wav of 24 bits and as TDMS of float64 in one segment: how long it takes to find and cut
-them, and the memory that it takes.
+"""A long recording with many hits, as wav of 24 bits and as TDMS of float64 in one segment: how
+long it takes to find and cut them, and the memory that it takes.
 """
 
 import multiprocessing
@@ -19,13 +19,18 @@ RATE, CHANNELS, PAUSE_S = 51_200, 4, 4
 
 
 def recordings(*minutes: int) -> None:
-    """Recordings of 4 channels at 51.2 kHz, one hit in 4 s, as wav and as TDMS: seconds and memory to find and cut the hits."""
+    """Recordings of 4 channels at 51.2 kHz, one hit in 4 s, as wav and as TDMS: seconds and memory
+    to find and cut the hits.
+    """
     for length in minutes or (10, 30):
         for suffix, write in ((".wav", _write), (".tdms", _write_tdms)):
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / f"long{suffix}"
-                for target in (write, _look):  # each in a process of its own, whose memory is its alone
-                    process = multiprocessing.get_context("spawn").Process(target=target, args=(path, length))
+                # each in a process of its own, whose memory is its alone
+                for target in (write, _look):
+                    process = multiprocessing.get_context("spawn").Process(
+                        target=target, args=(path, length)
+                    )
                     process.start()
                     process.join()
                     assert process.exitcode == 0, f"{target.__name__} of {suffix} failed"
@@ -34,7 +39,8 @@ def recordings(*minutes: int) -> None:
 def _look(path: Path, minutes: int) -> None:
     names = [f"channel_{k + 1}" if path.suffix == ".wav" else f"daq/c{k}" for k in range(CHANNELS)]
     mapped = [
-        {"variable": name, "quantity": "acceleration" if k else "force", "point": k + 1} for k, name in enumerate(names)
+        {"variable": name, "quantity": "acceleration" if k else "force", "point": k + 1}
+        for k, name in enumerate(names)
     ]
     begin = now()
     channels = channels_of(path, {"recording": {}, "channels": mapped}, path.name)
@@ -43,10 +49,14 @@ def _look(path: Path, minutes: int) -> None:
     seconds, most = now() - begin, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     size = path.stat().st_size / 1e6
     print(
-        f"{path.suffix}, {minutes} min, {size:.0f} MB: {len(found.hits)} hits, {blocks} blocks of {found.length}; ",
+        f"{path.suffix}, {minutes} min, {size:.0f} MB: {len(found.hits)} hits, {blocks} blocks of"
+        f" {found.length}; ",
         end="",
     )
-    print(f"{seconds[0]:.1f} s ({seconds[1]:.1f} s of the processor), at most {most:.0f} MB", flush=True)
+    print(
+        f"{seconds[0]:.1f} s ({seconds[1]:.1f} s of the processor), at most {most:.0f} MB",
+        flush=True,
+    )
 
 
 def _write_tdms(path: Path, minutes: int) -> None:
@@ -56,11 +66,15 @@ def _write_tdms(path: Path, minutes: int) -> None:
     noisy = np.concatenate(list(_parts(minutes)))
     with TdmsWriter(path) as file:
         said = {"wf_increment": 1 / RATE}
-        file.write_segment([ChannelObject("daq", f"c{k}", row, said) for k, row in enumerate(noisy.T)])
+        file.write_segment(
+            [ChannelObject("daq", f"c{k}", row, said) for k, row in enumerate(noisy.T)]
+        )
 
 
 def _parts(minutes: int) -> Iterator[FloatArray]:
-    """The same four seconds again and again, under new noise: a pulse of 0.3 ms, and modes that ring for 1 to 2 s."""
+    """The same four seconds again and again, under new noise: a pulse of 0.3 ms, and modes that
+    ring for 1 to 2 s.
+    """
     time = np.arange(PAUSE_S * RATE) / RATE - 1.0
     late = np.maximum(time, 0.0)
     rings = [0.3 * np.exp(-5 * late) * np.sin(2 * np.pi * f * late) for f in (30.0, 180.0, 510.0)]

@@ -1,8 +1,10 @@
-"""What a person waits for: `modalbase up`, a figure, a report, and a result's page up to a drawn figure.
+"""What a person waits for: `modalbase up`, a figure, a report, and a result's page up to a drawn
+figure.
 
-A start is timed from the command to the first 200 of `/readyz`, and to the line with the key. Of figure, report and page it is
-the processor time of the API's process, and elapsed time, the least and the middle of some repeats; the page is the system's
-Chromium's, which keeps scripts, and is left out where there is none.
+A start is timed from the command to the first 200 of `/readyz`, and to the line with the key. Of
+figure, report and page it is the processor time of the API's process, and elapsed time, the least
+and the middle of some repeats; the page is the system's Chromium's, which keeps scripts, and is
+left out where there is none.
 """
 
 import http.client
@@ -32,17 +34,23 @@ from tests.support.rest import plain_client
 
 
 def start(times: int = 9) -> None:
-    """`modalbase up` on an existing data folder; once before that, which is not counted, as it makes the folder."""
+    """`modalbase up` on an existing data folder; once before that, which is not counted, as it
+    makes the folder.
+    """
     with tempfile.TemporaryDirectory(prefix="mb-") as name:
         Path(name).chmod(0o755)  # the server may run as a user of its own
         found = [_start(Path(name) / "data") for _ in range(times + 1)][1:]
     table = Table("", "until:10", "median s:.2f", "least:.2f", "most:.2f")
-    for what, values in zip(("ready", "last line", "processor"), zip(*found, strict=True), strict=True):
+    for what, values in zip(
+        ("ready", "last line", "processor"), zip(*found, strict=True), strict=True
+    ):
         table.row(what, statistics.median(values), min(values), max(values))
 
 
 def _start(data: Path) -> tuple[float, float, float]:
-    """Seconds to readiness, to the last line, and of the processor until then, without PostgreSQL's."""
+    """Seconds to readiness, to the last line, and of the processor until then, without
+    PostgreSQL's.
+    """
     with listening_socket("127.0.0.1", 0) as free:
         port = free.getsockname()[1]
     command = [sys.executable, "-m", "service", "up", "--port", str(port), "--data", str(data)]
@@ -77,7 +85,9 @@ def pages(figures: int = 30, reports: int = 3, visits: int = 7) -> None:
     """Figure, report and drawn page of a result, beside their limits."""
     with (
         served() as service,
-        plain_client(service.url, {"Authorization": f"Bearer {service.new_key('reader')}"}, httpx.Limits()) as api,
+        plain_client(
+            service.url, {"Authorization": f"Bearer {service.new_key('reader')}"}, httpx.Limits()
+        ) as api,
     ):
         job = Laboratory(api).update_beam()["provenance"]["update_job"]
         process = psutil.Process(service.processes["api"].pid)
@@ -100,7 +110,9 @@ def pages(figures: int = 30, reports: int = 3, visits: int = 7) -> None:
                 table.row("page of a result, drawn", *_cost(process, visit, visits), 700)
 
 
-def _cost(process: psutil.Process, once: Callable[[], float], repeats: int) -> tuple[float, float, float]:
+def _cost(
+    process: psutil.Process, once: Callable[[], float], repeats: int
+) -> tuple[float, float, float]:
     """Of calls that give their milliseconds: those of the processor, the least, the middle."""
     once()  # what is loaded and kept by the first
     began = sum(process.cpu_times()[:2])
@@ -111,8 +123,13 @@ def _cost(process: psutil.Process, once: Callable[[], float], repeats: int) -> t
 
 @contextmanager
 def _page(url: str, key: str, job: str) -> Iterator[Callable[[], float]]:
-    """A call that opens a result's page and gives milliseconds from the request to the first figure that is drawn."""
-    marked = "performance.getEntriesByType('mark').find((mark) => mark.name.startsWith('drawn'))?.startTime ?? null"
+    """A call that opens a result's page and gives milliseconds from the request to the first figure
+    that is drawn.
+    """
+    marked = (
+        "performance.getEntriesByType('mark').find((mark) =>"
+        " mark.name.startsWith('drawn'))?.startTime ?? null"
+    )
     with browser() as running, watched_page(running, url) as seen:
         seen.page.goto("sign-in")
         seen.page.fill("#key", key)

@@ -1,4 +1,6 @@
-"""How search grows, at sizes of one embedded database: 100 campaigns have 10⁴ FRFs, 10,000 have 10⁶, and 10⁵ results."""
+"""How search grows, at sizes of one embedded database: 100 campaigns have 10⁴ FRFs, 10,000 have
+10⁶, and 10⁵ results.
+"""
 
 import re
 import tempfile
@@ -24,7 +26,8 @@ QUESTIONS = re.findall(r"^\| [^|]+ \| `(\w+)` \| `([^`]+)` \|$", PAGE, re.MULTIL
 """Noun and filter of each question in the documents."""
 SIZES = 100, 1000
 TURNS, IMPORTS, IMPORTED, LINES = 40, 3, 2000, 32
-CAMPAIGNS_OF_A_STRUCTURE, EACH = 20, 100  # campaigns of a structure; FRFs and modes of a campaign, and results of ten
+# campaigns of a structure; FRFs and modes of a campaign, and results of ten
+CAMPAIGNS_OF_A_STRUCTURE, EACH = 20, 100
 
 FILL = """
 SET LOCAL session_replication_role = replica;
@@ -62,11 +65,14 @@ INSERT INTO update_results (id, campaign_id, verdict, ex, ex_low, ex_high, ey, d
     (ARRAY['usable', 'with_care'])[1 + (random() < 0.3)::int], ex, 0.9 * ex, 1.1 * ex, 0.4 * ex, '{{}}', ''
   FROM (SELECT id, campaign_id, 3e10 * random({softest}, 2.0) AS ex FROM updated)
 """
-"""What many campaigns leave, without what nobody searches; keys that refer to nothing are not looked at. The FRFs of a
-campaign lie side by side, as an import writes them."""
+"""What many campaigns leave, without what nobody searches; keys that refer to nothing are not
+looked at. The FRFs of a campaign lie side by side, as an import writes them.
+"""
 
 
-def filling(project: UUID | str, structures: int, softest: float = 0.9, **each: object) -> Iterator[str]:
+def filling(
+    project: UUID | str, structures: int, softest: float = 0.9, **each: object
+) -> Iterator[str]:
     """The statements of a transaction that adds rows to a project.
 
     Args:
@@ -75,32 +81,57 @@ def filling(project: UUID | str, structures: int, softest: float = 0.9, **each: 
         softest: the least Ex over 30 GPa.
         each: campaigns of a structure; `frfs`, `modes`, `results` of a campaign; `spectrum` in SQL.
     """
-    yield from FILL.format(project=project, structures=structures, softest=softest, **each).split(";\n")
+    yield from FILL.format(project=project, structures=structures, softest=softest, **each).split(
+        ";\n"
+    )
 
 
 def search(*campaigns: int) -> list[str]:
-    """The questions of `docs/search.md` over HTTP, and an import, as the database grows; gives what was too slow."""
+    """The questions of `docs/search.md` over HTTP, and an import, as the database grows; gives what
+    was too slow.
+    """
     slow: list[str] = []
-    with served() as service, api_of(service) as api, tempfile.TemporaryDirectory(prefix="mb-") as folder:
-        project, there, file = str(posted(api, "projects", {"name": "all"})["id"]), 0, Path(folder, "frfs.uff")
+    with (
+        served() as service,
+        api_of(service) as api,
+        tempfile.TemporaryDirectory(prefix="mb-") as folder,
+    ):
+        project, there, file = (
+            str(posted(api, "projects", {"name": "all"})["id"]),
+            0,
+            Path(folder, "frfs.uff"),
+        )
         write_file(file, contents(IMPORTED, LINES), binary=True)
         empty = _imported(api, service, file)
-        print(f"{len(QUESTIONS)} questions, first page and counts over HTTP, {TURNS} times; {load()}")
+        print(
+            f"{len(QUESTIONS)} questions, first page and counts over HTTP, {TURNS} times; {load()}"
+        )
         for count in campaigns or SIZES:
             _fill(service, project, (count - there) // CAMPAIGNS_OF_A_STRUCTURE)
             there = count
             title = f"\n{EACH * count} FRFs, {EACH * count} modes, {EACH // 10 * count} results"
-            table = Table(title, "p50 ms:.1f", "p95 ms:.1f", "processors ms:.1f", "noun:10", "question:80")
+            table = Table(
+                title, "p50 ms:.1f", "p95 ms:.1f", "processors ms:.1f", "noun:10", "question:80"
+            )
             for noun, question in QUESTIONS:
                 with measured(service) as cost:
-                    middle, most = np.percentile(_times(lambda: _ask(api, noun, question)), (50, 95))  # noqa: B023
+                    middle, most = np.percentile(
+                        _times(lambda: _ask(api, noun, question)), (50, 95)
+                    )  # noqa: B023
                 busy = 1000 * cost.processor / (TURNS + 1)
                 table.row(middle, most, busy, noun, question)
-                slow += [f"{noun}: {question}: p95 {most:.0f} ms at {count} campaigns"] if most > 100 else []
+                slow += (
+                    [f"{noun}: {question}: p95 {most:.0f} ms at {count} campaigns"]
+                    if most > 100
+                    else []
+                )
             if count == (campaigns or SIZES)[0]:
                 _beside(api, Path(folder))
             now = _imported(api, service, file)
-            print(f"import of {IMPORTED} FRFs: {_per_second(now)}; into an empty service {_per_second(empty)}")
+            print(
+                f"import of {IMPORTED} FRFs: {_per_second(now)}; into an empty service"
+                f" {_per_second(empty)}"
+            )
     return slow
 
 
@@ -111,7 +142,9 @@ def _ask(api: httpx.Client, noun: str, question: str) -> None:
 def _beside(api: httpx.Client, folder: Path) -> None:
     """The same rows and questions by Tiled's catalogue."""
     for noun, fields in FIELDS.items():
-        answer = api.get(f"search/{noun}", params={"fields": fields, "format": "jsonl"}).raise_for_status()
+        answer = api.get(
+            f"search/{noun}", params={"fields": fields, "format": "jsonl"}
+        ).raise_for_status()
         (folder / f"{noun}.jsonl").write_bytes(answer.content)
     beside(folder)
 
@@ -122,7 +155,12 @@ def _times(call: Callable[[], None]) -> list[float]:
 
 
 def _fill(service: LocalService, project: str, structures: int) -> None:
-    each = {"campaigns": CAMPAIGNS_OF_A_STRUCTURE, "frfs": EACH, "modes": EACH, "results": EACH // 10}
+    each = {
+        "campaigns": CAMPAIGNS_OF_A_STRUCTURE,
+        "frfs": EACH,
+        "modes": EACH,
+        "results": EACH // 10,
+    }
     with psycopg.connect(psycopg_url(service.settings.database_url), autocommit=True) as connection:
         with connection.transaction():
             spectrum = "decode(repeat('00', 256), 'hex')"
@@ -143,4 +181,7 @@ def _imported(api: httpx.Client, service: LocalService, file: Path) -> Cost:
 
 
 def _per_second(cost: Cost) -> str:
-    return f"{IMPORTED / cost.clock:.0f} FRFs/s by the clock, {IMPORTED / cost.processor:.0f} by the processors"
+    return (
+        f"{IMPORTED / cost.clock:.0f} FRFs/s by the clock, {IMPORTED / cost.processor:.0f} by the"
+        " processors"
+    )

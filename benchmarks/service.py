@@ -28,7 +28,9 @@ def served(*, worker: bool = True, **settings: Any) -> Iterator[LocalService]:
     with tempfile.TemporaryDirectory(prefix="mb-", ignore_cleanup_errors=True) as folder:
         data = Path(folder)
         data.chmod(0o755)  # the server may run as a user of its own
-        with LocalService(Settings(data=data, port=0, log_level="error", **settings), worker=worker) as service:
+        with LocalService(
+            Settings(data=data, port=0, log_level="error", **settings), worker=worker
+        ) as service:
             yield service
 
 
@@ -40,17 +42,23 @@ def api_of(service: LocalService, name: str = "benchmark") -> Iterator[httpx.Cli
 
 
 def ended(api: httpx.Client, answer: httpx.Response | str) -> dict[str, Any]:
-    """The last state of a job at an address or that an answer names, which must succeed; its events are followed.
+    """The last state of a job at an address or that an answer names, which must succeed; its events
+    are followed.
 
     Asking again and again would keep a processor busy that the job needs.
     """
-    location = api.base_url.join(answer if isinstance(answer, str) else answer.raise_for_status().headers["Location"])
+    location = api.base_url.join(
+        answer if isinstance(answer, str) else answer.raise_for_status().headers["Location"]
+    )
     state: dict[str, Any] = {}
     if "update-jobs" in location.path:
         with api.stream("GET", f"{location}/events") as stream:
             for line in stream.iter_lines():
                 state = json.loads(line[6:]) if line.startswith("data: ") else state
-    while (state := state or api.get(location).raise_for_status().json())["status"] in ("queued", "running"):
+    while (state := state or api.get(location).raise_for_status().json())["status"] in (
+        "queued",
+        "running",
+    ):
         state = time.sleep(0.05) or {}
     assert state["status"] == "succeeded", state
     return state
@@ -58,7 +66,9 @@ def ended(api: httpx.Client, answer: httpx.Response | str) -> dict[str, Any]:
 
 @dataclass
 class Cost:
-    """Seconds of the clock and of all processors; memory of API, worker and children: peak, and above idle, bytes."""
+    """Seconds of the clock and of all processors; memory of API, worker and children: peak, and
+    above idle, bytes.
+    """
 
     clock: float = 0.0
     processor: float = 0.0
@@ -68,7 +78,9 @@ class Cost:
 
 @contextmanager
 def measured(service: LocalService) -> Iterator[Cost]:
-    """What a block takes, of this process, the service's and PostgreSQL's together; filled in at its end."""
+    """What a block takes, of this process, the service's and PostgreSQL's together; filled in at
+    its end.
+    """
     cost, done, idle = Cost(), threading.Event(), _resident(service)
 
     def watch() -> None:
@@ -115,8 +127,12 @@ def processor_s(*roots: int) -> float:
 
 
 def _processor_s(service: LocalService) -> float:
-    server = int((service.settings.data / "postgres" / "postmaster.pid").read_text().split("\n", 1)[0])
-    return time.process_time() + processor_s(server, *(process.pid for process in service.processes.values()))
+    server = int(
+        (service.settings.data / "postgres" / "postmaster.pid").read_text().split("\n", 1)[0]
+    )
+    return time.process_time() + processor_s(
+        server, *(process.pid for process in service.processes.values())
+    )
 
 
 def copied(service: LocalService, transactions: Sequence[Sequence[bytes]]) -> Cost:
@@ -124,11 +140,16 @@ def copied(service: LocalService, transactions: Sequence[Sequence[bytes]]) -> Co
     with psycopg.connect(psycopg_url(service.settings.database_url), autocommit=True) as connection:
         connection.execute("CREATE TABLE copied (id uuid PRIMARY KEY DEFAULT uuidv7(), data bytea)")
         connection.execute("ALTER TABLE copied ALTER COLUMN data SET STORAGE EXTERNAL")
-        connection.execute("ALTER TABLE copied SET (toast_tuple_target = 8160)")  # as `original_chunks`
+        # as `original_chunks`
+        connection.execute("ALTER TABLE copied SET (toast_tuple_target = 8160)")
         command = "COPY copied (data) FROM STDIN (FORMAT BINARY)"
         with measured(service) as cost:
             for rows in transactions:
-                with connection.transaction(), connection.cursor() as cursor, cursor.copy(command) as copy:
+                with (
+                    connection.transaction(),
+                    connection.cursor() as cursor,
+                    cursor.copy(command) as copy,
+                ):
                     copy.set_types(["bytea"])
                     for row in rows:
                         copy.write_row((row,))
@@ -136,7 +157,9 @@ def copied(service: LocalService, transactions: Sequence[Sequence[bytes]]) -> Co
     return cost
 
 
-def contents(frfs: int, lines: int, step_hz: float = 1.0, seed: int = 1) -> Iterator[GridPoint | Frf]:
+def contents(
+    frfs: int, lines: int, step_hz: float = 1.0, seed: int = 1
+) -> Iterator[GridPoint | Frf]:
     """What a UFF file of random FRFs, each of a point of its own, is written from."""
     rng, axis = np.random.default_rng(seed), Axis(0.0, step_hz, lines)
     yield from (GridPoint(n, (0.001 * n, 0.0, 0.0)) for n in range(1, frfs + 1))

@@ -1,4 +1,6 @@
-"""What is killed, overloaded or damaged for long. The tests have each in a short form, and more in a long one."""
+"""What is killed, overloaded or damaged for long. The tests have each in a short form, and more in
+a long one.
+"""
 
 import time
 from collections import Counter
@@ -22,7 +24,9 @@ def soak_kills(count: int = 100) -> list[str]:
     several = sum(n > 1 for n in Counter(tally.received).values())
     table = Table("", "what:44", "found:80")
     table.row("killed", _counts(tally.killed))
-    table.row("acknowledged", ", ".join(f"{len(ids)} {kind}s" for kind, ids in tally.acknowledged.items()))
+    table.row(
+        "acknowledged", ", ".join(f"{len(ids)} {kind}s" for kind, ids in tally.acknowledged.items())
+    )
     table.row("of these lost", "; ".join(tally.lost) or "none")
     table.row("jobs ended as", _counts(tally.states))
     table.row("reasons of failed jobs", _counts(tally.reasons) or "none")
@@ -40,10 +44,15 @@ def soak_load(seconds: int = 60) -> list[str]:
     for kind in ("alone", *sorted(found.statuses)):
         each = found.alone if kind == "alone" else found.seconds[kind]
         answers = ", ".join(f"{n} × {status}" for status, n in sorted(found.statuses[kind].items()))
-        table.row(kind, answers, *(1000 * np.percentile(each, [50, 95, 99]) if each else [None] * 3))
+        table.row(
+            kind, answers, *(1000 * np.percentile(each, [50, 95, 99]) if each else [None] * 3)
+        )
     sizes = " / ".join(f"{size / 2**20:.0f}" for size in found.memory)
     print(f"{found.streams} streams open at the same time, {found.events} events")
-    print(f"/healthz took {found.health * 1000:.0f} ms at most; memory of the API {sizes} MiB before / most / after")
+    print(
+        f"/healthz took {found.health * 1000:.0f} ms at most; memory of the API {sizes} MiB before"
+        " / most / after"
+    )
     ratio = float(np.percentile(found.seconds["list"], 95) / np.percentile(found.alone, 95))
     slow = [f"ratio {ratio:.1f} or /healthz too slow"] * (ratio > RATIO or found.health > 1)
     return found.bare_errors[:10] + slow
@@ -51,9 +60,13 @@ def soak_load(seconds: int = 60) -> list[str]:
 
 def soak_bombs(count: int = 10) -> list[str]:
     """Files of each format that are made to cost, all at once; gives what was too much."""
-    with served(job_memory_bytes=1024 * bombs.MIB, **ASKED_FREELY) as service:  # as much as a small machine has
+    # as much as a small machine has
+    with served(job_memory_bytes=1024 * bombs.MIB, **ASKED_FREELY) as service:
         found = bombs.throw(service, count)
-    print(f"API memory grew by {found.growth / 1e6:.0f} MB, /healthz took {1e3 * found.slowest:.0f} ms at most")
+    print(
+        f"API memory grew by {found.growth / 1e6:.0f} MB, /healthz took {1e3 * found.slowest:.0f}"
+        " ms at most"
+    )
     print("\n".join(f"{n} × {end}" for end, n in sorted(found.ends.items())))
     most, longest = bombs.MOST_GROWTH, bombs.MOST_SECONDS
     too_much = found.growth > most or found.slowest > longest
@@ -65,7 +78,10 @@ def uff_damage(count: int = 2000, seed: int = 2015) -> list[str]:
     with TemporaryDirectory() as name:
         table, silent = uff.run(count, seed, Path(name))
         verdicts = Table(
-            f"{count} damaged UFF files, seed {seed}", "damage:16", "n:d", *(f"{verdict}:d" for verdict in uff.VERDICTS)
+            f"{count} damaged UFF files, seed {seed}",
+            "damage:16",
+            "n:d",
+            *(f"{verdict}:d" for verdict in uff.VERDICTS),
         )
         for kind, counts in {**table, "all": sum(table.values(), Counter())}.items():
             verdicts.row(kind, counts.total(), *(counts[verdict] for verdict in uff.VERDICTS))

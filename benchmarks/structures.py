@@ -1,6 +1,8 @@
-"""Structures of shells in space: elements on published shells, joint model against solids, size, and updates.
+"""Structures of shells in space: elements on published shells, joint model against solids, size,
+and updates.
 
-The solids are quadratic bricks by another code, with true dimensions and constants (`shared/blind-open/structures`).
+The solids are quadratic bricks by another code, with true dimensions and constants
+(`shared/blind-open/structures`).
 """
 
 import json
@@ -43,13 +45,22 @@ def elements() -> None:
 
 
 def joints(*kinds: str) -> None:
-    """Section 19's table: 20 modes against the stored solids, naive and with the joint model, on two meshes."""
-    columns = (f"{of} {part}:.2f" for of in ("naive, 6:", "joints, 6:", "joints, 4:") for part in ("rms", "worst"))
+    """Section 19's table: 20 modes against the stored solids, naive and with the joint model, on
+    two meshes.
+    """
+    columns = (
+        f"{of} {part}:.2f"
+        for of in ("naive, 6:", "joints, 6:", "joints, 4:")
+        for part in ("rms", "worst")
+    )
     table = Table("20 modes against solids, %", "body:10", *columns, "6 to 4, worst:.2f")
     for kind in kinds:
         truth = json.loads((OPEN / f"{kind}-1.truth.json").read_text())
         solid = np.array([mode["f_hz"] for mode in truth["modes"]])[:20]
-        found = [frequencies(body(truth, n, on), len(solid)) for n, on in ((6, False), (6, True), (4, True))]
+        found = [
+            frequencies(body(truth, n, on), len(solid))
+            for n, on in ((6, False), (6, True), (4, True))
+        ]
         errors = [100 * (f / solid - 1) for f in found]
         shown = [part for error in errors for part in rms_and_worst(error)]
         table.row(kind, *shown, 100 * np.abs(found[2] / found[1] - 1).max())
@@ -67,7 +78,9 @@ def size() -> None:
     for n in (20, 33, 47):
         start = time.process_time()
         mesh = panel(1.0, 0.5, 0.05, 0.006, 0.006, (-0.125, 0.125), n)
-        structure = Structure(mesh, {name: ShellSection((Ply(material, 0.006),)) for name in ("plate", "rib")})
+        structure = Structure(
+            mesh, {name: ShellSection((Ply(material, 0.006),)) for name in ("plate", "rib")}
+        )
         dofs = structure.model.stiffness.size
         built = time.process_time()
         frequencies(structure, 20)
@@ -77,12 +90,16 @@ def size() -> None:
 
 
 def updates(*kinds: str) -> None:
-    """Constants of the stored solids from their FRFs with an empty recipe, from what a user knows."""
+    """Constants of the stored solids from their FRFs with an empty recipe, from what a user
+    knows.
+    """
     for kind in kinds:
         update_printed(kind, *stated(json.loads((OPEN / f"{kind}-1.truth.json").read_text()), 4))
 
 
-def update_printed(name: str, body: Structure, measurement: Measurement, true: dict[str, float]) -> list[Off]:
+def update_printed(
+    name: str, body: Structure, measurement: Measurement, true: dict[str, float]
+) -> list[Off]:
     """The identifiable constants beside the true ones after an empty recipe."""
     start = time.process_time()
     result = update(measurement, body, Recipe(damping_models=("rayleigh",)))
@@ -91,8 +108,16 @@ def update_printed(name: str, body: Structure, measurement: Measurement, true: d
 
 
 def decks(*kinds: str) -> None:
-    """CPU seconds from each stored deck and its FRFs to the result of an empty recipe, and over those allowed."""
-    table = Table("deck to result, by the processor", "deck:10", "dofs:8", "s:.1f", f"over {DECK_TO_RESULT:g} s:.2f")
+    """CPU seconds from each stored deck and its FRFs to the result of an empty recipe, and over
+    those allowed.
+    """
+    table = Table(
+        "deck to result, by the processor",
+        "deck:10",
+        "dofs:8",
+        "s:.1f",
+        f"over {DECK_TO_RESULT:g} s:.2f",
+    )
     for kind in kinds:
         _, measurement, _ = stated(json.loads((OPEN / f"{kind}-1.truth.json").read_text()), 4)
 
@@ -106,7 +131,9 @@ def decks(*kinds: str) -> None:
 
 
 def structures(part: str = "all", *kinds: str) -> None:
-    """Shells in space: `elements`, published ones; `joints`, against solids; `size`; `updates`; `decks`, their time."""
+    """Shells in space: `elements`, published ones; `joints`, against solids; `size`; `updates`;
+    `decks`, their time.
+    """
     if not Path(OPEN).exists():
         print("  (the stored solids are absent)")
         kinds, part = (), "elements" if part == "all" else part

@@ -25,7 +25,9 @@ class _Column:
         """A value; None is a dash, and a text in a column of numbers stands as it is."""
         if self.form.isdigit():
             return str(value).ljust(int(self.form))
-        text = "–" if value is None else value if isinstance(value, str) else format(value, self.form)
+        text = (
+            "–" if value is None else value if isinstance(value, str) else format(value, self.form)
+        )
         return text.rjust(max(len(self.head), 7))
 
 
@@ -37,7 +39,8 @@ class Table:
 
         Args:
             title: a line above it; none where it is empty.
-            columns: heading and format of numbers, such as `median ms:.2f`; of texts their width, as `case:28`.
+            columns: heading and format of numbers, such as `median ms:.2f`; of texts their width,
+                as `case:28`.
         """
         self._columns = [_Column(*column.rpartition(":")[::2]) for column in columns]
         if title:
@@ -68,7 +71,9 @@ def beside(parameters: Iterable[ParameterEstimate], true: Mapping[str, float]) -
         (low, high), value = p.interval_95, true[p.name]
         error, scale, held = p.estimate - value, value or np.nan, bool(low <= value <= high)
         z = error / p.standard_deviation
-        found[p.name] = Off(p.name, error / scale, z, (high - low) / 2 / scale, held, p.identifiable)
+        found[p.name] = Off(
+            p.name, error / scale, z, (high - low) / 2 / scale, held, p.identifiable
+        )
     return found
 
 
@@ -85,8 +90,18 @@ def print_beside(result: UpdateResult, true: Mapping[str, float]) -> list[Off]:
 
 
 def print_coverage(title: str, groups: Mapping[str, Sequence[Off]]) -> None:
-    """How often intervals of each group hold the truth; `z` is the error over a quarter of the interval, 1 at best."""
-    columns = ("n:d", "held %:.1f", "rms z:.2f", "bias %:+.2f", "± %:.2f", "rms %:.2f", "half %, median:.2f")
+    """How often intervals of each group hold the truth; `z` is the error over a quarter of the
+    interval, 1 at best.
+    """
+    columns = (
+        "n:d",
+        "held %:.1f",
+        "rms z:.2f",
+        "bias %:+.2f",
+        "± %:.2f",
+        "rms %:.2f",
+        "half %, median:.2f",
+    )
     table = Table(title, "95 % intervals of:28", *columns)
     for name, rows in groups.items():
         share, half, held = np.array([(off.share, off.half, off.held) for off in rows]).T

@@ -4,10 +4,11 @@ Pole k and mode m are alike by
 
     S = MAC(R_k, R_m) · exp(-½(Δf/w)² - ½(ln ζ_k/ζ_m / ln 3)²),    w = max(0.004, ζ_m/2) f_m,
 
-R their residues over the FRFs. The assignment that makes the sum of S largest gives each mode at most one pole and each pole
-at most one mode (Kuhn's assignment problem); pairs below 0.1 are none. A pole left over within 2w of a mode that has its own,
-with a damping within a factor of 3, takes part in the response of that mode. The highest of such a group, of those with
-S >= 0.1, is the mode; the others are `SPLIT`, no modes of their own, but nothing was invented either. For the weights and
+R their residues over the FRFs. The assignment that makes the sum of S largest gives each mode at
+most one pole and each pole at most one mode (Kuhn's assignment problem); pairs below 0.1 are none.
+A pole left over within 2w of a mode that has its own, with a damping within a factor of 3, takes
+part in the response of that mode. The highest of such a group, of those with S >= 0.1, is the mode;
+the others are `SPLIT`, no modes of their own, but nothing was invented either. For the weights and
 scores they count as no modes, as a user would have one mode twice.
 """
 
@@ -36,9 +37,14 @@ def modes_of_poles(draw: Draw, arrangement: Arrangement, fit: Level) -> np.ndarr
     width = np.maximum(_NEAR, draw.zeta / 2) * draw.frequency_hz
     off = np.abs(hz[:, None] - draw.frequency_hz) / width
     ratio = np.abs(np.log(zeta[:, None] / draw.zeta)) / _RATIO
-    alike = mac(fit.residues.T, draw.residue[:, arrangement.source]) * np.exp(-(off**2 + ratio**2) / 2)
+    alike = mac(fit.residues.T, draw.residue[:, arrangement.source]) * np.exp(
+        -(off**2 + ratio**2) / 2
+    )
     near = (off < 2) & (ratio < 1)
-    pairs = [(k, m) for k, m in zip(*scipy.optimize.linear_sum_assignment(alike, maximize=True), strict=True)]
+    pairs = [
+        (k, m)
+        for k, m in zip(*scipy.optimize.linear_sum_assignment(alike, maximize=True), strict=True)
+    ]
     pairs = [(k, m) for k, m in pairs if alike[k, m] >= _LEAST]
     height = np.linalg.norm(fit.residues, axis=0) / (hz * zeta)
     of[near[:, [m for _, m in pairs]].any(axis=1)] = SPLIT

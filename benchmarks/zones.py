@@ -1,8 +1,10 @@
-"""Where has the stiffness changed? Zones of strips that are damaged on their lines, between them, in two places, or nowhere.
+"""Where has the stiffness changed? Zones of strips that are damaged on their lines, between them,
+in two places, or nowhere.
 
-The truth is a finer mesh of the damaged strip; each of its frequencies is off by what plate theory misses, .05 %, and by noise
-of .02 %. Its moduli, dimensions and density are drawn as a laboratory has them wrong, and the clamp of a cantilever yields. A
-zone's true factor is its mean, 1/s = ∫ dx/s(x)/L; it is false where nothing is damaged and its 95 % interval says otherwise.
+The truth is a finer mesh of the damaged strip; each of its frequencies is off by what plate theory
+misses, .05 %, and by noise of .02 %. Its moduli, dimensions and density are drawn as a laboratory
+has them wrong, and the clamp of a cantilever yields. A zone's true factor is its mean, 1/s = ∫
+dx/s(x)/L; it is false where nothing is damaged and its 95 % interval says otherwise.
 """
 
 import time
@@ -32,7 +34,9 @@ DAMAGED = 0.97
 
 @dataclass(frozen=True)
 class Case:
-    """Strips in so many zones, with so many damaged stretches, on lines or anywhere, of which so many modes are measured."""
+    """Strips in so many zones, with so many damaged stretches, on lines or anywhere, of which so
+    many modes are measured.
+    """
 
     zones: int
     stretches: int
@@ -60,7 +64,9 @@ CASES = {
 
 
 def zones(draws: int = 6, seed: int = 36) -> list[str]:
-    """Stretches of another stiffness: false zones, damaged ones found, intervals that hold, the CPU time of an update."""
+    """Stretches of another stiffness: false zones, damaged ones found, intervals that hold, the CPU
+    time of an update.
+    """
     table = Table("", "strips in:32", "false:d", "of:d", "found:d", "of damaged:d", "held:d", "of zones:d",
                   "held:d", "of moduli:d", "CPU s:.1f")  # fmt: skip
     for number, (name, case) in enumerate(CASES.items()):
@@ -72,25 +78,38 @@ def zones(draws: int = 6, seed: int = 36) -> list[str]:
 
 
 def _judged(result: UpdateResult, true: dict[str, float]) -> FloatArray:
-    """False and sound zones, found and damaged ones, intervals of zones that hold and of moduli, each with their number."""
+    """False and sound zones, found and damaged ones, intervals of zones that hold and of moduli,
+    each with their number.
+    """
     zones = [p for p in result.parameters if p.name.startswith("zone_")]
     moduli = [p for p in result.parameters if p.name in ("Ex", "Gxy")]
     sound = [p for p in zones if true[p.name] == 1]
     damaged = [p for p in zones if true[p.name] < DAMAGED]
     false = [p for p in sound if not p.interval_95[0] <= 1 <= p.interval_95[1]]
     found = [p for p in damaged if p.interval_95[1] < 1]
-    held = [[p for p in each if p.interval_95[0] <= true[p.name] <= p.interval_95[1]] for each in (zones, moduli)]
-    return np.array([len(each) for each in (false, sound, found, damaged, held[0], zones, held[1], moduli)])
+    held = [
+        [p for p in each if p.interval_95[0] <= true[p.name] <= p.interval_95[1]]
+        for each in (zones, moduli)
+    ]
+    return np.array(
+        [len(each) for each in (false, sound, found, damaged, held[0], zones, held[1], moduli)]
+    )
 
 
 def _updated(case: Case, random: np.random.Generator) -> tuple[UpdateResult, dict[str, float]]:
     """The update of a strip as it is stated, and the true moduli and zones."""
     stated = Specimen(L, WIDTH, THICKNESS, MATERIAL, case.boundary, zones=case.lines)
     cuts, factors = _damage(case, random)
-    moduli = {n: getattr(MATERIAL, n) * np.exp(0.1 * random.standard_normal()) for n in ("Ex", "Ey", "Gxy", "Gxz")}
+    moduli = {
+        n: getattr(MATERIAL, n) * np.exp(0.1 * random.standard_normal())
+        for n in ("Ex", "Ey", "Gxy", "Gxz")
+    }
     inputs = Inputs()
     own = {
-        key: stated.nominal[key] + inputs.standard_deviation(key, stated.nominal[key]) * random.standard_normal()
+        key: (
+            stated.nominal[key]
+            + inputs.standard_deviation(key, stated.nominal[key]) * random.standard_normal()
+        )
         for key in ("length", "width", "thickness", "density")
     }
     body = replace(stated, zones=cuts, divisions=(60, 4))
@@ -101,10 +120,17 @@ def _updated(case: Case, random: np.random.Generator) -> tuple[UpdateResult, dic
     constants |= {f"zone_{k}": factor for k, factor in enumerate(factors, start=1)}
     measurement = _measured(body, constants, case, random)
     shown = tuple(p for p in default_parameters(stated) if p.name not in ("Ey", "Gyz"))
-    recipe = Recipe(parameters=shown, damping_models=("rayleigh",), use_shapes=case.boundary == "free")
+    recipe = Recipe(
+        parameters=shown, damping_models=("rayleigh",), use_shapes=case.boundary == "free"
+    )
     ends, at = np.array([0.0, *case.lines, L]), np.array([0.0, *cuts, L])
-    share = np.diff([np.interp(ends, at, np.concatenate([[0.0], np.cumsum(np.diff(at) / factors)]))])[0] / np.diff(ends)
-    means = {f"zone_{k}": 1.0 if abs(mean - 1) < 1e-9 else 1 / mean for k, mean in enumerate(share, start=1)}
+    share = np.diff(
+        [np.interp(ends, at, np.concatenate([[0.0], np.cumsum(np.diff(at) / factors)]))]
+    )[0] / np.diff(ends)
+    means = {
+        f"zone_{k}": 1.0 if abs(mean - 1) < 1e-9 else 1 / mean
+        for k, mean in enumerate(share, start=1)
+    }
     return update(measurement, stated, recipe), moduli | means
 
 
@@ -122,20 +148,35 @@ def _damage(case: Case, random: np.random.Generator) -> tuple[tuple[float, ...],
             return tuple(cuts.tolist()), factors
 
 
-def _measured(body: Specimen, constants: dict[str, float], case: Case, random: np.random.Generator) -> Measurement:
+def _measured(
+    body: Specimen, constants: dict[str, float], case: Case, random: np.random.Generator
+) -> Measurement:
     """Frequencies and shapes at eleven stations by three rows."""
     model, count = body.model, case.modes + 3 * (case.boundary == "free")
     truth = np.array([constants[name] for name in body.nominal])
-    stiffness = np.concatenate([body.stiffness_coefficients(truth), [spring.stiffness for spring in body.springs]])
+    stiffness = np.concatenate(
+        [body.stiffness_coefficients(truth), [spring.stiffness for spring in body.springs]]
+    )
     modes = normal_modes(
-        model.stiffness.at(stiffness), model.mass.at(body.mass_coefficients(truth)), count, model.rigid_modes
+        model.stiffness.at(stiffness),
+        model.mass.at(body.mass_coefficients(truth)),
+        count,
+        model.rigid_modes,
     )
     elastic = slice(modes.rigid, modes.rigid + case.modes)
-    hz = modes.frequency_hz[elastic] * (1 + np.hypot(NOISE, THEORY) * random.standard_normal(case.modes))
+    hz = modes.frequency_hz[elastic] * (
+        1 + np.hypot(NOISE, THEORY) * random.standard_normal(case.modes)
+    )
     order = np.argsort(hz)
-    places = np.array([(a, b) for a in np.linspace(0.05, 0.98, 11) * L for b in (-0.019, 0.0, 0.019)])
+    places = np.array(
+        [(a, b) for a in np.linspace(0.05, 0.98, 11) * L for b in (-0.019, 0.0, 0.019)]
+    )
     at = np.column_stack([places, np.zeros(len(places))])
-    shapes = (model.observe(at, np.tile([0.0, 0, 1], (len(at), 1))) @ modes.shapes).T[elastic][order]
-    shapes = shapes + 0.01 * np.abs(shapes).max(axis=1, keepdims=True) * random.standard_normal(shapes.shape)
+    shapes = (model.observe(at, np.tile([0.0, 0, 1], (len(at), 1))) @ modes.shapes).T[elastic][
+        order
+    ]
+    shapes = shapes + 0.01 * np.abs(shapes).max(axis=1, keepdims=True) * random.standard_normal(
+        shapes.shape
+    )
     points = {n: (float(a), float(b), 0.0) for n, (a, b) in enumerate(places, start=1)}
     return Measurement(None, points, modes_at(points, hz[order], shapes, NOISE))

@@ -2,15 +2,25 @@
 
     python examples/core.py [FILE]
 
-The file must have grid points (set 15 or 2411) and accelerances on one frequency axis (set 58) of the beam below; by default
-it is that of the demonstration.
+The file must have grid points (set 15 or 2411) and accelerances on one frequency axis (set 58) of
+the beam below; by default it is that of the demonstration.
 """
 
 import sys
 
 import numpy as np
 
-from fecore import Dof, FrfSet, HoldOut, Measurement, OrthotropicMaterial, Parameter, Recipe, Specimen, update
+from fecore import (
+    Dof,
+    FrfSet,
+    HoldOut,
+    Measurement,
+    OrthotropicMaterial,
+    Parameter,
+    Recipe,
+    Specimen,
+    update,
+)
 from modalbase import read_uff
 from modalbase.formats import uff
 
@@ -34,7 +44,9 @@ beam = Specimen(
     width=0.04,
     thickness=0.010,
     boundary="cantilever",
-    material=OrthotropicMaterial(Ex=33.05e9, Ey=31.80e9, Gxy=5.73e9, Gxz=4.5e9, Gyz=4.5e9, nu_xy=0.15, density=2012.0),
+    material=OrthotropicMaterial(
+        Ex=33.05e9, Ey=31.80e9, Gxy=5.73e9, Gxz=4.5e9, Gyz=4.5e9, nu_xy=0.15, density=2012.0
+    ),
 )
 recipe = Recipe(
     parameters=(
@@ -58,14 +70,18 @@ print(file=sys.stderr)
 for row in result.parameters:
     low, high = row.interval_95
     remark = "" if row.identifiable else "  the prior, not the data"
-    print(f"{row.name:4} {row.estimate:10.4g} {row.unit:4} 95 %: {low:10.4g} to {high:10.4g}{remark}")
+    print(
+        f"{row.name:4} {row.estimate:10.4g} {row.unit:4} 95 %: {low:10.4g} to {high:10.4g}{remark}"
+    )
 for mode in result.modes:
     print(
-        f"mode {mode.number} ({mode.kind}): {mode.measured_hz:.2f} Hz, model {mode.updated_hz:.2f} Hz, MAC {mode.mac:.4f}"
+        f"mode {mode.number} ({mode.kind}): {mode.measured_hz:.2f} Hz, model {mode.updated_hz:.2f}"
+        f" Hz, MAC {mode.mac:.4f}"
     )
 held = result.correlation.held_out_frfs
 print(
-    f"held-out points {held.points}: SAC {held.agreement.sac.round(4)}, {100 * held.coverage_95:.0f} % in their intervals"
+    f"held-out points {held.points}: SAC {held.agreement.sac.round(4)},"
+    f" {100 * held.coverage_95:.0f} % in their intervals"
 )
 for warning in result.warnings:
     print("warning:", warning)

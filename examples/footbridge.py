@@ -1,11 +1,13 @@
-"""Three years of a footbridge: fills a service with made campaigns on two stringers, and asks it ten questions.
+"""Three years of a footbridge: fills a service with made campaigns on two stringers, and asks it
+ten questions.
 
     modalbase up --port 8000                 # in another terminal
     python -m examples.footbridge --url http://127.0.0.1:8000 --key KEY
 
-Nothing was measured: the stringers are those of `examples/monitoring.py`, with 9 FRFs a campaign and 1 % noise. The stiffness
-of both falls by 0.1 % a kelvin; Ex of the north one falls by 1 % a year on top. Their sensor was calibrated for a year from
-April 2023, and again in October 2024, and nobody noticed the months between. From 2025 on another hammer is used.
+Nothing was measured: the stringers are those of `examples/monitoring.py`, with 9 FRFs a campaign
+and 1 % noise. The stiffness of both falls by 0.1 % a kelvin; Ex of the north one falls by 1 % a
+year on top. Their sensor was calibrated for a year from April 2023, and again in October 2024, and
+nobody noticed the months between. From 2025 on another hammer is used.
 """
 
 import argparse
@@ -16,7 +18,15 @@ from typing import Any
 import numpy as np
 
 import modalbase
-from examples.monitoring import LINES_HZ, MONTH, SENSOR, State, grid_points, measured_frfs, structure_body
+from examples.monitoring import (
+    LINES_HZ,
+    MONTH,
+    SENSOR,
+    State,
+    grid_points,
+    measured_frfs,
+    structure_body,
+)
 
 START, MONTHS = datetime(2023, 4, 15, 10, tzinfo=UTC), 36
 LOSS = {"north stringer": 0.01, "south stringer": 0.0}
@@ -24,8 +34,18 @@ LOSS = {"north stringer": 0.01, "south stringer": 0.0}
 PER_KELVIN = 0.001
 HAMMERS = ("8206-002", "086C03")
 CALIBRATIONS = [
-    {"performed_on": "2023-04-01", "valid_until": "2024-03-31", "sensitivity": 10.2, "unit": "mV/g"},
-    {"performed_on": "2024-10-01", "valid_until": "2026-12-31", "sensitivity": 10.1, "unit": "mV/g"},
+    {
+        "performed_on": "2023-04-01",
+        "valid_until": "2024-03-31",
+        "sensitivity": 10.2,
+        "unit": "mV/g",
+    },
+    {
+        "performed_on": "2024-10-01",
+        "valid_until": "2026-12-31",
+        "sensitivity": 10.1,
+        "unit": "mV/g",
+    },
 ]
 SERIAL = "30517"
 
@@ -53,14 +73,25 @@ def degrees(when: datetime) -> float:
 def campaign_of(number: int, campaigns: int) -> tuple[dict[str, Any], datetime]:
     """What is stated of a campaign, and when it was, of so many in three years."""
     when = START + MONTH * MONTHS * number / campaigns
-    season = "winter" if when.month in (12, 1, 2) else "summer" if when.month in (6, 7, 8) else "between"
-    instruments = {"hammer": {"model": HAMMERS[when.year >= 2025]}, "sensor": {"model": "4507", "serial": SERIAL}}
-    stated = {"performed_at": when.isoformat(), "temperature_c": degrees(when), "instruments": instruments}
+    season = (
+        "winter" if when.month in (12, 1, 2) else "summer" if when.month in (6, 7, 8) else "between"
+    )
+    instruments = {
+        "hammer": {"model": HAMMERS[when.year >= 2025]},
+        "sensor": {"model": "4507", "serial": SERIAL},
+    }
+    stated = {
+        "performed_at": when.isoformat(),
+        "temperature_c": degrees(when),
+        "instruments": instruments,
+    }
     return {**stated, "tags": [season], "meta": {"client": "City of Steg"}}, when
 
 
 def fill(lab: modalbase.Laboratory, project_name: str, campaigns: int = MONTHS) -> None:
-    """Send so many campaigns of each stringer, update its model to each, and wait for the results."""
+    """Send so many campaigns of each stringer, update its model to each, and wait for the
+    results.
+    """
     project = lab.project(project_name, create=True)
     project.add_instrument("sensor", SERIAL, model="4507", calibrations=CALIBRATIONS)
     jobs = []
@@ -81,7 +112,10 @@ def fill(lab: modalbase.Laboratory, project_name: str, campaigns: int = MONTHS) 
 def _frfs(values: np.ndarray) -> modalbase.Frfs:
     points = list(grid_points())
     return modalbase.Frfs.from_arrays(
-        LINES_HZ, values, response=[(SENSOR, 3)] * len(points), reference=[(point, 3) for point in points]
+        LINES_HZ,
+        values,
+        response=[(SENSOR, 3)] * len(points),
+        reference=[(point, 3) for point in points],
     )
 
 
@@ -96,7 +130,9 @@ def ask(lab: modalbase.Laboratory, project_name: str) -> None:
 
 def main() -> None:
     """Fill a service and ask it."""
-    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     arguments.add_argument("--url")
     arguments.add_argument("--key")
     arguments.add_argument("--project", default="footbridge")

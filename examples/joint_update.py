@@ -1,4 +1,5 @@
-"""One material from two tests: the source paper's bar, clamped and hung freely, as one joint update of a running service.
+"""One material from two tests: the source paper's bar, clamped and hung freely, as one joint update
+of a running service.
 
 python -m examples.joint_update
 """
@@ -26,16 +27,23 @@ EXACT = {"thickness_sd_m": 0, "width_sd_m": 0, "density_sd_kg_m3": 0, "fibre_ang
 
 
 def paper_bar_together(lab: modalbase.Laboratory) -> dict[str, Any]:
-    """Store the two tests where they are not there yet, update them together, and give the result's document."""
+    """Store the two tests where they are not there yet, update them together, and give the result's
+    document.
+    """
     project = lab.project("one bar, two tests", create=True)
     size = {"width_m": 0.04, "thickness_m": 0.01012, "density_kg_m3": DENSITY}
     jobs = []
     tests = (("cantilever", 0.5, TABLE_3_MEASURED_HZ), ("free", FREE_LENGTH, FREE_MEASURED_HZ))
     for boundary, length, measured in tests:
-        bar = project.structure(f"bar, {boundary}", create=True, length_m=length, **size, **MATERIAL)
+        bar = project.structure(
+            f"bar, {boundary}", create=True, length_m=length, **size, **MATERIAL
+        )
         campaign = bar.campaign(boundary, create=True, boundary=boundary)
-        modes = campaign.mode_set("Table 3", create=True, modes=[{"frequency_hz": hz} for hz in measured])
-        # The same bar: both campaigns are of the specimen `bar`, though its vibrating lengths differ.
+        modes = campaign.mode_set(
+            "Table 3", create=True, modes=[{"frequency_hz": hz} for hz in measured]
+        )
+        # The same bar: both campaigns are of the specimen `bar`, though its vibrating lengths
+        # differ.
         recipe = {"mode_set": modes.id, "inputs": EXACT}
         jobs.append({"campaign_id": campaign.id, "specimen": "bar", "recipe": recipe})
     parameters = [{"name": name} for name in ("Ex", "Ey", "Gxy", "Gxz", "Gyz")]
@@ -57,7 +65,8 @@ def main() -> None:
     for part in result["campaigns"]:
         alone = part["alone"]["Ex"]
         print(
-            f"{part['name']}: alone Ex {alone['estimate'] / 1e9:.2f} GPa (z {alone['z']:+.1f}), p {part['predictive_p']:.2g}"
+            f"{part['name']}: alone Ex {alone['estimate'] / 1e9:.2f} GPa (z {alone['z']:+.1f}), p"
+            f" {part['predictive_p']:.2g}"
         )
         for own in part["own"]:
             low, high = own["interval_95"]

@@ -1,14 +1,17 @@
-"""Make the demonstration's UFF file: FRFs of the paper's cantilever as its published measurements describe it.
+"""Make the demonstration's UFF file: FRFs of the paper's cantilever as its published measurements
+describe it.
 
     python examples/make_paper_beam.py [FILE]
 
-Mondal and Chakraborty (2015) print the natural frequencies and damping ratios that they measured (Table 3) but not their
-FRFs. This script gives a body that has exactly those five modes: mode shapes come from this project's own model with the
-paper's updated constants (Table 4, t = 10.00 mm), frequencies and damping from Table 3, higher modes from the model with
-the damping of mode 5. Noise is added from a fixed seed. So the file is made, not measured.
+Mondal and Chakraborty (2015) print the natural frequencies and damping ratios that they measured
+(Table 3) but not their
+FRFs. This script gives a body that has exactly those five modes: mode shapes come from this
+project's own model with the paper's updated constants (Table 4, t = 10.00 mm), frequencies and
+damping from Table 3, higher modes from the model with the damping of mode 5. Noise is added from a
+fixed seed. So the file is made, not measured.
 
-The paper's accelerometer sat at point 23, in the middle of the width, which is a node of the model's torsion modes; here
-it sits at the tip's corner, point 33.
+The paper's accelerometer sat at point 23, in the middle of the width, which is a node of the
+model's torsion modes; here it sits at the tip's corner, point 33.
 """
 
 import sys
@@ -27,7 +30,9 @@ from modalbase.formats.uff.write import write_file
 
 MEASURED_HZ = np.array([25.61, 160.85, 399.28, 442.65, 867.96])
 MEASURED_DAMPING = np.array([15.56, 2.84, 2.43, 1.47, 1.26]) / 100
-TABLE_4 = OrthotropicMaterial(Ex=31.66e9, Ey=31.80e9, Gxy=6.30e9, Gxz=5.37e9, Gyz=5.37e9, nu_xy=0.15, density=2012.0)
+TABLE_4 = OrthotropicMaterial(
+    Ex=31.66e9, Ey=31.80e9, Gxy=6.30e9, Gxz=5.37e9, Gyz=5.37e9, nu_xy=0.15, density=2012.0
+)
 BEAM = Specimen(length=0.5, width=0.04, thickness=0.010, material=TABLE_4)
 
 ROWS, COLUMNS = 11, 3
@@ -39,7 +44,9 @@ SEED = 20150409  # the day on which the paper was accepted
 
 
 def grid_points() -> dict[int, tuple[float, float, float]]:
-    """33 points, numbered across the width row by row from the clamped end, as the paper's Figure 5 does."""
+    """33 points, numbered across the width row by row from the clamped end, as the paper's Figure 5
+    does.
+    """
     places = [
         (BEAM.length * row / ROWS, BEAM.width * (column / (COLUMNS - 1) - 0.5), BEAM.thickness / 2)
         for row in range(1, ROWS + 1)
@@ -49,7 +56,9 @@ def grid_points() -> dict[int, tuple[float, float, float]]:
 
 
 def accelerances(points: dict[int, tuple[float, float, float]]) -> np.ndarray:
-    """(33, lines) accelerance at the accelerometer for a hammer at each point, m/s² per N, without noise."""
+    """(33, lines) accelerance at the accelerometer for a hammer at each point, m/s² per N, without
+    noise.
+    """
     places = np.array(list(points.values()))[:, :2]
     parametrisation = parametrise(BEAM)
     forward = ForwardModel(BEAM, parametrisation, along_z(points), places, MODES, reduced=False)
@@ -67,7 +76,8 @@ def with_noise(values: np.ndarray) -> np.ndarray:
     """Complex Gaussian noise: a share of each value, and a share of each record's rms."""
     random = np.random.default_rng(SEED)
     part, floor = (
-        (random.standard_normal(values.shape) + 1j * random.standard_normal(values.shape)) / np.sqrt(2)
+        (random.standard_normal(values.shape) + 1j * random.standard_normal(values.shape))
+        / np.sqrt(2)
         for _ in range(2)
     )
     rms = np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True))
@@ -81,7 +91,9 @@ def make(file: Path) -> None:
     header = FileHeader(
         dataset=1,
         model_name="FRP cantilever of Mondal and Chakraborty (2015)",
-        description="synthesised from the published natural frequencies and damping ratios; not measured",
+        description=(
+            "synthesised from the published natural frequencies and damping ratios; not measured"
+        ),
         program="modalbase examples/make_paper_beam.py",
         written=datetime(2015, 4, 9).strftime("%d-%b-%y %H:%M:%S"),
     )
@@ -100,7 +112,9 @@ def make(file: Path) -> None:
         )
         for point, values in zip(points, spectra, strict=True)
     ]
-    write_file(file, [header, *(GridPoint(number, place) for number, place in points.items()), *frfs])
+    write_file(
+        file, [header, *(GridPoint(number, place) for number, place in points.items()), *frfs]
+    )
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
-"""Make the files of the tutorial: what an analyser, a hammer and a testing machine would have written of one beam.
+"""Make the files of the tutorial: what an analyser, a hammer and a testing machine would have
+written of one beam.
 
     python examples/make_tutorial.py [FOLDER]
 
-A cantilever of 500 × 40 × 10 mm with known constants and Rayleigh damping is simulated with this project's own model: FRFs
-with noise as a UFF file, time blocks of hits, one of them double, as npz, and tensile curves as CSV. Nothing is measured.
+A cantilever of 500 × 40 × 10 mm with known constants and Rayleigh damping is simulated with this
+project's own model: FRFs with noise as a UFF file, time blocks of hits, one of them double, as npz,
+and tensile curves as CSV. Nothing is measured.
 """
 
 import json
@@ -21,7 +23,9 @@ from fecore.updating.parameters import parametrise
 from modalbase.formats.uff.content import Axis, FileHeader, Frf, GridPoint
 from modalbase.formats.uff.write import write_file
 
-TRUTH = OrthotropicMaterial(Ex=30.4e9, Ey=30e9, Gxy=5.9e9, Gxz=4.8e9, Gyz=4.8e9, nu_xy=0.15, density=2012.0)
+TRUTH = OrthotropicMaterial(
+    Ex=30.4e9, Ey=30e9, Gxy=5.9e9, Gxz=4.8e9, Gyz=4.8e9, nu_xy=0.15, density=2012.0
+)
 A0, A1 = 12.0, 6e-6
 BEAM = Specimen(length=0.5, width=0.04, thickness=0.010, material=TRUTH)
 ROWS, MODES, SENSOR, SEED = 8, 14, 15, 20261122
@@ -47,7 +51,9 @@ COUPONS = {
 def grid_points() -> dict[int, tuple[float, float, float]]:
     """Two rows of eight points along the edges."""
     places = [
-        (BEAM.length * row / ROWS, BEAM.width * (side - 0.5), 0.0) for row in range(1, ROWS + 1) for side in range(2)
+        (BEAM.length * row / ROWS, BEAM.width * (side - 0.5), 0.0)
+        for row in range(1, ROWS + 1)
+        for side in range(2)
     ]
     return dict(enumerate(places, start=1))
 
@@ -57,9 +63,9 @@ def accelerances(lines_hz: np.ndarray) -> np.ndarray:
     points = grid_points()
     places = np.array(list(points.values()))[:, :2]
     parametrisation = parametrise(BEAM)
-    state = ForwardModel(BEAM, parametrisation, along_z(points), places, MODES, reduced=False).solve(
-        parametrisation.prior_mean
-    )
+    state = ForwardModel(
+        BEAM, parametrisation, along_z(points), places, MODES, reduced=False
+    ).solve(parametrisation.prior_mean)
     model = state.frf_model([Dof(SENSOR, 3)] * len(points), [Dof(point, 3) for point in points])
     values: np.ndarray = model.synthesise(lines_hz, A0 + A1 * model.omega**2)
     return values
@@ -93,7 +99,10 @@ def write_frfs(file: Path, rng: np.random.Generator) -> None:
         )
         for point, row in zip(grid_points(), spectra, strict=True)
     ]
-    write_file(file, [header, *(GridPoint(number, place) for number, place in grid_points().items()), *frfs])
+    write_file(
+        file,
+        [header, *(GridPoint(number, place) for number, place in grid_points().items()), *frfs],
+    )
 
 
 def write_hits(file: Path, rng: np.random.Generator) -> None:
@@ -113,7 +122,9 @@ def write_hits(file: Path, rng: np.random.Generator) -> None:
             points.append(point)
             numbers.append(number)
     arrays = {"force": np.float32(force), "acceleration": np.float32(response)}
-    np.savez_compressed(file, **arrays, fs=np.array(float(RATE_HZ)), point=np.array(points), hit=np.array(numbers))
+    np.savez_compressed(
+        file, **arrays, fs=np.array(float(RATE_HZ)), point=np.array(points), hit=np.array(numbers)
+    )
 
 
 def write_points(file: Path) -> None:

@@ -1,12 +1,14 @@
-"""Two years of monthly campaigns on a beam that loses stiffness, sent to a running service; when did the alarm come?
+"""Two years of monthly campaigns on a beam that loses stiffness, sent to a running service; when
+did the alarm come?
 
     modalbase up --port 8000                 # in another terminal
     python examples/monitoring.py --url http://127.0.0.1:8000 --key KEY
 
-The beam is the project's own model of a cantilever of fibre reinforced plastic; nothing was measured. Its stiffness falls
-by 0.1 % a kelvin with the season's temperature, which swings by ± 10 K. After a year it loses 0.4 % a month of Ex on top,
-and its damping rises by 2 % a month, as where a joint works loose. Clamped anew every month, it scatters by 0.3 % in stiffness
-and 3 % in damping from one campaign to the next. A campaign is 9 FRFs with 1 % noise.
+The beam is the project's own model of a cantilever of fibre reinforced plastic; nothing was
+measured. Its stiffness falls by 0.1 % a kelvin with the season's temperature, which swings by ± 10
+K. After a year it loses 0.4 % a month of Ex on top, and its damping rises by 2 % a month, as where
+a joint works loose. Clamped anew every month, it scatters by 0.3 % in stiffness and 3 % in damping
+from one campaign to the next. A campaign is 9 FRFs with 1 % noise.
 """
 
 import argparse
@@ -27,7 +29,9 @@ from fecore.frf import Dof, along_z
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
 
-NOMINAL = OrthotropicMaterial(Ex=33.0e9, Ey=31.8e9, Gxy=5.7e9, Gxz=4.5e9, Gyz=4.5e9, nu_xy=0.15, density=2012.0)
+NOMINAL = OrthotropicMaterial(
+    Ex=33.0e9, Ey=31.8e9, Gxy=5.7e9, Gxz=4.5e9, Gyz=4.5e9, nu_xy=0.15, density=2012.0
+)
 BEAM = Specimen(length=0.5, width=0.04, thickness=0.010, material=NOMINAL)
 A0, A1 = 5.0, 6.0e-6  # 1/s, s
 MONTH = timedelta(days=30.4375)
@@ -40,7 +44,9 @@ NOISE = 0.01  # of each record's rms
 
 @dataclass(frozen=True)
 class State:
-    """What the beam is like on a day: factors on the nominal Ex, on all stiffness, and on the damping."""
+    """What the beam is like on a day: factors on the nominal Ex, on all stiffness, and on the
+    damping.
+    """
 
     stiffness: float = 1.0
     climate: float = 1.0
@@ -48,7 +54,9 @@ class State:
 
 
 def grid_points() -> dict[int, tuple[float, float, float]]:
-    """Nine points in two rows, numbered from the clamped end; the sensor is at the last, a corner of the tip."""
+    """Nine points in two rows, numbered from the clamped end; the sensor is at the last, a corner
+    of the tip.
+    """
     return {
         label: (BEAM.length * row / 11, BEAM.width * (0.5 if label % 2 else -0.5), 0.0)
         for label, row in enumerate(ROWS, start=1)
@@ -67,7 +75,9 @@ def frfs(state: State) -> np.ndarray:
     points = grid_points()
     parameters = parametrise(specimen)
     places = np.array(list(points.values()))[:, :2]
-    solved = ForwardModel(specimen, parameters, along_z(points), places, 12).solve(parameters.prior_mean)
+    solved = ForwardModel(specimen, parameters, along_z(points), places, 12).solve(
+        parameters.prior_mean
+    )
     model = solved.frf_model([Dof(SENSOR, 3)] * len(points), [Dof(point, 3) for point in points])
     rate = state.damping * (A0 + A1 * model.omega**2)
     return model.synthesise(LINES_HZ, rate)
@@ -77,7 +87,9 @@ def measured_frfs(state: State, seed: int) -> np.ndarray:
     """The same with noise from a seed."""
     clean = frfs(state)
     random = np.random.default_rng(seed)
-    noise = (random.standard_normal(clean.shape) + 1j * random.standard_normal(clean.shape)) / np.sqrt(2)
+    noise = (
+        random.standard_normal(clean.shape) + 1j * random.standard_normal(clean.shape)
+    ) / np.sqrt(2)
     return clean + NOISE * np.sqrt(np.mean(np.abs(clean) ** 2, axis=1, keepdims=True)) * noise
 
 
@@ -103,12 +115,21 @@ def structure_body() -> dict[str, Any]:
     names = ("Ex", "Ey", "Gxy", "Gxz", "Gyz")
     material = {f"{name}_Pa": getattr(NOMINAL, name) for name in names} | {"nu_xy": NOMINAL.nu_xy}
     geometry = {"length_m": BEAM.length, "width_m": BEAM.width, "thickness_m": BEAM.thickness}
-    return {"name": "footbridge stringer", "geometry": geometry, "density_kg_m3": 2012.0, "material": material}
+    return {
+        "name": "footbridge stringer",
+        "geometry": geometry,
+        "density_kg_m3": 2012.0,
+        "material": material,
+    }
 
 
-def post_campaign(api: httpx.Client, structure: str, body: dict[str, Any], values: np.ndarray) -> str:
+def post_campaign(
+    api: httpx.Client, structure: str, body: dict[str, Any], values: np.ndarray
+) -> str:
     """Describe a campaign, send its points and FRFs, and say that this is all of it."""
-    campaign: str = _post(api, f"structures/{structure}/campaigns", {"boundary": "cantilever", **body})["id"]
+    campaign: str = _post(
+        api, f"structures/{structure}/campaigns", {"boundary": "cantilever", **body}
+    )["id"]
     send_measurement(api, campaign, values)
     api.post(f"campaigns/{campaign}/complete").raise_for_status()
     return campaign
@@ -116,7 +137,9 @@ def post_campaign(api: httpx.Client, structure: str, body: dict[str, Any], value
 
 def send_measurement(api: httpx.Client, campaign: str, values: np.ndarray) -> None:
     """Grid points and FRFs of a campaign."""
-    points = [{"label": label, "x_m": x, "y_m": y, "z_m": z} for label, (x, y, z) in grid_points().items()]
+    points = [
+        {"label": label, "x_m": x, "y_m": y, "z_m": z} for label, (x, y, z) in grid_points().items()
+    ]
     api.put(f"campaigns/{campaign}/grid-points", json={"items": points}).raise_for_status()
     npz = {"Content-Type": "application/x-npz"}
     api.post(f"campaigns/{campaign}/frfs", content=as_npz(values), headers=npz).raise_for_status()
@@ -138,11 +161,17 @@ def month(number: int, months: int) -> tuple[dict[str, Any], State, int]:
         climate=1 - 0.001 * kelvin,
         damping=(1 + 0.02 * worn) * (1 + 0.03 * joint),
     )
-    body = {"name": f"{when:%Y-%m}", "performed_at": when.isoformat(), "temperature_c": round(15 + kelvin, 1)}
+    body = {
+        "name": f"{when:%Y-%m}",
+        "performed_at": when.isoformat(),
+        "temperature_c": round(15 + kelvin, 1),
+    }
     return body, state, number
 
 
-def wait_until_judged(api: httpx.Client, monitor: str, campaigns: int, seconds: float = 600) -> dict[str, Any]:
+def wait_until_judged(
+    api: httpx.Client, monitor: str, campaigns: int, seconds: float = 600
+) -> dict[str, Any]:
     """The series, once so many campaigns have been judged."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -159,7 +188,9 @@ def wait_until_judged(api: httpx.Client, monitor: str, campaigns: int, seconds: 
 
 def main() -> None:
     """Send the campaigns and print what the monitor made of them."""
-    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     arguments.add_argument("--url", default="http://127.0.0.1:8000")
     arguments.add_argument("--key", required=True)
     arguments.add_argument("--months", type=int, default=24)
@@ -167,7 +198,8 @@ def main() -> None:
     headers = {"Authorization": f"Bearer {given.key}"}
     with httpx.Client(base_url=f"{given.url}/api/v1/", headers=headers, timeout=60) as api:
         name = (
-            f"footbridge, simulated {datetime.now(UTC):%Y-%m-%d %H:%M:%S}"  # its months end now: each run has a project
+            # its months end now: each run has a project
+            f"footbridge, simulated {datetime.now(UTC):%Y-%m-%d %H:%M:%S}"
         )
         project = _post(api, "projects", {"name": name})["id"]
         structure = _post(api, f"projects/{project}/structures", structure_body())["id"]
@@ -196,7 +228,8 @@ def report(series: dict[str, Any]) -> None:
             verdict = "baseline" if judged is None else f"score {judged['score']:+.1f}"
             outside = "  outside" if judged is not None and judged["outside"] else ""
             print(
-                f"  {names[point['campaign_id']]}  {point['raw']:.5g} ± {point['standard_deviation']:.1g}  {verdict}{outside}"
+                f"  {names[point['campaign_id']]}  {point['raw']:.5g} ±"
+                f" {point['standard_deviation']:.1g}  {verdict}{outside}"
             )
         if (rate := row["rate"]) is not None:
             low, high = (100 * value for value in rate["relative_interval_95"])
@@ -206,7 +239,8 @@ def report(series: dict[str, Any]) -> None:
             print(f"  the change ({change['pattern']}) began between {first} and {last}")
     for alarm in series["alarms"]:
         print(
-            f"\nALARM: {alarm['parameter']}, raised by the campaign of {names[alarm['campaign_id']]} ({alarm['state']})"
+            f"\nALARM: {alarm['parameter']}, raised by the campaign of"
+            f" {names[alarm['campaign_id']]} ({alarm['state']})"
         )
 
 

@@ -1,8 +1,10 @@
-"""The picture of the README: one accelerance of the paper's beam, measured and before and after the update.
+"""The picture of the README: one accelerance of the paper's beam, measured and before and after the
+update.
 
     python -m examples.picture [FILE.svg]
 
-The paper prints no FRFs; these are made from its updated constants and damping, with noise (`examples/paper/synthesis.py`).
+The paper prints no FRFs; these are made from its updated constants and damping, with noise
+(`examples/paper/synthesis.py`).
 """
 
 import sys
@@ -12,7 +14,12 @@ from matplotlib import rc_context
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from examples.paper.published import CANTILEVER_CONVERGED, TABLE_4_COUPONS, TABLE_4_UPDATED, cantilever
+from examples.paper.published import (
+    CANTILEVER_CONVERGED,
+    TABLE_4_COUPONS,
+    TABLE_4_UPDATED,
+    cantilever,
+)
 from examples.paper.synthesis import SENSOR, grid, rayleigh_body
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
@@ -20,7 +27,11 @@ from fecore.updating.result import Prediction
 from service.show.figures.colors import INITIAL, MEASURED, UPDATED
 
 LINES_HZ = np.arange(2.0, 1001.0, 1.0)
-CURVES = (("measured", MEASURED, "-", 0.8), ("initial", INITIAL, ":", 1.5), ("updated", UPDATED, "--", 1.5))
+CURVES = (
+    ("measured", MEASURED, "-", 0.8),
+    ("initial", INITIAL, ":", 1.5),
+    ("updated", UPDATED, "--", 1.5),
+)
 
 
 def prediction() -> Prediction:
@@ -39,7 +50,12 @@ def draw(frfs: Prediction) -> Figure:
     for name, color, dash, width in CURVES:
         magnitude = np.abs(getattr(frfs, name)[row])
         axes.semilogy(frfs.frequency_hz, magnitude, dash, color=color, label=name, linewidth=width)
-    axes.set(xlabel="frequency, Hz", ylabel="accelerance, m/s²/N", xlim=(0, LINES_HZ[-1]), ylim=(0.05, 100))
+    axes.set(
+        xlabel="frequency, Hz",
+        ylabel="accelerance, m/s²/N",
+        xlim=(0, LINES_HZ[-1]),
+        ylim=(0.05, 100),
+    )
     axes.grid(visible=True, color="#dddddd", linewidth=0.5)
     axes.legend(frameon=False, ncols=3, loc="lower right")
     return figure

@@ -12,12 +12,20 @@ from fecore.updating.plans import Plan, PlannedTest, plan_tests
 
 
 def tests_that_could_be_made() -> list[PlannedTest]:
-    """Another boundary of the bar, a strip cut across it, one at 45°, and a plate of the same laminate."""
+    """Another boundary of the bar, a strip cut across it, one at 45°, and a plate of the same
+    laminate.
+    """
     laminate = material(TABLE_4_COUPONS)
 
-    def test(name: str, size: tuple[float, float], angle: float, highest_hz: float, specimen: str) -> PlannedTest:
-        body = OrientedSpecimen(*size, 0.01012, laminate, "free", fibre_angle=float(np.radians(angle)))
-        points = tuple((x, y) for x in np.linspace(0, size[0], 11) for y in (-size[1] / 2, 0.0, size[1] / 2))
+    def test(
+        name: str, size: tuple[float, float], angle: float, highest_hz: float, specimen: str
+    ) -> PlannedTest:
+        body = OrientedSpecimen(
+            *size, 0.01012, laminate, "free", fibre_angle=float(np.radians(angle))
+        )
+        points = tuple(
+            (x, y) for x in np.linspace(0, size[0], 11) for y in (-size[1] / 2, 0.0, size[1] / 2)
+        )
         return PlannedTest(name, body, highest_hz, points, 32, specimen=specimen)
 
     return [
@@ -36,6 +44,11 @@ def plan() -> Plan:
 if __name__ == "__main__":
     found = plan()
     for each in found.forecasts:
-        shares = ", ".join(f"{name} {sd / found.known[name]:.2f}" for name, sd in each.standard_deviations.items())
-        print(f"{each.name}: {each.information:.1f} nats; standard deviations over what they are now: {shares}")
+        shares = ", ".join(
+            f"{name} {sd / found.known[name]:.2f}" for name, sd in each.standard_deviations.items()
+        )
+        print(
+            f"{each.name}: {each.information:.1f} nats; standard deviations over what they are now:"
+            f" {shares}"
+        )
         print(f"    hit points {', '.join(str(point) for point in each.points)}")

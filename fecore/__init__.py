@@ -1,4 +1,5 @@
-"""Finite element model updating of fibre reinforced plastic beams: pure numpy and scipy, usable alone in a notebook.
+"""Finite element model updating of fibre reinforced plastic beams: pure numpy and scipy, usable
+alone in a notebook.
 
 What a notebook needs is exported here; it stands in the order in which data flows::
 
@@ -21,7 +22,13 @@ if TYPE_CHECKING:
     from fecore.body.specimen import Specimen
     from fecore.body.supports import Edge, PointMass, Spring
     from fecore.correlation import csac, csf, frac, mac, sac
-    from fecore.errors import FecoreError, IdentificationError, InputError, ModelError, UpdatingError
+    from fecore.errors import (
+        FecoreError,
+        IdentificationError,
+        InputError,
+        ModelError,
+        UpdatingError,
+    )
     from fecore.frf import Dof, FrfSet
     from fecore.modal import Identification, Options, identify
     from fecore.modes import MeasuredModes
@@ -92,7 +99,9 @@ __all__ = [
 if not TYPE_CHECKING:  # a checker is to know the names above, and no others
 
     def __getattr__(name: str) -> Any:
-        """A member when it is first asked for: what needs the version alone does not wait for scipy."""
+        """A member when it is first asked for: what needs the version alone does not wait for
+        scipy.
+        """
         for module, names in _HOMES.items():
             if name in names:
                 return getattr(import_module(f"fecore.{module}"), name)

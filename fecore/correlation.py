@@ -1,8 +1,8 @@
 """How well two sets of shapes or FRFs agree, and which mode of one set is which of the other.
 
-Criteria are those of `docs/theory.md`, section 7, with Hermitian products for complex data (the paper prints plain transposes).
-Shapes come as rows, (modes, dofs); FRFs as (FRFs, lines). A criterion of vectors without any magnitude is 0/0 and
-returned as NaN, for that
+Criteria are those of `docs/theory.md`, section 7, with Hermitian products for complex data (the
+paper prints plain transposes). Shapes come as rows, (modes, dofs); FRFs as (FRFs, lines). A
+criterion of vectors without any magnitude is 0/0 and returned as NaN, for that
 entry alone: a dead channel must not hide the others.
 """
 
@@ -16,16 +16,20 @@ from numpy.typing import ArrayLike
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.errors import InputError
 
-_FREQUENCY_SCALE = 0.2  # a model's frequency is expected within some 20 % (as ln ratio) of the measured one
-_FREQUENCY_WEIGHT = 0.25  # what lying that far off costs a pair: as much as a MAC of 0.98 in place of 1.00
+# a model's frequency is expected within some 20 % (as ln ratio) of the measured one
+_FREQUENCY_SCALE = 0.2
+# what lying that far off costs a pair: as much as a MAC of 0.98 in place of 1.00
+_FREQUENCY_WEIGHT = 0.25
 _UNLIKENESS = 0.05  # 1 - MAC that noise and model error make of a true pair
 _OWN = 0.01  # of a mode's own MAC, which settles whose partner it is of modes that may mix
-_CHANCE = 0.1  # share of any shape in a span of modes, above which the dofs are too few for the span to say something
+# share of any shape in a span of modes, above which the dofs are too few for the span to say
+# something
+_CHANCE = 0.1
 
 
 def mac(a: ArrayLike, b: ArrayLike) -> FloatArray:
-    """Modal assurance criterion, MAC_jk = |a_jᴴb_k|² / (a_jᴴa_j · b_kᴴb_k) (Allemang and Brown 1982; Eq. 15 with
-    φ_nuᴴφ_nu).
+    """Modal assurance criterion, MAC_jk = |a_jᴴb_k|² / (a_jᴴa_j · b_kᴴb_k) (Allemang and Brown
+    1982; Eq. 15 with φ_nuᴴφ_nu).
 
     Args:
         a: (n, p) shapes, or (p,) one shape.
@@ -39,18 +43,23 @@ def mac(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """
     left, right = _rows("a", a), _rows("b", b)
     if left.shape[1] != right.shape[1]:
-        raise InputError("shapes", f"have {left.shape[1]} and {right.shape[1]} dofs, expected the same dofs")
+        raise InputError(
+            "shapes", f"have {left.shape[1]} and {right.shape[1]} dofs, expected the same dofs"
+        )
     left, right = _unit(left), _unit(right)
     return np.asarray(np.minimum(np.abs(left.conj() @ right.T) ** 2, 1.0))
 
 
 def auto_mac(shapes: ArrayLike) -> FloatArray:
-    """MAC of a set of shapes with itself, (n, n): large off-diagonal values are modes that the dofs do not distinguish."""
+    """MAC of a set of shapes with itself, (n, n): large off-diagonal values are modes that the dofs
+    do not distinguish.
+    """
     return mac(shapes, shapes)
 
 
 def frac(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
-    """Frequency response assurance criterion of each FRF over its lines, (N,): |H_eᴴH_n|² / (H_eᴴH_e · H_nᴴH_n).
+    """Frequency response assurance criterion of each FRF over its lines, (N,): |H_eᴴH_n|² /
+    (H_eᴴH_e · H_nᴴH_n).
 
     Args:
         measured: (N, L) FRFs.
@@ -63,18 +72,24 @@ def frac(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
 
 
 def sac(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
-    """Signature assurance criterion of each FRF, (N,): FRAC of magnitudes (Eq. 16). Arguments as `frac`."""
+    """Signature assurance criterion of each FRF, (N,): FRAC of magnitudes (Eq. 16). Arguments as
+    `frac`.
+    """
     left, right = _pair("frfs", measured, predicted)
     return _assurance(np.abs(left).astype(complex), np.abs(right).astype(complex), axis=1)
 
 
 def csac(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
-    """Cross signature assurance criterion of each line over all FRFs, (L,) (Eq. 17). Arguments as `frac`."""
+    """Cross signature assurance criterion of each line over all FRFs, (L,) (Eq. 17). Arguments as
+    `frac`.
+    """
     return _assurance(*_pair("frfs", measured, predicted), axis=0)
 
 
 def csf(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
-    """Cross signature scale factor of each line, (L,): 2|H_eᴴH_n| / (H_eᴴH_e + H_nᴴH_n) (Eq. 18); as `frac`."""
+    """Cross signature scale factor of each line, (L,): 2|H_eᴴH_n| / (H_eᴴH_e + H_nᴴH_n) (Eq. 18);
+    as `frac`.
+    """
     left, right = _pair("frfs", measured, predicted)
     cross = np.abs(np.sum(left.conj() * right, axis=0))
     return _ratio(2 * cross, np.sum(np.abs(left) ** 2 + np.abs(right) ** 2, axis=0))
@@ -98,12 +113,14 @@ def frequency_error(measured_hz: ArrayLike, predicted_hz: ArrayLike) -> FloatArr
 class Pairing:
     """Which measured mode is which model mode."""
 
-    pairs: tuple[tuple[int, int], ...]  # (measured index, model index), ascending in the measured one
-    # (n_measured, n_model) MAC matrix, or None where pairing went by frequency. That of a pair is the measured shape's
-    # with the span of all modes that may mix with its partner (`span_mac`).
+    # (measured index, model index), ascending in the measured one
+    pairs: tuple[tuple[int, int], ...]
+    # (n_measured, n_model) MAC matrix, or None where pairing went by frequency. That of a pair is
+    # the measured shape's with the span of all modes that may mix with its partner (`span_mac`).
     mac: FloatArray | None
     unpaired_measured: tuple[int, ...]  # measured modes without a partner
-    unpaired_model: tuple[int, ...]  # model modes within the measured range of frequency without a partner
+    # model modes within the measured range of frequency without a partner
+    unpaired_model: tuple[int, ...]
     # (measured, model, other model) where the other fits nearly as well, within the margin
     ambiguous: tuple[tuple[int, int, int], ...]
 
@@ -111,12 +128,15 @@ class Pairing:
         """What a user must know of modes that are unpaired or ambiguous, in words."""
         measured, model = np.asarray(measured_hz, dtype=float), np.asarray(model_hz, dtype=float)
         lines = [
-            f"measured mode {i + 1} ({measured[i]:.2f} Hz) has no partner in the model" for i in self.unpaired_measured
+            f"measured mode {i + 1} ({measured[i]:.2f} Hz) has no partner in the model"
+            for i in self.unpaired_measured
         ]
-        lines += [f"model mode {j + 1} ({model[j]:.2f} Hz) was not measured" for j in self.unpaired_model]
         lines += [
-            f"measured mode {i + 1} ({measured[i]:.2f} Hz) is paired with model mode {j + 1} ({model[j]:.2f} Hz), but"
-            f" model mode {k + 1} ({model[k]:.2f} Hz) fits nearly as well"
+            f"model mode {j + 1} ({model[j]:.2f} Hz) was not measured" for j in self.unpaired_model
+        ]
+        lines += [
+            f"measured mode {i + 1} ({measured[i]:.2f} Hz) is paired with model mode {j + 1}"
+            f" ({model[j]:.2f} Hz), but model mode {k + 1} ({model[k]:.2f} Hz) fits nearly as well"
             for i, j, k in self.ambiguous
         ]
         return tuple(lines)
@@ -137,10 +157,11 @@ def pair_modes(
 ) -> Pairing:
     """Pair measured with model modes as one assignment problem, never one by one.
 
-    Maximises the sum over pairs of MAC less a small penalty for the distance in frequency, (ln f_n/f_e)², which
-    settles which of two model modes is meant when sparse points make them look alike (spatial aliasing). Pairs below
-    `minimum_mac` or further apart than `maximum_frequency_ratio` are not made. Without shapes the order and distance in
-    frequency decide.
+    Maximises the sum over pairs of MAC less a small penalty for the distance in frequency, (ln
+    f_n/f_e)², which settles which of two model modes is meant when sparse points make them look
+    alike (spatial aliasing). Pairs below `minimum_mac` or further apart than
+    `maximum_frequency_ratio` are not made. Without shapes the order and distance in frequency
+    decide.
 
     Args:
         measured_shapes: (n, p) shapes, or None.
@@ -148,12 +169,13 @@ def pair_modes(
         measured_hz: (n,) measured frequencies.
         model_hz: (m,) model frequencies.
         minimum_mac: least MAC of a pair.
-        margin: a pair is ambiguous when another model mode within a factor 1.5 in frequency of the measured one comes
-            within this much MAC (without shapes: when another is nearly as near in frequency).
+        margin: a pair is ambiguous when another model mode within a factor 1.5 in frequency of the
+            measured one comes within this much MAC (without shapes: when another is nearly as near
+            in frequency).
         maximum_frequency_ratio: furthest ratio of frequencies of a pair.
         hidden: numbers of model modes that no sensor of this test can see: in-plane ones.
-        mixing: relative distance of model modes within which the model's error may mix their shapes: a measured one is then
-            compared with their span.
+        mixing: relative distance of model modes within which the model's error may mix their
+            shapes: a measured one is then compared with their span.
         highest_hz: up to where modes were looked for: those of the model beyond are not missed.
 
     Raises:
@@ -162,7 +184,8 @@ def pair_modes(
     measured, model = np.asarray(measured_hz, dtype=float), np.asarray(model_hz, dtype=float)
     if measured.ndim != 1 or model.ndim != 1 or not measured.size or not model.size:
         raise InputError(
-            "measured_hz", f"and model_hz have shapes {measured.shape} and {model.shape}, expected two lists"
+            "measured_hz",
+            f"and model_hz have shapes {measured.shape} and {model.shape}, expected two lists",
         )
     if np.any(measured <= 0) or not np.all(np.isfinite(measured)) or not np.all(np.isfinite(model)):
         raise InputError("measured_hz", "must be positive and finite, model_hz finite")
@@ -172,7 +195,8 @@ def pair_modes(
         matrix = mac(measured_shapes, model_shapes)
         if matrix.shape != distance.shape:
             raise InputError(
-                "measured_shapes", f"and model_shapes give {matrix.shape} pairs, frequencies {distance.shape}"
+                "measured_shapes",
+                f"and model_shapes give {matrix.shape} pairs, frequencies {distance.shape}",
             )
         likeness = span_mac(matrix, measured_shapes, model_shapes, model, mixing, hidden)
     allowed = distance <= np.log(maximum_frequency_ratio)
@@ -189,9 +213,14 @@ def pair_modes(
     if matrix is not None:
         for pair in pairs:
             matrix[pair] = likeness[pair]
-    ambiguous = _ambiguous(pairs, score if matrix is None else np.nan_to_num(matrix), distance, margin)
+    ambiguous = _ambiguous(
+        pairs, score if matrix is None else np.nan_to_num(matrix), distance, margin
+    )
     taken = {j for _, j in pairs} | set(hidden)
-    low, high = measured.min() * (1 - _FREQUENCY_SCALE), min(measured.max() * (1 + _FREQUENCY_SCALE), highest_hz)
+    low, high = (
+        measured.min() * (1 - _FREQUENCY_SCALE),
+        min(measured.max() * (1 + _FREQUENCY_SCALE), highest_hz),
+    )
     return Pairing(
         pairs,
         matrix,
@@ -209,9 +238,11 @@ def span_mac(
     mixing: float,
     hidden: Sequence[int] = (),
 ) -> FloatArray:
-    """(n, m) share of each measured shape in the span of each model mode and those that may mix with it; else the MAC.
+    """(n, m) share of each measured shape in the span of each model mode and those that may mix
+    with it; else the MAC.
 
-    Two modes of nearly one frequency have any shapes of their span where the structure is not quite the model.
+    Two modes of nearly one frequency have any shapes of their span where the structure is not quite
+    the model.
 
     Args:
         matrix: (n, m) MAC; NaN counts as 0.
@@ -226,7 +257,9 @@ def span_mac(
         return likeness
     measured, model = _rows("measured_shapes", measured_shapes), _rows("model_shapes", model_shapes)
     size = np.linalg.norm(measured, axis=1)
-    close = np.abs(np.log(np.maximum(model_hz, 1e-9) / np.maximum(model_hz, 1e-9)[:, None])) < mixing
+    close = (
+        np.abs(np.log(np.maximum(model_hz, 1e-9) / np.maximum(model_hz, 1e-9)[:, None])) < mixing
+    )
     close[:, list(hidden)] = False
     for j in np.flatnonzero(close.sum(axis=1) > 1).tolist():
         group = np.flatnonzero(close[j])
@@ -241,7 +274,8 @@ def most_alike(coefficients: FloatArray) -> IntArray:
     """Which of m modes each of n others is most like, all together, by what it has of them.
 
     Args:
-        coefficients: (n, m) amplitudes of the n modes in the m, or cosines between their shapes; m is at least n.
+        coefficients: (n, m) amplitudes of the n modes in the m, or cosines between their shapes; m
+            is at least n.
 
     Returns:
         (n,) numbers among the m, each once at most.
@@ -250,14 +284,19 @@ def most_alike(coefficients: FloatArray) -> IntArray:
 
 
 def _assign(score: FloatArray, allowed: np.ndarray) -> tuple[tuple[int, int], ...]:
-    """Pairs of the largest total score; a mode may stay alone, which scores nothing but beats a forbidden pair."""
+    """Pairs of the largest total score; a mode may stay alone, which scores nothing but beats a
+    forbidden pair.
+    """
     n, m = score.shape
-    little = 1e-6 * np.exp(np.minimum(score, 0.0))  # an allowed pair is better than leaving both alone, the likest most
+    # an allowed pair is better than leaving both alone, the likest most
+    little = 1e-6 * np.exp(np.minimum(score, 0.0))
     benefit = np.where(allowed, np.maximum(score, little), -1.0)
     padded = np.zeros((n, m + n))
     padded[:, :m] = benefit
     rows, partners = scipy.optimize.linear_sum_assignment(padded, maximize=True)
-    return tuple((int(i), int(j)) for i, j in zip(rows, partners, strict=True) if j < m and allowed[i, j])
+    return tuple(
+        (int(i), int(j)) for i, j in zip(rows, partners, strict=True) if j < m and allowed[i, j]
+    )
 
 
 def _ambiguous(
@@ -290,7 +329,9 @@ def _pair(name: str, a: ArrayLike, b: ArrayLike) -> tuple[ComplexArray, ComplexA
 
 
 def _unit(rows: ComplexArray) -> ComplexArray:
-    """Rows at unit length (scaled by their largest entry first, so that nothing overflows); NaN for zero rows."""
+    """Rows at unit length (scaled by their largest entry first, so that nothing overflows); NaN for
+    zero rows.
+    """
     largest = np.max(np.abs(rows), axis=1, keepdims=True, initial=0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         scaled = rows / largest
@@ -299,7 +340,9 @@ def _unit(rows: ComplexArray) -> ComplexArray:
 
 def _assurance(left: ComplexArray, right: ComplexArray, axis: int) -> FloatArray:
     cross = np.abs(np.sum(left.conj() * right, axis=axis)) ** 2
-    return _ratio(cross, np.sum(np.abs(left) ** 2, axis=axis) * np.sum(np.abs(right) ** 2, axis=axis))
+    return _ratio(
+        cross, np.sum(np.abs(left) ** 2, axis=axis) * np.sum(np.abs(right) ** 2, axis=axis)
+    )
 
 
 def _ratio(top: FloatArray, bottom: FloatArray) -> FloatArray:

@@ -37,7 +37,9 @@ class InputError(FecoreError):
 
 @contextmanager
 def within(part: str) -> Iterator[None]:
-    """Within the block, a faulty field is named as one of a part: `highest_hz` is `tests.1.highest_hz` within `tests.1`."""
+    """Within the block, a faulty field is named as one of a part: `highest_hz` is
+    `tests.1.highest_hz` within `tests.1`.
+    """
     try:
         yield
     except InputError as error:
@@ -65,7 +67,9 @@ class ModelError(FecoreError):
 
 
 class IdentificationError(FecoreError):
-    """The measured data do not support an identification; the message says what was seen and what to try."""
+    """The measured data do not support an identification; the message says what was seen and what
+    to try.
+    """
 
 
 class UpdatingError(FecoreError):
@@ -87,6 +91,8 @@ class UpdatingError(FecoreError):
         """What a failed job keeps: the best iterate and the misfit's history."""
         return {"best": self.best, "history": list(self.history)}
 
-    def __reduce__(self) -> tuple[type["UpdatingError"], tuple[str, dict[str, float], tuple[float, ...]]]:
+    def __reduce__(
+        self,
+    ) -> tuple[type["UpdatingError"], tuple[str, dict[str, float], tuple[float, ...]]]:
         """Survive pickling, as `InputError`."""
         return type(self), (self.message, self.best, self.history)

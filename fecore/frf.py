@@ -1,8 +1,8 @@
 """Frequency response functions: what they are measured between, and sets of them.
 
-A frequency response function (FRF) is the ratio of a response at one degree of freedom to a force at another,
-H(ω) = X(ω)/F(ω). Where X is an acceleration it is an accelerance, a velocity a mobility, a displacement a receptance:
-accelerance = iω·mobility = -ω²·receptance.
+A frequency response function (FRF) is the ratio of a response at one degree of freedom to a force
+at another, H(ω) = X(ω)/F(ω). Where X is an acceleration it is an accelerance, a velocity a
+mobility, a displacement a receptance: accelerance = iω·mobility = -ω²·receptance.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ MAINS_HZ = (50.0, 60.0)
 """Frequencies of the public supplies, at whose multiples cables hum, Hz."""
 
 SMALLEST, LARGEST = 1e-70, 1e70
-"""Of the largest value of an FRF: what lies between can be squared twice in double precision; nothing beyond is measured."""
+"""Of the largest value of an FRF: what lies between can be squared twice in double precision;
+nothing beyond is measured.
+"""
 
 POWER_OF_I_OMEGA: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 """Power of iω that turns a receptance into each quantity."""
@@ -35,13 +37,18 @@ def convert(omega: FloatArray, quantity: Quantity) -> ComplexArray:
 
 
 def size_fault(values: ComplexArray) -> str | None:
-    """Why values are too large or too small to be computed with, in words; None where they are not, or all are zero."""
+    """Why values are too large or too small to be computed with, in words; None where they are not,
+    or all are zero.
+    """
     largest = max(
         float(np.abs(part).max(initial=0.0)) for part in (values.real, values.imag)
     )  # |1e308 + 1e308i| overflows
     if largest == 0 or SMALLEST <= largest <= LARGEST:
         return None
-    return f"reaches {largest:.3g}, expected its largest between {SMALLEST:g} and {LARGEST:g}; check unit and scale"
+    return (
+        f"reaches {largest:.3g}, expected its largest between {SMALLEST:g} and {LARGEST:g}; check"
+        " unit and scale"
+    )
 
 
 @dataclass(frozen=True, order=True)
@@ -49,7 +56,8 @@ class Dof:
     """A measurement point and a signed direction there."""
 
     point: int  # label of the grid point
-    direction: int  # 1, 2, 3 for +x, +y, +z, 4, 5, 6 for rotations about them; negative for the opposite sense
+    # 1, 2, 3 for +x, +y, +z, 4, 5, 6 for rotations about them; negative for the opposite sense
+    direction: int
 
     def __post_init__(self) -> None:
         if not 1 <= abs(self.direction) <= 6:
@@ -90,30 +98,45 @@ class FrfSet:
             object.__setattr__(self, "measured", np.ones(self.values.shape, dtype=bool))
         lines, count = self.frequency_hz.size, len(self.responses)
         if self.frequency_hz.ndim != 1 or lines == 0:
-            raise InputError("frequency_hz", f"has shape {self.frequency_hz.shape}, expected one axis of lines")
+            raise InputError(
+                "frequency_hz", f"has shape {self.frequency_hz.shape}, expected one axis of lines"
+            )
         if np.any(np.diff(self.frequency_hz) <= 0) or self.frequency_hz[0] < 0:
             raise InputError("frequency_hz", "must be non-negative and strictly increasing")
         if self.values.shape != (count, lines):
-            raise InputError("values", f"has shape {self.values.shape}, expected ({count}, {lines})")
+            raise InputError(
+                "values", f"has shape {self.values.shape}, expected ({count}, {lines})"
+            )
         if len(self.references) != count:
             raise InputError("references", f"has {len(self.references)} entries, expected {count}")
         if self.quantity not in get_args(Quantity):
-            raise InputError("quantity", f"is {self.quantity!r}, expected one of {', '.join(get_args(Quantity))}")
+            raise InputError(
+                "quantity", f"is {self.quantity!r}, expected one of {', '.join(get_args(Quantity))}"
+            )
         if not np.all(np.isfinite(self.values)):
             raise InputError("values", "holds NaN or infinite ordinates")
         if (reason := size_fault(self.values)) is not None:
             row = next(i for i, values in enumerate(self.values) if size_fault(values) is not None)
-            between = f"response point {self.responses[row].point}, reference point {self.references[row].point}"
+            between = (
+                f"response point {self.responses[row].point}, reference point"
+                f" {self.references[row].point}"
+            )
             raise InputError("values", f"{reason} (FRF {row + 1}, {between})")
         if self.variance is not None and self.variance.shape != self.values.shape:
-            raise InputError("variance", f"has shape {self.variance.shape}, expected {self.values.shape}")
+            raise InputError(
+                "variance", f"has shape {self.variance.shape}, expected {self.values.shape}"
+            )
         if self.measured.shape != self.values.shape:
-            raise InputError("measured", f"has shape {self.measured.shape}, expected {self.values.shape}")
+            raise InputError(
+                "measured", f"has shape {self.measured.shape}, expected {self.values.shape}"
+            )
 
     @property
     def points(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """Labels of the N response points and of the N force points."""
-        return tuple(dof.point for dof in self.responses), tuple(dof.point for dof in self.references)
+        return tuple(dof.point for dof in self.responses), tuple(
+            dof.point for dof in self.references
+        )
 
     @property
     def omega(self) -> FloatArray:

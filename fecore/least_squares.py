@@ -1,18 +1,22 @@
-"""Levenberg and Marquardt's method for sums of squares: the minimiser of every fit of the core that is to come to rest.
+"""Levenberg and Marquardt's method for sums of squares: the minimiser of every fit of the core that
+is to come to rest.
 
-Poles are refined elsewhere (`modal.refinement`): there a few steps are enough, each is bounded by the width of its
-pole, and directions that the data do not know are left out of it.
+Poles are refined elsewhere (`modal.refinement`): there a few steps are enough, each is bounded by
+the width of its pole, and directions that the data do not know are left out of it.
 
-At a point x the misfit E is modelled by its descent g = -∂E/∂x and a positive semidefinite H ≈ ∂²E/∂x² (Gauss and Newton's),
+At a point x the misfit E is modelled by its descent g = -∂E/∂x and a positive semidefinite H ≈
+∂²E/∂x² (Gauss and Newton's),
 
     E(x + s) ≈ E(x) - gᵀs + sᵀHs/2,        (H + μ diag H) s = g,
 
-and the damping μ follows the ratio of the decrease to the one that this model foretells, by Nielsen's rule (IMM-REP-1999-05): a
-rule that multiplies μ by fixed factors makes every other step fail where the misfit is curved. The parameters are scaled by
-√diag H, so their units do not matter (Moré, Lecture Notes in Mathematics 630, 1978).
+and the damping μ follows the ratio of the decrease to the one that this model foretells, by
+Nielsen's rule (IMM-REP-1999-05): a rule that multiplies μ by fixed factors makes every other step
+fail where the misfit is curved. The parameters are scaled by √diag H, so their units do not matter
+(Moré, Lecture Notes in Mathematics 630, 1978).
 
-A point is an object of the caller's, which knows its own misfit: what it holds besides, and how a step moves it, is not the
-method's business. So bounds, logarithms and parameters on a manifold are all in `move`.
+A point is an object of the caller's, which knows its own misfit: what it holds besides, and how a
+step moves it, is not the method's business. So bounds, logarithms and parameters on a manifold are
+all in `move`.
 """
 
 from collections.abc import Callable
@@ -56,8 +60,8 @@ Outcome = Literal["converged", "stuck", "exhausted", "singular"]
 class Stopping:
     """When a minimum is reached, and when the search is given up."""
 
-    # relative, absolute: an undamped step that could gain no more than relative · E + absolute has converged. A damped
-    # one is short, so what it gains says nothing.
+    # relative, absolute: an undamped step that could gain no more than relative · E + absolute has
+    # converged. A damped one is short, so what it gains says nothing.
     relative: float = 1e-10
     absolute: float = 0.0
     # relative decrease of E that counts as none; `stalled_steps` of them running have converged too
@@ -71,8 +75,8 @@ class Minimum(Generic[P]):
     """Where a search ended."""
 
     point: P  # the best point
-    # `converged`; `stuck` where no step along the descent lowers E; `exhausted` after the most steps; `singular` where
-    # a direction does not change E at all, so the minimum is no point
+    # `converged`; `stuck` where no step along the descent lowers E; `exhausted` after the most
+    # steps; `singular` where a direction does not change E at all, so the minimum is no point
     outcome: Outcome
 
 
@@ -86,10 +90,11 @@ def minimise(
 
     Args:
         first: where to start.
-        move: the point that a step of shape (p,) leads to, or None where there is none: out of bounds, not computable.
+        move: the point that a step of shape (p,) leads to, or None where there is none: out of
+            bounds, not computable.
         stopping: when to stop; the defaults suit a misfit that is smooth to round-off.
-        visit: called before each trial step with its number and the point it starts from, for progress and histories; an
-            exception from it ends the search.
+        visit: called before each trial step with its number and the point it starts from, for
+            progress and histories; an exception from it ends the search.
     """
     stopping = stopping or Stopping()
     point, damping, growth, stalled = first, _FIRST_DAMPING, 2.0, 0
@@ -100,7 +105,10 @@ def minimise(
             return Minimum(point, "singular")
         size, curvature, axes = principal
         along = axes.T @ (point.descent / size)
-        if float(along @ (along / curvature)) / 2 <= stopping.relative * point.cost + stopping.absolute:
+        if (
+            float(along @ (along / curvature)) / 2
+            <= stopping.relative * point.cost + stopping.absolute
+        ):
             outcome = "converged"
             break
         step = axes @ (along / (curvature + damping)) / size
@@ -123,7 +131,8 @@ def minimise(
 
 
 def _principal(point: Iterate) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """√diag H, and the principal curvatures and axes of H scaled by it; None where a parameter does not change E at all.
+    """√diag H, and the principal curvatures and axes of H scaled by it; None where a parameter does
+    not change E at all.
 
     Curvatures are at least what round-off gives: a step along a flat direction stays finite.
     """
@@ -142,7 +151,9 @@ def unit_columns(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def nearest(rows: FloatArray, target: FloatArray) -> FloatArray:
-    """(p,) coefficients a with the least |rows a - target|², whatever their units; 0 where a column is zero."""
+    """(p,) coefficients a with the least |rows a - target|², whatever their units; 0 where a column
+    is zero.
+    """
     unit, length = unit_columns(rows)
     coefficients: FloatArray = np.linalg.lstsq(unit, target, rcond=None)[0] / length
     return coefficients

@@ -1,4 +1,6 @@
-"""Measured modes: natural frequencies, damping ratios and shapes with their uncertainty, however they were found."""
+"""Measured modes: natural frequencies, damping ratios and shapes with their uncertainty, however
+they were found.
+"""
 
 from dataclasses import dataclass
 
@@ -15,10 +17,14 @@ class MeasuredModes:
 
     frequency_hz: FloatArray  # (n,) undamped natural frequencies ω_k/2π, Hz
     damping_ratio: FloatArray  # (n,) viscous damping ratios ζ_k; NaN where not known
-    shapes: ComplexArray | None = None  # (n, p) complex shapes at `dofs`, or None where only frequencies are known
-    dofs: tuple[Dof, ...] = ()  # the p measurement degrees of freedom of the shapes (signed directions)
-    covariance: FloatArray | None = None  # (2n, 2n) covariance of (f₁ … f_n in Hz, ζ₁ … ζ_n), or None where not known
-    probability: FloatArray | None = None  # (n,) that each is a mode of the structure, or None where somebody says so
+    # (n, p) complex shapes at `dofs`, or None where only frequencies are known
+    shapes: ComplexArray | None = None
+    # the p measurement degrees of freedom of the shapes (signed directions)
+    dofs: tuple[Dof, ...] = ()
+    # (2n, 2n) covariance of (f₁ … f_n in Hz, ζ₁ … ζ_n), or None where not known
+    covariance: FloatArray | None = None
+    # (n,) that each is a mode of the structure, or None where somebody says so
+    probability: FloatArray | None = None
     highest_hz: float = np.inf  # up to where modes were looked for: the last line of the FRFs, Hz
 
     def __post_init__(self) -> None:
@@ -30,13 +36,21 @@ class MeasuredModes:
         if np.any(np.diff(self.frequency_hz) < 0):
             raise InputError("frequency_hz", "must ascend")
         if self.damping_ratio.shape != (n,):
-            raise InputError("damping_ratio", f"has shape {self.damping_ratio.shape}, expected ({n},)")
+            raise InputError(
+                "damping_ratio", f"has shape {self.damping_ratio.shape}, expected ({n},)"
+            )
         if np.any(self.damping_ratio < 0) or np.any(self.damping_ratio >= 1):
-            raise InputError("damping_ratio", "must be at least 0 and below 1 (a ratio, not per cent)")
+            raise InputError(
+                "damping_ratio", "must be at least 0 and below 1 (a ratio, not per cent)"
+            )
         if self.shapes is not None and self.shapes.shape != (n, len(self.dofs)):
-            raise InputError("shapes", f"has shape {self.shapes.shape}, expected ({n}, {len(self.dofs)})")
+            raise InputError(
+                "shapes", f"has shape {self.shapes.shape}, expected ({n}, {len(self.dofs)})"
+            )
         if self.covariance is not None and self.covariance.shape != (2 * n, 2 * n):
-            raise InputError("covariance", f"has shape {self.covariance.shape}, expected ({2 * n}, {2 * n})")
+            raise InputError(
+                "covariance", f"has shape {self.covariance.shape}, expected ({2 * n}, {2 * n})"
+            )
         p = self.probability
         if p is not None and (p.shape != (n,) or not np.all((p >= 0) & (p <= 1))):
             raise InputError("probability", "must be a number from 0 to 1 for each mode")

@@ -1,1 +1,3 @@
-"""Database migrations (Alembic), shipped with the distribution so that `modalbase db upgrade` needs nothing else."""
+"""Database migrations (Alembic), shipped with the distribution so that `modalbase db upgrade` needs
+nothing else.
+"""

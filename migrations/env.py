@@ -1,5 +1,5 @@
-"""Alembic's entry: runs on the connection that `service.db.schema` hands over, or, for a developer's
-`alembic revision --autogenerate`, on the database of `MODALBASE_DATABASE_URL`.
+"""Alembic's entry: runs on the connection that `service.db.schema` hands over, or, for a
+developer's `alembic revision --autogenerate`, on the database of `MODALBASE_DATABASE_URL`.
 """
 
 from alembic import context

@@ -1,7 +1,8 @@
-"""The schema of the queue's engine, Procrastinate, pinned: applied by version, from the scripts that the library brings.
+"""The schema of the queue's engine, Procrastinate, pinned: applied by version, from the scripts
+that the library brings.
 
-A script is named `03.04.00_01_pre_....sql`: the version that needs it, and its place within. A revision of ours that raises
-`PINNED` applies the scripts in between.
+A script is named `03.04.00_01_pre_....sql`: the version that needs it, and its place within. A
+revision of ours that raises `PINNED` applies the scripts in between.
 """
 
 from __future__ import annotations
@@ -29,19 +30,25 @@ def apply(connection: Connection, upto: str, after: str = "") -> None:
 
 
 def mismatch() -> str | None:
-    """Why the installed library cannot work with what the migrations make, and which command mends it; None where it can."""
+    """Why the installed library cannot work with what the migrations make, and which command mends
+    it; None where it can.
+    """
     needed = max(map(_version, _scripts()))
     if needed == PINNED:
         return None
-    bound = ("<" if needed > PINNED else ">=") + ".".join(str(int(part)) for part in max(needed, PINNED).split("."))
+    bound = ("<" if needed > PINNED else ">=") + ".".join(
+        str(int(part)) for part in max(needed, PINNED).split(".")
+    )
     return (
-        f"procrastinate {version('procrastinate')} is installed, which works with its schema {needed}, and this version "
-        f"makes {PINNED}; run `pip install 'procrastinate{bound}'`"
+        f"procrastinate {version('procrastinate')} is installed, which works with its schema"
+        f" {needed}, and this version makes {PINNED}; run `pip install 'procrastinate{bound}'`"
     )
 
 
 def _scripts() -> list[Path]:
-    """The library's scripts; found without loading it, as every command asks for them when it starts."""
+    """The library's scripts; found without loading it, as every command asks for them when it
+    starts.
+    """
     library = find_spec("procrastinate")
     if library is None or library.origin is None:
         raise ModuleNotFoundError("procrastinate")

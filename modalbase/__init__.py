@@ -1,8 +1,10 @@
-"""What a user of modalbase imports: a laboratory's service as objects, and readers and writers of measurement files.
+"""What a user of modalbase imports: a laboratory's service as objects, and readers and writers of
+measurement files.
 
-No database and no server is needed for it. `modalbase.connect()` gives the service's projects, structures, campaigns and
-jobs; `modalbase.read_uff(path)` yields what is in a Universal File Format file. `modalbase.formats` has all the formats,
-`modalbase.client` the connection and the commands below.
+No database and no server is needed for it. `modalbase.connect()` gives the service's projects,
+structures, campaigns and jobs; `modalbase.read_uff(path)` yields what is in a Universal File Format
+file. `modalbase.formats` has all the formats, `modalbase.client` the connection and the commands
+below.
 """
 
 from __future__ import annotations
@@ -52,7 +54,9 @@ _HOMES = {
 if not TYPE_CHECKING:  # a checker is to know the names above, and no others
 
     def __getattr__(name: str) -> Any:
-        """A member when it is first asked for, so that neither the command nor a script waits for what it does not use."""
+        """A member when it is first asked for, so that neither the command nor a script waits for
+        what it does not use.
+        """
         if name == "__version__":
             return import_module("importlib.metadata").version("modalbase")
         if name in _HOMES:

@@ -2,5 +2,6 @@
 
 from importlib import import_module
 
-# By name, for nothing of this package may need the service: the command itself does without it until it runs one.
+# By name, for nothing of this package may need the service: the command itself does without it
+# until it runs one.
 import_module("service.app.cli").main()

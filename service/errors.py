@@ -47,7 +47,9 @@ class NotFound(ServiceError):
 
 @contextmanager
 def not_found_as(what: str, key: object) -> Iterator[None]:
-    """Within the block, whatever is not found is reported as this thing: the caller may not learn what it belongs to."""
+    """Within the block, whatever is not found is reported as this thing: the caller may not learn
+    what it belongs to.
+    """
     try:
         yield
     except NotFound:
@@ -67,12 +69,14 @@ class Conflict(ServiceError):
 
 
 class NotFinite(ServiceError):
-    """A document that would be stored has NaN or Infinity, which neither JSON nor PostgreSQL can hold."""
+    """A document that would be stored has NaN or Infinity, which neither JSON nor PostgreSQL can
+    hold.
+    """
 
     def __init__(self, places: Sequence[str]) -> None:
         super().__init__(
-            f"the result has no finite number at {', '.join(places)}; the data and what is stated of them leave it open: look "
-            "for a standard deviation or a band that is far too wide"
+            f"the result has no finite number at {', '.join(places)}; the data and what is stated"
+            " of them leave it open: look for a standard deviation or a band that is far too wide"
         )
 
 
@@ -81,8 +85,8 @@ class Fault:
     """One wrong value.
 
     Attributes:
-        pointer: JSON pointer (RFC 6901) into the body, such as `/geometry/length_m`; the name of a query parameter or
-            header where it is not in the body.
+        pointer: JSON pointer (RFC 6901) into the body, such as `/geometry/length_m`; the name of a
+            query parameter or header where it is not in the body.
         detail: what was found and what was expected.
     """
 
@@ -97,7 +101,8 @@ def _escape(token: object) -> str:
 
 
 def pointer(steps: Iterable[object]) -> str:
-    """The JSON pointer (RFC 6901) of a place: a `/` in a step is written `~1`, a `~` is written `~0`.
+    """The JSON pointer (RFC 6901) of a place: a `/` in a step is written `~1`, a `~` is written
+    `~0`.
 
     >>> pointer(["jobs", 3, "a/b"])
     '/jobs/3/a~1b'
@@ -106,19 +111,28 @@ def pointer(steps: Iterable[object]) -> str:
 
 
 class Invalid(ServiceError):
-    """The input is wrong. `Invalid("/geometry/length_m", "is 0, expected more")`, or a list of faults.
+    """The input is wrong. `Invalid("/geometry/length_m", "is 0, expected more")`, or a list of
+    faults.
 
     Attributes:
         faults: the first `MOST_FAULTS` of them.
         count: how many there are.
     """
 
-    def __init__(self, pointer: str | Sequence[Fault], detail: str = "", *, count: int | None = None) -> None:
+    def __init__(
+        self, pointer: str | Sequence[Fault], detail: str = "", *, count: int | None = None
+    ) -> None:
         faults = [Fault(pointer, detail)] if isinstance(pointer, str) else pointer
         self.faults = list(faults[:MOST_FAULTS])
         self.count = len(faults) if count is None else count
-        more = f"; and {self.count - len(self.faults)} more faults" if self.count > len(self.faults) else ""
-        super().__init__("; ".join(f"{f.pointer or 'body'}: {f.detail}" for f in self.faults) + more)
+        more = (
+            f"; and {self.count - len(self.faults)} more faults"
+            if self.count > len(self.faults)
+            else ""
+        )
+        super().__init__(
+            "; ".join(f"{f.pointer or 'body'}: {f.detail}" for f in self.faults) + more
+        )
 
     def __reduce__(self) -> tuple[Callable[..., Invalid], tuple[list[Fault], int]]:
         """Survive pickling."""
@@ -126,7 +140,9 @@ class Invalid(ServiceError):
 
 
 class Unusual(Invalid):
-    """Numbers of the input are probably in another unit than the contract's; whoever means them confirms them."""
+    """Numbers of the input are probably in another unit than the contract's; whoever means them
+    confirms them.
+    """
 
 
 def _invalid(faults: list[Fault], count: int) -> Invalid:
@@ -142,8 +158,9 @@ class QuotaExceeded(PayloadTooLarge):
 
     def __init__(self, used: int, allowed: int, size: int) -> None:
         super().__init__(
-            f"the project stores {used} of the {allowed} bytes that it may, and this needs {size} more; purge what nobody "
-            "needs, or have the operator raise MODALBASE_PROJECT_QUOTA_BYTES"
+            f"the project stores {used} of the {allowed} bytes that it may, and this needs {size}"
+            " more; purge what nobody needs, or have the operator raise"
+            " MODALBASE_PROJECT_QUOTA_BYTES"
         )
         self.used, self.allowed, self.size = used, allowed, size
 
@@ -196,7 +213,9 @@ class Damaged(ServiceError):
     """Stored bytes do not have the SHA-256 that was recorded with them."""
 
     def __init__(self, what: str, sha256: bytes) -> None:
-        super().__init__(f"the stored {what} {sha256.hex()} fails its checksum; restore it from a backup")
+        super().__init__(
+            f"the stored {what} {sha256.hex()} fails its checksum; restore it from a backup"
+        )
         self.what, self.sha256 = what, sha256
 
     def __reduce__(self) -> tuple[type[Damaged], tuple[str, bytes]]:

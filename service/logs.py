@@ -1,5 +1,5 @@
-"""Logging: every line, ours or a library's, leaves through structlog on stderr with its request's or job's id. The id of the
-request in hand is also in every problem and audit event.
+"""Logging: every line, ours or a library's, leaves through structlog on stderr with its request's
+or job's id. The id of the request in hand is also in every problem and audit event.
 """
 
 from __future__ import annotations
@@ -41,7 +41,9 @@ def configure_logs(settings: Settings) -> None:
     )
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(
-        structlog.stdlib.ProcessorFormatter(foreign_pre_chain=shared, processors=_writers(settings.log_format))
+        structlog.stdlib.ProcessorFormatter(
+            foreign_pre_chain=shared, processors=_writers(settings.log_format)
+        )
     )
     logging.captureWarnings(capture=True)  # a glyph that a print lacks, say: a line as any other
     root = logging.getLogger()

@@ -38,7 +38,9 @@ pytest_plugins = ["tests.support.laboratory", "tests.support.wheel", "tests.supp
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """What is collected lives to the end: to look through it for garbage, again and again, takes a second of each process."""
+    """What is collected lives to the end: to look through it for garbage, again and again, takes a
+    second of each process.
+    """
     gc.disable()
     try:
         return (yield)
@@ -58,7 +60,11 @@ def _admin(server: str, statement: str) -> None:
 
 def _is_there(server: str, database: str) -> bool:
     with psycopg.connect(_on(server, "postgres")) as connection:
-        return bool(connection.execute("SELECT 1 FROM pg_database WHERE datname = %s", [database]).fetchone())
+        return bool(
+            connection.execute(
+                "SELECT 1 FROM pg_database WHERE datname = %s", [database]
+            ).fetchone()
+        )
 
 
 @pytest.fixture(scope="session")
@@ -75,7 +81,8 @@ def server(short_folder: Path) -> Iterator[str]:
         yield given
         return
     with embedded_server(short_folder) as url:
-        # Nothing here survives a power cut, so nothing waits for the disk; what a killed server keeps is the same.
+        # Nothing here survives a power cut, so nothing waits for the disk; what a killed server
+        # keeps is the same.
         _admin(url, "ALTER SYSTEM SET fsync = off")
         _admin(url, "SELECT pg_reload_conf()")
         yield url
@@ -104,12 +111,16 @@ def _drop(server: str, url: str) -> None:
 
 @pytest.fixture(scope="session")
 def emptied() -> list[tuple[str, str]]:
-    """Databases that a test has done with, each with its schema's print; copying the template takes ten times as long."""
+    """Databases that a test has done with, each with its schema's print; copying the template takes
+    ten times as long.
+    """
     return []
 
 
 @pytest.fixture
-def database(server: str, new_database: Callable[[], str], emptied: list[tuple[str, str]]) -> Iterator[str]:
+def database(
+    server: str, new_database: Callable[[], str], emptied: list[tuple[str, str]]
+) -> Iterator[str]:
     url, made = emptied.pop() if emptied else (new_database(), "")
     made = made or schema_print(url)
     yield url

@@ -1,4 +1,6 @@
-"""The guide as files that a browser opens without a service: `python -m tools.guide [FOLDER]`, `build/guide` by default."""
+"""The guide as files that a browser opens without a service: `python -m tools.guide [FOLDER]`,
+`build/guide` by default.
+"""
 
 import shutil
 import sys
@@ -28,7 +30,12 @@ def write(folder: Path) -> list[Path]:
 
 
 def _page(address: str) -> str:
-    html = whole_page(address, "../" * address.count("/"), tuple(f"static/{style}" for style in STYLES), service=False)
+    html = whole_page(
+        address,
+        "../" * address.count("/"),
+        tuple(f"static/{style}" for style in STYLES),
+        service=False,
+    )
     assert html is not None, address
     return html
 

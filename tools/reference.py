@@ -1,4 +1,6 @@
-"""Make what is made from code: the client's table of routes, and the pages of the reference. A test compares them."""
+"""Make what is made from code: the client's table of routes, and the pages of the reference. A test
+compares them.
+"""
 
 import json
 import re
@@ -21,8 +23,8 @@ METHODS = ("get", "post", "put", "patch", "delete")
 
 
 class Described(NamedTuple):
-    """A route of the OpenAPI document: the client's method, HTTP's, the path below the prefix, the query's parameters, what it
-    does by the first paragraph on one line, and its tag.
+    """A route of the OpenAPI document: the client's method, HTTP's, the path below the prefix, the
+    query's parameters, what it does by the first paragraph on one line, and its tag.
     """
 
     name: str
@@ -43,15 +45,26 @@ def document() -> dict[str, Any]:
 
 
 def described(openapi: dict[str, Any]) -> list[Described]:
-    """The routes of a document, named after their functions; where two have one name, by path: `get_imports_original`."""
-    found = [(path, m, each[m]) for path, each in openapi["paths"].items() for m in METHODS if m in each]
-    names = [operation["operationId"].split(PREFIX.replace("/", "_"))[0] for _, _, operation in found]
+    """The routes of a document, named after their functions; where two have one name, by path:
+    `get_imports_original`.
+    """
+    found = [
+        (path, m, each[m]) for path, each in openapi["paths"].items() for m in METHODS if m in each
+    ]
+    names = [
+        operation["operationId"].split(PREFIX.replace("/", "_"))[0] for _, _, operation in found
+    ]
     often, routes = Counter(names), []
     for name, (whole, method, operation) in zip(names, found, strict=True):
         path = whole.removeprefix(PREFIX).lstrip("/")
-        query = tuple(one["name"] for one in operation.get("parameters", ()) if one["in"] == "query")
+        query = tuple(
+            one["name"] for one in operation.get("parameters", ()) if one["in"] == "query"
+        )
         text = operation.get("description") or operation["summary"]
-        summary, tag = " ".join(text.split("\n\n")[0].split()), next(iter(operation.get("tags", ["other"])))
+        summary, tag = (
+            " ".join(text.split("\n\n")[0].split()),
+            next(iter(operation.get("tags", ["other"]))),
+        )
         own = name if often[name] == 1 else _longer(name, path)
         routes.append(Described(own, method.upper(), path, query, summary, tag))
     return routes
@@ -63,8 +76,13 @@ def _longer(name: str, path: str) -> str:
 
 
 def table() -> str:
-    """The text of `modalbase/client/routes.json`: a line for each call, for diffs that can be read."""
-    rows = ({route.name: [route.method, route.path, route.query, route.summary]} for route in described(document()))
+    """The text of `modalbase/client/routes.json`: a line for each call, for diffs that can be
+    read.
+    """
+    rows = (
+        {route.name: [route.method, route.path, route.query, route.summary]}
+        for route in described(document())
+    )
     return "{\n" + ",\n".join(json.dumps(row, ensure_ascii=False)[1:-1] for row in rows) + "\n}\n"
 
 
@@ -72,7 +90,9 @@ MARK = "<!-- made by python -m tools.reference -->"
 PLAIN = re.compile("(create|list|search|get|change|delete|restore|purge|cancel|watch)_")
 """Names of routes that the page explains once."""
 OFTEN, NEARLY_ALL = 2, 15
-"""Commands with the same option, from which on it is explained once at the top, and from which on it is named there only."""
+"""Commands with the same option, from which on it is explained once at the top, and from which on
+it is named there only.
+"""
 
 
 def rest_page() -> str:
@@ -103,20 +123,41 @@ def _brief(text: str) -> str:
 
 
 def cli_page() -> str:
-    """`docs/reference-cli.md`: every command with its arguments and options; what several have is explained once."""
+    """`docs/reference-cli.md`: every command with its arguments and options; what several have is
+    explained once.
+    """
     commands = list(_commands(typer.main.get_command(app), "modalbase"))
-    rows = {words: [_parameter(each) for each in one.params if _shown(each)] for words, one in commands}
+    rows = {
+        words: [_parameter(each) for each in one.params if _shown(each)] for words, one in commands
+    }
     count = Counter(row for found in rows.values() for row in found)
     common = [row for row, times in count.items() if times >= OFTEN]
     everywhere = [row for row, times in count.items() if times >= NEARLY_ALL]
-    how = f"[How to use it](command-line.md); `--help` has more. Things are named by {NAMED}. Nearly all commands have"
+    how = (
+        f"[How to use it](command-line.md); `--help` has more. Things are named by {NAMED}. Nearly"
+        " all commands have"
+    )
     lines = ["# The command, word by word", "", MARK, "", how, "", *everywhere, ""]
-    lines += ["Others name these behind what they do:", "", *(row for row in common if row not in everywhere), ""]
+    lines += [
+        "Others name these behind what they do:",
+        "",
+        *(row for row in common if row not in everywhere),
+        "",
+    ]
     for words, one in commands:
         own = [row for row in rows[words] if row not in common]
-        others = " ".join(row.split(":")[0][2:] for row in rows[words] if row in common and row not in everywhere)
+        others = " ".join(
+            row.split(":")[0][2:] for row in rows[words] if row in common and row not in everywhere
+        )
         said = f"{_plain(one.help or '')} {others}".strip()
-        lines += [f"## {words.removeprefix('modalbase ')}", "", said, "", *own, *([""] if own else [])]
+        lines += [
+            f"## {words.removeprefix('modalbase ')}",
+            "",
+            said,
+            "",
+            *own,
+            *([""] if own else []),
+        ]
     return "\n".join(lines)
 
 

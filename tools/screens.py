@@ -1,4 +1,6 @@
-"""Pictures of the pages at two sizes, light and dark: `python -m tools.screens [FOLDER]`, `build/screens` by default."""
+"""Pictures of the pages at two sizes, light and dark: `python -m tools.screens [FOLDER]`,
+`build/screens` by default.
+"""
 
 import sys
 import tempfile
@@ -15,48 +17,83 @@ from tests.support.profiles import deck
 from tests.support.rest import client_at, finished, ok, plain_client, posted
 from tests.support.waiting import until
 
-LOOKS = [(*size, dark) for size in (("desk", 1400, 900), ("phone", 390, 844)) for dark in (False, True)]
+LOOKS = [
+    (*size, dark) for size in (("desk", 1400, 900), ("phone", 390, 844)) for dark in (False, True)
+]
 LISTS = ("", "new", "projects", "update-jobs", "monitors", "keys", "nowhere")
 DRAWN = ".main-svg, .uplot, .wait:not(:text('Drawing …'))"  # or says why not
-WATCH = {"name": "stringer", "recipe": {}, "parameters": [{"name": "Ex"}], "baseline": {"campaigns": 4}}
+WATCH = {
+    "name": "stringer",
+    "recipe": {},
+    "parameters": [{"name": "Ex"}],
+    "baseline": {"campaigns": 4},
+}
 
 
 def filled(url: str, key: str) -> list[str]:
-    """Fill a service with the demonstration's beam, a joint update, a monitor, coupons and hits; addresses of its pages."""
+    """Fill a service with the demonstration's beam, a joint update, a monitor, coupons and hits;
+    addresses of its pages.
+    """
     with client_at(url, key) as api, modalbase.connect(url, key) as lab:
         done = Laboratory(plain_client(url, dict(api.headers))).update_beam()["provenance"]
         campaign, job = done["campaign"], done["update_job"]
         paper_bar_together(lab)
-        joint = ok(api.get(f"projects/{lab.project('one bar, two tests').id}/joint-updates"))["items"][0]["id"]
-        bridge = posted(api, f"projects/{lab.project('demonstration').id}/structures", structure_body())["id"]
+        joint = ok(api.get(f"projects/{lab.project('one bar, two tests').id}/joint-updates"))[
+            "items"
+        ][0]["id"]
+        bridge = posted(
+            api, f"projects/{lab.project('demonstration').id}/structures", structure_body()
+        )["id"]
         monitor = posted(api, f"structures/{bridge}/monitors", WATCH)["id"]
         for month in range(1, 8):
             body = {"name": f"month {month}", "performed_at": f"2026-{month:02}-15T12:00:00Z"}
-            post_campaign(api, bridge, body, measured_frfs(State(stiffness=0.9 if month > 5 else 1.0), month))
-        until(lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "alarm", "the alarm of the monitor")
-        bracket = posted(api, f"projects/{lab.project('demonstration').id}/structures", {"name": "bracket"})["id"]
+            post_campaign(
+                api, bridge, body, measured_frfs(State(stiffness=0.9 if month > 5 else 1.0), month)
+            )
+        until(
+            lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "alarm",
+            "the alarm of the monitor",
+        )
+        bracket = posted(
+            api, f"projects/{lab.project('demonstration').id}/structures", {"name": "bracket"}
+        )["id"]
         query = {"filename": "angle.inp", "units": "m-N-kg"}
         sent = api.post(f"structures/{bracket}/model", params=query, content=deck())
         finished(api, sent.headers["Location"])
         project = lab.project("demonstration").id
         own = [f"projects/{project}/joint", f"structures/{bridge}/plan", f"compare?job={job}"]
-        own += [f"structures/{bridge}", f"structures/{bracket}", f"monitors/{monitor}", f"update-jobs/{job}"]
-        own += [f"joint-updates/{joint}", *(f"campaigns/{campaign}{part}" for part in ("", "/update", "/grid-points"))]
+        own += [
+            f"structures/{bridge}",
+            f"structures/{bracket}",
+            f"monitors/{monitor}",
+            f"update-jobs/{job}",
+        ]
+        own += [
+            f"joint-updates/{joint}",
+            *(f"campaigns/{campaign}{part}" for part in ("", "/update", "/grid-points")),
+        ]
         return [*(f"/ui/{path}" for path in (*LISTS, *own)), *more_pages(api, bridge)]
 
 
 def main(folder: Path) -> None:
     """Take a picture of each page in each look, once its figures are drawn."""
-    with tempfile.TemporaryDirectory(prefix="mb-") as data, LocalService(_settings(Path(data))) as service:
+    with (
+        tempfile.TemporaryDirectory(prefix="mb-") as data,
+        LocalService(_settings(Path(data))) as service,
+    ):
         key = service.new_key("screens")
         pages = filled(service.url, key)
         with browser() as running:
             for size, width, height, dark in LOOKS:
-                with watched_page(running, service.url, width=width, height=height, dark=dark) as seen:
+                with watched_page(
+                    running, service.url, width=width, height=height, dark=dark
+                ) as seen:
                     signed_in(seen, key, "/ui/")
                     for number, path in enumerate(pages):
                         seen.visit(path)
-                        for figure in seen.page.locator("figure[data-figure]:visible, [data-frf-viewer]").all():
+                        for figure in seen.page.locator(
+                            "figure[data-figure]:visible, [data-frf-viewer]"
+                        ).all():
                             figure.scroll_into_view_if_needed()
                             figure.locator(DRAWN).first.wait_for(state="attached")
                         for place in seen.page.locator("[data-space]").all():

@@ -1,6 +1,7 @@
 """An import contract: a noun's tables are asked by its own modules alone.
 
-A table stands beside the operations on it, which other nouns do import; so this contract looks at names, not at modules.
+A table stands beside the operations on it, which other nouns do import; so this contract looks at
+names, not at modules.
 """
 
 import ast
@@ -22,9 +23,14 @@ class TableContract(Contract):  # type: ignore[misc]
         """Every use of a table outside its package, by any module of the same root package."""
         nouns = str(self.nouns)
         trees = {
-            _module(path): ast.parse(path.read_bytes()) for path in sorted(Path(nouns.partition(".")[0]).rglob("*.py"))
+            _module(path): ast.parse(path.read_bytes())
+            for path in sorted(Path(nouns.partition(".")[0]).rglob("*.py"))
         }
-        tables = {m: found for m, tree in trees.items() if m.startswith(f"{nouns}.") and (found := _tables(tree))}
+        tables = {
+            m: found
+            for m, tree in trees.items()
+            if m.startswith(f"{nouns}.") and (found := _tables(tree))
+        }
         links = [
             f"{module} -> {used} (l.{line})"
             for module, tree in trees.items()
@@ -46,11 +52,18 @@ def _module(path: Path) -> str:
 def _tables(tree: ast.Module) -> set[str]:
     """Names of the mapped classes of a module."""
     classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
-    return {c.name for c in classes for n in c.body if isinstance(n, ast.Assign) and "__tablename__" in ast.unparse(n)}
+    return {
+        c.name
+        for c in classes
+        for n in c.body
+        if isinstance(n, ast.Assign) and "__tablename__" in ast.unparse(n)
+    }
 
 
 def _uses(tree: ast.Module, tables: dict[str, set[str]]) -> Iterator[tuple[str, int, str]]:
-    """The module, line and full name of each table that a module imports, or reaches through a module that it imports."""
+    """The module, line and full name of each table that a module imports, or reaches through a
+    module that it imports.
+    """
     modules: dict[str, str] = {}
     for node in _run(tree):
         if isinstance(node, ast.ImportFrom):

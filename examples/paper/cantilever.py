@@ -1,4 +1,6 @@
-"""Section 4: the FRP cantilever. Elastic constants from Table 3's modes, damping from FRFs synthesised from them."""
+"""Section 4: the FRP cantilever. Elastic constants from Table 3's modes, damping from FRFs
+synthesised from them.
+"""
 
 from functools import cached_property
 
@@ -74,7 +76,8 @@ class Study:
     def trials(self) -> dict[Weighting, Trials]:
         """The six starts of Table 5 on the same FRFs, by the name of the residual's weighting."""
         eigenvalue = self._model.eigenvalue.copy()
-        eigenvalue[:5] = (2 * np.pi * TABLE_3_MEASURED_HZ) ** 2  # so that nothing but damping is fitted
+        # so that nothing but damping is fitted
+        eigenvalue[:5] = (2 * np.pi * TABLE_3_MEASURED_HZ) ** 2
         measured, band = self._model.with_eigenvalue(eigenvalue), self._frfs.band(*BAND_HZ)
         return {name: run(band, measured, TABLE_5, name) for name in WEIGHTINGS}
 
@@ -101,7 +104,10 @@ def report() -> None:
 def _elastic(found: Study) -> None:
     names = [f"mode {number}" for number in range(1, 6)]
     printing.beside(
-        "Table 3, FE with Table 4's constants, t = 10.00 mm, Hz", names, found.table_3_hz, TABLE_3_UPDATED_HZ
+        "Table 3, FE with Table 4's constants, t = 10.00 mm, Hz",
+        names,
+        found.table_3_hz,
+        TABLE_3_UPDATED_HZ,
     )
     printing.note(
         f"""The paper prints t = 10.12 mm; with it the model gives {" ".join(f"{hz:.2f}" for hz in found.thick_hz)} Hz, 1.0
@@ -136,7 +142,11 @@ def _damping(found: Study) -> None:
     title = "Stage 2 from the starts of Table 5 (Figs. 8, 9, 11), residuals: "
     for name, trials in found.trials.items():
         printing.trials(title + name, trials, CANTILEVER_CONVERGED)
-    printing.trials("The same starts on a body damped by the paper's pair", found.recovered, CANTILEVER_CONVERGED)
+    printing.trials(
+        "The same starts on a body damped by the paper's pair",
+        found.recovered,
+        CANTILEVER_CONVERGED,
+    )
     rows = {row.name: row for row in found.law_update.parameters}
     printing.note(
         f"""One point from every start, as in the paper. Its pair cannot be compared digit by digit: its FRFs are not
@@ -158,7 +168,11 @@ def _damping(found: Study) -> None:
         *((f"ours, {name}", ratios(trials.found[0])) for name, trials in found.trials.items()),
         ("ours, default job", ratios(np.array([own["a0"], own["a1"]]))),
     )
-    printing.table("Damping ratios, %", ["", *"12345"], [[name, *printing.percent(row).split()] for name, row in lines])
+    printing.table(
+        "Damping ratios, %",
+        ["", *"12345"],
+        [[name, *printing.percent(row).split()] for name, row in lines],
+    )
     for warning in found.update.warnings:
         printing.note(f"warning: {warning}")
 
@@ -187,7 +201,15 @@ def _validation(result: UpdateResult) -> None:
     for name, held in (("FRFs not used (Fig. 12)", frfs), ("beyond the band (Fig. 13)", band)):
         sac = held.agreement.sac
         lines = f"{held.band_hz[0]:.0f} to {held.band_hz[1]:.0f}"
-        rows.append([name, lines, f"{np.mean(sac):.4f}", f"{np.min(sac):.4f}", f"{100 * held.coverage_95:.1f} %"])
+        rows.append(
+            [
+                name,
+                lines,
+                f"{np.mean(sac):.4f}",
+                f"{np.min(sac):.4f}",
+                f"{100 * held.coverage_95:.1f} %",
+            ]
+        )
     printing.table("Validation", ["", "Hz", "SAC, mean", "least", "within 95 % intervals"], rows)
     printing.note(
         f"""Held out: the FRFs of points {", ".join(map(str, frfs.points))}. The paper shows curves and no figures, so there

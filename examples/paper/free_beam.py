@@ -31,8 +31,10 @@ class Study:
     """Everything of the free beam.
 
     Attributes:
-        paper_hz: (2, 4) the model's frequencies with the paper's updated constants, t = 10.12 mm and 10.00 mm.
-        update: the job with Gxz and Gyz apart, on the measured modes and the FRFs made from them, t = 10.12 mm.
+        paper_hz: (2, 4) the model's frequencies with the paper's updated constants, t = 10.12 mm
+            and 10.00 mm.
+        update: the job with Gxz and Gyz apart, on the measured modes and the FRFs made from them, t
+            = 10.12 mm.
     """
 
     paper_hz: np.ndarray
@@ -43,11 +45,18 @@ THICKNESSES = (FREE_PRINTED_THICKNESS, 0.010)
 
 
 def study() -> Study:
-    """Run all of it. Rigid-body motion of the body decays at the paper's a0, as mass-proportional damping says."""
+    """Run all of it. Rigid-body motion of the body decays at the paper's a0, as mass-proportional
+    damping says.
+    """
     hz = [solve(free_beam(FREE_UPDATED, thickness)).frequency_hz[:4] for thickness in THICKNESSES]
     paper, modes = free_beam(FREE_UPDATED), MeasuredModes(FREE_MEASURED_HZ, FREE_DAMPING)
-    frfs = measured_body(paper, FREE_MEASURED_HZ, FREE_DAMPING, SEED, rigid_rate=float(FREE_CONVERGED[0]))
-    return Study(np.array(hz), update(Measurement(frfs, grid(paper), modes), free_beam(TABLE_4_COUPONS), RECIPE))
+    frfs = measured_body(
+        paper, FREE_MEASURED_HZ, FREE_DAMPING, SEED, rigid_rate=float(FREE_CONVERGED[0])
+    )
+    return Study(
+        np.array(hz),
+        update(Measurement(frfs, grid(paper), modes), free_beam(TABLE_4_COUPONS), RECIPE),
+    )
 
 
 def report() -> None:
@@ -57,7 +66,15 @@ def report() -> None:
     printing.heading("Section 4: free-free FRP beam")
     printing.table(
         "Natural frequencies, Hz",
-        ["mode", "measured", "paper's constants, 10.12 mm", "10.00 mm", "updated by us, 10.12 mm", "error %", "MAC"],
+        [
+            "mode",
+            "measured",
+            "paper's constants, 10.12 mm",
+            "10.00 mm",
+            "updated by us, 10.12 mm",
+            "error %",
+            "MAC",
+        ],
         [
             [
                 str(mode.number),
@@ -86,12 +103,18 @@ def report() -> None:
 
 def _damping(result: UpdateResult) -> None:
     own = np.array([row.estimate for row in result.parameters if row.name in ("a0", "a1")])
-    printing.beside("Damping", ["a0, 1/s", "a1, µs"], own * [1, 1e6], FREE_CONVERGED * [1, 1e6], ".3f")
+    printing.beside(
+        "Damping", ["a0, 1/s", "a1, µs"], own * [1, 1e6], FREE_CONVERGED * [1, 1e6], ".3f"
+    )
     omega = 2 * np.pi * FREE_MEASURED_HZ
     paper = (FREE_CONVERGED[0] / omega + FREE_CONVERGED[1] * omega) / 2
     law = np.array([mode.predicted_damping for mode in result.modes], dtype=float)
     rows = [("measured", FREE_DAMPING), ("paper's pair", paper), ("ours", law)]
-    printing.table("Damping ratios, %", ["", *"1234"], [[name, *printing.percent(row).split()] for name, row in rows])
+    printing.table(
+        "Damping ratios, %",
+        ["", *"1234"],
+        [[name, *printing.percent(row).split()] for name, row in rows],
+    )
     sac = (result.correlation.initial.sac, result.correlation.updated.sac)
     printing.note(
         f"""SAC, mean over the FRFs: {np.mean(sac[0]):.4f} before, {np.mean(sac[1]):.4f} after. "Almost exactly", as the paper

@@ -26,12 +26,19 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
     print(f"\n{title}")
     for row in cells:
         first, *rest = (
-            cell.ljust(w) if k == 0 else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths, strict=True))
+            cell.ljust(w) if k == 0 else cell.rjust(w)
+            for k, (cell, w) in enumerate(zip(row, widths, strict=True))
         )
         print("  " + "  ".join([first, *rest]))
 
 
-def beside(title: str, names: Sequence[str], ours: Sequence[float], paper: Sequence[float], form: str = ".2f") -> None:
+def beside(
+    title: str,
+    names: Sequence[str],
+    ours: Sequence[float],
+    paper: Sequence[float],
+    form: str = ".2f",
+) -> None:
     """Our figures beside the paper's with their difference in per cent."""
     rows = [
         [n, f"{a:{form}}", f"{b:{form}}", f"{100 * (a / b - 1):+.2f}"]
@@ -45,7 +52,14 @@ def trials(title: str, result: Trials, paper: np.ndarray) -> None:
     rows = [
         [f"trial {k + 1}", *map(_pair, (start, end)), str(steps), f"{before:.4f}", f"{after:.4f}"]
         for k, (start, end, steps, before, after) in enumerate(
-            zip(result.starts, result.found, result.iterations, result.sac_before, result.sac_after, strict=True)
+            zip(
+                result.starts,
+                result.found,
+                result.iterations,
+                result.sac_before,
+                result.sac_after,
+                strict=True,
+            )
         )
     ]
     rows.append(["paper", "", _pair(paper), "", "", ""])
@@ -53,7 +67,9 @@ def trials(title: str, result: Trials, paper: np.ndarray) -> None:
     print(f"  the ends lie within {100 * result.spread:.1e} % of each other")
 
 
-def constants(title: str, rows: Mapping[str, ParameterEstimate], published: Mapping[str, float]) -> None:
+def constants(
+    title: str, rows: Mapping[str, ParameterEstimate], published: Mapping[str, float]
+) -> None:
     """Updated constants in GPa, ours beside the paper's."""
     table(
         title,

@@ -6,7 +6,13 @@ from functools import cache
 import numpy as np
 
 from examples.paper import printing
-from examples.paper.published import SIMULATED_CONVERGED, SIMULATED_GEOMETRY, SIMULATED_MODULUS, TABLE_2, simulated
+from examples.paper.published import (
+    SIMULATED_CONVERGED,
+    SIMULATED_GEOMETRY,
+    SIMULATED_MODULUS,
+    TABLE_2,
+    simulated,
+)
 from examples.paper.synthesis import rayleigh_body, solve
 from examples.paper.trials import Trials, run
 from fecore.dynamics.damping_laws import RAYLEIGH, damping_ratio
@@ -34,13 +40,15 @@ class Study:
 
     Attributes:
         frequency_hz: (5,) bending modes, Table 1.
-        update: the default job with E as its parameter, from 0.8 E, on a body damped by the paper's own converged pair, 1 %
-            noise.
-        table_2_ratios: (3, 5) damping ratios that the first three trials of Table 2 imply with f in Hz in place of ω.
+        update: the default job with E as its parameter, from 0.8 E, on a body damped by the paper's
+            own converged pair, 1 % noise.
+        table_2_ratios: (3, 5) damping ratios that the first three trials of Table 2 imply with f in
+            Hz in place of ω.
         trials: the five starts of Table 2, on the body with the middle ratio 4.
         recovered: the same starts on that body's five modes, without noise.
         other_ends: (2, 2) where they end with the lowest and the highest ratio 4.
-        ratios: (5,) of the simulated body; fitted_ratios and paper_ratios: (5,) of our law and of the paper's.
+        ratios: (5,) of the simulated body; fitted_ratios and paper_ratios: (5,) of our law and of
+            the paper's.
     """
 
     frequency_hz: np.ndarray
@@ -79,11 +87,15 @@ def study() -> Study:
 
 
 def five_modes(state: ForwardState) -> ModalFrfModel:
-    """The FRFs of the paper's Eq. 8, N = 5: five bending modes and no residual, between the tip and the points of the axis."""
+    """The FRFs of the paper's Eq. 8, N = 5: five bending modes and no residual, between the tip and
+    the points of the axis.
+    """
     dofs = tuple(Dof(point, 3) for point in POINTS)
     whole = state.frf_model(dofs, (Dof(TIP, 3),) * len(dofs))
     bending = [k for k, kind in enumerate(state.kinds) if kind == "bending"][:5]
-    return ModalFrfModel(whole.eigenvalue[bending], whole.residues[:, bending], np.zeros((len(dofs), 0)), 0.0)
+    return ModalFrfModel(
+        whole.eigenvalue[bending], whole.residues[:, bending], np.zeros((len(dofs), 0)), 0.0
+    )
 
 
 def experiment(model: ModalFrfModel, ratios: np.ndarray) -> FrfSet:
@@ -99,9 +111,19 @@ def report() -> None:
     printing.heading("Section 3: simulated isotropic cantilever, 40 three-node beam elements")
     printing.table(
         "Table 1 (missing in our copy of the paper)",
-        ["mode", "Hz", "ζ % of the body here", *(f"ζ % by trial {k} of Table 2" for k in (1, 2, 3))],
         [
-            [str(k + 1), f"{hz:.3f}", f"{100 * ratio:.2f}", *(f"{100 * row[k]:.2f}" for row in found.table_2_ratios)]
+            "mode",
+            "Hz",
+            "ζ % of the body here",
+            *(f"ζ % by trial {k} of Table 2" for k in (1, 2, 3)),
+        ],
+        [
+            [
+                str(k + 1),
+                f"{hz:.3f}",
+                f"{100 * ratio:.2f}",
+                *(f"{100 * row[k]:.2f}" for row in found.table_2_ratios),
+            ]
             for k, (hz, ratio) in enumerate(zip(found.frequency_hz, found.ratios, strict=True))
         ],
     )
@@ -120,13 +142,19 @@ def report() -> None:
         true,
         ".3f",
     )
-    printing.trials("Stage 2 from the starts of Table 2 (Fig. 3)", found.trials, SIMULATED_CONVERGED)
+    printing.trials(
+        "Stage 2 from the starts of Table 2 (Fig. 3)", found.trials, SIMULATED_CONVERGED
+    )
     printing.table(
         "Damping ratios, %",
         ["", *map(str, range(1, 6))],
         [
             [name, *printing.percent(row).split()]
-            for name, row in (("body", found.ratios), ("ours", found.fitted_ratios), ("paper", found.paper_ratios))
+            for name, row in (
+                ("body", found.ratios),
+                ("ours", found.fitted_ratios),
+                ("paper", found.paper_ratios),
+            )
         ],
     )
     low, high = found.other_ends

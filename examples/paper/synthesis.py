@@ -1,8 +1,9 @@
-"""FRFs that the paper does not print, made from the natural frequencies and damping ratios that it does.
+"""FRFs that the paper does not print, made from the natural frequencies and damping ratios that it
+does.
 
-Mode shapes and the modes above the measured ones come from this project's model with the paper's updated constants; the
-higher modes have the damping that the caller says. So everything that follows from frequencies and damping is the paper's,
-and what depends on shapes is ours.
+Mode shapes and the modes above the measured ones come from this project's model with the paper's
+updated constants; the higher modes have the damping that the caller says. So everything that
+follows from frequencies and damping is the paper's, and what depends on shapes is ours.
 """
 
 import numpy as np
@@ -16,14 +17,17 @@ from fecore.updating.parameters import Parameter, parametrise
 
 Points = dict[int, tuple[float, float, float]]
 
-SENSOR = 33  # a corner: the middle of the width, where the paper's sensor sat, is a node of the torsion modes
+# a corner: the middle of the width, where the paper's sensor sat, is a node of the torsion modes
+SENSOR = 33
 MODES = 18
 NOISE = 0.01  # of each record's rms
 LINES_HZ = np.arange(2.0, 1601.0, 2.0)
 
 
 def grid(specimen: Specimen | BeamSpecimen) -> Points:
-    """33 points, three across and eleven along, numbered across the width from x = 0 as in Figure 5."""
+    """33 points, three across and eleven along, numbered across the width from x = 0 as in Figure
+    5.
+    """
     first = 0 if specimen.boundary == "free" else 1
     along = specimen.length * np.arange(first, first + 11) / (10 + first)
     places = [(x, specimen.width * (column / 2 - 0.5), 0.0) for x in along for column in range(3)]
@@ -34,7 +38,9 @@ def solve(specimen: Specimen | BeamSpecimen, points: Points | None = None) -> Fo
     """The specimen's modes at given points, or at a strip's 33."""
     points = points or grid(specimen)
     nominal = parametrise(specimen, [Parameter(name) for name in specimen.nominal])
-    forward = ForwardModel(specimen, nominal, along_z(points), np.array(list(points.values()))[:, :2], MODES)
+    forward = ForwardModel(
+        specimen, nominal, along_z(points), np.array(list(points.values()))[:, :2], MODES
+    )
     return forward.solve(nominal.prior_mean)
 
 
@@ -46,7 +52,8 @@ def measured_body(
     rigid_rate: float = 0.0,
     lines_hz: np.ndarray = LINES_HZ,
 ) -> FrfSet:
-    """Accelerances of a body with measured frequencies and ratios; higher modes are the model's, with the last ratio.
+    """Accelerances of a body with measured frequencies and ratios; higher modes are the model's,
+    with the last ratio.
 
     Rigid-body motion of a free body has no ratio; it decays at `rigid_rate`, 1/s.
     """
@@ -69,10 +76,15 @@ def rayleigh_body(
     points: Points | None = None,
     sensor: int = SENSOR,
 ) -> FrfSet:
-    """Accelerances of the specimen under exact Rayleigh damping, at given points or at a strip's 33."""
+    """Accelerances of the specimen under exact Rayleigh damping, at given points or at a strip's
+    33.
+    """
     state = solve(specimen, points)
     omega = state.modes.omega
-    rate, tail = damping_rate(RAYLEIGH, coefficients, omega), beyond(RAYLEIGH, coefficients, float(omega[-1]))
+    rate, tail = (
+        damping_rate(RAYLEIGH, coefficients, omega),
+        beyond(RAYLEIGH, coefficients, float(omega[-1])),
+    )
     return _frfs(state, omega, rate, tail, seed, lines_hz, sensor)
 
 
@@ -88,7 +100,11 @@ def _frfs(
     """Modes at ω with given rates, those that the model leaves out with `tail`'s, and noise."""
     hammer = tuple(Dof(point, 3) for point in state.forward.points)
     response = (Dof(sensor, 3),) * len(hammer)
-    values = state.frf_model(response, hammer).with_eigenvalue(omega**2).synthesise(lines_hz, rate, beyond=tail)
+    values = (
+        state.frf_model(response, hammer)
+        .with_eigenvalue(omega**2)
+        .synthesise(lines_hz, rate, beyond=tail)
+    )
     random = np.random.default_rng(seed)
     noise = random.standard_normal(values.shape) + 1j * random.standard_normal(values.shape)
     rms = np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True))

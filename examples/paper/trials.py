@@ -1,4 +1,6 @@
-"""Stage 2 from stated starts, as the paper tests it (Figs. 3 and 11): do all of them reach one point?"""
+"""Stage 2 from stated starts, as the paper tests it (Figs. 3 and 11): do all of them reach one
+point?
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +24,8 @@ class Trials:
         starts: (n, 2) a0 in 1/s and a1 in s.
         found: (n, 2) where each ended.
         iterations: (n,) accepted steps.
-        sac_before: (n,) mean SAC of the FRFs with the start's damping; sac_after: (n,) with the found one.
+        sac_before: (n,) mean SAC of the FRFs with the start's damping; sac_after: (n,) with the
+            found one.
     """
 
     starts: np.ndarray
@@ -38,9 +41,14 @@ class Trials:
 
 
 def run(
-    frfs: FrfSet, model: ModalFrfModel, starts: Sequence[tuple[float, float]], weighting: Weighting = "linear"
+    frfs: FrfSet,
+    model: ModalFrfModel,
+    starts: Sequence[tuple[float, float]],
+    weighting: Weighting = "linear",
 ) -> Trials:
-    """Fit from each start with the model's natural frequencies as they are; `linear` is Eq. 11 with w = 1."""
+    """Fit from each start with the model's natural frequencies as they are; `linear` is Eq. 11 with
+    w = 1.
+    """
     none = Nuisance.of_exact_law(np.arange(0), np.zeros(0))
     misfit = FrfMisfit(frfs, model, weighting, np.ones(frfs.values.shape))
     fits = [fit_law(misfit, RAYLEIGH, np.array(start), none) for start in starts]

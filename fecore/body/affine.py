@@ -2,9 +2,10 @@
 
     A(c) = Σ_elements Bᵀ C(c) B,     C(c) = Σ_k c_k C_k
 
-An element has one strain operator B, whatever the number of coefficients, and a set has small matrices C_k. So A(c) is one
-product an element, and xᵀA_ky = Σ (Bx)ᵀC_k(By) for all k comes from the strains of x and y; no A_k is kept. Mass, springs
-and point masses are of the same form, with motions in the place of strains. Congruent elements share one operator.
+An element has one strain operator B, whatever the number of coefficients, and a set has small
+matrices C_k. So A(c) is one product an element, and xᵀA_ky = Σ (Bx)ᵀC_k(By) for all k comes from
+the strains of x and y; no A_k is kept. Mass, springs and point masses are of the same form, with
+motions in the place of strains. Congruent elements share one operator.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ class Group:
     """Elements that share their coefficients."""
 
     nodes: IntArray  # (e, n) node numbers
-    # (s, p, r, d) rows of strains at p points over the d = n × (dofs of a node) dofs, by the root of a point's weight
+    # (s, p, r, d) rows of strains at p points over the d = n × (dofs of a node) dofs, by the root
+    # of a point's weight
     operators: FloatArray
     which: IntArray  # (e,) operator of each element
     terms: FloatArray  # (k, r, r) C_k
@@ -41,7 +43,9 @@ class Group:
         return np.asarray((strained.transpose(0, 2, 1) @ stressed).reshape(count, -1))
 
     def parts(self, vectors: int) -> Iterator[Group]:
-        """The group in parts, so few elements in each that the strains of so many vectors take little memory."""
+        """The group in parts, so few elements in each that the strains of so many vectors take
+        little memory.
+        """
         _, points, rows, _ = self.operators.shape
         many = max(1, _STRAINS // max(1, points * rows * vectors))
         for first in range(0, len(self.nodes), many):
@@ -58,7 +62,9 @@ class Group:
 
 
 def distinct(items: FloatArray) -> tuple[IntArray, IntArray]:
-    """Numbers of the different ones of (e, …) items, and the (e,) place of each item's among them."""
+    """Numbers of the different ones of (e, …) items, and the (e,) place of each item's among
+    them.
+    """
     flat = items.reshape(len(items), -1)
     close = _ALIKE * float(np.abs(flat).max(initial=0.0))
     if np.abs(flat - flat[0]).max() <= close:
@@ -77,7 +83,9 @@ def distinct(items: FloatArray) -> tuple[IntArray, IntArray]:
 
 @dataclass(frozen=True)
 class Pattern:
-    """The sparsity pattern of the free dofs, and where in it each entry of each element matrix lands."""
+    """The sparsity pattern of the free dofs, and where in it each entry of each element matrix
+    lands.
+    """
 
     # indptr, indices: the pattern, as in `scipy.sparse.csc_array`
     indptr: IntArray
@@ -88,18 +96,26 @@ class Pattern:
     above: IntArray
 
     @classmethod
-    def of(cls, connectivities: Sequence[IntArray], free: BoolArray) -> tuple[Pattern, list[IntArray]]:
-        """The pattern of (e, n) elements of several kinds, found node by node and spread over the dofs; and their slots."""
+    def of(
+        cls, connectivities: Sequence[IntArray], free: BoolArray
+    ) -> tuple[Pattern, list[IntArray]]:
+        """The pattern of (e, n) elements of several kinds, found node by node and spread over the
+        dofs; and their slots.
+        """
         nodes, dofs = free.shape
         keys = [(c.T[None] * nodes + c.T[:, None]).ravel() for c in connectivities]
         pairs = np.sort(np.concatenate(keys))
         pairs = pairs[np.concatenate([[True], pairs[1:] > pairs[:-1]])]
         column, row = np.divmod(pairs, nodes)
         number = np.cumsum(free).reshape(nodes, dofs) - 1
-        # The column of a free dof holds the free dofs of its node's neighbours, one node after the other.
+        # The column of a free dof holds the free dofs of its node's neighbours, one node after the
+        # other.
         rows = free.sum(axis=1)[row]
         before = np.cumsum(rows) - rows
-        above = before - before[np.minimum(np.searchsorted(column, np.arange(nodes)), len(before) - 1)][column]
+        above = (
+            before
+            - before[np.minimum(np.searchsorted(column, np.arange(nodes)), len(before) - 1)][column]
+        )
         height = np.bincount(column, weights=rows, minlength=nodes).astype(np.int64)
         indptr = np.concatenate([[0], np.cumsum(np.repeat(height[:, None], dofs, axis=1)[free])])
         pattern = cls(indptr.astype(np.int32), np.empty(0, np.int32), free, number, pairs, above)
@@ -115,7 +131,9 @@ class Pattern:
         return int(self.indptr.size - 1)
 
     def slots(self, connectivity: IntArray) -> IntArray:
-        """(n, d, n, d, e) place of each entry of (e, n) elements' matrices in the pattern; of a held dof after the last."""
+        """(n, d, n, d, e) place of each entry of (e, n) elements' matrices in the pattern; of a
+        held dof after the last.
+        """
         nodes_of = connectivity.T  # (n, e): long arrays innermost
         n, e = nodes_of.shape
         nodes = len(self.free)
@@ -137,8 +155,9 @@ class AffineMatrix:
     groups: tuple[Group, ...]  # the elements
     slots: tuple[IntArray, ...]  # where each group's entries land
     names: tuple[str, ...]  # the coefficients' names
-    # index matrices into the coefficients: each is a symmetric matrix C of coefficients, such as [[D11, D12], [D12,
-    # D22]], whose part of the sum is ∫BᵀCB. So A(c) ≥ α A(c₀) where every C(c) ≥ α C(c₀).
+    # index matrices into the coefficients: each is a symmetric matrix C of coefficients, such as
+    # [[D11, D12], [D12, D22]], whose part of the sum is ∫BᵀCB. So A(c) ≥ α A(c₀) where every C(c) ≥
+    # α C(c₀).
     blocks: tuple[IntArray, ...]
 
     @property
@@ -152,7 +171,10 @@ class AffineMatrix:
         for group, slots in zip(self.groups, self.slots, strict=True):
             if not coefficients[group.coefficients].any():
                 continue
-            entries, places = group.matrices(coefficients).T, slots.reshape(group.operators.shape[3] ** 2, -1)
+            entries, places = (
+                group.matrices(coefficients).T,
+                slots.reshape(group.operators.shape[3] ** 2, -1),
+            )
             used = entries.any(axis=1)
             if not used.all():  # two thirds of a mass matrix are nothing
                 entries, places = entries[used], places[used]
@@ -165,7 +187,9 @@ class AffineMatrix:
         return self.at(np.eye(1, len(self.names), k)[0])
 
     def project(self, vectors: FloatArray, right: slice) -> FloatArray:
-        """(k, l, r) leftᵀ A_k right of (size, l) vectors and r columns of them, from their strains."""
+        """(k, l, r) leftᵀ A_k right of (size, l) vectors and r columns of them, from their
+        strains.
+        """
         forms = np.zeros((len(self.names), vectors.shape[1], vectors[0, right].size))
         motion = self.everywhere(vectors)
         # The middle of these times itself is one triangle, which BLAS takes half the time for.
@@ -183,19 +207,26 @@ class AffineMatrix:
     def about(self, nodes: IntArray) -> AffineMatrix:
         """The part of the elements that have one of some nodes, for forms."""
         kept = [np.isin(group.nodes, nodes).any(axis=1) for group in self.groups]
-        groups = [replace(g, nodes=g.nodes[at], which=g.which[at]) for g, at in zip(self.groups, kept, strict=True)]
+        groups = [
+            replace(g, nodes=g.nodes[at], which=g.which[at])
+            for g, at in zip(self.groups, kept, strict=True)
+        ]
         slots = tuple(all_of[..., at] for all_of, at in zip(self.slots, kept, strict=True))
         return replace(self, groups=tuple(groups), slots=slots)
 
     def everywhere(self, vectors: FloatArray) -> FloatArray:
-        """(nodes, dofs of a node, m) motions of (size, m) vectors over the free dofs; nothing where a dof is held."""
+        """(nodes, dofs of a node, m) motions of (size, m) vectors over the free dofs; nothing where
+        a dof is held.
+        """
         motion = np.zeros((*self.pattern.free.shape, vectors.shape[1]))
         motion[self.pattern.free] = vectors
         return motion
 
     def _matrix(self, data: FloatArray) -> scipy.sparse.csc_array:
         pattern = self.pattern
-        matrix = scipy.sparse.csc_array((data, pattern.indices, pattern.indptr), shape=(self.size, self.size))
+        matrix = scipy.sparse.csc_array(
+            (data, pattern.indices, pattern.indptr), shape=(self.size, self.size)
+        )
         matrix.has_sorted_indices = True
         matrix.has_canonical_format = True
         return matrix

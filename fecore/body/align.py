@@ -1,9 +1,11 @@
-"""Where a test's frame lies in a body's: by named pairs of points, or by the closest points of the surface.
+"""Where a test's frame lies in a body's: by named pairs of points, or by the closest points of the
+surface.
 
-A rigid motion x ↦ Rx + t that brings points p nearest to places q, Σ|Rp + t − q|² least, is R = U diag(1, 1, det UVᵀ) Vᵀ of the
-singular value decomposition USVᵀ of Σ(q − q̄)(p − p̄)ᵀ (Kabsch, Acta Cryst. A32, 1976). Without pairs, q are the nearest
-points of the mesh, then of the outer faces, and nearest points and motion are found in turn (Besl and McKay, IEEE PAMI 14,
-1992), from each of the 24 turns that bring axes onto axes; at last distances along the faces' normals alone count (Chen and
+A rigid motion x ↦ Rx + t that brings points p nearest to places q, Σ|Rp + t − q|² least, is R = U
+diag(1, 1, det UVᵀ) Vᵀ of the singular value decomposition USVᵀ of Σ(q − q̄)(p − p̄)ᵀ (Kabsch, Acta
+Cryst. A32, 1976). Without pairs, q are the nearest points of the mesh, then of the outer faces, and
+nearest points and motion are found in turn (Besl and McKay, IEEE PAMI 14, 1992), from each of the
+24 turns that bring axes onto axes; at last distances along the faces' normals alone count (Chen and
 Medioni, Image Vis. Comput. 10, 1992). Symmetric bodies, and grids on them, have several answers.
 """
 
@@ -50,7 +52,9 @@ def by_pairs(points: FloatArray, places: FloatArray) -> Motion:
         InputError: there are fewer than three, or they lie on a line.
     """
     if len(points) < 3:
-        raise InputError("pairs", f"are {len(points)}, expected three or more that are not on a line")
+        raise InputError(
+            "pairs", f"are {len(points)}, expected three or more that are not on a line"
+        )
     centred = points - points.mean(axis=0)
     singular = np.linalg.svd(centred, compute_uv=False)
     if singular[1] <= _STRAIGHT * singular[0]:
@@ -60,20 +64,29 @@ def by_pairs(points: FloatArray, places: FloatArray) -> Motion:
 
 
 def by_closest(surfaces: Surfaces, points: FloatArray) -> tuple[Motion, ...]:
-    """Motions that bring (p, 3) points onto the body's faces, the best first, and those that fit nearly as well.
+    """Motions that bring (p, 3) points onto the body's faces, the best first, and those that fit
+    nearly as well.
 
     Raises:
         InputError: there are fewer than three points, or they lie on a line.
     """
     by_pairs(points, points)
-    nodes = np.concatenate([surfaces.mesh.nodes[block.nodes].mean(axis=1) for block in surfaces.mesh.blocks])
+    nodes = np.concatenate(
+        [surfaces.mesh.nodes[block.nodes].mean(axis=1) for block in surfaces.mesh.blocks]
+    )
     tree = scipy.spatial.cKDTree(np.concatenate([surfaces.mesh.nodes, nodes]))
     as_it_is = _on_faces(surfaces, points, np.eye(3), np.zeros(3))
     turns = product(_turns(), (0, _COARSE))
-    starts = sorted((_coarse(tree, surfaces, points, *each) for each in turns), key=lambda found: found.rms)
+    starts = sorted(
+        (_coarse(tree, surfaces, points, *each) for each in turns), key=lambda found: found.rms
+    )
     some = _different([as_it_is, *starts])[:_WORTH]
-    # Of those whose residuals say nothing the first stays, as a grid on one face of a wall lies as well on the other.
-    fine = sorted((_fine(surfaces, points, start) for start in some), key=lambda found: max(found.rms, _RESOLVED))
+    # Of those whose residuals say nothing the first stays, as a grid on one face of a wall lies as
+    # well on the other.
+    fine = sorted(
+        (_fine(surfaces, points, start) for start in some),
+        key=lambda found: max(found.rms, _RESOLVED),
+    )
     limit = max(_AS_GOOD * fine[0].rms, _RESOLVED)
     return tuple(found for found in _different(fine) if found.rms <= limit)
 
@@ -97,10 +110,14 @@ def _turns() -> list[FloatArray]:
 
 
 def _coarse(
-    tree: scipy.spatial.cKDTree, surfaces: Surfaces, points: FloatArray, turn: FloatArray, steps: int
+    tree: scipy.spatial.cKDTree,
+    surfaces: Surfaces,
+    points: FloatArray,
+    turn: FloatArray,
+    steps: int,
 ) -> Motion:
-    """From middles on each other, some steps by the nearest of the mesh's nodes and centres; these lie in the walls' middles,
-    so that steps may also lead away from an answer.
+    """From middles on each other, some steps by the nearest of the mesh's nodes and centres; these
+    lie in the walls' middles, so that steps may also lead away from an answer.
     """
     low, high = surfaces.mesh.nodes.min(axis=0), surfaces.mesh.nodes.max(axis=0)
     turned = points @ turn.T
@@ -112,7 +129,9 @@ def _coarse(
 
 
 def _fine(surfaces: Surfaces, points: FloatArray, start: Motion) -> Motion:
-    """Onto the tangent planes of the outer faces at the nearest points, which lets a grid slide along its walls."""
+    """Onto the tangent planes of the outer faces at the nearest points, which lets a grid slide
+    along its walls.
+    """
     turn, shift = start.turn, start.shift
     for _ in range(_FINE):
         moved = points @ turn.T + shift
@@ -121,19 +140,25 @@ def _fine(surfaces: Surfaces, points: FloatArray, start: Motion) -> Motion:
         arms = (moved - middle) / surfaces.mesh.size
         rows = np.hstack([np.cross(arms, normal), normal])
         step = np.linalg.lstsq(rows, np.sum((places - moved) * normal, axis=1), rcond=_SLIDES)[0]
-        small = scipy.spatial.transform.Rotation.from_rotvec(step[:3] / surfaces.mesh.size).as_matrix()
+        small = scipy.spatial.transform.Rotation.from_rotvec(
+            step[:3] / surfaces.mesh.size
+        ).as_matrix()
         turn, shift = small @ turn, small @ (shift - middle) + middle + step[3:]
     return _on_faces(surfaces, points, turn, shift)
 
 
-def _on_faces(surfaces: Surfaces, points: FloatArray, turn: FloatArray, shift: FloatArray) -> Motion:
+def _on_faces(
+    surfaces: Surfaces, points: FloatArray, turn: FloatArray, shift: FloatArray
+) -> Motion:
     """The motion with the distances that it leaves to the faces."""
     moved = points @ turn.T + shift
     return Motion(turn, shift, np.linalg.norm(moved - _on_face(surfaces, moved)[0], axis=1))
 
 
 def _on_face(surfaces: Surfaces, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(p, 3) the nearest points of the walls' faces, of beams of their axes; (p, 3) normals there."""
+    """(p, 3) the nearest points of the walls' faces, of beams of their axes; (p, 3) normals
+    there.
+    """
     found = surfaces.nearest(points)
     middle = found.foot + found.offset[:, None] * found.normal
     side = np.sign(np.sum((points - middle) * found.normal, axis=1, keepdims=True))
@@ -147,7 +172,8 @@ def _different(found: Sequence[Motion]) -> list[Motion]:
     for one in found:
         size = max(float(np.linalg.norm(one.shift)), 1e-3)
         if not any(
-            np.abs(one.turn - other.turn).max() < _SAME and np.abs(one.shift - other.shift).max() < _SAME * size
+            np.abs(one.turn - other.turn).max() < _SAME
+            and np.abs(one.shift - other.shift).max() < _SAME * size
             for other in kept
         ):
             kept.append(one)

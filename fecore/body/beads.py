@@ -1,7 +1,10 @@
-"""Beads along lines where walls meet: what each wall adds there, by its moduli along the line and its density.
+"""Beads along lines where walls meet: what each wall adds there, by its moduli along the line and
+its density.
 
-A wall's moduli are those at its line's angle from axis 1. They are taken between those at a few angles, the coarser the less
-its corner turns and so the less they matter: a curve meshed by any number of lines has the same few coefficients.
+A wall's moduli are those at its line's angle from axis 1. They are taken between those at a few
+angles, the coarser the less
+its corner turns and so the less they matter: a curve meshed by any number of lines has the same few
+coefficients.
 """
 
 from dataclasses import dataclass
@@ -33,17 +36,23 @@ class Bead:
     rank: IntArray  # (w,) number of its set among the mesh's
     angle: FloatArray  # (w,) from its axis 1 to the line, rad
     turn: FloatArray  # (w,) how much of a right angle the corner is
-    # (w, 3, 6, 6) matrices by the set's E and G along the line and G across, on the strains of a beam
+    # (w, 3, 6, 6) matrices by the set's E and G along the line and G across, on the strains of a
+    # beam
     stiffness: FloatArray
-    # (w, 3, 6, 6) by the set's density, on its motions: of motion along the line, and across it nearer to y, and to z
+    # (w, 3, 6, 6) by the set's density, on its motions: of motion along the line, and across it
+    # nearer to y, and to z
     mass: FloatArray
 
     @cached_property
     def by_set(self) -> list[tuple[int, int, IntArray, FloatArray, FloatArray]]:
-        """Rank of a set, angle in degrees, (k,) beams and their (k, 3, 6, 6) stiffness and mass by what it is made of."""
+        """Rank of a set, angle in degrees, (k,) beams and their (k, 3, 6, 6) stiffness and mass by
+        what it is made of.
+        """
         which, degrees, share = between(self.angle, self.turn)
         keys, place = np.unique(
-            np.column_stack([self.rank[which], degrees, self.beam[which]]), axis=0, return_inverse=True
+            np.column_stack([self.rank[which], degrees, self.beam[which]]),
+            axis=0,
+            return_inverse=True,
         )
         sums = np.zeros((2, len(keys), 3, 6, 6))
         for total, own in zip(sums, (self.stiffness, self.mass), strict=True):
@@ -56,7 +65,9 @@ class Bead:
 
 
 def between(angle: FloatArray, turn: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-    """Numbers of (n,) angles in rad, angles in degrees that they lie between, and the share of each in them."""
+    """Numbers of (n,) angles in rad, angles in degrees that they lie between, and the share of each
+    in them.
+    """
     least = np.searchsorted(_PARTS, _FINE * np.sqrt(turn) * (1 - 1e-9))
     parts = _PARTS[np.minimum(least, len(_PARTS) - 1)]
     place = np.round(angle * parts / np.pi, _SNAP)
@@ -67,9 +78,15 @@ def between(angle: FloatArray, turn: FloatArray) -> tuple[IntArray, IntArray, Fl
     return np.tile(np.arange(len(angle)), 2)[used], degrees[used], share[used]
 
 
-def weighed(operators: Operators, nodes: IntArray, elements: IntArray, forms: FloatArray) -> Operators:
-    """Operators of some elements whose squares are those of (k, r, r) forms, positive semidefinite, of theirs."""
-    roots = np.einsum("kab,kpbnd->kpand", _roots(forms), operators.rows[operators.which[elements]], optimize=True)
+def weighed(
+    operators: Operators, nodes: IntArray, elements: IntArray, forms: FloatArray
+) -> Operators:
+    """Operators of some elements whose squares are those of (k, r, r) forms, positive semidefinite,
+    of theirs.
+    """
+    roots = np.einsum(
+        "kab,kpbnd->kpand", _roots(forms), operators.rows[operators.which[elements]], optimize=True
+    )
     chosen, which = distinct(roots)
     return Operators(nodes, which, roots[chosen])
 
@@ -84,7 +101,11 @@ def _roots(forms: FloatArray) -> FloatArray:
 
 
 def bead_matrices(
-    across: FloatArray, thickness: FloatArray, begin: FloatArray, whole: FloatArray, truly: FloatArray
+    across: FloatArray,
+    thickness: FloatArray,
+    begin: FloatArray,
+    whole: FloatArray,
+    truly: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Stiffness and mass of walls at their lines, as `Bead` has them, torsion of the line apart.
 
@@ -113,5 +134,7 @@ def bead_matrices(
 
 
 def beads_of(name: str, degrees: int) -> str:
-    """Prefix of the coefficients of a set's beads along lines at an angle, in degrees, from its axis 1."""
+    """Prefix of the coefficients of a set's beads along lines at an angle, in degrees, from its
+    axis 1.
+    """
     return f"{name}.joint at {degrees}°" if degrees else f"{name}.joint"

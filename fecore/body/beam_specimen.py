@@ -1,4 +1,6 @@
-"""An isotropic strip as a Timoshenko beam: a structure whose section follows from its width and thickness."""
+"""An isotropic strip as a Timoshenko beam: a structure whose section follows from its width and
+thickness.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +24,9 @@ BENDING = (2, 3, 4)
 
 @dataclass(frozen=True)
 class BeamSpecimen(OfStructure):
-    """An isotropic strip as three-node Timoshenko beam elements, in out-of-plane bending and torsion."""
+    """An isotropic strip as three-node Timoshenko beam elements, in out-of-plane bending and
+    torsion.
+    """
 
     # length, width, thickness: m
     length: float
@@ -41,7 +45,9 @@ class BeamSpecimen(OfStructure):
     def __post_init__(self) -> None:
         constants = np.array(list(self.nominal.values()))
         E, nu = constants[:2]
-        if not (np.all(np.isfinite(constants)) and -1 < nu < 0.5 and E > 0 and np.all(constants[2:] > 0)):
+        if not (
+            np.all(np.isfinite(constants)) and -1 < nu < 0.5 and E > 0 and np.all(constants[2:] > 0)
+        ):
             stated = ", ".join(f"{name} = {value:g}" for name, value in self.nominal.items())
             raise InputError("beam", f"has {stated}; expected positive numbers and -1 < nu < 0.5")
 
@@ -58,15 +64,21 @@ class BeamSpecimen(OfStructure):
         nodes = np.column_stack([np.linspace(0, self.length, count), np.zeros((count, 2))])
         first = 2 * np.arange(self.elements)
         ends = {"start": np.array([0]), "end": np.array([count - 1])}
-        mesh = Mesh(nodes, (Block("beam3", np.column_stack([first, first + 2, first + 1]), "beam"),), ends)
+        mesh = Mesh(
+            nodes, (Block("beam3", np.column_stack([first, first + 2, first + 1]), "beam"),), ends
+        )
         modulus = self.modulus / 2 / (1 + self.poisson)
-        part = BeamSection.rectangle(self.width, self.thickness, self.modulus, modulus, self.density)
+        part = BeamSection.rectangle(
+            self.width, self.thickness, self.modulus, modulus, self.density
+        )
         held = of_boundary(self.boundary)
         if self.boundary == "simply_supported":  # one end holds it along its axis
             held = (Support("start", ("u", "v", "w", "rx")), Support("end", ("v", "w", "rx")))
         masses = tuple(each.on_surface() for each in self.masses)
         reach = (BEYOND_EDGE * self.length, np.inf, np.inf)
-        return Structure(mesh, {"beam": part}, held, (), masses, dofs=self.dofs, size=(self.length,), reach=reach)
+        return Structure(
+            mesh, {"beam": part}, held, (), masses, dofs=self.dofs, size=(self.length,), reach=reach
+        )
 
     def row(self, name: str, own: dict[str, FloatArray]) -> FloatArray | float | None:
         """A constant of the structure: the section's from width and thickness."""

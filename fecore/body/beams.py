@@ -21,17 +21,25 @@ class BeamSection:
     G: float
     density: float  # nominal, kg/m³
     area: float  # m²
-    inertia: tuple[float, float, float]  # ∫z² dA, ∫y² dA and ∫yz dA, m⁴, of places y n₁ + z n₂ from the centroid
+    # ∫z² dA, ∫y² dA and ∫yz dA, m⁴, of places y n₁ + z n₂ from the centroid
+    inertia: tuple[float, float, float]
     torsion: float  # J, m⁴
     shear: tuple[float, float] = (5 / 6, 5 / 6)  # shear factors κ along axes 1 and 2
     # direction whose projection across the beam is axis 1, in the structure's frame
     axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # from the nodes to the centroid, m, in the structure's frame
+    # from the nodes to the centroid, m, in the structure's frame
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     terms = ("EA", "GA1", "GA2", "GJ", "EI1", "EI2", "EI12")
     motions = ("m_1", "m", "mJ", "mI1", "mI2", "mI12")
-    blocks: ClassVar[tuple[IntArray, ...]] = (*(np.array([[k]]) for k in range(4)), np.array([[4, 6], [6, 5]]))
-    motion_blocks: ClassVar[tuple[IntArray, ...]] = (*(np.array([[k]]) for k in range(3)), np.array([[3, 5], [5, 4]]))
+    blocks: ClassVar[tuple[IntArray, ...]] = (
+        *(np.array([[k]]) for k in range(4)),
+        np.array([[4, 6], [6, 5]]),
+    )
+    motion_blocks: ClassVar[tuple[IntArray, ...]] = (
+        *(np.array([[k]]) for k in range(3)),
+        np.array([[3, 5], [5, 4]]),
+    )
 
     def __post_init__(self) -> None:
         for name in ("E", "G", "density", "area", "torsion"):
@@ -40,10 +48,14 @@ class BeamSection:
                 raise InputError(f"section.{name}", f"is {value}, expected a positive number")
         first, second, mixed = self.inertia
         if not (first > 0 and second > 0 and mixed**2 < first * second):
-            raise InputError("section.inertia", f"is {self.inertia}, expected ∫z², ∫y² and ∫yz of a real section")
+            raise InputError(
+                "section.inertia", f"is {self.inertia}, expected ∫z², ∫y² and ∫yz of a real section"
+            )
 
     @classmethod
-    def rectangle(cls, width: float, height: float, E: float, G: float, density: float) -> BeamSection:
+    def rectangle(
+        cls, width: float, height: float, E: float, G: float, density: float
+    ) -> BeamSection:
         """A rectangle, `width` along axis 1 and `height` along axis 2."""
         one = np.ones(())
         torsion = float(rectangle_torsion(one, one, width * one, height * one))
@@ -68,9 +80,13 @@ class BeamSection:
 
     @property
     def mass_matrices(self) -> FloatArray:
-        """(6, 6, 6) by `motions` on the motions of a beam; along it, and of turns across it, they are apart."""
+        """(6, 6, 6) by `motions` on the motions of a beam; along it, and of turns across it, they
+        are apart.
+        """
         found = np.zeros((6, 6, 6))
-        found[0, 0, 0] = found[1, 1, 1] = found[1, 2, 2] = found[2, 3, 3] = found[3, 4, 4] = found[4, 5, 5] = 1
+        found[0, 0, 0] = found[1, 1, 1] = found[1, 2, 2] = found[2, 3, 3] = found[3, 4, 4] = found[
+            4, 5, 5
+        ] = 1
         found[5, 4, 5] = found[5, 5, 4] = -1
         return found
 
@@ -80,7 +96,9 @@ class BeamSection:
         E, G, area = factor * constants["E"], factor * constants["G"], constants["area"]
         first, second = constants["I1"], constants["I2"]
         shears = [shear * G * area for shear in self.shear]
-        return np.stack([E * area, *shears, G * constants["J"], E * first, E * second, self.inertia[2] * E])
+        return np.stack(
+            [E * area, *shears, G * constants["J"], E * first, E * second, self.inertia[2] * E]
+        )
 
     def inertias(self, constants: Mapping[str, FloatArray]) -> FloatArray:
         """(6, …) of `motions`."""
@@ -90,17 +108,23 @@ class BeamSection:
 
     @property
     def reach(self) -> float:
-        """Half the width of the thin rectangle with this area and polar inertia, m: how far from the axis material lies."""
+        """Half the width of the thin rectangle with this area and polar inertia, m: how far from
+        the axis material lies.
+        """
         return float(np.sqrt(3 * (self.inertia[0] + self.inertia[1]) / self.area))
 
 
-def rectangle_torsion(Gxy: FloatArray, Gxz: FloatArray, width: FloatArray, thickness: FloatArray) -> FloatArray:
-    """GJ in N·m², by St-Venant's series for an orthotropic rectangle (Lekhnitskii, *Theory of Elasticity of an
-    Anisotropic Body*, section 35):
+def rectangle_torsion(
+    Gxy: FloatArray, Gxz: FloatArray, width: FloatArray, thickness: FloatArray
+) -> FloatArray:
+    """GJ in N·m², by St-Venant's series for an orthotropic rectangle (Lekhnitskii, *Theory of
+    Elasticity of an Anisotropic Body*, section 35):
 
         GJ = Gxy b t³/3 [1 - 192 t/(π⁵ b') Σ_odd tanh(nπb'/2t)/n⁵],   b' = b √(Gxz/Gxy)
     """
     n = np.arange(1, 200, 2)
     slenderness = width / thickness * np.sqrt(Gxz / Gxy)
     series = np.sum(np.tanh(n * np.pi * slenderness[..., None] / 2) / n**5.0, axis=-1)
-    return np.asarray(Gxy * width * thickness**3 / 3 * (1 - 192 / (np.pi**5 * slenderness) * series))
+    return np.asarray(
+        Gxy * width * thickness**3 / 3 * (1 - 192 / (np.pi**5 * slenderness) * series)
+    )

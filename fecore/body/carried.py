@@ -16,7 +16,9 @@ KNOWN = "1"
 _ONE = (np.array([[0]]),)
 
 
-def spring_parts(mesh: Mesh, surfaces: Surfaces, springs: tuple[Spring | NodeSpring, ...]) -> list[Part]:
+def spring_parts(
+    mesh: Mesh, surfaces: Surfaces, springs: tuple[Spring | NodeSpring, ...]
+) -> list[Part]:
     """Each spring at unit stiffness: nᵀn at its point or its nodes, or ∫nᵀn ds along its edge."""
     parts = []
     for spring in springs:
@@ -25,7 +27,14 @@ def spring_parts(mesh: Mesh, surfaces: Surfaces, springs: tuple[Spring | NodeSpr
         else:
             nodes, rows = _held(mesh, surfaces, spring)
             one = rows[:, :, [spring.direction - 1]]
-        parts.append(Part(Operators(nodes, np.arange(len(nodes)), one), np.ones((1, 1, 1)), (spring.name,), _ONE))
+        parts.append(
+            Part(
+                Operators(nodes, np.arange(len(nodes)), one),
+                np.ones((1, 1, 1)),
+                (spring.name,),
+                _ONE,
+            )
+        )
     if len({spring.name for spring in springs}) < len(springs):
         raise InputError("springs", "two have one name")
     return parts
@@ -53,18 +62,24 @@ def mass_parts(surfaces: Surfaces, masses: tuple[Mass, ...]) -> list[Part]:
 
 
 def _at(surfaces: Surfaces, point: tuple[float, ...], field: str) -> tuple[IntArray, FloatArray]:
-    """(1, n) nodes and (1, 1, 6, n, 6) rows of u and θ at a point (x, y) or (x, y, z) of the surface, which a field names."""
+    """(1, n) nodes and (1, 1, 6, n, 6) rows of u and θ at a point (x, y) or (x, y, z) of the
+    surface, which a field names.
+    """
     try:
         places = surfaces.find(np.array([[*point, 0.0][:3]]))
     except OffSpecimenError as error:
         raise InputError(field, error.message) from error
     kept = np.flatnonzero(places.functions[0])
-    rows = np.array([places.rows(np.eye(3)[[axis]])[0] for axis in range(3)] + list(places.turns()[0]))
+    rows = np.array(
+        [places.rows(np.eye(3)[[axis]])[0] for axis in range(3)] + list(places.turns()[0])
+    )
     return places.nodes[:, kept], rows[None, None, :, kept]
 
 
 def _along(mesh: Mesh, chosen: IntArray, name: str) -> tuple[IntArray, FloatArray]:
-    """(e, n) nodes of the sides of elements along chosen nodes, and (e, 3, 6, n, 6) rows by the root of their lengths."""
+    """(e, n) nodes of the sides of elements along chosen nodes, and (e, 3, 6, n, 6) rows by the
+    root of their lengths.
+    """
     sides: list[IntArray] = []
     for block in mesh.blocks:
         if block.is_shell:
@@ -72,7 +87,9 @@ def _along(mesh: Mesh, chosen: IntArray, name: str) -> tuple[IntArray, FloatArra
                 nodes = block.nodes[:, list(side)]
                 sides.extend(nodes[np.isin(nodes, chosen).all(axis=1)])
     if not sides:
-        raise InputError("spring.edge", f"{name} has no side of an element; give nodes along an edge")
+        raise InputError(
+            "spring.edge", f"{name} has no side of an element; give nodes along an edge"
+        )
     unique = np.array(list({tuple(sorted(side.tolist())): side for side in sides}.values()))
     points, weights = np.polynomial.legendre.leggauss(3)
     beam = BEAMS[f"beam{unique.shape[1]}"]

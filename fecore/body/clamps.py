@@ -1,4 +1,6 @@
-"""The clamp of a body in space that gives way: a rigid block over the clamped nodes, on an even bed."""
+"""The clamp of a body in space that gives way: a rigid block over the clamped nodes, on an even
+bed.
+"""
 
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -20,10 +22,13 @@ class Bed:
     nodes: IntArray  # (n,) numbers of the clamped nodes
     centre: FloatArray  # (3,) of these nodes, m
     arm: FloatArray  # (3,) from there to the centre of all nodes, m
-    inertia: FloatArray  # (3, 3) stiffness of the bed in rotation about its centre over that in translation, m²
+    # (3, 3) stiffness of the bed in rotation about its centre over that in translation, m²
+    inertia: FloatArray
 
     def yields(self, pushes: FloatArray) -> FloatArray:
-        """(m,) work on a bed of unit stiffness in translation, of (6, m) forces, and moments about the centre of all nodes."""
+        """(m,) work on a bed of unit stiffness in translation, of (6, m) forces, and moments about
+        the centre of all nodes.
+        """
         shift, turn = np.split(pushes, 2)
         turn = turn + np.cross(self.arm[None], shift.T).T
         turned = np.einsum("in,ij,jn->n", turn, np.linalg.pinv(self.inertia), turn)
@@ -39,11 +44,16 @@ def bed_of(body: Structure) -> Bed | None:
     nodes = body.mesh.select(held[0].where)
     places = body.mesh.nodes[nodes]
     arms = places - places.mean(axis=0)
-    walls = [section.thickness for section in body.sections.values() if isinstance(section, ShellSection)]
+    walls = [
+        section.thickness for section in body.sections.values() if isinstance(section, ShellSection)
+    ]
     inertia = np.mean(np.sum(arms**2, axis=1)) * np.eye(3) - arms.T @ arms / len(arms)
     centre = places.mean(axis=0)
     return Bed(
-        nodes, centre, body.mesh.nodes.mean(axis=0) - centre, inertia + max(walls, default=0.0) ** 2 / 12 * np.eye(3)
+        nodes,
+        centre,
+        body.mesh.nodes.mean(axis=0) - centre,
+        inertia + max(walls, default=0.0) ** 2 / 12 * np.eye(3),
     )
 
 

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 UNITS = {
     **dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz", "E", "G"), "Pa"),
     **dict.fromkeys(("E1", "E2", "G12", "G13", "G23"), "Pa"),
-    **dict.fromkeys(("nu_xy", "nu", "nu12", "zone", "factor", "mass_factor", "clamp_compliance"), "1"),
+    **dict.fromkeys(
+        ("nu_xy", "nu", "nu12", "zone", "factor", "mass_factor", "clamp_compliance"), "1"
+    ),
     "density": "kg/m³",
     **dict.fromkeys(("length", "width", "height", "thickness", "t"), "m"),
     **dict.fromkeys(("fibre_angle", "angle"), "rad"),
@@ -28,22 +30,29 @@ UNITS = {
 """SI unit of each kind of constant."""
 
 SIGNED = frozenset({"nu_xy", "nu", "nu12", "fibre_angle", "angle", "per_K", "temperature"})
-"""Kinds of constants that may be negative: Poisson's ratios, angles, coefficients of temperature."""
+"""Kinds of constants that may be negative: Poisson's ratios, angles, coefficients of
+temperature.
+"""
 
 
 FACTORS = frozenset({"zone", "factor"})
-"""Kinds of constants that scale the stiffness of a zone or a set: nearly all of them are expected to be 1."""
+"""Kinds of constants that scale the stiffness of a zone or a set: nearly all of them are expected
+to be 1.
+"""
 
 
 def kind_of(constant: str) -> str:
-    """A constant's name without its set and the number of its material or ply: E1 of flange.E1_2, angle of angle_3."""
+    """A constant's name without its set and the number of its material or ply: E1 of flange.E1_2,
+    angle of angle_3.
+    """
     return re.sub(r"_\d+$", "", constant.rpartition(".")[2])
 
 
 class Body(Protocol):
     """What updating asks of a body.
 
-    Closed forms take (c, …) constants in the order of `nominal`, and complex ones too: their derivatives are complex steps.
+    Closed forms take (c, …) constants in the order of `nominal`, and complex ones too: their
+    derivatives are complex steps.
     """
 
     @property
@@ -58,7 +67,9 @@ class Body(Protocol):
 
     @property
     def model_error(self) -> float:
-        """Relative error of a natural frequency that the model is known to have, independent from mode to mode."""
+        """Relative error of a natural frequency that the model is known to have, independent from
+        mode to mode.
+        """
         ...
 
     @property

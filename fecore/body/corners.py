@@ -1,14 +1,18 @@
 """How walls share a line: what each takes of the others there, continuous in their angles.
 
-Two walls whose directions turn by α at a line overlap inside and gape outside over (T/2) tan(α/2) from it, T the other wall's
-thickness: T/2 at a right angle, nothing where one goes straight on. So what holds at a right angle is scaled by tan(α/2), and a
-faceted curve is a curve. Where three or more walls meet, each has such a factor on both its sides:
+Two walls whose directions turn by α at a line overlap inside and gape outside over (T/2) tan(α/2)
+from it, T the other wall's
+thickness: T/2 at a right angle, nothing where one goes straight on. So what holds at a right angle
+is scaled by tan(α/2), and a faceted curve is a curve. Where three or more walls meet, each has such
+a factor on both its sides:
 
 - a wall that passes, as another goes straight on beyond the line, has the larger of its two;
-- one that ends has their mean: at an angle β to a wall that passes that is ½ (tan(β/2) + cot(β/2)) = 1/sin β.
+- one that ends has their mean: at an angle β to a wall that passes that is ½ (tan(β/2) + cot(β/2))
+  = 1/sin β.
 
-Whether walls pass is a share from 0 to 1: how much straighter the two lie than either does to any other. A factor never takes
-an overlap beyond a third of a wall's width (a smooth minimum): at sharp edges the rest is not repaired.
+Whether walls pass is a share from 0 to 1: how much straighter the two lie than either does to any
+other. A factor never takes an overlap beyond a third of a wall's width (a smooth minimum): at sharp
+edges the rest is not repaired.
 """
 
 from __future__ import annotations
@@ -21,7 +25,8 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 
-# p by how a wall meets the other: found with solids whose walls are up to 2.5 times as thick as one another.
+# p by how a wall meets the other: found with solids whose walls are up to 2.5 times as thick as one
+# another.
 _PASSING, _ENDING, _CORNER = 1.7, 3.0, 2.0
 _MOST = 1 / 3  # of a wall's width that an overlap may take
 _SHARPNESS = 32  # of the smooth minimum
@@ -30,7 +35,9 @@ _LEAST = 1e-15  # of sines and squares that are divided by
 
 @dataclass(frozen=True)
 class Corner:
-    """Stacks of walls around a line, in the order of their angles about it; walls on the same nodes are one stack."""
+    """Stacks of walls around a line, in the order of their angles about it; walls on the same nodes
+    are one stack.
+    """
 
     directions: FloatArray  # (n, 3) unit directions away from the line
     thickness: FloatArray  # (n,) m
@@ -42,7 +49,11 @@ class Corner:
         after = np.roll(directions, -1, axis=0)
         sine = np.cross(directions, after) @ tangent
         inner = np.arctan2(sine, np.sum(directions * after, axis=1)) % (2 * np.pi)
-        return cls(directions, np.array(thickness), np.cos(inner / 2) / np.maximum(np.sin(inner / 2), _LEAST))
+        return cls(
+            directions,
+            np.array(thickness),
+            np.cos(inner / 2) / np.maximum(np.sin(inner / 2), _LEAST),
+        )
 
     @property
     def is_simple(self) -> bool:
@@ -65,7 +76,12 @@ class Corner:
 
     def cut(self, widths: Sequence[float], share: float = _MOST) -> Corner:
         """With factors that take no overlap beyond a share, a third, of any width."""
-        most = 2 * share * np.array(widths) / np.maximum(np.roll(self.thickness, -1), np.roll(self.thickness, 1))
+        most = (
+            2
+            * share
+            * np.array(widths)
+            / np.maximum(np.roll(self.thickness, -1), np.roll(self.thickness, 1))
+        )
         parts = np.array([np.maximum(np.abs(self.factors), _LEAST), most, np.roll(most, -1)])
         least = parts.min(axis=0)
         size = least * np.sum((least / parts) ** _SHARPNESS, axis=0) ** (-1 / _SHARPNESS)
@@ -77,12 +93,16 @@ class Corner:
 
     @property
     def size(self) -> float:
-        """How many right angles' worth its largest factor is; where more than two meet 1 at least."""
+        """How many right angles' worth its largest factor is; where more than two meet 1 at
+        least.
+        """
         return max(float(np.abs(self.factors).max()), 0.0 if self.is_simple else 1.0)
 
     @cached_property
     def straight(self) -> FloatArray:
-        """(n, n) from 0 to 1 how far two are one that passes: squared, so that derivatives exist."""
+        """(n, n) from 0 to 1 how far two are one that passes: squared, so that derivatives
+        exist.
+        """
         if len(self.thickness) < 3:
             return np.zeros((len(self.thickness),) * 2)
         cosine = np.clip(self.directions @ self.directions.T, -1, 1)
@@ -94,7 +114,9 @@ class Corner:
     def begin(self, stack: int) -> float:
         """d, m: where a stack's elements begin."""
         t = float(self.thickness[stack])
-        (T, most), (other, least) = sorted(self._sides(stack), key=lambda side: side[0] * side[1], reverse=True)
+        (T, most), (other, least) = sorted(
+            self._sides(stack), key=lambda side: side[0] * side[1], reverse=True
+        )
         if self.is_simple:
             return _link(t, T, _CORNER) * most
         passes = float(self.straight[stack].max())
@@ -107,8 +129,8 @@ class Corner:
     def true_start(self, stack: int, zeta: FloatArray, goes_on: int = 0) -> FloatArray:
         """(g,) where a stack truly begins, m from the line, at heights ζ along tangent × direction.
 
-        Where a wall passes, the others begin at its face. Else each is mitred with its neighbours, from the line to the corner
-        where their faces meet; of two, one may go on to the outer face.
+        Where a wall passes, the others begin at its face. Else each is mitred with its neighbours,
+        from the line to the corner where their faces meet; of two, one may go on to the outer face.
 
         Args:
             stack: its number.
@@ -131,7 +153,9 @@ class Corner:
         return np.asarray(share * face + (1 - share) * mitred)
 
     def _sides(self, stack: int) -> tuple[tuple[float, float], tuple[float, float]]:
-        """The neighbour's thickness and the factor on the side of tangent × direction, and on the other."""
+        """The neighbour's thickness and the factor on the side of tangent × direction, and on the
+        other.
+        """
         n = len(self.thickness)
         after, before = (stack + 1) % n, (stack - 1) % n
         return (

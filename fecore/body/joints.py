@@ -1,20 +1,23 @@
 """The joint model: what shells that overlap at a junction miss of the body.
 
-Middle surfaces run to the junction's line, so walls overlap there, and the corner is stiffer than its lines. So each wall of
-thickness t begins at
+Middle surfaces run to the junction's line, so walls overlap there, and the corner is stiffer than
+its lines. So each wall of thickness t begins at
 
     d = (T/2) / (1 + 3 (t/T)^p)
 
-from the line, by a rigid link, with T the other wall's thickness, and p = 1.7 for a wall that passes, 3 for one that ends at a
-wall that passes, 2 at a corner of two. At other than right angles d, and all that follows, is scaled with the angle
-(`fecore.body.corners`). Nodes near the line make room, evenly over 2.5 d or one element. Where another wall is beyond d,
-elements give up mass and stiffness along the line (`fecore.body.overlaps`).
+from the line, by a rigid link, with T the other wall's thickness, and p = 1.7 for a wall that
+passes, 3 for one that ends at a wall that passes, 2 at a corner of two. At other than right angles
+d, and all that follows, is scaled with the angle (`fecore.body.corners`). Nodes near the line make
+room, evenly over 2.5 d or one element. Where another wall is beyond d, elements give up mass and
+stiffness along the line (`fecore.body.overlaps`).
 
-Along the line a bead, a beam, carries what is then missing: the moments of the wall's true area between the line and where its
-elements are whole, with its modulus along the line and density (so mass is exact); the shear and twist of the strips that were
-taken away; and a torsion 0.1 G t⁴, t⁴ the geometric mean of the walls'. No part is ever negative, so stiffness and mass are
-positive whatever the size of the elements. All is linear in E, G and density; d is nominal. Matrices of elements and
-beads carry what differs from place to place, so a set has the same few coefficients however many lines a curve is meshed by.
+Along the line a bead, a beam, carries what is then missing: the moments of the wall's true area
+between the line and where its elements are whole, with its modulus along the line and density (so
+mass is exact); the shear and twist of the strips that were taken away; and a torsion 0.1 G t⁴, t⁴
+the geometric mean of the walls'. No part is ever negative, so stiffness and mass are positive
+whatever the size of the elements. All is linear in E, G and density; d is nominal. Matrices of
+elements and beads carry what differs from place to place, so a set has the same few coefficients
+however many lines a curve is meshed by.
 """
 
 import math
@@ -76,7 +79,8 @@ class Starts:
 
     piece: IntArray  # (s,) number of its piece
     rank: IntArray  # (s,) of its set
-    # (s,) as of `Start` and `Wall`, m; the part of its piece's torsion, m⁴; and the turn of its corner
+    # (s,) as of `Start` and `Wall`, m; the part of its piece's torsion, m⁴; and the turn of its
+    # corner
     thickness: FloatArray
     begin: FloatArray
     whole: FloatArray
@@ -97,11 +101,16 @@ class Starts:
         every = [(piece, start) for piece in pieces for start in piece.starts]
         starts = [start for _, start in every]
         thickness, begin, whole, reach = (
-            np.array([(start.wall.thickness, start.begin, start.whole, start.reach) for start in starts])
+            np.array(
+                [(start.wall.thickness, start.begin, start.whole, start.reach) for start in starts]
+            )
             .reshape(-1, 4)
             .T
         )
-        share = [start.wall.thickness / piece.corner.thickness[start.wall.stack] for piece, start in every]
+        share = [
+            start.wall.thickness / piece.corner.thickness[start.wall.stack]
+            for piece, start in every
+        ]
         return cls(
             piece=np.repeat(np.arange(len(pieces)), [len(piece.starts) for piece in pieces]),
             rank=np.array([start.wall.rank for start in starts], dtype=np.int64),
@@ -116,7 +125,9 @@ class Starts:
             tangent=np.array([piece.edges[0].tangent for piece, _ in every]).reshape(-1, 3),
             origin=np.array([piece.edges[0].nodes[0] for piece, _ in every], dtype=np.int64),
             start=np.repeat(np.arange(len(starts)), [start.elements.size for start in starts]),
-            element=np.concatenate([np.zeros(0, dtype=np.int64), *(start.elements for start in starts)]),
+            element=np.concatenate(
+                [np.zeros(0, dtype=np.int64), *(start.elements for start in starts)]
+            ),
         )
 
 
@@ -135,7 +146,9 @@ class Joints:
 
     @cached_property
     def corners(self) -> list[tuple[Corner, Corner]]:
-        """Of all straight pieces of lines their corners as they are, and as far as they are modelled."""
+        """Of all straight pieces of lines their corners as they are, and as far as they are
+        modelled.
+        """
         return [(piece.whole, piece.corner) for piece in self._pieces]
 
     @cached_property
@@ -144,13 +157,23 @@ class Joints:
 
     @cached_property
     def _near(self) -> tuple[tuple[IntArray, IntArray, FloatArray], ...]:
-        """Of each block (k,) starts, its (k,) elements within their reach, and the (k, n) distances of their nodes, m."""
+        """Of each block (k,) starts, its (k,) elements within their reach, and the (k, n) distances
+        of their nodes, m.
+        """
         starts, found, first = self._starts, [], 0
         for block in self.mesh.blocks:
             own = (starts.element >= first) & (starts.element < first + len(block.nodes))
             which, elements = starts.start[own], starts.element[own] - first
-            arms = self.mesh.nodes[block.nodes[elements]] - self.mesh.nodes[starts.origin[which], None]
-            found.append((which, elements, np.maximum(np.einsum("enk,ek->en", arms, starts.away[which]), 0.0)))
+            arms = (
+                self.mesh.nodes[block.nodes[elements]] - self.mesh.nodes[starts.origin[which], None]
+            )
+            found.append(
+                (
+                    which,
+                    elements,
+                    np.maximum(np.einsum("enk,ek->en", arms, starts.away[which]), 0.0),
+                )
+            )
             first += len(block.nodes)
         return tuple(found)
 
@@ -163,7 +186,9 @@ class Joints:
             for block in self.mesh.blocks
         )
         for own, (which, elements, distance) in zip(found, self._near, strict=True):
-            room = starts.begin[which, None] * np.maximum(1 - distance / starts.reach[which, None], 0)
+            room = starts.begin[which, None] * np.maximum(
+                1 - distance / starts.reach[which, None], 0
+            )
             np.add.at(own, elements, room[..., None] * starts.away[which, None])
         return found
 
@@ -172,13 +197,17 @@ class Joints:
         """Of each block, where its elements lie inside other walls."""
         starts, found = self._starts, []
         ends = starts.begin + (starts.whole - starts.begin) / MOST
-        for block, shift, (which, elements, distance) in zip(self.mesh.blocks, self.shifts, self._near, strict=True):
+        for block, shift, (which, elements, distance) in zip(
+            self.mesh.blocks, self.shifts, self._near, strict=True
+        ):
             corners = len(SHELLS[block.kind].sides) if block.is_shell else 1
             moved = distance + np.einsum("enk,ek->en", shift[elements], starts.away[which])
             ratio = moved[:, :corners] / np.maximum(ends[which, None], 1e-300)
             near = (starts.whole > starts.begin)[which] & (ratio.min(axis=1) < 1 - _ROUNDING)
             of = which[near]
-            overlap = Overlap(elements[near], ratio[near], starts.tangent[of], self._angles[of], starts.turn[of])
+            overlap = Overlap(
+                elements[near], ratio[near], starts.tangent[of], self._angles[of], starts.turn[of]
+            )
             found.append(overlap)
         return tuple(found)
 
@@ -186,10 +215,14 @@ class Joints:
     def beads(self) -> tuple[Bead, ...]:
         """The walls' shares of the beads of all lines, those of beams of two nodes and of three."""
         starts, pieces = self._starts, self._pieces
-        axes = np.array([piece.starts[0].wall.away for piece in pieces]).reshape(-1, 3)[starts.piece]
+        axes = np.array([piece.starts[0].wall.away for piece in pieces]).reshape(-1, 3)[
+            starts.piece
+        ]
         frame = np.stack([axes, np.cross(starts.tangent, axes)], axis=1)
         across = np.einsum("sij,sj->si", frame, starts.away)
-        stiffness, mass = bead_matrices(across, starts.thickness, starts.begin, starts.whole, starts.truly)
+        stiffness, mass = bead_matrices(
+            across, starts.thickness, starts.begin, starts.whole, starts.truly
+        )
         stiffness[:, 1, 3, 3] += starts.torsion
         # Of motion along z where n₁ lies nearer to it, and y the other way.
         turned = np.abs(axes[:, 1]) <= np.abs(axes[:, 2])
@@ -202,9 +235,13 @@ class Joints:
             nodes = [_one_way(edge, edges[k][0]) for k in chosen for edge in edges[k]]
             beams = np.repeat(chosen, [len(edges[k]) for k in chosen])
             # Each of a piece's walls has all its beams; starts lie piece by piece.
-            first, after = (np.searchsorted(starts.piece, beams, side=side) for side in ("left", "right"))
+            first, after = (
+                np.searchsorted(starts.piece, beams, side=side) for side in ("left", "right")
+            )
             beam = np.repeat(np.arange(len(beams)), after - first)
-            wall = np.concatenate([np.arange(low, high) for low, high in zip(first, after, strict=True)])
+            wall = np.concatenate(
+                [np.arange(low, high) for low, high in zip(first, after, strict=True)]
+            )
             found.append(
                 Bead(
                     nodes=np.array(nodes),
@@ -222,10 +259,16 @@ class Joints:
     @cached_property
     def _angles(self) -> FloatArray:
         """(s,) from axis 1 on each wall to the line, about the wall's normal: rad, from 0 to π."""
-        walls, starts = [start.wall for piece in self._pieces for start in piece.starts], self._starts
+        walls, starts = (
+            [start.wall for piece in self._pieces for start in piece.starts],
+            self._starts,
+        )
         axes = [self.axes[wall.set] if wall.axis is None else wall.axis for wall in walls]
         corners = [self.mesh.blocks[wall.block].nodes[wall.element, :3] for wall in walls]
-        axis, x = np.array(axes).reshape(-1, 3), self.mesh.nodes[np.array(corners, dtype=np.int64).reshape(-1, 3)]
+        axis, x = (
+            np.array(axes).reshape(-1, 3),
+            self.mesh.nodes[np.array(corners, dtype=np.int64).reshape(-1, 3)],
+        )
         normal = np.cross(starts.tangent, starts.away)
         up = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
         normal *= np.sign(np.sum(normal * up, axis=1, keepdims=True))
@@ -244,7 +287,9 @@ def straight(edges: Sequence[Edge]) -> list[list[Edge]]:
     """Edges of a line that are alike in direction and in number of nodes, together."""
     left, found = list(edges), []
     while left:
-        alike = [len(edge.nodes) == len(left[0].nodes) and are_alike(left[0], edge) for edge in left]
+        alike = [
+            len(edge.nodes) == len(left[0].nodes) and are_alike(left[0], edge) for edge in left
+        ]
         found.append([edge for edge, same in zip(left, alike, strict=True) if same])
         left = [edge for edge, same in zip(left, alike, strict=True) if not same]
     return found
@@ -259,7 +304,9 @@ def pieces_of(strips: Strips, groups: Sequence[Sequence[Edge]]) -> list[Piece]:
         for wall, alike in zip(edges[0].walls, own, strict=True):
             first += [(len(walls), int(strips.first[w.block]) + w.element) for w in alike]
             depth.append(max(w.depth for w in alike))
-            limit.append(max(_FAR * edges[0].corner.overlap(wall.stack), depth[-1] * (1 - _ROUNDING)))
+            limit.append(
+                max(_FAR * edges[0].corner.overlap(wall.stack), depth[-1] * (1 - _ROUNDING))
+            )
             walls.append(wall)
             line.append(k)
     at, elements = np.array(first).T
@@ -278,12 +325,16 @@ def pieces_of(strips: Strips, groups: Sequence[Sequence[Edge]]) -> list[Piece]:
         corner, starts = edges[0].corner.cut(widths), []
         for wall, k in zip(own_walls, numbers, strict=True):
             begin = corner.begin(wall.stack)
-            truly = corner.true_start(wall.stack, wall.thickness / 2 * _FACES_TOO, _goes_on(wall, edges[0]))
+            truly = corner.true_start(
+                wall.stack, wall.thickness / 2 * _FACES_TOO, _goes_on(wall, edges[0])
+            )
             whole = max(begin, float(truly[:2].max()))
             reach = max(begin / _DEEPEST, depth[k])
             own_part = slice(bounds[k], bounds[k + 1])
             near = found.nearest[own_part] < max(reach, whole / MOST) * (1 - _ROUNDING)
-            starts.append(Start(wall, begin, whole, reach, truly[2:], found.elements[own_part][near]))
+            starts.append(
+                Start(wall, begin, whole, reach, truly[2:], found.elements[own_part][near])
+            )
         pieces.append(Piece(edges, edges[0].corner.cut(widths, 1.0), corner, starts))
     return pieces
 
@@ -308,8 +359,13 @@ def _matched(walls: Sequence[Wall], others: Sequence[Wall]) -> list[Wall]:
 
 
 def _goes_on(wall: Wall, edge: Edge) -> int:
-    """At a corner of two sets whether the first set's wall goes on to the outer face, 1, or ends there, −1; else 0."""
-    ranks = [min(w.rank for w in edge.walls if w.stack == stack) for stack in range(len(edge.corner.thickness))]
+    """At a corner of two sets whether the first set's wall goes on to the outer face, 1, or ends
+    there, −1; else 0.
+    """
+    ranks = [
+        min(w.rank for w in edge.walls if w.stack == stack)
+        for stack in range(len(edge.corner.thickness))
+    ]
     if not edge.corner.is_simple or ranks[0] == ranks[1]:
         return 0
     return 1 if ranks[wall.stack] == min(ranks) else -1

@@ -1,8 +1,8 @@
 """Where walls meet: edges of a mesh at which its surface turns, found from the elements alone.
 
-At an edge every element has a direction s, in its surface and away from the edge; elements on the same nodes are one stack. An
-edge is a junction where more than two stacks meet, or two of which one is not the other going on, by however little. Edges
-with the same walls that touch make a line.
+At an edge every element has a direction s, in its surface and away from the edge; elements on the
+same nodes are one stack. An edge is a junction where more than two stacks meet, or two of which one
+is not the other going on, by however little. Edges with the same walls that touch make a line.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from fecore.body.corners import Corner
 from fecore.body.mesh import SHELLS, Mesh
 
 _SAME = 0.02  # of directions of one line, and of its walls' factors
-_ROUNDING = 1e-6  # of an element, by which it would begin beside the line: less than the accuracy of a frequency
+# of an element, by which it would begin beside the line: less than the accuracy of a frequency
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,9 @@ class Wall:
 
 @dataclass(frozen=True)
 class Edge:
-    """An edge at which walls meet: its nodes (ends first, then the middle where it has one), and the walls around it."""
+    """An edge at which walls meet: its nodes (ends first, then the middle where it has one), and
+    the walls around it.
+    """
 
     nodes: tuple[int, ...]
     tangent: FloatArray
@@ -56,14 +59,18 @@ class Junction:
     """A line along which walls meet, as an engineer checks it."""
 
     nodes: IntArray  # numbers of its nodes
-    walls: tuple[tuple[str, float, bool], ...]  # (set, thickness in m, whether it passes) of each wall
-    angles: tuple[float, ...]  # degrees between each wall, or stack of walls, and the next around the line
+    # (set, thickness in m, whether it passes) of each wall
+    walls: tuple[tuple[str, float, bool], ...]
+    # degrees between each wall, or stack of walls, and the next around the line
+    angles: tuple[float, ...]
     length: float  # m
     edges: tuple[Edge, ...]  # what it is made of
 
 
 def find_junctions(mesh: Mesh, thickness: Mapping[str, float]) -> tuple[Junction, ...]:
-    """The junctions of a mesh of shells, given each set's thickness in m; of two walls that only go on there is none."""
+    """The junctions of a mesh of shells, given each set's thickness in m; of two walls that only go
+    on there is none.
+    """
     sides = sides_of(mesh)
     own = np.array([thickness.get(block.set, 0.0) for block in mesh.blocks])[sides.places[:, 0]]
     order = np.lexsort((sides.same, *sides.ends.T))
@@ -73,14 +80,20 @@ def find_junctions(mesh: Mesh, thickness: Mapping[str, float]) -> tuple[Junction
     count = np.diff(first, append=len(ends))
     edge = np.cumsum(is_first) - 1
     stacks = np.bincount(edge[is_first | (np.diff(same, prepend=-1) != 0)], minlength=len(first))
-    # Most edges are of two elements, of which one goes on as the other; tan(α/2) = |s₁ + s₂|/|s₁ − s₂|.
+    # Most edges are of two elements, of which one goes on as the other; tan(α/2) = |s₁ + s₂|/|s₁ −
+    # s₂|.
     one, other = (sides.away[order[at]] for at in (first, first + count - 1))
     turned, depth = np.linalg.norm(one + other, axis=1), sides.depth[order[first]]
     over = np.bincount(edge, own[order], minlength=len(first)) * turned
     small = over < _ROUNDING * _PART * depth * np.linalg.norm(one - other, axis=1)
     chosen = (stacks > 2) | ((stacks == 2) & ~small)
-    edges = [_edge(mesh, sides, order[a : a + n], thickness) for a, n in zip(first[chosen], count[chosen], strict=True)]
-    return tuple(_junction(mesh, group) for group in _lines([edge for edge in edges if _turns(edge)]))
+    edges = [
+        _edge(mesh, sides, order[a : a + n], thickness)
+        for a, n in zip(first[chosen], count[chosen], strict=True)
+    ]
+    return tuple(
+        _junction(mesh, group) for group in _lines([edge for edge in edges if _turns(edge)])
+    )
 
 
 _PART = 8  # of T tan(α/2) is d, at about equal thicknesses
@@ -91,17 +104,25 @@ def _turns(edge: Edge) -> bool:
     corner, depth = edge.corner, min(wall.depth for wall in edge.walls)
     if len(corner.thickness) > 2:
         return True
-    return len(corner.thickness) == 2 and corner.scale * corner.thickness.max() > _ROUNDING * _PART * depth
+    return (
+        len(corner.thickness) == 2
+        and corner.scale * corner.thickness.max() > _ROUNDING * _PART * depth
+    )
 
 
 def encloses(mesh: Mesh, junctions: Sequence[Junction]) -> bool:
-    """Whether walls enclose a cell: going from wall to wall over junctions one comes back another way.
+    """Whether walls enclose a cell: going from wall to wall over junctions one comes back another
+    way.
 
-    Walls and junctions are the nodes of a graph, and its links their meetings; it has a ring where there are more links than a
-    tree has.
+    Walls and junctions are the nodes of a graph, and its links their meetings; it has a ring where
+    there are more links than a tree has.
     """
     sides = sides_of(mesh)
-    lines = {tuple(sorted(edge.nodes[:2])): k for k, junction in enumerate(junctions) for edge in junction.edges}
+    lines = {
+        tuple(sorted(edge.nodes[:2])): k
+        for k, junction in enumerate(junctions)
+        for edge in junction.edges
+    }
     at = np.array([lines.get(tuple(ends), -1) for ends in sides.ends.tolist()], dtype=np.int64)
     _, edge = np.unique(sides.ends[at < 0], axis=0, return_inverse=True)
     element, count = sides.same, int(sides.same.max()) + 1
@@ -132,7 +153,9 @@ class Sides:
 
 
 def sides_of(mesh: Mesh) -> Sides:
-    """The sides of a mesh's shells; a curved element's direction at a side is that of its surface there."""
+    """The sides of a mesh's shells; a curved element's direction at a side is that of its surface
+    there.
+    """
     found, first = [], 0
     for number, block in enumerate(mesh.blocks):
         if not block.is_shell:
@@ -158,18 +181,36 @@ def sides_of(mesh: Mesh) -> Sides:
             )
             along = _unit(along)
             away = _unit(inwards - np.sum(inwards * along, axis=1, keepdims=True) * along)
-            places = np.column_stack([np.full(len(x), number), np.arange(len(x)), np.full(len(x), side)])
+            places = np.column_stack(
+                [np.full(len(x), number), np.arange(len(x)), np.full(len(x), side)]
+            )
             ends = np.sort(block.nodes[:, [side, beyond]], axis=1)
             depth = np.linalg.norm(reach, axis=2).min(axis=1)
             found.append((places, ends, away, depth, first + np.arange(len(x)), nodes))
         first += len(x)
     if not found:
         nothing = np.zeros(0, dtype=np.int64)
-        return Sides(np.zeros((0, 3), int), np.zeros((0, 2), int), np.zeros((0, 3)), np.zeros(0), nothing, nothing)
-    places, ends, away, depth, element, nodes = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return Sides(
+            np.zeros((0, 3), int),
+            np.zeros((0, 2), int),
+            np.zeros((0, 3)),
+            np.zeros(0),
+            nothing,
+            nothing,
+        )
+    places, ends, away, depth, element, nodes = (
+        np.concatenate(parts) for parts in zip(*found, strict=True)
+    )
     _, at, which = np.unique(nodes, axis=0, return_index=True, return_inverse=True)
     real = ends[:, 0] != ends[:, 1]
-    return Sides(places[real], ends[real], away[real], depth[real], element[real], element[at][which.ravel()][real])
+    return Sides(
+        places[real],
+        ends[real],
+        away[real],
+        depth[real],
+        element[real],
+        element[at][which.ravel()][real],
+    )
 
 
 def _edge(mesh: Mesh, sides: Sides, around: IntArray, thickness: Mapping[str, float]) -> Edge:
@@ -187,7 +228,9 @@ def _edge(mesh: Mesh, sides: Sides, around: IntArray, thickness: Mapping[str, fl
     for stack, i in ((stack, i) for stack, k in enumerate(turns) for i in stacks[k]):
         number, element, side = sides.places[around[i]].tolist()
         block = mesh.blocks[number]
-        middle = tuple(block.nodes[element, list(SHELLS[block.kind].sides[side][2:])].tolist()) or middle
+        middle = (
+            tuple(block.nodes[element, list(SHELLS[block.kind].sides[side][2:])].tolist()) or middle
+        )
         wall = Wall(
             number,
             element,
@@ -208,12 +251,18 @@ def _edge(mesh: Mesh, sides: Sides, around: IntArray, thickness: Mapping[str, fl
 def _stacks(mesh: Mesh, places: IntArray) -> list[list[int]]:
     """Which of (n, 3) places lie on one another: all of an element's corners are another's too."""
     corners = [
-        frozenset(mesh.blocks[number].nodes[element, : len(SHELLS[mesh.blocks[number].kind].sides)].tolist())
+        frozenset(
+            mesh.blocks[number]
+            .nodes[element, : len(SHELLS[mesh.blocks[number].kind].sides)]
+            .tolist()
+        )
         for number, element, _ in places.tolist()
     ]
     found: list[list[int]] = []
     for i, own in enumerate(corners):
-        stack = next((s for s in found if any(own <= corners[k] or own >= corners[k] for k in s)), None)
+        stack = next(
+            (s for s in found if any(own <= corners[k] or own >= corners[k] for k in s)), None
+        )
         if stack is None:
             found.append([i])
         else:
@@ -256,14 +305,19 @@ def are_alike(one: Edge, other: Edge) -> bool:
     if abs(one.corner.scale - other.corner.scale) > _SAME * one.corner.scale:
         return False
     return all(
-        any(w.set == v.set and w.passes == v.passes and w.away @ v.away > 1 - _SAME for v in other.walls)
+        any(
+            w.set == v.set and w.passes == v.passes and w.away @ v.away > 1 - _SAME
+            for v in other.walls
+        )
         for w in one.walls
     )
 
 
 def _junction(mesh: Mesh, edges: Sequence[Edge]) -> Junction:
     walls, directions = edges[0].walls, edges[0].corner.directions
-    around = np.degrees(np.arccos(np.clip(np.sum(directions * np.roll(directions, -1, axis=0), axis=1), -1, 1)))
+    around = np.degrees(
+        np.arccos(np.clip(np.sum(directions * np.roll(directions, -1, axis=0), axis=1), -1, 1))
+    )
     ends = np.array([edge.nodes[:2] for edge in edges])
     return Junction(
         nodes=np.unique([node for edge in edges for node in edge.nodes]),

@@ -1,8 +1,9 @@
-"""A body that is matrices of any solver: K = K_0 + Σ c_k K_k, M = M_0 + Σ m_j M_j, whose constants are the factors, 1 as it
-comes.
+"""A body that is matrices of any solver: K = K_0 + Σ c_k K_k, M = M_0 + Σ m_j M_j, whose constants
+are the factors, 1 as it comes.
 
-There are no elements: a measured point belongs to the nearest node, and moves as that does. (With a rigid link to the node it
-would follow turns about the normal, which solvers' shells resist by a penalty alone.)
+There are no elements: a measured point belongs to the nearest node, and moves as that does. (With a
+rigid link to the node it would follow turns about the normal, which solvers' shells resist by a
+penalty alone.)
 """
 
 from __future__ import annotations
@@ -83,7 +84,8 @@ class MatrixBody:
 
     nodes: FloatArray  # (n, 3) m
     dofs: IntArray  # (d, 2) row of the node, and dof 0 … 5, of each row of the matrices
-    # stiffness, mass: (d, d) symmetric, SI, by the factor's name; `UNSCALED` is what no factor scales
+    # stiffness, mass: (d, d) symmetric, SI, by the factor's name; `UNSCALED` is what no factor
+    # scales
     stiffness: Mapping[str, scipy.sparse.csc_array]
     mass: Mapping[str, scipy.sparse.csc_array]
     springs: tuple[Spring | NodeSpring, ...] = ()  # elastic supports
@@ -109,7 +111,9 @@ class MatrixBody:
         rows = self._coefficients(self.mass, "mass_factor", constants)
         return np.concatenate([rows, np.ones((len(self._carried[1].names), *rows.shape[1:]))])
 
-    def _coefficients(self, matrices: Mapping[str, object], kind: str, constants: FloatArray) -> FloatArray:
+    def _coefficients(
+        self, matrices: Mapping[str, object], kind: str, constants: FloatArray
+    ) -> FloatArray:
         of, one = dict(zip(self.nominal, constants, strict=True)), np.ones(constants.shape[1:])
         return np.stack([one if name == UNSCALED else of[f"{name}.{kind}"] for name in matrices])
 
@@ -125,9 +129,12 @@ class MatrixBody:
             InputError: a spring or mass is at no node, or acts on nothing that moves.
         """
         stiffness, mass = (
-            self._sum(own, carried) for own, carried in zip((self.stiffness, self.mass), self._carried, strict=True)
+            self._sum(own, carried)
+            for own, carried in zip((self.stiffness, self.mass), self._carried, strict=True)
         )
-        whole = np.concatenate([np.ones(len(self.stiffness)), [spring.stiffness for spring in self.springs]])
+        whole = np.concatenate(
+            [np.ones(len(self.stiffness)), [spring.stiffness for spring in self.springs]]
+        )
         rigid = _unresisted(stiffness.at(whole), self.shown_motions)
         surfaces = self.surfaces
         return Model(
@@ -142,8 +149,8 @@ class MatrixBody:
 
     @cached_property
     def shown_motions(self) -> FloatArray:
-        """(d, r) orthonormal rigid motions that the rows show, as if nothing held the body: of displacements along z alone a
-        shift and two turns, fewer on a line.
+        """(d, r) orthonormal rigid motions that the rows show, as if nothing held the body: of
+        displacements along z alone a shift and two turns, fewer on a line.
         """
         motions = rigid_motions(self.nodes)
         reach = float(np.abs(motions[:, :3, 3:]).max(initial=0.0)) or 1.0
@@ -153,8 +160,8 @@ class MatrixBody:
 
     @property
     def is_free(self) -> bool:
-        """Whether the matrices resist no motion of the whole that the rows show; of one kind of dof alone, no shift or turn of
-        all rows, as chains resist their tilt.
+        """Whether the matrices resist no motion of the whole that the rows show; of one kind of dof
+        alone, no shift or turn of all rows, as chains resist their tilt.
         """
         rigid = self.model.rigid_modes
         if len(self._used) > 1:
@@ -188,11 +195,16 @@ class MatrixBody:
         surfaces, nothing = self.surfaces, AffineMatrix(self._pattern, (), (), (), ())
         if not self.springs and not self.masses:
             return nothing, nothing
-        springs, masses = spring_parts(surfaces.mesh, surfaces, self.springs), mass_parts(surfaces, self.masses)
+        springs, masses = (
+            spring_parts(surfaces.mesh, surfaces, self.springs),
+            mass_parts(surfaces, self.masses),
+        )
         K, M = assemble(springs, masses, self._free, tuple(self._used))
         for spring in self.springs:
             if spring.name not in K.names or not K.term(K.names.index(spring.name)).data.any():
-                raise InputError("spring", f"{spring.name} acts on nothing that moves in this model")
+                raise InputError(
+                    "spring", f"{spring.name} acts on nothing that moves in this model"
+                )
         return K, M
 
     @cached_property
@@ -200,9 +212,13 @@ class MatrixBody:
         """Numbers of the dofs, node by node; where entries lie is each matrix's own."""
         free = self._free
         none, numbers = np.zeros(0, dtype=np.int32), np.cumsum(free).reshape(free.shape) - 1
-        return Pattern(np.zeros(len(self.dofs) + 1, dtype=np.int32), none, free, numbers, none, none)
+        return Pattern(
+            np.zeros(len(self.dofs) + 1, dtype=np.int32), none, free, numbers, none, none
+        )
 
-    def _sum(self, own: Mapping[str, scipy.sparse.csc_array], carried: AffineMatrix) -> SumOfMatrices:
+    def _sum(
+        self, own: Mapping[str, scipy.sparse.csc_array], carried: AffineMatrix
+    ) -> SumOfMatrices:
         """Matrices in the order of nodes and dofs, and what is carried after them."""
         order = np.lexsort((self.dofs[:, 1], self.dofs[:, 0]))
         matrices = [scipy.sparse.csc_array(matrix[order][:, order]) for matrix in own.values()]
@@ -213,7 +229,9 @@ class MatrixBody:
 
 
 def _unresisted(stiffness: scipy.sparse.csc_array, motions: FloatArray) -> FloatArray:
-    """(d, r) combinations of (d, m) rigid motions that the matrix answers with no force, but for rounding."""
+    """(d, r) combinations of (d, m) rigid motions that the matrix answers with no force, but for
+    rounding.
+    """
     scale = (abs(stiffness) @ np.abs(motions)).max(axis=1, initial=0.0)
     forces = (stiffness @ motions) / np.maximum(scale, 1e-300)[:, None]
     _, singular, turn = np.linalg.svd(np.linalg.qr(forces, mode="r"), full_matrices=True)

@@ -1,4 +1,5 @@
-"""A mesh: nodes in space, and blocks of elements of one kind and one set. It is the only geometry there is.
+"""A mesh: nodes in space, and blocks of elements of one kind and one set. It is the only geometry
+there is.
 
 Generators and readers of files make meshes; nothing after them asks which.
 """
@@ -30,12 +31,16 @@ _NODES = {"quad8": 8, "quad4": 4, "tri6": 6, "tri3": 3, "beam2": 2, "beam3": 3, 
 class Block:
     """Elements of one kind and one set."""
 
-    kind: str  # `quad8`, `quad4`, `tri6`, `tri3`, `beam2` or `beam3`; `point` for nodes of a body that has no elements
-    nodes: IntArray  # (e, n) node numbers from 0: corners in order around the element, then the middles of its sides
+    # `quad8`, `quad4`, `tri6`, `tri3`, `beam2` or `beam3`; `point` for nodes of a body that has no
+    # elements
+    kind: str
+    # (e, n) node numbers from 0: corners in order around the element, then the middles of its sides
+    nodes: IntArray
     set: str  # the set's name, to which a section belongs
     # (e, n) thickness at the elements' nodes by that of the section, where they step or taper
     thickness: FloatArray | None = None
-    axes: FloatArray | None = None  # (e, 3) axis 1 of each element, not yet projected, where it is not the section's
+    # (e, 3) axis 1 of each element, not yet projected, where it is not the section's
+    axes: FloatArray | None = None
     # (e, n, 3) rigid links from the nodes to where the elements lie, m, where they lie elsewhere
     offsets: FloatArray | None = None
 
@@ -45,7 +50,8 @@ class Block:
         if self.nodes.ndim != 2 or self.nodes.shape[1] != _NODES[self.kind]:
             raise InputError(
                 "mesh.nodes",
-                f"of a block of {self.kind} have the shape {self.nodes.shape}, expected (e, {_NODES[self.kind]})",
+                f"of a block of {self.kind} have the shape {self.nodes.shape}, expected (e,"
+                f" {_NODES[self.kind]})",
             )
 
     @property
@@ -66,7 +72,8 @@ class Mesh:
     def __post_init__(self) -> None:
         if self.nodes.ndim != 2 or self.nodes.shape[1] != 3 or not np.all(np.isfinite(self.nodes)):
             raise InputError(
-                "mesh.nodes", f"have the shape {self.nodes.shape}, expected finite (n, 3) coordinates in m"
+                "mesh.nodes",
+                f"have the shape {self.nodes.shape}, expected finite (n, 3) coordinates in m",
             )
         if not self.blocks:
             raise InputError("mesh.blocks", "is empty, expected elements")
@@ -74,7 +81,9 @@ class Mesh:
             beyond = np.flatnonzero((block.nodes < 0) | (block.nodes >= len(self.nodes)))
             if beyond.size:
                 raise InputError(
-                    "mesh.nodes", f"of set {block.set} name node {block.nodes.ravel()[beyond[0]]}, which is not there"
+                    "mesh.nodes",
+                    f"of set {block.set} name node {block.nodes.ravel()[beyond[0]]}, which is not"
+                    " there",
                 )
 
     @property
@@ -95,7 +104,10 @@ class Mesh:
         """
         if isinstance(where, str):
             if where not in self.node_sets:
-                raise InputError("nodes", f"there is no set {where!r}; there are {', '.join(self.node_sets) or 'none'}")
+                raise InputError(
+                    "nodes",
+                    f"there is no set {where!r}; there are {', '.join(self.node_sets) or 'none'}",
+                )
             return np.asarray(self.node_sets[where])
         found = where.holds(self.nodes)
         if not found.size:
@@ -105,7 +117,9 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Box:
-    """A box of space between two corners, m; it holds what lies within a billionth of its faces too."""
+    """A box of space between two corners, m; it holds what lies within a billionth of its faces
+    too.
+    """
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]

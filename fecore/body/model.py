@@ -2,8 +2,8 @@
 
     K(c) = Σ_k c_k K_k,     M(m) = Σ_j m_j M_j
 
-The coefficients are the sections', set after set, then the joints', then the springs' stiffnesses; those of the mass
-likewise, with 1 for masses that are known (`fecore.body.affine`).
+The coefficients are the sections', set after set, then the joints', then the springs' stiffnesses;
+those of the mass likewise, with 1 for masses that are known (`fecore.body.affine`).
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ _ALONG = 1e-6  # component of a unit direction that is round-off
 
 @dataclass(frozen=True)
 class Part:
-    """Elements whose coefficients are known by name; parts that share a name share the coefficient."""
+    """Elements whose coefficients are known by name; parts that share a name share the
+    coefficient.
+    """
 
     operators: Operators  # their rows
     terms: FloatArray  # (k, r, r) C_k
@@ -57,8 +59,8 @@ class Model:
 
     @cached_property
     def motions(self) -> FloatArray:
-        """(dofs, 6) rigid motions, as if nothing held the body: shifts along x, y, z, turns about axes through the nodes'
-        centre.
+        """(dofs, 6) rigid motions, as if nothing held the body: shifts along x, y, z, turns about
+        axes through the nodes' centre.
         """
         return np.asarray(rigid_motions(self.mesh.nodes, self.links)[:, list(self.dofs)][self.free])
 
@@ -73,7 +75,9 @@ class Model:
         if not links:
             return whole
         follows = scipy.sparse.lil_array((count, count))
-        follows.setdiag(np.repeat(~np.isin(np.arange(len(self.free)), list(links)), 6).astype(float))
+        follows.setdiag(
+            np.repeat(~np.isin(np.arange(len(self.free)), list(links)), 6).astype(float)
+        )
         for node in links:
             leaders, moved = led([node], np.eye(6)[None, :, None], links, self.mesh.nodes)
             for place, leader in enumerate(leaders):
@@ -85,11 +89,14 @@ class Model:
         return np.asarray((self.unfolded @ shapes).reshape(len(self.free), 6, -1))
 
     def at_nodes(self, shapes: FloatArray) -> FloatArray:
-        """(n, nodes, 3) displacement along x, y and z of the nodes in (dofs, n) shapes; 0 where a node is held."""
+        """(n, nodes, 3) displacement along x, y and z of the nodes in (dofs, n) shapes; 0 where a
+        node is held.
+        """
         return np.ascontiguousarray(self.everywhere(shapes)[:, :3].transpose(2, 0, 1))
 
     def observe(self, points: FloatArray, directions: FloatArray) -> scipy.sparse.csr_array:
-        """(p, dofs) displacement at (p, 3) points along (p, 3) unit directions: (u₀ + θ × (p − x₀)) · n.
+        """(p, dofs) displacement at (p, 3) points along (p, 3) unit directions: (u₀ + θ × (p − x₀))
+        · n.
 
         A point belongs to the nearest point x₀ of the surface, whose element interpolates u₀ and θ.
 
@@ -98,13 +105,17 @@ class Model:
             directions: unit vectors.
 
         Raises:
-            OffSpecimenError: a point lies further from the surface than half the wall and the reach of the body.
+            OffSpecimenError: a point lies further from the surface than half the wall and the reach
+                of the body.
             InputError: the model has no motion along a direction.
         """
         blind = np.flatnonzero(~self.moves_along(directions))
         if blind.size:
             names = ", ".join(DISPLACEMENTS[dof] for dof in self.dofs)
-            raise InputError(f"directions[{blind[0]}]", f"is {directions[blind[0]]}; this model has {names} alone")
+            raise InputError(
+                f"directions[{blind[0]}]",
+                f"is {directions[blind[0]]}; this model has {names} alone",
+            )
         return self._rows(self.surfaces.find(points), directions)
 
     def observe_nodes(self, numbers: IntArray, axis: int) -> scipy.sparse.csr_array:
@@ -117,16 +128,20 @@ class Model:
         return np.asarray(np.abs(directions[:, missing]).max(axis=1, initial=0.0) < _ALONG)
 
     def displacement(self, points: FloatArray) -> scipy.sparse.csr_array:
-        """(3p, dofs) displacement along x, y and z of the middle surface nearest to (p, 3) points, one point after the other.
+        """(3p, dofs) displacement along x, y and z of the middle surface nearest to (p, 3) points,
+        one point after the other.
 
         Raises:
             OffSpecimenError: as of `observe`.
         """
         found = self.surfaces.find(np.repeat(points, 3, axis=0))
-        return self._rows(replace(found, arm=np.zeros_like(found.arm)), np.tile(np.eye(3), (len(points), 1)))
+        return self._rows(
+            replace(found, arm=np.zeros_like(found.arm)), np.tile(np.eye(3), (len(points), 1))
+        )
 
     def slopes(self, points: FloatArray, directions: FloatArray) -> scipy.sparse.csr_array:
-        """(3p, dofs) change of `observe` per metre that a point moves along x, y and z, as the surface turns there: n × θ.
+        """(3p, dofs) change of `observe` per metre that a point moves along x, y and z, as the
+        surface turns there: n × θ.
 
         Raises:
             OffSpecimenError: as of `observe`.
@@ -146,7 +161,10 @@ class Model:
         points = np.broadcast_to(np.arange(len(rows))[:, None, None], rows.shape)
         kept = rows != 0
         shape = len(rows), 6 * len(self.free)
-        return scipy.sparse.csr_array((rows[kept], (points[kept], columns[kept])), shape=shape) @ self.unfolded
+        return (
+            scipy.sparse.csr_array((rows[kept], (points[kept], columns[kept])), shape=shape)
+            @ self.unfolded
+        )
 
 
 def observed_at(
@@ -162,7 +180,8 @@ def observed_at(
     except OffSpecimenError as error:
         raise InputError(
             "grid_points",
-            f"point {labels[error.index]} at {error.message}; check the structure's dimensions and the points' coordinates",
+            f"point {labels[error.index]} at {error.message}; check the structure's dimensions and"
+            " the points' coordinates",
         ) from error
 
 
@@ -178,20 +197,24 @@ def assemble(
 
 
 def idle(stiffness: AffineMatrix, mass: AffineMatrix) -> BoolArray:
-    """(dofs,) whether nothing resists a dof and nothing weighs in it, as a turn of a mass that hangs on springs alone: no
-    mode has it.
+    """(dofs,) whether nothing resists a dof and nothing weighs in it, as a turn of a mass that
+    hangs on springs alone: no mode has it.
     """
     free = stiffness.pattern.free
     acts = np.zeros_like(free)
     for group in (*stiffness.groups, *mass.groups):
-        rows = np.abs(group.operators[:, :, group.terms.any(axis=(0, 1))]).max(axis=(1, 2), initial=0.0)
+        rows = np.abs(group.operators[:, :, group.terms.any(axis=(0, 1))]).max(
+            axis=(1, 2), initial=0.0
+        )
         own = (rows > _ALONG * rows.max(initial=0.0))[group.which].reshape(*group.nodes.shape, -1)
         for node, dof in np.ndindex(own.shape[1:]):
             acts[group.nodes[own[:, node, dof], node], dof] = True
     return np.asarray(~acts[free])
 
 
-def _matrix(parts: Sequence[Part], pattern: Pattern, slots: dict[int, IntArray], dofs: tuple[int, ...]) -> AffineMatrix:
+def _matrix(
+    parts: Sequence[Part], pattern: Pattern, slots: dict[int, IntArray], dofs: tuple[int, ...]
+) -> AffineMatrix:
     number: dict[str, int] = {}
     groups, places, blocks = [], [], {}
     for part in parts:
@@ -209,12 +232,24 @@ def _matrix(parts: Sequence[Part], pattern: Pattern, slots: dict[int, IntArray],
             if index.size:
                 blocks[index.tobytes()] = index
         operators = rows[:, :, used].reshape(*rows.shape[:2], int(used.sum()), -1)
-        groups.append(Group(part.operators.nodes, operators, part.operators.which, terms[acts], coefficients[acts]))
+        groups.append(
+            Group(
+                part.operators.nodes,
+                operators,
+                part.operators.which,
+                terms[acts],
+                coefficients[acts],
+            )
+        )
         places.append(slots[id(part.operators.nodes)])
-    return AffineMatrix(pattern, tuple(groups), tuple(places), tuple(number), tuple(blocks.values()))
+    return AffineMatrix(
+        pattern, tuple(groups), tuple(places), tuple(number), tuple(blocks.values())
+    )
 
 
-def unresisted(motions: FloatArray, used: IntArray, free: BoolArray, stiffness: AffineMatrix, first: int) -> FloatArray:
+def unresisted(
+    motions: FloatArray, used: IntArray, free: BoolArray, stiffness: AffineMatrix, first: int
+) -> FloatArray:
     """(dofs, r) combinations of rigid motions that move no held dof and stretch no spring.
 
     Args:

@@ -8,11 +8,15 @@ from fecore.body.structure import Structure
 from fecore.body.supports import Spring
 
 BEYOND_EDGE = 0.02
-"""Share of a dimension by which a point may lie beyond the edge and count as on it: tapes differ from callipers."""
+"""Share of a dimension by which a point may lie beyond the edge and count as on it: tapes differ
+from callipers.
+"""
 
 
 class OfStructure:
-    """A body that is a structure by other names of its constants: `row` gives each of the structure's from one's own."""
+    """A body that is a structure by other names of its constants: `row` gives each of the
+    structure's from one's own.
+    """
 
     springs: tuple[Spring, ...]
 

@@ -1,4 +1,6 @@
-"""From blocks of elements to operators over the dofs of nodes: geometry, areas, thickness, rigid links."""
+"""From blocks of elements to operators over the dofs of nodes: geometry, areas, thickness, rigid
+links.
+"""
 
 from __future__ import annotations
 
@@ -17,12 +19,14 @@ from fecore.body.supports import Link
 
 _STRAIN_POWERS = np.array([1, 1, 1, 3, 3, 3, 1, 1]) / 2
 _MOTION_POWERS = np.array([1, 1, 1, 3, 3, 3, 3]) / 2
-"""Of the relative thickness r in rows of strains and motions: so A and S go with r, B with r², D with r³."""
+"""Of the relative thickness r in rows of strains and motions: so A and S go with r, B with r², D
+with r³.
+"""
 
 
 _THIN = 10
-"""The drilling of an element wider than so many thicknesses goes down with (t/h)², as bending does: else it locks warped
-shells.
+"""The drilling of an element wider than so many thicknesses goes down with (t/h)², as bending does:
+else it locks warped shells.
 """
 
 
@@ -32,23 +36,32 @@ class Operators:
 
     nodes: IntArray  # (e, n) node numbers
     which: IntArray  # (e,) operator of each element
-    rows: FloatArray  # (s, p, r, n, 6) rows over the nodes' dofs, times the root of what a point stands for
+    # (s, p, r, n, 6) rows over the nodes' dofs, times the root of what a point stands for
+    rows: FloatArray
 
     def linked(self, links: Mapping[int, Link], places: FloatArray) -> list[Operators]:
-        """The same with every led node's dofs in terms of its leaders'; apart where elements have different numbers of
-        nodes.
+        """The same with every led node's dofs in terms of its leaders'; apart where elements have
+        different numbers of nodes.
         """
         touched = np.isin(self.nodes, list(links)).any(axis=1)
         if not touched.any():
             return [self]
-        found = [Operators(self.nodes[~touched], self.which[~touched], self.rows)] if not touched.all() else []
+        found = (
+            [Operators(self.nodes[~touched], self.which[~touched], self.rows)]
+            if not touched.all()
+            else []
+        )
         alone: dict[int, list[tuple[list[int], FloatArray]]] = defaultdict(list)
         for element in np.flatnonzero(touched):
-            nodes, rows = led(self.nodes[element].tolist(), self.rows[self.which[element]], links, places)
+            nodes, rows = led(
+                self.nodes[element].tolist(), self.rows[self.which[element]], links, places
+            )
             alone[len(nodes)].append((nodes, rows))
         for group in alone.values():
             rows = np.array([rows for _, rows in group])
-            found.append(Operators(np.array([nodes for nodes, _ in group]), np.arange(len(group)), rows))
+            found.append(
+                Operators(np.array([nodes for nodes, _ in group]), np.arange(len(group)), rows)
+            )
         return found
 
 
@@ -90,29 +103,47 @@ def shell_operators(
     if not with_drilling:
         return strains, motion, None
     twist, area, N = drilling(shell, x, along)
-    thin = np.minimum(1, _THIN * section.thickness / np.sqrt(area.sum(axis=1)))[:, None, None, None, None]
+    thin = np.minimum(1, _THIN * section.thickness / np.sqrt(area.sum(axis=1)))[
+        :, None, None, None, None
+    ]
     return strains, motion, weighed((twist * thin, area, N), _STRAIN_POWERS[:1])
 
 
 def beam_operators(
-    nodes: IntArray, kind: str, places: FloatArray, axis: FloatArray, shift: FloatArray | None = None
+    nodes: IntArray,
+    kind: str,
+    places: FloatArray,
+    axis: FloatArray,
+    shift: FloatArray | None = None,
 ) -> tuple[Operators, Operators]:
-    """Strains and motions of (e, n) beams; `axis` is n₁, (3,) or (e, 3), `shift` (e, n, 3) links to the beam's own axis."""
+    """Strains and motions of (e, n) beams; `axis` is n₁, (3,) or (e, 3), `shift` (e, n, 3) links to
+    the beam's own axis.
+    """
     arm = np.zeros((*nodes.shape, 3)) if shift is None else shift
     x = places[nodes] + arm
     n1 = np.broadcast_to(axis, (len(x), 3))
     chosen, which = distinct(
-        np.concatenate([x - x[:, :1], arm, np.broadcast_to(n1[:, None] * np.abs(x - x[:, :1]).max(), x.shape)], axis=2)
+        np.concatenate(
+            [x - x[:, :1], arm, np.broadcast_to(n1[:, None] * np.abs(x - x[:, :1]).max(), x.shape)],
+            axis=2,
+        )
     )
     found = []
-    for rows, length, _ in (BEAMS[kind].strains(x[chosen], n1[chosen]), BEAMS[kind].motions(x[chosen], n1[chosen])):
-        found.append(Operators(nodes, which, _hung(rows * np.sqrt(length)[..., None, None, None], arm[chosen])))
+    for rows, length, _ in (
+        BEAMS[kind].strains(x[chosen], n1[chosen]),
+        BEAMS[kind].motions(x[chosen], n1[chosen]),
+    ):
+        found.append(
+            Operators(
+                nodes, which, _hung(rows * np.sqrt(length)[..., None, None, None], arm[chosen])
+            )
+        )
     return found[0], found[1]
 
 
 def _hung(rows: FloatArray, shift: FloatArray) -> FloatArray:
-    """Rows over nodes from which the elements hang by (e, n, 3) rigid links r: u + θ × r, of which a · (θ × r) = θ · (r ×
-    a).
+    """Rows over nodes from which the elements hang by (e, n, 3) rigid links r: u + θ × r, of which
+    a · (θ × r) = θ · (r × a).
     """
     if shift.any():
         rows[..., 3:] += np.cross(shift[:, None, None], rows[..., :3])
@@ -122,7 +153,9 @@ def _hung(rows: FloatArray, shift: FloatArray) -> FloatArray:
 def led(
     nodes: list[int], rows: FloatArray, links: Mapping[int, Link], places: FloatArray
 ) -> tuple[list[int], FloatArray]:
-    """One element's nodes and (p, r, n, 6) rows, with each led node replaced by its leaders, as long as there is one."""
+    """One element's nodes and (p, r, n, 6) rows, with each led node replaced by its leaders, as
+    long as there is one.
+    """
     while any(node in links for node in nodes):
         columns: dict[int, FloatArray] = {}
         for place, node in enumerate(nodes):

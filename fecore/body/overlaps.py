@@ -1,9 +1,10 @@
 """Where walls overlap at a junction: what of a wall's elements lies inside another wall.
 
-There the other wall's material is, so the elements give up mass, and stiffness along the junction's line. What their points
-see of strains and motions is interpolated between the points, and integrated over the part that lies inside. Over the
-whole element that integral is the element's own sum over its points. So what is left is an integral too, over the rest: never
-negative, whatever the size of the elements.
+There the other wall's material is, so the elements give up mass, and stiffness along the junction's
+line. What their points see of strains and motions is interpolated between the points, and
+integrated over the part that lies inside. Over the whole element that integral is the element's own
+sum over its points. So what is left is an integral too, over the rest: never negative, whatever the
+size of the elements.
 """
 
 from dataclasses import dataclass, replace
@@ -18,39 +19,54 @@ from fecore.body.mesh import SHELLS, Block
 from fecore.body.operators import Operators
 
 MOST = 0.9
-"""Share that elements give up, over as much more of the wall: with 1, nodes inside had no mass, and soft waves of their own."""
+"""Share that elements give up, over as much more of the wall: with 1, nodes inside had no mass, and
+soft waves of their own.
+"""
 
-_GAUSS = np.polynomial.legendre.leggauss(5)  # exact for products of two functions of the fourth degree
+# exact for products of two functions of the fourth degree
+_GAUSS = np.polynomial.legendre.leggauss(5)
 
 
 @dataclass(frozen=True)
 class Overlap:
-    """Elements of one block that lie in part nearer to a line than where they are whole; as often as there are lines."""
+    """Elements of one block that lie in part nearer to a line than where they are whole; as often
+    as there are lines.
+    """
 
     elements: IntArray  # (k,) their numbers in the block
     ratio: (
-        FloatArray  # (k, corners) distances of their corners from the line, by that up to which elements give up `MOST`
+        # (k, corners) distances of their corners from the line, by that up to which elements give
+        # up `MOST`
+        FloatArray
     )
     tangents: FloatArray  # (k, 3) directions of the lines
     angles: FloatArray  # (k,) from the elements' axes 1 to the lines, rad
     turns: FloatArray  # (k,) how much of a right angle the corners are
 
     def shares(self, shell: Shell, rule: Rule) -> FloatArray:
-        """(k, p, p) what is given up as forms of what the p points see times the roots of their weights."""
+        """(k, p, p) what is given up as forms of what the p points see times the roots of their
+        weights.
+        """
         if not len(self.elements):
             return np.zeros((0, len(rule[0]), len(rule[0])))
         chosen, which = distinct(np.minimum(self.ratio, 2.0))
         return MOST * _shares(shell, rule, self.ratio[chosen])[which]
 
 
-def given_up(strains: Operators, block: Block, nodes: FloatArray, overlap: Overlap, axis: FloatArray) -> FloatArray:
+def given_up(
+    strains: Operators, block: Block, nodes: FloatArray, overlap: Overlap, axis: FloatArray
+) -> FloatArray:
     """(k, p, 2, n, 6) stretch and curvature along the lines, as far as an overlap goes."""
     shell = SHELLS[block.kind]
     roots = _roots(overlap.shares(shell, shell.strain_rule))
     own = block.nodes[overlap.elements]
-    axes = np.broadcast_to(axis if block.axes is None else block.axes[overlap.elements], (len(own), 3))
+    axes = np.broadcast_to(
+        axis if block.axes is None else block.axes[overlap.elements], (len(own), 3)
+    )
     along = _along(nodes[own], axes, overlap.tangents)
-    rows = np.einsum("eab,eqbnd->eqand", along, strains.rows[strains.which[overlap.elements]], optimize=True)
+    rows = np.einsum(
+        "eab,eqbnd->eqand", along, strains.rows[strains.which[overlap.elements]], optimize=True
+    )
     count, points = roots.shape[:2]
     return np.asarray((roots @ rows.reshape(count, points, -1)).reshape(rows.shape))
 
@@ -72,7 +88,9 @@ def kept(motions: Operators, block: Block, overlap: Overlap) -> Operators:
 
 
 def _shares(shell: Shell, rule: Rule, ratio: FloatArray) -> FloatArray:
-    """(k, p, p) forms of elements, from their (k, corners) distances by those up to which they overlap."""
+    """(k, p, p) forms of elements, from their (k, corners) distances by those up to which they
+    overlap.
+    """
     points, weights = rule
     corners = ratio.shape[1]
     found = np.tile(np.eye(len(points)), (len(ratio), 1, 1))
@@ -82,13 +100,17 @@ def _shares(shell: Shell, rule: Rule, ratio: FloatArray) -> FloatArray:
         own = partial & np.all(inside == pattern, axis=1)
         natural, area = _below(shell.corners[:corners], pattern, ratio[own])
         seen = _monomials(natural, corners, len(points)) @ seen_by
-        found[own] = np.swapaxes(seen * area[..., None], 1, 2) @ seen / np.sqrt(np.outer(weights, weights))
+        found[own] = (
+            np.swapaxes(seen * area[..., None], 1, 2) @ seen / np.sqrt(np.outer(weights, weights))
+        )
     return found
 
 
-def _below(corners: FloatArray, inside: BoolArray, ratio: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(k, g, 2) points and (k, g) weights on the part of a polygon of natural coordinates where (k, corners) ratios are below
-    1, which they are at the same corners.
+def _below(
+    corners: FloatArray, inside: BoolArray, ratio: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(k, g, 2) points and (k, g) weights on the part of a polygon of natural coordinates where (k,
+    corners) ratios are below 1, which they are at the same corners.
     """
     part: list[FloatArray] = []
     for k, here in enumerate(inside):
@@ -103,7 +125,9 @@ def _below(corners: FloatArray, inside: BoolArray, ratio: FloatArray) -> tuple[F
     points, areas = [np.zeros((len(ratio), 0, 2))], [np.zeros((len(ratio), 0))]
     for second, third in pairwise(part[1:]):
         first, aside = second - part[0], third - second
-        points.append(part[0][:, None] + u[:, None] * first[:, None] + (u * v)[:, None] * aside[:, None])
+        points.append(
+            part[0][:, None] + u[:, None] * first[:, None] + (u * v)[:, None] * aside[:, None]
+        )
         size = np.abs(first[:, 0] * aside[:, 1] - first[:, 1] * aside[:, 0])
         areas.append(np.outer(w, w).ravel() * u * size[:, None])
     return np.concatenate(points, axis=1), np.concatenate(areas, axis=1)
@@ -113,17 +137,23 @@ def _monomials(natural: FloatArray, corners: int, count: int) -> FloatArray:
     """(…, p, count) the monomials that so many points of a triangle's or a square's rule hold."""
     degrees = [(i, j) for i in range(3) for j in range(3)]
     degrees.sort(key=lambda ij: sum(ij) if corners == 3 else max(ij))
-    return np.stack([natural[..., 0] ** i * natural[..., 1] ** j for i, j in degrees[:count]], axis=-1)
+    return np.stack(
+        [natural[..., 0] ** i * natural[..., 1] ** j for i, j in degrees[:count]], axis=-1
+    )
 
 
 def _roots(forms: FloatArray) -> FloatArray:
     """(k, p, p) square roots of symmetric forms."""
     value, vectors = np.linalg.eigh(forms)
-    return np.asarray((vectors * np.sqrt(np.maximum(value, 0.0))[:, None]) @ vectors.transpose(0, 2, 1))
+    return np.asarray(
+        (vectors * np.sqrt(np.maximum(value, 0.0))[:, None]) @ vectors.transpose(0, 2, 1)
+    )
 
 
 def _along(x: FloatArray, axis: FloatArray, tangents: FloatArray) -> FloatArray:
-    """(k, 2, 8) stretch and curvature along (k, 3) tangents from the strains of (k, n, 3) elements with (k, 3) axes 1."""
+    """(k, 2, 8) stretch and curvature along (k, 3) tangents from the strains of (k, n, 3) elements
+    with (k, 3) axes 1.
+    """
     normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     e1 = axis - np.sum(axis * normal, axis=1, keepdims=True) * normal

@@ -1,4 +1,5 @@
-"""The same body on a finer mesh: elements of one order higher where they are linear, elements halved where they are not.
+"""The same body on a finer mesh: elements of one order higher where they are linear, elements
+halved where they are not.
 
 New nodes lie amid the sides; facets that turn little are a curved surface (`fecore.body.facets`).
 
@@ -20,7 +21,8 @@ from fecore.body.structure import Structure
 from fecore.body.supports import Link
 
 _RAISED = {"quad4": "quad8", "tri3": "tri6", "beam2": "beam3"}
-# New points of an element that is halved, each amid two of its nodes, from 8, 6 or 3 on; the nodes of its parts by these.
+# New points of an element that is halved, each amid two of its nodes, from 8, 6 or 3 on; the nodes
+# of its parts by these.
 _AMID: dict[str, list[tuple[int, int]]] = {
     "quad8": [
         (0, 4),
@@ -42,10 +44,14 @@ _AMID: dict[str, list[tuple[int, int]]] = {
 }
 _PARTS = {
     "quad8": [
-        [k, 4 + k, 16, 4 + (k + 3) % 4, 8 + 2 * k, 17 + k, 17 + (k + 3) % 4, 9 + 2 * ((k + 3) % 4)] for k in range(4)
+        [k, 4 + k, 16, 4 + (k + 3) % 4, 8 + 2 * k, 17 + k, 17 + (k + 3) % 4, 9 + 2 * ((k + 3) % 4)]
+        for k in range(4)
     ],
     "tri6": [
-        *([k, 3 + k, 3 + (k + 2) % 3, 6 + 2 * k, 12 + (k + 2) % 3, 7 + 2 * ((k + 2) % 3)] for k in range(3)),
+        *(
+            [k, 3 + k, 3 + (k + 2) % 3, 6 + 2 * k, 12 + (k + 2) % 3, 7 + 2 * ((k + 2) % 3)]
+            for k in range(3)
+        ),
         [3, 4, 5, 12, 13, 14],
     ],
     "beam3": [[0, 2, 3], [2, 1, 4]],
@@ -63,7 +69,8 @@ class Refined:
 
 
 def refined(body: Structure, *, curved: bool = True) -> Refined:
-    """The body with its linear elements raised by an order or, where shells are quadratic, all halved.
+    """The body with its linear elements raised by an order or, where shells are quadratic, all
+    halved.
 
     Args:
         body: of shells and beams.
@@ -72,11 +79,18 @@ def refined(body: Structure, *, curved: bool = True) -> Refined:
     mesh = body.mesh
     kinds = {block.kind for block in mesh.blocks}
     halve = not kinds & {"quad4", "tri3", "beam2"} or bool(kinds & {"quad8", "tri6"})
-    work = _Work(mesh, bows(mesh) if curved else np.zeros((0, 3)), sides_of(mesh) if curved else np.zeros((0, 2), int))
+    work = _Work(
+        mesh,
+        bows(mesh) if curved else np.zeros((0, 3)),
+        sides_of(mesh) if curved else np.zeros((0, 2), int),
+    )
     blocks = [work.raised(block) for block in mesh.blocks]
     if halve:
         was = [block.kind for block in mesh.blocks]
-        blocks = [new if old == "beam2" else work.halved(new) for old, new in zip(was, blocks, strict=True)]
+        blocks = [
+            new if old == "beam2" else work.halved(new)
+            for old, new in zip(was, blocks, strict=True)
+        ]
     return Refined(work.carried(body, tuple(blocks)), work.interpolation())
 
 
@@ -96,12 +110,16 @@ def element_size(mesh: Mesh) -> float:
 
 
 class _Work:
-    """Nodes as they come, each with its weights by the old ones and the two nodes that it lies amid."""
+    """Nodes as they come, each with its weights by the old ones and the two nodes that it lies
+    amid.
+    """
 
     def __init__(self, mesh: Mesh, bows: FloatArray, sides: IntArray) -> None:
         self._mesh, self._old = mesh, len(mesh.nodes)
         self._places = [mesh.nodes]
-        self._weights: list[scipy.sparse.csr_array] = [scipy.sparse.eye_array(self._old, format="csr")]
+        self._weights: list[scipy.sparse.csr_array] = [
+            scipy.sparse.eye_array(self._old, format="csr")
+        ]
         self._amid: list[IntArray] = [np.zeros((0, 2), dtype=np.int64)]  # of the new nodes
         # Linear elements and beams beside quadratic ones have the middles of these.
         self._known = {
@@ -114,17 +132,30 @@ class _Work:
         self._bows, self._sides = bows, sides
 
     def raised(self, block: Block) -> Block:
-        """A block of linear elements with nodes amid their sides; a quadratic one with its middles on the curved surface."""
-        sides: list[tuple[int, ...]] = list(SHELLS[block.kind].sides) if block.is_shell else [(0, 1)]
+        """A block of linear elements with nodes amid their sides; a quadratic one with its middles
+        on the curved surface.
+        """
+        sides: list[tuple[int, ...]] = (
+            list(SHELLS[block.kind].sides) if block.is_shell else [(0, 1)]
+        )
         if block.kind not in _RAISED:
             if block.is_shell and len(self._bows):
                 self._bend(block, sides)
             return block
         ends = block.nodes[:, np.array([side[:2] for side in sides])]
         middles = self._between(ends.reshape(-1, 2)).reshape(ends.shape[:2])
-        local = np.vstack([np.eye(block.nodes.shape[1]), *(_half(side[:2], block.nodes.shape[1]) for side in sides)])
+        local = np.vstack(
+            [
+                np.eye(block.nodes.shape[1]),
+                *(_half(side[:2], block.nodes.shape[1]) for side in sides),
+            ]
+        )
         return _of_parts(
-            block, _RAISED[block.kind], np.hstack([block.nodes, middles]), local, [list(range(len(local)))]
+            block,
+            _RAISED[block.kind],
+            np.hstack([block.nodes, middles]),
+            local,
+            [list(range(len(local)))],
         )
 
     def halved(self, block: Block) -> Block:
@@ -132,7 +163,9 @@ class _Work:
         if block.kind not in _PARTS:
             return block
         count, amid = block.nodes.shape[1], _AMID[block.kind]
-        natural = list(_BEAM[:, None]) if block.kind == "beam3" else list(SHELLS[block.kind].corners)
+        natural = (
+            list(_BEAM[:, None]) if block.kind == "beam3" else list(SHELLS[block.kind].corners)
+        )
         for a, b in amid:
             natural.append((natural[a] + natural[b]) / 2)
         element = BEAMS[block.kind] if block.kind == "beam3" else SHELLS[block.kind]
@@ -143,9 +176,11 @@ class _Work:
             nodes[:, place] = self._between(nodes[:, [a, b]], block.nodes, local[place])
         return _of_parts(block, block.kind, nodes, local, _PARTS[block.kind])
 
-    def _between(self, pairs: IntArray, nodes: IntArray | None = None, weights: FloatArray | None = None) -> IntArray:
-        """(p,) numbers of the nodes amid (p, 2) others, new where there was none: at (n,) weights of (p, n) nodes, or
-        half-way between old nodes, with the bow of that side.
+    def _between(
+        self, pairs: IntArray, nodes: IntArray | None = None, weights: FloatArray | None = None
+    ) -> IntArray:
+        """(p,) numbers of the nodes amid (p, 2) others, new where there was none: at (n,) weights
+        of (p, n) nodes, or half-way between old nodes, with the bow of that side.
         """
         pairs = np.sort(pairs, axis=1)
         first: dict[tuple[int, int], int] = {}
@@ -161,7 +196,10 @@ class _Work:
                 fresh.append(row)
             found[row] = number
         if fresh:
-            whole, places = scipy.sparse.vstack(self._weights, format="csr"), np.vstack(self._places)
+            whole, places = (
+                scipy.sparse.vstack(self._weights, format="csr"),
+                np.vstack(self._places),
+            )
             if nodes is None or weights is None:
                 nodes, weights = pairs, np.array([0.5, 0.5])
             chosen = nodes[fresh]
@@ -170,7 +208,12 @@ class _Work:
                 x += self._bow_of(chosen)
             rows = np.repeat(np.arange(len(fresh)), chosen.shape[1])
             values = np.tile(weights, len(fresh))
-            by = scipy.sparse.csr_array((values, (rows, chosen.ravel())), shape=(len(fresh), whole.shape[0])) @ whole
+            by = (
+                scipy.sparse.csr_array(
+                    (values, (rows, chosen.ravel())), shape=(len(fresh), whole.shape[0])
+                )
+                @ whole
+            )
             self._places, self._weights = [places, x], [whole, by]
             self._amid.append(pairs[fresh])
             self._count += len(fresh)
@@ -199,7 +242,9 @@ class _Work:
         return scipy.sparse.vstack(self._weights, format="csr")
 
     def carried(self, body: Structure, blocks: tuple[Block, ...]) -> Structure:
-        """The body with its supports and links on the new nodes too, where both nodes that they lie amid have them."""
+        """The body with its supports and links on the new nodes too, where both nodes that they lie
+        amid have them.
+        """
         amid, mesh = np.vstack(self._amid), self._mesh
         edge = self._free_edges(blocks)
         sets = {name: self._joined(nodes, amid, edge) for name, nodes in mesh.node_sets.items()}
@@ -213,14 +258,20 @@ class _Work:
         if not shells:
             return found
         rows = np.concatenate(
-            [np.sort(b.nodes[:, list(side)], axis=1)[:, :3] for b in shells for side in SHELLS[b.kind].sides]
+            [
+                np.sort(b.nodes[:, list(side)], axis=1)[:, :3]
+                for b in shells
+                for side in SHELLS[b.kind].sides
+            ]
         )
         sides, count = np.unique(rows, axis=0, return_counts=True)
         found[sides[count == 1].ravel()] = True
         return found
 
     def _joined(self, nodes: IntArray, amid: IntArray, edge: BoolArray) -> IntArray:
-        """A set of nodes with the new ones amid two of it, but not those across a strip of which both edges are in it."""
+        """A set of nodes with the new ones amid two of it, but not those across a strip of which
+        both edges are in it.
+        """
         inside = np.zeros(self._count, dtype=bool)
         inside[nodes] = True
         for number, (a, b) in enumerate(amid.tolist(), start=self._old):
@@ -229,7 +280,9 @@ class _Work:
         return np.concatenate([nodes, self._old + np.flatnonzero(inside[self._old :])])
 
     def _links(self, links: tuple[Link, ...], amid: IntArray) -> Iterator[Link]:
-        """Links of new nodes amid two that are led alike: by one node, by nodes with a node amid them, or by none."""
+        """Links of new nodes amid two that are led alike: by one node, by nodes with a node amid
+        them, or by none.
+        """
         known = {link.node: link for link in links if len(link.leaders) < 2}
         number_of = {(a, b): self._old + row for row, (a, b) in enumerate(amid.tolist())}
         for number, (a, b) in enumerate(amid.tolist(), start=self._old):
@@ -242,7 +295,9 @@ class _Work:
             if one.leaders == two.leaders:
                 known[number] = replace(one, node=number)
             elif (
-                leader := number_of.get((min(one.leaders + two.leaders), max(one.leaders + two.leaders)))
+                leader := number_of.get(
+                    (min(one.leaders + two.leaders), max(one.leaders + two.leaders))
+                )
             ) is not None:
                 known[number] = replace(one, node=number, leaders=(leader,))
             else:
@@ -254,7 +309,11 @@ def _ends_and_middles(block: Block) -> list[list[int]]:
     """Places of the ends and the middle of each side of a quadratic element."""
     if block.kind == "beam3":
         return [[0, 1, 2]]
-    return [list(side) for side in SHELLS[block.kind].sides if len(side) == 3] if block.is_shell else []
+    return (
+        [list(side) for side in SHELLS[block.kind].sides if len(side) == 3]
+        if block.is_shell
+        else []
+    )
 
 
 def _half(side: tuple[int, ...], count: int) -> FloatArray:
@@ -262,8 +321,12 @@ def _half(side: tuple[int, ...], count: int) -> FloatArray:
     return np.isin(np.arange(count), side) / 2
 
 
-def _of_parts(block: Block, kind: str, nodes: IntArray, local: FloatArray, parts: list[list[int]]) -> Block:
-    """The block's elements in parts, from (e, p) nodes of points with (p, n) weights by the element's own nodes."""
+def _of_parts(
+    block: Block, kind: str, nodes: IntArray, local: FloatArray, parts: list[list[int]]
+) -> Block:
+    """The block's elements in parts, from (e, p) nodes of points with (p, n) weights by the
+    element's own nodes.
+    """
     chosen = np.array(parts)
 
     def of_nodes(values: FloatArray | None) -> FloatArray | None:

@@ -1,8 +1,9 @@
 """Sections of shells: constants of plies to coefficients, in closed form.
 
-A section belongs to a set of elements. Its constants q are those of its materials in their own axes, its density and its
-thickness; its coefficients c(q) are the entries of A, B, D and S (`fecore.body.laminate`) and of the drilling, γ A66. The
-closed forms take complex constants too, so that their derivatives are complex steps.
+A section belongs to a set of elements. Its constants q are those of its materials in their own
+axes, its density and its thickness; its coefficients c(q) are the entries of A, B, D and S
+(`fecore.body.laminate`) and of the drilling, γ A66. The closed forms take complex constants too, so
+that their derivatives are complex steps.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,13 +17,19 @@ from fecore.body.laminate import SHEAR_CORRECTION, OrthotropicMaterial, Ply, bal
 from fecore.errors import InputError
 
 PLY_CONSTANTS = ("E1", "E2", "G12", "G13", "G23", "nu12")
-"""Constants of a material in its own axes; those of a second material from the bottom are E1_2 and so on."""
+"""Constants of a material in its own axes; those of a second material from the bottom are E1_2 and
+so on.
+"""
 
 DRILLING = 0.01
-"""γ: stiffness of the rotation about the normal by A66. From 1e-4 to 1e-2 frequencies agree within .01 %; 1 adds .3 %."""
+"""γ: stiffness of the rotation about the normal by A66. From 1e-4 to 1e-2 frequencies agree within
+.01 %; 1 adds .3 %.
+"""
 
 DRILLING_INERTIA = 0.1
-"""Inertia about the normal by I2: small, and large enough for a definite mass; its own modes lie far above all others."""
+"""Inertia about the normal by I2: small, and large enough for a definite mass; its own modes lie
+far above all others.
+"""
 
 MOST_ANGLES = 40
 """Plies up to which each ply's angle is a constant, `angle_1` from the bottom."""
@@ -37,10 +44,13 @@ _SHEARS = {"S55": (6, 6), "S44": (7, 7), "S45": (6, 7)}
 class ShellSection:
     """Plies from the bottom to the top along the elements' normal."""
 
-    plies: tuple[Ply, ...]  # the stack, with nominal constants; angles are from axis 1 towards axis 2 = normal × axis 1
-    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)  # axis 1 in the structure's frame, projected on the surface
+    # the stack, with nominal constants; angles are from axis 1 towards axis 2 = normal × axis 1
+    plies: tuple[Ply, ...]
+    # axis 1 in the structure's frame, projected on the surface
+    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
     offset: float = 0.0  # of the middle of the stack from the mesh along the normal, m
-    # whether angles are constants: `angle` of the whole stack about the normal, and each ply's own, rad
+    # whether angles are constants: `angle` of the whole stack about the normal, and each ply's own,
+    # rad
     turning: bool = False
 
     def __post_init__(self) -> None:
@@ -61,7 +71,9 @@ class ShellSection:
 
     @cached_property
     def nominal(self) -> dict[str, float]:
-        """Constants by name, SI: of the materials, `density` (mean), `t`, a `factor` of all stiffness, and angles."""
+        """Constants by name, SI: of the materials, `density` (mean), `t`, a `factor` of all
+        stiffness, and angles.
+        """
         found = {}
         for number, material in enumerate(self.materials, start=1):
             suffix = "" if number == 1 else f"_{number}"
@@ -72,13 +84,22 @@ class ShellSection:
         if not self.turning:
             return found
         own = self.plies if len(self.plies) <= MOST_ANGLES else ()
-        angles = {f"angle_{k}": float(np.radians(ply.angle_deg)) for k, ply in enumerate(own, start=1)}
+        angles = {
+            f"angle_{k}": float(np.radians(ply.angle_deg)) for k, ply in enumerate(own, start=1)
+        }
         return {**found, "angle": 0.0, **angles}
 
     @property
     def is_plain(self) -> bool:
-        """Whether axis 1 is an axis of symmetry and the middle surface one too: one ply, not turned, no offset."""
-        return len(self.plies) == 1 and not self.plies[0].angle_deg and not self.offset and not self.turning
+        """Whether axis 1 is an axis of symmetry and the middle surface one too: one ply, not
+        turned, no offset.
+        """
+        return (
+            len(self.plies) == 1
+            and not self.plies[0].angle_deg
+            and not self.offset
+            and not self.turning
+        )
 
     @cached_property
     def terms(self) -> tuple[str, ...]:
@@ -99,15 +120,25 @@ class ShellSection:
     @cached_property
     def blocks(self) -> tuple[IntArray, ...]:
         """Index matrices of the terms: those of forces and moments, and of shear."""
-        at = {place: k for k, name in enumerate(self.terms) for pair in _places(name) for place in (pair, pair[::-1])}
+        at = {
+            place: k
+            for k, name in enumerate(self.terms)
+            for pair in _places(name)
+            for place in (pair, pair[::-1])
+        }
         plane = ((0, 1), (2,), (3, 4), (5,)) if self.is_plain else (tuple(range(6)),)
         shears = ((6,), (7,)) if self.is_plain else ((6, 7),)
-        return tuple(np.array([[at[i, j] for j in rows] for i in rows]) for rows in (*plane, *shears))
+        return tuple(
+            np.array([[at[i, j] for j in rows] for i in rows]) for rows in (*plane, *shears)
+        )
 
-    def coefficients(self, constants: Mapping[str, FloatArray], bending_alone: bool = False) -> FloatArray:
+    def coefficients(
+        self, constants: Mapping[str, FloatArray], bending_alone: bool = False
+    ) -> FloatArray:
         """(k + 1, …) coefficients of the terms, and of the drilling, from constants (…) by name.
 
-        Where a model bends alone, what little B has enters by the reduced stiffness D − B A⁻¹ B (Reddy, section 5.2).
+        Where a model bends alone, what little B has enters by the reduced stiffness D − B A⁻¹ B
+        (Reddy, section 5.2).
         """
         A, B, D, S = self.stiffness(constants)
         if bending_alone and not self.is_plain:
@@ -126,22 +157,28 @@ class ShellSection:
         """(4, …) I0, I1, I2 and that of the drilling, kg/m², kg/m, kg, kg."""
         t = constants["t"]
         levels = self._levels(t)
-        density = np.array([ply.material.density for ply in self.plies]) / (self.nominal["density"] or 1.0)
+        density = np.array([ply.material.density for ply in self.plies]) / (
+            self.nominal["density"] or 1.0
+        )
         parts = [
-            np.tensordot(density, (levels[1:] ** n - levels[:-1] ** n) / n, 1) * constants["density"] for n in (1, 2, 3)
+            np.tensordot(density, (levels[1:] ** n - levels[:-1] ** n) / n, 1)
+            * constants["density"]
+            for n in (1, 2, 3)
         ]
         return np.stack([*parts, DRILLING_INERTIA * parts[0] * t**2 / 12])
 
     def along(self, constants: Mapping[str, FloatArray], angle: float) -> FloatArray:
         """(6, …) of a wall as a beam along a line at an angle from axis 1 (rad).
 
-        E and G in the plane, G across it, Pa; and EA, ES, EI per width, on the stretch and the curvature of the middle, of a
-        wall that is free across the line.
+        E and G in the plane, G across it, Pa; and EA, ES, EI per width, on the stretch and the
+        curvature of the middle, of a wall that is free across the line.
         """
         A, B, D, S = self.stiffness(constants)
         t = constants["t"]
         c, s = np.cos(angle), np.sin(angle)
-        strain = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]])
+        strain = np.array(
+            [[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]]
+        )
         A, B, D = (strain @ each @ strain.T for each in (A, B, D))
         across = c * c * S[..., 0, 0] + s * s * S[..., 1, 1] + 2 * c * s * S[..., 0, 1]
         E = 1 / (np.linalg.inv(A)[..., 0, 0] * t)
@@ -155,7 +192,9 @@ class ShellSection:
         shares = np.concatenate([[0.0], np.cumsum(thicknesses)]) / thicknesses.sum() - 0.5
         return np.asarray(shares.reshape(-1, *(1,) * np.ndim(t)) * t + self.offset)
 
-    def stiffness(self, constants: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def stiffness(
+        self, constants: Mapping[str, FloatArray]
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """(…, 3, 3) A, B, D and (…, 2, 2) S."""
         t = np.asarray(constants["t"])
         plies = [self._ply(constants, number) for number in range(len(self.plies))]
@@ -178,21 +217,31 @@ class ShellSection:
         numbers = [self.materials.index(replace(ply.material, density=1.0)) for ply in self.plies]
         return tuple("" if number == 0 else f"_{number + 1}" for number in numbers)
 
-    def _ply(self, constants: Mapping[str, FloatArray], number: int) -> tuple[FloatArray, FloatArray]:
-        """(…, 3, 3) plane-stress and (…, 2, 2) transverse shear stiffness of a ply in the section's axes."""
+    def _ply(
+        self, constants: Mapping[str, FloatArray], number: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """(…, 3, 3) plane-stress and (…, 2, 2) transverse shear stiffness of a ply in the section's
+        axes.
+        """
         suffix = self._suffixes[number]
         E1, E2, G12, G13, G23, nu = (np.asarray(constants[name + suffix]) for name in PLY_CONSTANTS)
         own = np.radians(self.plies[number].angle_deg)
         angle = constants.get("angle", 0.0) + constants.get(f"angle_{number + 1}", own)
         rest = E1 - nu**2 * E2
-        q11, q12, q22, q66, q16, q26 = turned_stiffness(E1**2 / rest, nu * E1 * E2 / rest, E1 * E2 / rest, G12, angle)
+        q11, q12, q22, q66, q16, q26 = turned_stiffness(
+            E1**2 / rest, nu * E1 * E2 / rest, E1 * E2 / rest, G12, angle
+        )
         c, s = np.cos(angle), np.sin(angle)
         s55, s44, s45 = G13 * c**2 + G23 * s**2, G23 * c**2 + G13 * s**2, (G13 - G23) * c * s
-        return _matrix([[q11, q12, q16], [q12, q22, q26], [q16, q26, q66]]), _matrix([[s55, s45], [s45, s44]])
+        return _matrix([[q11, q12, q16], [q12, q22, q26], [q16, q26, q66]]), _matrix(
+            [[s55, s45], [s45, s44]]
+        )
 
 
 INERTIAS = (*(f"I{n}_{axis}" for n in (0, 1, 2) for axis in (1, 2, 3)), "drilling")
-"""Coefficients of a shell's mass; motion along each axis has its own, so that a body's length and width can be constants."""
+"""Coefficients of a shell's mass; motion along each axis has its own, so that a body's length and
+width can be constants.
+"""
 
 OF_INERTIAS = (0, 0, 0, 1, 1, 1, 2, 2, 2, 3)
 """Which of `ShellSection.inertia` each is."""
@@ -203,14 +252,19 @@ def inertia_matrices() -> FloatArray:
     found = np.zeros((10, 7, 7))
     for axis in range(3):
         u, b = axis, axis + 3
-        found[axis, u, u] = found[axis + 3, u, b] = found[axis + 3, b, u] = found[axis + 6, b, b] = 1
+        found[axis, u, u] = found[axis + 3, u, b] = found[axis + 3, b, u] = found[
+            axis + 6, b, b
+        ] = 1
     found[9, 6, 6] = 1
     return found
 
 
 def inertia_blocks() -> tuple[IntArray, ...]:
     """Index matrices of `INERTIAS`."""
-    return (*(np.array([[axis, axis + 3], [axis + 3, axis + 6]]) for axis in range(3)), np.array([[9]]))
+    return (
+        *(np.array([[axis, axis + 3], [axis + 3, axis + 6]]) for axis in range(3)),
+        np.array([[9]]),
+    )
 
 
 def turned_stiffness(
@@ -254,12 +308,15 @@ class Section:
     A: FloatArray
     B: FloatArray
     D: FloatArray
-    S: FloatArray  # (2, 2) transverse shear stiffness on (γxz, γyz) from equilibrium (`balanced_shear`), N/m
+    # (2, 2) transverse shear stiffness on (γxz, γyz) from equilibrium (`balanced_shear`), N/m
+    S: FloatArray
     inertia: tuple[float, float, float]  # (I0, I1, I2) in kg/m², kg/m, kg
     thickness: float  # total thickness, m
 
     def bending_stiffness(self, width: float) -> float:
-        """EI = b / d11 in N·m² of a strip along x, free to twist and to bend across; d = (D - B A⁻¹ B)⁻¹, `width` b in m."""
+        """EI = b / d11 in N·m² of a strip along x, free to twist and to bend across; d = (D - B A⁻¹
+        B)⁻¹, `width` b in m.
+        """
         return float(width / np.linalg.inv(self.D - self.B @ np.linalg.inv(self.A) @ self.B)[0, 0])
 
     @property
@@ -267,11 +324,14 @@ class Section:
         """Whether bending and membrane forces couple (B ≠ 0 beyond round-off, or I1 ≠ 0)."""
         scale = np.sqrt(np.abs(self.A).max() * np.abs(self.D).max())
         inertia_scale = self.inertia[0] * self.thickness
-        return bool(np.abs(self.B).max() > 1e-10 * scale or abs(self.inertia[1]) > 1e-10 * inertia_scale)
+        return bool(
+            np.abs(self.B).max() > 1e-10 * scale or abs(self.inertia[1]) > 1e-10 * inertia_scale
+        )
 
 
 def section(plies: Sequence[Ply]) -> Section:
-    """Integrate a stack of plies, bottom to top, to its section stiffness and inertia at nominal constants.
+    """Integrate a stack of plies, bottom to top, to its section stiffness and inertia at nominal
+    constants.
 
     Raises:
         InputError: there is no ply.
@@ -283,20 +343,30 @@ def section(plies: Sequence[Ply]) -> Section:
 
 
 def homogenise(laminate: Section) -> OrthotropicMaterial:
-    """The single-layer material with the same bending stiffness, shear stiffness, mass and thickness as a laminate.
+    """The single-layer material with the same bending stiffness, shear stiffness, mass and
+    thickness as a laminate.
 
-    With d = D⁻¹ and thickness t: Ex = 12/(t³ d11), Ey = 12/(t³ d22), Gxy = 12/(t³ d66), ν = -d12/d11, and Gxz = S55/(κt),
-    Gyz = S44/(κt) (Jones, *Mechanics of Composite Materials*, for flexural engineering constants).
+    With d = D⁻¹ and thickness t: Ex = 12/(t³ d11), Ey = 12/(t³ d22), Gxy = 12/(t³ d66), ν =
+    -d12/d11, and Gxz = S55/(κt), Gyz = S44/(κt) (Jones, *Mechanics of Composite Materials*, for
+    flexural engineering constants).
 
     Raises:
-        InputError: bending couples with membrane forces or with twisting, which no orthotropic layer does.
+        InputError: bending couples with membrane forces or with twisting, which no orthotropic
+            layer does.
     """
     D, t = laminate.D, laminate.thickness
     if laminate.is_coupled:
-        raise InputError("laminate", "couples bending and membrane forces (B ≠ 0): it has no equivalent single layer")
-    if max(abs(D[0, 2]), abs(D[1, 2])) > _TWIST_TOLERANCE * D[0, 0] or abs(laminate.S[0, 1]) > 1e-9 * laminate.S[0, 0]:
         raise InputError(
-            "laminate", "couples bending and twisting (D16, D26 ≠ 0): it has no equivalent orthotropic layer"
+            "laminate",
+            "couples bending and membrane forces (B ≠ 0): it has no equivalent single layer",
+        )
+    if (
+        max(abs(D[0, 2]), abs(D[1, 2])) > _TWIST_TOLERANCE * D[0, 0]
+        or abs(laminate.S[0, 1]) > 1e-9 * laminate.S[0, 0]
+    ):
+        raise InputError(
+            "laminate",
+            "couples bending and twisting (D16, D26 ≠ 0): it has no equivalent orthotropic layer",
         )
     d = np.linalg.inv(D)
     bending, shear = 12 / t**3, SHEAR_CORRECTION * t

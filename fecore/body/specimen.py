@@ -1,6 +1,8 @@
-"""Specimens as a laboratory describes them: flat strips and plates, each a `Structure` whose constants have names of their own.
+"""Specimens as a laboratory describes them: flat strips and plates, each a `Structure` whose
+constants have names of their own.
 
-A specimen names its constants as coupons do (`Ex`, `thickness`); `strip.E1` and `strip.t` of its structure follow from them.
+A specimen names its constants as coupons do (`Ex`, `thickness`); `strip.E1` and `strip.t` of its
+structure follow from them.
 """
 
 import re
@@ -19,7 +21,16 @@ from fecore.body.matrices import MatrixBody
 from fecore.body.named import BEYOND_EDGE, OfStructure
 from fecore.body.sections import PLY_CONSTANTS, Section, ShellSection, section
 from fecore.body.structure import Structure
-from fecore.body.supports import CLAMP, Boundary, Clamp, PointMass, Spring, Support, edges, of_boundary
+from fecore.body.supports import (
+    CLAMP,
+    Boundary,
+    Clamp,
+    PointMass,
+    Spring,
+    Support,
+    edges,
+    of_boundary,
+)
 from fecore.errors import InputError
 
 CONSTANTS = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy", "density", "thickness", "length", "width")
@@ -54,10 +65,23 @@ class FlatBody(OfStructure):
     zones: tuple[float, ...]
     profile: tuple[float, ...]
 
-    def _structure(self, plies: tuple[Ply, ...], dofs: tuple[int, ...], clamps: tuple[Clamp, ...] = ()) -> Structure:
-        """The structure of plies with the specimen's shape and supports, hinged where a clamp yields."""
+    def _structure(
+        self, plies: tuple[Ply, ...], dofs: tuple[int, ...], clamps: tuple[Clamp, ...] = ()
+    ) -> Structure:
+        """The structure of plies with the specimen's shape and supports, hinged where a clamp
+        yields.
+        """
         lines = divided(self.zones, self.length, self.parts)
-        mesh = strip(*(self.length, self.width, *(self.divisions or (40, 4)), lines, self.pieces, self.thickness))
+        mesh = strip(
+            *(
+                self.length,
+                self.width,
+                *(self.divisions or (40, 4)),
+                lines,
+                self.pieces,
+                self.thickness,
+            )
+        )
         held = of_boundary(self.boundary) if self.supports is None else self.supports
         return Structure(
             mesh,
@@ -68,20 +92,27 @@ class FlatBody(OfStructure):
             dofs=dofs,
             size=(self.length, self.width),
             clamps=clamps,
-            reach=(BEYOND_EDGE * self.length, BEYOND_EDGE * self.width, self.length),  # z may be from a table, say
+            # z may be from a table, say
+            reach=(BEYOND_EDGE * self.length, BEYOND_EDGE * self.width, self.length),
         )
 
     def row(self, name: str, own: dict[str, FloatArray]) -> FloatArray | float | None:
-        """A constant of the structure: those of plies have the same name, those of one layer names of the axes x and y."""
+        """A constant of the structure: those of plies have the same name, those of one layer names
+        of the axes x and y.
+        """
         set_name, _, constant = name.rpartition(".")
         if constant == "factor":
             return self._factor(set_name, own)
         if constant == "angle":
             return own.get("fibre_angle", self.fibre_angle)
-        return own.get(_NAMES.get(constant, constant) if "Ex" in own else _WHOLE.get(constant, constant))
+        return own.get(
+            _NAMES.get(constant, constant) if "Ex" in own else _WHOLE.get(constant, constant)
+        )
 
     def _factor(self, set_name: str, own: dict[str, FloatArray]) -> FloatArray | None:
-        """The factor of a zone, or of a part of one by its share of the zone's change of compliance."""
+        """The factor of a zone, or of a part of one by its share of the zone's change of
+        compliance.
+        """
         if not self.zones:
             return None
         part = int(set_name.removeprefix("strip_")) - 1
@@ -99,19 +130,31 @@ class FlatBody(OfStructure):
         if not self.pieces:
             return 1.0
         return float(
-            relative_thickness(np.array([[0.0, 1e-9]]) * self.length, self.length, self.thickness, self.pieces)[0, 0]
+            relative_thickness(
+                np.array([[0.0, 1e-9]]) * self.length, self.length, self.thickness, self.pieces
+            )[0, 0]
         )
 
 
 _WHOLE = {"t": "thickness"}
-_NAMES = {**_WHOLE, "E1": "Ex", "E2": "Ey", "G12": "Gxy", "G13": "Gxz", "G23": "Gyz", "nu12": "nu_xy"}
+_NAMES = {
+    **_WHOLE,
+    "E1": "Ex",
+    "E2": "Ey",
+    "G12": "Gxy",
+    "G13": "Gxz",
+    "G23": "Gyz",
+    "nu12": "nu_xy",
+}
 
 
 @dataclass(frozen=True)
 class Specimen(FlatBody):
-    """A strip of a homogenised orthotropic material; x along its length from the clamped end, z out of plane.
+    """A strip of a homogenised orthotropic material; x along its length from the clamped end, z out
+    of plane.
 
-    Its stiffness is one layer's; its mass lies where the layers of the stack have it, as a sandwich's does in its faces.
+    Its stiffness is one layer's; its mass lies where the layers of the stack have it, as a
+    sandwich's does in its faces.
     """
 
     # length, width, thickness: m
@@ -121,26 +164,37 @@ class Specimen(FlatBody):
     material: OrthotropicMaterial  # nominal constants and density
     boundary: Boundary = "cantilever"  # how it is held
     masses: tuple[PointMass, ...] = ()  # what it carries, such as a sensor
-    # elements along the length and across the width; None leaves them to who knows the band, and is 40 × 4 else
+    # elements along the length and across the width; None leaves them to who knows the band, and is
+    # 40 × 4 else
     divisions: tuple[int, int] | None = None
-    springs: tuple[Spring, ...] = ()  # elastic supports; their stiffnesses can be updating parameters, by their names
-    supports: tuple[Support, ...] | None = None  # what holds it, where that is not by the boundary's name
+    # elastic supports; their stiffnesses can be updating parameters, by their names
+    springs: tuple[Spring, ...] = ()
+    # what holds it, where that is not by the boundary's name
+    supports: tuple[Support, ...] | None = None
     fibre_angle: float = 0.0  # of the material's x axis about z from the specimen's, rad
-    pieces: tuple[Piece, ...] = ()  # steps and tapers of thickness along x; the thickness is that where no piece lies
-    # x in m of the lines between zones, each with a factor s of its stiffness among the constants: `zone_1` and so on
+    # steps and tapers of thickness along x; the thickness is that where no piece lies
+    pieces: tuple[Piece, ...] = ()
+    # x in m of the lines between zones, each with a factor s of its stiffness among the constants:
+    # `zone_1` and so on
     zones: tuple[float, ...] = ()
-    # changes of compliance 1/s - 1 of equal parts of each zone, over their mean in the zone; even by default
+    # changes of compliance 1/s - 1 of equal parts of each zone, over their mean in the zone; even
+    # by default
     profile: tuple[float, ...] = ()
-    # (thickness, density) of layers from the bottom to the top, such as a sandwich's: how the mass is spread over the
-    # thickness. Their ratios count alone; evenly by default
+    # (thickness, density) of layers from the bottom to the top, such as a sandwich's: how the mass
+    # is spread over the thickness. Their ratios count alone; evenly by default
     layers: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.thickness) and self.thickness > 0):
-            raise InputError("geometry.thickness_m", f"is {self.thickness}, expected a positive number of metres")
+            raise InputError(
+                "geometry.thickness_m", f"is {self.thickness}, expected a positive number of metres"
+            )
         check_zones(self.zones, self.length)
         if self.layers and self.section.is_coupled:
-            raise InputError("layers", "are heavier on one side, so that bending moves the middle: update the plies")
+            raise InputError(
+                "layers",
+                "are heavier on one side, so that bending moves the middle: update the plies",
+            )
 
     @property
     def section(self) -> Section:
@@ -154,12 +208,17 @@ class Specimen(FlatBody):
         t, rho = np.array(self.layers or ((1.0, 1.0),)).T
         t, rho = self.thickness * t / t.sum(), self.material.density * rho * t.sum() / (t @ rho)
         rows = zip(t.tolist(), rho.tolist(), strict=True)
-        return tuple(Ply(replace(self.material, density=density), thickness) for thickness, density in rows)
+        return tuple(
+            Ply(replace(self.material, density=density), thickness) for thickness, density in rows
+        )
 
     @property
     def nominal(self) -> dict[str, float]:
         """The material's constants and the dimensions."""
-        own = {name: float(getattr(self if name in _DIMENSIONS else self.material, name)) for name in CONSTANTS}
+        own = {
+            name: float(getattr(self if name in _DIMENSIONS else self.material, name))
+            for name in CONSTANTS
+        }
         return own | zone_factors(self.zones)
 
     @cached_property
@@ -170,10 +229,13 @@ class Specimen(FlatBody):
 
 @dataclass(frozen=True)
 class OrientedSpecimen(Specimen):
-    """A `Specimen` with the further constants `fibre_angle`, rad, and, where its clamp may yield, `clamp_compliance`.
+    """A `Specimen` with the further constants `fibre_angle`, rad, and, where its clamp may yield,
+    `clamp_compliance`.
 
-    Several specimens of one material share its moduli in the material's own axes; each has an angle of its own, which the saw
-    has missed by a degree, and a clamp that yields: a hinge at x = 0 with a rotational spring along the edge.
+    Several specimens of one material share its moduli in the material's own axes; each has an angle
+    of its own, which the saw
+    has missed by a degree, and a clamp that yields: a hinge at x = 0 with a rotational spring along
+    the edge.
     """
 
     # nominal EI/kL of the clamped edge; 0 for one that is rigid, or for a body that is not clamped
@@ -182,17 +244,26 @@ class OrientedSpecimen(Specimen):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not (np.isfinite(self.clamp_compliance) and self.clamp_compliance >= 0):
-            raise InputError("clamp_compliance", f"is {self.clamp_compliance}, expected EI/kL, not negative")
+            raise InputError(
+                "clamp_compliance", f"is {self.clamp_compliance}, expected EI/kL, not negative"
+            )
         if self.clamp_compliance and self.boundary != "cantilever":
-            raise InputError("clamp_compliance", f"belongs to a clamp; the boundary is {self.boundary}")
+            raise InputError(
+                "clamp_compliance", f"belongs to a clamp; the boundary is {self.boundary}"
+            )
         if self.zones:
             raise InputError("zones_m", "are of a single update; an oriented specimen has none")
         if self.springs or self.supports is not None:
-            raise InputError("springs", "and supports of an oriented specimen are those of its boundary and clamp")
+            raise InputError(
+                "springs",
+                "and supports of an oriented specimen are those of its boundary and clamp",
+            )
 
     @property
     def nominal(self) -> dict[str, float]:
-        """The material's constants, the dimensions, the angle, and the clamp's compliance where it has one."""
+        """The material's constants, the dimensions, the angle, and the clamp's compliance where it
+        has one.
+        """
         own = {"fibre_angle": self.fibre_angle}
         if self.clamp_compliance:
             own[CLAMP] = self.clamp_compliance
@@ -209,25 +280,32 @@ class OrientedSpecimen(Specimen):
 
     @property
     def bending_modulus(self) -> float:
-        """Nominal Young's modulus along the strip, Pa: 1/E = c⁴/Ex + s⁴/Ey + (1/Gxy - 2ν/Ex) s²c²."""
+        """Nominal Young's modulus along the strip, Pa: 1/E = c⁴/Ex + s⁴/Ey + (1/Gxy - 2ν/Ex)
+        s²c².
+        """
         m, c, s = self.material, np.cos(self.fibre_angle), np.sin(self.fibre_angle)
-        return float(1 / (c**4 / m.Ex + s**4 / m.Ey + (1 / m.Gxy - 2 * m.nu_xy / m.Ex) * s**2 * c**2))
+        return float(
+            1 / (c**4 / m.Ex + s**4 / m.Ey + (1 / m.Gxy - 2 * m.nu_xy / m.Ex) * s**2 * c**2)
+        )
 
 
 @dataclass(frozen=True)
 class LayeredSpecimen(FlatBody):
     """A strip or plate of plies whose own constants are updated, with all couplings of the stack.
 
-    A stack that couples bending with membrane forces (B ≠ 0) gets a model with u and v. A stack that does not by its nominal
-    angles bends alone, and the little B that errors of single plies' angles make enters by the reduced bending stiffness.
+    A stack that couples bending with membrane forces (B ≠ 0) gets a model with u and v. A stack
+    that does not by its nominal angles bends alone, and the little B that errors of single plies'
+    angles make enters by the reduced bending stiffness.
     """
 
-    # length, width, thickness: of the whole, m; the plies' thicknesses are taken in proportion to it
+    # length, width, thickness: of the whole, m; the plies' thicknesses are taken in proportion to
+    # it
     length: float
     width: float
     thickness: float
     plies: tuple[Ply, ...]  # the stack from the bottom to the top, with nominal constants
-    density: float  # of the whole, kg/m³; the plies' densities say how it is spread over the thickness
+    # of the whole, kg/m³; the plies' densities say how it is spread over the thickness
+    density: float
     # boundary, masses, divisions, springs, supports: as of `Specimen`
     boundary: Boundary = "cantilever"
     masses: tuple[PointMass, ...] = ()
@@ -235,7 +313,8 @@ class LayeredSpecimen(FlatBody):
     springs: tuple[Spring, ...] = ()
     supports: tuple[Support, ...] | None = None
     fibre_angle: float = 0.0  # of the whole stack about z, beside the plies' angles, rad
-    # steps and tapers of thickness along x, of all plies alike; the thickness is that where no piece lies
+    # steps and tapers of thickness along x, of all plies alike; the thickness is that where no
+    # piece lies
     pieces: tuple[Piece, ...] = ()
     # zones, profile: as of `Specimen`
     zones: tuple[float, ...] = ()
@@ -255,7 +334,9 @@ class LayeredSpecimen(FlatBody):
         """The nominal section, with the whole's thickness and density."""
         ratio = self.thickness / sum(ply.thickness for ply in self.plies)
         turn = float(np.degrees(self.fibre_angle))
-        plies = [Ply(ply.material, ratio * ply.thickness, ply.angle_deg + turn) for ply in self.plies]
+        plies = [
+            Ply(ply.material, ratio * ply.thickness, ply.angle_deg + turn) for ply in self.plies
+        ]
         stack = section(plies)
         heavier = self.density * self.thickness / stack.inertia[0]
         I0, I1, I2 = (heavier * part for part in stack.inertia)
@@ -265,7 +346,11 @@ class LayeredSpecimen(FlatBody):
     def nominal(self) -> dict[str, float]:
         """The materials' constants, density and dimensions, and the plies' angles in rad."""
         stack = ShellSection(self.plies, turning=True).nominal
-        found = {name: value for name, value in stack.items() if re.sub(r"_\d+$", "", name) in PLY_CONSTANTS}
+        found = {
+            name: value
+            for name, value in stack.items()
+            if re.sub(r"_\d+$", "", name) in PLY_CONSTANTS
+        }
         found |= {name: float(getattr(self, name)) for name in ("density", *_DIMENSIONS)}
         found |= {name: value for name, value in stack.items() if name.startswith("angle_")}
         return found | zone_factors(self.zones)
@@ -273,13 +358,20 @@ class LayeredSpecimen(FlatBody):
     @cached_property
     def structure(self) -> Structure:
         """The strip, with u and v where the stack couples."""
-        return self._structure(self.plies, (0, 1, *_BENDING) if self.section.is_coupled else _BENDING)
+        return self._structure(
+            self.plies, (0, 1, *_BENDING) if self.section.is_coupled else _BENDING
+        )
 
     def bending_stiffness(self, constants: FloatArray) -> float:
-        """EI = b / d11 of the strip along x in N·m², free to twist and to bend across; d = (D - B A⁻¹ B)⁻¹."""
+        """EI = b / d11 of the strip along x in N·m², free to twist and to bend across; d = (D - B
+        A⁻¹ B)⁻¹.
+        """
         own = dict(zip(self.nominal, constants, strict=True))
         stack = ShellSection(self.plies, turning=True)
-        of = {name: value if (row := self.row(name, own)) is None else row for name, value in stack.nominal.items()}
+        of = {
+            name: value if (row := self.row(name, own)) is None else row
+            for name, value in stack.nominal.items()
+        }
         A, B, D, _ = stack.stiffness({name: np.asarray(value) for name, value in of.items()})
         return float(own["width"] / np.linalg.inv(D - B @ np.linalg.inv(A) @ B)[0, 0])
 
@@ -302,7 +394,9 @@ def check_zones(zones: tuple[float, ...], length: float) -> None:
     """
     ends = np.array([0.0, *zones, length])
     if not np.all(np.isfinite(ends)) or np.any(np.diff(ends) <= 1e-6 * length):
-        raise InputError("zones_m", f"are at {list(zones)}, expected rising places between 0 and {length:g} m")
+        raise InputError(
+            "zones_m", f"are at {list(zones)}, expected rising places between 0 and {length:g} m"
+        )
 
 
 def divided(zones: tuple[float, ...], length: float, parts: int) -> tuple[float, ...]:

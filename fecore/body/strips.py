@@ -1,4 +1,6 @@
-"""The strip of a wall in front of a line: its elements from the line on, found from side to side."""
+"""The strip of a wall in front of a line: its elements from the line on, found from side to
+side.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,8 @@ from fecore.arrays import FloatArray, IntArray
 from fecore.body.junctions import Sides, sides_of
 from fecore.body.mesh import SHELLS, Mesh
 
-_PROGRESS = 1e-6  # cosine of a step's direction to the wall's above which it leads on, and not along the line
+# cosine of a step's direction to the wall's above which it leads on, and not along the line
+_PROGRESS = 1e-6
 
 
 @dataclass(frozen=True)
@@ -68,14 +71,19 @@ class Strips:
         self._join(sides_of(mesh))
 
     def _join(self, sides: Sides) -> None:
-        """Neighbours over edges of two stacks, of which one goes on as the other; in stacks, layer by layer."""
+        """Neighbours over edges of two stacks, of which one goes on as the other; in stacks, layer
+        by layer.
+        """
         names = [block.set for block in self.mesh.blocks]
         number = np.array([names.index(name) for name in names])[sides.places[:, 0]]
         _, edge = np.unique(sides.ends, axis=0, return_inverse=True)
         edge = edge.ravel()
         stacks = np.bincount(np.unique(np.column_stack([edge, sides.same]), axis=0)[:, 0])
         order = np.lexsort((sides.element, number, sides.same, edge))
-        starts = np.any(np.diff(np.column_stack([edge, sides.same, number])[order], axis=0, prepend=-1) != 0, axis=1)
+        starts = np.any(
+            np.diff(np.column_stack([edge, sides.same, number])[order], axis=0, prepend=-1) != 0,
+            axis=1,
+        )
         at = np.arange(len(order))
         layer = np.empty_like(at)
         layer[order] = at - np.maximum.accumulate(np.where(starts, at, 0))
@@ -101,7 +109,9 @@ class Strips:
             following = np.setdiff1d(following, keys, assume_unique=True)
             distance, beside = seen.at(*np.divmod(following, count))
             beyond = seen.beyond[following // count]
-            ahead = (np.abs(beside).min(axis=1) < 2 * beyond) | (np.abs(beside.mean(axis=1)) < beyond)
+            ahead = (np.abs(beside).min(axis=1) < 2 * beyond) | (
+                np.abs(beside.mean(axis=1)) < beyond
+            )
             frontier = following[ahead & (distance.min(axis=1) < wanted.limit[following // count])]
             keys = np.concatenate([keys, frontier])
         wall, element = np.divmod(np.sort(keys), count)
@@ -123,14 +133,19 @@ class _Seen:
         lines = wanted.lines
         self.corners, self.away, self.line = corners, wanted.away, wanted.line
         self.beyond = np.array([line.beyond for line in lines])[wanted.line]
-        self._origin, self._tangent = (np.array([getattr(line, n) for line in lines]) for n in ("origin", "tangent"))
-        # All lines' places in one rising row, line after line, as far apart as all that is there is wide.
+        self._origin, self._tangent = (
+            np.array([getattr(line, n) for line in lines]) for n in ("origin", "tangent")
+        )
+        # All lines' places in one rising row, line after line, as far apart as all that is there is
+        # wide.
         self._apart = 4 * float(np.ptp(corners, axis=(0, 1)).max()) * np.sqrt(3)
         self._row = np.concatenate([line.places + k * self._apart for k, line in enumerate(lines)])
         self._middles = (self._row[1:] + self._row[:-1]) / 2
 
     def at(self, wall: IntArray, element: IntArray) -> tuple[FloatArray, FloatArray]:
-        """(k, 4) distances of corners from the lines, and how far they lie beside the nearest node along these, m."""
+        """(k, 4) distances of corners from the lines, and how far they lie beside the nearest node
+        along these, m.
+        """
         line = self.line[wall]
         arms = self.corners[element] - self._origin[line, None]
         along = np.einsum("nik,nk->ni", arms, self._tangent[line]) + (line * self._apart)[:, None]

@@ -1,7 +1,9 @@
-"""A structure as an engineer describes it, and how its model's coefficients follow from its constants.
+"""A structure as an engineer describes it, and how its model's coefficients follow from its
+constants.
 
-Its constants are those of its sections by set, `flange.E1`, `web.t`, and closed forms lead from them to the coefficients
-c(q) and m(q) of its affine model (`fecore.body.constants.Body`). Sets that share a material have a common prior.
+Its constants are those of its sections by set, `flange.E1`, `web.t`, and closed forms lead from
+them to the coefficients c(q) and m(q) of its affine model (`fecore.body.constants.Body`). Sets that
+share a material have a common prior.
 """
 
 from collections.abc import Iterator, Mapping
@@ -23,20 +25,39 @@ from fecore.body.mesh import Block, Mesh
 from fecore.body.model import Model, Part, assemble, idle, unresisted
 from fecore.body.operators import Operators, beam_operators, shell_operators
 from fecore.body.overlaps import Overlap, given_up, kept
-from fecore.body.sections import INERTIAS, OF_INERTIAS, ShellSection, inertia_blocks, inertia_matrices
-from fecore.body.supports import Clamp, Link, Mass, NodeSpring, Spring, Support, free_dofs, rigid_motions
+from fecore.body.sections import (
+    INERTIAS,
+    OF_INERTIAS,
+    ShellSection,
+    inertia_blocks,
+    inertia_matrices,
+)
+from fecore.body.supports import (
+    Clamp,
+    Link,
+    Mass,
+    NodeSpring,
+    Spring,
+    Support,
+    free_dofs,
+    rigid_motions,
+)
 from fecore.errors import InputError
 
 COMMON_SD, OWN_SD = 0.30, 0.15
 """Relative prior of a material, and scatter of the sets that are made of it."""
 
 JOINTS_ERROR, HARD_JOINTS_ERROR, NAIVE_ERROR, UNLIKE_WALLS = 0.003, 0.0045, 0.016, 1.5
-"""Relative errors of a frequency by joints, as `Structure.model_error`, and from which ratio of thicknesses they are hard."""
+"""Relative errors of a frequency by joints, as `Structure.model_error`, and from which ratio of
+thicknesses they are hard.
+"""
 
 
 @dataclass(frozen=True)
 class CommonPrior:
-    """Constants of sets that are made of one material: one unknown in common, and a scatter of each."""
+    """Constants of sets that are made of one material: one unknown in common, and a scatter of
+    each.
+    """
 
     constants: tuple[str, ...]  # such as `flange.E1` and `web.E1`
     common: float = COMMON_SD  # relative sd of what they share
@@ -54,10 +75,12 @@ class Structure:
     springs: tuple[Spring | NodeSpring, ...] = ()
     masses: tuple[Mass, ...] = ()  # what it carries
     links: tuple[Link, ...] = ()  # nodes that others lead
-    with_joints: bool = True  # model junctions (`fecore.body.joints`); without, walls meet at their middle surfaces
-    dofs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)  # numbers of the dofs of a node; a flat strip needs w, θx, θy alone
-    # nominal length, width and height along x, y and z of a body whose walls lie along these, with axis 1 along x: they
-    # are constants then. Or the length alone, or length and width.
+    # model junctions (`fecore.body.joints`); without, walls meet at their middle surfaces
+    with_joints: bool = True
+    # numbers of the dofs of a node; a flat strip needs w, θx, θy alone
+    dofs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
+    # nominal length, width and height along x, y and z of a body whose walls lie along these, with
+    # axis 1 along x: they are constants then. Or the length alone, or length and width.
     size: tuple[float, ...] = ()
     clamps: tuple[Clamp, ...] = ()  # edges held by springs whose compliance is a constant
     # m along x, y and z by which a point may lie further from the surface than half the wall
@@ -66,14 +89,23 @@ class Structure:
     def __post_init__(self) -> None:
         for block in self.mesh.blocks:
             if block.set not in self.sections:
-                raise InputError("sections", f"has none for the set {block.set}; there are {', '.join(self.sections)}")
+                raise InputError(
+                    "sections",
+                    f"has none for the set {block.set}; there are {', '.join(self.sections)}",
+                )
             if isinstance(self.sections[block.set], ShellSection) != block.is_shell:
-                raise InputError("sections", f"of the set {block.set} is not one of {block.kind} elements")
+                raise InputError(
+                    "sections", f"of the set {block.set} is not one of {block.kind} elements"
+                )
 
     @cached_property
     def nominal(self) -> dict[str, float]:
         """Constants by name, SI."""
-        found = {f"{name}.{c}": v for name in self.mesh.sets for c, v in self.sections[name].nominal.items()}
+        found = {
+            f"{name}.{c}": v
+            for name in self.mesh.sets
+            for c, v in self.sections[name].nominal.items()
+        }
         found |= dict(zip(SIZES, self.size, strict=False))
         return found | {clamp.name: clamp.compliance for clamp in self.clamps}
 
@@ -84,15 +116,20 @@ class Structure:
 
     @cached_property
     def model_error(self) -> float:
-        """Relative error of a natural frequency by the model of joints, independent from mode to mode; 0 without any.
+        """Relative error of a natural frequency by the model of joints, independent from mode to
+        mode; 0 without any.
 
-        Fixed beforehand, by solids of another code: .3 %, and .45 % where walls enclose a cell or their thicknesses differ by
-        more than half. Where walls meet at their middle surfaces instead it is 1.6 %. Of lines at which two walls turn by less
-        than a right angle it is as much less as what is modelled, and of sharp edges as much more; with 1.6 % of what is not.
+        Fixed beforehand, by solids of another code: .3 %, and .45 % where walls enclose a cell or
+        their thicknesses differ by more than half. Where walls meet at their middle surfaces
+        instead it is 1.6 %. Of lines at which two walls turn by less than a right angle it is as
+        much less as what is modelled, and of sharp edges as much more; with 1.6 % of what is not.
         """
         if not self.with_joints:
             lines = find_junctions(self.mesh, self._thickness) if len(self.dofs) == 6 else ()
-            return max((NAIVE_ERROR * edge.corner.turn for line in lines for edge in line.edges), default=0.0)
+            return max(
+                (NAIVE_ERROR * edge.corner.turn for line in lines for edge in line.edges),
+                default=0.0,
+            )
         if not (junctions := self.junctions):
             return 0.0
         hard = encloses(self.mesh, junctions)
@@ -105,10 +142,16 @@ class Structure:
 
     @property
     def _thickness(self) -> dict[str, float]:
-        return {name: part.thickness for name, part in self.sections.items() if isinstance(part, ShellSection)}
+        return {
+            name: part.thickness
+            for name, part in self.sections.items()
+            if isinstance(part, ShellSection)
+        }
 
     def common_priors(self) -> tuple[CommonPrior, ...]:
-        """Moduli of sets whose first materials are nominally alike, as constants of one material."""
+        """Moduli of sets whose first materials are nominally alike, as constants of one
+        material.
+        """
         sets: dict[object, list[str]] = {}
         for name in self.mesh.sets:
             section = self.sections[name]
@@ -126,20 +169,27 @@ class Structure:
         """The affine finite element model, which holds for any constants.
 
         Raises:
-            InputError: the place of a support, spring or mass is wrong, or a spring acts on nothing that can move.
+            InputError: the place of a support, spring or mass is wrong, or a spring acts on nothing
+                that can move.
         """
         joints, surfaces = self._joints, self.surfaces
         parts = [*self._walls(joints), *self._beads(joints)]
         held = (*(clamp.spring for clamp in self.clamps), *self.springs)
         springs = self._linked(spring_parts(self.mesh, surfaces, held))
         stiffness = [*self._linked([one for some, _ in parts for one in some]), *springs]
-        mass = self._linked([*(one for _, some in parts for one in some), *mass_parts(surfaces, self.masses)])
-        used = np.unique(np.concatenate([part.operators.nodes.ravel() for part in (*stiffness, *mass)]))
+        mass = self._linked(
+            [*(one for _, some in parts for one in some), *mass_parts(surfaces, self.masses)]
+        )
+        used = np.unique(
+            np.concatenate([part.operators.nodes.ravel() for part in (*stiffness, *mass)])
+        )
         free = free_dofs(self.mesh, self.supports, used, self.dofs, self.links)
         K, M = assemble(stiffness, mass, free, self.dofs)
         for spring in held:
             if spring.name not in K.names or not K.term(K.names.index(spring.name)).data.any():
-                raise InputError("spring", f"{spring.name} acts on nothing that moves in this model")
+                raise InputError(
+                    "spring", f"{spring.name} acts on nothing that moves in this model"
+                )
         motions = rigid_motions(self.mesh.nodes, self.links)[:, list(self.dofs)]
         rigid = unresisted(motions, used, free, K, len(K.names) - len(held))
         loose = idle(K, M)
@@ -147,12 +197,24 @@ class Structure:
             rigid, left = rigid[~loose], free.copy()
             left[free] = ~loose
             K, M = assemble(stiffness, mass, left, self.dofs)
-        return Model(self.mesh, joints, surfaces, self.dofs, stiffness=K, mass=M, rigid_modes=rigid, links=self.links)
+        return Model(
+            self.mesh,
+            joints,
+            surfaces,
+            self.dofs,
+            stiffness=K,
+            mass=M,
+            rigid_modes=rigid,
+            links=self.links,
+        )
 
     @cached_property
     def surfaces(self) -> Surfaces:
         """The shells and beams as they lie in space, on which points are found."""
-        walls = [(s.thickness, s.offset) if isinstance(s, ShellSection) else (2 * s.reach, 0.0) for s in self._sections]
+        walls = [
+            (s.thickness, s.offset) if isinstance(s, ShellSection) else (2 * s.reach, 0.0)
+            for s in self._sections
+        ]
         shifts = [
             shift if isinstance(s, ShellSection) else shift + np.array(s.offset)
             for shift, s in zip(self._joints.shifts, self._sections, strict=True)
@@ -173,7 +235,9 @@ class Structure:
 
     def _walls(self, joints: Joints) -> Iterator[tuple[list[Part], list[Part]]]:
         """Stiffness and mass of each block."""
-        for block, shift, overlap in zip(self.mesh.blocks, joints.shifts, joints.overlaps, strict=True):
+        for block, shift, overlap in zip(
+            self.mesh.blocks, joints.shifts, joints.overlaps, strict=True
+        ):
             section = self.sections[block.set]
             if isinstance(section, ShellSection):
                 strains, motions, drilling = shell_operators(
@@ -183,22 +247,30 @@ class Structure:
                 stiffness = [] if drilling is None else [Part(drilling, *one)]
                 stiffness += self._given_up(strains, block, overlap)
                 motions = kept(motions, block, overlap)
-                motion = Part(motions, inertia_matrices(), _named(block.set, INERTIAS), inertia_blocks())
+                motion = Part(
+                    motions, inertia_matrices(), _named(block.set, INERTIAS), inertia_blocks()
+                )
             else:
                 arm = shift + np.array(section.offset)
                 axis = np.array(section.axis) if block.axes is None else block.axes
-                strains, motions = beam_operators(block.nodes, block.kind, self.mesh.nodes, axis, arm)
+                strains, motions = beam_operators(
+                    block.nodes, block.kind, self.mesh.nodes, axis, arm
+                )
                 stiffness = []
                 names = _named(block.set, section.motions)
                 motion = Part(motions, section.mass_matrices, names, section.motion_blocks)
-            stiffness.insert(0, Part(strains, section.matrices, _named(block.set, section.terms), section.blocks))
+            stiffness.insert(
+                0, Part(strains, section.matrices, _named(block.set, section.terms), section.blocks)
+            )
             yield stiffness, [motion]
 
     def _given_up(self, strains: Operators, block: Block, overlap: Overlap) -> Iterator[Part]:
         """What is taken from the stiffness of a block's elements where other walls are."""
         if not len(overlap.elements):
             return
-        rows = given_up(strains, block, self.mesh.nodes, overlap, np.array(self.sections[block.set].axis))
+        rows = given_up(
+            strains, block, self.mesh.nodes, overlap, np.array(self.sections[block.set].axis)
+        )
         which, degrees, share = between(overlap.angles, overlap.turns)
         for angle in np.unique(degrees).tolist():
             own = degrees == angle
@@ -218,7 +290,12 @@ class Structure:
                 prefix, nodes = beads_of(self.mesh.sets[rank], angle), bead.nodes[beams]
                 K, M = (
                     [
-                        Part(weighed(rows, nodes, beams, forms[:, k]), one, (f"{prefix}.{name}",), _ONE)
+                        Part(
+                            weighed(rows, nodes, beams, forms[:, k]),
+                            one,
+                            (f"{prefix}.{name}",),
+                            _ONE,
+                        )
                         for k, name in enumerate(names)
                     ]
                     for rows, forms, names in (
@@ -248,7 +325,9 @@ class Structure:
         return found
 
     def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
-        """(k, …) coefficients of the model's stiffness, springs apart, from (c, …) constants in the order of `nominal`."""
+        """(k, …) coefficients of the model's stiffness, springs apart, from (c, …) constants in the
+        order of `nominal`.
+        """
         of = self._of(constants)
         values: dict[str, FloatArray] = {}
         for name in self.mesh.sets:
@@ -257,10 +336,14 @@ class Structure:
                 found = section.coefficients(of[name], bending_alone=not {0, 1} & set(self.dofs))
                 values |= dict(zip(_named(name, (*section.terms, "drilling")), found, strict=True))
             else:
-                values |= dict(zip(_named(name, section.terms), section.coefficients(of[name]), strict=True))
+                values |= dict(
+                    zip(_named(name, section.terms), section.coefficients(of[name]), strict=True)
+                )
         for name, angle in self._joint_walls:
             along = self._shell(name).along(of[name], np.radians(angle))
-            values |= dict(zip(_named(beads_of(name, angle), ("E", "G", "Gt", *_STRIP)), along, strict=True))
+            values |= dict(
+                zip(_named(beads_of(name, angle), ("E", "G", "Gt", *_STRIP)), along, strict=True)
+            )
         values |= {clamp.name: clamp.spring.stiffness / of[""][clamp.name] for clamp in self.clamps}
         names = self.model.stiffness.names
         return self._stretched(names[: len(names) - len(self.springs)], values, of.get("", {}))
@@ -275,17 +358,21 @@ class Structure:
                 inertia = section.inertia(of[name])
                 values |= dict(zip(_named(name, INERTIAS), inertia[list(OF_INERTIAS)], strict=True))
             else:
-                values |= dict(zip(_named(name, section.motions), section.inertias(of[name]), strict=True))
+                values |= dict(
+                    zip(_named(name, section.motions), section.inertias(of[name]), strict=True)
+                )
         for name, angle in self._joint_walls:
             values |= dict.fromkeys(_named(beads_of(name, angle), _DENSITIES), of[name]["density"])
         return self._stretched(self.model.mass.names, values, of.get("", {}))
 
     def are_physical(self, constants: FloatArray) -> BoolArray:
-        """(…) whether moduli, densities and dimensions are positive and plane-stress stiffnesses positive definite; a density
-        that is nominally 0 may be.
+        """(…) whether moduli, densities and dimensions are positive and plane-stress stiffnesses
+        positive definite; a density that is nominally 0 may be.
         """
         names = list(self.nominal)
-        signed = np.array([kind_of(name) in SIGNED or not value for name, value in self.nominal.items()])
+        signed = np.array(
+            [kind_of(name) in SIGNED or not value for name, value in self.nominal.items()]
+        )
         good = np.all(constants[~signed] > 0, axis=0)
         for row, name in enumerate(names):
             if kind_of(name) == "nu12":
@@ -296,7 +383,11 @@ class Structure:
     @cached_property
     def _joint_walls(self) -> tuple[tuple[str, int], ...]:
         sets = self.mesh.sets
-        walls = {(sets[rank], angle) for bead in self.model.joints.beads for rank, angle, *_ in bead.by_set}
+        walls = {
+            (sets[rank], angle)
+            for bead in self.model.joints.beads
+            for rank, angle, *_ in bead.by_set
+        }
         return tuple(sorted(walls))
 
     def _shell(self, name: str) -> ShellSection:
@@ -305,13 +396,17 @@ class Structure:
         return section
 
     def _stretched(
-        self, names: tuple[str, ...], values: Mapping[str, FloatArray], whole: Mapping[str, FloatArray]
+        self,
+        names: tuple[str, ...],
+        values: Mapping[str, FloatArray],
+        whole: Mapping[str, FloatArray],
     ) -> FloatArray:
         """Values by name of a body whose mesh has the nominal dimensions.
 
-        Where x = αx', y = βy', z = γz', take u' = αu, v' = βv, w' = γw, and θx' = βγθx and so on. Then the strains of the
-        stretched body are those of the mesh times powers of the stretches along a wall's axes 1 and 2 and its normal. Walls
-        keep their thickness. (Joints follow the length alone, and masses at points move a little too much.)
+        Where x = αx', y = βy', z = γz', take u' = αu, v' = βv, w' = γw, and θx' = βγθx and so on.
+        Then the strains of the stretched body are those of the mesh times powers of the stretches
+        along a wall's axes 1 and 2 and its normal. Walls keep their thickness. (Joints follow the
+        length alone, and masses at points move a little too much.)
         """
         if not self.size:
             return np.stack([values[name] for name in names])
@@ -321,7 +416,9 @@ class Structure:
             set_name, _, last = name.rpartition(".")
             row = values[name]
             for axis, power in zip(
-                self._axes.get(set_name.removesuffix(".joint"), (0, 1, 2)), _powers(last), strict=True
+                self._axes.get(set_name.removesuffix(".joint"), (0, 1, 2)),
+                _powers(last),
+                strict=True,
             ):
                 if power and axis < len(ratios):
                     row = row * ratios[axis] ** power
@@ -338,17 +435,25 @@ class Structure:
         found = {}
         for name, axes in axes_of_walls(self.mesh).items():
             if axes is None:
-                raise InputError("size", f"of a body whose set {name} does not lie along x and y or x and z")
+                raise InputError(
+                    "size", f"of a body whose set {name} does not lie along x and y or x and z"
+                )
             found[name] = axes
         return found
 
 
 def axes_of_walls(mesh: Mesh) -> dict[str, tuple[int, int, int] | None]:
-    """Of each set of shells, which of x, y and z axis 1 (x), axis 2 and the normal lie along; None where the set lies askew."""
+    """Of each set of shells, which of x, y and z axis 1 (x), axis 2 and the normal lie along; None
+    where the set lies askew.
+    """
     found: dict[str, tuple[int, int, int] | None] = {}
     for block in mesh.blocks:
         if block.is_shell:
-            flat = [axis for axis in (1, 2) if not np.ptp(mesh.nodes[block.nodes][..., axis], axis=1).max() > 1e-9]
+            flat = [
+                axis
+                for axis in (1, 2)
+                if not np.ptp(mesh.nodes[block.nodes][..., axis], axis=1).max() > 1e-9
+            ]
             own = (0, 3 - flat[0], flat[0]) if flat else None
             found[block.set] = own if found.setdefault(block.set, own) == own else None
     return found
@@ -359,7 +464,9 @@ SIZES = ("length", "width", "height")
 
 
 def _powers(name: str) -> tuple[int, int, int]:
-    """Of the stretches along axis 1, axis 2 and the normal in a coefficient: A11, I0_1, or E of a joint."""
+    """Of the stretches along axis 1, axis 2 and the normal in a coefficient: A11, I0_1, or E of a
+    joint.
+    """
     if name in _ALONG:
         return _ALONG[name], 0, 0
     if name[0] in "ABD":
@@ -374,13 +481,24 @@ _STRIP_MATRICES = np.array([[[1.0, 0], [0, 0]], [[0, 1], [1, 0]], [[0, 0], [0, 1
 _DENSITIES = ("density_x", "density_y", "density_z")
 """Coefficients of a bead's mass, of which each has motion along one axis."""
 
-_PLANE = {"11": (-3, 1), "12": (-1, -1), "22": (1, -3), "66": (-1, -1), "16": (-2, 0), "26": (0, -2)}
+_PLANE = {
+    "11": (-3, 1),
+    "12": (-1, -1),
+    "22": (1, -3),
+    "66": (-1, -1),
+    "16": (-2, 0),
+    "26": (0, -2),
+}
 _OTHERS = {
     "S55": (-1, 1, -2),
     "S44": (1, -1, -2),
     "S45": (0, 0, -2),
     "drilling": (-1, -1, 0),
-    **{f"I{n}_{axis}": (*power, -n) for n in (0, 1, 2) for axis, power in ((1, (-1, 1)), (2, (1, -1)))},
+    **{
+        f"I{n}_{axis}": (*power, -n)
+        for n in (0, 1, 2)
+        for axis, power in ((1, (-1, 1)), (2, (1, -1)))
+    },
     **dict(zip(_DENSITIES, ((-1, 0, 0), (1, -2, 0), (1, 0, -2)), strict=True)),
     **{f"I{n}_3": (1, 1, -2) for n in (0, 1, 2)},
 }

@@ -25,7 +25,8 @@ class Support:
     """Nodes that are held."""
 
     where: str | Box  # a node set, such as the edge `start` of a generated body, or a box of space
-    # `clamped` holds all dofs, `simply_supported` the three displacements; or the names of dofs to hold
+    # `clamped` holds all dofs, `simply_supported` the three displacements; or the names of dofs to
+    # hold
     how: Held | tuple[str, ...] = "clamped"
 
     @property
@@ -38,23 +39,32 @@ class Support:
         if isinstance(self.how, str):
             if self.how not in get_args(Held):
                 raise InputError(
-                    "support.how", f"is {self.how!r}, expected {', '.join(get_args(Held))}, or names of dofs"
+                    "support.how",
+                    f"is {self.how!r}, expected {', '.join(get_args(Held))}, or names of dofs",
                 )
             return tuple(range(6)) if self.how == "clamped" else (0, 1, 2)
         unknown = [name for name in self.how if name not in DISPLACEMENTS]
         if unknown:
-            raise InputError("support.how", f"names {unknown[0]!r}, expected some of {', '.join(DISPLACEMENTS)}")
+            raise InputError(
+                "support.how", f"names {unknown[0]!r}, expected some of {', '.join(DISPLACEMENTS)}"
+            )
         return tuple(DISPLACEMENTS.index(name) for name in self.how)
 
 
 def edges(
-    start: EdgeSupport = "free", end: EdgeSupport = "free", lower: EdgeSupport = "free", upper: EdgeSupport = "free"
+    start: EdgeSupport = "free",
+    end: EdgeSupport = "free",
+    lower: EdgeSupport = "free",
+    upper: EdgeSupport = "free",
 ) -> tuple[Support, ...]:
-    """How each edge of a strip or plate is held: `start` is x = 0, `end` x = L, `lower` and `upper` y = ∓b/2.
+    """How each edge of a strip or plate is held: `start` is x = 0, `end` x = L, `lower` and `upper`
+    y = ∓b/2.
 
-    A simply supported edge holds w and the displacement and rotation along the edge's own direction ("hard" support,
-    free to move across the edge in the plane: SS-1 in the literature). One that is `simply_supported_normal` lets the edge
-    move along its own direction and holds it across (SS-2), as the closed forms of antisymmetric angle-ply plates have it.
+    A simply supported edge holds w and the displacement and rotation along the edge's own direction
+    ("hard" support,
+    free to move across the edge in the plane: SS-1 in the literature). One that is
+    `simply_supported_normal` lets the edge move along its own direction and holds it across (SS-2),
+    as the closed forms of antisymmetric angle-ply plates have it.
 
     Raises:
         InputError: an edge is held in a way that is not known.
@@ -62,7 +72,9 @@ def edges(
     found = []
     for edge, how in (("start", start), ("end", end), ("lower", lower), ("upper", upper)):
         if how not in get_args(EdgeSupport):
-            raise InputError(f"supports.{edge}", f"is {how!r}, expected {', '.join(get_args(EdgeSupport))}")
+            raise InputError(
+                f"supports.{edge}", f"is {how!r}, expected {', '.join(get_args(EdgeSupport))}"
+            )
         if how == "clamped":
             found.append(Support(edge))
         elif how != "free":
@@ -78,7 +90,9 @@ def of_boundary(boundary: Boundary) -> tuple[Support, ...]:
         InputError: the name is not a known boundary.
     """
     if boundary not in get_args(Boundary):
-        raise InputError("boundary", f"is {boundary!r}, expected one of {', '.join(get_args(Boundary))}")
+        raise InputError(
+            "boundary", f"is {boundary!r}, expected one of {', '.join(get_args(Boundary))}"
+        )
     if boundary == "cantilever":
         return edges(start="clamped")
     return edges("simply_supported", "simply_supported") if boundary == "simply_supported" else ()
@@ -86,27 +100,37 @@ def of_boundary(boundary: Boundary) -> tuple[Support, ...]:
 
 @dataclass(frozen=True)
 class Spring:
-    """An elastic support, at a point or all along an edge. Its stiffness can be an updating parameter, by its name."""
+    """An elastic support, at a point or all along an edge. Its stiffness can be an updating
+    parameter, by its name.
+    """
 
     name: str  # such as `root_rotation`
-    stiffness: float  # at a point N/m, or N·m/rad for a rotation; on an edge the same per metre of edge
+    # at a point N/m, or N·m/rad for a rotation; on an edge the same per metre of edge
+    stiffness: float
     direction: int  # 1, 2, 3 for displacements along x, y, z; 4, 5, 6 for rotations about them
     edge: str | None = None  # a node set along an edge of elements, or None for a spring at a point
-    point: tuple[float, ...] | None = None  # (x, y) or (x, y, z) in m on the surface, or None for a spring on an edge
+    # (x, y) or (x, y, z) in m on the surface, or None for a spring on an edge
+    point: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if not self.name:
             raise InputError("spring.name", "is empty; a spring is known by its name")
         if not (np.isfinite(self.stiffness) and self.stiffness > 0):
             raise InputError(
-                "spring.stiffness", f"of {self.name} is {self.stiffness}, expected positive; leave out a spring of none"
+                "spring.stiffness",
+                f"of {self.name} is {self.stiffness}, expected positive; leave out a spring of"
+                " none",
             )
         if not 1 <= self.direction <= 6:
-            raise InputError("spring.direction", f"of {self.name} is {self.direction}, expected 1 … 6")
+            raise InputError(
+                "spring.direction", f"of {self.name} is {self.direction}, expected 1 … 6"
+            )
         if (self.edge is None) == (self.point is None):
             raise InputError("spring", f"{self.name} needs a place: either an edge or a point")
         if self.point is not None and not np.all(np.isfinite(self.point)):
-            raise InputError("spring.point", f"of {self.name} is {self.point}, expected finite x and y in m")
+            raise InputError(
+                "spring.point", f"of {self.name} is {self.point}, expected finite x and y in m"
+            )
 
     @property
     def unit(self) -> str:
@@ -122,7 +146,8 @@ class NodeSpring:
     name: str  # of the stiffness as a parameter
     stiffness: float  # of each, N/m or N·m/rad
     nodes: IntArray  # (s, n) numbers of their nodes
-    rows: FloatArray  # (s, n, 6) what stretches or turns them, by the motions and turns of the nodes
+    # (s, n, 6) what stretches or turns them, by the motions and turns of the nodes
+    rows: FloatArray
 
     @property
     def unit(self) -> str:
@@ -131,14 +156,19 @@ class NodeSpring:
 
 
 CLAMP = "clamp_compliance"
-"""Name of the compliance EI/kL of a clamp that may yield: a half-normal about nothing, so that a firm one surprises nobody."""
+"""Name of the compliance EI/kL of a clamp that may yield: a half-normal about nothing, so that a
+firm one surprises nobody.
+"""
 
 
 @dataclass(frozen=True)
 class Clamp:
-    """What is held by a spring whose constant is its compliance C: its stiffness is that of the spring over C."""
+    """What is held by a spring whose constant is its compliance C: its stiffness is that of the
+    spring over C.
+    """
 
-    compliance: float  # nominal C; EI/kL, so that 0.01 lowers the first bending mode of a strip by 2 %
+    # nominal C; EI/kL, so that 0.01 lowers the first bending mode of a strip by 2 %
+    compliance: float
     spring: Spring | NodeSpring  # the spring at C = 1, with the name of the constant
 
     @property
@@ -149,10 +179,11 @@ class Clamp:
 
 @dataclass(frozen=True)
 class PointMass:
-    """A mass in kg at (x, y) in m on a strip, with a rotary inertia in kg·m² about x and y: an accelerometer, say.
+    """A mass in kg at (x, y) in m on a strip, with a rotary inertia in kg·m² about x and y: an
+    accelerometer, say.
 
-    One that is `weighed` was put on to be known, with no error that matters; that of a sensor has the error of its cable.
-    On a body in space it has a height z too.
+    One that is `weighed` was put on to be known, with no error that matters; that of a sensor has
+    the error of its cable. On a body in space it has a height z too.
     """
 
     x: float
@@ -164,11 +195,19 @@ class PointMass:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass >= 0):
-            raise InputError("point_mass.mass", f"is {self.mass}, expected a mass in kg that is not negative")
+            raise InputError(
+                "point_mass.mass", f"is {self.mass}, expected a mass in kg that is not negative"
+            )
         if not (np.isfinite(self.rotary_inertia) and self.rotary_inertia >= 0):
-            raise InputError("point_mass.rotary_inertia", f"is {self.rotary_inertia}, expected kg·m², not negative")
+            raise InputError(
+                "point_mass.rotary_inertia",
+                f"is {self.rotary_inertia}, expected kg·m², not negative",
+            )
         if not np.all(np.isfinite(self.place)):
-            raise InputError("point_mass", f"a mass of {self.mass:g} kg has no place; expected finite x and y in m")
+            raise InputError(
+                "point_mass",
+                f"a mass of {self.mass:g} kg has no place; expected finite x and y in m",
+            )
 
     @property
     def place(self) -> tuple[float, float, float]:
@@ -185,7 +224,8 @@ class Mass:
     """A mass at a place on the structure, or at a node."""
 
     mass: float  # kg
-    where: tuple[float, float, float] | int  # a point (x, y, z) in m on the surface, or a node's number
+    # a point (x, y, z) in m on the surface, or a node's number
+    where: tuple[float, float, float] | int
     # (3, 3) rotary inertia about its own centre, kg·m², or one number for all axes
     inertia: tuple[tuple[float, ...], ...] | float = 0.0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # from the place to its centre, m
@@ -208,7 +248,8 @@ class Mass:
 
 @dataclass(frozen=True)
 class Link:
-    """A node that others lead: RBE2 where one leads it as a rigid body, RBE3 where it is their weighted mean.
+    """A node that others lead: RBE2 where one leads it as a rigid body, RBE3 where it is their
+    weighted mean.
 
     One that none leads is held: a support along axes of its own.
     """
@@ -219,7 +260,8 @@ class Link:
     # numbers (0 … 5) of the node's dofs that are led; the others stay its own, along the same axes
     dofs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
     weights: tuple[float, ...] = ()  # of the leaders of a mean; alike where empty
-    axes: FloatArray | None = None  # (3, 3) as rows, along which the dofs are; the structure's where None
+    # (3, 3) as rows, along which the dofs are; the structure's where None
+    axes: FloatArray | None = None
 
     @property
     def turn(self) -> FloatArray:
@@ -240,8 +282,8 @@ class Link:
     def matrices(self, nodes: FloatArray) -> FloatArray:
         """(leaders, 6, 6) motion of the node by those of its leaders.
 
-        A mean moves as the rigid body that fits the leaders' displacements best, weights w and arms r from their centre:
-        θ = J⁻¹Σw r × u with J = Σw(r²I − rrᵀ), u = Σwu/Σw + θ × (x − centre).
+        A mean moves as the rigid body that fits the leaders' displacements best, weights w and arms
+        r from their centre: θ = J⁻¹Σw r × u with J = Σw(r²I − rrᵀ), u = Σwu/Σw + θ × (x − centre).
 
         Raises:
             InputError: the leaders of a mean lie on a line.
@@ -260,9 +302,13 @@ class Link:
             J = np.einsum("i,ik,ik->", w, r, r) * np.eye(3) - np.einsum("i,ij,ik->jk", w, r, r)
             if np.linalg.cond(J) > 1e12:
                 raise InputError(
-                    "links", f"the nodes that lead node {self.node} lie on a line; a mean needs three that do not"
+                    "links",
+                    f"the nodes that lead node {self.node} lie on a line; a mean needs three that"
+                    " do not",
                 )
-            spin = np.linalg.inv(J) @ -np.array([wi * turning(ri) for wi, ri in zip(w, r, strict=True)])
+            spin = np.linalg.inv(J) @ -np.array(
+                [wi * turning(ri) for wi, ri in zip(w, r, strict=True)]
+            )
             found[:, 3:, :3] = spin
             found[:, :3, :3] = w[:, None, None] * np.eye(3) + turning(here - w @ places) @ spin
         return np.asarray(self.led @ found)
@@ -277,9 +323,15 @@ def turning(arm: FloatArray) -> FloatArray:
 
 
 def free_dofs(
-    mesh: Mesh, supports: tuple[Support, ...], used: IntArray, dofs: tuple[int, ...], links: tuple[Link, ...] = ()
+    mesh: Mesh,
+    supports: tuple[Support, ...],
+    used: IntArray,
+    dofs: tuple[int, ...],
+    links: tuple[Link, ...] = (),
 ) -> BoolArray:
-    """(nodes, dofs of a node) which dofs are free: of nodes that elements use, neither held nor led."""
+    """(nodes, dofs of a node) which dofs are free: of nodes that elements use, neither held nor
+    led.
+    """
     free = np.zeros((len(mesh.nodes), 6), dtype=bool)
     free[used] = True
     for link in links:
@@ -290,7 +342,8 @@ def free_dofs(
 
 
 def rigid_motions(nodes: FloatArray, links: tuple[Link, ...] = ()) -> FloatArray:
-    """(n, 6, 6) the six rigid motions of (n, 3) nodes: shifts along x, y, z and turns about axes through the nodes' centre.
+    """(n, 6, 6) the six rigid motions of (n, 3) nodes: shifts along x, y, z and turns about axes
+    through the nodes' centre.
 
     Those of a node with a link are along its axes; what others lead there is none.
     """

@@ -6,14 +6,16 @@
     ν = −Δε_t / Δε               over the same range
     B = 100 |ε_f − ε_b| / |ε_f + ε_b|   percent bending of two gauged faces, at the middle of the chord range
 
-The standard takes the area as the mean of w t at three places; the product of the means differs from it by the covariance of
-width and thickness, below 0.01 % for readings that vary by 1 %.
+The standard takes the area as the mean of w t at three places; the product of the means differs
+from it by the covariance of width and thickness, below 0.01 % for readings that vary by 1 %.
 
 Transition strain: where the two straight parts of a bilinear stress–strain curve meet (ASTM D3039).
 
-Two least-squares lines, one up to a break and one after it, for every break; the pair with the smallest misfit gives the
-strain at which they intersect. A transition is reported only where the curve has a knee: the two lines must explain it better
-than a cubic, which has as many coefficients and no knee, and their slopes must differ.
+Two least-squares lines, one up to a break and one after it, for every break; the pair with the
+smallest misfit gives the
+strain at which they intersect. A transition is reported only where the curve has a knee: the two
+lines must explain it better than a cubic, which has as many coefficients and no knee, and their
+slopes must differ.
 """
 
 from collections.abc import Sequence
@@ -22,12 +24,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.coupons.curves import Chord, Curve, Ends, Reduced, chord, mean_dimension, single_run, without_jump
+from fecore.coupons.curves import (
+    Chord,
+    Curve,
+    Ends,
+    Reduced,
+    chord,
+    mean_dimension,
+    single_run,
+    without_jump,
+)
 from fecore.errors import InputError
 
 LEAST_SLOPE_CHANGE = 0.03  # relative change of slope below which there is no transition
 _FEWEST = 8  # points of each line
-_EVIDENCE = 10.0  # difference of n ln(misfit) between cubic and two lines: "very strong" (Kass and Raftery 1995)
+# difference of n ln(misfit) between cubic and two lines: "very strong" (Kass and Raftery 1995)
+_EVIDENCE = 10.0
 
 
 def transition_strain(strain: FloatArray, stress: FloatArray) -> float | None:
@@ -67,10 +79,12 @@ def _line_misfits(x: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def knee_warning(strain: FloatArray, stress: FloatArray, start: float, stop: float) -> list[str]:
-    """A sentence where the curve has a knee within a chord range, whose modulus is then of neither part; else nothing.
+    """A sentence where the curve has a knee within a chord range, whose modulus is then of neither
+    part; else nothing.
 
-    The whole curve is searched, and then the range with as much again on either side: a knee in the first tenth of a
-    long curve that bends later is too small a part of the whole to stand out there.
+    The whole curve is searched, and then the range with as much again on either side: a knee in the
+    first tenth of a long curve that bends later is too small a part of the whole to stand out
+    there.
 
     Args:
         strain: (n,) m/m.
@@ -84,14 +98,17 @@ def knee_warning(strain: FloatArray, stress: FloatArray, start: float, stop: flo
         knee = transition_strain(x, y)
         if knee is not None and start < knee < stop:
             return [
-                f"the curve has a knee at {knee * 1e6:.0f} µε, within the chord from {start * 1e6:.0f} to "
-                f"{stop * 1e6:.0f}: the modulus mixes two slopes; choose a range on one side of it"
+                f"the curve has a knee at {knee * 1e6:.0f} µε, within the chord from"
+                f" {start * 1e6:.0f} to {stop * 1e6:.0f}: the modulus mixes two slopes; choose a"
+                " range on one side of it"
             ]
     return []
 
 
-CHORD_RANGE = (1000e-6, 3000e-6)  # m/m; within the lower half of the curve of a specimen that reaches 6000 µε
-SHORT_RANGE = (0.25, 0.50)  # share of the ultimate strain, for a specimen that fails below `LOW_ULTIMATE`
+# m/m; within the lower half of the curve of a specimen that reaches 6000 µε
+CHORD_RANGE = (1000e-6, 3000e-6)
+# share of the ultimate strain, for a specimen that fails below `LOW_ULTIMATE`
+SHORT_RANGE = (0.25, 0.50)
 LOW_ULTIMATE = 6000e-6  # m/m
 MOST_BENDING_PERCENT = 5.0  # bending above which the standard sees poor alignment (3 to 5 %)
 
@@ -122,15 +139,23 @@ def reduce(
         curve: a single run.
         width_m: readings along the gauge section, m; three by the standard.
         thickness_m: the same for the thickness.
-        chord_range: strains between which the modulus is taken, where neither of the standard's ranges suits.
+        chord_range: strains between which the modulus is taken, where neither of the standard's
+            ranges suits.
         ends: `nearest` measured points, as the standard says, or `interpolated`.
 
     Raises:
         InputError: readings, a curve or a range that cannot be reduced; says which and where.
     """
-    width, thickness = mean_dimension("width_m", width_m), mean_dimension("thickness_m", thickness_m)
+    width, thickness = (
+        mean_dimension("width_m", width_m),
+        mean_dimension("thickness_m", thickness_m),
+    )
     area = width * thickness
-    warnings = [] if thickness <= width else ["the thickness is larger than the width; are they exchanged?"]
+    warnings = (
+        []
+        if thickness <= width
+        else ["the thickness is larger than the width; are they exchanged?"]
+    )
     run = without_jump(single_run(curve), warnings)
     strain, stress = run.mean_strain, run.force_n / area
     force = float(run.force_n.max())
@@ -141,11 +166,15 @@ def reduce(
     line = chord(strain, start, stop, ends)
     modulus = line.slope(stress)
     if modulus <= 0:
-        raise InputError("curve", "the force falls over the chord range; are force and strain of one test?")
+        raise InputError(
+            "curve", "the force falls over the chord range; are force and strain of one test?"
+        )
     warnings += knee_warning(strain, stress, line.start, line.stop)
     bending = _bending_percent(run, line)
     if bending is not None and bending > MOST_BENDING_PERCENT:
-        warnings.append(f"{bending:.1f} % bending, more than {MOST_BENDING_PERCENT:.0f} %: see to the alignment")
+        warnings.append(
+            f"{bending:.1f} % bending, more than {MOST_BENDING_PERCENT:.0f} %: see to the alignment"
+        )
     return TensileResult(
         width_m=width,
         thickness_m=thickness,
@@ -166,21 +195,27 @@ def reduce(
 def _standard_range(
     strain: FloatArray, force: FloatArray, ultimate: float | None, warnings: list[str]
 ) -> tuple[float, float]:
-    """The standard's range for this specimen, by its ultimate strain, or by an estimate where the gauge was lost."""
+    """The standard's range for this specimen, by its ultimate strain, or by an estimate where the
+    gauge was lost.
+    """
     if ultimate is None:
         last = int(np.flatnonzero(np.isfinite(strain))[-1])
         reached = float(strain[last] * force.max() / force[last])
         warnings.append(
-            f"the strain ends at {strain[last] * 1e6:.0f} µε before the maximum force; no ultimate strain "
-            f"(about {reached * 1e6:.0f} µε in proportion to the force)"
+            f"the strain ends at {strain[last] * 1e6:.0f} µε before the maximum force; no ultimate"
+            f" strain (about {reached * 1e6:.0f} µε in proportion to the force)"
         )
     else:
         reached = ultimate
     if reached >= LOW_ULTIMATE:
         return CHORD_RANGE
     if ultimate is None:
-        raise InputError("strain", "was lost too early to choose the chord range; state chord_range")
-    warnings.append(f"failed at {ultimate * 1e6:.0f} µε, below 6000: the chord is from 25 to 50 % of it")
+        raise InputError(
+            "strain", "was lost too early to choose the chord range; state chord_range"
+        )
+    warnings.append(
+        f"failed at {ultimate * 1e6:.0f} µε, below 6000: the chord is from 25 to 50 % of it"
+    )
     return SHORT_RANGE[0] * ultimate, SHORT_RANGE[1] * ultimate
 
 

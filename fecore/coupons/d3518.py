@@ -12,7 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.coupons.curves import Curve, Ends, Reduced, chord, mean_dimension, single_run, without_jump
+from fecore.coupons.curves import (
+    Curve,
+    Ends,
+    Reduced,
+    chord,
+    mean_dimension,
+    single_run,
+    without_jump,
+)
 from fecore.errors import InputError
 
 START_RANGE = (1500e-6, 2500e-6)  # γ at which the chord may start
@@ -26,7 +34,8 @@ LARGEST_STRAIN = 0.05  # γ at which the test ends
 class ShearResult(Reduced):
     """What D3518 reports of a specimen, SI."""
 
-    # offset_strength_pa, offset_strain: where the 0.2 % line meets the curve; None where it failed before
+    # offset_strength_pa, offset_strain: where the 0.2 % line meets the curve; None where it failed
+    # before
     offset_strength_pa: float | None
     offset_strain: float | None
     # maximum_stress_pa, maximum_stress_strain: τ_max and its γ
@@ -56,7 +65,10 @@ def reduce(
     """
     if not START_RANGE[0] <= chord_start <= START_RANGE[1]:
         raise InputError("chord_start", f"is {chord_start * 1e6:.0f} µε, expected 1500 to 2500")
-    width, thickness = mean_dimension("width_m", width_m), mean_dimension("thickness_m", thickness_m)
+    width, thickness = (
+        mean_dimension("width_m", width_m),
+        mean_dimension("thickness_m", thickness_m),
+    )
     warnings: list[str] = []
     run = without_jump(single_run(curve), warnings)
     if run.transverse_strain is None:
@@ -65,7 +77,9 @@ def reduce(
     tau = run.force_n / (2 * width * thickness)
     known = np.isfinite(gamma)
     if not known.all():
-        warnings.append("a strain was lost before the maximum force; stresses after it are left out")
+        warnings.append(
+            "a strain was lost before the maximum force; stresses after it are left out"
+        )
     gamma, tau = gamma[known], tau[known]
     line = chord(gamma, chord_start, chord_start + CHORD_LENGTH, ends, field="shear_strain")
     if (
@@ -74,12 +88,15 @@ def reduce(
     ):
         raise InputError(
             "shear_strain",
-            f"the closest points span {line.start * 1e6:.0f}–{line.stop * 1e6:.0f} µε, expected 4000 ± 200 µε "
-            "from a start between 1500 and 2500; move chord_start or ask for interpolated ends",
+            f"the closest points span {line.start * 1e6:.0f}–{line.stop * 1e6:.0f} µε, expected"
+            " 4000 ± 200 µε from a start between 1500 and 2500; move chord_start or ask for"
+            " interpolated ends",
         )
     modulus = line.slope(tau)
     if modulus <= 0:
-        raise InputError("curve", "the force falls over the chord range; are force and strains of one test?")
+        raise InputError(
+            "curve", "the force falls over the chord range; are force and strains of one test?"
+        )
     allowed = gamma <= LARGEST_STRAIN
     at = int(np.argmax(np.where(allowed, tau, -np.inf)))
     offset = _offset_strength(gamma, tau, modulus)
@@ -101,7 +118,9 @@ def reduce(
     )
 
 
-def _offset_strength(gamma: FloatArray, tau: FloatArray, modulus: float) -> tuple[float, float] | None:
+def _offset_strength(
+    gamma: FloatArray, tau: FloatArray, modulus: float
+) -> tuple[float, float] | None:
     """(γ, τ) of the first crossing of τ = G (γ − offset), linear between points."""
     above = tau - modulus * (gamma - OFFSET)
     beyond = np.flatnonzero((gamma > OFFSET) & (above <= 0))
@@ -109,4 +128,6 @@ def _offset_strength(gamma: FloatArray, tau: FloatArray, modulus: float) -> tupl
         return None
     i = int(beyond[0])
     share = above[i - 1] / (above[i - 1] - above[i])
-    return float(gamma[i - 1] + share * (gamma[i] - gamma[i - 1])), float(tau[i - 1] + share * (tau[i] - tau[i - 1]))
+    return float(gamma[i - 1] + share * (gamma[i] - gamma[i - 1])), float(
+        tau[i - 1] + share * (tau[i] - tau[i - 1])
+    )

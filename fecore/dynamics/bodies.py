@@ -42,14 +42,19 @@ def body_modes(
     try:
         return normal_modes(stiffness, mass, elastic + rigid.shape[1], rigid, like)
     except ModelError as error:
-        shape = error.shape if isinstance(error, MechanismError) else _softest(stiffness, rigid.shape[1])
+        shape = (
+            error.shape
+            if isinstance(error, MechanismError)
+            else _softest(stiffness, rigid.shape[1])
+        )
         if shape is None:
             raise
         least, most = _range(stiffness)
         if most > _TOO_FAR * least:
             raise ModelError(
-                f"stiffnesses from {least:.1g} to {most:.1g} N/m stand side by side, so that nothing is left of the softer "
-                "in 16 digits. Have the stiffest springs no more than 1e7 times what they join, or join it rigidly"
+                f"stiffnesses from {least:.1g} to {most:.1g} N/m stand side by side, so that"
+                " nothing is left of the softer in 16 digits. Have the stiffest springs no more"
+                " than 1e7 times what they join, or join it rigidly"
             ) from None
         raise ModelError(f"the model is a mechanism: {_named(model, shape)}") from None
 
@@ -61,7 +66,9 @@ def _range(stiffness: scipy.sparse.csc_array) -> tuple[float, float]:
 
 
 def _softest(stiffness: scipy.sparse.csc_array, rigid: int) -> FloatArray | None:
-    """A motion that K resists nothing of, by inverse iteration; None where there is none, or rigid motions are among these."""
+    """A motion that K resists nothing of, by inverse iteration; None where there is none, or rigid
+    motions are among these.
+    """
     diagonal = stiffness.diagonal()
     if diagonal.min() == 0:
         return np.asarray(np.eye(1, diagonal.size, diagonal.argmin())[0])
@@ -70,7 +77,9 @@ def _softest(stiffness: scipy.sparse.csc_array, rigid: int) -> FloatArray | None
     scale = 1 / np.sqrt(diagonal)
     scaled = scipy.sparse.csc_array(stiffness * scale[:, None] * scale)
     try:
-        factor = factorise(scipy.sparse.csc_array(scaled + _NOTHING * scipy.sparse.eye_array(diagonal.size)))
+        factor = factorise(
+            scipy.sparse.csc_array(scaled + _NOTHING * scipy.sparse.eye_array(diagonal.size))
+        )
     except ModelError:
         return None
     shape = np.random.default_rng(0).standard_normal(diagonal.size)
@@ -84,11 +93,15 @@ def _named(model: Model, shape: FloatArray) -> str:
     """What moves without resistance, against what most nodes do."""
     motion, nodes = model.everywhere(shape[:, None])[..., 0], model.mesh.nodes
     turns = np.linalg.norm(motion[:, 3:], axis=1)
-    if np.abs(motion[:, :3]).max() <= _NOTHING * turns.max() * np.linalg.norm(np.ptp(nodes, axis=0)):
+    if np.abs(motion[:, :3]).max() <= _NOTHING * turns.max() * np.linalg.norm(
+        np.ptp(nodes, axis=0)
+    ):
         return _said("a turn", turns, model)
     motion, rigid, moves = motion[:, :3], rigid_motions(nodes)[:, :3], []
     near = min(_NEIGHBOURS, len(nodes) // 4 + 1)
-    _, groups = scipy.spatial.cKDTree(nodes).query(nodes[:: -(-len(nodes) // _GROUPS)], [*range(1, near + 1)])
+    _, groups = scipy.spatial.cKDTree(nodes).query(
+        nodes[:: -(-len(nodes) // _GROUPS)], [*range(1, near + 1)]
+    )
     for group in groups:
         whole, *_ = np.linalg.lstsq(rigid[group].reshape(-1, 6), motion[group].ravel(), rcond=None)
         size = np.linalg.norm(motion - rigid @ whole, axis=1)
@@ -99,9 +112,12 @@ def _named(model: Model, shape: FloatArray) -> str:
 def _said(what: str, size: FloatArray, model: Model) -> str:
     """Which nodes move, by the (nodes,) sizes of their motions."""
     nodes, moving = model.mesh.nodes, np.flatnonzero(size > _STILL * size.max())
-    sets = dict.fromkeys(block.set for block in model.mesh.blocks if np.isin(block.nodes, moving).any(axis=1).any())
+    sets = dict.fromkeys(
+        block.set for block in model.mesh.blocks if np.isin(block.nodes, moving).any(axis=1).any()
+    )
     most = ", ".join(f"{x:.4g}" for x in nodes[np.argmax(size)])
     return (
-        f"nothing resists {what} of {moving.size} of {len(nodes)} nodes, of {', '.join(sets) or 'no set of elements'}, "
-        f"the largest at ({most}) m. Join them to the rest, or hold them"
+        f"nothing resists {what} of {moving.size} of {len(nodes)} nodes, of"
+        f" {', '.join(sets) or 'no set of elements'}, the largest at ({most}) m. Join them to the"
+        " rest, or hold them"
     )

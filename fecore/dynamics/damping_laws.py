@@ -1,8 +1,9 @@
 """Viscous damping laws on the undamped modes.
 
-Every law gives the modal damping rate c_k = 2 ζ_k ω_k (1/s) of a mode from its undamped circular frequency, so that
-φ_kᵀ C φ_k = c_k with mass-normalised shapes. Rigid-body modes (ω = 0) have a rate but no ratio. Laws by mechanism
-(`mechanism_laws`) also see where a mode's strain energy sits; the laws here do not look at it.
+Every law gives the modal damping rate c_k = 2 ζ_k ω_k (1/s) of a mode from its undamped circular
+frequency, so that φ_kᵀ C φ_k = c_k with mass-normalised shapes. Rigid-body modes (ω = 0) have a
+rate but no ratio. Laws by mechanism (`mechanism_laws`) also see where a mode's strain energy sits;
+the laws here do not look at it.
 """
 
 from collections.abc import Callable
@@ -17,9 +18,11 @@ from fecore.least_squares import nearest
 
 
 class DampingLaw(Protocol):
-    """A damping rate that is linear in its coefficients: a function of frequency, and of strain energy where a law looks at it.
+    """A damping rate that is linear in its coefficients: a function of frequency, and of strain
+    energy where a law looks at it.
 
-    `strain` are (n, q) shares of the modes' strain energy in q mechanisms (`fecore.body.mechanisms`).
+    `strain` are (n, q) shares of the modes' strain energy in q mechanisms
+    (`fecore.body.mechanisms`).
     """
 
     @property
@@ -55,7 +58,10 @@ class CaugheySeries:
 
     def __post_init__(self) -> None:
         if not self.exponents or len(set(self.exponents)) != len(self.exponents):
-            raise InputError("damping.exponents", f"are {self.exponents}, expected one or more different integers")
+            raise InputError(
+                "damping.exponents",
+                f"are {self.exponents}, expected one or more different integers",
+            )
 
     @property
     def coefficient_names(self) -> tuple[str, ...]:
@@ -68,7 +74,9 @@ class CaugheySeries:
         return tuple({0: "1/s", 1: "s"}.get(n, f"s^{2 * n - 1}") for n in self.exponents)
 
     def basis(self, omega: FloatArray, _strain: FloatArray | None = None, /) -> FloatArray:
-        """(n, p) powers ω^(2 n_j); a term with a negative exponent leaves rigid-body modes undamped."""
+        """(n, p) powers ω^(2 n_j); a term with a negative exponent leaves rigid-body modes
+        undamped.
+        """
         powers = np.zeros((omega.size, len(self.exponents)))
         for j, exponent in enumerate(self.exponents):
             moving = omega > 0 if exponent < 0 else np.ones(omega.size, dtype=bool)
@@ -87,7 +95,8 @@ RAYLEIGH = CaugheySeries("rayleigh", (0, 1))
 
 @dataclass(frozen=True)
 class ModalDamping:
-    """A damping ratio of its own for each of some modes; another frequency has the ratio of the nearest of them.
+    """A damping ratio of its own for each of some modes; another frequency has the ratio of the
+    nearest of them.
 
     So the ratio of a mode does not change as its frequency shifts a little.
     """
@@ -127,7 +136,9 @@ class ModalDamping:
 
 
 # f(x) and f'(x), x = ω/ω_r, of the functions that a generalised proportional law may be made of.
-_FUNCTIONS: dict[str, tuple[Callable[[FloatArray], FloatArray], Callable[[FloatArray], FloatArray]]] = {
+_FUNCTIONS: dict[
+    str, tuple[Callable[[FloatArray], FloatArray], Callable[[FloatArray], FloatArray]]
+] = {
     "constant": (np.ones_like, np.zeros_like),
     "root": (lambda x: x, np.ones_like),
     "stiffness": (lambda x: x**2, lambda x: 2 * x),
@@ -139,10 +150,12 @@ _FUNCTIONS: dict[str, tuple[Callable[[FloatArray], FloatArray], Callable[[FloatA
 
 @dataclass(frozen=True)
 class GeneralisedProportional:
-    """C = M β(M⁻¹K) with a smooth function β (Adhikari, J. Sound Vib. 293, 2006), so c(ω) = Σ_j g_j f_j(ω/ω_r).
+    """C = M β(M⁻¹K) with a smooth function β (Adhikari, J. Sound Vib. 293, 2006), so c(ω) = Σ_j g_j
+    f_j(ω/ω_r).
 
-    The functions are `constant` (1: mass-proportional), `root` (x: the same ratio g/2ω_r at every frequency),
-    `stiffness` (x²), `saturating` (1 - exp(-x²)), `logarithm` (ln(1 + x²)) and `arctangent` (arctan x), x = ω/ω_r.
+    The functions are `constant` (1: mass-proportional), `root` (x: the same ratio g/2ω_r at every
+    frequency), `stiffness` (x²), `saturating` (1 - exp(-x²)), `logarithm` (ln(1 + x²)) and
+    `arctangent` (arctan x), x = ω/ω_r.
     """
 
     functions: tuple[str, ...]  # names of the f_j
@@ -153,10 +166,13 @@ class GeneralisedProportional:
         unknown = [function for function in self.functions if function not in _FUNCTIONS]
         if unknown or not self.functions or len(set(self.functions)) != len(self.functions):
             raise InputError(
-                "damping.functions", f"are {self.functions}, expected one or more different of {', '.join(_FUNCTIONS)}"
+                "damping.functions",
+                f"are {self.functions}, expected one or more different of {', '.join(_FUNCTIONS)}",
             )
         if not (np.isfinite(self.reference) and self.reference > 0):
-            raise InputError("damping.reference", f"is {self.reference}, expected a positive circular frequency")
+            raise InputError(
+                "damping.reference", f"is {self.reference}, expected a positive circular frequency"
+            )
 
     @property
     def coefficient_names(self) -> tuple[str, ...]:
@@ -176,7 +192,10 @@ class GeneralisedProportional:
     def slope(self, omega: FloatArray, _strain: FloatArray | None = None, /) -> FloatArray:
         """(n, p) derivatives f_j'(ω/ω_r)/ω_r."""
         x = np.asarray(omega, dtype=float) / self.reference
-        return np.column_stack([_FUNCTIONS[function][1](x) for function in self.functions]) / self.reference
+        return (
+            np.column_stack([_FUNCTIONS[function][1](x) for function in self.functions])
+            / self.reference
+        )
 
 
 def damping_rate(
@@ -190,10 +209,12 @@ def damping_rate(
 def beyond(
     law: DampingLaw, coefficients: FloatArray, omega: float, strain: FloatArray | None = None
 ) -> tuple[float, float]:
-    """(p, q) of the tangent p + qλ to a law's rate at λ = ω², for the modes above ω that a synthesis leaves out.
+    """(p, q) of the tangent p + qλ to a law's rate at λ = ω², for the modes above ω that a
+    synthesis leaves out.
 
-    It is exact for Rayleigh damping: (a0, a1). Where the law falls the rate stays as it is, as a falling tangent would soon
-    feed energy in. A law by mechanism takes the mean of the shares of the modes that the synthesis has.
+    It is exact for Rayleigh damping: (a0, a1). Where the law falls the rate stays as it is, as a
+    falling tangent would soon feed energy in. A law by mechanism takes the mean of the shares of
+    the modes that the synthesis has.
     """
     at, mean = np.array([omega]), None
     if strain is not None:
@@ -212,21 +233,29 @@ def damping_ratio(
         InputError: a frequency is not positive; a rigid-body mode has no damping ratio.
     """
     if np.any(omega <= 0):
-        raise InputError("omega", "a damping ratio needs positive frequencies; rigid-body modes have only a rate")
+        raise InputError(
+            "omega", "a damping ratio needs positive frequencies; rigid-body modes have only a rate"
+        )
     return damping_rate(law, coefficients, omega, strain) / (2 * omega)
 
 
 def negative_band(
-    law: DampingLaw, coefficients: FloatArray, low: float, high: float, strain: FloatArray | None = None
+    law: DampingLaw,
+    coefficients: FloatArray,
+    low: float,
+    high: float,
+    strain: FloatArray | None = None,
 ) -> tuple[float, float] | None:
-    """First and last circular frequency of a band at which a law would feed energy in, or None where it never does.
+    """First and last circular frequency of a band at which a law would feed energy in, or None
+    where it never does.
 
     Args:
         law: the law.
         coefficients: (p,) its coefficients.
         low: circular frequency of the band's lower end, rad/s.
         high: of its upper end.
-        strain: (m, q) shares of strain energy of the modes that may lie there; None for a law of frequency alone.
+        strain: (m, q) shares of strain energy of the modes that may lie there; None for a law of
+            frequency alone.
     """
     omega = np.linspace(low, high, 2001)
     kinds = [None] if strain is None else [np.tile(row, (omega.size, 1)) for row in strain]
@@ -235,7 +264,9 @@ def negative_band(
     return (float(negative[0]), float(negative[-1])) if negative.size else None
 
 
-def fit_ratios(law: DampingLaw, omega: FloatArray, ratio: FloatArray, strain: FloatArray | None = None) -> FloatArray:
+def fit_ratios(
+    law: DampingLaw, omega: FloatArray, ratio: FloatArray, strain: FloatArray | None = None
+) -> FloatArray:
     """Coefficients whose law comes nearest to given damping ratios, by relative least squares.
 
     With as many modes as coefficients this is Eq. 9 solved exactly, ω in rad/s.
@@ -244,7 +275,9 @@ def fit_ratios(law: DampingLaw, omega: FloatArray, ratio: FloatArray, strain: Fl
         InputError: there are fewer modes than coefficients, or a ratio is not positive.
     """
     if omega.size < len(law.coefficient_names):
-        raise InputError("damping_ratio", f"{omega.size} modes cannot fix the {law.name} law's coefficients")
+        raise InputError(
+            "damping_ratio", f"{omega.size} modes cannot fix the {law.name} law's coefficients"
+        )
     if np.any(ratio <= 0):
         raise InputError("damping_ratio", "must be positive")
     return nearest(law.basis(omega, strain) / (2 * omega * ratio)[:, None], np.ones(omega.size))

@@ -1,4 +1,6 @@
-"""Small dense symmetric matrices, such as those of a reduced system: factorised, and their largest eigenpairs."""
+"""Small dense symmetric matrices, such as those of a reduced system: factorised, and their largest
+eigenpairs.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -54,10 +56,12 @@ def largest_eigenpairs(A: FloatArray, B: FloatArray, count: int) -> tuple[FloatA
 
 
 def _by_inverse_iteration(C: FloatArray, count: int) -> tuple[FloatArray, FloatArray] | None:
-    """All eigenvalues of C, of which the lower triangle is used, and the vectors of the `count` largest; ascending.
+    """All eigenvalues of C, of which the lower triangle is used, and the vectors of the `count`
+    largest; ascending.
 
-    LAPACK's own drivers for some eigenpairs find eigenvalues by bisection. For some tens of rows it takes half the time to
-    find all of them by the root-free QR method, and the wanted vectors by inverse iteration. None where that fails.
+    LAPACK's own drivers for some eigenpairs find eigenvalues by bisection. For some tens of rows it
+    takes half the time to find all of them by the root-free QR method, and the wanted vectors by
+    inverse iteration. None where that fails.
     """
     size = len(C)
     if size < 3:
@@ -65,8 +69,12 @@ def _by_inverse_iteration(C: FloatArray, count: int) -> tuple[FloatArray, FloatA
     reflectors, diagonal, beside, scale, _ = scipy.linalg.lapack.dsytrd(C, lower=1)
     value, unconverged = scipy.linalg.lapack.dsterf(diagonal, beside)
     one_block = np.ones(size, dtype=np.int32), np.full(size, size, dtype=np.int32)
-    vectors, failed = scipy.linalg.lapack.dstein(diagonal, beside, value[size - count :], *one_block)
+    vectors, failed = scipy.linalg.lapack.dstein(
+        diagonal, beside, value[size - count :], *one_block
+    )
     if unconverged or failed:
         return None
-    vectors[1:], _, _ = scipy.linalg.lapack.dormqr("L", "N", reflectors[1:, :-1], scale, vectors[1:], 64 * count)
+    vectors[1:], _, _ = scipy.linalg.lapack.dormqr(
+        "L", "N", reflectors[1:, :-1], scale, vectors[1:], 64 * count
+    )
     return value, vectors

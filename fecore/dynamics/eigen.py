@@ -1,14 +1,16 @@
 """Undamped modes of K φ = λ M φ: block Lanczos with shift-invert and full reorthogonalisation.
 
-With a shift σ below the wanted eigenvalues, the operator (K - σM)⁻¹M has the eigenvalues 1/(λ - σ), so the lowest
-modes are its largest and converge first. One start vector finds them with the fewest solves, but of a repeated root it
-finds one mode; a block finds as many as it is wide (Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994). So
-where modes are found missing, the iteration runs again with a block.
+With a shift σ below the wanted eigenvalues, the operator (K - σM)⁻¹M has the eigenvalues 1/(λ - σ),
+so the lowest modes are its largest and converge first. One start vector finds them with the fewest
+solves, but of a repeated root it finds one mode; a block finds as many as it is wide (Grimes, Lewis
+and Simon, SIAM J. Matrix Anal. Appl. 15, 1994). So where modes are found missing, the iteration
+runs again with a block.
 
-Rigid-body modes are known exactly, so the iteration is kept M-orthogonal to them and they are returned with λ = 0. An
-image has parts along the last two blocks only; what else round-off brings is taken out of it in full, and where need be
-once more after scaling, so no ghost modes appear; and the inertia of K - μM (Sylvester: its negative eigenvalues are the
-modes below μ) proves that none is missing.
+Rigid-body modes are known exactly, so the iteration is kept M-orthogonal to them and they are
+returned with λ = 0. An image has parts along the last two blocks only; what else round-off brings
+is taken out of it in full, and where need be once more after scaling, so no ghost modes appear; and
+the inertia of K - μM (Sylvester: its negative eigenvalues are the modes below μ) proves that none
+is missing.
 """
 
 from __future__ import annotations
@@ -23,17 +25,23 @@ from fecore.dynamics.factor import Factor, factorise, negative_eigenvalues
 from fecore.errors import InputError, ModelError
 
 _MOST = 12  # vectors a wanted mode, and blocks; beyond it the iteration has failed
-_LARGE, _WIDE = 20_000, 6  # dofs from where a factor outgrows the caches: it is read once for six vectors, not for each
+# dofs from where a factor outgrows the caches: it is read once for six vectors, not for each
+_LARGE, _WIDE = 20_000, 6
 _TOLERANCE = 1e-10  # relative residual of 1/(λ - σ); the eigenvalue's own error is its square
 _INDEFINITE = 1e-8  # share of a block's energy that round-off may make of nothing
-_EVEN = 1e-4  # share of the longest direction's square above which the others lose nothing that matters
+# share of the longest direction's square above which the others lose nothing that matters
+_EVEN = 1e-4
 _ABOVE_ROUND_OFF = (
-    1e-9  # first shift, as a share of the energy that a rigid motion's terms would have if none cancelled
+    # first shift, as a share of the energy that a rigid motion's terms would have if none cancelled
+    1e-9
 )
 _NEAR = 0.01  # share of the first elastic eigenvalue's scale that is as good a shift
-_NO_ENERGY = 1e-15  # share of what a motion's terms would have if none cancelled: its energy is their round-off alone
+# share of what a motion's terms would have if none cancelled: its energy is their round-off alone
+_NO_ENERGY = 1e-15
 _CAUSE = {"stiffness": "support", "mass": "density"}
-_FEW = 300  # rows with mass, up to which a dense problem stands in: where others have none, or the iteration fails
+# rows with mass, up to which a dense problem stands in: where others have none, or the iteration
+# fails
+_FEW = 300
 _MASS_INDEFINITE = "the mass matrix is not positive definite: some motion has a mass below 0"
 _DEPENDENT = 1e-12  # a direction that shrank so much in orthogonalisation is round-off
 
@@ -58,9 +66,14 @@ class FewModesError(InputError):
     """
 
     def __init__(self, count: int, rigid: int, available: int, dofs: int) -> None:
-        there = f"the model has {dofs} dofs, {rigid} rigid-body modes and {max(available, 0)} others"
+        there = (
+            f"the model has {dofs} dofs, {rigid} rigid-body modes and {max(available, 0)} others"
+        )
         expected = f"expected at least {rigid + 1} and at most {rigid + available}: {there}"
-        super().__init__("count", f"is {count}, {expected if available > 0 else f'and nothing vibrates: {there}'}")
+        super().__init__(
+            "count",
+            f"is {count}, {expected if available > 0 else f'and nothing vibrates: {there}'}",
+        )
         self.arguments, self.available = (count, rigid, available, dofs), available
 
     def __reduce__(self) -> tuple[type[FewModesError], tuple[int, int, int, int]]:
@@ -90,9 +103,14 @@ class NormalModes:
 
 
 def modes_below(
-    stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, eigenvalue: float, like: Factor | None = None
+    stiffness: scipy.sparse.csc_array,
+    mass: scipy.sparse.csc_array,
+    eigenvalue: float,
+    like: Factor | None = None,
 ) -> int:
-    """Number of modes with λ < `eigenvalue`, from the inertia of K - λM; `like` as in `factorise`."""
+    """Number of modes with λ < `eigenvalue`, from the inertia of K - λM; `like` as in
+    `factorise`.
+    """
     return negative_eigenvalues(shifted(stiffness, mass, eigenvalue), like)
 
 
@@ -107,14 +125,16 @@ def normal_modes(
 
     Args:
         stiffness: (dofs, dofs) K, positive semi-definite.
-        mass: (dofs, dofs) M, positive semi-definite; where it is singular K - σM is definite on its null space.
+        mass: (dofs, dofs) M, positive semi-definite; where it is singular K - σM is definite on its
+            null space.
         count: how many modes.
         rigid_modes: (dofs, r) a basis of the null space of K; None where K is definite.
         like: as in `factorise`.
 
     Raises:
         FewModesError: there are not so many modes.
-        ModelError: K - σM is not positive definite, the iteration does not converge, or a mode is missing.
+        ModelError: K - σM is not positive definite, the iteration does not converge, or a mode is
+            missing.
         MechanismError: K resists nothing of a motion that `rigid_modes` do not have.
     """
     rigid = mass_orthonormal(rigid_modes, mass)
@@ -124,11 +144,15 @@ def normal_modes(
     if wanted < 1 or wanted > len(heavy) - free:
         raise FewModesError(count, free, len(heavy) - free, stiffness.shape[0])
     _check_diagonal(stiffness, mass)
-    shift, factor = _near_first(stiffness, mass, rigid, like) if free else (0.0, factorise(stiffness, like))
-    first = (1, 2) if stiffness.shape[0] < _LARGE else (_WIDE,)  # symmetry repeats a root no more than twice
+    shift, factor = (
+        _near_first(stiffness, mass, rigid, like) if free else (0.0, factorise(stiffness, like))
+    )
+    # symmetry repeats a root no more than twice
+    first = (1, 2) if stiffness.shape[0] < _LARGE else (_WIDE,)
     few = len(heavy) <= _FEW
     missing, found = 0, None
-    for width in () if few and len(heavy) < mass.shape[0] else (*first, wanted + 2):  # and so many hold any
+    # and so many hold any
+    for width in () if few and len(heavy) < mass.shape[0] else (*first, wanted + 2):
         found = _lanczos(factor, mass, rigid, wanted, width)
         if found is None:
             break
@@ -152,13 +176,16 @@ def normal_modes(
 
 
 def _require_energy(stiffness: scipy.sparse.csc_array, vectors: FloatArray) -> None:
-    """Refuse modes whose energy φᵀKφ is round-off of |φ|ᵀ|K||φ|: mechanisms, whose λ has no digit that is right."""
+    """Refuse modes whose energy φᵀKφ is round-off of |φ|ᵀ|K||φ|: mechanisms, whose λ has no digit
+    that is right.
+    """
     energy = np.einsum("dn,dn->n", vectors, stiffness @ vectors)
     terms = np.einsum("dn,dn->n", abs(vectors), abs(stiffness) @ abs(vectors))
     without = np.flatnonzero(energy <= _NO_ENERGY * terms)
     if without.size:
         raise MechanismError(
-            f"the stiffness resists nothing of {without.size} motions that are not of the whole body: is it a mechanism?",
+            f"the stiffness resists nothing of {without.size} motions that are not of the whole"
+            " body: is it a mechanism?",
             vectors[:, without[0]],
         )
 
@@ -173,7 +200,8 @@ def mass_orthonormal(vectors: FloatArray | None, mass: scipy.sparse.csc_array) -
             lower = np.linalg.cholesky(scaled.T @ (mass @ scaled))
         except np.linalg.LinAlgError:
             raise ModelError(
-                "a motion of the whole body moves no mass: hold the body, or give what turns an inertia"
+                "a motion of the whole body moves no mass: hold the body, or give what turns an"
+                " inertia"
             ) from None
         scaled = scaled @ np.linalg.inv(lower).T
     return scaled
@@ -183,7 +211,11 @@ def _check_diagonal(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_ar
     """Name the dof where a fault of the model shows at once."""
     for name, matrix in (("stiffness", stiffness), ("mass", mass)):
         diagonal = matrix.diagonal()
-        if diagonal.min() < 0 or not diagonal.any() or (name == "stiffness" and diagonal.min() == 0):
+        if (
+            diagonal.min() < 0
+            or not diagonal.any()
+            or (name == "stiffness" and diagonal.min() == 0)
+        ):
             raise ModelError(
                 f"the {name} matrix is not positive definite: is the {_CAUSE[name]} right? "
                 f"At dof {diagonal.argmin()} it has {diagonal.min():.3g} on its diagonal"
@@ -191,13 +223,16 @@ def _check_diagonal(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_ar
 
 
 def _near_first(
-    stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, rigid: FloatArray, like: Factor | None
+    stiffness: scipy.sparse.csc_array,
+    mass: scipy.sparse.csc_array,
+    rigid: FloatArray,
+    like: Factor | None,
 ) -> tuple[float, Factor]:
     """A negative shift at which K - σM is definite and well conditioned, and its factor.
 
-    Rigid motions have no energy because large terms cancel, to round-off of these terms. A shift far above that is definite,
-    and the Rayleigh quotient after one inverse iteration with it has the scale of the first elastic eigenvalue, which is a
-    good shift.
+    Rigid motions have no energy because large terms cancel, to round-off of these terms. A shift
+    far above that is definite, and the Rayleigh quotient after one inverse iteration with it has
+    the scale of the first elastic eigenvalue, which is a good shift.
     """
     shift = -_ABOVE_ROUND_OFF * float(np.max(stiffness.diagonal() @ rigid**2))
     factor = factorise(shifted(stiffness, mass, shift), like)
@@ -210,22 +245,28 @@ def _near_first(
     return -scale, factorise(shifted(stiffness, mass, -scale), factor)
 
 
-def shifted(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, shift: float) -> scipy.sparse.csc_array:
+def shifted(
+    stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, shift: float
+) -> scipy.sparse.csc_array:
     """K - σM, which is a difference of arrays where both have one pattern."""
     if not shift:
         return stiffness
     if stiffness.nnz != mass.nnz or not np.array_equal(stiffness.indices, mass.indices):
         return scipy.sparse.csc_array(stiffness - shift * mass)
     data = stiffness.data - shift * mass.data
-    return scipy.sparse.csc_array((data, stiffness.indices, stiffness.indptr), shape=stiffness.shape)
+    return scipy.sparse.csc_array(
+        (data, stiffness.indices, stiffness.indptr), shape=stiffness.shape
+    )
 
 
 def _condensed(
     factor: Factor, mass: scipy.sparse.csc_array, rigid: FloatArray, heavy: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """All eigenpairs of (K - σM)⁻¹M outside the rigid modes, descending, M-orthonormal, where few rows have mass.
+    """All eigenpairs of (K - σM)⁻¹M outside the rigid modes, descending, M-orthonormal, where few
+    rows have mass.
 
-    With M = L Lᵀ of as many columns as its rank, those of Lᵀ(K - σM)⁻¹L, which is dense: rows without mass follow the others.
+    With M = L Lᵀ of as many columns as its rank, those of Lᵀ(K - σM)⁻¹L, which is dense: rows
+    without mass follow the others.
     """
     weight, turn = np.linalg.eigh(mass[heavy][:, heavy].toarray())
     if weight[0] < -_INDEFINITE * weight[-1]:
@@ -245,15 +286,17 @@ def _condensed(
 def _lanczos(
     factor: Factor, mass: scipy.sparse.csc_array, rigid: FloatArray, wanted: int, width: int
 ) -> tuple[FloatArray, FloatArray] | None:
-    """The `wanted` largest eigenpairs of (K - σM)⁻¹M outside the rigid modes, descending, M-orthonormal; None where the
-    iteration does not find them.
+    """The `wanted` largest eigenpairs of (K - σM)⁻¹M outside the rigid modes, descending,
+    M-orthonormal; None where the iteration does not find them.
     """
     dofs, free = rigid.shape
     basis = _Basis(rigid, mass, 4 * wanted + 2 * width)
     random, light = np.random.default_rng(0), not mass.diagonal().all()
 
     def start(count: int) -> FloatArray:
-        """Random vectors, without parts that have no mass, which the M-norm would not see (Ericsson 1986)."""
+        """Random vectors, without parts that have no mass, which the M-norm would not see (Ericsson
+        1986).
+        """
         rows = random.standard_normal((count, dofs))
         return factor.solve(mass @ rows.T).T if light else rows
 
@@ -275,7 +318,8 @@ def _lanczos(
             worst = float(np.max(np.linalg.norm(block.coupling @ small[done:], axis=0) / value))
             if exhausted or worst <= _TOLERANCE:
                 return value, basis.vectors[free:].T @ small
-            look = size + width * max(1, round(np.log10(worst / _TOLERANCE)))  # a step gains about a digit
+            # a step gains about a digit
+            look = size + width * max(1, round(np.log10(worst / _TOLERANCE)))
         if exhausted:  # the space is invariant, and what is missing lies outside it
             block = basis.orthonormalise(start(min(width, dofs - free - size)))
         basis.append(block)
@@ -303,12 +347,16 @@ class _Block:
 
 
 class _Basis:
-    """An M-orthonormal basis that grows by blocks, with the images of its vectors under M; vectors are rows."""
+    """An M-orthonormal basis that grows by blocks, with the images of its vectors under M; vectors
+    are rows.
+    """
 
     def __init__(self, vectors: FloatArray, mass: scipy.sparse.csc_array, room: int) -> None:
-        # M is symmetric: its columns are its rows, and products by rows are the faster ones. Its pattern is K's, so
-        # most of what it stores is zero.
-        self._mass = scipy.sparse.csr_array((mass.data, mass.indices, mass.indptr), shape=mass.shape, copy=True)
+        # M is symmetric: its columns are its rows, and products by rows are the faster ones. Its
+        # pattern is K's, so most of what it stores is zero.
+        self._mass = scipy.sparse.csr_array(
+            (mass.data, mass.indices, mass.indptr), shape=mass.shape, copy=True
+        )
         self._mass.eliminate_zeros()
         self._size = vectors.shape[1]
         self._store = np.empty((2, self._size + room, len(vectors)))
@@ -336,10 +384,12 @@ class _Basis:
         self._size += width
 
     def orthonormalise(self, block: FloatArray, first: int = 0) -> _Block:
-        """M-orthonormal basis of what of `block` lies outside the space. Of vectors before the `first` it has only round-off.
+        """M-orthonormal basis of what of `block` lies outside the space. Of vectors before the
+        `first` it has only round-off.
 
-        Twice is enough for orthogonality to round-off (Kahan and Parlett) unless the block's directions shrink to very
-        different lengths; then once more after scaling restores what the short ones have lost.
+        Twice is enough for orthogonality to round-off (Kahan and Parlett) unless the block's
+        directions shrink to very different lengths; then once more after scaling restores what the
+        short ones have lost.
         """
         inside = np.zeros((len(block), self._size))
         inside[:, first:] = block @ self.mass_images[first:].T
@@ -347,7 +397,8 @@ class _Basis:
         outside -= (outside @ self.mass_images.T) @ self.vectors
         image = self._image(outside)
         gram = outside @ image.T
-        scale = float(np.vdot(inside, inside) + gram.trace())  # the block's energy, inside and outside
+        # the block's energy, inside and outside
+        scale = float(np.vdot(inside, inside) + gram.trace())
         root, indefinite = scipy.linalg.lapack.dpotrf(gram, lower=1)
         length = root.diagonal() ** 2
         if indefinite or length.min() < max(_EVEN * length.max(), _EVEN**2 * scale):
@@ -361,7 +412,9 @@ class _Basis:
     def _uneven(
         self, outside: FloatArray, image: FloatArray, gram: FloatArray, scale: float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Orthonormal vectors of directions of very different lengths, their images, and R; those of round-off are left out."""
+        """Orthonormal vectors of directions of very different lengths, their images, and R; those
+        of round-off are left out.
+        """
         weight, turn = np.linalg.eigh(gram)
         if weight[0] < -_INDEFINITE * scale:
             raise ModelError(_MASS_INDEFINITE)
@@ -371,9 +424,11 @@ class _Basis:
         return scaled, image, again @ (root[:, None] * turn.T)
 
     def _restored(self, scaled: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Nearly orthonormal vectors made orthonormal, their images, and by what they were multiplied, inverted.
+        """Nearly orthonormal vectors made orthonormal, their images, and by what they were
+        multiplied, inverted.
 
-        The squares of a Gram matrix lose its nearly dependent directions in round-off; measured again they are right.
+        The squares of a Gram matrix lose its nearly dependent directions in round-off; measured
+        again they are right.
         """
         scaled = scaled - (scaled @ self.mass_images.T) @ self.vectors
         image = self._image(scaled)
@@ -387,9 +442,15 @@ class _Basis:
 
 
 def _missing(
-    stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, eigenvalue: FloatArray, rigid: int, like: Factor
+    stiffness: scipy.sparse.csc_array,
+    mass: scipy.sparse.csc_array,
+    eigenvalue: FloatArray,
+    rigid: int,
+    like: Factor,
 ) -> int:
-    """How many modes lie below the last gap between well-separated modes and were not found (Sturm)."""
+    """How many modes lie below the last gap between well-separated modes and were not found
+    (Sturm).
+    """
     gaps = np.flatnonzero(eigenvalue[1:] > eigenvalue[:-1] * (1 + 1e-6))
     if gaps.size == 0:
         return 0

@@ -1,13 +1,14 @@
 """The one place that picks the sparse factorisation of a symmetric matrix.
 
-A positive definite matrix with a band (a strip's, whose nodes are numbered across it) goes to LAPACK's banded Cholesky,
-a wide one front by front (`multifrontal`) in a minimum degree order. METIS's order leaves as many entries, and CHOLMOD's wheel
-is under the GPL.
+A positive definite matrix with a band (a strip's, whose nodes are numbered across it) goes to
+LAPACK's banded Cholesky, a wide one front by front (`multifrontal`) in a minimum degree order.
+METIS's order leaves as many entries, and CHOLMOD's wheel is under the GPL.
 
-For n dofs and a band b the banded factor costs about n b² operations and a solve reads n b numbers; the fronts' factor of these
-two-dimensional meshes holds about 3.2 n √b numbers, with more overhead. So the choice, for a factorisation and the forty solves
-of ten modes, depends on the band alone: ten modes of a plate take 0.19 s and 0.51 s with a band of 140, 0.42 s and 0.48 s with
-one of 374.
+For n dofs and a band b the banded factor costs about n b² operations and a solve reads n b numbers;
+the fronts' factor of these two-dimensional meshes holds about 3.2 n √b numbers, with more overhead.
+So the choice, for a factorisation and the forty solves
+of ten modes, depends on the band alone: ten modes of a plate take 0.19 s and 0.51 s with a band of
+140, 0.42 s and 0.48 s with one of 374.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ from fecore.errors import ModelError
 
 _WIDEST_BAND = 350  # beyond this band the sparser factor is as fast, and smaller
 
-_RUN = 4  # bands that the count of negative pivots takes at a time: longer runs waste more where one ends early
+# bands that the count of negative pivots takes at a time: longer runs waste more where one ends
+# early
+_RUN = 4
 
 
 class Factor(Protocol):
@@ -63,7 +66,8 @@ def factorise(matrix: scipy.sparse.csc_array, like: Factor | None = None) -> Fac
 
     Args:
         matrix: the matrix.
-        like: a factor of another matrix, whose order of elimination serves again where their patterns are the same.
+        like: a factor of another matrix, whose order of elimination serves again where their
+            patterns are the same.
 
     Raises:
         ModelError: the matrix is not positive definite.
@@ -81,7 +85,8 @@ def factorise(matrix: scipy.sparse.csc_array, like: Factor | None = None) -> Fac
 
 
 def negative_eigenvalues(matrix: scipy.sparse.csc_array, like: Factor | None = None) -> int:
-    """How many eigenvalues of a sparse symmetric matrix are negative: its negative pivots (Sylvester's inertia).
+    """How many eigenvalues of a sparse symmetric matrix are negative: its negative pivots
+    (Sylvester's inertia).
 
     Args:
         matrix: the matrix.
@@ -107,20 +112,26 @@ _INDEFINITE = "the stiffness is not positive definite: are the supports and the 
 
 def _below_diagonal(matrix: scipy.sparse.csc_array) -> IntArray:
     """How far below the diagonal each stored entry lies."""
-    columns = np.repeat(np.arange(matrix.shape[0], dtype=matrix.indices.dtype), np.diff(matrix.indptr))
+    columns = np.repeat(
+        np.arange(matrix.shape[0], dtype=matrix.indices.dtype), np.diff(matrix.indptr)
+    )
     below: IntArray = matrix.indices - columns
     return below
 
 
 def _banded(matrix: scipy.sparse.csc_array, below: IntArray) -> FloatArray:
-    """LAPACK's lower banded form: entry (i - j, j) is (i, j) of the matrix. It has a row of zeros after the last.
+    """LAPACK's lower banded form: entry (i - j, j) is (i, j) of the matrix. It has a row of zeros
+    after the last.
 
-    So it is itself a matrix in compressed columns; what lies above the diagonal falls into the row after the last.
+    So it is itself a matrix in compressed columns; what lies above the diagonal falls into the row
+    after the last.
     """
     last = int(below.max(initial=0)) + 1
     rows = np.where(below < 0, np.array(last, below.dtype), below)
     shape = (last + 1, matrix.shape[1])
-    stored: FloatArray = scipy.sparse.csc_array((matrix.data, rows, matrix.indptr), shape=shape).toarray(order="F")
+    stored: FloatArray = scipy.sparse.csc_array(
+        (matrix.data, rows, matrix.indptr), shape=shape
+    ).toarray(order="F")
     stored[-1] = 0
     return stored
 
@@ -128,8 +139,9 @@ def _banded(matrix: scipy.sparse.csc_array, below: IntArray) -> FloatArray:
 def _negative_pivots(stored: FloatArray) -> int:
     """Negative pivots of LDLᵀ without pivoting of a lower banded matrix, which is overwritten.
 
-    LAPACK has no banded LDLᵀ, but Cholesky's method is one as long as the pivots are positive, and names the first that
-    is not. So runs of columns are eliminated by it, and the pivots that end them one by one.
+    LAPACK has no banded LDLᵀ, but Cholesky's method is one as long as the pivots are positive, and
+    names the first that is not. So runs of columns are eliminated by it, and the pivots that end
+    them one by one.
     """
     width, size = stored.shape
     lower_half = np.tri(width)
@@ -152,12 +164,17 @@ def _negative_pivots(stored: FloatArray) -> int:
 
 
 def _eliminate(stored: FloatArray, lower: FloatArray, end: int, lower_half: FloatArray) -> None:
-    """Take what the columns before `end`, whose factor's last columns are in `lower`, leave to the ones after it."""
+    """Take what the columns before `end`, whose factor's last columns are in `lower`, leave to the
+    ones after it.
+    """
     band, known = stored.shape[0] - 1, min(stored.shape[0] - 1, lower.shape[1])
     left = min(band, stored.shape[1] - end)
     if left and known:
         own = _dense(lower, lower.shape[1] - known, lower.shape[1] - known, (known, known))
-        below = _dense(stored, end, end - known, (left, known)) * lower_half[band - known : band, :left].T
+        below = (
+            _dense(stored, end, end - known, (left, known))
+            * lower_half[band - known : band, :left].T
+        )
         solved = scipy.linalg.lapack.dtrtrs(own, below.T, lower=1)[0]
         _subtract(stored, end, solved.T @ solved, lower_half)
 
@@ -168,10 +185,16 @@ def _dense(stored: FloatArray, row: int, column: int, shape: tuple[int, int]) ->
     What lies outside the band, or above the diagonal, has no meaning.
     """
     band, item = stored.shape[0] - 1, stored.itemsize
-    return np.ndarray(shape, stored.dtype, stored.T, (row + column * band) * item, (item, band * item))
+    return np.ndarray(
+        shape, stored.dtype, stored.T, (row + column * band) * item, (item, band * item)
+    )
 
 
 def _subtract(stored: FloatArray, first: int, block: FloatArray, lower_half: FloatArray) -> None:
-    """Subtract a symmetric block of no more rows than the band from a lower banded matrix, from the diagonal entry `first`."""
+    """Subtract a symmetric block of no more rows than the band from a lower banded matrix, from the
+    diagonal entry `first`.
+    """
     if len(block):
-        _dense(stored, first, first, block.shape)[...] -= block * lower_half[: len(block), : len(block)]
+        _dense(stored, first, first, block.shape)[...] -= (
+            block * lower_half[: len(block), : len(block)]
+        )

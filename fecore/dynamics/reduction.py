@@ -1,18 +1,22 @@
-"""A reduced basis of an affine model: modes for new coefficients in a fraction of a millisecond, with their error.
+"""A reduced basis of an affine model: modes for new coefficients in a fraction of a millisecond,
+with their error.
 
-The motion is sought in a space V of some tens of vectors: the modes at the coefficients c₀ of the start, the vectors
-F₀⁻¹ΔKφ and F₀⁻¹ΔMφ into which they move when a parameter changes the coefficients (F₀ = K(c₀) - σM(c₀)), and the static
-deflections under unit forces at reference points with theirs. As K and M are linear in their coefficients, so are VᵀKV and
-VᵀMV, and their terms are projected once (Balmès, Mech. Syst. Signal Process. 10, 1996).
+The motion is sought in a space V of some tens of vectors: the modes at the coefficients c₀ of the
+start, the vectors F₀⁻¹ΔKφ and F₀⁻¹ΔMφ into which they move when a parameter changes the
+coefficients (F₀ = K(c₀) - σM(c₀)), and the static deflections under unit forces at reference points
+with theirs. As K and M are linear in their coefficients, so are VᵀKV and VᵀMV, and their terms are
+projected once (Balmès, Mech. Syst. Signal Process. 10, 1996).
 
-The error of each mode is estimated on every solve. With the residual r = Kφ - λMφ and μ = 1/(λ - σ),
+The error of each mode is estimated on every solve. With the residual r = Kφ - λMφ and μ = 1/(λ -
+σ),
 
     |δμ|/μ ≤ ε²/gap,    ε² = rᵀF(c)⁻¹r/(λ - σ) ≤ rᵀF₀⁻¹r / (α (λ - σ))                 (Kato and Temple)
 
-where α is the smallest eigenvalue of the section's coefficients at c against those at c₀, so F(c) ≥ αF₀, and the gap is
-that to the other modes found, close ones pooled. The norm of r is estimated by a few random vectors of covariance F₀⁻¹,
-whose products with K_kV are stored too (Balabanov and Nouy, Adv. Comput. Math. 45, 2019), with a factor of safety. Where
-the error is too large the full model is solved and its modes join the basis.
+where α is the smallest eigenvalue of the section's coefficients at c against those at c₀, so F(c) ≥
+αF₀, and the gap is that to the other modes found, close ones pooled. The norm of r is estimated by
+a few random vectors of covariance F₀⁻¹, whose products with K_kV are stored too (Balabanov and
+Nouy, Adv. Comput. Math. 45, 2019), with a factor of safety. Where the error is too large the full
+model is solved and its modes join the basis.
 """
 
 from dataclasses import dataclass, replace
@@ -31,17 +35,24 @@ from fecore.dynamics.factor import Factor, factorise
 from fecore.dynamics.synthesis import RESIDUAL_TERMS, residual_series
 
 FREQUENCY_TOLERANCE = 1e-6
-"""Largest estimated relative error of a natural frequency. The true one is some ten times smaller."""
+"""Largest estimated relative error of a natural frequency. The true one is some ten times
+smaller.
+"""
 
 _SKETCH = 32  # random vectors: χ² with 32 degrees of freedom …
 _SAFETY = 3.0  # … falls below a third of its mean once in 10⁵
-_KEPT = 3e-4  # energy norm below which a direction is left out of the basis, for vectors of unit energy …
-_SHARE = 0.3  # … or this share of what would make the tolerance, which is more where that is a wide one …
+# energy norm below which a direction is left out of the basis, for vectors of unit energy …
+_KEPT = 3e-4
+# … or this share of what would make the tolerance, which is more where that is a wide one …
+_SHARE = 0.3
 _MENDED = 0.1  # … and this of vectors that are to mend an error
 _AT_ONCE = 1 << 21  # numbers of the vectors from which directions are taken at once: 17 MB
 _REACH = 0.5  # relative change of a coefficient, where no changes are given
-_LARGEST = 160  # vectors; a basis that has grown beyond is begun anew at the coefficients then asked for …
-_GROWTH = 3  # … unless it began nearly as large, with many changes to come: then it may grow by so many times its modes
+# vectors; a basis that has grown beyond is begun anew at the coefficients then asked for …
+_LARGEST = 160
+# … unless it began nearly as large, with many changes to come: then it may grow by so many times
+# its modes
+_GROWTH = 3
 _CLOSE = 0.1  # relative distance in μ below which modes are pooled
 
 
@@ -60,12 +71,15 @@ class ReducedSystem:
     mass_sketch: FloatArray
 
     def modes(self, stiffness: FloatArray, mass: FloatArray, count: int) -> NormalModes:
-        """The `count` lowest modes at (k,) and (j,) coefficients; their shapes are coordinates in the basis."""
+        """The `count` lowest modes at (k,) and (j,) coefficients; their shapes are coordinates in
+        the basis.
+        """
         K, M = _sum(stiffness, self.stiffness), _sum(mass, self.mass)
         free = self.rigid
         if free == 0:
             return self._elastic(M, K - self.shift * M, count)
-        # Rigid-body modes are exact; the others are kept M-orthogonal to them, whatever M has become.
+        # Rigid-body modes are exact; the others are kept M-orthogonal to them, whatever M has
+        # become.
         lower = np.linalg.cholesky(M[:free, :free])
         rigid = np.zeros((len(M), free))
         rigid[:free] = np.linalg.inv(lower).T
@@ -78,9 +92,13 @@ class ReducedSystem:
 
     def _elastic(self, M: FloatArray, F: FloatArray, count: int) -> NormalModes:
         value, vectors = largest_eigenpairs(M, F, count)
-        return NormalModes(self.shift + 1 / value, vectors / np.sqrt(value), 0, self.shift, DenseFactor(F))
+        return NormalModes(
+            self.shift + 1 / value, vectors / np.sqrt(value), 0, self.shift, DenseFactor(F)
+        )
 
-    def residual_energy(self, stiffness: FloatArray, mass: FloatArray, modes: NormalModes) -> FloatArray:
+    def residual_energy(
+        self, stiffness: FloatArray, mass: FloatArray, modes: NormalModes
+    ) -> FloatArray:
         """(n,) estimates of rᵀF₀⁻¹r, r = Kφ - λMφ, with the factor of safety."""
         K, M = _sum(stiffness, self.stiffness_sketch), _sum(mass, self.mass_sketch)
         seen = K @ modes.shapes - (M @ modes.shapes) * modes.eigenvalue
@@ -89,7 +107,9 @@ class ReducedSystem:
 
 
 def bordered(known: FloatArray, fresh: FloatArray) -> FloatArray:
-    """(k, r, r) symmetric matrices of which the first columns are known and (k, r, f) the last ones are given."""
+    """(k, r, r) symmetric matrices of which the first columns are known and (k, r, f) the last ones
+    are given.
+    """
     size = known.shape[1]
     top = np.concatenate([known, fresh[:, :size]], axis=2)
     return np.concatenate([top, np.swapaxes(fresh, 1, 2)], axis=1)
@@ -112,10 +132,12 @@ class ReducedModel:
         count: how many modes are asked for.
         loads: (dofs, l) unit forces whose static deflections the basis has to hold too.
         tolerance: largest estimated relative error of a natural frequency.
-        held: eigenvalue up to which modes keep the tolerance, wherever they come to lie. They have derivative vectors, and
-            so have those close above them, whose errors would be pooled with theirs.
-        changes: (k, d) and (j, d) changes of the coefficients that are to come, about as large as they will; it starts with
-            the motion's first derivatives along them. None: each coefficient by itself.
+        held: eigenvalue up to which modes keep the tolerance, wherever they come to lie. They have
+            derivative vectors, and so have those close above them, whose errors would be pooled
+            with theirs.
+        changes: (k, d) and (j, d) changes of the coefficients that are to come, about as large as
+            they will; it starts with the motion's first derivatives along them. None: each
+            coefficient by itself.
     """
 
     def __init__(
@@ -131,19 +153,26 @@ class ReducedModel:
     ) -> None:
         self._model, self._count, self._tolerance, self._held = model, count, tolerance, held
         self._kept = max(_KEPT, _SHARE * np.sqrt(tolerance))
-        self._changes = (np.diag(_REACH * stiffness), np.diag(_REACH * mass)) if changes is None else changes
+        self._changes = (
+            (np.diag(_REACH * stiffness), np.diag(_REACH * mass)) if changes is None else changes
+        )
         self._loads = np.zeros((model.stiffness.size, 0)) if loads is None else loads
         self.full_solves = 0
         self._begin(stiffness, mass)
 
     def _begin(self, stiffness: FloatArray, mass: FloatArray, like: Factor | None = None) -> None:
-        """A fresh basis about given coefficients: modes, their derivative vectors, static deflections and theirs."""
+        """A fresh basis about given coefficients: modes, their derivative vectors, static
+        deflections and theirs.
+        """
         model = self._model
         modes = self._solve_full(stiffness, mass, like)  # where this fails all stays as it was
         self._start = stiffness, mass
         self._known: ReducedSystem | None = None  # what is projected already: the basis only grows
         self.__dict__.pop("system", None)
-        self._ratio = CoefficientRatio(model.stiffness, stiffness), CoefficientRatio(model.mass, mass)
+        self._ratio = (
+            CoefficientRatio(model.stiffness, stiffness),
+            CoefficientRatio(model.mass, mass),
+        )
         K, M = model.stiffness.at(stiffness), model.mass.at(mass)
         self._factor, self._shift, self._rigid = modes.factor, modes.shift, modes.rigid
         self._metric = K - modes.shift * M
@@ -170,7 +199,9 @@ class ReducedModel:
         V, model, known = np.hstack([part for part, _ in self._parts]), self._model, self._known
         first = 0 if known is None else known.basis.shape[1]
         with_probe, fresh = np.hstack([V, self._probe]), slice(first, V.shape[1])
-        stiffness, stiffness_sketch = np.split(model.stiffness.project(with_probe, fresh), [fresh.stop], axis=1)
+        stiffness, stiffness_sketch = np.split(
+            model.stiffness.project(with_probe, fresh), [fresh.stop], axis=1
+        )
         mass, mass_sketch = np.split(model.mass.project(with_probe, fresh), [fresh.stop], axis=1)
         if known is not None:
             stiffness, mass = bordered(known.stiffness, stiffness), bordered(known.mass, mass)
@@ -208,7 +239,8 @@ class ReducedModel:
         self._add(self._unit_energy(full.shapes[:, full.rigid :]), min(kept, self._kept))
         modes = self.system.modes(stiffness, mass, self._count)
         off = np.abs(modes.frequency_hz[full.rigid :] / full.frequency_hz[full.rigid :] - 1)
-        # By a hair, where the metric of the start is a poor one here, or round-off is as large as the tolerance.
+        # By a hair, where the metric of the start is a poor one here, or round-off is as large as
+        # the tolerance.
         return modes if self._keep_tolerance(off, full) else self._begun_anew(stiffness, mass)
 
     def _keep_tolerance(self, errors: FloatArray, modes: NormalModes) -> bool:
@@ -221,7 +253,9 @@ class ReducedModel:
         self._begin(stiffness, mass, self._factor)
         return self.system.modes(stiffness, mass, self._count)
 
-    def frequency_error(self, stiffness: FloatArray, mass: FloatArray, modes: NormalModes) -> FloatArray:
+    def frequency_error(
+        self, stiffness: FloatArray, mass: FloatArray, modes: NormalModes
+    ) -> FloatArray:
         """(n,) estimated relative errors of the natural frequencies of the elastic modes."""
         alpha = self._smallest(stiffness, mass)
         if alpha <= 0:
@@ -239,15 +273,21 @@ class ReducedModel:
         return min(alpha, self._ratio[1].smallest(mass)) if self._shift else alpha
 
     def cover(self, loads: FloatArray, stiffness: FloatArray, mass: FloatArray) -> None:
-        """Take the static deflections at given coefficients under (dofs, l) more unit forces into the basis."""
+        """Take the static deflections at given coefficients under (dofs, l) more unit forces into
+        the basis.
+        """
         self._loads = np.hstack([self._loads, loads])
         K, M = self._model.stiffness.at(stiffness), self._model.mass.at(mass)
         modes = self.system.modes(stiffness, mass, self._count)
         factor = factorise(K - self._shift * M, self._factor)
-        self._hold_static(loads, replace(modes, shapes=self.basis @ modes.shapes, factor=factor), mass)
+        self._hold_static(
+            loads, replace(modes, shapes=self.basis @ modes.shapes, factor=factor), mass
+        )
 
     def static(self, loads: FloatArray) -> FloatArray:
-        """(dofs, l) what the deflections under (dofs, l) forces at the start have outside the basis, of unit energy."""
+        """(dofs, l) what the deflections under (dofs, l) forces at the start have outside the
+        basis, of unit energy.
+        """
         return self._unit_energy(self._outside(self._factor.solve(loads)))
 
     def _hold_static(self, loads: FloatArray, modes: NormalModes, mass: FloatArray) -> None:
@@ -255,12 +295,15 @@ class ReducedModel:
         if loads.shape[1] == 0:
             return
         M = self._model.mass.at(mass)
-        # Nearly all of a deflection are the lowest modes; FRFs are judged by what it has besides them.
+        # Nearly all of a deflection are the lowest modes; FRFs are judged by what it has besides
+        # them.
         for each in residual_series(modes, M, loads, RESIDUAL_TERMS):
             self._add(self._unit_energy(self._outside(each)), self._kept)
         self._add_with_derivatives(modes.factor.solve(loads))
 
-    def _solve_full(self, stiffness: FloatArray, mass: FloatArray, like: Factor | None) -> NormalModes:
+    def _solve_full(
+        self, stiffness: FloatArray, mass: FloatArray, like: Factor | None
+    ) -> NormalModes:
         self.full_solves += 1
         K, M = self._model.stiffness.at(stiffness), self._model.mass.at(mass)
         return body_modes(self._model, K, M, self._count - self._model.rigid_modes.shape[1], like)
@@ -271,7 +314,8 @@ class ReducedModel:
         return unit
 
     def _add_with_derivatives(self, vectors: FloatArray) -> None:
-        """Take vectors of unit energy, and for each change F₀⁻¹ ΔK and λ F₀⁻¹ ΔM of them, λ the vector's Rayleigh quotient.
+        """Take vectors of unit energy, and for each change F₀⁻¹ ΔK and λ F₀⁻¹ ΔM of them, λ the
+        vector's Rayleigh quotient.
 
         Of a large model there are many more than directions that matter, so they come in parts.
         """
@@ -292,7 +336,9 @@ class ReducedModel:
             self._add(np.hstack(part), self._kept)
 
     def _add(self, vectors: FloatArray, kept: float) -> None:
-        """Take what lies outside the basis into it, in F₀-orthonormal directions of enough energy."""
+        """Take what lies outside the basis into it, in F₀-orthonormal directions of enough
+        energy.
+        """
         vectors = self._outside(vectors)
         weight, turn = np.linalg.eigh(vectors.T @ (self._metric @ vectors))
         keep = weight > kept**2
@@ -313,10 +359,14 @@ class ReducedModel:
 
 
 class CoefficientRatio:
-    """The largest α with A(c) ≥ α A(c₀), from the coefficient matrices of the blocks of an affine matrix A."""
+    """The largest α with A(c) ≥ α A(c₀), from the coefficient matrices of the blocks of an affine
+    matrix A.
+    """
 
     def __init__(self, matrix: AffineMatrix, start: FloatArray) -> None:
-        self._single = np.array([block[0, 0] for block in matrix.blocks if block.size == 1], dtype=np.int64)
+        self._single = np.array(
+            [block[0, 0] for block in matrix.blocks if block.size == 1], dtype=np.int64
+        )
         self._single = self._single[start[self._single] > 0]
         self._start = start[self._single]
         self._blocks = [
@@ -328,5 +378,7 @@ class CoefficientRatio:
     def smallest(self, coefficients: FloatArray) -> float:
         """α at (k,) coefficients."""
         alone = float(np.min(coefficients[self._single] / self._start, initial=np.inf))
-        blocks = (float(np.linalg.eigvalsh(T @ coefficients[block] @ T.T)[0]) for block, T in self._blocks)
+        blocks = (
+            float(np.linalg.eigvalsh(T @ coefficients[block] @ T.T)[0]) for block, T in self._blocks
+        )
         return min(alone, *blocks) if self._blocks else alone

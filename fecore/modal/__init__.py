@@ -1,8 +1,10 @@
-"""FRFs to modes: natural frequencies, damping ratios and shapes, with their covariance and probability.
+"""FRFs to modes: natural frequencies, damping ratios and shapes, with their covariance and
+probability.
 
-`identify` does it all; `shapes_at_poles` finds shapes at poles that a user has typed in. The files in the order of the data:
-arrangement, screening, leakage, causality, noise, preparation, compression, lscf, diagram, basis, linear, refinement,
-error_model, growth, drift, evidence, weights, probability, fitting, shapes, residues, remarks, result, identify.
+`identify` does it all; `shapes_at_poles` finds shapes at poles that a user has typed in. The files
+in the order of the data: arrangement, screening, leakage, causality, noise, preparation,
+compression, lscf, diagram, basis, linear, refinement, error_model, growth, drift, evidence,
+weights, probability, fitting, shapes, residues, remarks, result, identify.
 """
 
 from fecore.modal.arrangement import set_with_gaps

@@ -1,8 +1,11 @@
-"""FRFs of a campaign laid out for identification: one axis, positive directions, a roving side and a fixed side.
+"""FRFs of a campaign laid out for identification: one axis, positive directions, a roving side and
+a fixed side.
 
-A roving hammer keeps the response fixed and a roving sensor the reference. By reciprocity H_ij = H_ji both give a
-column of the FRF matrix, and the mode shape is found at the dofs that rove. Campaigns with several fixed dofs, or
-with both rows and columns of the matrix, are covered too: the fixed dofs are the fewest that touch every FRF.
+A roving hammer keeps the response fixed and a roving sensor the reference. By reciprocity H_ij =
+H_ji both give a column of the FRF matrix, and the mode shape is found at the dofs that rove.
+Campaigns with several fixed dofs, or
+with both rows and columns of the matrix, are covered too: the fixed dofs are the fewest that touch
+every FRF.
 """
 
 from __future__ import annotations
@@ -18,7 +21,9 @@ from fecore.errors import InputError
 from fecore.frf import POWER_OF_I_OMEGA, Dof, FrfSet, Quantity
 
 FEW = 4
-"""FRFs or tests below which nothing is learnt of what differs between them: shapes, drift, errors, one that is alone."""
+"""FRFs or tests below which nothing is learnt of what differs between them: shapes, drift, errors,
+one that is alone.
+"""
 
 
 @dataclass(frozen=True)
@@ -29,7 +34,8 @@ class Arrangement:
     values: ComplexArray  # (N, L) complex FRFs, 0 where nothing was measured
     measured: BoolArray  # (N, L) True where a value was measured
     variance: FloatArray  # (N, L) noise variance handed in; NaN where it is not known
-    pairs: tuple[tuple[Dof, Dof], ...]  # N (response, reference) pairs of positive dofs, as measured
+    # N (response, reference) pairs of positive dofs, as measured
+    pairs: tuple[tuple[Dof, Dof], ...]
     quantity: Quantity  # what kind of FRF all of them are
     roving: tuple[Dof, ...]  # p dofs at which shapes are found
     fixed: tuple[Dof, ...]  # m dofs against which they are measured
@@ -43,7 +49,9 @@ class Arrangement:
 
     @cached_property
     def session(self) -> IntArray:
-        """(N,) number of the test that each FRF belongs to: the sensors of one hit, or the hits of one sensor, share theirs."""
+        """(N,) number of the test that each FRF belongs to: the sensors of one hit, or the hits of
+        one sensor, share theirs.
+        """
         side = max((0, 1), key=lambda i: len({pair[i] for pair in self.pairs}))
         dofs = sorted({pair[side] for pair in self.pairs})
         return np.array([dofs.index(pair[side]) for pair in self.pairs], dtype=np.int64)
@@ -98,7 +106,9 @@ class Arrangement:
 def pair_label(response: Dof, reference: Dof) -> str:
     """Name of an FRF as laboratories write it, response first: `33Z/1Z`."""
     axes = ("X", "Y", "Z", "RX", "RY", "RZ")
-    return "/".join(f"{d.point}{'-' if d.sign < 0 else ''}{axes[d.axis - 1]}" for d in (response, reference))
+    return "/".join(
+        f"{d.point}{'-' if d.sign < 0 else ''}{axes[d.axis - 1]}" for d in (response, reference)
+    )
 
 
 def set_with_gaps(
@@ -122,10 +132,14 @@ def set_with_gaps(
     )
 
 
-def arrange(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None = None) -> Arrangement:
-    """Lay out one or several FRF sets (which may differ in frequency axis and quantity) for identification.
+def arrange(
+    frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None = None
+) -> Arrangement:
+    """Lay out one or several FRF sets (which may differ in frequency axis and quantity) for
+    identification.
 
-    Lines at 0 Hz are left out (an accelerance is zero there by definition, a receptance infinite for a free body).
+    Lines at 0 Hz are left out (an accelerance is zero there by definition, a receptance infinite
+    for a free body).
 
     Raises:
         InputError: no FRF, or no line in the band.
@@ -137,7 +151,9 @@ def arrange(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None
     if not 0 <= low < high:
         raise InputError("band_hz", f"is {low:g} to {high:g} Hz, expected 0 <= low < high")
     low = max(low, np.nextafter(0, 1))
-    sets = [s.band(low, high).to_quantity(sets[0].quantity) for s in sets if _has_line(s, low, high)]
+    sets = [
+        s.band(low, high).to_quantity(sets[0].quantity) for s in sets if _has_line(s, low, high)
+    ]
     if not sets:
         raise InputError("band_hz", f"no FRF has a line in {low:g} to {high:g} Hz")
     axis, places = _union_axis([s.frequency_hz for s in sets])
@@ -170,11 +186,14 @@ def arrange(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None
     )
 
 
-def split_sides(pairs: tuple[tuple[Dof, Dof], ...]) -> tuple[tuple[Dof, ...], tuple[Dof, ...], IntArray]:
-    """Roving dofs, fixed dofs and for each pair the index into both; the fixed dofs are the fewest that touch all
-    pairs.
+def split_sides(
+    pairs: tuple[tuple[Dof, Dof], ...],
+) -> tuple[tuple[Dof, ...], tuple[Dof, ...], IntArray]:
+    """Roving dofs, fixed dofs and for each pair the index into both; the fixed dofs are the fewest
+    that touch all pairs.
 
-    The cover is greedy (most pairs first, references before responses on a tie), which is exact for the arrangements
+    The cover is greedy (most pairs first, references before responses on a tie), which is exact for
+    the arrangements
     that laboratories use: one or several whole rows or columns.
     """
     fixed: list[Dof] = []
@@ -204,7 +223,8 @@ def _union_axis(axes: list[FloatArray]) -> tuple[FloatArray, list[IntArray]]:
     """Union of frequency axes and where the lines of each fall on it."""
     together = np.sort(np.concatenate(axes))
     spacings = [float(np.diff(a).min()) for a in axes if a.size > 1]
-    tolerance = 1e-6 * min(spacings, default=1.0)  # closer lines of two axes are one, written with fewer digits
+    # closer lines of two axes are one, written with fewer digits
+    tolerance = 1e-6 * min(spacings, default=1.0)
     union = together[np.concatenate(([True], np.diff(together) > tolerance))]
     places = [np.searchsorted(union, a + tolerance, side="right") - 1 for a in axes]
     return union, [p.astype(np.int64) for p in places]

@@ -4,10 +4,10 @@ A receptance is, with s = iω,
 
     α(s) = Σ_k R_k/(s - s_k) + R̄_k/(s - s̄_k)  +  Σ_e c_e s^e,
 
-s_k = ω_k(-ζ_k + i√(1 - ζ_k²)). The last sum is the residual terms: s⁻³ to s⁻¹ stand for modes below the band (rigid
-body motion and its damping), s⁰, s¹, s² for modes above it; their coefficients are real because α is the transform of
-a real function. A mobility or accelerance is α times s or s². Everything is linear in (Re R, Im R, c) for given
-poles.
+s_k = ω_k(-ζ_k + i√(1 - ζ_k²)). The last sum is the residual terms: s⁻³ to s⁻¹ stand for modes below
+the band (rigid body motion and its damping), s⁰, s¹, s² for modes above it; their coefficients are
+real because α is the transform of a real function. A mobility or accelerance is α times s or s².
+Everything is linear in (Re R, Im R, c) for given poles.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,9 @@ DAMPING_RANGE = (1e-5, 0.95)
 """Of ζ: a pole beyond is no resonance."""
 
 ONE, BESIDE = 0.5, 1.5
-"""Summed half bandwidths within which two poles may be one mode, and within which one bends the other."""
+"""Summed half bandwidths within which two poles may be one mode, and within which one bends the
+other.
+"""
 
 
 @dataclass(frozen=True)
@@ -58,18 +60,24 @@ class Terms:
         return 2 * self.pairs
 
 
-def columns(omega: FloatArray, terms: Terms, power: int, reference: float | None = None) -> ComplexArray:
+def columns(
+    omega: FloatArray, terms: Terms, power: int, reference: float | None = None
+) -> ComplexArray:
     """(L, q) basis: for each pole pair the factors of Re R and Im R, then residual terms.
 
-    Residual terms are taken in s/ω_ref to be of like size; `reference` is ω_ref, by default the geometric mean of the first
-    and the last line.
+    Residual terms are taken in s/ω_ref to be of like size; `reference` is ω_ref, by default the
+    geometric mean of the first and the last line.
     """
     s, n = 1j * omega, 2 * terms.pairs
     lift, pole = (s**power)[:, None], terms.poles
     basis = np.empty((omega.size, terms.columns), dtype=complex)
-    step = max(1, 30_000 // max(terms.pairs, 1))  # the temporaries of so many entries stay in the processor's cache
+    # the temporaries of so many entries stay in the processor's cache
+    step = max(1, 30_000 // max(terms.pairs, 1))
     for part in (slice(first, first + step) for first in range(0, omega.size, step)):
-        direct, mirror = lift[part] / (s[part, None] - pole), lift[part] / (s[part, None] - pole.conj())
+        direct, mirror = (
+            lift[part] / (s[part, None] - pole),
+            lift[part] / (s[part, None] - pole.conj()),
+        )
         np.add(direct, mirror, out=basis[part, 0:n:2])
         np.multiply(direct - mirror, 1j, out=basis[part, 1:n:2])
     scaled = s / (reference or np.sqrt(omega[0] * omega[-1]))
@@ -95,7 +103,8 @@ def derivatives(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
 def slopes(terms: Terms) -> tuple[ComplexArray, ComplexArray]:
     """(n,) ∂s_k/∂ln ω_k and ∂s_k/∂ζ_k.
 
-    With R_k the residue, ∂H/∂θ = Re(R_k ∂s_k/∂θ) E₁ + Im(R_k ∂s_k/∂θ) E₂, E the two columns of the pair in `derivatives`.
+    With R_k the residue, ∂H/∂θ = Re(R_k ∂s_k/∂θ) E₁ + Im(R_k ∂s_k/∂θ) E₂, E the two columns of the
+    pair in `derivatives`.
     """
     zeta = terms.damping_ratio
     by_zeta = 2 * np.pi * terms.frequency_hz * (-1 - 1j * zeta / np.sqrt(1 - zeta**2))

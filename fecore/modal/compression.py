@@ -1,9 +1,11 @@
 """Many FRFs as the few that carry all of their common content.
 
-The FRFs of one structure are real combinations of as many functions of frequency as there are modes and residual terms, so N
-FRFs span few dimensions above their noise. With a_i the noise of FRF i, the rows H_i/a_i (real beside imaginary parts) have a
-singular value decomposition U S Vᵀ; its leading rows UᵀH/a are themselves FRFs with the same poles: real combinations keep the
-conjugate symmetry of the series. Poles are searched in these; residues, covariance and verdicts come from all FRFs.
+The FRFs of one structure are real combinations of as many functions of frequency as there are modes
+and residual terms, so N FRFs span few dimensions above their noise. With a_i the noise of FRF i,
+the rows H_i/a_i (real beside imaginary parts) have a singular value decomposition U S Vᵀ; its
+leading rows UᵀH/a are themselves FRFs with the same poles: real combinations keep the conjugate
+symmetry of the series. Poles are searched in these; residues, covariance and verdicts come from all
+FRFs.
 """
 
 from dataclasses import replace
@@ -20,7 +22,8 @@ _BRIDGED = 0.5  # of the FRFs must be whole or bridged
 
 
 def compress(arrangement: Arrangement, noise: FloatArray) -> tuple[Arrangement, FloatArray]:
-    """The leading combinations under a noise variance (N, L), as if they were FRFs, and the (r, L) variance of their noise.
+    """The leading combinations under a noise variance (N, L), as if they were FRFs, and the (r, L)
+    variance of their noise.
 
     Their pairs name no true dofs. FRFs that are few or full of gaps stay as they are.
     """
@@ -32,7 +35,9 @@ def compress(arrangement: Arrangement, noise: FloatArray) -> tuple[Arrangement, 
         return arrangement, noise
     own = np.sqrt(np.median(noise[bridged], axis=1))
     scaled = values[bridged] / own[:, None]
-    weight = 1 / np.sqrt(np.mean(noise[bridged] / own[:, None] ** 2 + np.abs(scaled) ** 2 * 1e-4, axis=0))
+    weight = 1 / np.sqrt(
+        np.mean(noise[bridged] / own[:, None] ** 2 + np.abs(scaled) ** 2 * 1e-4, axis=0)
+    )
     flat = np.concatenate([scaled.real * weight, scaled.imag * weight], axis=1)
     value, vector = np.linalg.eigh(flat @ flat.T)
     count = _count(value[::-1], flat.shape[1])
@@ -53,14 +58,18 @@ def compress(arrangement: Arrangement, noise: FloatArray) -> tuple[Arrangement, 
 
 
 def _count(value: FloatArray, columns: int) -> int:
-    """Combinations above the noise: eigenvalues over twice the edge (1 + √(N/columns))² of those of noise alone."""
+    """Combinations above the noise: eigenvalues over twice the edge (1 + √(N/columns))² of those of
+    noise alone.
+    """
     usual = float(np.median(value[len(value) // 2 :]))
     edge = 2 * usual * (1 + np.sqrt(len(value) / columns)) ** 2
     return int(np.clip(np.sum(value > edge), 4, _MOST))
 
 
 def _bridged(arrangement: Arrangement) -> tuple[ComplexArray, BoolArray]:
-    """The values with short gaps bridged by straight lines, and (N,) the FRFs in which that was possible."""
+    """The values with short gaps bridged by straight lines, and (N,) the FRFs in which that was
+    possible.
+    """
     gaps = ~arrangement.measured
     fine = np.ones(len(gaps), dtype=bool)
     if not gaps.any():

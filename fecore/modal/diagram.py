@@ -1,4 +1,6 @@
-"""Stabilisation diagram: linear poles of all orders, and which of them come back from order to order."""
+"""Stabilisation diagram: linear poles of all orders, and which of them come back from order to
+order.
+"""
 
 from dataclasses import dataclass
 
@@ -52,11 +54,15 @@ def diagram_of(arrangement: Arrangement, linear: LinearPoles) -> Stabilisation:
 
 
 def mode_indicator(arrangement: Arrangement) -> FloatArray:
-    """(c, L) the largest singular values of H(ω), roving by fixed dofs: as many are large at a line as modes are there (complex
-    mode indicator function, Shih et al. 1988). With one fixed dof it is the root of the sum of squares. At most three, as of
-    more modes at one frequency nobody reads off the number.
+    """(c, L) the largest singular values of H(ω), roving by fixed dofs: as many are large at a line
+    as modes are there (complex mode indicator function, Shih et al. 1988). With one fixed dof it is
+    the root of the sum of squares. At most three, as of more modes at one frequency nobody reads
+    off the number.
     """
-    whole = np.zeros((arrangement.frequency_hz.size, len(arrangement.roving), len(arrangement.fixed)), dtype=complex)
+    whole = np.zeros(
+        (arrangement.frequency_hz.size, len(arrangement.roving), len(arrangement.fixed)),
+        dtype=complex,
+    )
     whole[:, arrangement.row[:, 0], arrangement.row[:, 1]] = arrangement.values.T
     gram = np.einsum("lpm,lpn->lmn", whole.conj(), whole)
     return np.sqrt(np.maximum(np.linalg.eigvalsh(gram)[:, ::-1][:, :3], 0)).T
@@ -65,7 +71,9 @@ def mode_indicator(arrangement: Arrangement) -> FloatArray:
 def _close(
     hz: FloatArray, below_hz: FloatArray, zeta: FloatArray, below_zeta: FloatArray
 ) -> tuple[BoolArray, BoolArray]:
-    """Whether each pole has one of the order below within the tolerance in frequency, and in damping as well."""
+    """Whether each pole has one of the order below within the tolerance in frequency, and in
+    damping as well.
+    """
     off = np.abs(hz[:, None] / below_hz - 1) < FREQUENCY_TOLERANCE
     alike = np.abs(zeta[:, None] / below_zeta - 1) < DAMPING_TOLERANCE
     return np.asarray(off.any(axis=1)), np.asarray((off & alike).any(axis=1))

@@ -1,16 +1,18 @@
-"""What speaks for a pole being a mode: a few features, all from the joint fit. Why these: `docs/identification.md`.
+"""What speaks for a pole being a mode: a few features, all from the joint fit. Why these:
+`docs/identification.md`.
 
 phase   r, the median over the FRFs, weighted by |R|, of cos 2∠(2iω_d R), R the residue of the receptance.
 rise    ρ, the local misfit without the pole over that with it, within 1 and 10³.
 share   s, the pole's height over the FRFs at its frequency, within 0.03 and 1.
-damping z = |ln ζ/ζ_t|, ζ_t a robust trend c + a₀/2ω + a₁ω/2 with coefficients >= 0 through all poles of the set.
+damping z = |ln ζ/ζ_t|, ζ_t a robust trend c + a₀/2ω + a₁ω/2 with coefficients >= 0 through all
+poles of the set.
 apart   d = √(1 - C), at least 0.01, C = 4σ_kσ_j/|s_k + s̄_j|² the MAC of its resonance curve with that of the larger pole
         nearest by it, σ = ζω.
 shape   q = (1 - M + 0.01)^√C, M the MAC of its residues with those of a larger pole, of the one that makes q least.
 reach   n = 1 - max|R|²/Σ|R|², at least 0.01, the share of it that other FRFs show than the strongest.
 
-Shape and reach need four FRFs. A delay d of a channel turns the phase of residues by -ωd, and a wrong quantity by 90°: both are
-found first, from the strong poles.
+Shape and reach need four FRFs. A delay d of a channel turns the phase of residues by -ωd, and a
+wrong quantity by 90°: both are found first, from the strong poles.
 """
 
 from dataclasses import dataclass
@@ -48,8 +50,10 @@ class Evidence:
     apart: FloatArray
     shape: FloatArray
     reach: FloatArray
-    neighbour: IntArray  # (n,) number of the larger pole that it is nearest to; any where there is none
-    twin: IntArray  # (n,) number of the larger pole of most alike curve and shape, of most alike curve for few FRFs
+    # (n,) number of the larger pole that it is nearest to; any where there is none
+    neighbour: IntArray
+    # (n,) number of the larger pole of most alike curve and shape, of most alike curve for few FRFs
+    twin: IntArray
     trend: FloatArray  # (n,) ζ_t
     tone: BoolArray  # (n,) whether it hardly dies away within a record, as interference does
     delay: float  # of the channels, s
@@ -89,18 +93,25 @@ def evidence_of(arrangement: Arrangement, fit: Level) -> Evidence:
 
 def _rise(arrangement: Arrangement, fit: Level) -> FloatArray:
     off = np.abs(arrangement.frequency_hz[:, None] - fit.terms.frequency_hz)
-    near = off <= np.maximum(_REACH * fit.terms.half_bandwidth_hz, _LEAST_REACH * arrangement.spacing_hz)
+    near = off <= np.maximum(
+        _REACH * fit.terms.half_bandwidth_hz, _LEAST_REACH * arrangement.spacing_hz
+    )
     misfit = np.sum(fit.weight * np.abs(fit.residual) ** 2, axis=0)
     lines = np.maximum(near.sum(axis=0), 1)
-    usual = 2.0 * np.mean(arrangement.measured.sum(axis=0)) * lines * 0.05  # clean data leave nothing
+    # clean data leave nothing
+    usual = 2.0 * np.mean(arrangement.measured.sum(axis=0)) * lines * 0.05
     with_it = np.maximum(misfit @ near, usual)
     return np.asarray(np.clip(1 + gains(fit) / with_it, *_RISE))
 
 
 def _share(arrangement: Arrangement, fit: Level) -> tuple[FloatArray, FloatArray]:
-    """(n,) height of each pole at the line next to its frequency, and over the FRFs there: a needle between lines has none."""
+    """(n,) height of each pole at the line next to its frequency, and over the FRFs there: a needle
+    between lines has none.
+    """
     terms, n = fit.terms, fit.terms.pairs
-    omega = arrangement.omega[np.argmin(np.abs(arrangement.frequency_hz[:, None] - terms.frequency_hz), axis=0)]
+    omega = arrangement.omega[
+        np.argmin(np.abs(arrangement.frequency_hz[:, None] - terms.frequency_hz), axis=0)
+    ]
     reference = float(np.sqrt(arrangement.omega[0] * arrangement.omega[-1]))
     at = columns(omega, terms, arrangement.power, reference)  # (n, q), line k at pole k
     own = at[np.arange(n)[:, None], np.stack([2 * np.arange(n), 2 * np.arange(n) + 1], axis=1)]
@@ -118,7 +129,8 @@ def _turns(terms: Terms, residues: ComplexArray) -> ComplexArray:
 
 
 def _delay(terms: Terms, residues: ComplexArray, strength: FloatArray) -> tuple[float, bool]:
-    """The delay (s) that turns the strong poles' residues back, and whether they all stand at 90° to a mode's.
+    """The delay (s) that turns the strong poles' residues back, and whether they all stand at 90°
+    to a mode's.
 
     Maximises Σ_k w_k cos(2(φ_k + ω_k d)) less d²/2d₀² over a grid, φ_k = ½ arg Σ_i (2iω_d R_ik)².
     """
@@ -144,16 +156,24 @@ def _delay(terms: Terms, residues: ComplexArray, strength: FloatArray) -> tuple[
 
 def _phase(terms: Terms, residues: ComplexArray, delay: float, turned: bool) -> FloatArray:
     """(n,) r."""
-    turns = _turns(terms, residues) * np.exp(1j * delay * 2 * np.pi * terms.frequency_hz) * (1j if turned else 1)
+    turns = (
+        _turns(terms, residues)
+        * np.exp(1j * delay * 2 * np.pi * terms.frequency_hz)
+        * (1j if turned else 1)
+    )
     cosine, weight = np.cos(2 * np.angle(turns)), np.abs(turns)
     order = np.argsort(cosine, axis=0)
     summed = np.cumsum(np.take_along_axis(weight, order, axis=0), axis=0)
     place = np.argmax(summed >= summed[-1] / 2, axis=0)
-    return np.asarray(np.take_along_axis(np.take_along_axis(cosine, order, axis=0), place[None], axis=0)[0])
+    return np.asarray(
+        np.take_along_axis(np.take_along_axis(cosine, order, axis=0), place[None], axis=0)[0]
+    )
 
 
 def _trend(terms: Terms, strength: FloatArray) -> FloatArray:
-    """(n,) ζ_t, by non-negative least squares of ζ/ζ_t = 1, poles far off counting less and less (Cauchy's weights)."""
+    """(n,) ζ_t, by non-negative least squares of ζ/ζ_t = 1, poles far off counting less and less
+    (Cauchy's weights).
+    """
     zeta, omega = terms.damping_ratio, 2 * np.pi * terms.frequency_hz
     use = strength > 0
     if not use.any():
@@ -166,7 +186,9 @@ def _trend(terms: Terms, strength: FloatArray) -> FloatArray:
     trend = np.full(zeta.size, usual)
     for _ in range(6):  # the weights change little after these
         off = np.log(zeta / trend)
-        weight = np.sqrt(np.where(use, strength, 0.0) / (1 + (off / USUAL) ** 2)) / np.sqrt(zeta * trend)
+        weight = np.sqrt(np.where(use, strength, 0.0) / (1 + (off / USUAL) ** 2)) / np.sqrt(
+            zeta * trend
+        )
         found = scipy.optimize.nnls(shape * weight[:, None], zeta * weight)[0]
         trend = np.maximum(shape @ found, 0.1 * zeta[use].min())
     return np.asarray(trend)

@@ -1,4 +1,6 @@
-"""From FRFs to the series of poles that they need, fitted to all of them: search, drift, company, last fit."""
+"""From FRFs to the series of poles that they need, fitted to all of them: search, drift, company,
+last fit.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,8 @@ from fecore.modal.refinement import Fit, Level, level_at, refine, spare
 _CULLS = 2  # turns of probability and refinement
 _LAST = 3  # steps of the refinement with all FRFs and a weight for each value
 _ONE = 0.05  # distance below which the residues of two poles cancel, and have no phase of their own
-_RATHER = 0.5  # probability below which a pole is rather no mode, and what it takes up is error of its neighbours
+# probability below which a pole is rather no mode, and what it takes up is error of its neighbours
+_RATHER = 0.5
 
 Report = Callable[[str, float], None]
 
@@ -53,8 +56,10 @@ class Fitted:
     def covariance(self) -> FloatArray:
         """(2n, 2n) covariance of (ln f, ζ).
 
-        The mean of as many drifts as there are tests is common to all frequencies. Where the mass of a roving sensor moves
-        them, modes do not drift alike: each may be off by the mean of the drifts by its own power in the FRFs.
+        The mean of as many drifts as there are tests is common to all frequencies. Where the mass
+        of a roving sensor moves
+        them, modes do not drift alike: each may be off by the mean of the drifts by its own power
+        in the FRFs.
         """
         covariance, n = self.fit.parameter_covariance.copy(), self.fit.terms.pairs
         power = np.abs(self.fit.residues) ** 2
@@ -63,7 +68,9 @@ class Fitted:
         return covariance
 
 
-def fit_series(arrangement: Arrangement, noise: FloatArray, highest: int, most: int, report: Report) -> Fitted:
+def fit_series(
+    arrangement: Arrangement, noise: FloatArray, highest: int, most: int, report: Report
+) -> Fitted:
     """Search the poles, align the tests and fit all FRFs.
 
     Args:
@@ -75,7 +82,9 @@ def fit_series(arrangement: Arrangement, noise: FloatArray, highest: int, most: 
     """
     data = _Data.of(arrangement, noise)
     report("linear estimates", 0.05)
-    linear = linear_poles(data.few.omega, data.few.values, linear_weight(data.few, data.few_noise), highest)
+    linear = linear_poles(
+        data.few.omega, data.few.values, linear_weight(data.few, data.few_noise), highest
+    )
     most = min(most, int(arrangement.measured.sum(axis=1).min()) // 4)
     step, pool = _steps(report), clusters(linear)
     empty = Terms(np.empty(0), np.empty(0), (-2, 0))
@@ -91,7 +100,9 @@ def fit_series(arrangement: Arrangement, noise: FloatArray, highest: int, most: 
 
 @dataclass(frozen=True)
 class _Data:
-    """All FRFs and the few combinations that stand for them, each with the variance of its noise."""
+    """All FRFs and the few combinations that stand for them, each with the variance of its
+    noise.
+    """
 
     arrangement: Arrangement
     noise: FloatArray
@@ -108,11 +119,20 @@ class _Data:
         return refine(self.few, terms, variance, steps=STEPS, enough=ENOUGH).terms
 
     def grown(
-        self, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None], rounds: int = ROUNDS
+        self,
+        terms: Terms,
+        pool: ComplexArray,
+        most: int,
+        step: Callable[[int], None],
+        rounds: int = ROUNDS,
     ) -> Terms:
-        """The poles with those, of the candidates and of what the residual shows, that the combinations need."""
+        """The poles with those, of the candidates and of what the residual shows, that the
+        combinations need.
+        """
         beside = len(self.arrangement.pairs) - len(self.few.pairs)
-        return grow(self.few, self.few_noise, most, step, terms, pool=pool, rounds=rounds, beside=beside).terms
+        return grow(
+            self.few, self.few_noise, most, step, terms, pool=pool, rounds=rounds, beside=beside
+        ).terms
 
     def fitted(self, terms: Terms) -> Level:
         """The series with all FRFs, without poles and residual terms that do not pay."""
@@ -135,15 +155,18 @@ def _steps(report: Report) -> Callable[[int], None]:
 def _aligned(
     data: _Data, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None]
 ) -> tuple[_Data, Terms, FloatArray]:
-    """The FRFs and the series that they need, grown from a first one: without the drift of their tests where it pays.
+    """The FRFs and the series that they need, grown from a first one: without the drift of their
+    tests where it pays.
 
-    Poles that the series lacks may pass for a drift, and a drift for poles. So both grow on aligned FRFs first, and the same
-    poles, refined, must do worse by the price of the drift without it.
+    Poles that the series lacks may pass for a drift, and a drift for poles. So both grow on aligned
+    FRFs first, and the same poles, refined, must do worse by the price of the drift without it.
     """
     fit = data.fitted(terms)
     pool = np.append(pool, terms.poles)
     price = drift_price(data.arrangement, fit)
-    found = drift_of(data.arrangement, fit, price, lambda moved, own: _Data.of(moved, data.noise).settled(own))
+    found = drift_of(
+        data.arrangement, fit, price, lambda moved, own: _Data.of(moved, data.noise).settled(own)
+    )
     if found is not None:
         each, moved = found
         still = _Data.of(aligned(data.arrangement, moved, fit.weight, each), data.noise)
@@ -157,7 +180,9 @@ def _aligned(
 
 
 def _without_company(data: _Data, fit: Level) -> Level:
-    """The fit without refused poles that only bend a better one beside them, or that no distance parts from a larger one."""
+    """The fit without refused poles that only bend a better one beside them, or that no distance
+    parts from a larger one.
+    """
     for _ in range(_CULLS):
         if not fit.terms.pairs:
             break
@@ -175,11 +200,15 @@ def _company(arrangement: Arrangement, terms: Terms, p: FloatArray) -> BoolArray
     width = terms.half_bandwidth_hz
     apart = np.abs(terms.frequency_hz[:, None] - terms.frequency_hz) / (width[:, None] + width)
     good = p >= _RATHER
-    return np.asarray(~good & arrangement.in_band(terms.frequency_hz) & (apart[:, good] < BESIDE).any(axis=1))
+    return np.asarray(
+        ~good & arrangement.in_band(terms.frequency_hz) & (apart[:, good] < BESIDE).any(axis=1)
+    )
 
 
 def _last(data: _Data, fit: Level) -> Fit:
-    """A few steps with a variance for each value (Student's law of the errors), and what the covariance needs."""
+    """A few steps with a variance for each value (Student's law of the errors), and what the
+    covariance needs.
+    """
     arrangement = data.arrangement
     variance = student(arrangement, fit.residual, data.noise, spare(arrangement, fit))
     fit = refine(arrangement, fit.terms, variance, steps=_LAST)
@@ -188,7 +217,9 @@ def _last(data: _Data, fit: Level) -> Fit:
 
 
 def _shared(arrangement: Arrangement, fit: Fit) -> FloatArray:
-    """(n,) error of each pole's curve that all FRFs share; what poles that are rather no modes take up is error too."""
+    """(n,) error of each pole's curve that all FRFs share; what poles that are rather no modes take
+    up is error too.
+    """
     evidence = evidence_of(arrangement, fit)
     p = probability(evidence, fit.terms.damping_ratio)
     gone = (p < _RATHER) & arrangement.in_band(fit.terms.frequency_hz) & ~evidence.tone

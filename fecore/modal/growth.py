@@ -1,10 +1,13 @@
-"""Search: from linear candidates to the poles that the data need, in a few combinations of the FRFs.
+"""Search: from linear candidates to the poles that the data need, in a few combinations of the
+FRFs.
 
-The residual of FRF i is taken as Gaussian with a variance that follows the local misfit, v_il = g_i p_l, at least the noise. A
-pole that is not in the series, all other coefficients fitted anew, lowers χ² by rᵀE(EᵀE)⁻¹Eᵀr, E its two columns less their
-projection on the series: a 2x2 problem. The candidate of the largest gain is taken, its columns leave all others and the
-residual, and so on (orthogonal matching pursuit) while Akaike's price of 2 for each unknown is paid. Then all poles are
-refined together, poles that no longer pay leave, and the residual offers new candidates, a few rounds in all.
+The residual of FRF i is taken as Gaussian with a variance that follows the local misfit, v_il = g_i
+p_l, at least the noise. A pole that is not in the series, all other coefficients fitted anew,
+lowers χ² by rᵀE(EᵀE)⁻¹Eᵀr, E its two columns less their
+projection on the series: a 2x2 problem. The candidate of the largest gain is taken, its columns
+leave all others and the residual, and so on (orthogonal matching pursuit) while Akaike's price of 2
+for each unknown is paid. Then all poles are refined together, poles that no longer pay leave, and
+the residual offers new candidates, a few rounds in all.
 """
 
 from collections.abc import Callable
@@ -22,7 +25,9 @@ from fecore.modal.noise import local_variance
 from fecore.modal.refinement import Fit, Level, level_at, refine
 
 EXPONENTS = (-3, -2, -1, 0, 1, 2)
-"""Powers of iω of the receptance that stand for the modes outside the band and for rigid body motion with its damping."""
+"""Powers of iω of the receptance that stand for the modes outside the band and for rigid body
+motion with its damping.
+"""
 
 ROUNDS = 5
 """Of growth on the residual."""
@@ -35,12 +40,16 @@ ENOUGH = 1.0
 """Decrease of χ² that a step is worth before the last round."""
 
 _SETTLES = (
-    2  # times that a variance follows a fit and a fit the variance: the first fit's own is too large for clean data
+    # times that a variance follows a fit and a fit the variance: the first fit's own is too large
+    # for clean data
+    2
 )
 PRICE = 2.0
 """Of an unknown (Akaike)."""
 
-_FEW = 2  # FRFs up to which the first round looks at groups: where more differ by a drift, doubles would pay too
+# FRFs up to which the first round looks at groups: where more differ by a drift, doubles would pay
+# too
+_FEW = 2
 
 
 def grow(
@@ -74,15 +83,20 @@ def grow(
         room = most - fit.terms.pairs
         added = _chosen(arrangement, fit, candidates, room, beside)
         if not fit.terms.pairs and not added.size:
-            # A first pole that most of the FRFs' own variance is gains no more than that: it pays for the combinations alone.
+            # A first pole that most of the FRFs' own variance is gains no more than that: it pays
+            # for the combinations alone.
             added = _chosen(arrangement, fit, candidates, room, 0)
         if not added.size:
             break
-        larger = refine(arrangement, with_poles(fit.terms, added), fit.variance, steps=STEPS, enough=ENOUGH)
+        larger = refine(
+            arrangement, with_poles(fit.terms, added), fit.variance, steps=STEPS, enough=ENOUGH
+        )
         before = fit.terms.pairs
-        # Not before there are poles, as residual terms would take the place of a broad one; then all of them again, as a better
-        # fit may need what a poor one did without.
-        whole = level_at(arrangement, with_residual_terms(arrangement, larger.terms), larger.variance)
+        # Not before there are poles, as residual terms would take the place of a broad one; then
+        # all of them again, as a better fit may need what a poor one did without.
+        whole = level_at(
+            arrangement, with_residual_terms(arrangement, larger.terms), larger.variance
+        )
         fit = pruned(
             arrangement,
             level_at(arrangement, whole.terms, local_variance(arrangement, whole.residual, noise)),
@@ -96,7 +110,9 @@ def grow(
 
 def _in_residual(arrangement: Arrangement, fit: Level) -> ComplexArray:
     """Candidates that the residual shows, rad/s."""
-    return clusters(linear_poles(arrangement.omega, fit.residual, fit.weight, _RESIDUAL_ORDER, (NARROW,)))
+    return clusters(
+        linear_poles(arrangement.omega, fit.residual, fit.weight, _RESIDUAL_ORDER, (NARROW,))
+    )
 
 
 def local_level(arrangement: Arrangement, terms: Terms, noise: FloatArray) -> Level:
@@ -108,9 +124,15 @@ def local_level(arrangement: Arrangement, terms: Terms, noise: FloatArray) -> Le
 
 
 def linear_weight(arrangement: Arrangement, noise: FloatArray) -> FloatArray:
-    """(N, L) weights of the linear stage: noise, and errors that grow with the FRF; alike for all where nothing is missing."""
-    weight = np.where(arrangement.measured, 1 / (noise + RELATIVE**2 * np.abs(arrangement.values) ** 2), 0.0)
-    return np.broadcast_to(weight.mean(axis=0), weight.shape) if arrangement.measured.all() else weight
+    """(N, L) weights of the linear stage: noise, and errors that grow with the FRF; alike for all
+    where nothing is missing.
+    """
+    weight = np.where(
+        arrangement.measured, 1 / (noise + RELATIVE**2 * np.abs(arrangement.values) ** 2), 0.0
+    )
+    return (
+        np.broadcast_to(weight.mean(axis=0), weight.shape) if arrangement.measured.all() else weight
+    )
 
 
 def exponents_for(arrangement: Arrangement) -> tuple[int, ...]:
@@ -130,7 +152,9 @@ def with_poles(terms: Terms, pole: ComplexArray) -> Terms:
     return replace(
         terms,
         frequency_hz=np.append(terms.frequency_hz, hz),
-        damping_ratio=np.append(terms.damping_ratio, np.clip(-pole.real / np.abs(pole), *DAMPING_RANGE)),
+        damping_ratio=np.append(
+            terms.damping_ratio, np.clip(-pole.real / np.abs(pole), *DAMPING_RANGE)
+        ),
     )
 
 
@@ -144,7 +168,9 @@ def without_poles(terms: Terms, gone: BoolArray) -> Terms:
 
 
 def gains(fit: Level) -> FloatArray:
-    """(n,) what χ² would rise by without each pole, all other coefficients fitted anew: Σ_i cᵀV⁻¹c, V the covariance of c."""
+    """(n,) what χ² would rise by without each pole, all other coefficients fitted anew: Σ_i cᵀV⁻¹c,
+    V the covariance of c.
+    """
     return _gains(fit.linear.coefficients, fit.linear.covariance, fit.terms.pairs)
 
 
@@ -157,20 +183,28 @@ def _gains(c: FloatArray, C: FloatArray, pairs: int) -> FloatArray:
 
 
 def pole_price(fit: Level, beside: int = 0) -> float:
-    """Akaike's price of a pole, of two unknowns an FRF and two for the pole, and that of having looked for it at every line.
+    """Akaike's price of a pole, of two unknowns an FRF and two for the pole, and that of having
+    looked for it at every line.
 
-    Combinations stand for more FRFs, `beside` them. In each of these a pole has two unknowns too, that gain 1 each from noise.
+    Combinations stand for more FRFs, `beside` them. In each of these a pole has two unknowns too,
+    that gain 1 each from noise.
     """
     own = PRICE * (2 * len(fit.residual) + 2) + 2 * float(np.log(fit.residual.shape[1]))
     return own + (PRICE - 1) * 2 * beside
 
 
 def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
-    """The fit without poles that do not pay, the broadest of them first: what a narrower one explains must not outlive it.
+    """The fit without poles that do not pay, the broadest of them first: what a narrower one
+    explains must not outlive it.
 
     Residual terms that do not pay go after the poles, the least worth first.
     """
-    terms, c, C, price = fit.terms, fit.linear.coefficients, fit.linear.covariance, pole_price(fit, beside)
+    terms, c, C, price = (
+        fit.terms,
+        fit.linear.coefficients,
+        fit.linear.covariance,
+        pole_price(fit, beside),
+    )
     while terms.pairs:
         poor = _gains(c, C, terms.pairs) < price
         if not poor.any():
@@ -180,7 +214,9 @@ def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
         terms = without_poles(terms, np.arange(poor.size) == k)
     while len(terms.exponents) > 1:
         spread = np.einsum("nii->ni", C)[:, 2 * terms.pairs :]
-        gain = np.sum(c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, np.finfo(float).tiny), axis=0)
+        gain = np.sum(
+            c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, np.finfo(float).tiny), axis=0
+        )
         least = int(np.argmin(gain))
         if gain[least] > PRICE * len(fit.residual) + (PRICE - 1) * beside:
             break
@@ -190,7 +226,9 @@ def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
 
 
 def _left_out(c: FloatArray, C: FloatArray, gone: list[int]) -> tuple[FloatArray, FloatArray]:
-    """Coefficients (N, q) and their covariance without some columns, the others fitted anew: c - C_g C_gg⁻¹ c_g."""
+    """Coefficients (N, q) and their covariance without some columns, the others fitted anew: c -
+    C_g C_gg⁻¹ c_g.
+    """
     own = C[:, :, gone]
     back = np.matmul(own, np.linalg.pinv(own[:, gone], hermitian=True))
     c = c - np.matmul(back, c[:, gone, None])[:, :, 0]
@@ -205,17 +243,21 @@ def _beyond(arrangement: Arrangement) -> ComplexArray:
     return np.asarray((np.array([[-0.01], [-0.05]]) + 1j) * at).ravel()
 
 
-def _as_all_leave(arrangement: Arrangement, fit: Level, pool: ComplexArray, noise: FloatArray) -> Level:
+def _as_all_leave(
+    arrangement: Arrangement, fit: Level, pool: ComplexArray, noise: FloatArray
+) -> Level:
     """The fit under the variance that it would leave with all candidates in it.
 
-    Under its own, which follows what it misses, no mode of a group of overlapping ones can gain more than two for each line
-    of the group, and none pays alone.
+    Under its own, which follows what it misses, no mode of a group of overlapping ones can gain
+    more than two for each line of the group, and none pays alone.
     """
     whole = level_at(arrangement, with_poles(fit.terms, pool), fit.variance)
     return level_at(arrangement, fit.terms, local_variance(arrangement, whole.residual, noise))
 
 
-def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int, beside: int) -> ComplexArray:
+def _chosen(
+    arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int, beside: int
+) -> ComplexArray:
     """The candidates that pay, most gain first, each on top of those before it."""
     if not pool.size or room <= 0:
         return pool[:0]
@@ -224,7 +266,12 @@ def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int,
     target = np.concatenate([scaled.real, scaled.imag], axis=1)
     frame = stacked(fit.linear.frame, root)
     extra = stacked(
-        columns(arrangement.omega, with_poles(Terms(np.empty(0), np.empty(0), ()), pool), arrangement.power), root
+        columns(
+            arrangement.omega,
+            with_poles(Terms(np.empty(0), np.empty(0), ()), pool),
+            arrangement.power,
+        ),
+        root,
     )
     extra = extra / np.maximum(np.linalg.norm(extra, axis=0), np.finfo(float).tiny)
     frame = np.linalg.qr(frame)[0]
@@ -247,16 +294,23 @@ def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int,
         along = own.T @ extra  # (2, 2C)
         right = right - (target @ own) @ along
         a, b = along[:, 0::2], along[:, 1::2]
-        gram = [g - np.sum(x * y, axis=0) for g, (x, y) in zip(gram, ((a, a), (a, b), (b, b)), strict=True)]
+        gram = [
+            g - np.sum(x * y, axis=0)
+            for g, (x, y) in zip(gram, ((a, a), (a, b), (b, b)), strict=True)
+        ]
         open_ &= np.abs(pool - pool[k]) > ONE * -(pool.real + pool[k].real)
     return pool[taken]
 
 
 def _two_by_two(right: FloatArray, a: FloatArray, b: FloatArray, d: FloatArray) -> FloatArray:
-    """(C,) gain of each pair of columns from their products with the residuals (M, 2C) and with one another."""
+    """(C,) gain of each pair of columns from their products with the residuals (M, 2C) and with one
+    another.
+    """
     one, two = right[:, 0::2], right[:, 1::2]
     determinant = a * d - b**2
     new = 1e-6  # of a candidate's power: what the series leaves below it is round-off
     alone = (a > new) & (d > new) & (determinant > new * a * d)
-    total = d * np.sum(one**2, axis=0) - 2 * b * np.sum(one * two, axis=0) + a * np.sum(two**2, axis=0)
+    total = (
+        d * np.sum(one**2, axis=0) - 2 * b * np.sum(one * two, axis=0) + a * np.sum(two**2, axis=0)
+    )
     return np.asarray(np.where(alone, total / np.where(alone, determinant, 1.0), 0.0))

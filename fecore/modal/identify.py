@@ -40,10 +40,12 @@ _FEW_OUTLIERS = 0.01  # share of a record that may be outliers
 class Options:
     """How to identify; the defaults need no human."""
 
-    band_hz: tuple[float, float] | None = None  # lines to use; all where None. Modes outside are not reported.
+    # lines to use; all where None. Modes outside are not reported.
+    band_hz: tuple[float, float] | None = None
     highest_order: int = 40  # largest order of the linear stage (poles in a window of lines)
     most_modes: int = 100  # largest number of pole pairs of the fitted series
-    threshold: float = 0.9  # probability from which a pole is a mode; below it, from 0.1 on, it is uncertain
+    # probability from which a pole is a mode; below it, from 0.1 on, it is uncertain
+    threshold: float = 0.9
 
     def __post_init__(self) -> None:
         if not 4 <= self.highest_order <= 200:
@@ -51,29 +53,39 @@ class Options:
         if not 1 <= self.most_modes <= 200:
             raise InputError("most_modes", f"is {self.most_modes}, expected 1 to 200")
         if not REFUSED <= self.threshold < 1:
-            raise InputError("threshold", f"is {self.threshold:g}, expected a probability from {REFUSED:g} to below 1")
+            raise InputError(
+                "threshold",
+                f"is {self.threshold:g}, expected a probability from {REFUSED:g} to below 1",
+            )
 
 
 def identify(
-    frfs: FrfSet | Sequence[FrfSet], options: Options | None = None, report: Report = lambda _stage, _share: None
+    frfs: FrfSet | Sequence[FrfSet],
+    options: Options | None = None,
+    report: Report = lambda _stage, _share: None,
 ) -> Identification:
-    """Natural frequencies, damping ratios and shapes of all modes in the band, with their covariance and probability.
+    """Natural frequencies, damping ratios and shapes of all modes in the band, with their
+    covariance and probability.
 
     Args:
         frfs: the FRFs of one campaign: one set, or several with different axes or quantities.
         options: band, order, number of modes and threshold; defaults suit an unattended run.
-        report: called often with the step and the share of the work that is done; what it raises ends the run.
+        report: called often with the step and the share of the work that is done; what it raises
+            ends the run.
 
     Raises:
         InputError: the FRFs or options cannot be read as such.
-        IdentificationError: the data support no mode; the message says what was seen and what to try.
+        IdentificationError: the data support no mode; the message says what was seen and what to
+            try.
     """
     options = options or Options()
     times = [time.perf_counter()]
     report("screening the FRFs", 0.0)
     prepared = prepare(frfs, options.band_hz)
     times.append(time.perf_counter())
-    fitted = fit_series(prepared.arrangement, prepared.noise, options.highest_order, options.most_modes, report)
+    fitted = fit_series(
+        prepared.arrangement, prepared.noise, options.highest_order, options.most_modes, report
+    )
     times.append(time.perf_counter())
     report("judging the poles", 0.9)
     found = _judged(prepared, fitted, options.threshold)
@@ -85,7 +97,9 @@ def identify(
 
 @dataclass(frozen=True)
 class _Verdict:
-    """The poles of a fit that are modes or uncertain, `kept` in ascending frequency, and those refused."""
+    """The poles of a fit that are modes or uncertain, `kept` in ascending frequency, and those
+    refused.
+    """
 
     kept: IntArray
     probability: FloatArray
@@ -93,7 +107,9 @@ class _Verdict:
     refused: tuple[RefusedPole, ...]
 
     def of(self, old: IntArray, frequency_hz: FloatArray) -> _Verdict:
-        """The verdict of new poles with these frequencies, each with what was found of an old one."""
+        """The verdict of new poles with these frequencies, each with what was found of an old
+        one.
+        """
         kept = np.concatenate([np.flatnonzero(old == k) for k in self.kept])
         kept = kept[np.argsort(frequency_hz[kept], kind="stable")]
         return _Verdict(kept, self.probability[old], [self.features[k] for k in old], self.refused)
@@ -107,7 +123,10 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
     verdict = _verdict(arrangement, fit, evidence)
     if not verdict.kept.size:
         raise IdentificationError(_nothing(arrangement, verdict.refused, fitted.full))
-    significance, toned = gains(fit) / (pole_price(fit) * fit.memory), _toned(arrangement, fit, evidence)
+    significance, toned = (
+        gains(fit) / (pole_price(fit) * fit.memory),
+        _toned(arrangement, fit, evidence),
+    )
     fit, old, parted = part(arrangement, fit, verdict.kept)
     fitted = replace(fitted, fit=fit)
     verdict = verdict.of(old, fit.terms.frequency_hz)
@@ -167,7 +186,11 @@ def _verdict(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> _Verdict
     order = order[arrangement.in_band(terms.frequency_hz)[order]]
     refused = tuple(
         RefusedPole(
-            float(terms.frequency_hz[k]), float(terms.damping_ratio[k]), _against(said[k]), float(p[k]), said[k][:_SAID]
+            float(terms.frequency_hz[k]),
+            float(terms.damping_ratio[k]),
+            _against(said[k]),
+            float(p[k]),
+            said[k][:_SAID],
         )
         for k in order[p[order] < REFUSED]
     )
@@ -184,12 +207,16 @@ def _doubt(verdict: _Verdict, k: int, threshold: float) -> str | None:
     p = verdict.probability[k]
     if p >= threshold:
         return None
-    return f"a mode with probability {p:.2f}: {'; '.join(each.words for each in verdict.features[k])}"
+    return (
+        f"a mode with probability {p:.2f}: {'; '.join(each.words for each in verdict.features[k])}"
+    )
 
 
 def _shapes(arrangement: Arrangement, fit: Fit, kept: IntArray) -> Shapes:
     damped = fit.terms.poles[kept].imag
-    return shapes_from_residues(arrangement, fit.residues[:, kept], fit.residue_variance[:, kept], damped)
+    return shapes_from_residues(
+        arrangement, fit.residues[:, kept], fit.residue_variance[:, kept], damped
+    )
 
 
 def _modes(fitted: Fitted, verdict: _Verdict, shapes: Shapes) -> MeasuredModes:
@@ -206,13 +233,16 @@ def _of_drift(fitted: Fitted) -> list[str]:
     if not fitted.drift.any():
         return []
     return [
-        f"all natural frequencies drift together between the tests, by {100 * fitted.drift.std():.2g} % (1 sd): the tests were"
-        " aligned; temperature does this, or a support that comes loose"
+        "all natural frequencies drift together between the tests, by"
+        f" {100 * fitted.drift.std():.2g} % (1 sd): the tests were aligned; temperature does this,"
+        " or a support that comes loose"
     ]
 
 
 def _toned(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> BoolArray:
-    """(N, L) values of which a tone is the larger part, and larger than their noise: they are no answer to the force."""
+    """(N, L) values of which a tone is the larger part, and larger than their noise: they are no
+    answer to the force.
+    """
     pairs, tone = slice(0, 2 * fit.terms.pairs), np.repeat(evidence.tone, 2)
     own = columns(arrangement.omega, fit.terms, arrangement.power)[:, pairs][:, tone]
     part = real_times(fit.linear.coefficients[:, pairs][:, tone], own.T)
@@ -222,20 +252,25 @@ def _toned(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> BoolArray:
 
 def _of_tones(arrangement: Arrangement, toned: BoolArray) -> list[str]:
     lines = lines_in_words(arrangement.frequency_hz[toned.any(axis=0)])
-    return [f"interference at {lines}: left out there, a tone of no width is no mode"] if toned.any() else []
+    return (
+        [f"interference at {lines}: left out there, a tone of no width is no mode"]
+        if toned.any()
+        else []
+    )
 
 
 def _of_phase(evidence: Evidence) -> list[str]:
     if evidence.turned:
         return [
-            "the residues of all strong poles are turned by 90°: another quantity than stated (a velocity written as an"
-            " acceleration?), or a channel that was integrated; check it"
+            "the residues of all strong poles are turned by 90°: another quantity than stated (a"
+            " velocity written as an acceleration?), or a channel that was integrated; check it"
         ]
     if abs(evidence.delay) < 2e-5:
         return []
     return [
-        f"the responses come {1e6 * evidence.delay:.0f} µs {'after' if evidence.delay > 0 else 'before'} the forces, by the"
-        " phases of the strong modes: a delay between the channels; the phases were judged without it"
+        f"the responses come {1e6 * evidence.delay:.0f} µs"
+        f" {'after' if evidence.delay > 0 else 'before'} the forces, by the phases of the strong"
+        " modes: a delay between the channels; the phases were judged without it"
     ]
 
 
@@ -245,20 +280,29 @@ def _outliers(fit: Fit) -> BoolArray:
     alone = far.copy()
     alone[:, 1:] &= ~far[:, :-1]
     alone[:, :-1] &= ~far[:, 1:]
-    return np.asarray(alone & (far.sum(axis=1, keepdims=True) <= np.maximum(1, _FEW_OUTLIERS * far.shape[1])))
+    return np.asarray(
+        alone & (far.sum(axis=1, keepdims=True) <= np.maximum(1, _FEW_OUTLIERS * far.shape[1]))
+    )
 
 
 def _of_outliers(arrangement: Arrangement, outliers: BoolArray) -> list[str]:
     rows = np.flatnonzero(outliers.any(axis=1))
     words = [lines_in_words(arrangement.frequency_hz[outliers[row]]) for row in rows]
     said = "left out, far off what the other lines say"
-    notes = [f"{arrangement.label(int(row))}: {lines} {said}" for row, lines in zip(rows, words, strict=True)]
+    notes = [
+        f"{arrangement.label(int(row))}: {lines} {said}"
+        for row, lines in zip(rows, words, strict=True)
+    ]
     more = len(notes) - 8
-    return notes if more <= 0 else [*notes[:8], f"outlying values were left out of {more} more FRFs"]
+    return (
+        notes if more <= 0 else [*notes[:8], f"outlying values were left out of {more} more FRFs"]
+    )
 
 
 def _model_error(arrangement: Arrangement, fitted: Fitted) -> float:
-    """Relative error of the FRFs beside the noise, from lines where they are large: root of Σ(|r|² - n²)|H|²/Σ|H|⁴."""
+    """Relative error of the FRFs beside the noise, from lines where they are large: root of Σ(|r|²
+    - n²)|H|²/Σ|H|⁴.
+    """
     size = np.where(arrangement.measured, np.abs(arrangement.values) ** 2, 0.0)
     excess = (np.abs(fitted.fit.residual) ** 2 - fitted.noise) * size
     total = float(np.sum(size**2))
@@ -267,9 +311,9 @@ def _model_error(arrangement: Arrangement, fitted: Fitted) -> float:
 
 def _of_noise(ratio: float) -> list[str]:
     return [
-        f"the residual is {np.sqrt(ratio):.1f} times the noise that coherence and averages state: the model does not"
-        " explain all of the data (non-linearity, leakage, a moving sensor mass); the standard deviations were enlarged"
-        " by as much"
+        f"the residual is {np.sqrt(ratio):.1f} times the noise that coherence and averages state:"
+        " the model does not explain all of the data (non-linearity, leakage, a moving sensor"
+        " mass); the standard deviations were enlarged by as much"
     ]
 
 
@@ -279,8 +323,12 @@ def _nothing(arrangement: Arrangement, refused: tuple[RefusedPole, ...], full: b
     seen = [f"{p.frequency_hz:.1f} Hz ({p.reason})" for p in refused[:8]]
     return (
         f"no mode is supported by the {len(arrangement.pairs)} FRFs from {band}. "
-        + (f"Poles seen and refused: {'; '.join(seen)}. " if seen else "No pole lowers the misfit by what it costs. ")
+        + (
+            f"Poles seen and refused: {'; '.join(seen)}. "
+            if seen
+            else "No pole lowers the misfit by what it costs. "
+        )
         + ("The search stopped at most_modes; raise it, or leave it out. " if full else "")
-        + "Try a band around a resonance, more averages, or a higher order; check that responses and forces are not"
-        " swapped, and that the imaginary part has the sign of exp(+iωt)."
+        + "Try a band around a resonance, more averages, or a higher order; check that responses"
+        " and forces are not swapped, and that the imaginary part has the sign of exp(+iωt)."
     )

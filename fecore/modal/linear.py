@@ -1,11 +1,13 @@
-"""Weighted linear least squares of all FRFs at once, for given poles, that dependent columns cannot spoil.
+"""Weighted linear least squares of all FRFs at once, for given poles, that dependent columns cannot
+spoil.
 
-Each FRF i has its own weights w_i² = 1/v_i, so its own normal matrix G_i = Re Φᴴ W_i² Φ. Normal matrices square the condition
-number of Φ. Therefore Φ is first made orthonormal under the weights' mean over the FRFs, Φ = Q T⁻¹, by the singular value
-decomposition of its scaled columns: what is left of G_i is as well conditioned as the FRFs' weights are alike, and a
-direction of
-the coefficients that the lines do not determine (a singular value below round-off) is left out, so that it is 0 in the solution
-and touches no other coefficient.
+Each FRF i has its own weights w_i² = 1/v_i, so its own normal matrix G_i = Re Φᴴ W_i² Φ. Normal
+matrices square the condition number of Φ. Therefore Φ is first made orthonormal under the weights'
+mean over the FRFs, Φ = Q T⁻¹, by the singular value
+decomposition of its scaled columns: what is left of G_i is as well conditioned as the FRFs' weights
+are alike, and a direction of
+the coefficients that the lines do not determine (a singular value below round-off) is left out, so
+that it is 0 in the solution and touches no other coefficient.
 """
 
 from dataclasses import dataclass
@@ -16,7 +18,8 @@ import numpy as np
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.errors import IdentificationError
 
-_NULL = 1e-9  # of the largest singular value: below it a direction of the scaled coefficients is round-off
+# of the largest singular value: below it a direction of the scaled coefficients is round-off
+_NULL = 1e-9
 
 
 @dataclass(frozen=True)
@@ -26,8 +29,8 @@ class LinearFit:
     coefficients: FloatArray  # (N, q) real coefficients
     frame: ComplexArray  # (L, r) the basis made orthonormal, r <= q
     turn: FloatArray  # (q, r) coefficients of the basis from those of the frame
-    # (N, r, r) R with RᵀR the inverse normal matrices of the frame. What is left of a product after projection keeps
-    # twice the digits when it is made from the root.
+    # (N, r, r) R with RᵀR the inverse normal matrices of the frame. What is left of a product after
+    # projection keeps twice the digits when it is made from the root.
     root: FloatArray
 
     @cached_property
@@ -39,7 +42,9 @@ class LinearFit:
 
 
 def orthonormal(basis: ComplexArray, weight: FloatArray) -> tuple[ComplexArray, FloatArray]:
-    """The basis made orthonormal under the mean weight, (L, r), and (q, r) what makes it so; null directions are left out."""
+    """The basis made orthonormal under the mean weight, (L, r), and (q, r) what makes it so; null
+    directions are left out.
+    """
     root = mean_weight(weight)
     scaled = stacked(basis, root)
     length = np.linalg.norm(scaled, axis=0)
@@ -64,7 +69,11 @@ def mean_weight(weight: FloatArray) -> FloatArray:
 
 
 def solve_normal(
-    normal: FloatArray, frame: ComplexArray, turn: FloatArray, values: ComplexArray, weight: FloatArray
+    normal: FloatArray,
+    frame: ComplexArray,
+    turn: FloatArray,
+    values: ComplexArray,
+    weight: FloatArray,
 ) -> LinearFit:
     """The coefficients where the (N, r, r) normal matrices of the orthonormal frame are known.
 
@@ -74,7 +83,9 @@ def solve_normal(
     right = real_part(weight * values, frame.T)
     scale = np.sqrt(np.einsum("nii->ni", normal))
     if not np.all(scale > 0):
-        raise IdentificationError("a term has no weight on the measured lines of an FRF; leave that FRF out")
+        raise IdentificationError(
+            "a term has no weight on the measured lines of an FRF; leave that FRF out"
+        )
     unit = normal / (scale[:, :, None] * scale[:, None, :])
     if proportional(weight) is not None:
         unit = unit[:1]
@@ -88,7 +99,9 @@ def solve_normal(
 
 
 def _roots(normal: FloatArray) -> FloatArray:
-    """(N, r, r) R with RᵀR the inverse of each matrix on the directions that it determines, 0 on the others."""
+    """(N, r, r) R with RᵀR the inverse of each matrix on the directions that it determines, 0 on
+    the others.
+    """
     value, vector = np.linalg.eigh(normal)
     floor = _NULL * value[:, -1:]
     inverse = np.where(value > floor, 1 / np.sqrt(np.where(value > floor, value, 1.0)), 0.0)
@@ -96,7 +109,9 @@ def _roots(normal: FloatArray) -> FloatArray:
 
 
 def normal_columns(basis: ComplexArray, weight: FloatArray, first: int = 0) -> FloatArray:
-    """(N, q, q - first) the columns, from the `first` on, of the normal matrices Re Φᴴ W_i² Φ of all FRFs."""
+    """(N, q, q - first) the columns, from the `first` on, of the normal matrices Re Φᴴ W_i² Φ of
+    all FRFs.
+    """
     q, rows = basis.shape[1], weight.shape[0]
     if (share := proportional(weight)) is not None:
         both = np.concatenate([basis.real, basis.imag]) * np.sqrt(np.tile(weight[0], 2))[:, None]
@@ -114,7 +129,9 @@ def normal_columns(basis: ComplexArray, weight: FloatArray, first: int = 0) -> F
 
 
 def real_times(real: FloatArray, rows: ComplexArray) -> ComplexArray:
-    """(n, L) A Z of real (n, q) A and complex (q, L) Z, as one real product: half the work of a complex one."""
+    """(n, L) A Z of real (n, q) A and complex (q, L) Z, as one real product: half the work of a
+    complex one.
+    """
     product: ComplexArray = (real @ np.ascontiguousarray(rows).view(np.float64)).view(np.complex128)
     return product
 
@@ -127,6 +144,8 @@ def real_part(rows: ComplexArray, others: ComplexArray) -> FloatArray:
 
 
 def proportional(weight: FloatArray) -> FloatArray | None:
-    """(N,) the FRFs' weights over those of the first, where these are one function of frequency but for a factor."""
+    """(N,) the FRFs' weights over those of the first, where these are one function of frequency but
+    for a factor.
+    """
     share: FloatArray = weight.sum(axis=1) / weight[0].sum()
     return share if np.allclose(weight, share[:, None] * weight[0], rtol=1e-9, atol=0) else None

@@ -1,7 +1,9 @@
-"""Two modes of rank one in place of a pole: least squares with their shapes and all other terms of the series eliminated.
+"""Two modes of rank one in place of a pole: least squares with their shapes and all other terms of
+the series eliminated.
 
-The unknowns θ are (ln f₁, ln f₂, ζ₁, ζ₂) and the real and imaginary parts of l_q, how well each reference sees mode q, but for
-its largest entry, which is 1. For given θ the shapes ψ_q are linear, and one matrix serves all roving dofs.
+The unknowns θ are (ln f₁, ln f₂, ζ₁, ζ₂) and the real and imaginary parts of l_q, how well each
+reference sees mode q, but for its largest entry, which is 1. For given θ the shapes ψ_q are linear,
+and one matrix serves all roving dofs.
 """
 
 from __future__ import annotations
@@ -31,7 +33,9 @@ class Modes:
     @property
     def free(self) -> BoolArray:
         """(2, m) the entries of `seen` that are unknown."""
-        return np.asarray(np.arange(self.seen.shape[1]) != np.argmax(np.abs(self.seen), axis=1)[:, None])
+        return np.asarray(
+            np.arange(self.seen.shape[1]) != np.argmax(np.abs(self.seen), axis=1)[:, None]
+        )
 
     @property
     def theta(self) -> FloatArray:
@@ -48,7 +52,9 @@ class Modes:
 
 @dataclass(frozen=True)
 class Site:
-    """FRFs of p roving against m fixed dofs on all lines, weighted, less what the series without a pole can make of them."""
+    """FRFs of p roving against m fixed dofs on all lines, weighted, less what the series without a
+    pole can make of them.
+    """
 
     omega: FloatArray  # (L,) rad/s
     power: int  # of iω that makes these FRFs of a receptance
@@ -62,7 +68,9 @@ class Site:
 
     @classmethod
     def about(cls, arrangement: Arrangement, fit: Fit, k: int) -> Site | None:
-        """The place of pole k, where FRFs were measured between all roving and fixed dofs; None where lines are few."""
+        """The place of pole k, where FRFs were measured between all roving and fixed dofs; None
+        where lines are few.
+        """
         terms, use = fit.terms, arrangement.measured.all(axis=0)
         others = without_poles(terms, np.arange(terms.pairs) == k)
         if 2 * use.sum() <= others.columns + 4:
@@ -71,9 +79,14 @@ class Site:
         place[arrangement.row[:, 0], arrangement.row[:, 1]] = np.arange(len(arrangement.pairs))
         root = np.sqrt(2 / fit.variance[:, use][place].mean(axis=0))
         basis = columns(arrangement.omega[use], others, arrangement.power)
-        frames = tuple(stacked(orthonormal(basis, w[None] ** 2)[0], mean_weight(w[None] ** 2)) for w in root)
+        frames = tuple(
+            stacked(orthonormal(basis, w[None] ** 2)[0], mean_weight(w[None] ** 2)) for w in root
+        )
         values = np.stack(
-            [stacked(arrangement.values[:, use][rows].T, w) for rows, w in zip(place.T, root, strict=True)]
+            [
+                stacked(arrangement.values[:, use][rows].T, w)
+                for rows, w in zip(place.T, root, strict=True)
+            ]
         )
         target = _cleared(frames, values)
         return cls(
@@ -90,7 +103,9 @@ class Site:
     def start(self) -> Modes:
         """The two modes to first order in their distance from the pole."""
         at = Terms(np.array([self.frequency_hz]), np.array([self.damping_ratio]), ())
-        design = np.concatenate([of(self.omega, at, self.power) for of in (columns, derivatives)], axis=1)
+        design = np.concatenate(
+            [of(self.omega, at, self.power) for of in (columns, derivatives)], axis=1
+        )
         first, second = np.empty((2, *self.place.shape), dtype=complex)
         for j, (frame, root) in enumerate(zip(self.frames, self.root, strict=True)):
             own = _cleared((frame,), stacked(design, root)[None])
@@ -102,14 +117,17 @@ class Site:
         seen = np.linalg.pinv(vectors) @ (size[:, None] * right)
         pole = at.poles[0]
         s = pole + np.where(
-            np.abs(shift) < -pole.real, shift, -pole.real * shift / np.maximum(np.abs(shift), np.finfo(float).tiny)
+            np.abs(shift) < -pole.real,
+            shift,
+            -pole.real * shift / np.maximum(np.abs(shift), np.finfo(float).tiny),
         )
         seen = seen / seen[[0, 1], np.argmax(np.abs(seen), axis=1)][:, None]
         return Modes(np.abs(s) / (2 * np.pi), np.clip(-s.real / np.abs(s), *DAMPING_RANGE), seen)
 
     def fitted(self, start: Modes, inflation: float) -> tuple[Modes, FloatArray]:
-        """Least squares from a start: the modes, and the covariance of θ by the variances' inflation, widened by the scatter
-        between the roving dofs. Steps take the roving dofs together in the few combinations of them that hold the two modes.
+        """Least squares from a start: the modes, and the covariance of θ by the variances'
+        inflation, widened by the scatter between the roving dofs. Steps take the roving dofs
+        together in the few combinations of them that hold the two modes.
         """
         unit = np.linalg.qr(self._design(start))[0]
         few = self.target @ np.linalg.svd(unit.T @ self.target, full_matrices=False)[2].T
@@ -119,9 +137,17 @@ class Site:
             frame = np.linalg.qr(self._design(start.at(theta)))[0]
             return np.asarray(target - frame @ (frame.T @ target)).ravel()
 
-        best = scipy.optimize.least_squares(apart, start.theta, x_scale=scale, max_nfev=40, args=(few,)).x
-        last = scipy.optimize.least_squares(apart, best, x_scale=scale, max_nfev=1, args=(self.target,))
-        pull = np.einsum("rpn,rp->pn", last.jac.reshape(*self.target.shape, -1), last.fun.reshape(self.target.shape))
+        best = scipy.optimize.least_squares(
+            apart, start.theta, x_scale=scale, max_nfev=40, args=(few,)
+        ).x
+        last = scipy.optimize.least_squares(
+            apart, best, x_scale=scale, max_nfev=1, args=(self.target,)
+        )
+        pull = np.einsum(
+            "rpn,rp->pn",
+            last.jac.reshape(*self.target.shape, -1),
+            last.fun.reshape(self.target.shape),
+        )
         inverse = np.linalg.pinv(last.jac.T @ last.jac, hermitian=True)
         return start.at(last.x), widened(inverse, inflation, pull, np.arange(len(pull)))
 
@@ -130,23 +156,32 @@ class Site:
         frame, triangle = np.linalg.qr(self._design(modes))
         inverse = np.linalg.inv(triangle)
         c, own = inverse @ (frame.T @ self.target), np.sum(inverse**2, axis=1)
-        values, spread = np.zeros((self.place.size, 2), dtype=complex), np.zeros((self.place.size, 2))
+        values, spread = (
+            np.zeros((self.place.size, 2), dtype=complex),
+            np.zeros((self.place.size, 2)),
+        )
         for q, seen in enumerate(modes.seen):
             values[self.place, q] = (c[2 * q] + 1j * c[2 * q + 1])[:, None] * seen
             spread[self.place, q] = (own[2 * q] + own[2 * q + 1]) * np.abs(seen) ** 2
         return values, spread
 
     def _design(self, modes: Modes) -> FloatArray:
-        """(2 m L, 4) columns of Re ψ_q and Im ψ_q, without what the other terms can make of them."""
+        """(2 m L, 4) columns of Re ψ_q and Im ψ_q, without what the other terms can make of
+        them.
+        """
         basis = columns(self.omega, Terms(modes.frequency_hz, modes.damping_ratio, ()), self.power)
         real, imag = basis[:, 0::2], basis[:, 1::2]
         both = []
         for seen, root in zip(modes.seen.T, self.root, strict=True):
-            own = np.stack([seen.real * real + seen.imag * imag, seen.real * imag - seen.imag * real], axis=2)
+            own = np.stack(
+                [seen.real * real + seen.imag * imag, seen.real * imag - seen.imag * real], axis=2
+            )
             both.append(stacked(own.reshape(len(basis), 4), root))
         return _cleared(self.frames, np.stack(both))
 
 
 def _cleared(frames: tuple[FloatArray, ...], each: FloatArray) -> FloatArray:
     """(2 m L, q) columns (m, 2 L, q) without what the frame of their reference can make of them."""
-    return np.concatenate([own - frame @ (frame.T @ own) for frame, own in zip(frames, each, strict=True)])
+    return np.concatenate(
+        [own - frame @ (frame.T @ own) for frame, own in zip(frames, each, strict=True)]
+    )

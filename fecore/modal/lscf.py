@@ -1,18 +1,22 @@
-"""Linear stage: least-squares complex frequency estimates (LSCF) in windows of the band, and the poles that come back.
+"""Linear stage: least-squares complex frequency estimates (LSCF) in windows of the band, and the
+poles that come back.
 
-In a window of lines the M rows of FRFs share a denominator of order n with complex coefficients, in z = exp(i(ω - ω₀)T), which
-maps the window to 0.95 of the circle:
+In a window of lines the M rows of FRFs share a denominator of order n with complex coefficients, in
+z = exp(i(ω - ω₀)T), which maps the window to 0.95 of the circle:
 
     H_m(z) = (Σ_r β_mr z^r) / (Σ_r α_r z^r),    r = 0 … n,    α_n = 1,
 
-and Σ_r β_mr z^r - H_m Σ_r α_r z^r is made small in the weighted least-squares sense (Guillaume, Verboven and Vanlanduit 1998).
-The β_m are eliminated; the poles are the eigenvalues of the companion matrix of the α. Complex coefficients spare the mirror
-poles and let the numerators stand for all that lies outside the window. All inner products are Toeplitz in r: moments
-Σ_l w (...) z^k.
+and Σ_r β_mr z^r - H_m Σ_r α_r z^r is made small in the weighted least-squares sense (Guillaume,
+Verboven and Vanlanduit 1998). The β_m are eliminated; the poles are the eigenvalues of the
+companion matrix of the α. Complex coefficients spare the mirror
+poles and let the numerators stand for all that lies outside the window. All inner products are
+Toeplitz in r: moments Σ_l w (...) z^k.
 
-Windows of 220 and of 75 lines see modes of some lines; the same windows on the means of 4 and of 16 lines see broad ones. A
-pole of the structure comes back from order to order and from window to window; the median of such a cluster is a candidate.
-The estimate is biased by noise: it is a start for the refinement and the stuff of the stabilisation diagram, nothing more.
+Windows of 220 and of 75 lines see modes of some lines; the same windows on the means of 4 and of 16
+lines see broad ones. A pole of the structure comes back from order to order and from window to
+window; the median of such a cluster is a candidate.
+The estimate is biased by noise: it is a start for the refinement and the stuff of the stabilisation
+diagram, nothing more.
 """
 
 from dataclasses import dataclass
@@ -23,7 +27,8 @@ import scipy
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 
 WIDE, NARROW = 220, 75  # lines of the windows
-ORDERS: dict[int, tuple[int, ...]] = {WIDE: (6, 12, 18, 24, 30), NARROW: (6, 10, 14, 18)}  # of each window
+# of each window
+ORDERS: dict[int, tuple[int, ...]] = {WIDE: (6, 12, 18, 24, 30), NARROW: (6, 10, 14, 18)}
 _MEANS = (1, 4, 16)  # lines that are taken together
 _INNER = 0.15  # of a window at each end, where another window sees more
 _CIRCLE = 0.95  # of the circle that a window is mapped to
@@ -43,7 +48,11 @@ class LinearPoles:
 
 
 def linear_poles(
-    omega: FloatArray, values: ComplexArray, weight: FloatArray, highest: int, windows: tuple[int, ...] = (WIDE, NARROW)
+    omega: FloatArray,
+    values: ComplexArray,
+    weight: FloatArray,
+    highest: int,
+    windows: tuple[int, ...] = (WIDE, NARROW),
 ) -> LinearPoles:
     """Poles of every order in every window.
 
@@ -76,7 +85,8 @@ def clusters(found: LinearPoles) -> ComplexArray:
     order = np.argsort(found.pole.imag)
     pole = found.pole[order]
     reach = np.maximum(_CLOSE * -pole.real, _OF_LINE * found.spacing[order])
-    most = min(60, pole.size)  # poles next in frequency that one is compared with: more than come near
+    # poles next in frequency that one is compared with: more than come near
+    most = min(60, pole.size)
     near = np.zeros((2 * most + 1, pole.size), dtype=bool)
     near[most] = True
     for shift in range(1, min(most, pole.size - 1) + 1):
@@ -136,7 +146,13 @@ def _in_window(
         turned = np.where(turned.imag < -(1 - _CIRCLE) * np.pi, turned + 2j * np.pi, turned)
         s = turned / period + 1j * w[0]
         place = (s.imag - w[0]) / span
-        keep = (s.real < 0) & (-s.real < _BROADEST * span) & (s.imag > 0) & (place > low) & (place < high)
+        keep = (
+            (s.real < 0)
+            & (-s.real < _BROADEST * span)
+            & (s.imag > 0)
+            & (place > low)
+            & (place < high)
+        )
         found.append((n, s[keep], span / max(w.size - 1, 1)))
     return found
 
@@ -144,7 +160,9 @@ def _in_window(
 def _of_orders(
     values: ComplexArray, weight: FloatArray, z: ComplexArray, orders: list[int]
 ) -> list[tuple[int, ComplexArray]]:
-    """Poles in z for every order, from the moments of the largest: leading parts of one Cholesky factor serve all."""
+    """Poles in z for every order, from the moments of the largest: leading parts of one Cholesky
+    factor serve all.
+    """
     top = orders[-1]
     lags = z[:, None] ** np.arange(-top, top + 1)
     shift = top + np.arange(top + 1) - np.arange(top + 1)[:, None]  # [r, s] -> moment of z^(s - r)

@@ -1,7 +1,9 @@
 """How noisy each value is.
 
-Where the FRF set carries a variance (from coherence and averages) it is used, as far as the records bear it out. Elsewhere the
-noise is what changes from line to line without memory. A fit leaves more: its variance follows the local misfit.
+Where the FRF set carries a variance (from coherence and averages) it is used, as far as the records
+bear it out. Elsewhere the
+noise is what changes from line to line without memory. A fit leaves more: its variance follows the
+local misfit.
 """
 
 import numpy as np
@@ -18,17 +20,22 @@ OUTLYING = (_FREEDOM + 2 - 0.1 * _FREEDOM) / 2
 
 _LARGE, _MOST_RELATIVE = 0.95, 0.05  # quantile of the values that are large; largest ε
 _LOCAL = 25  # lines over which the misfit is averaged
-_FLOOR = 1e-5  # of the rms of a record: below this nothing is believed, so that clean data keep finite weights
+# of the rms of a record: below this nothing is believed, so that clean data keep finite weights
+_FLOOR = 1e-5
 
 
 def excess(variance: FloatArray, scatter: FloatArray, measured: BoolArray) -> FloatArray:
-    """(N,) median over the lines of each FRF of the scatter (N, L) over the stated variance; NaN where none is stated."""
+    """(N,) median over the lines of each FRF of the scatter (N, L) over the stated variance; NaN
+    where none is stated.
+    """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return _row_medians(np.where(measured & np.isfinite(variance), scatter / variance, np.nan))
 
 
 def _row_medians(rows: FloatArray) -> FloatArray:
-    """(N,) median of each row without its NaNs, NaN of a row that is nothing else; numpy's own sorts masked arrays, slowly."""
+    """(N,) median of each row without its NaNs, NaN of a row that is nothing else; numpy's own
+    sorts masked arrays, slowly.
+    """
     ordered = np.sort(rows, axis=1)  # NaN comes last
     count = np.sum(~np.isnan(rows), axis=1)
     at = np.arange(len(rows))
@@ -39,9 +46,10 @@ def _row_medians(rows: FloatArray) -> FloatArray:
 def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -> FloatArray:
     """(N, L) variance of what changes from line to line without memory, as it follows frequency.
 
-    The running median of the squared second differences (E = 1.5 v, median of an exponential = ln 2 of its mean), over a window
-    that grows with the number of the line from 0 Hz: leakage rises towards 0 Hz as a power of it. A median does not see
-    resonances as long as they cover less than half of the window.
+    The running median of the squared second differences (E = 1.5 v, median of an exponential = ln 2
+    of its mean), over a window
+    that grows with the number of the line from 0 Hz: leakage rises towards 0 Hz as a power of it. A
+    median does not see resonances as long as they cover less than half of the window.
 
     Args:
         values: (N, L) FRFs, or the residual of a fit.
@@ -52,7 +60,9 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
     jump = np.abs(values[:, 1:-1] - (values[:, :-2] + values[:, 2:]) / 2) ** 2 / (1.5 * np.log(2))
     whole = measured[:, 1:-1] & measured[:, :-2] & measured[:, 2:]
     jump = np.where(whole & (jump > 0), jump, np.nan)
-    nodes = np.unique(np.geomspace(1 + first_line, lines + first_line, 64).round() - first_line - 1).astype(int)
+    nodes = np.unique(
+        np.geomspace(1 + first_line, lines + first_line, 64).round() - first_line - 1
+    ).astype(int)
     nodes = np.clip(nodes, 0, lines - 3)
     seen = np.empty((len(values), nodes.size))
     for place, node in enumerate(nodes):
@@ -64,7 +74,9 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
     out = np.empty((len(values), lines))
     for row, own in enumerate(seen):
         known = np.isfinite(own)
-        out[row] = np.exp(np.interp(line, nodes[known], np.log(own[known]))) if known.any() else usual[row]
+        out[row] = (
+            np.exp(np.interp(line, nodes[known], np.log(own[known]))) if known.any() else usual[row]
+        )
     return np.asarray(np.maximum(out, _FLOOR**2 * np.maximum(usual, np.finfo(float).tiny)[:, None]))
 
 
@@ -82,17 +94,18 @@ def local_variance(
     spare: FloatArray | float = 1.0,
     alike: bool = True,
 ) -> FloatArray:
-    """(N, L) variance that follows the local misfit: the mean of |residual|² over 25 lines, at least the noise, and
-    at least the share ε²|H|² that is usual where the FRFs are large: errors of the chain stand on the few lines of a
-    peak.
+    """(N, L) variance that follows the local misfit: the mean of |residual|² over 25 lines, at
+    least the noise, and at least the share ε²|H|² that is usual where the FRFs are large: errors of
+    the chain stand on the few lines of a peak.
 
     Args:
         arrangement: the FRFs.
         residual: (N, L) of a fit.
         noise: (N, L) variance of the noise.
-        spare: (L,) share of each line that the fit leaves to its errors, 1 less the leverage: on the two or three lines of a
-            narrow peak the residue and the pole take up most of them.
-        alike: take the variances as one function of frequency but for a factor, v_il = g_i p_l, where no value is missing.
+        spare: (L,) share of each line that the fit leaves to its errors, 1 less the leverage: on
+            the two or three lines of a narrow peak the residue and the pole take up most of them.
+        alike: take the variances as one function of frequency but for a factor, v_il = g_i p_l,
+            where no value is missing.
     """
     values, measured = arrangement.values, arrangement.measured
     square = scipy.ndimage.uniform_filter1d(
@@ -117,11 +130,15 @@ def _relative(residual: ComplexArray, values: ComplexArray, spare: FloatArray | 
     return float(min(np.median(share) / np.log(2), _MOST_RELATIVE**2))
 
 
-def student(arrangement: Arrangement, residual: ComplexArray, noise: FloatArray, spare: FloatArray) -> FloatArray:
-    """(N, L) variance of each value by Student's law with ν degrees of freedom about the local one: v/u, at least the noise.
+def student(
+    arrangement: Arrangement, residual: ComplexArray, noise: FloatArray, spare: FloatArray
+) -> FloatArray:
+    """(N, L) variance of each value by Student's law with ν degrees of freedom about the local one:
+    v/u, at least the noise.
 
-    u = (ν + 2)/(ν + 2|r|²/v), v the local mean of u|r|² (expectation maximisation; Lange, Little and Taylor 1989): a line of
-    interference or an overload counts for little, and does not raise the variance of the lines beside it.
+    u = (ν + 2)/(ν + 2|r|²/v), v the local mean of u|r|² (expectation maximisation; Lange, Little
+    and Taylor 1989): a line of interference or an overload counts for little, and does not raise
+    the variance of the lines beside it.
     """
     weight: FloatArray = np.ones(residual.shape)
     for _ in range(3):  # the weights change little after these

@@ -1,15 +1,17 @@
 """Two modes under one pole, parted by the references that see them differently.
 
-The residues of one mode, roving by fixed dofs, are a matrix of rank one, ψ lᵀ: l is how well each reference sees it. Modes so
-near to each other that the series has one pole for them leave a matrix of rank two. With several references l distinguishes
-them even where their frequencies agree. In place of the pole
+The residues of one mode, roving by fixed dofs, are a matrix of rank one, ψ lᵀ: l is how well each
+reference sees it. Modes so near to each other that the series has one pole for them leave a matrix
+of rank two. With several references l distinguishes them even where their frequencies agree. In
+place of the pole
 
     H_ij(s) = Σ_q ψ_qi l_qj/(s - s_q) + conj.  + all other terms of the series,     q = 1, 2,
 
-and to first order in the shifts δ_q = s_q - s_0 the sum is P/(s - s_0) + Q/(s - s_0)², P = Σ ψ_q l_qᵀ, Q = Σ δ_q ψ_q l_qᵀ. In
-the two leading singular directions of P, Q P⁻¹ = A diag(δ) A⁻¹: its eigenvalues are the shifts, the rows of A⁻¹P are the l_q.
-From there the poles and l are refined by least squares over all lines. The shapes ψ and the coefficients of the other terms are
-eliminated (variable projection): the skirts of neighbours are as large as what parts the two modes.
+and to first order in the shifts δ_q = s_q - s_0 the sum is P/(s - s_0) + Q/(s - s_0)², P = Σ ψ_q
+l_qᵀ, Q = Σ δ_q ψ_q l_qᵀ. In the two leading singular directions of P, Q P⁻¹ = A diag(δ) A⁻¹: its
+eigenvalues are the shifts, the rows of A⁻¹P are the l_q. From there the poles and l are refined by
+least squares over all lines. The shapes ψ and the coefficients of the other terms are eliminated
+(variable projection): the skirts of neighbours are as large as what parts the two modes.
 """
 
 from dataclasses import dataclass, field, replace
@@ -49,7 +51,9 @@ class PartedFit(Fit):
 
     @cached_property
     def residues(self) -> ComplexArray:
-        """(N, n) residues of the receptance; those beside a pair are of the fit with one pole for it."""
+        """(N, n) residues of the receptance; those beside a pair are of the fit with one pole for
+        it.
+        """
         values = self.base.residues[:, _places(self.base.terms.pairs, self.parted)]
         for first, pair in _first_of(self.parted):
             values[:, first : first + 2] = pair.residues
@@ -84,15 +88,19 @@ def part(arrangement: Arrangement, fit: Fit, among: IntArray) -> tuple[Fit, IntA
         the fit; the number of the old pole of each new one; and what was done, in words.
     """
     f, width = fit.terms.frequency_hz, fit.terms.half_bandwidth_hz
-    alone = np.sum(np.abs(f[among] - f[:, None]) < width[:, None], axis=1) <= 1  # a pole beside it is the other mode
-    two = np.intersect1d(among, np.flatnonzero(of_rank_two(arrangement, fit.residues, fit.residue_variance) & alone))
+    # a pole beside it is the other mode
+    alone = np.sum(np.abs(f[among] - f[:, None]) < width[:, None], axis=1) <= 1
+    two = np.intersect1d(
+        among, np.flatnonzero(of_rank_two(arrangement, fit.residues, fit.residue_variance) & alone)
+    )
     parted = tuple(pair for k in two if (pair := _pair(arrangement, fit, int(k))) is not None)
     at = _places(fit.terms.pairs, parted)
     if not parted:
         return fit, at, []
     notes = [
-        f"the modes at {pair.frequency_hz[0]:.3f} and {pair.frequency_hz[1]:.3f} Hz have one pole in the fit; they were parted"
-        " by the references, which see two shapes there. Where their intervals overlap the shapes are any two of their plane"
+        f"the modes at {pair.frequency_hz[0]:.3f} and {pair.frequency_hz[1]:.3f} Hz have one pole"
+        " in the fit; they were parted by the references, which see two shapes there. Where their"
+        " intervals overlap the shapes are any two of their plane"
         for pair in parted
     ]
     return _with(arrangement, fit, parted), at, notes
@@ -100,7 +108,9 @@ def part(arrangement: Arrangement, fit: Fit, among: IntArray) -> tuple[Fit, IntA
 
 def _places(count: int, parted: tuple[Parted, ...]) -> IntArray:
     """Number of the old pole of each new one, of `count` old ones: a parted pole stands twice."""
-    return np.repeat(np.arange(count), [1 + any(pair.pole == k for pair in parted) for k in range(count)])
+    return np.repeat(
+        np.arange(count), [1 + any(pair.pole == k for pair in parted) for k in range(count)]
+    )
 
 
 def _first_of(parted: tuple[Parted, ...]) -> list[tuple[int, Parted]]:
@@ -109,22 +119,33 @@ def _first_of(parted: tuple[Parted, ...]) -> list[tuple[int, Parted]]:
 
 
 def _with(arrangement: Arrangement, fit: Fit, parted: tuple[Parted, ...]) -> PartedFit:
-    """The series with the pairs in place of their poles; its other coefficients are fitted to what the pairs leave."""
+    """The series with the pairs in place of their poles; its other coefficients are fitted to what
+    the pairs leave.
+    """
     terms, n = fit.terms, fit.terms.pairs
     at = _places(n, parted)
     f, zeta = terms.frequency_hz[at], terms.damping_ratio[at]
     c = fit.linear.coefficients
-    c = c[:, np.concatenate([np.stack([2 * at, 2 * at + 1], axis=1).ravel(), np.arange(2 * n, c.shape[1])])]
+    c = c[
+        :,
+        np.concatenate(
+            [np.stack([2 * at, 2 * at + 1], axis=1).ravel(), np.arange(2 * n, c.shape[1])]
+        ),
+    ]
     own = np.zeros(c.shape[1], dtype=bool)
     for first, pair in _first_of(parted):
         f[first : first + 2], zeta[first : first + 2] = pair.frequency_hz, pair.damping_ratio
-        c[:, 2 * first : 2 * first + 4] = np.stack([pair.residues.real, pair.residues.imag], axis=2).reshape(-1, 4)
+        c[:, 2 * first : 2 * first + 4] = np.stack(
+            [pair.residues.real, pair.residues.imag], axis=2
+        ).reshape(-1, 4)
         own[2 * first : 2 * first + 4] = True
     terms = replace(terms, frequency_hz=f, damping_ratio=zeta)
     basis = columns(arrangement.omega, terms, arrangement.power)
     values = arrangement.values - c[:, own] @ basis[:, own].T
     others = without_poles(terms, own[: 2 * terms.pairs : 2])
-    c[:, ~own] = level_at(replace(arrangement, values=values), others, fit.variance).linear.coefficients
+    c[:, ~own] = level_at(
+        replace(arrangement, values=values), others, fit.variance
+    ).linear.coefficients
     kept = {name: getattr(fit, name) for name in Fit.__dataclass_fields__}
     kept |= {
         "terms": terms,
@@ -135,14 +156,17 @@ def _with(arrangement: Arrangement, fit: Fit, parted: tuple[Parted, ...]) -> Par
 
 
 def _pair(arrangement: Arrangement, fit: Fit, k: int) -> Parted | None:
-    """The two modes under pole k; None where they are not about it. The errors of the poles reach the residues, by one standard
-    deviation along each of their axes.
+    """The two modes under pole k; None where they are not about it. The errors of the poles reach
+    the residues, by one standard deviation along each of their axes.
     """
     site = Site.about(arrangement, fit, k)
     if site is None:
         return None
     two, covariance = site.fitted(site.start(), fit.inflation)
-    if not np.all(np.abs(two.frequency_hz - site.frequency_hz) < _NEAR * site.damping_ratio * site.frequency_hz):
+    if not np.all(
+        np.abs(two.frequency_hz - site.frequency_hz)
+        < _NEAR * site.damping_ratio * site.frequency_hz
+    ):
         return None
     residues, variance = site.residues(two)
     variance = variance * fit.inflation

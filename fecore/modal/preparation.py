@@ -1,4 +1,6 @@
-"""FRFs as they come, to what modes can be sought in: what can be used, with a noise that the records bear out."""
+"""FRFs as they come, to what modes can be sought in: what can be used, with a noise that the
+records bear out.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +14,8 @@ from fecore.modal.leakage import leakage
 from fecore.modal.noise import excess, scatter_of
 from fecore.modal.screening import Refused, screen
 
-_ALIKE_ON_LINES = 4.0  # stated noise over the scatter of lines from which most of it is alike on neighbouring lines
+# stated noise over the scatter of lines from which most of it is alike on neighbouring lines
+_ALIKE_ON_LINES = 4.0
 
 
 @dataclass(frozen=True)
@@ -20,9 +23,11 @@ class Prepared:
     """FRFs to seek modes in."""
 
     arrangement: Arrangement  # the FRFs that can be used, without what leaked from below the band
-    noise: FloatArray  # (N, L) variance of their noise, as stated where it is, and as seen from line to line elsewhere
+    # (N, L) variance of their noise, as stated where it is, and as seen from line to line elsewhere
+    noise: FloatArray
     refused: tuple[Refused, ...]  # FRFs that cannot be used
-    said: tuple[str, ...]  # what the screening has to say of all FRFs, and then of the noise and the leakage
+    # what the screening has to say of all FRFs, and then of the noise and the leakage
+    said: tuple[str, ...]
 
 
 def prepare(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None) -> Prepared:
@@ -46,7 +51,9 @@ def prepare(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None
 
 
 def noise_of(arrangement: Arrangement) -> FloatArray:
-    """(N, L) variance of the noise: as stated where it is, and as seen from line to line elsewhere."""
+    """(N, L) variance of the noise: as stated where it is, and as seen from line to line
+    elsewhere.
+    """
     return _known_or(arrangement, scatter_of(arrangement))
 
 
@@ -55,9 +62,11 @@ def _known_or(arrangement: Arrangement, scatter: FloatArray) -> FloatArray:
 
 
 def _doubt_variance(arrangement: Arrangement, scatter: FloatArray) -> tuple[Arrangement, list[str]]:
-    """Enlarge a stated noise that the records themselves contradict by more than a factor 2, and say so.
+    """Enlarge a stated noise that the records themselves contradict by more than a factor 2, and
+    say so.
 
-    Coherence that was averaged over few hits, or stated for the wrong estimator, is often too good by far.
+    Coherence that was averaged over few hits, or stated for the wrong estimator, is often too good
+    by far.
     """
     factor = excess(arrangement.variance, scatter, arrangement.measured)
     factor = np.where(factor > 2, factor, 1.0)
@@ -65,22 +74,25 @@ def _doubt_variance(arrangement: Arrangement, scatter: FloatArray) -> tuple[Arra
         return arrangement, []
     worst = int(np.argmax(factor))
     note = (
-        f"{int(np.sum(factor > 1))} FRFs scatter more from line to line than the noise that coherence and averages"
-        f" state (most in {arrangement.label(worst)}: {np.sqrt(factor[worst]):.1f} times the noise); the stated noise was"
-        " enlarged there"
+        f"{int(np.sum(factor > 1))} FRFs scatter more from line to line than the noise that"
+        f" coherence and averages state (most in {arrangement.label(worst)}:"
+        f" {np.sqrt(factor[worst]):.1f} times the noise); the stated noise was enlarged there"
     )
     return replace(arrangement, variance=arrangement.variance * factor[:, None]), [note]
 
 
 def _of_lines(arrangement: Arrangement, scatter: FloatArray) -> Arrangement:
-    """The stated noise, no larger than what changes from line to line, where there are FRFs enough to learn other errors.
+    """The stated noise, no larger than what changes from line to line, where there are FRFs enough
+    to learn other errors.
 
-    Hits beside the point scatter from hit to hit, but alike on all lines of a resonance: that is no noise of a line. The
-    residues take it up, and as noise it would hide one line and overrate the next. Its size is learnt with the relative error.
+    Hits beside the point scatter from hit to hit, but alike on all lines of a resonance: that is no
+    noise of a line. The residues take it up, and as noise it would hide one line and overrate the
+    next. Its size is learnt with the relative error.
     """
     with np.errstate(invalid="ignore"):
         over = arrangement.variance[arrangement.measured] / scatter[arrangement.measured]
     over = over[np.isfinite(over)]
     if len(arrangement.pairs) < FEW or not over.size or np.median(over) < _ALIKE_ON_LINES:
         return arrangement
-    return replace(arrangement, variance=np.minimum(arrangement.variance, scatter))  # NaN, not known, stays so
+    # NaN, not known, stays so
+    return replace(arrangement, variance=np.minimum(arrangement.variance, scatter))

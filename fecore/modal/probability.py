@@ -1,15 +1,19 @@
 """One probability for each pole: that it is a mode of the structure.
 
-    logit P = b₀ + Λ(r) + b₁ lg ρ + b₂ lg s - b₃ ln(1 + (z/0.3)²) - b₄ ln(1 + (0.15/d)²) + b₅ lg q + b₆ lg n,
+    logit P = b₀ + Λ(r) + b₁ lg ρ + b₂ lg s - b₃ ln(1 + (z/0.3)²) - b₄ ln(1 + (0.15/d)²) + b₅ lg q +
+    b₆ lg n,
 
-lg = log₁₀, with the features of `evidence` and Λ = ln p₁(r)/p₀(r), the densities of the phase for modes and for others,
+lg = log₁₀, with the features of `evidence` and Λ = ln p₁(r)/p₀(r), the densities of the phase for
+modes and for others,
 
     p₁ = 0.8 e^{-(1-r)/σ}/√(πσ(1-r)) + 0.2 (1+r)/(2π√(1-r²)),    p₀ = 0.2/(π√(1-r²)) + 0.8/2,    σ = 0.1.
 
-A mode's phase θ is off by up to 90° where another pole overlaps it or a spring is not linear, but not in proportion: (1+r)/2 =
-cos²θ. What is no mode has any phase: one for all FRFs, or each its own, whose median r spreads evenly. The weights b are a
-Bayesian fit (`python -m benchmarks calibrate`), with a covariance. A feature that a set cannot give drops out. The weights' own
-variance v of the logit a widens P towards ½ (MacKay 1992): P = σ(a/√(1 + πv/8)).
+A mode's phase θ is off by up to 90° where another pole overlaps it or a spring is not linear, but
+not in proportion: (1+r)/2 =
+cos²θ. What is no mode has any phase: one for all FRFs, or each its own, whose median r spreads
+evenly. The weights b are a Bayesian fit (`python -m benchmarks calibrate`), with a covariance. A
+feature that a set cannot give drops out. The weights' own variance v of the logit a widens P
+towards ½ (MacKay 1992): P = σ(a/√(1 + πv/8)).
 """
 
 from dataclasses import dataclass
@@ -22,7 +26,9 @@ from fecore.modal.weights import COVARIANCE, MEAN
 
 _SIGMA = 0.1  # of 1 - r of modes
 _RARE = (
-    0.2  # share of the modes whose phase is anything up to 90°, and of what is no mode that has one phase for all FRFs
+    # share of the modes whose phase is anything up to 90°, and of what is no mode that has one
+    # phase for all FRFs
+    0.2
 )
 _OVERDAMPED = 0.6  # ζ from which a pole is a trend of the record
 _DOUBLE = 0.15  # distance below which two poles are rather one mode
@@ -75,7 +81,9 @@ def no_mode(evidence: Evidence, damping_ratio: FloatArray) -> BoolArray:
     return np.asarray((damping_ratio > _OVERDAMPED) | evidence.tone)
 
 
-def judged(ratio: FloatArray, x: FloatArray, mean: FloatArray, covariance: FloatArray) -> FloatArray:
+def judged(
+    ratio: FloatArray, x: FloatArray, mean: FloatArray, covariance: FloatArray
+) -> FloatArray:
     """P of poles with a design, under weights with a covariance."""
     return predictive(ratio + x @ mean, np.einsum("ni,ij,nj->n", x, covariance, x))
 
@@ -88,14 +96,21 @@ def predictive(logit: FloatArray, variance: FloatArray) -> FloatArray:
 NAMES = ("phase", "rise", "share", "damping", "apart", "shape", "reach")
 
 
-def features(evidence: Evidence, frequency_hz: FloatArray, damping_ratio: FloatArray) -> list[tuple[Feature, ...]]:
+def features(
+    evidence: Evidence, frequency_hz: FloatArray, damping_ratio: FloatArray
+) -> list[tuple[Feature, ...]]:
     """The features of each pole, those that weigh most first."""
     ratio, x = design(evidence)
     added = np.concatenate([ratio[:, None], x[:, 1:] * MEAN[1:]], axis=1)
     out = []
     for k in range(len(x)):
         each = [
-            Feature(name, float(value), float(weight), _words(name, evidence, k, frequency_hz, damping_ratio))
+            Feature(
+                name,
+                float(value),
+                float(weight),
+                _words(name, evidence, k, frequency_hz, damping_ratio),
+            )
             for name, weight in zip(NAMES, added[k], strict=True)
             if np.isfinite(value := getattr(evidence, name)[k])
         ]
@@ -103,10 +118,18 @@ def features(evidence: Evidence, frequency_hz: FloatArray, damping_ratio: FloatA
     return out
 
 
-def _words(name: str, evidence: Evidence, k: int, frequency_hz: FloatArray, damping_ratio: FloatArray) -> str:
+def _words(
+    name: str, evidence: Evidence, k: int, frequency_hz: FloatArray, damping_ratio: FloatArray
+) -> str:
     if name == "phase":
         r = evidence.phase[k]
-        like = "a mode's" if r > 0.8 else "a quadratic distortion's" if r < -0.5 else "neither a mode's nor clear"
+        like = (
+            "a mode's"
+            if r > 0.8
+            else "a quadratic distortion's"
+            if r < -0.5
+            else "neither a mode's nor clear"
+        )
         return f"the phase of its residues is {like} (r = {r:.2f})"
     if name == "rise":
         return f"without it the local misfit is {evidence.rise[k]:.3g} times as large"
@@ -121,13 +144,14 @@ def _words(name: str, evidence: Evidence, k: int, frequency_hz: FloatArray, damp
         if evidence.apart[k] > 0.99:
             return "no larger pole is beside it"
         return (
-            f"the larger pole at {frequency_hz[other]:.2f} Hz is {abs(frequency_hz[k] - frequency_hz[other]) / width:.2g}"
-            " bandwidths away; the nearer, the likelier both are one mode that moves from test to test"
+            f"the larger pole at {frequency_hz[other]:.2f} Hz is"
+            f" {abs(frequency_hz[k] - frequency_hz[other]) / width:.2g} bandwidths away; the"
+            " nearer, the likelier both are one mode that moves from test to test"
         )
     if name == "shape":
         other = evidence.twin[k]
         return (
-            f"shape and curve part it from the larger pole at {frequency_hz[other]:.2f} Hz by {evidence.shape[k]:.2f} of 1;"
-            " one mode seen twice has one shape"
+            f"shape and curve part it from the larger pole at {frequency_hz[other]:.2f} Hz by"
+            f" {evidence.shape[k]:.2f} of 1; one mode seen twice has one shape"
         )
     return f"the FRF that shows it best has {100 - 100 * evidence.reach[k]:.0f} % of it"

@@ -32,17 +32,23 @@ def remarks(
         lines = 2 * zeta[k] * f[k] / max(arrangement.spacing_hz, np.finfo(float).tiny)
         if lines < _FEW_LINES:
             notes.append(
-                f"{name}: its half-power bandwidth covers {lines:.1f} lines, so its damping rests on the window and on"
-                " leakage; measure with a finer line spacing"
+                f"{name}: its half-power bandwidth covers {lines:.1f} lines, so its damping rests"
+                " on the window and on leakage; measure with a finer line spacing"
             )
         if share[kept[k]] < _WEAK:
-            notes.append(f"{name}: weak, {100 * share[kept[k]]:.0f} % of the FRFs at its own frequency")
+            notes.append(
+                f"{name}: weak, {100 * share[kept[k]]:.0f} % of the FRFs at its own frequency"
+            )
         if shapes.collinearity[k] < _COMPLEX:
-            notes.append(f"{name}: complex shape (modal phase collinearity {shapes.collinearity[k]:.2f})")
+            notes.append(
+                f"{name}: complex shape (modal phase collinearity {shapes.collinearity[k]:.2f})"
+            )
         if sd[k] > 0.1 * zeta[k]:
             notes.append(f"{name}: damping is known to ± {100 * sd[k] / zeta[k]:.0f} % only")
         if k and (f[k] - f[k - 1]) < _CLOSE * (zeta[k] * f[k] + zeta[k - 1] * f[k - 1]) / 2:
-            notes.append(f"modes {k} and {k + 1} ({f[k - 1]:.2f} and {f[k]:.2f} Hz) overlap: a close pair")
+            notes.append(
+                f"modes {k} and {k + 1} ({f[k - 1]:.2f} and {f[k]:.2f} Hz) overlap: a close pair"
+            )
     return (
         notes
         + _of_one_record(arrangement, fit, kept)
@@ -52,30 +58,37 @@ def remarks(
 
 
 def _of_one_record(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
-    """Poles that one of several FRFs shows: a mode and a resonance of that sensor have the same phase."""
+    """Poles that one of several FRFs shows: a mode and a resonance of that sensor have the same
+    phase.
+    """
     size = np.abs(fit.residues[:, kept]) ** 2
     if len(size) < 3:
         return []
     return [
-        f"mode {k + 1} ({fit.terms.frequency_hz[kept[k]]:.2f} Hz): {arrangement.label(int(np.argmax(size[:, k])))} alone shows"
-        " it: a local mode, or a resonance of that sensor or hammer"
+        f"mode {k + 1} ({fit.terms.frequency_hz[kept[k]]:.2f} Hz):"
+        f" {arrangement.label(int(np.argmax(size[:, k])))} alone shows it: a local mode, or a"
+        " resonance of that sensor or hammer"
         for k in np.flatnonzero(size.max(axis=0) > 0.99 * size.sum(axis=0))
     ]
 
 
 def _rank_two(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
-    """Poles whose residues against several fixed dofs are not one shape, and which the data did not part."""
+    """Poles whose residues against several fixed dofs are not one shape, and which the data did not
+    part.
+    """
     two = of_rank_two(arrangement, fit.residues, fit.residue_variance)
     return [
-        f"mode {number} ({fit.terms.frequency_hz[k]:.2f} Hz): its residues against the fixed dofs are of rank two:"
-        " two modes at one frequency, of which the stronger shape is given"
+        f"mode {number} ({fit.terms.frequency_hz[k]:.2f} Hz): its residues against the fixed dofs"
+        " are of rank two: two modes at one frequency, of which the stronger shape is given"
         for number, k in enumerate(kept, start=1)
         if two[k]
     ]
 
 
 def _driving_points(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
-    """A driving point has positive modal masses; where most come out negative, one of its signs is wrong."""
+    """A driving point has positive modal masses; where most come out negative, one of its signs is
+    wrong.
+    """
     notes = []
     masses = (2j * fit.terms.poles.imag * fit.residues)[:, kept].real
     for row, (a, b) in enumerate(arrangement.pairs):
@@ -84,8 +97,9 @@ def _driving_points(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[
         modal = masses[row]
         if modal.size and np.sum(modal[modal < 0]) < -0.5 * np.sum(np.abs(modal)):
             notes.append(
-                f"driving point {arrangement.label(row)}: {int(np.sum(modal < 0))} of {modal.size} modes have a negative"
-                " modal mass there, so the sign of hammer or sensor is wrong (a hit along -Z entered as +Z?); all shapes"
-                " of this fixed dof are turned if it is the sensor, one entry if it is the hit"
+                f"driving point {arrangement.label(row)}: {int(np.sum(modal < 0))} of {modal.size}"
+                " modes have a negative modal mass there, so the sign of hammer or sensor is wrong"
+                " (a hit along -Z entered as +Z?); all shapes of this fixed dof are turned if it"
+                " is the sensor, one entry if it is the hit"
             )
     return notes

@@ -25,19 +25,25 @@ class RefusedPole:
     damping_ratio: float  # its damping ratio
     reason: str  # why it is not a mode, in words
     probability: float = 0.0  # that it is one all the same
-    features: tuple[Feature, ...] = ()  # the reasons for and against it, those that weigh most first
+    # the reasons for and against it, those that weigh most first
+    features: tuple[Feature, ...] = ()
 
 
 @dataclass(frozen=True)
 class Found:
     """Poles with shapes: modes and uncertain ones, in ascending frequency."""
 
-    # frequencies, damping, complex shapes at the roving dofs (positive directions), covariance of (f, ζ)
+    # frequencies, damping, complex shapes at the roving dofs (positive directions), covariance of
+    # (f, ζ)
     modes: MeasuredModes
-    shapes: Shapes  # the same shapes in full: realised, mass normalised, standard deviations, modal phase collinearity
-    # (n,) what χ² would rise by without the pole, in units of the price of its unknowns: 1 is just worth it
+    # the same shapes in full: realised, mass normalised, standard deviations, modal phase
+    # collinearity
+    shapes: Shapes
+    # (n,) what χ² would rise by without the pole, in units of the price of its unknowns: 1 is just
+    # worth it
     significance: FloatArray
-    features: tuple[tuple[Feature, ...], ...]  # n tuples of the reasons for and against, those that weigh most first
+    # n tuples of the reasons for and against, those that weigh most first
+    features: tuple[tuple[Feature, ...], ...]
     doubt: tuple[str | None, ...]  # n reasons in words why a pole is uncertain; None for modes
 
     @property
@@ -80,17 +86,20 @@ class Identification:
     warnings: tuple[str, ...]  # what a user should know, in words
     frequency_hz: FloatArray  # (L,) lines of the fit
     quantity: Quantity  # what kind of FRF `measured` and `predicted` are
-    # (N, L) the FRFs as used (signs turned to positive directions), NaN where not measured or damaged
+    # (N, L) the FRFs as used (signs turned to positive directions), NaN where not measured or
+    # damaged
     measured: ComplexArray
     predicted: ComplexArray  # (N, L) the fitted FRFs
     noise_variance: FloatArray  # (N, L) variance E|n|² of each value, as handed in or estimated
-    # mean weighted square of the residual over the noise variance: 1 where the model explains all but noise. Exactly 1
-    # by construction where the variance was estimated from the residual.
+    # mean weighted square of the residual over the noise variance: 1 where the model explains all
+    # but noise. Exactly 1 by construction where the variance was estimated from the residual.
     noise_ratio: float
-    model_error: float  # standard deviation of the relative error of the FRFs that lasts over several lines
+    # standard deviation of the relative error of the FRFs that lasts over several lines
+    model_error: float
     drift: float  # standard deviation of the relative drift of the frequencies between the FRFs
     delay: float  # of the responses behind the forces, as the phases of the strong modes show it, s
-    memory_lines: float  # number of lines that count as one independent line, by the correlation of the residual
+    # number of lines that count as one independent line, by the correlation of the residual
+    memory_lines: float
     seconds: dict[str, float]  # time of each step
 
     def chosen(self, *, include_doubtful: bool = False) -> Found:
@@ -100,13 +109,17 @@ class Identification:
             IdentificationError: all are uncertain, and they are not asked for.
         """
         which = np.array(
-            [k for k, why in enumerate(self.found.doubt) if include_doubtful or why is None], dtype=np.int64
+            [k for k, why in enumerate(self.found.doubt) if include_doubtful or why is None],
+            dtype=np.int64,
         )
         if not which.size:
             f = self.found.modes.frequency_hz
-            seen = "; ".join(f"{hz:.2f} Hz: {why}" for hz, why in zip(f, self.found.doubt, strict=True))
+            seen = "; ".join(
+                f"{hz:.2f} Hz: {why}" for hz, why in zip(f, self.found.doubt, strict=True)
+            )
             raise IdentificationError(
-                f"all modes that the FRFs show are uncertain ({seen}); include_doubtful or a lower threshold takes them"
+                f"all modes that the FRFs show are uncertain ({seen}); include_doubtful or a lower"
+                " threshold takes them"
             )
         return self.found.select(which)
 
@@ -123,5 +136,7 @@ class Identification:
     @property
     def doubtful(self) -> Found | None:
         """The uncertain poles, with the reason of each."""
-        which = np.array([k for k, why in enumerate(self.found.doubt) if why is not None], dtype=np.int64)
+        which = np.array(
+            [k for k, why in enumerate(self.found.doubt) if why is not None], dtype=np.int64
+        )
         return self.found.select(which) if which.size else None

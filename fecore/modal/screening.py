@@ -1,8 +1,9 @@
 """Faults of the input: what is left out, mended or only named in a warning.
 
-Nothing is dropped in silence: each finding is a sentence that names the FRF or line, and refused FRFs are listed with
-their reason. What cannot be seen in FRFs alone is not guessed: the wrong sign of one roving channel against one fixed
-dof turns that entry of every shape and leaves no trace in the data.
+Nothing is dropped in silence: each finding is a sentence that names the FRF or line, and refused
+FRFs are listed with
+their reason. What cannot be seen in FRFs alone is not guessed: the wrong sign of one roving channel
+against one fixed dof turns that entry of every shape and leaves no trace in the data.
 """
 
 from collections.abc import Sequence
@@ -23,10 +24,15 @@ FEWEST_LINES = 16
 _SPIKE = 400.0  # jump squared over the local median of jumps squared
 _SHARED = 0.25  # share of the FRFs that may show a spike at one line
 _ALONE = (
-    5.0  # times the jump of any other FRF at a line: no mode shape, even at few points, has such a peak there alone
+    # times the jump of any other FRF at a line: no mode shape, even at few points, has such a peak
+    # there alone
+    5.0
 )
-_RAISED = 2.0  # neighbours of a true resonance stand this much above the lines further off; those of a spike do not
-_LIKE = 0.5  # correlation from which two reciprocal FRFs may be the same beside drift and hits off the point
+# neighbours of a true resonance stand this much above the lines further off; those of a spike do
+# not
+_RAISED = 2.0
+# correlation from which two reciprocal FRFs may be the same beside drift and hits off the point
+_LIKE = 0.5
 _SAME = 0.9  # correlation from which two FRFs between the same dofs are the same FRF
 
 
@@ -45,9 +51,12 @@ class Screened:
     arrangement: Arrangement  # the usable FRFs
     refused: tuple[Refused, ...]  # the others
     warnings: tuple[str, ...]  # what a user should know
-    kept: IntArray  # (n,) numbers, among the FRFs handed in, of those that may be used: copies that were averaged too
+    # (n,) numbers, among the FRFs handed in, of those that may be used: copies that were averaged
+    # too
+    kept: IntArray
     measured: BoolArray  # (n, L) which of their values may be used
-    conjugated: bool = False  # whether the FRFs handed in are conjugates, which `arrangement` holds conjugated back
+    # whether the FRFs handed in are conjugates, which `arrangement` holds conjugated back
+    conjugated: bool = False
 
 
 def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None = None) -> Screened:
@@ -60,7 +69,10 @@ def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None 
     sets = [frfs] if isinstance(frfs, FrfSet) else list(frfs)
     arrangement = arrange(sets, band_hz)
     if np.any(arrangement.variance <= 0):
-        raise InputError("variance", "must be positive (infinite where nothing was measured, NaN where it is unknown)")
+        raise InputError(
+            "variance",
+            "must be positive (infinite where nothing was measured, NaN where it is unknown)",
+        )
     notes = _notes_on_axes(sets)
     arrangement, gaps = _without_zeros(arrangement)
     notes += gaps
@@ -75,9 +87,9 @@ def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None 
     if conjugated:  # judged by all lines: a band about an antiresonance alone turns the other way
         arrangement = replace(arrangement, values=arrangement.values.conj())
         notes.append(
-            "the FRFs are conjugates: from line to line they turn anti-clockwise, as no passive structure does with exp(+iωt)"
-            " (written with exp(-iωt), or the wrong channel of the cross spectrum conjugated); they were conjugated back,"
-            " write them with exp(+iωt)"
+            "the FRFs are conjugates: from line to line they turn anti-clockwise, as no passive"
+            " structure does with exp(+iωt) (written with exp(-iωt), or the wrong channel of the"
+            " cross spectrum conjugated); they were conjugated back, write them with exp(+iωt)"
         )
     arrangement, spikes = _without_spikes(arrangement)
     merged, drop, notes_on_doubles = _merge_repeated(arrangement)
@@ -105,17 +117,24 @@ def _notes_on_axes(sets: list[FrfSet]) -> list[str]:
     notes = []
     if any(s.frequency_hz[0] == 0 for s in sets):
         notes.append("the line at 0 Hz is left out: it holds no modal information")
-    axes = {(s.frequency_hz.size, float(s.frequency_hz[0]), float(s.frequency_hz[-1])) for s in sets}
+    axes = {
+        (s.frequency_hz.size, float(s.frequency_hz[0]), float(s.frequency_hz[-1])) for s in sets
+    }
     if len(axes) > 1:
         words = "; ".join(f"{n} lines, {low:g} to {high:g} Hz" for n, low, high in sorted(axes))
-        notes.append(f"the FRFs have {len(axes)} different frequency axes ({words}): each is fitted on its own lines")
+        notes.append(
+            f"the FRFs have {len(axes)} different frequency axes ({words}): each is fitted on its"
+            " own lines"
+        )
     if len({s.quantity for s in sets}) > 1:
         notes.append(f"the FRFs are of different quantities: all were taken as {sets[0].quantity}")
     return notes
 
 
 def _without_zeros(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
-    """Values that are exactly zero in a living FRF were not measured; say which lines are missing."""
+    """Values that are exactly zero in a living FRF were not measured; say which lines are
+    missing.
+    """
     zero = np.asarray(arrangement.values == 0, dtype=bool) & arrangement.measured
     alive: BoolArray = np.asarray(np.any(arrangement.values, axis=1), dtype=bool)
     marked = np.asarray(zero & alive[:, None], dtype=bool)
@@ -123,18 +142,27 @@ def _without_zeros(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     notes = []
     for row in np.flatnonzero(marked.any(axis=1)):
         words = lines_in_words(arrangement.frequency_hz[marked[row]])
-        notes.append(f"{arrangement.label(int(row))} is exactly zero at {words}: taken as not measured")
+        notes.append(
+            f"{arrangement.label(int(row))} is exactly zero at {words}: taken as not measured"
+        )
     return replace(arrangement, measured=measured), notes
 
 
 def _alive(arrangement: Arrangement) -> Arrangement:
     """The FRFs without those that cannot be used."""
     refused = _unusable(arrangement)
-    return arrangement.without(list(refused)) if 0 < len(refused) < len(arrangement.pairs) else arrangement
+    return (
+        arrangement.without(list(refused))
+        if 0 < len(refused) < len(arrangement.pairs)
+        else arrangement
+    )
 
 
 def _unusable(arrangement: Arrangement) -> dict[int, str]:
-    rms = np.sqrt(np.sum(np.abs(arrangement.values) ** 2, axis=1) / np.maximum(arrangement.measured.sum(axis=1), 1))
+    rms = np.sqrt(
+        np.sum(np.abs(arrangement.values) ** 2, axis=1)
+        / np.maximum(arrangement.measured.sum(axis=1), 1)
+    )
     found = {}
     for row, (level, lines) in enumerate(zip(rms, arrangement.measured.sum(axis=1), strict=True)):
         if not np.any(arrangement.values[row]):
@@ -142,28 +170,40 @@ def _unusable(arrangement: Arrangement) -> dict[int, str]:
         elif level <= 1e-9 * rms.max():  # no converter has so many digits
             largest, strongest = np.abs(arrangement.values).max(axis=1), int(np.argmax(rms))
             found[row] = (
-                f"is at most {largest[row]:.2g} where {arrangement.label(strongest)} reaches {largest[strongest]:.2g}: a dead "
-                "channel, or the scale of one of the two is wrong; check cable and scale"
+                f"is at most {largest[row]:.2g} where {arrangement.label(strongest)} reaches"
+                f" {largest[strongest]:.2g}: a dead channel, or the scale of one of the two is"
+                " wrong; check cable and scale"
             )
         elif lines < FEWEST_LINES:
-            found[row] = f"has only {lines} measured lines in the band, at least {FEWEST_LINES} are needed"
+            found[row] = (
+                f"has only {lines} measured lines in the band, at least {FEWEST_LINES} are needed"
+            )
         elif np.ptp(arrangement.values[row, arrangement.measured[row]]) == 0:
             found[row] = "is the same number at all lines: not a measurement"
         elif not np.any(arrangement.values[row].imag) or not np.any(arrangement.values[row].real):
-            part, other = ("imaginary", "real") if not np.any(arrangement.values[row].imag) else ("real", "imaginary")
+            part, other = (
+                ("imaginary", "real")
+                if not np.any(arrangement.values[row].imag)
+                else ("real", "imaginary")
+            )
             found[row] = (
-                f"has no {part} part at any line: only its {other} part, or a magnitude, was exported; export both"
+                f"has no {part} part at any line: only its {other} part, or a magnitude, was"
+                " exported; export both"
             )
     return found
 
 
 def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
-    """Leave out single lines that stand out of a smooth record, as an overload or a mains line makes them."""
+    """Leave out single lines that stand out of a smooth record, as an overload or a mains line
+    makes them.
+    """
     pairs = zip(arrangement.values, arrangement.measured, strict=True)
     seen = [_spikes(v, m) for v, m in pairs]
     spikes, standing, height = (np.array(marks) for marks in zip(*seen, strict=True))
-    spikes &= standing.sum(axis=0) <= max(1, _SHARED * len(standing))  # what most records show is a resonance
-    if len(height) >= FEW:  # ... but an overload may fall on one: no other FRF jumps nearly as far there
+    # what most records show is a resonance
+    spikes &= standing.sum(axis=0) <= max(1, _SHARED * len(standing))
+    # ... but an overload may fall on one: no other FRF jumps nearly as far there
+    if len(height) >= FEW:
         spikes |= standing & (height > _ALONE * np.partition(height, -2, axis=0)[-2])
     if not spikes.any():
         return arrangement, []
@@ -171,7 +211,11 @@ def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     lines = np.flatnonzero(spikes.any(axis=0))
     for line in lines[:8]:
         rows = np.flatnonzero(spikes[:, line])
-        which = "all FRFs" if rows.size == len(spikes) else ", ".join(arrangement.label(int(r)) for r in rows[:5])
+        which = (
+            "all FRFs"
+            if rows.size == len(spikes)
+            else ", ".join(arrangement.label(int(r)) for r in rows[:5])
+        )
         more = f" and {rows.size - 5} more" if 5 < rows.size < len(spikes) else ""
         notes.append(
             f"the line at {arrangement.frequency_hz[line]:g} Hz stands alone out of {which}{more}"
@@ -180,14 +224,18 @@ def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     if lines.size > 8:
         notes.append(f"{lines.size - 8} more such lines were left out")
     measured = arrangement.measured & ~spikes
-    return replace(arrangement, measured=measured, values=np.where(measured, arrangement.values, 0)), notes
+    return (
+        replace(arrangement, measured=measured, values=np.where(measured, arrangement.values, 0)),
+        notes,
+    )
 
 
 def _spikes(record: ComplexArray, measured: BoolArray) -> tuple[BoolArray, BoolArray, FloatArray]:
     """What each line of a record looks like between its neighbours.
 
     Returns:
-        spikes: (L,) lines that jump far beyond the local scatter while their neighbours are not raised.
+        spikes: (L,) lines that jump far beyond the local scatter while their neighbours are not
+            raised.
         standing: (L,) the same beside raised neighbours too.
         height: (L,) by how much it jumps.
     """
@@ -212,12 +260,17 @@ def _spikes(record: ComplexArray, measured: BoolArray) -> tuple[BoolArray, BoolA
     return spikes, standing, height
 
 
-def _merge_repeated(arrangement: Arrangement) -> tuple[Arrangement, dict[int, Refused | None], list[str]]:
-    """Average FRFs measured twice between the same dofs; leave both out where they contradict each other.
+def _merge_repeated(
+    arrangement: Arrangement,
+) -> tuple[Arrangement, dict[int, Refused | None], list[str]]:
+    """Average FRFs measured twice between the same dofs; leave both out where they contradict each
+    other.
 
-    With the result come the rows that it lacks: those refused, and None for a copy that was averaged.
+    With the result come the rows that it lacks: those refused, and None for a copy that was
+    averaged.
 
-    Reciprocal FRFs (hit and read exchanged) are compared too, but kept, since both belong to the shapes.
+    Reciprocal FRFs (hit and read exchanged) are compared too, but kept, since both belong to the
+    shapes.
     """
     groups: dict[tuple[object, object], list[int]] = {}
     for row, (a, b) in enumerate(arrangement.pairs):
@@ -230,9 +283,11 @@ def _merge_repeated(arrangement: Arrangement) -> tuple[Arrangement, dict[int, Re
             own, label = arrangement.label(first), arrangement.label(other)
             likeness = _correlation(arrangement, first, other)
             reciprocal = arrangement.pairs[first] != arrangement.pairs[other]
-            if reciprocal and _LIKE < likeness < _SAME:  # a session with a drift and hits of its own
+            # a session with a drift and hits of its own
+            if reciprocal and _LIKE < likeness < _SAME:
                 notes.append(
-                    f"{own} and {label} should be the same FRF by reciprocity; their correlation is {likeness:.2f}"
+                    f"{own} and {label} should be the same FRF by reciprocity; their correlation is"
+                    f" {likeness:.2f}"
                 )
             elif likeness < _SAME:
                 reason = _contradiction(own, label, likeness)
@@ -243,7 +298,9 @@ def _merge_repeated(arrangement: Arrangement) -> tuple[Arrangement, dict[int, Re
                 values[first] = (arrangement.values[[first, other]] * share).sum(axis=0)
                 measured[first] = both.any(axis=0)
                 drop[other] = None
-                notes.append(f"{label} was measured more than once: the copies agree and were averaged")
+                notes.append(
+                    f"{label} was measured more than once: the copies agree and were averaged"
+                )
     merged = replace(arrangement, values=values, measured=measured)
     if drop:
         if len(drop) == len(arrangement.pairs):
@@ -256,10 +313,14 @@ def _merge_repeated(arrangement: Arrangement) -> tuple[Arrangement, dict[int, Re
 
 def _contradiction(first: str, other: str, likeness: float) -> str:
     if likeness < -_SAME:
-        return f"{first} and {other} are the same FRF with opposite signs: a wrong direction or polarity in one of them"
+        return (
+            f"{first} and {other} are the same FRF with opposite signs: a wrong direction or"
+            " polarity in one of them"
+        )
     return (
-        f"{first} and {other} are stated as the same FRF and differ (correlation {likeness:.2f}): correct the points and "
-        "directions where one of them is another FRF; else measure it again"
+        f"{first} and {other} are stated as the same FRF and differ (correlation {likeness:.2f}):"
+        " correct the points and directions where one of them is another FRF; else measure it"
+        " again"
     )
 
 

@@ -1,5 +1,5 @@
-"""Time blocks of hammer hits to FRFs with variance: blocks, pulse, traits, comparison, judgement, windows, estimators,
-points, process.
+"""Time blocks of hammer hits to FRFs with variance: blocks, pulse, traits, comparison, judgement,
+windows, estimators, points, process.
 """
 
 from fecore.signal.blocks import Block, ChannelQuantity, Hit

@@ -1,4 +1,6 @@
-"""Time blocks of a hammer test: one channel's block, and the hit that several channels recorded together."""
+"""Time blocks of a hammer test: one channel's block, and the hit that several channels recorded
+together.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -44,7 +46,9 @@ def exponential(samples: int, rate_per_sample: float) -> FloatArray:
 
 
 def finite(samples: FloatArray) -> bool:
-    """Whether all samples are finite numbers whose sum does not overflow: one pass, in their own precision where it will do."""
+    """Whether all samples are finite numbers whose sum does not overflow: one pass, in their own
+    precision where it will do.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(np.isfinite(samples.sum()) or np.isfinite(samples.sum(dtype=np.float64)))
 
@@ -57,9 +61,11 @@ class Block:
         dof: grid point and signed direction of the sensor or the hit.
         quantity: what the samples are.
         samples: (n,) values in SI (N, m/s², m/s, m), after the sensitivity.
-        window_rate_per_s: r where the analyser has multiplied the block by exp(-r t), t from its first sample; 0 for
+        window_rate_per_s: r where the analyser has multiplied the block by exp(-r t), t from its
+            first sample; 0 for
         none.
-        full_scale: largest magnitude that the channel can record, in the unit of the samples; None where it is not
+        full_scale: largest magnitude that the channel can record, in the unit of the samples; None
+            where it is not
         known.
     """
 
@@ -72,16 +78,26 @@ class Block:
     def __post_init__(self) -> None:
         if self.quantity not in get_args(ChannelQuantity):
             raise InputError(
-                "quantity", f"is {self.quantity!r}, expected one of {', '.join(get_args(ChannelQuantity))}"
+                "quantity",
+                f"is {self.quantity!r}, expected one of {', '.join(get_args(ChannelQuantity))}",
             )
         if self.samples.ndim != 1 or self.samples.size < FEWEST_SAMPLES:
-            raise InputError("samples", f"has shape {self.samples.shape}, expected {FEWEST_SAMPLES} samples or more")
+            raise InputError(
+                "samples",
+                f"has shape {self.samples.shape}, expected {FEWEST_SAMPLES} samples or more",
+            )
         if not finite(self.samples):
             bad = np.flatnonzero(~np.isfinite(self.samples))
-            where = f"NaN or infinity, first at sample {bad[0] + 1}" if bad.size else "numbers whose sum overflows"
+            where = (
+                f"NaN or infinity, first at sample {bad[0] + 1}"
+                if bad.size
+                else "numbers whose sum overflows"
+            )
             raise InputError("samples", f"of the {self.quantity} hold {where}")
         if not (np.isfinite(self.window_rate_per_s) and self.window_rate_per_s >= 0):
-            raise InputError("window_rate_per_s", f"is {self.window_rate_per_s}, expected 0 or more per second")
+            raise InputError(
+                "window_rate_per_s", f"is {self.window_rate_per_s}, expected 0 or more per second"
+            )
         if self.full_scale is not None and not self.full_scale > 0:
             raise InputError("full_scale", f"is {self.full_scale}, expected a positive number")
 
@@ -93,7 +109,8 @@ class Block:
 
     @cached_property
     def weakest(self) -> float:
-        """The analyser's window where it leaves noise alone, or the converter's steps, as they are where the window came before
+        """The analyser's window where it leaves noise alone, or the converter's steps, as they are
+        where the window came before
         the converter: white noise is half a step there.
         """
         quarter = self.samples[: self.samples.size // 4].astype(float)
@@ -102,15 +119,22 @@ class Block:
         return float(np.clip(smallest_step(self.samples) / max(2 * noise, 1e-300), _WEAKEST, 1.0))
 
     def shown(self, sample_rate_hz: float) -> int:
-        """Samples from the first on that the analyser's window leaves more of; the first quarter at least."""
+        """Samples from the first on that the analyser's window leaves more of; the first quarter at
+        least.
+        """
         rate, size = self.window_rate_per_s / sample_rate_hz, self.samples.size
-        return size if rate == 0 else min(max(int(np.log(1 / self.weakest) / rate) + 1, size // 4), size)
+        return (
+            size
+            if rate == 0
+            else min(max(int(np.log(1 / self.weakest) / rate) + 1, size // 4), size)
+        )
 
     def undone(self, sample_rate_hz: float) -> FloatArray:
         """(n,) samples as they were before the analyser's window, up to there."""
         window = self.window(sample_rate_hz)
         return np.asarray(
-            self.samples if window is None else self.samples / np.maximum(window, self.weakest), dtype=float
+            self.samples if window is None else self.samples / np.maximum(window, self.weakest),
+            dtype=float,
         )
 
 
@@ -132,9 +156,14 @@ class Hit:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.sample_rate_hz) and self.sample_rate_hz > 0):
-            raise InputError("sample_rate_hz", f"is {self.sample_rate_hz}, expected a positive number")
+            raise InputError(
+                "sample_rate_hz", f"is {self.sample_rate_hz}, expected a positive number"
+            )
         if self.force.quantity != "force":
-            raise InputError("force", f"holds {self.force.quantity}; the channels are swapped, or their names are")
+            raise InputError(
+                "force",
+                f"holds {self.force.quantity}; the channels are swapped, or their names are",
+            )
         if not self.responses:
             raise InputError("responses", "is empty; a hit needs a response")
         for block in self.responses:

@@ -1,18 +1,22 @@
 """How far a hit's FRF lies from those of the other hits of its point.
 
-A hit at x + δ beside its point x excites mode k with φ_k(x) + ∇φ_k(x)·δ in place of φ_k(x): the poles stay, each mode's share
-changes by another amount. So a misplaced hit differs from a noisy one by deviations in many bands at once. In band b, with P
-the power of an FRF there, two hits i, j are apart, after one of opposite sign is turned, by
+A hit at x + δ beside its point x excites mode k with φ_k(x) + ∇φ_k(x)·δ in place of φ_k(x): the
+poles stay, each mode's share changes by another amount. So a misplaced hit differs from a noisy one
+by deviations in many bands at once. In band b, with P the power of an FRF there, two hits i, j are
+apart, after one of opposite sign is turned, by
 
     r_ijb = Σ|H_i - H_j|² / √(½(P_ib + P_jb) M_b),    M_b the mean of P_b over the sensor's points,
     distance_ij = mean over b of √(r_ijb / u_b),    u_b the campaign's median of r_ijb between hits that seem good.
 
-Near a node P is small and ∇φ large, so deviations over P alone are largest there however good the hit; over √(P M) they are
-about alike at all points. The mean of roots lets no single band, such as one line of hum, speak for all. A hit's distance is
-the median of those to the others, each weighted by its probability of being good: what most agree on is right.
+Near a node P is small and ∇φ large, so deviations over P alone are largest there however good the
+hit; over √(P M) they are about alike at all points. The mean of roots lets no single band, such as
+one line of hum, speak for all. A hit's distance is
+the median of those to the others, each weighted by its probability of being good: what most agree
+on is right.
 
-A sensitivity or range moves all bands alike, another place each by another amount. With l_b the difference of ln|H| between
-two hits, weighted by 1/s_b², s_b the campaign's median of |l_b|, all bands share the factor exp(g),
+A sensitivity or range moves all bands alike, another place each by another amount. With l_b the
+difference of ln|H| between two hits, weighted by 1/s_b², s_b the campaign's median of |l_b|, all
+bands share the factor exp(g),
 
     g = m³/(m² + v),    m the weighted mean of l_b, v its weighted variance.
 """
@@ -29,11 +33,13 @@ from fecore.signal.traits import Traits
 
 BANDS = 32  # of an FRF, compared one by one
 MOST_LINES = 2048  # that are compared; of more, every k-th
-_PARTNERS = 8  # hits of its point that a hit is compared with, the following ones and then from the first on
+# hits of its point that a hit is compared with, the following ones and then from the first on
+_PARTNERS = 8
 _SIGNS = 2  # partners below which no sign is decided
 _HALF = 0.42  # of the weight: a median, but of two that weigh nearly the same not the larger
 _LEVEL = 0.01  # that good hits' levels are at least apart
-_FEWEST = 0.9  # partners that seem good, each by its probability, below which nobody can say which hit is wrong
+# partners that seem good, each by its probability, below which nobody can say which hit is wrong
+_FEWEST = 0.9
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,8 @@ class Point:
     responses: tuple[Dof, ...]  # where the sensors stood
     traits: tuple[Traits, ...]  # the hits' own numbers
     pairs: Pairs  # the hits beside one another
-    shares: FloatArray | None  # (h, K) what each resonance has in each hit; None where places are not asked for
+    # (h, K) what each resonance has in each hit; None where places are not asked for
+    shares: FloatArray | None
     used: tuple[int, ...] = ()  # the hits that seemed good
 
     def scaled(self, common: Mapping[Dof, FloatArray]) -> FloatArray:
@@ -70,17 +77,24 @@ class Point:
 
 
 def compare_lines(start: int, stop: int) -> slice:
-    """Lines of the band that hits are compared on: all, or every second, third ... of a long band."""
+    """Lines of the band that hits are compared on: all, or every second, third ... of a long
+    band.
+    """
     return slice(start, stop, max(1, -(-(stop - start) // MOST_LINES)))
 
 
 def pairs(forces: ComplexArray, responses: Sequence[ComplexArray]) -> Pairs:
-    """All hits of a point beside one another, from the (h, L) spectra of the force and of each response."""
+    """All hits of a point beside one another, from the (h, L) spectra of the force and of each
+    response.
+    """
     count, lines = forces.shape
     step = np.arange(1, min(count - 1, _PARTNERS) + 1)
     partner = (np.arange(count)[:, None] + step) % count
     edges = np.linspace(0, lines, BANDS + 1).astype(int)[:-1]
-    apart, likeness = np.empty((len(responses), *partner.shape, BANDS), np.float32), np.ones(partner.shape)
+    apart, likeness = (
+        np.empty((len(responses), *partner.shape, BANDS), np.float32),
+        np.ones(partner.shape),
+    )
     level = np.empty((len(responses), count, BANDS))
     for r, response in enumerate(responses):
         frf = hit_frfs(forces, response)
@@ -110,24 +124,36 @@ def usual_of(points: Sequence[Point], good: Sequence[BoolArray]) -> Usual:
     levels: dict[Dof, list[FloatArray]] = {}
     for point, g in zip(points, good, strict=True):
         for dof, level in zip(point.responses, point.pairs.level, strict=True):
-            levels.setdefault(dof, []).append(np.asarray(np.median(level[g] if g.any() else level, axis=0)))
-    common = {dof: np.log(np.mean(np.exp(2 * np.array(rows)), axis=0)) / 2 for dof, rows in levels.items()}
+            levels.setdefault(dof, []).append(
+                np.asarray(np.median(level[g] if g.any() else level, axis=0))
+            )
+    common = {
+        dof: np.log(np.mean(np.exp(2 * np.array(rows)), axis=0)) / 2 for dof, rows in levels.items()
+    }
     chosen = [(p, g[:, None] & g[p.pairs.partner]) for p, g in zip(points, good, strict=True)]
     apart = np.concatenate([p.scaled(common)[:, both].reshape(-1, BANDS) for p, both in chosen])
-    level = np.concatenate([np.abs(p.pairs.between()[:, both]).reshape(-1, BANDS) for p, both in chosen])
+    level = np.concatenate(
+        [np.abs(p.pairs.between()[:, both]).reshape(-1, BANDS) for p, both in chosen]
+    )
     if not len(apart):
         return Usual(common, np.ones(BANDS), np.ones(BANDS))
-    return Usual(common, np.maximum(np.median(apart, axis=0), 1e-12), np.maximum(np.median(level, axis=0), _LEVEL))
+    return Usual(
+        common,
+        np.maximum(np.median(apart, axis=0), 1e-12),
+        np.maximum(np.median(level, axis=0), _LEVEL),
+    )
 
 
 def compare(point: Point, turned: BoolArray, probability: FloatArray, usual: Usual) -> FloatArray:
-    """(h, 3) what the other hits of its point say of each hit: 1 less the correlation of its FRF with theirs, its distance, and
-    the height exp(g) of its FRF over theirs; NaN where too few of them seem good, or are there to decide the sign.
+    """(h, 3) what the other hits of its point say of each hit: 1 less the correlation of its FRF
+    with theirs, its distance, and the height exp(g) of its FRF over theirs; NaN where too few of
+    them seem good, or are there to decide the sign.
 
     Args:
         point: the hits beside one another.
         turned: (h,) whose pulse points the other way, which is known to reverse their FRF.
-        probability: (h,) that each is good by its own numbers. Most faults leave the sign as it is, so it is asked of all.
+        probability: (h,) that each is good by its own numbers. Most faults leave the sign as it is,
+            so it is asked of all.
         usual: of the campaign.
     """
     own, sign = point.pairs, np.where(turned, -1, 1)
@@ -140,7 +166,9 @@ def compare(point: Point, turned: BoolArray, probability: FloatArray, usual: Usu
         if partner.size >= _SIGNS:
             found[i, 0] = 1 - sign[i] * float(np.mean(sign[partner] * own.likeness[i]))
         if weight.sum() >= _FEWEST:
-            middle = (values[i, _middle(np.abs(values[i]), weight)] for values in (distance, height))
+            middle = (
+                values[i, _middle(np.abs(values[i]), weight)] for values in (distance, height)
+            )
             found[i, 1:] = next(middle), np.exp(next(middle))
     return found
 

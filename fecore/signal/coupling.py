@@ -1,14 +1,17 @@
 """The tail that an AC coupled force channel puts behind the pulse.
 
-An ICP hammer passes no steady force: behind a pulse of impulse J = ∫ F dt its channel swings below zero and returns,
+An ICP hammer passes no steady force: behind a pulse of impulse J = ∫ F dt its channel swings below
+zero and returns,
 
     F_tail(t) = -A J exp(-c t),      A = c = 2π f_c for one coupling of corner f_c,
 
-with A the sum of the corners where analyser and hammer have one each. The sensor on the body does the same to the
-response, so the ratio of the spectra is the FRF only where the force keeps its tail. A force window that sets all
-behind the pulse to zero takes the tail away: the FRF is then multiplied by 1 - A/(iω + c), a phase of 18 mrad at 28 Hz
-for f_c = 0.5 Hz, which a fit of damping takes up. So the tail of all hits together is fitted, A and c by least squares
-over the blocks with an offset of its own for each, and stands in place of the noise behind the window.
+with A the sum of the corners where analyser and hammer have one each. The sensor on the body does
+the same to the response, so the ratio of the spectra is the FRF only where the force keeps its
+tail. A force window that sets all
+behind the pulse to zero takes the tail away: the FRF is then multiplied by 1 - A/(iω + c), a phase
+of 18 mrad at 28 Hz for f_c = 0.5 Hz, which a fit of damping takes up. So the tail of all hits
+together is fitted, A and c by least squares over the blocks with an offset of its own for each, and
+stands in place of the noise behind the window.
 """
 
 from collections.abc import Sequence
@@ -48,7 +51,9 @@ def impulse(hit: Hit, pulse: Pulse) -> float:
 
 
 def find_coupling(sample: Sequence[tuple[Hit, Traits]]) -> Coupling | None:
-    """The tail that these hits have in common; None where it does not stand out of their scatter."""
+    """The tail that these hits have in common; None where it does not stand out of their
+    scatter.
+    """
     parts = [found for hit, traits in sample if (found := _parts(hit, traits.pulse)) is not None]
     if len(parts) < 2:
         return None
@@ -66,7 +71,9 @@ def find_coupling(sample: Sequence[tuple[Hit, Traits]]) -> Coupling | None:
 
 
 def _parts(hit: Hit, pulse: Pulse) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """Means of the force over its impulse, their weights, and times since the peak (negative before the pulse)."""
+    """Means of the force over its impulse, their weights, and times since the peak (negative before
+    the pulse).
+    """
     second = pulse.second > 2 * SMALLEST_SECOND and pulse.second_z > 8
     if abs(pulse.height) < _CLEAR_PULSE * pulse.noise or second or pulse.start < pulse.width:
         return None
@@ -84,8 +91,12 @@ def _parts(hit: Hit, pulse: Pulse) -> tuple[FloatArray, FloatArray, FloatArray] 
     return mean[0] / impulse(hit, pulse), mean[1], mean[2]
 
 
-def _fit(values: FloatArray, weight: FloatArray, time: FloatArray, rate: float) -> tuple[float, float]:
-    """A of one hit at a given rate with an offset of its own, and what it takes off the sum of squares."""
+def _fit(
+    values: FloatArray, weight: FloatArray, time: FloatArray, rate: float
+) -> tuple[float, float]:
+    """A of one hit at a given rate with an offset of its own, and what it takes off the sum of
+    squares.
+    """
     shape = np.where(time > 0, -np.exp(-rate * np.maximum(time, 0)), 0.0) * weight
     level = weight @ weight
     own = shape - weight * (weight @ shape) / level

@@ -1,9 +1,10 @@
 """Delay between the channels, estimated from the FRFs themselves.
 
-A response that comes d seconds late has phase -ωd in its FRF, which a fit takes for damping. A lightly and
-proportionally damped body has real modal constants, so at each resonance H = (iω)^k R/(iω - p) + smooth, with R in
-phase ±90° but for the delay. At every clear peak the rational function (a + b iω)/(iω - p) is fitted to a few lines by
-linear least squares; the residues' phases, up to half turns, over all peaks give d: the maximum of Σ cos(2(φ + ω d)).
+A response that comes d seconds late has phase -ωd in its FRF, which a fit takes for damping. A
+lightly and proportionally damped body has real modal constants, so at each resonance H = (iω)^k
+R/(iω - p) + smooth, with R in phase ±90° but for the delay. At every clear peak the rational
+function (a + b iω)/(iω - p) is fitted to a few lines by linear least squares; the residues' phases,
+up to half turns, over all peaks give d: the maximum of Σ cos(2(φ + ω d)).
 """
 
 from dataclasses import dataclass
@@ -82,8 +83,8 @@ def _common(w: FloatArray, p: FloatArray) -> Delay:
 
 
 def _peaks(size: FloatArray, noise: FloatArray | None) -> list[tuple[int, int]]:
-    """Line and half width, in lines, of the clear maxima: those that stand out of the scatter of hits, and fall to half on both
-    sides before they rise again.
+    """Line and half width, in lines, of the clear maxima: those that stand out of the scatter of
+    hits, and fall to half on both sides before they rise again.
     """
     maxima = (size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])
     if noise is not None:
@@ -99,12 +100,17 @@ def _peaks(size: FloatArray, noise: FloatArray | None) -> list[tuple[int, int]]:
         if not (low.any() and high.any()):
             continue
         half = max(int(np.argmax(low)), int(np.argmax(high)), _NARROWEST - 1) + 1
-        if half <= line < size.size - half and size[line] == size[line - half : line + half + 1].max():
+        if (
+            half <= line < size.size - half
+            and size[line] == size[line - half : line + half + 1].max()
+        ):
             found.append((int(line), half))
     return found
 
 
-def _residue(omega: FloatArray, values: ComplexArray, line: int, half: int) -> tuple[complex, complex] | None:
+def _residue(
+    omega: FloatArray, values: ComplexArray, line: int, half: int
+) -> tuple[complex, complex] | None:
     """Pole and residue of (a + b iω)/(iω - p) about a line; None where it does not fit."""
     cut = slice(line - half, line + half + 1)
     centre = omega[line]
@@ -113,6 +119,10 @@ def _residue(omega: FloatArray, values: ComplexArray, line: int, half: int) -> t
     (pole, a, b), *_ = np.linalg.lstsq(matrix, s * h, rcond=None)
     with np.errstate(divide="ignore", invalid="ignore"):
         fitted = (a + b * s) / (s - pole)
-    if not np.all(np.isfinite(fitted)) or np.abs(fitted - h).max() > _GOOD_FIT * np.abs(h).max() or pole.real >= 0:
+    if (
+        not np.all(np.isfinite(fitted))
+        or np.abs(fitted - h).max() > _GOOD_FIT * np.abs(h).max()
+        or pole.real >= 0
+    ):
         return None
     return complex(pole + 1j * centre), complex(a + b * pole)

@@ -15,7 +15,9 @@ from fecore.signal.placing import Position
 from fecore.signal.windows import Windows
 
 MOST_REFUSED = 0.9
-"""Largest `false_discovery`: a hit that nothing is said against, and none is beside, has little more."""
+"""Largest `false_discovery`: a hit that nothing is said against, and none is beside, has little
+more.
+"""
 
 
 @dataclass(frozen=True)
@@ -25,13 +27,16 @@ class Processing:
     Attributes:
         estimator: H1, H2 or Hv.
         windows: force and exponential window.
-        band_hz: lines that are kept, both ends included; None: from the first line above 0 Hz to the sampling rate
+        band_hz: lines that are kept, both ends included; None: from the first line above 0 Hz to
+            the sampling rate
         over 2.56.
         delay_s: time by which the response lags the force, to be taken out of the FRFs.
-        false_discovery: largest probability of being good that a refused hit may have, 0 to 0.9; 0 refuses none.
+        false_discovery: largest probability of being good that a refused hit may have, 0 to 0.9; 0
+            refuses none.
         overrules: a user's decisions by hit (force dof, number): True uses it, False leaves it out.
         strip: what is known of the body, where it is a strip: its FRFs' height is then checked.
-        positions: where the grid's points lie, by label, m, x and y along the body's edges: hits are then located in mm.
+        positions: where the grid's points lie, by label, m, x and y along the body's edges: hits
+            are then located in mm.
     """
 
     estimator: Estimator = "H1"
@@ -46,11 +51,15 @@ class Processing:
     def __post_init__(self) -> None:
         check_estimator(self.estimator)
         if not 0 <= self.false_discovery <= MOST_REFUSED:
-            raise InputError("false_discovery", f"is {self.false_discovery}, expected 0 to {MOST_REFUSED}")
+            raise InputError(
+                "false_discovery", f"is {self.false_discovery}, expected 0 to {MOST_REFUSED}"
+            )
         if not abs(self.delay_s) < 1:
             raise InputError("delay_s", f"is {self.delay_s}, expected less than a second")
         if self.band_hz is not None and not 0 <= self.band_hz[0] < self.band_hz[1]:
-            raise InputError("band_hz", f"is {self.band_hz}, expected two increasing frequencies in Hz")
+            raise InputError(
+                "band_hz", f"is {self.band_hz}, expected two increasing frequencies in Hz"
+            )
 
 
 @dataclass(frozen=True)
@@ -59,7 +68,8 @@ class Carried:
 
     Attributes:
         rate_per_s: its rate, with the analyser's own; `remove_window` corrects poles.
-        rate_sd_per_s: its standard deviation, 0 where the hits state one; None where nothing shows whether there was another.
+        rate_sd_per_s: its standard deviation, 0 where the hits state one; None where nothing shows
+            whether there was another.
     """
 
     rate_per_s: float
@@ -90,7 +100,8 @@ class Findings(Carried):
     Attributes:
         verdicts: one a hit, in the order of the hits.
         processing: the choices, with those that were made here filled in.
-        coupling: the tail of the AC coupled force channel that stands behind the force window; None for none.
+        coupling: the tail of the AC coupled force channel that stands behind the force window; None
+            for none.
         delay: how much later the response is than the force, where resonances show it.
         excited_hz: highest frequency at which the hammer still has a tenth of its amplitude.
         strong_hz: the same for half of its amplitude.

@@ -1,6 +1,7 @@
 """FRFs, coherence and variance from the spectra of several hits.
 
-With F_i and A_i the spectra of force and response of hit i, S_ff = Σ|F_i|², S_aa = Σ|A_i|², S_af = Σ A_i F_i*:
+With F_i and A_i the spectra of force and response of hit i, S_ff = Σ|F_i|², S_aa = Σ|A_i|², S_af =
+Σ A_i F_i*:
 
     H1 = S_af/S_ff           least squares with noise in the response alone,
     H2 = S_aa/S_af*          with noise in the force alone,
@@ -9,18 +10,20 @@ With F_i and A_i the spectra of force and response of hit i, S_ff = Σ|F_i|², S
                              scaled to equal power,
     γ² = |S_af|²/(S_ff S_aa).
 
-The hits of a point differ mostly by where they land, not by noise, so each counts alike however strong it was: both
-spectra of a hit are divided by the root mean square of its force over the lines before they are summed.
+The hits of a point differ mostly by where they land, not by noise, so each counts alike however
+strong it was: both spectra of a hit are divided by the root mean square of its force over the lines
+before they are summed.
 
-Variance. Hit i says H_i = A_i/F_i with weight w_i = |F_i|²/S_ff; the estimate is their weighted mean, and its variance
-is that of the scatter seen, for weights that differ (the "HC2" sandwich, unbiased where all hits scatter alike):
+Variance. Hit i says H_i = A_i/F_i with weight w_i = |F_i|²/S_ff; the estimate is their weighted
+mean, and its variance is that of the scatter seen, for weights that differ (the "HC2" sandwich,
+unbiased where all hits scatter alike):
 
     s² = Σ w_i² |H_i - H|² / (1 - w_i).
 
-With n hits it rests on about n - 1 complex degrees of freedom, so one line alone may be wrong by a factor of several.
-A line's variance is therefore drawn towards the mean over its neighbourhood and over the campaign's FRFs, by the
-weight of `_PRIOR` degrees of freedom; the mean over lines stays what was seen. One hit alone has no scatter: its
-variance is not known (NaN).
+With n hits it rests on about n - 1 complex degrees of freedom, so one line alone may be wrong by a
+factor of several. A line's variance is therefore drawn towards the mean over its neighbourhood and
+over the campaign's FRFs, by the weight of `_PRIOR` degrees of freedom; the mean over lines stays
+what was seen. One hit alone has no scatter: its variance is not known (NaN).
 """
 
 from dataclasses import dataclass
@@ -35,7 +38,8 @@ Estimator = Literal["H1", "H2", "Hv"]
 
 _PRIOR = 4.0  # degrees of freedom that the expected variance of a line is worth
 _NEIGHBOURS = 9  # lines, over which a variance is averaged
-_AT_ONCE = 8192  # lines that are worked on together: what one hit needs of them stays in a processor's cache
+# lines that are worked on together: what one hit needs of them stays in a processor's cache
+_AT_ONCE = 8192
 
 
 @dataclass(frozen=True)
@@ -55,16 +59,25 @@ def check_estimator(name: str) -> None:
         InputError: it is not one of H1, H2, Hv.
     """
     if name not in get_args(Estimator):
-        raise InputError("estimator", f"is {name!r}, expected one of {', '.join(get_args(Estimator))}")
+        raise InputError(
+            "estimator", f"is {name!r}, expected one of {', '.join(get_args(Estimator))}"
+        )
 
 
-def estimate(forces: ComplexArray, responses: ComplexArray, estimator: Estimator = "H1") -> Estimate:
+def estimate(
+    forces: ComplexArray, responses: ComplexArray, estimator: Estimator = "H1"
+) -> Estimate:
     """The FRF of (h, L) force and (h, L) response spectra of the hits of one point."""
     check_estimator(estimator)
     level = np.array([float(np.vdot(force, force).real) for force in forces]) / forces.shape[1]
     share = 1 / np.where(level > 0, level, 1.0)  # of each hit's spectra, squared
     parts = [
-        _lines(forces[:, start : start + _AT_ONCE], responses[:, start : start + _AT_ONCE], share, estimator)
+        _lines(
+            forces[:, start : start + _AT_ONCE],
+            responses[:, start : start + _AT_ONCE],
+            share,
+            estimator,
+        )
         for start in range(0, forces.shape[1], _AT_ONCE)
     ]
     values, coherence, variance = (np.concatenate(found) for found in zip(*parts, strict=True))
@@ -76,13 +89,20 @@ def estimate(forces: ComplexArray, responses: ComplexArray, estimator: Estimator
 def _lines(
     forces: ComplexArray, responses: ComplexArray, share: FloatArray, estimator: Estimator
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
-    """FRF, coherence and variance of some lines, each line by itself; `share` (h,) is what a hit's power is multiplied by.
+    """FRF, coherence and variance of some lines, each line by itself; `share` (h,) is what a hit's
+    power is multiplied by.
 
-    Hit by hit, so that what is worked on stays in a processor's cache: several times as fast as all hits at once.
+    Hit by hit, so that what is worked on stays in a processor's cache: several times as fast as all
+    hits at once.
     """
     lines = forces.shape[1]
     power, ff, aa = np.empty(forces.shape), np.zeros(lines), np.zeros(lines)
-    af, one, parts, level = np.zeros(lines, complex), np.empty(lines, complex), np.empty(2 * lines), np.empty(lines)
+    af, one, parts, level = (
+        np.zeros(lines, complex),
+        np.empty(lines, complex),
+        np.empty(2 * lines),
+        np.empty(lines),
+    )
     for force, response, own, weight in zip(forces, responses, share.tolist(), power, strict=True):
         ff += np.multiply(squared(force, parts, weight), own, out=weight)
         aa += np.multiply(squared(response, parts, level), own, out=level)
@@ -111,7 +131,9 @@ def _lines(
     return values, coherence, variance
 
 
-def squared(values: ComplexArray, parts: FloatArray | None = None, into: FloatArray | None = None) -> FloatArray:
+def squared(
+    values: ComplexArray, parts: FloatArray | None = None, into: FloatArray | None = None
+) -> FloatArray:
     """|z|² of (..., L) values that lie side by side, without the root that `abs` takes.
 
     Args:
@@ -125,8 +147,8 @@ def squared(values: ComplexArray, parts: FloatArray | None = None, into: FloatAr
 
 
 def pooled(values: ComplexArray, variance: FloatArray, hits: int) -> FloatArray:
-    """The variance of each line drawn towards that of its neighbours, relative to |H|²; the sum over a neighbourhood
-    stays.
+    """The variance of each line drawn towards that of its neighbours, relative to |H|²; the sum
+    over a neighbourhood stays.
     """
     if variance.size < _NEIGHBOURS:
         return variance

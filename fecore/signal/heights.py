@@ -3,15 +3,16 @@
 Three things are known of heights before any model is fitted:
 
 - a linear body answers alike both ways: the FRF from p to q is that from q to p (Maxwell, Betti);
-- the geometric mean of a body's mobility over a band lies near that of the infinite body without ends (Skudrzyk's mean value
-  method, J. Acoust. Soc. Am. 67 (1980) 1105), for a strip in bending
+- the geometric mean of a body's mobility over a band lies near that of the infinite body without
+  ends (Skudrzyk's mean value method, J. Acoust. Soc. Am. 67 (1980) 1105), for a strip in bending
 
       |Y| = √2 / (4 m' c),     c = √ω (EI/m')^(1/4),
 
-  m' the mass per length. Over 26 simulated and two other strips the mean over all FRFs was 0.85 to 4.0 times that, mostly 2 to
-  3, for sensors sit at free ends. EI enters by its fourth root alone, so a prior of it is enough;
-- of points of one body, hit in one session, none is several times as high as the median of all. Lower ones there are, near a
-  clamp.
+  m' the mass per length. Over 26 simulated and two other strips the mean over all FRFs was 0.85 to
+  4.0 times that, mostly 2 to 3, for sensors sit at free ends. EI enters by its fourth root alone,
+  so a prior of it is enough;
+- of points of one body, hit in one session, none is several times as high as the median of all.
+  Lower ones there are, near a clamp.
 """
 
 from collections.abc import Sequence
@@ -26,16 +27,21 @@ from fecore.frf import Dof, FrfSet, convert
 _USUAL = 2.2
 """Geometric mean of a strip's mobility over that of the infinite strip."""
 _WHOLE = 3.5
-"""Factor off it from which a campaign's FRFs have a wrong height: √10 and what the usual one scatters by."""
+"""Factor off it from which a campaign's FRFs have a wrong height: √10 and what the usual one
+scatters by.
+"""
 _HIGHEST = 5.0
 """Of a point, over the median of all points."""
 _RECIPROCAL = 3.0
-"""Ratio of an FRF to that of the opposite way; noise and hits beside their points change it by tens of per cent."""
+"""Ratio of an FRF to that of the opposite way; noise and hits beside their points change it by tens
+of per cent.
+"""
 _FEWEST = 4  # points that have a median
 _FEWEST_LINES = 16  # that a level is the mean of
 _LOWEST_HZ = 8.0  # above soft suspensions
 _WRONG = (
-    "a sensitivity or a unit of the force or of the response is probably wrong, or the structure's density or geometry"
+    "a sensitivity or a unit of the force or of the response is probably wrong, or the structure's"
+    " density or geometry"
 )
 
 Pair = tuple[Dof, Dof]
@@ -84,7 +90,9 @@ class Heights:
         omega = 2 * np.pi * self._frequency[self._band]
         to_mobility = omega / np.abs(convert(omega, frfs.quantity))
         for values in frfs.values[:, self._band]:
-            self._levels.append(float(np.mean(np.log(np.maximum(np.abs(values) * to_mobility, 1e-300)))))
+            self._levels.append(
+                float(np.mean(np.log(np.maximum(np.abs(values) * to_mobility, 1e-300))))
+            )
         self._responses += frfs.responses
         self._references += frfs.references
 
@@ -92,13 +100,16 @@ class Heights:
         """A sentence for every height that cannot be right.
 
         Args:
-            strip: the body, where it is a strip; what is measured across it (z) bends it. None leaves the absolute height
-                open.
+            strip: the body, where it is a strip; what is measured across it (z) bends it. None
+                leaves the absolute height open.
             damped: the window that lowers the FRFs of any body, in words; None: there is none.
         """
         if self._band is None:
             return []
-        level, pairs = np.array(self._levels), list(zip(self._responses, self._references, strict=True))
+        level, pairs = (
+            np.array(self._levels),
+            list(zip(self._responses, self._references, strict=True)),
+        )
         found = _one_way(pairs, level)
         found += _above_the_rest(pairs, level)
         across = [abs(response.direction) == abs(force.direction) == 3 for response, force in pairs]
@@ -108,7 +119,11 @@ class Heights:
             if not 1 / _WHOLE <= ratio <= _WHOLE:
                 found.append(
                     f"the FRFs are {_times(ratio)} what a strip of this mass and stiffness shows: "
-                    + (_WRONG if damped is None or ratio > 1 else f"{damped} takes their resonances; try a weaker one")
+                    + (
+                        _WRONG
+                        if damped is None or ratio > 1
+                        else f"{damped} takes their resonances; try a weaker one"
+                    )
                 )
         return found
 
@@ -128,8 +143,9 @@ def _one_way(pairs: Sequence[Pair], level: FloatArray) -> list[str]:
         ratio = float(np.exp(level[i] - level[back]))
         if not 1 / _RECIPROCAL <= ratio <= _RECIPROCAL:
             found.append(
-                f"the FRF of point {response.point} hit at point {force.point} is {_times(ratio)} that of the opposite way, "
-                f"but a body answers alike both ways: one of the sensitivities is probably wrong"
+                f"the FRF of point {response.point} hit at point {force.point} is {_times(ratio)}"
+                " that of the opposite way, but a body answers alike both ways: one of the"
+                " sensitivities is probably wrong"
             )
     return found
 
@@ -146,9 +162,12 @@ def _above_the_rest(pairs: Sequence[Pair], level: FloatArray) -> list[str]:
         ratios = np.exp(level[own] - np.median(level[own]))
         high = [(pairs[i][1].point, r) for i, r in zip(own, ratios, strict=True) if r > _HIGHEST]
         if high:
-            places, most = ", ".join(str(point) for point, _ in high), max(ratio for _, ratio in high)
+            places, most = (
+                ", ".join(str(point) for point, _ in high),
+                max(ratio for _, ratio in high),
+            )
             found.append(
-                f"the FRFs of the hits at point {places} are {most:.2g} times as high as the median of all points: a "
-                f"sensitivity or range was probably changed there"
+                f"the FRFs of the hits at point {places} are {most:.2g} times as high as the median"
+                " of all points: a sensitivity or range was probably changed there"
             )
     return found

@@ -1,19 +1,22 @@
 """Which hits are good: one probability for each, and the reasons against a bad one.
 
-Each number v of a hit (`traits`, `comparison`, `placing`) is held against what is usual: as u = v/unit; where each campaign has
-a level of its own as u = v/(unit e^(c - c₀)); and where it has a scatter of its own as
+Each number v of a hit (`traits`, `comparison`, `placing`) is held against what is usual: as u =
+v/unit; where each campaign has a level of its own as u = v/(unit e^(c - c₀)); and where it has a
+scatter of its own as
 
     u = (ln v - c)/(3 s),    s² = (n₀ s₀² + n s_c²)/(n₀ + n),    c = (c₀/τ² + n c_c/2s²)/(1/τ² + n/2s²),
 
-c_c and s_c middle and standard deviation of those of the campaign's n other hits that lie about their shortest half (Rousseeuw
-and Leroy, 1987), which up to half of them may spoil; c₀, τ, s₀ of `weights` a prior for campaigns of few hits. u counts on its
-bad side. Then
+c_c and s_c middle and standard deviation of those of the campaign's n other hits that lie about
+their shortest half (Rousseeuw and Leroy, 1987), which up to half of them may spoil; c₀, τ, s₀ of
+`weights` a prior for campaigns of few hits. u counts on its bad side. Then
 
     logit P = b₀ - b₁ [no hit is beside it] - Σ b_k ln(1 + u_k⁴),
 
-so one number that is far off is enough, and none counts that is as usual. Hits of a point are compared among those that seem
-good by their own numbers; where all of a point's hits lie apart, or have a louder floor, its scale is drawn to theirs. A hit is
-refused where P is below the level that the user chooses: no refused hit is good with more than this probability.
+so one number that is far off is enough, and none counts that is as usual. Hits of a point are
+compared among those that seem good by their own numbers; where all of a point's hits lie apart, or
+have a louder floor, its scale is drawn to theirs. A hit is
+refused where P is below the level that the user chooses: no refused hit is good with more than this
+probability.
 """
 
 from __future__ import annotations
@@ -45,12 +48,20 @@ _TYPICAL_M = 0.006  # that a typical distance stands for at most
 _ALONE_IN = 24  # hits up to which each is held against the others; of more, against all
 _OWN = 5.0  # hits of its own point that the campaign's scale of distances is worth
 _FULL_SCALE = 0.998  # of what is stated, from which a channel is overloaded
-_FAR = 20.0  # u beyond which nothing more is learnt; a number that refuses a hit alone from there on refuses none
+# u beyond which nothing more is learnt; a number that refuses a hit alone from there on refuses
+# none
+_FAR = 20.0
 _HEAVY = 2.0  # part of the logit that is a reason; of a refused hit the largest part is one, too
 
 NAMES = (*OWN, "offset", "unlike", "distance", "gain")
-_TURNED, _FLOOR, _OFFSET, _DISTANCE = OWN.index("turned"), OWN.index("floor"), len(OWN), len(OWN) + 2
-_LOW = {"height": 1, "gain": 1, "floor": 3}  # bad where they are low, too, and how much wider u is there
+_TURNED, _FLOOR, _OFFSET, _DISTANCE = (
+    OWN.index("turned"),
+    OWN.index("floor"),
+    len(OWN),
+    len(OWN) + 2,
+)
+# bad where they are low, too, and how much wider u is there
+_LOW = {"height": 1, "gain": 1, "floor": 3}
 
 
 @dataclass(frozen=True)
@@ -60,7 +71,8 @@ class Verdict:
     force: Dof  # where it was hit
     number: int  # which hit of its point it is
     probability: float  # that it is good
-    findings: tuple[Finding, ...]  # of each criterion the number that weighs most, the heaviest first
+    # of each criterion the number that weighs most, the heaviest first
+    findings: tuple[Finding, ...]
     overruled: bool | None = None  # what a user has decided against them, or None
     directions: int = 0  # along how many it shows by millimetres where the hit landed
 
@@ -77,8 +89,9 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Features:
-    """Of N hits: (N, F) numbers, their u, and usual number and step of u on their bad side, logarithms but where a row of
-    `weights` has a unit; (N,) whether none is beside a hit, and along how many directions it was located.
+    """Of N hits: (N, F) numbers, their u, and usual number and step of u on their bad side,
+    logarithms but where a row of `weights` has a unit; (N,) whether none is beside a hit, and along
+    how many directions it was located.
     """
 
     numbers: FloatArray
@@ -114,11 +127,14 @@ def features_of(points: Sequence[Point], positions: Mapping[int, Position]) -> F
     u, usual_numbers, step = _scaled(numbers, good)
     numbers[:, _FLOOR] *= louder
     usual_numbers[:, _FLOOR] += np.log(louder)
-    return Features(numbers, u, usual_numbers, step, ~np.isfinite(numbers[:, _DISTANCE]), directions)
+    return Features(
+        numbers, u, usual_numbers, step, ~np.isfinite(numbers[:, _DISTANCE]), directions
+    )
 
 
 def _in_common(values: FloatArray, parts: Sequence[slice], good: BoolArray) -> FloatArray:
-    """(N,) factor of each hit by which the good ones among the other hits of its point differ from the campaign's, drawn to 1
+    """(N,) factor of each hit by which the good ones among the other hits of its point differ from
+    the campaign's, drawn to 1
     where they are few: what a point's hits share is the point's, not a fault of each.
     """
     logs = np.log(np.maximum(values, LEAST))
@@ -139,8 +155,9 @@ def _locate(
     comparable: Sequence[BoolArray],
     rows: Sequence[tuple[FloatArray, IntArray]],
 ) -> None:
-    """Fill in how far the hits that can be located landed from the others of their point, mm, and along how many directions:
-    points under the same sensors. A hit whose FRF is like those of the others is in its place wherever it is located.
+    """Fill in how far the hits that can be located landed from the others of their point, mm, and
+    along how many directions: points under the same sensors. A hit whose FRF is like those of the
+    others is in its place wherever it is located.
     """
     tours: dict[object, list[int]] = {}
     every = {i: point.shares for i, point in enumerate(points) if point.shares is not None}
@@ -156,7 +173,9 @@ def _locate(
                 directions[k] = along
 
 
-def _scaled(numbers: FloatArray, good: BoolArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _scaled(
+    numbers: FloatArray, good: BoolArray | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """U of (N, F) numbers, usual numbers, and steps of u."""
     u, usual, step = (np.zeros(numbers.shape) for _ in range(3))
     for k, name in enumerate(NAMES):
@@ -179,10 +198,14 @@ def _usual(values: FloatArray, known: BoolArray, row: Weight) -> tuple[FloatArra
         return np.zeros(len(values)), row.unit * np.exp(centre - row.centre)
     count = np.count_nonzero(known)
     if count > _ALONE_IN:
-        middle, spread, n = np.tile((*_usual_of_most(values[known]), float(count)), (len(values), 1)).T
+        middle, spread, n = np.tile(
+            (*_usual_of_most(values[known]), float(count)), (len(values), 1)
+        ).T
     else:
         others = [values[known & (np.arange(len(values)) != i)] for i in range(len(values))]
-        middle, spread, n = np.array([(*_usual_of_most(o), o.size) if o.size else (0.0, 0.0, 0) for o in others]).T
+        middle, spread, n = np.array(
+            [(*_usual_of_most(o), o.size) if o.size else (0.0, 0.0, 0) for o in others]
+        ).T
     square = (_PRIOR * row.within**2 + n * spread**2) / (_PRIOR + n)
     certain = 1 / row.between**2 + n / (2 * square)
     centre = (row.centre / row.between**2 + middle * n / (2 * square)) / certain
@@ -190,8 +213,8 @@ def _usual(values: FloatArray, known: BoolArray, row: Weight) -> tuple[FloatArra
 
 
 def _usual_of_most(values: FloatArray) -> tuple[float, float]:
-    """Middle and standard deviation of the values that lie within `_BESIDE` of them about the shortest interval with more than
-    half of all.
+    """Middle and standard deviation of the values that lie within `_BESIDE` of them about the
+    shortest interval with more than half of all.
     """
     order = np.sort(values)
     half = len(order) // 2 + 1
@@ -220,8 +243,8 @@ def judge(points: Sequence[Point], processing: Processing) -> list[list[Verdict]
 
     Args:
         points: their hits' numbers.
-        processing: its level below which a probability refuses a hit; where the points lie, by which hits are located; and
-            what a user has decided, by place and number.
+        processing: its level below which a probability refuses a hit; where the points lie, by
+            which hits are located; and what a user has decided, by place and number.
     """
     level, overrules = processing.false_discovery, processing.overrules
     found = features_of(points, processing.positions)
@@ -230,7 +253,11 @@ def judge(points: Sequence[Point], processing: Processing) -> list[list[Verdict]
     slack = max(CONSTANT - float(np.log(level / (1 - level))), 0.0) if level > 0 else np.inf
     at = np.expm1(slack / np.array([WEIGHTS[name].weight for name in NAMES])) ** 0.25
     limit = found.usual + np.where(at < _FAR, at, np.inf) * found.step
-    limit = np.where([bool(WEIGHTS[name].unit) for name in NAMES], limit, np.exp(np.where(limit < 500, limit, np.inf)))
+    limit = np.where(
+        [bool(WEIGHTS[name].unit) for name in NAMES],
+        limit,
+        np.exp(np.where(limit < 500, limit, np.inf)),
+    )
     every = enumerate(traits for point in points for traits in point.traits)
     verdicts = (
         replace(
@@ -244,17 +271,29 @@ def judge(points: Sequence[Point], processing: Processing) -> list[list[Verdict]
 
 
 def _verdict(
-    traits: Traits, probability: float, level: float, numbers: FloatArray, limits: FloatArray, parts: FloatArray
+    traits: Traits,
+    probability: float,
+    level: float,
+    numbers: FloatArray,
+    limits: FloatArray,
+    parts: FloatArray,
 ) -> Verdict:
     least = min(parts.max(), _HEAVY)
     found: dict[Criterion, Finding] = {}
     share, name = traits.overload
     if share >= _FULL_SCALE:
-        sentence = f"The {name} reaches {share:.1%} of its full scale; {_FULL_SCALE:.1%} is an overload."
+        sentence = (
+            f"The {name} reaches {share:.1%} of its full scale; {_FULL_SCALE:.1%} is an overload."
+        )
         found["overload"] = Finding("overload", share, _FULL_SCALE, True, sentence)
     for k in np.argsort(-parts, kind="stable"):
         if np.isfinite(numbers[k]):
             failed = probability < level and bool(parts[k] >= least)
             own = finding(traits, NAMES[k], float(numbers[k]), float(limits[k]), failed)
             found.setdefault(own.criterion, own)
-    return Verdict(traits.force, traits.number, 0.0 if share >= _FULL_SCALE else probability, tuple(found.values()))
+    return Verdict(
+        traits.force,
+        traits.number,
+        0.0 if share >= _FULL_SCALE else probability,
+        tuple(found.values()),
+    )

@@ -1,5 +1,7 @@
-"""The hits of points before the campaign is judged, and the judgement of all points; and hits as a person beside the hammer
-sees them: how they are judged, how coherent the good ones are, and each hit's own FRF beside their average.
+"""The hits of points before the campaign is judged, and the judgement of all points; and hits as a
+person beside the hammer
+sees them: how they are judged, how coherent the good ones are, and each hit's own FRF beside their
+average.
 """
 
 from collections.abc import Sequence
@@ -23,15 +25,25 @@ class Preliminary:
     """A point before the campaign is judged."""
 
     point: Point  # what is kept of it
-    estimates: tuple[Estimate, ...]  # the FRFs of the hits that seemed good; none where there are none
-    excitation: FloatArray  # (L,) mean magnitude of their forces' spectra; zeros where there are none
+    # the FRFs of the hits that seemed good; none where there are none
+    estimates: tuple[Estimate, ...]
+    # (L,) mean magnitude of their forces' spectra; zeros where there are none
+    excitation: FloatArray
 
-    def frfs(self, spectra: Spectra, hits: Sequence[Hit], good: tuple[int, ...]) -> tuple[Estimate, ...]:
+    def frfs(
+        self, spectra: Spectra, hits: Sequence[Hit], good: tuple[int, ...]
+    ) -> tuple[Estimate, ...]:
         """The FRFs of the hits that are good in the end."""
-        return self.estimates if good == self.point.used else frfs_of(spectra, hits, self.point.traits, good)
+        return (
+            self.estimates
+            if good == self.point.used
+            else frfs_of(spectra, hits, self.point.traits, good)
+        )
 
 
-def numbers_of(spectra: Spectra, hits: Sequence[Hit]) -> tuple[Point, ComplexArray, list[ComplexArray]]:
+def numbers_of(
+    spectra: Spectra, hits: Sequence[Hit]
+) -> tuple[Point, ComplexArray, list[ComplexArray]]:
     """A point with the numbers of its hits, and the spectra of their force and responses."""
     for hit in hits:
         spectra.check(hit)
@@ -54,14 +66,20 @@ def preliminary(spectra: Spectra, hits: Sequence[Hit]) -> Preliminary:
     if not used:
         return Preliminary(point, (), np.zeros(spectra.lines.size))
     chosen = list(used)
-    estimates = tuple(estimate(forces[chosen], r[chosen], spectra.processing.estimator) for r in responses)
-    return Preliminary(replace(point, used=used), estimates, np.sqrt(squared(forces[chosen])).mean(axis=0))
+    estimates = tuple(
+        estimate(forces[chosen], r[chosen], spectra.processing.estimator) for r in responses
+    )
+    return Preliminary(
+        replace(point, used=used), estimates, np.sqrt(squared(forces[chosen])).mean(axis=0)
+    )
 
 
 def frfs_of(
     spectra: Spectra, hits: Sequence[Hit], traits: Sequence[Traits], good: tuple[int, ...]
 ) -> tuple[Estimate, ...]:
-    """The FRFs of the chosen hits of a point, with the numbers of all its hits; none for no hits."""
+    """The FRFs of the chosen hits of a point, with the numbers of all its hits; none for no
+    hits.
+    """
     if not good:
         return ()
     forces, responses = spectra.stack(hits, traits, good)
@@ -70,7 +88,9 @@ def frfs_of(
 
 @dataclass(frozen=True)
 class Inspection:
-    """Verdicts of all hits in their order, and the mean coherence of each place's good hits over the excited band."""
+    """Verdicts of all hits in their order, and the mean coherence of each place's good hits over
+    the excited band.
+    """
 
     verdicts: tuple[Verdict, ...]
     coherence: dict[Dof, float]
@@ -92,7 +112,9 @@ def inspect(source: Source, processing: Processing | None = None) -> Inspection:
         good = tuple(i for i, verdict in enumerate(judged) if verdict.accepted)
         if len(good) > 1:
             estimates = each.frfs(spectra, source[number], good)
-            coherence[each.point.force] = float(np.mean([e.coherence[spectra.compared].mean() for e in estimates]))
+            coherence[each.point.force] = float(
+                np.mean([e.coherence[spectra.compared].mean() for e in estimates])
+            )
     return Inspection(tuple(v for judged in verdicts for v in judged), coherence)
 
 
@@ -101,12 +123,13 @@ class EachHit:
     """The hits of a point."""
 
     frequency_hz: FloatArray  # (L,) lines of the FRFs
-    frfs: ComplexArray  # (h, r, L) FRF of each hit alone, response over force; NaN where the force has nothing
+    # (h, r, L) FRF of each hit alone, response over force; NaN where the force has nothing
+    frfs: ComplexArray
     verdicts: tuple[Verdict, ...]  # of each hit, judged among the hits of the point
     accepted: tuple[bool, ...]  # which hits are averaged
     mean: tuple[Estimate, ...]  # their FRF for each response; empty where there are none
-    # begin of the first pulse and end of the last, s from the begin of the block; a second pulse that makes a double
-    # hit belongs to its hit
+    # begin of the first pulse and end of the last, s from the begin of the block; a second pulse
+    # that makes a double hit belongs to its hit
     pulse_s: tuple[float, float]
 
 
@@ -115,7 +138,8 @@ def each_hit(hits: Sequence[Hit], accepted: Sequence[bool] | None = None) -> Eac
 
     Args:
         hits: of one place and one set of sensors.
-        accepted: which are averaged, as a processing of the whole campaign decided; None: by the verdicts among themselves.
+        accepted: which are averaged, as a processing of the whole campaign decided; None: by the
+            verdicts among themselves.
 
     Raises:
         InputError: there are none, or they are unlike one another.
@@ -124,7 +148,9 @@ def each_hit(hits: Sequence[Hit], accepted: Sequence[bool] | None = None) -> Eac
     seen = preliminary(spectra, hits)
     point = seen.point
     verdicts = tuple(judge([point], spectra.processing)[0])
-    chosen = tuple(verdict.accepted for verdict in verdicts) if accepted is None else tuple(accepted)
+    chosen = (
+        tuple(verdict.accepted for verdict in verdicts) if accepted is None else tuple(accepted)
+    )
     good = tuple(i for i, is_good in enumerate(chosen) if is_good)
     forces, responses = spectra.stack(hits, point.traits, range(len(hits)))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -139,7 +165,9 @@ def each_hit(hits: Sequence[Hit], accepted: Sequence[bool] | None = None) -> Eac
     )
 
 
-def _pulse_s(traits: Sequence[Traits], verdicts: Sequence[Verdict], sample_rate_hz: float) -> tuple[float, float]:
+def _pulse_s(
+    traits: Sequence[Traits], verdicts: Sequence[Verdict], sample_rate_hz: float
+) -> tuple[float, float]:
     begin = min(t.pulse.start for t in traits)
     end = max(t.pulse.stop for t in traits)
     for t, verdict in zip(traits, verdicts, strict=True):

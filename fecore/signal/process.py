@@ -1,10 +1,10 @@
 """Hits to FRFs: judge every hit, average the good ones of each point, say what was done.
 
-The hits come point by point and are not kept: a first pass takes each hit's numbers, compares the hits of each point
-and averages those that are good by themselves; then the campaign's usual values are known and all hits are judged.
-Only points whose set of used hits that changes are read a second time. Between the passes the FRFs lie on a shelf, and
-they are given in parts. So where the shelf is on disk, memory holds the hits of a few points, one part, and what is said
-of each hit.
+The hits come point by point and are not kept: a first pass takes each hit's numbers, compares the
+hits of each point and averages those that are good by themselves; then the campaign's usual values
+are known and all hits are judged. Only points whose set of used hits that changes are read a second
+time. Between the passes the FRFs lie on a shelf, and they are given in parts. So where the shelf is
+on disk, memory holds the hits of a few points, one part, and what is said of each hit.
 """
 
 from collections import Counter, deque
@@ -42,7 +42,9 @@ class Shelf(Protocol):
     def __getitem__(self, point: int, /) -> tuple[Estimate, ...]: ...
 
 
-def process(source: Source, processing: Processing | None = None, progress: Progress = lambda _: None) -> Processed:
+def process(
+    source: Source, processing: Processing | None = None, progress: Progress = lambda _: None
+) -> Processed:
     """FRFs with variance from the hits of a campaign.
 
     Args:
@@ -51,7 +53,8 @@ def process(source: Source, processing: Processing | None = None, progress: Prog
         progress: called with the share of the work that is done, 0 to 1.
 
     Raises:
-        InputError: no hits; hits of unlike sampling rate, length, window or kind of response; no hit of any point is
+        InputError: no hits; hits of unlike sampling rate, length, window or kind of response; no
+            hit of any point is
         good.
     """
     whole, found = process_in_parts(source, processing, progress, shelf={}, part_bytes=None)
@@ -67,7 +70,8 @@ def process_in_parts(
     threads: int = 1,
     part_bytes: int | None = 4 * 2**20,
 ) -> Iterator[Averages | Findings]:
-    """The same for campaigns of any size: the FRFs in parts, in the order of the points, and in the end what was found.
+    """The same for campaigns of any size: the FRFs in parts, in the order of the points, and in the
+    end what was found.
 
     Args:
         source: hits by point; it is asked by several threads at once.
@@ -75,8 +79,8 @@ def process_in_parts(
         progress: called with the share of the work that is done, 0 to 1.
         shelf: where the FRFs lie between the passes.
         threads: that look at points at the same time; the result does not depend on them.
-        part_bytes: of FRFs, their variance and coherence that are given together; those of one point are not parted. None
-            gives all as one part.
+        part_bytes: of FRFs, their variance and coherence that are given together; those of one
+            point are not parted. None gives all as one part.
 
     Raises:
         InputError: as `process`; before the first part is given.
@@ -89,9 +93,13 @@ def process_in_parts(
     if not any(good):
         reasons = sorted({f.criterion for judged in verdicts for v in judged for f in v.faults})
         why = f"good ({', '.join(reasons)})" if reasons else "used: all are left out by hand"
-        raise InputError("hits", f"none of the hits is {why}; see the verdicts, and overrule where you know better")
+        raise InputError(
+            "hits",
+            f"none of the hits is {why}; see the verdicts, and overrule where you know better",
+        )
     excited, strong = (
-        float(spectra.frequency[np.flatnonzero(force >= share * force.max())[-1]]) for share in (0.1, 0.5)
+        float(spectra.frequency[np.flatnonzero(force >= share * force.max())[-1]])
+        for share in (0.1, 0.5)
     )
     count = sum(len(point.responses) for point, own in zip(points, good, strict=True) if own)
     search, heights = DelaySearch(count, spectra.rate), Heights(spectra.frequency, strong)
@@ -141,9 +149,11 @@ def _first_pass(
 
 
 def batched(work: Callable[[int], Result], count: int, threads: int) -> Iterator[Result]:
-    """work(0), work(1) … work(count - 1), in this order; few of them are worked on, or kept, before they are taken.
+    """work(0), work(1) … work(count - 1), in this order; few of them are worked on, or kept, before
+    they are taken.
 
-    Transforms, sums and products of arrays, and the reading of files, let other threads work meanwhile.
+    Transforms, sums and products of arrays, and the reading of files, let other threads work
+    meanwhile.
     """
     if threads == 1:
         yield from map(work, range(count))
@@ -159,7 +169,12 @@ def batched(work: Callable[[int], Result], count: int, threads: int) -> Iterator
 
 
 def _second_pass(
-    spectra: Spectra, source: Source, points: Sequence[Point], good: Sequence[tuple[int, ...]], shelf: Shelf, most: int
+    spectra: Spectra,
+    source: Source,
+    points: Sequence[Point],
+    good: Sequence[tuple[int, ...]],
+    shelf: Shelf,
+    most: int,
 ) -> Iterator[Averages]:
     """The FRFs of the good hits, in parts of so many at most."""
     rows: list[tuple[Point, tuple[int, ...], tuple[Estimate, ...]]] = []
@@ -175,7 +190,9 @@ def _second_pass(
     yield _averages(spectra, rows)
 
 
-def _averages(spectra: Spectra, rows: Sequence[tuple[Point, tuple[int, ...], tuple[Estimate, ...]]]) -> Averages:
+def _averages(
+    spectra: Spectra, rows: Sequence[tuple[Point, tuple[int, ...], tuple[Estimate, ...]]]
+) -> Averages:
     """The FRFs of some points, each with the numbers of its hits."""
     found = [estimate for _, _, estimates in rows for estimate in estimates]
     return Averages(
@@ -196,39 +213,59 @@ def _averages(spectra: Spectra, rows: Sequence[tuple[Point, tuple[int, ...], tup
 
 
 def _warnings(
-    points: Sequence[Point], verdicts: Sequence[Sequence[Verdict]], delay: Delay | None, excited: float, top: float
+    points: Sequence[Point],
+    verdicts: Sequence[Sequence[Verdict]],
+    delay: Delay | None,
+    excited: float,
+    top: float,
 ) -> tuple[str, ...]:
     found = []
     names = _names(points)
-    lost = [name for name, judged in zip(names, verdicts, strict=True) if not any(v.accepted for v in judged)]
+    lost = [
+        name
+        for name, judged in zip(names, verdicts, strict=True)
+        if not any(v.accepted for v in judged)
+    ]
     if lost:
         found.append(
-            f"no hit of point {', '.join(lost)} is good, so there is no FRF; see the verdicts, and overrule where "
-            f"you know better"
+            f"no hit of point {', '.join(lost)} is good, so there is no FRF; see the verdicts, and"
+            " overrule where you know better"
         )
-    single = [name for name, judged in zip(names, verdicts, strict=True) if sum(v.accepted for v in judged) == 1]
+    single = [
+        name
+        for name, judged in zip(names, verdicts, strict=True)
+        if sum(v.accepted for v in judged) == 1
+    ]
     if single:
         found.append(f"a single good hit at point {', '.join(single)}: the FRF has no variance")
     if delay is not None and abs(delay.seconds) > max(4 * delay.sd, 2e-6):
         found.append(
-            f"the response seems to come {delay.seconds * 1e6:.1f} ± {delay.sd * 1e6:.1f} µs after the force, which "
-            f"a fit takes for "
-            "damping; state it as delay_s to take it out"
+            f"the response seems to come {delay.seconds * 1e6:.1f} ± {delay.sd * 1e6:.1f} µs after"
+            " the force, which a fit takes for damping; state it as delay_s to take it out"
         )
     if excited < 0.95 * top:
-        found.append(f"the hammer excites the body up to {excited:.0f} Hz; above that the FRFs are mostly noise")
+        found.append(
+            f"the hammer excites the body up to {excited:.0f} Hz; above that the FRFs are mostly"
+            " noise"
+        )
     return tuple(found)
 
 
 def _unlocated(points: Sequence[Point], verdicts: Sequence[Sequence[Verdict]]) -> Iterator[str]:
-    """Points beside which a hit may lie without being seen: places are known by how FRFs change between points."""
+    """Points beside which a hit may lie without being seen: places are known by how FRFs change
+    between points.
+    """
     for directions, how in ((0, "does not show"), (1, "shows along one direction only")):
         every = zip(_names(points), verdicts, strict=True)
-        blind = [name for name, judged in every if max(verdict.directions for verdict in judged) == directions]
+        blind = [
+            name
+            for name, judged in every
+            if max(verdict.directions for verdict in judged) == directions
+        ]
         if blind:
             yield (
-                f"where the hits of point {', '.join(blind)} landed {how}: one beside its mark is refused there only where "
-                "its FRF is unlike the others'"
+                f"where the hits of point {', '.join(blind)} landed {how}: one beside its mark is"
+                " refused there only where its FRF is unlike the others'"
             )
 
 
@@ -236,8 +273,13 @@ def _names(points: Sequence[Point]) -> list[str]:
     """Where was hit, and, where one place was hit for several sets of sensors, where they stood."""
     hit = Counter(point.force for point in points)
     return [
-        str(point.force.point)
-        if hit[point.force] == 1
-        else f"{point.force.point} (sensor at {', '.join(str(dof.point) for dof in point.responses)})"
+        (
+            str(point.force.point)
+            if hit[point.force] == 1
+            else (
+                f"{point.force.point} (sensor at"
+                f" {', '.join(str(dof.point) for dof in point.responses)})"
+            )
+        )
         for point in points
     ]

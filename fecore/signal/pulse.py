@@ -1,4 +1,5 @@
-"""The hammer's pulse in a force block: where it lies, what the channel's noise is, and whether a second one follows.
+"""The hammer's pulse in a force block: where it lies, what the channel's noise is, and whether a
+second one follows.
 
 All of it is a few passes over the block, because a campaign has thousands.
 """
@@ -20,8 +21,10 @@ REACH = 64
 """Samples that the ringing of a linear-phase filter may reach, weakly, beyond `ringing`."""
 
 _LEAD = 256  # samples before a pulse that its baseline is taken from
-_ALONE = 2.0  # times that a second pulse is higher than what half of the other parts of the block reach
-_SEGMENTS = 32  # noise is taken in so many parts of a block, since an undone window raises it along the block
+# times that a second pulse is higher than what half of the other parts of the block reach
+_ALONE = 2.0
+# noise is taken in so many parts of a block, since an undone window raises it along the block
+_SEGMENTS = 32
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,8 @@ class Pulse:
     start: int
     stop: int
     height: float  # signed value at the peak over the baseline, N
-    baseline: float  # offset of the channel before the pulse (of the whole block where nothing is before it), N
+    # offset of the channel before the pulse (of the whole block where nothing is before it), N
+    baseline: float
     noise: float = 0.0  # standard deviation of the white noise of one sample, N
     second: float = 0.0  # largest other pulse of the block as a share of the height
     second_z: float = 0.0  # the same over the noise of its own neighbourhood
@@ -79,11 +83,15 @@ def _feet(raw: FloatArray, baseline: float, peak: int) -> tuple[int, int]:
     height = raw[peak] - baseline
     outside = np.flatnonzero((raw - baseline) / height <= FOOT)
     k = int(np.searchsorted(outside, peak))
-    return (int(outside[k - 1]) + 1 if k else 0), (int(outside[k]) if k < outside.size else raw.size)
+    return (int(outside[k - 1]) + 1 if k else 0), (
+        int(outside[k]) if k < outside.size else raw.size
+    )
 
 
 def _noise(x: FloatArray) -> float:
-    """Standard deviation of white noise, by the quietest quarter of the first parts of the block."""
+    """Standard deviation of white noise, by the quietest quarter of the first parts of the
+    block.
+    """
     part = max(x.size // _SEGMENTS, 16)
     count = max(min(x.size // part, 8), 1)
     steps = np.abs(np.diff(x[: count * part], append=x[min(count * part, x.size) - 1]))
@@ -94,9 +102,10 @@ def _noise(x: FloatArray) -> float:
 def _second(force: FloatArray, peak: int, start: int, stop: int) -> tuple[float, float, int]:
     """Height over the first one's, height over noise, and place of the largest other pulse.
 
-    The force is smoothed over the width of the first pulse, minus the mean of its wider surroundings (which takes offset,
-    drift and hum away); a hammer that bounces pushes again, so only excursions of the same sign count. Three widths beside
-    the first pulse are the ringing of the anti-alias filter and are left out.
+    The force is smoothed over the width of the first pulse, minus the mean of its wider
+    surroundings (which takes offset, drift and hum away); a hammer that bounces pushes again, so
+    only excursions of the same sign count. Three widths beside the first pulse are the ringing of
+    the anti-alias filter and are left out.
     """
     guard, none = ringing(start, stop), (0.0, 0.0, peak)
     width = max((stop - start) // 2, 1)
@@ -109,7 +118,9 @@ def _second(force: FloatArray, peak: int, start: int, stop: int) -> tuple[float,
     near, far = ((sums[n:] - sums[:-n]) / n for n in (width, wide))
     offset = (wide - width) // 2
     at = np.arange(far.size) + offset + width // 2
-    level = np.where((at < start - guard) | (at > stop + guard), near[offset : offset + far.size] - far, -np.inf)
+    level = np.where(
+        (at < start - guard) | (at > stop + guard), near[offset : offset + far.size] - far, -np.inf
+    )
     own = float(np.max(np.abs(near[max(peak - width, 0) : peak + 1])))
     part = max(level.size // _SEGMENTS, 64)
     edges = np.arange(0, max(level.size - part, 0) + 1, part)
@@ -123,6 +134,7 @@ def _second(force: FloatArray, peak: int, start: int, stop: int) -> tuple[float,
         return none
     last = edges[first + 1] if first + 1 < edges.size else level.size
     place = int(edges[first] + np.argmax(level[edges[first] : last]))
-    if level[place] < _ALONE * float(np.median(tops[np.isfinite(tops)])):  # hum comes again and again
+    # hum comes again and again
+    if level[place] < _ALONE * float(np.median(tops[np.isfinite(tops)])):
         return none
     return float(level[place]) / own, float(z[first]), int(at[place])

@@ -1,4 +1,6 @@
-"""What is said of a hit: each of its numbers in a sentence with the limit that alone would refuse it."""
+"""What is said of a hit: each of its numbers in a sentence with the limit that alone would refuse
+it.
+"""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,7 +10,17 @@ import numpy as np
 from fecore.signal.traits import Traits
 
 Criterion = Literal[
-    "double", "overload", "quiet", "hard", "late", "early", "cut", "place", "polarity", "height", "swapped"
+    "double",
+    "overload",
+    "quiet",
+    "hard",
+    "late",
+    "early",
+    "cut",
+    "place",
+    "polarity",
+    "height",
+    "swapped",
 ]
 
 _SAYS: dict[str, tuple[Criterion, str, str]] = {
@@ -22,12 +34,18 @@ _SAYS: dict[str, tuple[Criterion, str, str]] = {
     "turned": ("polarity", "The pulse points the way of most hits.", ""),
     "flat": (
         "overload",
-        "The {cut} has {n:.2g} samples more at its largest value than a round top; the limit is {l:.2g}.",
+        (
+            "The {cut} has {n:.2g} samples more at its largest value than a round top; the limit is"
+            " {l:.2g}."
+        ),
         "It was cut off.",
     ),
     "beyond": (
         "overload",
-        "The {cut} has {n:.1%} of its largest value above the anti-alias filter's cut; the limit is {l:.1%}.",
+        (
+            "The {cut} has {n:.1%} of its largest value above the anti-alias filter's cut; the"
+            " limit is {l:.1%}."
+        ),
         "Its top was cut off behind the filter.",
     ),
     "height": (
@@ -37,7 +55,10 @@ _SAYS: dict[str, tuple[Criterion, str, str]] = {
     ),
     "early": (
         "early",
-        "Before the pulse the response is {n:.2g} times as loud as its quietest part; the limit is {l:.2g}.",
+        (
+            "Before the pulse the response is {n:.2g} times as loud as its quietest part; the limit"
+            " is {l:.2g}."
+        ),
         "The body still rings from the hit before.",
     ),
     "jump": (
@@ -52,7 +73,10 @@ _SAYS: dict[str, tuple[Criterion, str, str]] = {
     ),
     "distance": (
         "place",
-        "The FRF lies {n:.2g} typical distances from those of the point's other hits; the limit is {l:.2g}.",
+        (
+            "The FRF lies {n:.2g} typical distances from those of the point's other hits; the limit"
+            " is {l:.2g}."
+        ),
         "It was probably hit at another place.",
     ),
     "offset": (
@@ -62,12 +86,18 @@ _SAYS: dict[str, tuple[Criterion, str, str]] = {
     ),
     "unlike": (
         "polarity",
-        "The FRF differs in sign from those of the point's other hits by {n:.2g} of 2; the limit is {l:.2g}.",
+        (
+            "The FRF differs in sign from those of the point's other hits by {n:.2g} of 2; the"
+            " limit is {l:.2g}."
+        ),
         "It has the opposite sign.",
     ),
     "gain": (
         "height",
-        "All bands of the FRF share a factor of {n:.2g} to those of the point's other hits; the limit is {l:.2g}.",
+        (
+            "All bands of the FRF share a factor of {n:.2g} to those of the point's other hits; the"
+            " limit is {l:.2g}."
+        ),
         "A sensitivity or range was probably another for this hit.",
     ),
 }
@@ -75,7 +105,9 @@ _SAYS: dict[str, tuple[Criterion, str, str]] = {
 
 @dataclass(frozen=True)
 class Finding:
-    """One number of one hit: `failed` where it is a reason to refuse it; `limit` is the number that alone would refuse it."""
+    """One number of one hit: `failed` where it is a reason to refuse it; `limit` is the number that
+    alone would refuse it.
+    """
 
     criterion: Criterion
     number: float
@@ -105,7 +137,10 @@ def finding(traits: Traits, name: str, number: float, limit: float, failed: bool
     if name == "lost":
         sentence = _lost(traits)
     elif name == "turned":
-        sentence = "The pulse points the other way than those of the other hits; the direction was probably turned."
+        sentence = (
+            "The pulse points the other way than those of the other hits; the direction was"
+            " probably turned."
+        )
     elif name == "second":
         after = 1e3 * traits.second_s
         advice = f"It stands {abs(after):.3g} ms {'after' if after > 0 else 'before'} it."
@@ -117,5 +152,8 @@ def _lost(traits: Traits) -> str:
     if not traits.clear:
         return "The force block holds no pulse above its noise: the hit lies outside the block."
     if pulse.peak > 0.5 * traits.samples:
-        return f"The pulse lies at {pulse.peak / traits.samples:.0%} of the block; most of the response is lost."
+        return (
+            f"The pulse lies at {pulse.peak / traits.samples:.0%} of the block; most of the"
+            " response is lost."
+        )
     return f"{pulse.start} samples lie before the pulse, too few: its beginning is lost."

@@ -1,7 +1,8 @@
 """One long recording with many hits: where they are, how long the body rings, and their blocks.
 
-A recording comes in chunks and is read twice. The first reading keeps only the extremes and the energy of each channel in
-short hops, by which the hits are found; the second cuts. So memory does not grow with the samples.
+A recording comes in chunks and is read twice. The first reading keeps only the extremes and the
+energy of each channel in short hops, by which the hits are found; the second cuts. So memory does
+not grow with the samples.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -17,13 +18,15 @@ LEAD = 256
 """Samples of a block before the force's peak: the channels' baselines are taken from them."""
 
 _HOP_S = 0.005  # the recording is looked through in steps of it: a pulse of a hammer is no longer
-_BOUNCE_S = 0.25  # nobody hits twice on purpose within it: what follows is a bounce, and stays in the hit's block
+# nobody hits twice on purpose within it: what follows is a bounce, and stays in the hit's block
+_BOUNCE_S = 0.25
 _PERIOD_S = 0.1  # energy is averaged over it, a period of the slowest mode that a hammer excites
 _OVER_PAUSES = 8.0  # times that a hit is higher than what the force channel has in the pauses
 _OVER_LARGEST = 0.05  # share of the largest hit below which a pulse is none
 _FLOOR = 2.0  # times the energy of the quietest pauses, at which a response has decayed
 _CLIPPED = 0.999  # of full scale
-_SAME = 1e-6  # relative, of the extremes in all hops: two channels that differ less are copies but for rounding
+# relative, of the extremes in all hops: two channels that differ less are copies but for rounding
+_SAME = 1e-6
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,8 @@ class Impact:
 
     at: int  # sample of the force's peak, from 0
     force: float  # its magnitude over the baseline, in the unit of the force channel
-    decay: int  # samples until every response is at its floor; to the next hit where that comes before
+    # samples until every response is at its floor; to the next hit where that comes before
+    decay: int
     room: int  # samples to the next hit, or to the end of the recording less the lead
     clipped: tuple[int, ...] = ()  # channels that reach their full scale before the next hit
 
@@ -51,7 +55,9 @@ class Survey:
 
 @dataclass(frozen=True)
 class _Hops:
-    """Extremes, means and mean squares of channels (channels, hops), and where the force has its extremes (2, hops)."""
+    """Extremes, means and mean squares of channels (channels, hops), and where the force has its
+    extremes (2, hops).
+    """
 
     low: FloatArray
     high: FloatArray
@@ -72,9 +78,11 @@ def survey(
 ) -> Survey:
     """Find the hits of a recording.
 
-    A hit is where the force rises over eight times what it has in the pauses and over 5 % of the largest hit, or over a
-    stated force; pulses within 0.25 s belong to the hit before. All blocks are of one length L, which three quarters of the
-    hits need to decay, and which keeps most of the recording: the largest product of L and the hits whose room is L or more.
+    A hit is where the force rises over eight times what it has in the pauses and over 5 % of the
+    largest hit, or over a stated force; pulses within 0.25 s belong to the hit before. All blocks
+    are of one length L, which three quarters of the
+    hits need to decay, and which keeps most of the recording: the largest product of L and the hits
+    whose room is L or more.
 
     Args:
         chunks: (channels, n) parts of the recording, in order, of any length.
@@ -82,28 +90,37 @@ def survey(
         force: row of the force.
         least_force: what a hit has at least.
         full_scale: largest magnitude of each channel, None where it is not known.
-        names: of the channels, for what is said of them; `channel 1` and so on where there are none.
+        names: of the channels, for what is said of them; `channel 1` and so on where there are
+            none.
 
     Raises:
-        InputError: the recording is too short, holds NaN or no hit, or a channel is constant or a copy of another.
+        InputError: the recording is too short, holds NaN or no hit, or a channel is constant or a
+            copy of another.
     """
     hops = _hops(chunks, force, max(int(_HOP_S * sample_rate_hz), 4), names)
     _check(hops, names)
     middle = np.median((hops.low[force] + hops.high[force]) / 2)
     peaks = np.maximum(hops.high[force] - middle, middle - hops.low[force])
     pauses, largest = float(np.median(peaks)), int(np.argmax(peaks))
-    least = max(_OVER_PAUSES * pauses, _OVER_LARGEST * peaks[largest]) if least_force is None else least_force
+    least = (
+        max(_OVER_PAUSES * pauses, _OVER_LARGEST * peaks[largest])
+        if least_force is None
+        else least_force
+    )
     if not peaks[largest] > max(least, 0.0):
         raise InputError(
             "recording",
-            f"has no hit: the force reaches {peaks[largest]:.3g} at {largest * hops.hop / sample_rate_hz:.2f} s and "
-            f"{pauses:.3g} in the pauses; a hit has {least:.3g} or more. Is the right channel named as force?",
+            f"has no hit: the force reaches {peaks[largest]:.3g} at"
+            f" {largest * hops.hop / sample_rate_hz:.2f} s and {pauses:.3g} in the pauses; a hit"
+            f" has {least:.3g} or more. Is the right channel named as force?",
         )
     first = _starts(np.flatnonzero(peaks > least), peaks, _BOUNCE_S * sample_rate_hz / hops.hop)
     rises = hops.high[force] - middle >= middle - hops.low[force]
     at = [int(hops.places[0 if rises[k] else 1, k]) for k in first]
     ends = [*at[1:], peaks.size * hops.hop + LEAD]
-    decays = _decays(hops, force, first, [min(end // hops.hop, peaks.size) for end in ends], sample_rate_hz)
+    decays = _decays(
+        hops, force, first, [min(end // hops.hop, peaks.size) for end in ends], sample_rate_hz
+    )
     hits = tuple(
         Impact(a, float(peaks[k]), min(decay, end - a), end - a, _clipped(hops, full_scale, a, end))
         for a, k, end, decay in zip(at, first, ends, decays, strict=True)
@@ -145,20 +162,31 @@ def _hops(chunks: Iterable[FloatArray], force: int, hop: int, names: Sequence[st
         if not np.isfinite(square).all():
             row, k = np.argwhere(~np.isfinite(square))[0]
             raise InputError(
-                "recording", f"holds NaN or infinity in {_named(names, row)} behind sample {begin + k * hop + 1}"
+                "recording",
+                f"holds NaN or infinity in {_named(names, row)} behind sample"
+                f" {begin + k * hop + 1}",
             )
         edges = begin + np.arange(whole // hop) * hop
-        places = np.array([table[force].argmax(axis=1) + edges, table[force].argmin(axis=1) + edges])
+        places = np.array(
+            [table[force].argmax(axis=1) + edges, table[force].argmin(axis=1) + edges]
+        )
         parts.append((table.min(axis=2), table.max(axis=2), table.mean(axis=2), square, places))
         begin += whole
     if begin < LEAD + FEWEST_SAMPLES:
-        raise InputError("recording", f"has {begin + rest.shape[1]} samples, expected {LEAD + FEWEST_SAMPLES} or more")
-    low, high, mean, energy, where = (np.concatenate(columns, axis=1) for columns in zip(*parts, strict=True))
+        raise InputError(
+            "recording",
+            f"has {begin + rest.shape[1]} samples, expected {LEAD + FEWEST_SAMPLES} or more",
+        )
+    low, high, mean, energy, where = (
+        np.concatenate(columns, axis=1) for columns in zip(*parts, strict=True)
+    )
     return _Hops(low, high, mean, energy, where, hop)
 
 
 def _check(hops: _Hops, names: Sequence[str]) -> None:
-    """Raises InputError where a channel carried nothing, or has the samples of another, perhaps times a number."""
+    """Raises InputError where a channel carried nothing, or has the samples of another, perhaps
+    times a number.
+    """
     scaled: list[FloatArray] = []
     for row, (low, high) in enumerate(zip(hops.low, hops.high, strict=True)):
         if low.min() == high.max():
@@ -176,7 +204,9 @@ def _named(names: Sequence[str], row: int) -> str:
     return names[row] if names else f"channel {row + 1}"
 
 
-def _starts(above: np.ndarray[tuple[int, ...], np.dtype[np.int64]], peaks: FloatArray, bounce: float) -> list[int]:
+def _starts(
+    above: np.ndarray[tuple[int, ...], np.dtype[np.int64]], peaks: FloatArray, bounce: float
+) -> list[int]:
     """The highest hop of each hit's first run of hops that lie above."""
     runs = np.split(above, np.flatnonzero(np.diff(above) > 1) + 1)
     found: list[int] = []
@@ -186,8 +216,12 @@ def _starts(above: np.ndarray[tuple[int, ...], np.dtype[np.int64]], peaks: Float
     return found
 
 
-def _decays(hops: _Hops, force: int, first: list[int], ends: list[int], sample_rate_hz: float) -> list[int]:
-    """Samples from each hit until the energy of all responses, over the last period, is near that of the quietest pauses."""
+def _decays(
+    hops: _Hops, force: int, first: list[int], ends: list[int], sample_rate_hz: float
+) -> list[int]:
+    """Samples from each hit until the energy of all responses, over the last period, is near that
+    of the quietest pauses.
+    """
     width = max(min(int(_PERIOD_S * sample_rate_hz / hops.hop), hops.mean.shape[1] // 4), 1)
     quiet = np.ones(hops.mean.shape[1], dtype=bool)
     for row in range(hops.mean.shape[0]):
@@ -210,7 +244,8 @@ def _clipped(hops: _Hops, full_scale: Sequence[float | None], at: int, end: int)
     return tuple(
         row
         for row, most in enumerate(full_scale)
-        if most is not None and max(hops.high[row, part].max(), -hops.low[row, part].min()) >= _CLIPPED * most
+        if most is not None
+        and max(hops.high[row, part].max(), -hops.low[row, part].min()) >= _CLIPPED * most
     )
 
 

@@ -1,10 +1,13 @@
-"""What each resonance has in the FRF of a hit: its shares, real numbers that change with the place of the hit alone.
+"""What each resonance has in the FRF of a hit: its shares, real numbers that change with the place
+of the hit alone.
 
-Hits excite the same poles by other amounts: in a band about a resonance H_i(ω) = Σ a_ik u_k(ω), with shapes over
-frequency u_k that all hits of a campaign have in common and real a_ik = φ_k(x_i) times what the sensor sees. The bands
-lie between the minima of the campaign's power spectrum; the u_k are the strongest right singular vectors of the band's
-FRFs, real and imaginary parts side by side, over a sample of hits, so no mode has to be identified and near modes share
-a band. A hit whose FRF is far higher than others in a band, as a faulty one may be, counts there as much as they do.
+Hits excite the same poles by other amounts: in a band about a resonance H_i(ω) = Σ a_ik u_k(ω),
+with shapes over frequency u_k that all hits of a campaign have in common and real a_ik = φ_k(x_i)
+times what the sensor sees. The bands lie between the minima of the campaign's power spectrum; the
+u_k are the strongest right singular vectors of the band's FRFs, real and imaginary parts side by
+side, over a sample of hits, so no mode has to be identified and near modes share a band. A hit
+whose FRF is far higher than others in a band, as a faulty one may be, counts there as much as they
+do.
 """
 
 from collections.abc import Sequence
@@ -24,12 +27,15 @@ _MOST_BANDS = 32  # the lowest: shapes of low modes are known from few points
 _A_BAND = 2  # shares
 _CLEAR = 20.0  # power of a share over that of the weak ones
 _SHOWN = 1e-3  # and over that of the band's first
-_WEAKEST = 1e-4  # of the force's largest power, below which a line is taken down: there is little to divide by
+# of the force's largest power, below which a line is taken down: there is little to divide by
+_WEAKEST = 1e-4
 
 
 @dataclass(frozen=True)
 class Basis:
-    """Bands as (first line, last line + 1), and the unit vectors u_k of each, (2 n,) real before imaginary parts."""
+    """Bands as (first line, last line + 1), and the unit vectors u_k of each, (2 n,) real before
+    imaginary parts.
+    """
 
     bands: tuple[tuple[int, int], ...]
     vectors: tuple[FloatArray, ...]
@@ -37,12 +43,17 @@ class Basis:
     def shares(self, frfs: ComplexArray) -> FloatArray:
         """(h, K) shares of (h, L) FRFs."""
         return np.array(
-            [_parts(frfs[:, low:high]) @ u for (low, high), u in zip(self.bands, self.vectors, strict=True)]
+            [
+                _parts(frfs[:, low:high]) @ u
+                for (low, high), u in zip(self.bands, self.vectors, strict=True)
+            ]
         ).T
 
 
 def hit_frfs(forces: ComplexArray, responses: ComplexArray) -> ComplexArray:
-    """(h, L) FRFs of single hits; lines that a hit hardly excites are drawn to zero, not divided by next to nothing."""
+    """(h, L) FRFs of single hits; lines that a hit hardly excites are drawn to zero, not divided by
+    next to nothing.
+    """
     power = forces.real**2 + forces.imag**2
     least = np.maximum(_WEAKEST * power.max(axis=1, keepdims=True), 1e-300)
     found: ComplexArray = responses * forces.conj() / (power + least)
@@ -53,7 +64,9 @@ def find_basis(frfs: ComplexArray) -> Basis | None:
     """The basis of (n, L) FRFs of a sample of hits; None where they show no resonance."""
     power = np.abs(frfs) ** 2
     found = [
-        (band, u) for band in _bands(np.median(power, axis=0)) for u in _strongest(_parts(frfs[:, band[0] : band[1]]))
+        (band, u)
+        for band in _bands(np.median(power, axis=0))
+        for u in _strongest(_parts(frfs[:, band[0] : band[1]]))
     ]
     return Basis(tuple(band for band, _ in found), tuple(u for _, u in found)) if found else None
 
@@ -81,7 +94,11 @@ def _strongest(rows: FloatArray) -> list[FloatArray]:
     rows = rows / np.maximum(size, usual)[:, None]
     squares, left = np.linalg.eigh(rows @ rows.T)
     squares, left = squares[::-1], left[:, ::-1]
-    weak = float(np.median(squares[2 * _A_BAND + 1 :])) if squares.size > 2 * (2 * _A_BAND + 1) else float(squares[-1])
+    weak = (
+        float(np.median(squares[2 * _A_BAND + 1 :]))
+        if squares.size > 2 * (2 * _A_BAND + 1)
+        else float(squares[-1])
+    )
     least = max(_CLEAR * weak, _SHOWN * float(squares[0]))
     return [
         np.asarray(left[:, k] @ rows / np.sqrt(squares[k]))

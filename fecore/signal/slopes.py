@@ -1,19 +1,23 @@
-"""How the shares of resonances change from place to place: their slopes at each point of the grid, with what is not known
-of them.
+"""How the shares of resonances change from place to place: their slopes at each point of the grid,
+with what is not known of them.
 
-A share is known at the grid's points and its slope is wanted at one. A uniform strip's or plate's shapes are made of
+A share is known at the grid's points and its slope is wanted at one. A uniform strip's or plate's
+shapes are made of
 waves: along one axis, of wave number κ,
 
     cos κx,  sin κx,  exp(-κ(x - x₁)),  exp(-κ(x₂ - x)),
 
-whatever holds the ends; along the other the same with a wave number of its own (for a strip, whose points span little
-of the width: a constant for bending or a straight line for torsion). A share is the sum of the products with random
-weights, a Gaussian process whose kernel is the product of one kernel along each axis (Rasmussen & Williams, Gaussian
-Processes for Machine Learning, 2006, chapters 2 and 5; its derivatives are those of the kernel). Smooth kernels exp(-(x
-- x')²/2ℓ²) stand beside, for bodies that are not uniform. Wave numbers are not known: each pair of kernels counts by
-the probability that it gives the values seen. Values and slopes are the mean over pairs, and their covariance has both
-what one pair leaves open and what the pairs differ by. So a slope is well known where the points lie near one another
-against the wave's length, and said to be unknown where not.
+whatever holds the ends; along the other the same with a wave number of its own (for a strip, whose
+points span little
+of the width: a constant for bending or a straight line for torsion). A share is the sum of the
+products with random weights, a Gaussian process whose kernel is the product of one kernel along
+each axis (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, chapters 2 and 5;
+its derivatives are those of the kernel). Smooth kernels exp(-(x
+- x')²/2ℓ²) stand beside, for bodies that are not uniform. Wave numbers are not known: each pair of
+  kernels counts by
+the probability that it gives the values seen. Values and slopes are the mean over pairs, and their
+covariance has both what one pair leaves open and what the pairs differ by. So a slope is well known
+where the points lie near one another against the wave's length, and said to be unknown where not.
 """
 
 from dataclasses import dataclass
@@ -26,7 +30,8 @@ NARROW = 0.2
 """Extent of the points across over along up to which they are a strip's."""
 
 _NEIGHBOURS = 24  # points, the nearest, that a slope rests on
-_ERROR = 0.04  # of a share's root mean square: what hits beside the points and other modes put on it
+# of a share's root mean square: what hits beside the points and other modes put on it
+_ERROR = 0.04
 _LINE = 1.4  # at the edge, of a torsion mode whose mean square over the width is near one
 _ENDS = 0.02  # of the extent, that the body reaches beyond the outermost points
 _WAVES = (45, 25.0)  # wave numbers tried along a strip, and the largest times the extent
@@ -37,7 +42,9 @@ _SMOOTH = (0.04, 0.1, 0.15, 0.22, 0.33, 0.5)
 
 @dataclass(frozen=True)
 class _Kernels:
-    """Kernels along one axis: k(x_a, x_b) as (F, P, P), ∂k(x, x_b)/∂x at the point asked as (F, P), ∂²k/∂x∂x' there as (F,)."""
+    """Kernels along one axis: k(x_a, x_b) as (F, P, P), ∂k(x, x_b)/∂x at the point asked as (F, P),
+    ∂²k/∂x∂x' there as (F,).
+    """
 
     value: FloatArray
     slope: FloatArray
@@ -45,14 +52,17 @@ class _Kernels:
 
 
 def plane(positions: FloatArray) -> FloatArray:
-    """(P, 2) coordinates of (P, 3) positions along the two axes in which they extend most, the longer first."""
+    """(P, 2) coordinates of (P, 3) positions along the two axes in which they extend most, the
+    longer first.
+    """
     order = np.argsort(-np.ptp(positions, axis=0), kind="stable")[:2]
     found: FloatArray = positions[:, order]
     return found
 
 
 def slopes(places: FloatArray, shares: FloatArray, point: int) -> tuple[FloatArray, FloatArray]:
-    """(2, K) slopes of K shares at one of the points along the two axes, 1/m, and their (2, K) variances.
+    """(2, K) slopes of K shares at one of the points along the two axes, 1/m, and their (2, K)
+    variances.
 
     Args:
         places: (P, 2) coordinates, m, as `plane` gives them.
@@ -66,22 +76,32 @@ def slopes(places: FloatArray, shares: FloatArray, point: int) -> tuple[FloatArr
     if extent[1] <= NARROW * extent[0]:
         along, across = x.kernels(*_WAVES), y.straight()
     else:
-        along, across = (axis.kernels(*tried) for axis, tried in zip((x, y), _PLATE_WAVES, strict=True))
+        along, across = (
+            axis.kernels(*tried) for axis, tried in zip((x, y), _PLATE_WAVES, strict=True)
+        )
     scale = np.sqrt((shares[near] ** 2).mean(axis=0)) + 1e-300
     mean, variance = _averaged(along, across, shares[near] / scale)
     return mean * scale, variance * scale**2
 
 
-def _averaged(along: _Kernels, across: _Kernels, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(2, K) mean and variance of the slopes at the first of the points, over all pairs of kernels."""
+def _averaged(
+    along: _Kernels, across: _Kernels, values: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(2, K) mean and variance of the slopes at the first of the points, over all pairs of
+    kernels.
+    """
     size = len(values)
 
     def pairs(a: FloatArray, b: FloatArray) -> FloatArray:
         return np.asarray((a[:, None] * b[None]).reshape(-1, *a.shape[1:]))
 
     matrix = pairs(along.value, across.value) + _ERROR**2 * np.eye(size)
-    towards = np.stack((pairs(along.slope, across.value[:, 0]), pairs(along.value[:, 0], across.slope)), axis=2)
-    prior = np.stack((pairs(along.both, across.value[:, 0, 0]), pairs(along.value[:, 0, 0], across.both)), axis=1)
+    towards = np.stack(
+        (pairs(along.slope, across.value[:, 0]), pairs(along.value[:, 0], across.slope)), axis=2
+    )
+    prior = np.stack(
+        (pairs(along.both, across.value[:, 0, 0]), pairs(along.value[:, 0, 0], across.both)), axis=1
+    )
     solved = np.linalg.solve(
         matrix, np.concatenate((np.broadcast_to(values, (len(matrix), *values.shape)), towards), 2)
     )
@@ -93,12 +113,16 @@ def _averaged(along: _Kernels, across: _Kernels, values: FloatArray) -> tuple[Fl
     each = np.einsum("fpa,fpk->fak", towards, weights)
     left = np.maximum(prior - np.einsum("fpa,fpa->fa", towards, reach), 0.0)
     mean = np.einsum("fk,fak->ak", chance, each)
-    variance = np.einsum("fk,fa->ak", chance, left) + np.einsum("fk,fak->ak", chance, (each - mean) ** 2)
+    variance = np.einsum("fk,fa->ak", chance, left) + np.einsum(
+        "fk,fak->ak", chance, (each - mean) ** 2
+    )
     return mean, variance
 
 
 class _Axis:
-    """The coordinates of the points along one axis, the point asked first, and the extent of all points."""
+    """The coordinates of the points along one axis, the point asked first, and the extent of all
+    points.
+    """
 
     def __init__(self, x: FloatArray, low: float, high: float) -> None:
         self.x, self.extent = x, max(high - low, 1e-9)
@@ -106,12 +130,20 @@ class _Axis:
         self.middle = (low + high) / 2
 
     def straight(self) -> _Kernels:
-        """A constant, a line through the middle, and both: a share may be of a bending and a torsion mode."""
+        """A constant, a line through the middle, and both: a share may be of a bending and a
+        torsion mode.
+        """
         one, none = np.ones(self.x.size), np.zeros(self.x.size)
         half = self.extent / 2 if self.extent > 1e-6 else 1.0
         line, rise = _LINE * (self.x - self.middle) / half, _LINE * one / half
-        values = np.array([[one, none], [none, line], [one, line]]) / np.sqrt([[1, 1], [1, 1], [2, 2]])[..., None]
-        slope = np.array([[none, none], [none, rise], [none, rise]]) / np.sqrt([[1, 1], [1, 1], [2, 2]])[..., None]
+        values = (
+            np.array([[one, none], [none, line], [one, line]])
+            / np.sqrt([[1, 1], [1, 1], [2, 2]])[..., None]
+        )
+        slope = (
+            np.array([[none, none], [none, rise], [none, rise]])
+            / np.sqrt([[1, 1], [1, 1], [2, 2]])[..., None]
+        )
         return _of_features(values.swapaxes(1, 2), slope.swapaxes(1, 2))
 
     def kernels(self, count: int, largest: float) -> _Kernels:
@@ -137,7 +169,9 @@ class _Axis:
         length = np.array(_SMOOTH)[:, None] * self.extent
         off = self.x[:, None] - self.x[None]
         value = np.exp(-(off**2) / (2 * length[..., None] ** 2))
-        return _Kernels(value, (self.x - self.x[0]) / length**2 * value[:, 0], 1 / length[:, 0] ** 2)
+        return _Kernels(
+            value, (self.x - self.x[0]) / length**2 * value[:, 0], 1 / length[:, 0] ** 2
+        )
 
 
 def _of_features(values: FloatArray, slope: FloatArray) -> _Kernels:

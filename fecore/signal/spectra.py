@@ -26,7 +26,9 @@ EXCITED = 0.01
 """Hits are compared where the force's power is at least this share of its largest (-20 dB)."""
 
 SAME_RATE = 1e-4
-"""Sampling rates are one up to this share, as the digits of a time column leave it; the frequencies are as sure."""
+"""Sampling rates are one up to this share, as the digits of a time column leave it; the frequencies
+are as sure.
+"""
 
 _FEWEST_LINES = 2  # that make a band
 _LOOKED_AT = 12  # hits from which windows are chosen
@@ -43,7 +45,9 @@ class Source(Protocol):
 
 
 def by_point(hits: Sequence[Hit]) -> list[list[Hit]]:
-    """Hits that lie in memory, grouped by where they were hit and measured, in order of appearance."""
+    """Hits that lie in memory, grouped by where they were hit and measured, in order of
+    appearance.
+    """
     points: dict[object, list[Hit]] = {}
     for hit in hits:
         points.setdefault(hit.pair, []).append(hit)
@@ -56,7 +60,8 @@ class Spectra:
     Args:
         source: the hits.
         processing: the choices.
-        rate_sd: standard deviation of the exponential window's rate, 1/s; None where nothing shows whether there was another.
+        rate_sd: standard deviation of the exponential window's rate, 1/s; None where nothing shows
+            whether there was another.
     """
 
     def __init__(self, source: Source, processing: Processing, rate_sd: float | None = 0.0) -> None:
@@ -65,10 +70,15 @@ class Spectra:
         first = source[0][0]
         self.samples, self.sample_rate = first.samples, first.sample_rate_hz
         if abs(processing.delay_s) > 0.5 * (block_s := self.samples / self.sample_rate):
-            raise InputError("delay_s", f"is {processing.delay_s:g} s, expected at most half a block of {block_s:g} s")
+            raise InputError(
+                "delay_s",
+                f"is {processing.delay_s:g} s, expected at most half a block of {block_s:g} s",
+            )
         kinds = sorted({block.quantity for block in first.responses})
         if len(kinds) > 1:
-            raise InputError("responses", f"hold {', '.join(kinds)}; process one kind of response at a time")
+            raise InputError(
+                "responses", f"hold {', '.join(kinds)}; process one kind of response at a time"
+            )
         (self.quantity,) = kinds
         frequency = scipy.fft.rfftfreq(self.samples, 1 / self.sample_rate)
         low, high = processing.band_hz or (0.5 * frequency[1], USABLE_SHARE * self.sample_rate)
@@ -76,23 +86,32 @@ class Spectra:
         if self.lines.size < _FEWEST_LINES:
             raise InputError(
                 "band_hz",
-                f"is {low:g} to {high:g} Hz and holds {self.lines.size} of the lines, which lie {frequency[1]:g} Hz apart up "
-                f"to {frequency[-1]:g} Hz; expected {_FEWEST_LINES} at least",
+                f"is {low:g} to {high:g} Hz and holds {self.lines.size} of the lines, which lie"
+                f" {frequency[1]:g} Hz apart up to {frequency[-1]:g} Hz; expected {_FEWEST_LINES}"
+                " at least",
             )
         self.lines = np.arange(self.lines[0], self.lines[-1] + 1)
         self.frequency = frequency[self.lines]
-        self.delay = np.exp(2j * np.pi * self.frequency * processing.delay_s) if processing.delay_s else None
+        self.delay = (
+            np.exp(2j * np.pi * self.frequency * processing.delay_s) if processing.delay_s else None
+        )
         looked: list[tuple[Hit, Traits]] = []
         more: list[tuple[Hit, Traits]] = []
         step = max(1, len(source) // _LOOKED_AT)
         for number in range(0, len(source), step)[:_LOOKED_AT]:
-            first_hit, *others = ((hit, find_traits([hit])[0]) for hit in source[number][: _COUPLED // _LOOKED_AT])
+            first_hit, *others = (
+                (hit, find_traits([hit])[0]) for hit in source[number][: _COUPLED // _LOOKED_AT]
+            )
             looked.append(first_hit)
             more += others
         self.windows = processing.windows or choose_windows(looked)
-        self.coupling = None if self.windows.force_length_s is None else find_coupling([*looked, *more])
+        self.coupling = (
+            None if self.windows.force_length_s is None else find_coupling([*looked, *more])
+        )
         self.processing = replace(
-            processing, windows=self.windows, band_hz=(float(self.frequency[0]), float(self.frequency[-1]))
+            processing,
+            windows=self.windows,
+            band_hz=(float(self.frequency[0]), float(self.frequency[-1])),
         )
         self.rate, self.rate_sd = total_rate(first, self.windows), rate_sd
         self._kept = threading.local()
@@ -119,26 +138,36 @@ class Spectra:
         found = []
         for hit, traits in sample:
             force, responses = self.stack([hit], [traits], [0])
-            found += [hit_frfs(force[:, self.compared], r[:, self.compared]) for r in responses[:MOST_SENSORS]]
+            found += [
+                hit_frfs(force[:, self.compared], r[:, self.compared])
+                for r in responses[:MOST_SENSORS]
+            ]
         return find_basis(np.concatenate(found))
 
     def shares(self, forces: ComplexArray, responses: Sequence[ComplexArray]) -> FloatArray | None:
-        """(h, K) what each resonance has in each hit, over the sensors; None where places are not asked for."""
+        """(h, K) what each resonance has in each hit, over the sensors; None where places are not
+        asked for.
+        """
         if self.basis is None:
             return None
         force = forces[:, self.compared]
         some = responses[:MOST_SENSORS]
-        return np.concatenate([self.basis.shares(hit_frfs(force, r[:, self.compared])) for r in some], axis=1)
+        return np.concatenate(
+            [self.basis.shares(hit_frfs(force, r[:, self.compared])) for r in some], axis=1
+        )
 
     def strong_window(self) -> str | None:
-        """The exponential window in words, where it falls to 1 % in a quarter of the block: a chosen one is weaker than any
-        such, and it takes the resonances of whatever body.
+        """The exponential window in words, where it falls to 1 % in a quarter of the block: a
+        chosen one is weaker than any such, and it takes the resonances of whatever body.
         """
         block = self.samples / self.sample_rate
         if not self.rate * block > 4 * np.log(1 / LEFT_AT_END):
             return None
         fall = np.log(1 / LEFT_AT_END) / self.rate
-        return f"the exponential window of {self.rate:g} per second, down to 1 % after {fall:.2g} of {block:.2g} s,"
+        return (
+            f"the exponential window of {self.rate:g} per second, down to 1 % after {fall:.2g} of"
+            f" {block:.2g} s,"
+        )
 
     def check(self, hit: Hit) -> None:
         """Refuse a hit that is unlike the first.
@@ -151,13 +180,15 @@ class Spectra:
         if apart > SAME_RATE or hit.samples != self.samples:
             raise InputError(
                 "hits",
-                f"{which} has {hit.samples} samples at {hit.sample_rate_hz:.8g} Hz, the first {self.samples} at "
-                f"{self.sample_rate:.8g} Hz; keep them in a campaign of their own",
+                f"{which} has {hit.samples} samples at {hit.sample_rate_hz:.8g} Hz, the first"
+                f" {self.samples} at {self.sample_rate:.8g} Hz; keep them in a campaign of"
+                " their own",
             )
         if others := sorted({b.quantity for b in hit.responses} - {self.quantity}):
             raise InputError(
                 "hits",
-                f"{which} measures {', '.join(others)}, the first {self.quantity}; keep them in a campaign of their own",
+                f"{which} measures {', '.join(others)}, the first {self.quantity}; keep them in a"
+                " campaign of their own",
             )
         if total_rate(hit, self.windows) != self.rate:
             raise InputError(
@@ -168,8 +199,8 @@ class Spectra:
             )
 
     def _force(self, hit: Hit, traits: Traits, into: FloatArray) -> None:
-        """A hit's force under both windows, with the coupling's tail in place of the noise that the force window has
-        taken away.
+        """A hit's force under both windows, with the coupling's tail in place of the noise that the
+        force window has taken away.
         """
         pulse, rate = traits.pulse, self.sample_rate
         if self.windows.force_length_s is None:
@@ -187,7 +218,9 @@ class Spectra:
             fall = exponential(self.samples, self.coupling.rate_per_s / rate)[
                 behind - pulse.peak : self.samples - pulse.peak
             ]
-            np.multiply(fall, -self.coupling.amplitude_per_s * impulse(hit, pulse), out=into[behind:])
+            np.multiply(
+                fall, -self.coupling.amplitude_per_s * impulse(hit, pulse), out=into[behind:]
+            )
             if self.rate:
                 into[behind:] *= exponential(self.samples, self.rate / rate)[behind:]
             covered = max(behind - kept.start, 0)
@@ -197,15 +230,21 @@ class Spectra:
     def stack(
         self, hits: Sequence[Hit], traits: Sequence[Traits], chosen: Sequence[int]
     ) -> tuple[ComplexArray, list[ComplexArray]]:
-        """(h, L) spectra of the force of the chosen hits, and of each response; a few hits at a time."""
-        found: ComplexArray = np.empty((1 + len(hits[0].responses), len(chosen), self.lines.size), dtype=complex)
+        """(h, L) spectra of the force of the chosen hits, and of each response; a few hits at a
+        time.
+        """
+        found: ComplexArray = np.empty(
+            (1 + len(hits[0].responses), len(chosen), self.lines.size), dtype=complex
+        )
         step = max(1, _AT_ONCE // (self.samples * len(found)))
         for start in range(0, len(chosen), step):
             part, some = slice(start, start + step), chosen[start : start + step]
             blocks, spectra = self._room(len(found), len(some))
             for row, i in enumerate(some):
                 self._force(hits[i], traits[i], blocks[0, row])
-                for channel, (block, offset) in enumerate(zip(hits[i].responses, traits[i].offsets, strict=True), 1):
+                for channel, (block, offset) in enumerate(
+                    zip(hits[i].responses, traits[i].offsets, strict=True), 1
+                ):
                     windowed(block, offset, self.sample_rate, self.rate, blocks[channel, row])
             np.fft.rfft(blocks, out=spectra)
             found[:, part] = spectra[..., self.lines[0] : self.lines[-1] + 1]
@@ -214,12 +253,17 @@ class Spectra:
         return found[0], list(found[1:])
 
     def _room(self, channels: int, hits: int) -> tuple[FloatArray, npt.NDArray[np.complex128]]:
-        """Memory for the blocks of so many channels and hits and their transforms, the same at each call of a thread: new
-        memory costs as much as the transforms.
+        """Memory for the blocks of so many channels and hits and their transforms, the same at each
+        call of a thread: new memory costs as much as the transforms.
         """
-        kept: tuple[FloatArray, npt.NDArray[np.complex128]] | None = getattr(self._kept, "room", None)
+        kept: tuple[FloatArray, npt.NDArray[np.complex128]] | None = getattr(
+            self._kept, "room", None
+        )
         shape = channels, hits
         if kept is None or kept[0].shape[:2] != shape:
-            kept = np.empty((*shape, self.samples)), np.empty((*shape, self.samples // 2 + 1), dtype=complex)
+            kept = (
+                np.empty((*shape, self.samples)),
+                np.empty((*shape, self.samples // 2 + 1), dtype=complex),
+            )
             self._kept.room = kept
         return kept

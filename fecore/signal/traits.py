@@ -1,4 +1,5 @@
-"""Numbers of a hit that its judgement needs, each from its own blocks alone; they take its place once its samples are gone.
+"""Numbers of a hit that its judgement needs, each from its own blocks alone; they take its place
+once its samples are gone.
 
 | name | what it is |
 |---|---|
@@ -43,10 +44,13 @@ class Traits:
     number: int  # which hit of its point it is
     force: Dof  # where it was hit
     pulse: Pulse  # the hammer's pulse
-    offsets: tuple[float, ...]  # of each response, its mean before the pulse, as it was before the analyser's window
-    own: FloatArray = field(compare=False)  # the numbers of `OWN`; NaN where the blocks do not show one
+    # of each response, its mean before the pulse, as it was before the analyser's window
+    offsets: tuple[float, ...]
+    # the numbers of `OWN`; NaN where the blocks do not show one
+    own: FloatArray = field(compare=False)
     cut: str  # the channel whose top speaks most for an overload
-    # largest share of its stated full scale that a channel reaches, and which; 0 where none is stated
+    # largest share of its stated full scale that a channel reaches, and which; 0 where none is
+    # stated
     overload: tuple[float, str]
     samples: int  # length of the blocks
     sample_rate_hz: float  # samples a second
@@ -116,7 +120,11 @@ def _traits(hit: Hit) -> Traits:
 def _channel(block: Block, pulse: Pulse, rate: float) -> _Channel:
     x = block.undone(rate)
     level, floor = max(float(x.max()), -float(x.min()), 1e-300), _floor(x[: block.shown(rate)])
-    of_all = (level / block.full_scale if block.full_scale else 0.0, _flat(x, level), _beyond(x, pulse, floor) / level)
+    of_all = (
+        level / block.full_scale if block.full_scale else 0.0,
+        _flat(x, level),
+        _beyond(x, pulse, floor) / level,
+    )
     if block.quantity == "force":
         return _Channel("force", *of_all, floor / level)
     lead = _lead(x, pulse)
@@ -131,7 +139,9 @@ def _lead(samples: FloatArray, pulse: Pulse) -> FloatArray:
 
 
 def _swing(force: Block, pulse: Pulse, rate: float) -> float:
-    """Largest force against the sign of the pulse, where the analyser's window leaves an offset what it was."""
+    """Largest force against the sign of the pulse, where the analyser's window leaves an offset
+    what it was.
+    """
     x = (force.undone(rate)[: force.shown(rate)] - pulse.baseline) * np.sign(pulse.height)
     return max(-float(x.min()), 0.0)
 
@@ -143,14 +153,16 @@ def _flat(x: FloatArray, level: float) -> float:
 
 
 def _beyond(x: FloatArray, pulse: Pulse, floor: float) -> float:
-    """Root mean square of the spectrum above the filter's cut about the pulse, the size of a sample with that spectrum, beyond
-    twice what the noise has.
+    """Root mean square of the spectrum above the filter's cut about the pulse, the size of a sample
+    with that spectrum, beyond twice what the noise has.
     """
     start = max(pulse.start - _ABOUT // 8, 0)
     part = x[start : start + _ABOUT]
     taper = _taper(part.size)
     high = np.fft.rfft((part - part[0]) * taper)[int(np.ceil(_STOP_BAND * part.size)) :]
-    power = float(np.mean(high.real**2 + high.imag**2)) - (2 * MEAN_TO_SD * floor) ** 2 * float(taper @ taper)
+    power = float(np.mean(high.real**2 + high.imag**2)) - (2 * MEAN_TO_SD * floor) ** 2 * float(
+        taper @ taper
+    )
     return float(np.sqrt(max(power, 0.0)))
 
 
@@ -162,7 +174,9 @@ def _taper(samples: int) -> FloatArray:
 
 
 def _before(lead: FloatArray, level: float) -> float:
-    """`early`; NaN where too little lies before the pulse. A drift is no body that rings: the straight line is taken out."""
+    """`early`; NaN where too little lies before the pulse. A drift is no body that rings: the
+    straight line is taken out.
+    """
     before = lead[-_ABOUT:]
     if before.size < _FEWEST:
         return np.nan

@@ -1,21 +1,26 @@
-"""An exponential window that an analyser has applied and nobody stated, seen where the noise decays with it.
+"""An exponential window that an analyser has applied and nobody stated, seen where the noise decays
+with it.
 
-Behind its pulse the force channel holds noise alone. The mean square of the steps from sample to sample, which hum and drift
-hardly reach, is taken in equal parts of a block. White noise of standard deviation s under exp(-r t), behind which a converter
-has steps q, has steps of
+Behind its pulse the force channel holds noise alone. The mean square of the steps from sample to
+sample, which hum and drift hardly reach, is taken in equal parts of a block. White noise of
+standard deviation s under exp(-r t), behind which a converter has steps q, has steps of
 
     p(t) = 2 (s² exp(-2 r t) + q²/12),    ln √(p/2 - q²/12) = ln s - r t
 
-(Widrow and Kollár, Quantization Noise, 2008), as long as s exp(-r t) > q/2. Below, p depends on where between two steps the
-mean lies; that far the parts reach. q is the smallest gap between two values. Where the window came behind the converter, as
-in floating point, no two values are a step apart, q is nil, and the noise of the steps decays with all else.
+(Widrow and Kollár, Quantization Noise, 2008), as long as s exp(-r t) > q/2. Below, p depends on
+where between two steps the mean lies; that far the parts reach. q is the smallest gap between two
+values. Where the window came behind the converter, as in floating point, no two values are a step
+apart, q is nil, and the noise of the steps decays with all else.
 
-r is the mean of the hits' slopes, without those of double hits and the like that lie far from their median. It counts where it
-stands out of their scatter, and where the logarithm bends far less than it falls: what else rings in a hammer dies away into a
-floor, and a window has none but the converter's. Noise that does not fall shows that there is no window, as surely as its
-slopes agree. Noise below half a step from the first makes single steps of the converter: they decay with a window that came
-behind it. Where they stay, p shows at most that there is none: how its slopes scatter is what drift across the steps makes, in
-all hits alike, and they may be half of r.
+r is the mean of the hits' slopes, without those of double hits and the like that lie far from their
+median. It counts where it
+stands out of their scatter, and where the logarithm bends far less than it falls: what else rings
+in a hammer dies away into a floor, and a window has none but the converter's. Noise that does not
+fall shows that there is no window, as surely as its
+slopes agree. Noise below half a step from the first makes single steps of the converter: they decay
+with a window that came
+behind it. Where they stay, p shows at most that there is none: how its slopes scatter is what drift
+across the steps makes, in all hits alike, and they may be half of r.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,7 +34,8 @@ from fecore.signal.pulse import REACH, find_pulse, ringing
 from fecore.signal.spectra import Source
 
 _PARTS = 12  # of a block's noise
-_FINE_PARTS = 48  # of a block, in which it is seen how far the noise stands above the converter's steps
+# of a block, in which it is seen how far the noise stands above the converter's steps
+_FINE_PARTS = 48
 _FEWEST_SAMPLES = 64  # of a part
 _FEWEST_HITS = 4  # whose scatter says what stands out of it
 _NEAR = 2.5  # standard deviations about the median, up to which a slope is no outlier
@@ -38,12 +44,15 @@ _LOOKED_AT = 72  # hits, spread over the points
 _CERTAIN = 5.0  # standard deviations that the rate is above none
 _BENT = 0.25  # of the fall, that ln s may bend over the block
 _STILL = 0.1  # of their root mean square, below which a step is none
-_HIDDEN = 0.486  # share of such steps where white noise is half a step of the converter: E max(1 - √2 |g|/2, 0)
+# share of such steps where white noise is half a step of the converter: E max(1 - √2 |g|/2, 0)
+_HIDDEN = 0.486
 
 
 @dataclass(frozen=True)
 class SeenRate:
-    """Rate of an exponential window, 0 for none, and its standard deviation, 1/s; None where the noise does not show it."""
+    """Rate of an exponential window, 0 for none, and its standard deviation, 1/s; None where the
+    noise does not show it.
+    """
 
     rate_per_s: float
     sd: float | None
@@ -52,8 +61,9 @@ class SeenRate:
     def sentence(self) -> str:
         """What a user should know of a rate that was seen."""
         return (
-            f"the force's noise decays by {self.rate_per_s:.3g} ± {self.sd:.1g} per second in all hits: an exponential window "
-            "that is not stated, and that is taken out like a stated one"
+            f"the force's noise decays by {self.rate_per_s:.3g} ± {self.sd:.1g} per second in all"
+            " hits: an exponential window that is not stated, and that is taken out like a"
+            " stated one"
         )
 
 
@@ -71,20 +81,29 @@ class UnderWindow:
             replace(
                 hit,
                 force=replace(hit.force, window_rate_per_s=self.rate),
-                responses=tuple(replace(block, window_rate_per_s=self.rate) for block in hit.responses),
+                responses=tuple(
+                    replace(block, window_rate_per_s=self.rate) for block in hit.responses
+                ),
             )
             for hit in self.source[point]
         ]
 
 
 def with_unstated_window(source: Source) -> tuple[Source, SeenRate | None]:
-    """The same hits with the window that their noise shows, and which; hits that state one as they are, and None."""
+    """The same hits with the window that their noise shows, and which; hits that state one as they
+    are, and None.
+    """
     step = max(1, -(-len(source) // _LOOKED_AT))
     sample = [
-        hit for number in range(0, len(source), step) for hit in source[number][: max(_LOOKED_AT // len(source), 1)]
+        hit
+        for number in range(0, len(source), step)
+        for hit in source[number][: max(_LOOKED_AT // len(source), 1)]
     ]
-    alike = len({(hit.samples, hit.sample_rate_hz) for hit in sample}) == 1  # others are refused where they are read
-    if not alike or any(block.window_rate_per_s for hit in sample for block in (hit.force, *hit.responses)):
+    # others are refused where they are read
+    alike = len({(hit.samples, hit.sample_rate_hz) for hit in sample}) == 1
+    if not alike or any(
+        block.window_rate_per_s for hit in sample for block in (hit.force, *hit.responses)
+    ):
         return source, None
     seen = seen_rate(sample)
     return (UnderWindow(source, seen.rate_per_s) if seen.rate_per_s else source), seen
@@ -93,9 +112,15 @@ def with_unstated_window(source: Source) -> tuple[Source, SeenRate | None]:
 def seen_rate(hits: Sequence[Hit]) -> SeenRate:
     """The rate by which the noise of the hits' force decays."""
     noises, rate_hz = [_noise(hit) for hit in hits], hits[0].sample_rate_hz
-    start, end, last = int(np.median([noise.start for noise in noises])), _shown(noises), hits[0].samples - 1
+    start, end, last = (
+        int(np.median([noise.start for noise in noises])),
+        _shown(noises),
+        hits[0].samples - 1,
+    )
     if end - start >= _PARTS * _FEWEST_SAMPLES:
-        return _seen([_decay(noise, end, rate_hz, _power) for noise in noises], end - start, rate_hz)
+        return _seen(
+            [_decay(noise, end, rate_hz, _power) for noise in noises], end - start, rate_hz
+        )
     seen = _seen([_decay(noise, last, rate_hz, _step) for noise in noises], last - start, rate_hz)
     if seen.rate_per_s:
         return seen
@@ -105,7 +130,9 @@ def seen_rate(hits: Sequence[Hit]) -> SeenRate:
 
 
 def _near(rows: Sequence[tuple[float, float, float] | None]) -> FloatArray:
-    """(n, 3) the hits' numbers without those that lie far from their median; none where they are too few."""
+    """(n, 3) the hits' numbers without those that lie far from their median; none where they are
+    too few.
+    """
     found = np.array([row for row in rows if row is not None])
     if len(found) < _FEWEST_HITS:
         return np.empty((0, 3))
@@ -114,15 +141,21 @@ def _near(rows: Sequence[tuple[float, float, float] | None]) -> FloatArray:
     return near if len(near) >= _FEWEST_HITS else np.empty((0, 3))
 
 
-def _seen(rows: Sequence[tuple[float, float, float] | None], samples: int, sample_rate_hz: float) -> SeenRate:
+def _seen(
+    rows: Sequence[tuple[float, float, float] | None], samples: int, sample_rate_hz: float
+) -> SeenRate:
     """What the decay of each hit over so many samples says together."""
     near, length = _near(rows), samples / sample_rate_hz
     if not len(near):
         return SeenRate(0.0, None)
     rate, bend, doubt = (float(x) for x in near.mean(axis=0))
-    least = np.sqrt(6 / samples) * np.array([1 / length, 1.0])  # what white noise leaves open, of a few hits too
-    sd, bend_sd = (float(x) for x in np.maximum(near[:, :2].std(axis=0), least) / np.sqrt(len(near)))
-    sd = float(np.hypot(sd / (_TRIMMED * np.sqrt(1 - 3 / len(near))), doubt))  # that of Student's t is larger than 1
+    # what white noise leaves open, of a few hits too
+    least = np.sqrt(6 / samples) * np.array([1 / length, 1.0])
+    sd, bend_sd = (
+        float(x) for x in np.maximum(near[:, :2].std(axis=0), least) / np.sqrt(len(near))
+    )
+    # that of Student's t is larger than 1
+    sd = float(np.hypot(sd / (_TRIMMED * np.sqrt(1 - 3 / len(near))), doubt))
     if rate < _CERTAIN * sd:
         return SeenRate(0.0, float(np.hypot(rate, sd)))
     if abs(bend) > _BENT * rate * length + _CERTAIN * bend_sd:
@@ -140,7 +173,9 @@ class _Noise:
 
     @property
     def steps(self) -> FloatArray:
-        """(n - 1,) sizes of the steps from sample to sample of the whole block; not kept, as hits may be many."""
+        """(n - 1,) sizes of the steps from sample to sample of the whole block; not kept, as hits
+        may be many.
+        """
         return np.abs(np.diff(self.hit.force.samples.astype(float)))
 
 
@@ -152,7 +187,9 @@ def _noise(hit: Hit) -> _Noise:
 
 
 def _shown(noises: Sequence[_Noise]) -> int:
-    """Steps of a block up to which the noise of most hits is at least half a step of the converter."""
+    """Steps of a block up to which the noise of most hits is at least half a step of the
+    converter.
+    """
     whole = noises[0].hit.samples - 1
     size = whole // _FINE_PARTS
     still = np.full((len(noises), _FINE_PARTS), np.nan)
@@ -161,16 +198,22 @@ def _shown(noises: Sequence[_Noise]) -> int:
         first = -(-noise.start // size)
         none = parts <= _STILL * np.sqrt((parts**2).mean(axis=1, keepdims=True))
         row[first:] = none.mean(axis=1)[first:]
-    most = np.array([np.median(own) if (own := column[np.isfinite(column)]).size else 0.0 for column in still.T])
+    most = np.array(
+        [np.median(own) if (own := column[np.isfinite(column)]).size else 0.0 for column in still.T]
+    )
     hidden = np.flatnonzero(most > _HIDDEN)
     return int(hidden[0]) * size if hidden.size else whole
 
 
 def _decay(
-    noise: _Noise, end: int, sample_rate_hz: float, measure: Callable[[FloatArray, float], FloatArray]
+    noise: _Noise,
+    end: int,
+    sample_rate_hz: float,
+    measure: Callable[[FloatArray, float], FloatArray],
 ) -> tuple[float, float, float] | None:
-    """-d(ln s)/dt, 1/s; how far ln s bends from the middle of the noise to its ends; and by how much the first may be off where
-    the mean stays at one place between two steps; None where there is no noise.
+    """-d(ln s)/dt, 1/s; how far ln s bends from the middle of the noise to its ends; and by how
+    much the first may be off where the mean stays at one place between two steps; None where there
+    is no noise.
 
     Args:
         noise: of a hit.
@@ -210,8 +253,10 @@ def _step(steps: FloatArray, _: float) -> FloatArray:
 
 
 def _off(power: FloatArray, gap: float) -> FloatArray:
-    """By how much ln s is off where the mean lies at one place between two steps, root mean square over the places: the first
-    harmonic of the error of white noise of that power under such steps.
+    """By how much ln s is off where the mean lies at one place between two steps, root mean square
+    over the places: the first harmonic of the error of white noise of that power under such steps.
     """
     square = np.maximum(power / max(gap, 1e-300) ** 2, 0.25)
-    return np.asarray(np.exp(-2 * np.pi**2 * square) * (4 * square + 1 / np.pi**2) / (2 * square) / np.sqrt(2))
+    return np.asarray(
+        np.exp(-2 * np.pi**2 * square) * (4 * square + 1 / np.pi**2) / (2 * square) / np.sqrt(2)
+    )

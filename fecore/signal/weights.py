@@ -1,7 +1,9 @@
-"""What good hits are like and what each feature of a bad one weighs, by `python -m benchmarks calibrate_hits`, 2026-11-26.
+"""What good hits are like and what each feature of a bad one weighs, by
+`python -m benchmarks calibrate_hits`, 2026-11-26.
 
-`weight` is b of `judgement`; c₀ is `centre`, s₀ `within`, τ `between`, of the logarithm of a number. Where there is a `unit`,
-the number counts by it; where there is a `centre` too, by that of the campaign's own level.
+`weight` is b of `judgement`; c₀ is `centre`, s₀ `within`, τ `between`, of the logarithm of a
+number. Where there is a `unit`, the number counts by it; where there is a `centre` too, by that of
+the campaign's own level.
 """
 
 from typing import NamedTuple

@@ -1,19 +1,23 @@
 """Windows of a hammer test, their choice, and the exact correction of damping for them.
 
-A force window keeps the pulse and sets the noise behind it to zero. An exponential window exp(-r t) on the response
-makes a record that has not died away end near zero. Applied to force and response alike (t from the block's first
-sample) the ratio of their spectra is the FRF of the same body at s = iω + r: every pole p = -ζω₀ + iω_d is seen at p -
-r, so
+A force window keeps the pulse and sets the noise behind it to zero. An exponential window exp(-r t)
+on the response makes a record that has not died away end near zero. Applied to force and response
+alike (t from the block's first sample) the ratio of their spectra is the FRF of the same body at s
+= iω + r: every pole p = -ζω₀ + iω_d is seen at p - r, so
 
     ζ_true ω₀ = ζ_seen ω₀,seen - r,    ω_d the same,
 
-exactly, whatever the pulse, where the response has died away at the end. So a window that an analyser has put on one
-channel is completed on the other before the transform, and both always carry the same rate.
+exactly, whatever the pulse, where the response has died away at the end. So a window that an
+analyser has put on one channel is completed on the other before the transform, and both always
+carry the same rate.
 
-Where none are stated, they are chosen. The force window is some widths of the pulse. The exponential window is as weak
-as can be: every mode that the response shows shall have fallen to 1 % of its amplitude by the end of the block. How fast
-modes fall is read from the spectra of the first and the second half of the response behind the pulse: at a peak, α =
-ln(P1/P2)/(2 t_half). The mode that falls slowest decides, so a loud fast mode does not hide a quiet slow one.
+Where none are stated, they are chosen. The force window is some widths of the pulse. The
+exponential window is as weak
+as can be: every mode that the response shows shall have fallen to 1 % of its amplitude by the end
+of the block. How fast
+modes fall is read from the spectra of the first and the second half of the response behind the
+pulse: at a peak, α = ln(P1/P2)/(2 t_half). The mode that falls slowest decides, so a loud fast mode
+does not hide a quiet slow one.
 """
 
 from collections.abc import Sequence
@@ -30,7 +34,9 @@ from fecore.signal.pulse import Pulse
 from fecore.signal.traits import Traits
 
 _FORCE_BEFORE = 0.25
-"""Share of the force window that lies before the pulse's peak; the ringing of a filter is on both sides."""
+"""Share of the force window that lies before the pulse's peak; the ringing of a filter is on both
+sides.
+"""
 
 _TAPER = 0.2
 """Share of the force window's length that fades in, and fades out."""
@@ -53,25 +59,38 @@ class Windows:
 
     # length of the force window about the pulse, s; None leaves the whole block (rectangular)
     force_length_s: float | None = None
-    # r of the exponential window on both channels, 1/s, beside what the analyser has applied; 0 for none
+    # r of the exponential window on both channels, 1/s, beside what the analyser has applied; 0 for
+    # none
     rate_per_s: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.force_length_s is not None and not (np.isfinite(self.force_length_s) and self.force_length_s > 0):
+        if self.force_length_s is not None and not (
+            np.isfinite(self.force_length_s) and self.force_length_s > 0
+        ):
             raise InputError(
-                "windows.force_length_s", f"is {self.force_length_s}, expected a positive number of seconds"
+                "windows.force_length_s",
+                f"is {self.force_length_s}, expected a positive number of seconds",
             )
         if not (np.isfinite(self.rate_per_s) and self.rate_per_s >= 0):
-            raise InputError("windows.rate_per_s", f"is {self.rate_per_s}, expected 0 or more per second")
+            raise InputError(
+                "windows.rate_per_s", f"is {self.rate_per_s}, expected 0 or more per second"
+            )
 
 
 def choose_windows(sample: Sequence[tuple[Hit, Traits]]) -> Windows:
     """Windows for hits like these; the rectangular ones where there is nothing to gain."""
-    clear = [(hit, traits) for hit, traits in sample if abs(traits.pulse.height) > 20 * traits.pulse.noise]
+    clear = [
+        (hit, traits)
+        for hit, traits in sample
+        if abs(traits.pulse.height) > 20 * traits.pulse.noise
+    ]
     if not clear:
         return Windows()
     width = float(np.median([t.pulse.width / hit.sample_rate_hz for hit, t in clear]))
-    needed = [max(_needed_rate(hit, channel, t) for channel in range(len(hit.responses))) for hit, t in clear]
+    needed = [
+        max(_needed_rate(hit, channel, t) for channel in range(len(hit.responses)))
+        for hit, t in clear
+    ]
     length = max(_FORCE_WIDTHS * width, 24 / clear[0][0].sample_rate_hz)
     return Windows(float(f"{length:.3g}"), float(np.ceil(10 * np.percentile(needed, 75)) / 10))
 
@@ -84,45 +103,65 @@ def _needed_rate(hit: Hit, channel: int, traits: Traits) -> float:
         return 0.0
     values = np.asarray(hit.responses[channel].samples[start : start + 2 * half], dtype=float)
     taper = np.hanning(half)
-    first, second = (np.abs(np.fft.rfft(taper * part)) ** 2 for part in (values[:half], values[half:]))
+    first, second = (
+        np.abs(np.fft.rfft(taper * part)) ** 2 for part in (values[:half], values[half:])
+    )
     rate = _slowest(first, second, half / hit.sample_rate_hz)
     left = (hit.samples - start) / hit.sample_rate_hz
     return max(0.0, np.log(1 / LEFT_AT_END) / left - rate) if np.isfinite(rate) else 0.0
 
 
 def _slowest(first: FloatArray, second: FloatArray, half_s: float) -> float:
-    """Smallest decay rate of the peaks of the first half's power that stand above noise in the second, 1/s; infinite
-    for none.
+    """Smallest decay rate of the peaks of the first half's power that stand above noise in the
+    second, 1/s; infinite for none.
     """
     noise = float(np.percentile(second, 25)) / 0.288  # of exponentially distributed power, the mean
     middle = first[1:-1]
-    peak = (middle > first[:-2]) & (middle >= first[2:]) & (middle > _SHOWN * first[_FIRST_LINE:].max())
+    peak = (
+        (middle > first[:-2])
+        & (middle >= first[2:])
+        & (middle > _SHOWN * first[_FIRST_LINE:].max())
+    )
     lines = np.flatnonzero(peak) + 1
     lines = lines[(lines >= _FIRST_LINE) & (second[lines] > _ABOVE_NOISE * noise)]
     fall = np.log(first[lines] / second[lines]) / 2
     off = np.min(
-        [np.abs(lines / half_s / mains - np.round(lines / half_s / mains)) * mains for mains in MAINS_HZ], axis=0
+        [
+            np.abs(lines / half_s / mains - np.round(lines / half_s / mains)) * mains
+            for mains in MAINS_HZ
+        ],
+        axis=0,
     )
-    fall = fall[(off > 1.5 / half_s) | (fall > _STEADY)]  # what stands still at the mains' harmonics is hum
+    # what stands still at the mains' harmonics is hum
+    fall = fall[(off > 1.5 / half_s) | (fall > _STEADY)]
     return float(fall.min()) / half_s if fall.size else np.inf
 
 
 def total_rate(hit: Hit, windows: Windows) -> float:
     """Rate of the exponential window that the FRFs of a hit carry in the end, 1/s."""
-    return max(block.window_rate_per_s for block in (hit.force, *hit.responses)) + windows.rate_per_s
+    return (
+        max(block.window_rate_per_s for block in (hit.force, *hit.responses)) + windows.rate_per_s
+    )
 
 
 _ALL = slice(None)
 
 
 def windowed(
-    block: Block, baseline: float, sample_rate_hz: float, rate_per_s: float, into: FloatArray, kept: slice = _ALL
+    block: Block,
+    baseline: float,
+    sample_rate_hz: float,
+    rate_per_s: float,
+    into: FloatArray,
+    kept: slice = _ALL,
 ) -> None:
-    """Put the samples, all or those of a part, without the offset `baseline` (as it was before the analyser's window), under
-    exp(-rate t) in all, into an array as long as they are.
+    """Put the samples, all or those of a part, without the offset `baseline` (as it was before the
+    analyser's window), under exp(-rate t) in all, into an array as long as they are.
     """
     applied, samples = block.window_rate_per_s, block.samples.size
-    offset = baseline * exponential(samples, applied / sample_rate_hz)[kept] if applied else baseline
+    offset = (
+        baseline * exponential(samples, applied / sample_rate_hz)[kept] if applied else baseline
+    )
     into[:] = block.samples[kept]
     into -= offset
     if rate_per_s > applied:
@@ -130,8 +169,8 @@ def windowed(
 
 
 def force_window(pulse: Pulse, length: int, samples: int) -> tuple[slice, FloatArray]:
-    """The samples about the pulse that a force window of so many samples keeps, and their weights: raised cosines at both
-    ends, unless these lie outside the block.
+    """The samples about the pulse that a force window of so many samples keeps, and their weights:
+    raised cosines at both ends, unless these lie outside the block.
     """
     length = max(length, pulse.width + 4)
     start = pulse.peak - max(int(_FORCE_BEFORE * length), pulse.peak - pulse.start + 2)
@@ -158,10 +197,12 @@ def _ramp(samples: int) -> FloatArray:
 def remove_window(
     frequency_hz: FloatArray, damping_ratio: FloatArray, rate_per_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Natural frequencies, Hz, and damping ratios without the exponential window of `rate_per_s` that the FRFs carry.
+    """Natural frequencies, Hz, and damping ratios without the exponential window of `rate_per_s`
+    that the FRFs carry.
 
-    Poles p_seen = -ζω₀ + iω₀√(1 - ζ²) are moved by +r; natural frequency and ratio follow from the moved pole. A ratio
-    at or below zero says that the stated rate is larger than all damping that was seen.
+    Poles p_seen = -ζω₀ + iω₀√(1 - ζ²) are moved by +r; natural frequency and ratio follow from the
+    moved pole. A ratio at or below zero says that the stated rate is larger than all damping that
+    was seen.
 
     Raises:
         InputError: the rate is negative or not finite.
@@ -170,7 +211,9 @@ def remove_window(
         raise InputError("rate_per_s", f"is {rate_per_s}, expected 0 or more per second")
     omega = 2 * np.pi * np.asarray(frequency_hz, dtype=float)
     zeta = np.asarray(damping_ratio, dtype=float)
-    poles: ComplexArray = -zeta * omega + rate_per_s + 1j * omega * np.sqrt(np.maximum(1 - zeta**2, 0))
+    poles: ComplexArray = (
+        -zeta * omega + rate_per_s + 1j * omega * np.sqrt(np.maximum(1 - zeta**2, 0))
+    )
     natural = np.abs(poles)
     with np.errstate(divide="ignore", invalid="ignore"):
         return natural / (2 * np.pi), np.where(natural > 0, -poles.real / natural, zeta)

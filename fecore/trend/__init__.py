@@ -1,8 +1,11 @@
-"""Trends: whether a structure has changed, judged campaign after campaign with a stated false-alarm rate.
+"""Trends: whether a structure has changed, judged campaign after campaign with a stated false-alarm
+rate.
 
-`assess` is the entry point of monitors: series of dated estimates and a `Watch` in, an `Assessment` out. The rooms in the
-order in which data flows: series, charts, autocorrelation, baseline, states, change, common_factor, assessment, document.
-`tracking` says which modes of several campaigns are the same, so that they make a series.
+`assess` is the entry point of monitors: series of dated estimates and a `Watch` in, an `Assessment`
+out. The rooms in the
+order in which data flows: series, charts, autocorrelation, baseline, states, change, common_factor,
+assessment, document. `tracking` says which modes of several campaigns are the same, so that they
+make a series.
 """
 
 from fecore.trend.assessment import Assessment, ParameterTrend, assess

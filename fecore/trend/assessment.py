@@ -1,9 +1,10 @@
-"""A monitor's judgement: series of watched parameters and a recipe in; states, charts, change points and rates out.
+"""A monitor's judgement: series of watched parameters and a recipe in; states, charts, change
+points and rates out.
 
-Each parameter's scores (baseline.py) go through one chart for each direction in which it is watched (charts.py), and the
-outside and inside campaigns through the states (states.py). The false-alarm rate is the whole family's: with m
-charts each gets 1/m of the probability of a call within the horizon, which holds whatever the dependence between the
-parameters (Bonferroni).
+Each parameter's scores (baseline.py) go through one chart for each direction in which it is watched
+(charts.py), and the outside and inside campaigns through the states (states.py). The false-alarm
+rate is the whole family's: with m charts each gets 1/m of the probability of a call within the
+horizon, which holds whatever the dependence between the parameters (Bonferroni).
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,7 +47,8 @@ class ParameterTrend:
     outside: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
     timeline: tuple[Moment, ...] = ()  # states as they followed each other
     change: ChangePoint | None = None  # where the change began, if any campaign is outside
-    rate: Rate | None = None  # of change over all campaigns; None below three watched ones, and where a note says why
+    # of change over all campaigns; None below three watched ones, and where a note says why
+    rate: Rate | None = None
     notes: tuple[str, ...] = ()  # what was put in order, left out, extrapolated
 
     @property
@@ -57,7 +59,9 @@ class ParameterTrend:
 
 @dataclass(frozen=True)
 class Assessment:
-    """All watched parameters, judged; `state` is the worst of theirs, `notes` are of all of them together."""
+    """All watched parameters, judged; `state` is the worst of theirs, `notes` are of all of them
+    together.
+    """
 
     parameters: Mapping[str, ParameterTrend]
     notes: tuple[str, ...] = ()
@@ -83,12 +87,14 @@ def assess(
         acknowledgements: of alarms, in any order.
 
     Raises:
-        InputError: a watched parameter without a series, two campaigns at one time, faulty values, an acknowledgement
-            where there was no alarm.
+        InputError: a watched parameter without a series, two campaigns at one time, faulty values,
+            an acknowledgement where there was no alarm.
     """
     for name in watch.directions:
         if name not in series:
-            raise InputError(f"series.{name}", f"is missing; there are {', '.join(series) or 'none'}")
+            raise InputError(
+                f"series.{name}", f"is missing; there are {', '.join(series) or 'none'}"
+            )
     for note in acknowledgements:
         if note.parameter not in watch.directions:
             raise InputError("acknowledgements.parameter", f"{note.parameter!r} is not watched")
@@ -107,14 +113,21 @@ def _together(trends: Sequence[ParameterTrend], covariates: Sequence[str]) -> tu
         return ()
     unexplained = f" that {' and '.join(covariates)} does not explain" if covariates else ""
     return (
-        f"the residuals of the baseline move together beyond their noise, {100 * found.share:.0f} % of their variance in one "
-        f"direction{unexplained} (p = {found.p:.1g}): something not regressed out, as the climate (temperature, humidity) or "
-        "the support, moves all parameters; record it, or its changes look like damage",
+        (
+            "the residuals of the baseline move together beyond their noise,"
+            f" {100 * found.share:.0f} % of their variance in one direction{unexplained} (p ="
+            f" {found.p:.1g}): something not regressed out, as the climate (temperature, humidity)"
+            " or the support, moves all parameters; record it, or its changes look like damage"
+        ),
     )
 
 
 def _parameter(
-    series: Series, direction: Direction, watch: Watch, as_of: datetime | None, notes: Sequence[Acknowledgement]
+    series: Series,
+    direction: Direction,
+    watch: Watch,
+    as_of: datetime | None,
+    notes: Sequence[Acknowledgement],
 ) -> ParameterTrend:
     ordered, said = in_time_order(series)
     complete = complete_campaigns(ordered, watch.covariates).size
@@ -129,7 +142,9 @@ def _parameter(
     limits, wider = _limits(baseline, watch)
     scores = None if watched is None else score(baseline, watched)
     z = np.zeros(0) if scores is None else scores.score
-    judged = {side: watch.chart.outside(sign * z, limits) for side, sign in SIDES[direction].items()}
+    judged = {
+        side: watch.chart.outside(sign * z, limits) for side, sign in SIDES[direction].items()
+    }
     outside = np.any([out for _, out in judged.values()], axis=0)
     begin = ordered.dates[list(ordered.labels).index(baseline.labels[-1])]
     seen = [note.date for note in notes if note.parameter == series.name]
@@ -142,7 +157,9 @@ def _parameter(
         interval_days=watch.expected_interval_days,
         as_of=as_of,
     )
-    change, speed, unknown = _change_and_rate(ordered, watch, baseline, begin, watched, scores=scores, outside=outside)
+    change, speed, unknown = _change_and_rate(
+        ordered, watch, baseline, begin, watched, scores=scores, outside=outside
+    )
     return ParameterTrend(
         name=series.name,
         direction=direction,
@@ -157,7 +174,13 @@ def _parameter(
         timeline=moments,
         change=change,
         rate=speed,
-        notes=(*said, *left_out, *_alike(baseline, wider), *_cautions(watched, scores, baseline), *unknown),
+        notes=(
+            *said,
+            *left_out,
+            *_alike(baseline, wider),
+            *_cautions(watched, scores, baseline),
+            *unknown,
+        ),
     )
 
 
@@ -170,8 +193,8 @@ def _change_and_rate(
     scores: Scores | None,
     outside: BoolArray,
 ) -> tuple[ChangePoint | None, Rate | None, tuple[str, ...]]:
-    """When the change began, how fast it goes, and why no rate is known: a covariate that runs with time cannot be
-    separated from ageing.
+    """When the change began, how fast it goes, and why no rate is known: a covariate that runs with
+    time cannot be separated from ageing.
     """
     if watched is None or scores is None or len(watched) < _FEWEST_FOR_RATE:
         return None, None, ()
@@ -184,13 +207,15 @@ def _change_and_rate(
     if not np.any(outside):
         return None, speed, unknown
     change = _change(begin, watched, scores, baseline)
-    if change.pattern == "ramp" and speed is not None:  # else covariates run with time, and no rate is known
+    # else covariates run with time, and no rate is known
+    if change.pattern == "ramp" and speed is not None:
         speed = rate_since_onset(change, baseline.mean)
     return change, speed, unknown
 
 
 def _limits(baseline: Baseline, watch: Watch) -> tuple[Limits, float]:
-    """The charts' limits, and the factor by which they are wider as campaigns resemble their neighbours.
+    """The charts' limits, and the factor by which they are wider as campaigns resemble their
+    neighbours.
 
     What they depend on is rounded, to the safe side, so that limits are found once.
     """
@@ -198,14 +223,26 @@ def _limits(baseline: Baseline, watch: Watch) -> tuple[Limits, float]:
     rounded = float(np.floor(nu)) if nu < 20 else 20.0 * np.floor(nu / 20) if nu < 200 else KNOWN
     shared = float(np.ceil(50 * baseline.shared) / 50)
     known = max(rounded, 1.0)
-    limits = control_limits(watch.chart, watch.side_probability, watch.horizon, watch.pending, shared, known)
-    return widened(limits, watch.chart, baseline.autocorrelation, campaigns=watch.horizon, pending=watch.pending)
+    limits = control_limits(
+        watch.chart, watch.side_probability, watch.horizon, watch.pending, shared, known
+    )
+    return widened(
+        limits,
+        watch.chart,
+        baseline.autocorrelation,
+        campaigns=watch.horizon,
+        pending=watch.pending,
+    )
 
 
 def _change(begin: datetime, watched: Series, scores: Scores, baseline: Baseline) -> ChangePoint:
     dates = (begin, *watched.dates)
     return change_point(
-        dates, days_since(begin, dates), scores.residual, scores.covariance, baseline.fit.degrees_of_freedom
+        dates,
+        days_since(begin, dates),
+        scores.residual,
+        scores.covariance,
+        baseline.fit.degrees_of_freedom,
     )
 
 
@@ -216,8 +253,11 @@ def _alike(baseline: Baseline, wider: float) -> tuple[str, ...]:
     found = baseline.autocorrelation
     low, high = found.interval_95
     return (
-        f"campaigns of the baseline resemble their neighbours (lag-1 autocorrelation {found.mean:.2f}, 95 % from {low:g} to "
-        f"{high:g}): the limits are {100 * (wider - 1):.0f} % wider than for independent campaigns",
+        (
+            "campaigns of the baseline resemble their neighbours (lag-1 autocorrelation"
+            f" {found.mean:.2f}, 95 % from {low:g} to {high:g}): the limits are"
+            f" {100 * (wider - 1):.0f} % wider than for independent campaigns"
+        ),
     )
 
 
@@ -230,7 +270,9 @@ def _cautions(watched: Series | None, scores: Scores | None, baseline: Baseline)
     if np.any(scores.extrapolated):
         ranges = ", ".join(
             f"{name} {low:g} to {high:g}"
-            for name, low, high in zip(baseline.covariates, baseline.low, baseline.high, strict=True)
+            for name, low, high in zip(
+                baseline.covariates, baseline.low, baseline.high, strict=True
+            )
         )
         said.append(
             f"beyond the baseline's covariates ({ranges}), judged with more uncertainty: "
@@ -238,7 +280,7 @@ def _cautions(watched: Series | None, scores: Scores | None, baseline: Baseline)
         )
     if np.any(scores.missing):
         said.append(
-            "a covariate was not measured, judged as if it could be anything that the baseline saw: "
-            + ", ".join(labels[scores.missing])
+            "a covariate was not measured, judged as if it could be anything that the baseline"
+            " saw: " + ", ".join(labels[scores.missing])
         )
     return tuple(said)

@@ -1,37 +1,43 @@
-"""The baseline: the first n campaigns, the regression on covariates, and scores of later campaigns against it.
+"""The baseline: the first n campaigns, the regression on covariates, and scores of later campaigns
+against it.
 
-With centred covariates c the baseline says y = β₀ + Σ β_k (c_k − c̄_k). A later campaign at x = (1, c − c̄) has the residual
-r = y − xᵀβ, whose variance is
+With centred covariates c the baseline says y = β₀ + Σ β_k (c_k − c̄_k). A later campaign at x = (1,
+c − c̄) has the residual r = y − xᵀβ, whose variance is
 
     s² + τ² + h + m,   h = xᵀ V_β x,   m = Σ over missing covariates of (β_k² + V_kk) Var(c_k)
 
-s its own standard deviation, τ the scatter between campaigns, h the baseline's uncertainty at that covariate (its
-leverage), m what a covariate that was not measured could have done, had it been as in the baseline. The score is the
-residual's quantile in a t distribution of ν degrees of freedom, as a normal deviate: z = Φ⁻¹(T_ν(r / sd)).
+s its own standard deviation, τ the scatter between campaigns, h the baseline's uncertainty at that
+covariate (its leverage), m what a covariate that was not measured could have done, had it been as
+in the baseline. The score is the residual's quantile in a t distribution of ν degrees of freedom,
+as a normal deviate: z = Φ⁻¹(T_ν(r / sd)).
 
-Beyond the baseline's covariates the error of the slope is shared by all campaigns, so it looks like a change. There the
-variance is raised to h + (s² + τ²) h/h_max, h_max the largest leverage in the baseline, so that the share of the baseline's
-error in a score stays what it was when the chart's limits were set.
+Beyond the baseline's covariates the error of the slope is shared by all campaigns, so it looks like
+a change. There the variance is raised to h + (s² + τ²) h/h_max, h_max the largest leverage in the
+baseline, so that the share of the baseline's error in a score stays what it was when the chart's
+limits were set.
 
 Weighted regression of estimates that scatter by more than their own uncertainty.
 
     y = Xβ + ε,  Var ε_i = s_i² + τ²
 
-s_i is each point's own standard deviation, τ the scatter between campaigns (clamping, instruments), which is not known
-and comes from the residuals. With s̄ the harmonic mean of the s_i, the total variance v = τ² + s̄² has the restricted
-likelihood of the residuals, with the s_i in proportion smaller where v < s̄², and a prior uniform in log v: what Student's t
-stands for. A true v below s̄² there cannot be, so what the posterior has there lies on s̄² (a confidence distribution with a
-point mass at the bound: Schweder and Hjort 2016). The mean of the precision 1/v gives the total variance and its spread the
-degrees of freedom of a t distribution (Satterthwaite's matching): ν = 2 E[1/v]² / Var[1/v].
+s_i is each point's own standard deviation, τ the scatter between campaigns (clamping, instruments),
+which is not known and comes from the residuals. With s̄ the harmonic mean of the s_i, the total
+variance v = τ² + s̄² has the restricted likelihood of the residuals, with the s_i in proportion
+smaller where v < s̄², and a prior uniform in log v: what Student's t stands for. A true v below s̄²
+there cannot be, so what the posterior has there lies on s̄² (a confidence distribution with a
+point mass at the bound: Schweder and Hjort 2016). The mean of the precision 1/v gives the total
+variance and its spread the degrees of freedom of a t distribution (Satterthwaite's matching): ν = 2
+E[1/v]² / Var[1/v].
 
-Cutting only moves v up, so charts call no more often than with Student's t, whatever τ is. A prior on τ ≥ 0, as one with
-some weight on τ = 0, calls more often where τ is near the s_i: 1.3 times as often with half a decade of weight.
+Cutting only moves v up, so charts call no more often than with Student's t, whatever τ is. A prior
+on τ ≥ 0, as one with some weight on τ = 0, calls more often where τ is near the s_i: 1.3 times as
+often with half a decade of weight.
 
-A slope of which something is known before has a Gaussian prior: it joins the normal equations, and the likelihood of v is that
-with such slopes integrated out under it, the others under a flat one.
+A slope of which something is known before has a Gaussian prior: it joins the normal equations, and
+the likelihood of v is that with such slopes integrated out under it, the others under a flat one.
 
-The two ends are the textbook's: where the s_i vanish, v = RSS/(n − p) and ν = n − p, Student's t; where they explain all
-scatter, ν is large and intervals are normal.
+The two ends are the textbook's: where the s_i vanish, v = RSS/(n − p) and ν = n − p, Student's t;
+where they explain all scatter, ν is large and intervals are normal.
 """
 
 from collections.abc import Sequence
@@ -46,7 +52,8 @@ from fecore.trend.autocorrelation import Autocorrelation, diagnose, normal_score
 from fecore.trend.series import TEMPERATURE, Series, days_since, select
 
 _GRID = 400  # points of log v; the posterior is smooth over a decade
-_LEAST, _WIDEST = 1e-2, 1e4  # of v on the grid, in units of the smallest and the largest plausible variance
+# of v on the grid, in units of the smallest and the largest plausible variance
+_LEAST, _WIDEST = 1e-2, 1e4
 _NEGLIGIBLE = 1e-4  # scatter of residuals over s̄² from which less makes no difference
 _NORMAL = 1000.0  # more degrees of freedom than this are taken as a normal distribution
 
@@ -60,8 +67,8 @@ class RegressionFit:
     between_sd: float  # τ, standard deviation between campaigns
     total_variance: float  # v = τ² + s̄²
     degrees_of_freedom: float  # ν of the t distribution that stands for the uncertainty of v
-    # p-value of Σ (residual / s_i)² being as small as it is if the s_i were all the scatter there is; near 0 where the
-    # stated standard deviations are larger than the scatter that is seen
+    # p-value of Σ (residual / s_i)² being as small as it is if the s_i were all the scatter there
+    # is; near 0 where the stated standard deviations are larger than the scatter that is seen
     excess: float
 
 
@@ -81,16 +88,25 @@ def fit_with_scatter(
     """
     n, p = X.shape
     if n < p + 2:
-        raise InputError("points", f"{n} points for {p} coefficients and their scatter, expected at least {p + 2}")
+        raise InputError(
+            "points",
+            f"{n} points for {p} coefficients and their scatter, expected at least {p + 2}",
+        )
     if np.linalg.matrix_rank(X / np.maximum(np.abs(X).max(axis=0), 1e-300)) < p:
-        raise InputError("covariates", "the points do not separate the regressors (a constant or repeated covariate)")
+        raise InputError(
+            "covariates",
+            "the points do not separate the regressors (a constant or repeated covariate)",
+        )
     harmonic = float(1 / np.mean(1 / s**2))
     ordinary = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
     seen = float(ordinary @ ordinary) / (n - p)
-    v = np.geomspace(_LEAST * max(seen, _NEGLIGIBLE * harmonic), _WIDEST * max(seen, harmonic), _GRID)
+    v = np.geomspace(
+        _LEAST * max(seen, _NEGLIGIBLE * harmonic), _WIDEST * max(seen, harmonic), _GRID
+    )
     share, between_variance = np.minimum(v / harmonic, 1.0), np.maximum(v - harmonic, 0.0)
     mean, known = (np.zeros(p), np.zeros(p)) if prior is None else prior
-    # Without a prior the likelihood is the same for any Xβ that is taken off; where there is one, for its mean's alone.
+    # Without a prior the likelihood is the same for any Xβ that is taken off; where there is one,
+    # for its mean's alone.
     off = ordinary if prior is None else y - X @ mean - float(np.mean(y - X @ mean))
     variances = share[:, None] * s**2 + between_variance[:, None]
     log_likelihood = _restricted_likelihood(X, off, variances, np.diag(known))
@@ -122,8 +138,11 @@ def _generalised_least_squares(
     return covariance @ (weighted.T @ y + known * mean), covariance
 
 
-def _restricted_likelihood(X: FloatArray, y: FloatArray, variance: FloatArray, known: FloatArray) -> FloatArray:
-    """(G,) logarithm of the likelihood of the residuals with β integrated out, for (G, n) variances.
+def _restricted_likelihood(
+    X: FloatArray, y: FloatArray, variance: FloatArray, known: FloatArray
+) -> FloatArray:
+    """(G,) logarithm of the likelihood of the residuals with β integrated out, for (G, n)
+    variances.
 
     `known` is the (p, p) precision of a prior of β about 0.
     """
@@ -168,7 +187,9 @@ class Baseline:
 
     @property
     def shared(self) -> float:
-        """Variance of the baseline's own error in units of a campaign's variance: the g of the chart's limits."""
+        """Variance of the baseline's own error in units of a campaign's variance: the g of the
+        chart's limits.
+        """
         return self.leverage_mean / self.fit.total_variance
 
 
@@ -177,12 +198,15 @@ class Scores:
     """Campaigns judged against a baseline."""
 
     corrected: FloatArray  # (n,) estimates brought to the baseline's mean covariates
-    residual: FloatArray  # (n,) estimate less what the baseline expects at the campaign's covariates
-    residual_sd: FloatArray  # (n,) its standard deviation, extrapolation and missing covariates included
+    # (n,) estimate less what the baseline expects at the campaign's covariates
+    residual: FloatArray
+    # (n,) its standard deviation, extrapolation and missing covariates included
+    residual_sd: FloatArray
     score: FloatArray  # (n,) normal deviate of the residual
     extrapolated: BoolArray  # (n,) whether a covariate lies beyond the baseline's
     missing: BoolArray  # (n,) whether a covariate was not measured
-    covariance: FloatArray  # (n, n) of the residuals; off the diagonal, the baseline's error that campaigns share
+    # (n, n) of the residuals; off the diagonal, the baseline's error that campaigns share
+    covariance: FloatArray
 
 
 def complete_campaigns(series: Series, covariates: Sequence[str]) -> IntArray:
@@ -193,7 +217,8 @@ def complete_campaigns(series: Series, covariates: Sequence[str]) -> IntArray:
 def slope_prior(
     covariates: Sequence[str], level: float, per_kelvin: tuple[float, float] | None, more: int = 0
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Means and precisions of a level, of the slopes by covariates, and of so many more coefficients; None of nothing.
+    """Means and precisions of a level, of the slopes by covariates, and of so many more
+    coefficients; None of nothing.
 
     Args:
         covariates: names.
@@ -210,40 +235,60 @@ def slope_prior(
 
 
 def fit_baseline(
-    series: Series, n: int, covariates: Sequence[str] = (), per_kelvin: tuple[float, float] | None = None
+    series: Series,
+    n: int,
+    covariates: Sequence[str] = (),
+    per_kelvin: tuple[float, float] | None = None,
 ) -> tuple[Baseline, Series | None, tuple[str, ...]]:
-    """Baseline of the first n campaigns whose covariates are all known; the later campaigns, if any; and notes.
+    """Baseline of the first n campaigns whose covariates are all known; the later campaigns, if
+    any; and notes.
 
     Args:
         series: in time order.
-        n: campaigns in the baseline; at least the number of coefficients (1 + covariates) and three more.
+        n: campaigns in the baseline; at least the number of coefficients (1 + covariates) and three
+            more.
         covariates: to regress out.
-        per_kelvin: mean and standard deviation of the relative change by temperature, as known before; None: nothing is.
+        per_kelvin: mean and standard deviation of the relative change by temperature, as known
+            before; None: nothing is.
 
     Raises:
         InputError: too few campaigns with all covariates, or a covariate that does not vary.
     """
     names = tuple(covariates)
     if n < len(names) + 4:
-        raise InputError("baseline", f"{n} campaigns, expected at least {len(names) + 4} for {len(names)} covariates")
+        raise InputError(
+            "baseline",
+            f"{n} campaigns, expected at least {len(names) + 4} for {len(names)} covariates",
+        )
     complete = complete_campaigns(series, names)
     if complete.size < n:
         raise InputError(
-            "baseline", f"needs {n} campaigns with all covariates, {series.name} has {complete.size} of {len(series)}"
+            "baseline",
+            f"needs {n} campaigns with all covariates, {series.name} has {complete.size} of"
+            f" {len(series)}",
         )
     used, last = complete[:n], int(complete[n - 1])
     left_out = [series.labels[i] for i in range(last) if i not in used]
-    notes = [f"left out of the baseline, a covariate is missing: {', '.join(left_out)}"] if left_out else []
+    notes = (
+        [f"left out of the baseline, a covariate is missing: {', '.join(left_out)}"]
+        if left_out
+        else []
+    )
     base = select(series, used.tolist())
     c = base.measured(names)
     for k, name in enumerate(names):
         if np.ptp(c[:, k]) == 0:
-            raise InputError(f"covariates.{name}", "does not vary in the baseline, so its effect is not known")
+            raise InputError(
+                f"covariates.{name}", "does not vary in the baseline, so its effect is not known"
+            )
     X = np.column_stack([np.ones(n), c - c.mean(axis=0)])
     prior = slope_prior(names, float(np.mean(base.estimate)), per_kelvin)
     fit = fit_with_scatter(X, base.estimate, base.standard_deviation, prior)
     if fit.excess < _CONSISTENT:
-        notes.append("the stated standard deviations are larger than the scatter; changes are found later than need be")
+        notes.append(
+            "the stated standard deviations are larger than the scatter; changes are found later"
+            " than need be"
+        )
     leverage = np.einsum("ij,jk,ik->i", X, fit.covariance, X)
     baseline = Baseline(
         labels=tuple(base.labels),

@@ -1,22 +1,24 @@
 """When a change began: a step or a ramp at an unknown campaign.
 
-After the baseline r = Δ g_τ + η, with g_τ the pattern of a change that began with campaign τ (a step: 1 from τ on; a ramp:
-the time since the campaign before τ), and η ~ N(0, σ² C) with C the campaigns' own variances and the baseline's error that
-they share. With a flat prior on Δ and τ, and the baseline's ν degrees of freedom for σ² (1 in expectation), whitening by
-C = LLᵀ leaves
+After the baseline r = Δ g_τ + η, with g_τ the pattern of a change that began with campaign τ (a
+step: 1 from τ on; a ramp: the time since the campaign before τ), and η ~ N(0, σ² C) with C the
+campaigns' own variances and the baseline's error that they share. With a flat prior on Δ and τ, and
+the baseline's ν degrees of freedom for σ² (1 in expectation), whitening by C = LLᵀ leaves
 
     p(τ | r) ∝ (g̃ᵀg̃)^{−1/2} (ν + Q_τ)^{−(ν + m − 1)/2},   Q_τ = |r̃|² − (g̃ᵀr̃)² / g̃ᵀg̃
 
-(a Bayesian change point, Smith 1975). The interval is the shortest set of campaigns that holds 95 % of it, filled up.
+(a Bayesian change point, Smith 1975). The interval is the shortest set of campaigns that holds 95 %
+of it, filled up.
 
 How fast a parameter changes: stiffness loss and damping rise a year, with intervals.
 
-The slope of a straight line through all campaigns, baseline included, fitted together with the covariates, so that what
-time and temperature share is in the slope's uncertainty: y = β₀ + Σ β_k (c_k − c̄_k) + ρ (t − t̄). The scatter τ between
-campaigns is estimated anew from the line's own residuals; where a step rather than a line is in the data, it widens ρ.
+The slope of a straight line through all campaigns, baseline included, fitted together with the
+covariates, so that what time and temperature share is in the slope's uncertainty: y = β₀ + Σ β_k
+(c_k − c̄_k) + ρ (t − t̄). The scatter τ between campaigns is estimated anew from the line's own
+residuals; where a step rather than a line is in the data, it widens ρ.
 
-Where a change was called that is a ramp, the rate is the ramp's, from its onset on (`rate_since_onset`): the baseline before it
-says nothing about the speed after it.
+Where a change was called that is a ramp, the rate is the ramp's, from its onset on
+(`rate_since_onset`): the baseline before it says nothing about the speed after it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,16 +44,19 @@ class ChangePoint:
     """Where a change began."""
 
     pattern: Pattern  # what fits better: a `step`, or a `ramp` that still goes on
-    index: int  # of the first changed campaign, counted from the first one after the baseline; the most probable
+    # of the first changed campaign, counted from the first one after the baseline; the most
+    # probable
+    index: int
     interval: tuple[int, int]  # (first, last) index of the 95 % interval
-    # date, date_interval: the same as dates. A change lies between the campaign before and the first changed one, so
-    # the interval begins at the date of the campaign before; the baseline's end where there is none
+    # date, date_interval: the same as dates. A change lies between the campaign before and the
+    # first changed one, so the interval begins at the date of the campaign before; the baseline's
+    # end where there is none
     date: datetime
     date_interval: tuple[datetime, datetime]
     size: float  # step: change of the parameter; ramp: change a year. In the parameter's unit
     size_sd: float  # its standard deviation, given the index
-    # mean, mean_sd: of the size over all indices by their probability, so that not knowing the onset is in it: mean = Σ
-    # p_τ Δ_τ, variance Σ p_τ (s_τ² + Δ_τ²) − mean²
+    # mean, mean_sd: of the size over all indices by their probability, so that not knowing the
+    # onset is in it: mean = Σ p_τ Δ_τ, variance Σ p_τ (s_τ² + Δ_τ²) − mean²
     mean: float
     mean_sd: float
     degrees_of_freedom: float  # of both standard deviations
@@ -82,7 +87,9 @@ def change_point(
     """
     m = residual.size
     if m < 2:
-        raise InputError("points", f"{m} campaigns after the baseline, expected at least 2 for a change point")
+        raise InputError(
+            "points", f"{m} campaigns after the baseline, expected at least 2 for a change point"
+        )
     root = scipy.linalg.cholesky(covariance, lower=True)
     white = scipy.linalg.solve_triangular(root, residual, lower=True)
     candidates: tuple[Pattern, ...] = ("step", "ramp") if pattern is None else (pattern,)
@@ -92,7 +99,9 @@ def change_point(
         size = np.sum(g**2, axis=0)
         along = g.T @ white
         misfit = white @ white - along**2 / size
-        log_p = -0.5 * np.log(size) - (degrees_of_freedom + m - 1) / 2 * np.log(degrees_of_freedom + misfit)
+        log_p = -0.5 * np.log(size) - (degrees_of_freedom + m - 1) / 2 * np.log(
+            degrees_of_freedom + misfit
+        )
         found.append((float(misfit.min()), kind, log_p, along / size, size, misfit))
     _, kind, log_p, amplitude, size, misfit = min(found, key=lambda item: item[0])
     posterior = np.exp(log_p - scipy.special.logsumexp(log_p))
@@ -128,12 +137,14 @@ def _patterns(kind: Pattern, days: FloatArray) -> FloatArray:
 class Rate:
     """Rate of change of a parameter."""
 
-    per_year: float  # ρ, the parameter's unit a year; a stiffness loss is negative, a damping rise positive
+    # ρ, the parameter's unit a year; a stiffness loss is negative, a damping rise positive
+    per_year: float
     standard_deviation: float  # of `per_year`
     interval_95: tuple[float, float]  # from Student's t
     relative_per_year: float  # ρ over the baseline's mean, 1/year
     relative_interval_95: tuple[float, float]  # the same for the interval
-    since: datetime | None = None  # the date from which the parameter changes so; None: over all campaigns
+    # the date from which the parameter changes so; None: over all campaigns
+    since: datetime | None = None
 
 
 @dataclass(frozen=True)
@@ -149,14 +160,20 @@ class Line:
 
 
 def rate(
-    series: Series, covariates: Sequence[str], baseline_mean: float, per_kelvin: tuple[float, float] | None = None
+    series: Series,
+    covariates: Sequence[str],
+    baseline_mean: float,
+    per_kelvin: tuple[float, float] | None = None,
 ) -> Rate:
     """Rate of change over a series in time order: that of `line`."""
     return line(series, covariates, baseline_mean, per_kelvin).rate
 
 
 def line(
-    series: Series, covariates: Sequence[str], baseline_mean: float, per_kelvin: tuple[float, float] | None = None
+    series: Series,
+    covariates: Sequence[str],
+    baseline_mean: float,
+    per_kelvin: tuple[float, float] | None = None,
 ) -> Line:
     """The line through a series in time order, fitted together with the covariates.
 
@@ -166,7 +183,8 @@ def line(
         series: in time order.
         covariates: names of those to regress out.
         baseline_mean: what the rate is relative to.
-        per_kelvin: mean and standard deviation of the relative change by temperature, as known before; None: nothing is.
+        per_kelvin: mean and standard deviation of the relative change by temperature, as known
+            before; None: nothing is.
 
     Raises:
         InputError: fewer complete campaigns than coefficients and two more, or a baseline of 0.
@@ -216,5 +234,9 @@ def _rate(slope: float, sd: float, degrees_of_freedom: float, baseline_mean: flo
     half = float(scipy.special.stdtrit(degrees_of_freedom, 0.975)) * sd
     relative = sorted(((slope - half) / baseline_mean, (slope + half) / baseline_mean))
     return Rate(
-        slope, sd, (slope - half, slope + half), slope / baseline_mean, (float(relative[0]), float(relative[1]))
+        slope,
+        sd,
+        (slope - half, slope + half),
+        slope / baseline_mean,
+        (float(relative[0]), float(relative[1])),
     )

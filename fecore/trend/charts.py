@@ -4,27 +4,31 @@ Upwards, with scores z and S₀ = 0, all are
 
     S_i = min(2h, max(0, a S_{i−1} + b z_i − c)),   outside where S_i > h
 
-EWMA with weight λ: a = 1 − λ, b = λ, c = 0; CUSUM with reference value k: a = b = 1, c = k; Shewhart: a = c = 0, b = 1.
-The floor at 0 keeps a chart from falling asleep on the good side; the cap at 2h lets it return when a structure has been
-repaired. Downwards the scores change sign.
+EWMA with weight λ: a = 1 − λ, b = λ, c = 0; CUSUM with reference value k: a = b = 1, c = k;
+Shewhart: a = c = 0, b = 1. The floor at 0 keeps a chart from falling asleep on the good side; the
+cap at 2h lets it return when a structure has been repaired. Downwards the scores change sign.
 
-A chart with memory is slow to see what is plain in one campaign, so a campaign is outside too where its own score is above a
-limit c: the combined chart (Lucas and Saccucci 1990). Both limits together are set from the false-alarm rate.
+A chart with memory is slow to see what is plain in one campaign, so a campaign is outside too where
+its own score is above a
+limit c: the combined chart (Lucas and Saccucci 1990). Both limits together are set from the
+false-alarm rate.
 
-How long a chart runs before it calls: run lengths by Markov chain (Brook and Evans 1972), and limits from them.
+How long a chart runs before it calls: run lengths by Markov chain (Brook and Evans 1972), and
+limits from them.
 
-The chart's value is cut into cells; a score's distribution gives the probability of going from the middle of one cell into
-another, and powers of that matrix the distribution of the run length N.
+The chart's value is cut into cells; a score's distribution gives the probability of going from the
+middle of one cell into another, and powers of that matrix the distribution of the run length N.
 
-A limit is set from a false-alarm rate α a campaign: over the first H campaigns after the baseline the probability that
-an unchanged structure is called shall be 1 − (1 − α)^H. The baseline is short, so its mean and scatter are wrong by amounts
-that all later scores share. Given the error e of its mean (in standard deviations of a campaign) and the ratio q of its
-scatter to the true one, scores are independent with
+A limit is set from a false-alarm rate α a campaign: over the first H campaigns after the baseline
+the probability that an unchanged structure is called shall be 1 − (1 − α)^H. The baseline is short,
+so its mean and scatter are wrong by amounts that all later scores share. Given the error e of its
+mean (in standard deviations of a campaign) and the ratio q of its scatter to the true one, scores
+are independent with
 
     P(z ≤ u | e, q) = Φ(q √(1+g) T_ν⁻¹(Φ(u)) + e),   e ~ N(0, g),  q² ~ χ²_ν / ν
 
-g = the variance of the baseline's mean over that of a campaign (1/n for n equal campaigns). P(N ≤ H) is averaged over e
-(Gauss–Hermite) and q (Gauss–Legendre in probability).
+g = the variance of the baseline's mean over that of a campaign (1/n for n equal campaigns). P(N ≤
+H) is averaged over e (Gauss–Hermite) and q (Gauss–Legendre in probability).
 """
 
 from dataclasses import dataclass
@@ -55,9 +59,11 @@ class Chart:
     """A kind of chart."""
 
     kind: Kind = "ewma"  # `ewma`, `cusum` or `shewhart`
-    weight: float = 0.3  # λ of an EWMA, 0 < λ ≤ 1. Small for slow and small changes, large for sudden ones
+    # λ of an EWMA, 0 < λ ≤ 1. Small for slow and small changes, large for sudden ones
+    weight: float = 0.3
     reference: float = 0.5  # k of a CUSUM, half the change to be found, in standard deviations
-    jump_share: float = 0.5  # share of the false alarms that the limit on single scores may take; 0 for none
+    # share of the false alarms that the limit on single scores may take; 0 for none
+    jump_share: float = 0.5
 
     def __post_init__(self) -> None:
         if self.kind not in ("ewma", "cusum", "shewhart"):
@@ -67,7 +73,9 @@ class Chart:
         if not 0 < self.reference < 10:
             raise InputError("chart.reference", f"is {self.reference}, expected 0 < reference < 10")
         if not 0 <= self.jump_share < 1:
-            raise InputError("chart.jump_share", f"is {self.jump_share}, expected 0 ≤ jump_share < 1")
+            raise InputError(
+                "chart.jump_share", f"is {self.jump_share}, expected 0 ≤ jump_share < 1"
+            )
 
     @property
     def recursion(self) -> tuple[float, float, float]:
@@ -101,8 +109,11 @@ _RATIOS = 6  # quadrature nodes of q
 _LOG_LIMITS = (np.log(0.02), np.log(60.0))  # between which limits are looked for
 
 
-def average_run_length(chart: Chart, limits: Limits, shift: float = 0.0, pending: int = 1, cells: int = CELLS) -> float:
-    """Mean number of campaigns up to the alarm, for independent normal scores with mean `shift` and S₀ = 0.
+def average_run_length(
+    chart: Chart, limits: Limits, shift: float = 0.0, pending: int = 1, cells: int = CELLS
+) -> float:
+    """Mean number of campaigns up to the alarm, for independent normal scores with mean `shift` and
+    S₀ = 0.
 
     Args:
         chart: kind and constants.
@@ -113,7 +124,12 @@ def average_run_length(chart: Chart, limits: Limits, shift: float = 0.0, pending
     """
     scores, inside = _edges(chart, limits, cells, pending)
     return _mean_run_length(
-        _chain(scipy.special.ndtr(scores - shift), scipy.special.ndtr(limits.score - shift), inside, pending)
+        _chain(
+            scipy.special.ndtr(scores - shift),
+            scipy.special.ndtr(limits.score - shift),
+            inside,
+            pending,
+        )
     )
 
 
@@ -132,11 +148,15 @@ def alarm_probability(
         limits: h and c.
         campaigns: H.
         pending: consecutive campaigns outside that make an alarm.
-        shared: g, variance of the baseline's mean in units of a campaign's variance; 0 where it is known.
+        shared: g, variance of the baseline's mean in units of a campaign's variance; 0 where it is
+            known.
         degrees_of_freedom: ν of the baseline's scatter.
     """
     scores, inside = _edges(chart, limits, CELLS, pending)
-    deviates, highest = _deviate(scores, degrees_of_freedom), _deviate(limits.score, degrees_of_freedom)
+    deviates, highest = (
+        _deviate(scores, degrees_of_freedom),
+        _deviate(limits.score, degrees_of_freedom),
+    )
     total = 0.0
     for e, q, weight in _unknowns(shared, degrees_of_freedom):
         scale = q * np.sqrt(1 + shared)
@@ -154,7 +174,8 @@ def control_limits(
     shared: float = 0.0,
     degrees_of_freedom: float = KNOWN,
 ) -> Limits:
-    """The limits at which `alarm_probability` is `probability`, `chart.jump_share` of it from single scores.
+    """The limits at which `alarm_probability` is `probability`, `chart.jump_share` of it from
+    single scores.
 
     Raises:
         InputError: a probability or number of campaigns out of range.
@@ -162,13 +183,18 @@ def control_limits(
     if not 0 < probability < 1:
         raise InputError("probability", f"is {probability}, expected between 0 and 1")
     if campaigns < pending or pending < 1:
-        raise InputError("campaigns", f"{campaigns} campaigns and a pending period of {pending}: nothing can be called")
+        raise InputError(
+            "campaigns",
+            f"{campaigns} campaigns and a pending period of {pending}: nothing can be called",
+        )
 
     def solve(kind: Chart, target: float, score: float) -> float:
         def excess(log_limit: float) -> float:
             limits = Limits(float(np.exp(log_limit)), score)
             called = alarm_probability(kind, limits, campaigns, pending, shared, degrees_of_freedom)
-            return float(scipy.special.logit(np.clip(called, 1e-12, 1 - 1e-12)) - scipy.special.logit(target))
+            return float(
+                scipy.special.logit(np.clip(called, 1e-12, 1 - 1e-12)) - scipy.special.logit(target)
+            )
 
         return float(np.exp(scipy.optimize.brentq(excess, *_LOG_LIMITS, xtol=1e-3)))
 
@@ -200,12 +226,18 @@ def _deviate(scores: float, degrees_of_freedom: float) -> float: ...
 def _deviate(scores: FloatArray, degrees_of_freedom: float) -> FloatArray: ...
 def _deviate(scores: float | FloatArray, degrees_of_freedom: float) -> float | FloatArray:
     """T_ν⁻¹(Φ(u)) of scores u: the same for all e and q."""
-    return scores if degrees_of_freedom >= KNOWN else np.interp(scores, *_t_of_normal(degrees_of_freedom))
+    return (
+        scores
+        if degrees_of_freedom >= KNOWN
+        else np.interp(scores, *_t_of_normal(degrees_of_freedom))
+    )
 
 
 @lru_cache(maxsize=64)
 def _t_of_normal(degrees_of_freedom: float) -> tuple[FloatArray, FloatArray]:
-    """T_ν⁻¹(Φ(u)) on a grid of u; linear between, which is exact to 1e-4 of a standard deviation."""
+    """T_ν⁻¹(Φ(u)) on a grid of u; linear between, which is exact to 1e-4 of a standard
+    deviation.
+    """
     half = np.linspace(0, 8, 801)
     t = -scipy.special.stdtrit(degrees_of_freedom, scipy.special.ndtr(-half))
     return np.concatenate([-half[:0:-1], half]), np.concatenate([-t[:0:-1], t])
@@ -213,7 +245,9 @@ def _t_of_normal(degrees_of_freedom: float) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True)
 class _Chain:
-    """Markov chain of a chart: transitions by scores within c, by scores above c, and how many cells are inside h."""
+    """Markov chain of a chart: transitions by scores within c, by scores above c, and how many
+    cells are inside h.
+    """
 
     within: FloatArray
     above: FloatArray
@@ -239,8 +273,8 @@ class _Chain:
 def _edges(chart: Chart, limits: Limits, cells: int, pending: int) -> tuple[FloatArray, int]:
     """Scores that lead from each cell to the upper edge of each, and how many cells are inside h.
 
-    Cell 0 is [0, w/2] and stands for 0; h is the upper edge of the last cell inside. Where one campaign outside is an
-    alarm, the cells above the limit are not needed.
+    Cell 0 is [0, w/2] and stands for 0; h is the upper edge of the last cell inside. Where one
+    campaign outside is an alarm, the cells above the limit are not needed.
     """
     a, b, c = chart.recursion
     cells = _MEMORYLESS if chart.kind == "shewhart" else cells
@@ -264,13 +298,16 @@ def _called_within(chain: _Chain, campaigns: int) -> float:
     """P(N ≤ campaigns)."""
     waiting = chain.start()
     for _ in range(campaigns):
-        # Most charts call at the first campaign outside, and limits take ten thousands of these steps.
+        # Most charts call at the first campaign outside, and limits take ten thousands of these
+        # steps.
         waiting = waiting @ chain.within if chain.pending == 1 else chain.advance(waiting)
     return float(1 - waiting.sum())
 
 
 def _mean_run_length(chain: _Chain) -> float:
-    """Σ P(N > i): (I − Q)⁻¹ 1 where one campaign outside is enough, else summed until the tail is geometric."""
+    """Σ P(N > i): (I − Q)⁻¹ 1 where one campaign outside is enough, else summed until the tail is
+    geometric.
+    """
     if chain.pending == 1:
         n = chain.within.shape[0]
         return float(np.linalg.solve(np.eye(n) - chain.within, np.ones(n))[0])

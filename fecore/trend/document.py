@@ -1,4 +1,6 @@
-"""A judged parameter as plain JSON: what is stored of it, shown and drawn. Dates are ISO, in the zone of the series."""
+"""A judged parameter as plain JSON: what is stored of it, shown and drawn. Dates are ISO, in the
+zone of the series.
+"""
 
 import math
 from typing import Any
@@ -15,20 +17,31 @@ from fecore.trend.series import TEMPERATURE
 
 
 def describe_trend(trend: ParameterTrend) -> dict[str, Any]:
-    """A watched parameter with its baseline, limits, points, states, change and rate; what is not known is None."""
+    """A watched parameter with its baseline, limits, points, states, change and rate; what is not
+    known is None.
+    """
     return {
         "name": trend.name,
         "direction": trend.direction,
         "state": trend.state.value,
         "baseline": None if trend.baseline is None else _baseline(trend.baseline),
         "curve": None if trend.baseline is None else _curve(trend.baseline),
-        "limits": None if trend.limits is None else {"chart": trend.limits.chart, "score": _finite(trend.limits.score)},
+        "limits": (
+            None
+            if trend.limits is None
+            else {"chart": trend.limits.chart, "score": _finite(trend.limits.score)}
+        ),
         "autocorrelation": _autocorrelation(trend),
         "points": _points(trend),
         "change_point": None if trend.change is None else describe_change(trend.change),
         "rate": None if trend.rate is None else describe_rate(trend.rate),
         "timeline": [
-            {"date": m.date.isoformat(), "event": m.event.value, "campaign_id": m.label, "state": m.state.value}
+            {
+                "date": m.date.isoformat(),
+                "event": m.event.value,
+                "campaign_id": m.label,
+                "state": m.state.value,
+            }
             for m in trend.timeline
         ],
         "notes": list(trend.notes),
@@ -58,7 +71,9 @@ def _baseline(baseline: Baseline) -> dict[str, Any]:
 
 
 def _curve(baseline: Baseline) -> dict[str, Any] | None:
-    """The parameter over temperature, other covariates at the baseline's mean; None where temperature is not regressed out."""
+    """The parameter over temperature, other covariates at the baseline's mean; None where
+    temperature is not regressed out.
+    """
     if TEMPERATURE not in baseline.covariates:
         return None
     fit, k = baseline.fit, baseline.covariates.index(TEMPERATURE)
@@ -81,7 +96,9 @@ def _curve(baseline: Baseline) -> dict[str, Any] | None:
 
 
 def _autocorrelation(trend: ParameterTrend) -> dict[str, Any] | None:
-    """How much campaigns resemble their neighbours, and the factor by which the limits are wider for it."""
+    """How much campaigns resemble their neighbours, and the factor by which the limits are wider
+    for it.
+    """
     if trend.baseline is None:
         return None
     found = trend.baseline.autocorrelation
@@ -96,9 +113,13 @@ def _autocorrelation(trend: ParameterTrend) -> dict[str, Any] | None:
 def _points(trend: ParameterTrend) -> list[dict[str, Any]]:
     series = trend.series
     corrected: FloatArray = (
-        np.full(len(series), np.nan) if trend.baseline is None else score(trend.baseline, series).corrected
+        np.full(len(series), np.nan)
+        if trend.baseline is None
+        else score(trend.baseline, series).corrected
     )
-    later = {} if trend.watched is None else {label: i for i, label in enumerate(trend.watched.labels)}
+    later = (
+        {} if trend.watched is None else {label: i for i, label in enumerate(trend.watched.labels)}
+    )
     return [
         {
             "campaign_id": label,
@@ -114,11 +135,15 @@ def _points(trend: ParameterTrend) -> list[dict[str, Any]]:
 
 
 def describe_judged(trend: ParameterTrend, i: int) -> dict[str, Any]:
-    """How the i-th watched campaign was judged; `residual_limit` is the limit of a single score as a residual."""
+    """How the i-th watched campaign was judged; `residual_limit` is the limit of a single score as
+    a residual.
+    """
     assert trend.scores is not None
     assert trend.baseline is not None
     assert trend.limits is not None
-    t = -scipy.special.stdtrit(trend.baseline.fit.degrees_of_freedom, scipy.special.ndtr(-trend.limits.score))
+    t = -scipy.special.stdtrit(
+        trend.baseline.fit.degrees_of_freedom, scipy.special.ndtr(-trend.limits.score)
+    )
     return {
         "residual_limit": _finite(t * trend.scores.residual_sd[i]),
         "residual": float(trend.scores.residual[i]),

@@ -1,16 +1,17 @@
 """What else may have moved the frequencies? Explanations of an alarm, ranked by evidence.
 
-The campaigns since the change deviate by d, in the mean, from the baseline's regression: the logarithms of the natural
-frequencies, and of the FRFs' scale where there are FRFs, n numbers in all. The baseline's residuals have the sums of
-products S on N degrees of freedom; h = 1/campaigns + leverage. An explanation with sensitivities G says that with sizes
-a ~ N(0, σ²)
+The campaigns since the change deviate by d, in the mean, from the baseline's regression: the
+logarithms of the natural frequencies, and of the FRFs' scale where there are FRFs, n numbers in
+all. The baseline's residuals have the sums of products S on N degrees of freedom; h = 1/campaigns +
+leverage. An explanation with sensitivities G says that with sizes a ~ N(0, σ²)
 
     d ~ N(Ga, hΣ + E),    Σ ~ inverse Wishart(S + (n + 2)D, N + 2n + 1),    E = diag(ρ² Σ_j (G_ij â_j)²)
 
-D the residuals' variances alone, so that short baselines have a regular Σ (its correlations then have a prior that is nearly
-uniform and somewhat favours none); ρ what a sensitivity misses, â the likeliest sizes. Σ is integrated over as a scale mixture,
-hΣ/u with u ~ χ²_ν/ν, ν = N + n + 2 (a t distribution), and a exactly. All explanations are equally probable beforehand, and so
-are the candidates of one, such as the points where a mass may be.
+D the residuals' variances alone, so that short baselines have a regular Σ (its correlations then
+have a prior that is nearly uniform and somewhat favours none); ρ what a sensitivity misses, â the
+likeliest sizes. Σ is integrated over as a scale mixture, hΣ/u with u ~ χ²_ν/ν, ν = N + n + 2 (a t
+distribution), and a exactly. All explanations are equally probable beforehand, and so are the
+candidates of one, such as the points where a mass may be.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,20 +25,28 @@ from fecore.body.locate import place_in_words
 from fecore.errors import InputError
 
 SENSOR = 0.01
-"""Standard deviation of a mass that was added or taken away, kg: accelerometers of hammer tests weigh 0.5 to 30 g."""
+"""Standard deviation of a mass that was added or taken away, kg: accelerometers of hammer tests
+weigh 0.5 to 30 g.
+"""
 
 LOSS = 0.05  # standard deviation of a relative change of a stiffness: what monitors are there for
 
 CLIMATE = {"temperature_c": 0.02, "humidity_percent": 0.005}
-"""Standard deviations of a relative change of all stiffness over a season by what was not given: 0.1 % for each
-kelvin of 20, and 2.5 % for each per cent of water, of which a laminate indoors takes up 0.2 %."""
+"""Standard deviations of a relative change of all stiffness over a season by what was not given:
+0.1 % for each kelvin of 20, and 2.5 % for each per cent of water, of which a laminate indoors takes
+up 0.2 %.
+"""
 
-CALIBRATION = 0.1  # standard deviation of a relative change of the FRFs' scale: another sensor, gain or hammer tip
+# standard deviation of a relative change of the FRFs' scale: another sensor, gain or hammer tip
+CALIBRATION = 0.1
 
 MISSED = 0.05
-"""ρ, relative standard deviation of a sensitivity: the updated model's, and what is beyond first order in some per cent."""
+"""ρ, relative standard deviation of a sensitivity: the updated model's, and what is beyond first
+order in some per cent.
+"""
 
-RIVAL = float(np.log(20.0))  # log evidence by which another explanation must be behind to be ruled out
+# log evidence by which another explanation must be behind to be ruled out
+RIVAL = float(np.log(20.0))
 _QUANTILES = (np.arange(21) + 0.5) / 21  # of u
 _NEIGHBOURS = 4  # of a site on a surface
 
@@ -46,7 +55,8 @@ _NEIGHBOURS = 4  # of a site on a surface
 class _Candidate:
     """Causes that act together."""
 
-    causes: Mapping[str, tuple[FloatArray, float]]  # by name, (f,) sensitivity and standard deviation of the size
+    # by name, (f,) sensitivity and standard deviation of the size
+    causes: Mapping[str, tuple[FloatArray, float]]
     # (q, f) independent errors of the sensitivities, by what size is
     unsure: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
@@ -55,11 +65,14 @@ class _Candidate:
 class Effects:
     """What moves f natural frequencies."""
 
-    stiffness: Mapping[str, FloatArray]  # (f,) by name, change of the logarithms by the relative change of a stiffness
-    support: Mapping[str, FloatArray]  # (f,) by name, change by one standard deviation of an input of the support
+    # (f,) by name, change of the logarithms by the relative change of a stiffness
+    stiffness: Mapping[str, FloatArray]
+    # (f,) by name, change by one standard deviation of an input of the support
+    support: Mapping[str, FloatArray]
     sites: FloatArray  # (P, 3) where a mass may be, m, as evenly spread as a mesh
     mass: FloatArray  # (f, P) change by a mass at each of them, 1/kg
-    covariates: Mapping[str, FloatArray]  # (f,) by name, slopes by a covariate that is regressed out
+    # (f,) by name, slopes by a covariate that is regressed out
+    covariates: Mapping[str, FloatArray]
     not_given: tuple[str, ...]  # covariates that are not, of those that `CLIMATE` knows
 
 
@@ -67,18 +80,21 @@ class Effects:
 class Explanation:
     """One explanation of a change."""
 
-    # `mass`, `calibration`, `support`, `climate`, `stiffness`, or `none`: neither frequencies nor scale changed
+    # `mass`, `calibration`, `support`, `climate`, `stiffness`, or `none`: neither frequencies nor
+    # scale changed
     kind: str
     probability: float  # among all explanations
     evidence: float  # logarithm of how much likelier it makes what was measured than no change does
-    # by name, estimate and standard deviation: a mass in kg by its point, relative changes, an input of the support in
-    # standard deviations
+    # by name, estimate and standard deviation: a mass in kg by its point, relative changes, an
+    # input of the support in standard deviations
     sizes: Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True)
 class Change:
-    """(n,) deviation d since a change, and the (u, n, n) covariances of which its distribution without one is made."""
+    """(n,) deviation d since a change, and the (u, n, n) covariances of which its distribution
+    without one is made.
+    """
 
     deviation: FloatArray
     covariances: FloatArray
@@ -100,16 +116,23 @@ def change_of(
     """
     free, n = len(baseline) - regressors.shape[1], baseline.shape[1]
     if free < 1:
-        raise InputError("baseline", f"{len(baseline)} campaigns for {regressors.shape[1]} coefficients, expected more")
+        raise InputError(
+            "baseline",
+            f"{len(baseline)} campaigns for {regressors.shape[1]} coefficients, expected more",
+        )
     coefficients = np.linalg.lstsq(regressors, baseline, rcond=None)[0]
     residual, at = baseline - regressors @ coefficients, later_regressors.mean(axis=0)
     products, nu = residual.T @ residual, free + n + 2
     known = products + np.diag(np.diag(products)) * (n + 2) / free
     h = 1 / len(later) + float(at @ np.linalg.lstsq(regressors.T @ regressors, at, rcond=None)[0])
     u = scipy.special.chdtri(nu, 1 - _QUANTILES) / nu
-    return Change(
-        (later - later_regressors @ coefficients).mean(axis=0), h * known / nu / u[:, None, None]
-    ), coefficients
+    return (
+        Change(
+            (later - later_regressors @ coefficients).mean(axis=0),
+            h * known / nu / u[:, None, None],
+        ),
+        coefficients,
+    )
 
 
 def explanations(change: Change, effects: Effects) -> tuple[Explanation, ...]:
@@ -127,8 +150,15 @@ def explanations(change: Change, effects: Effects) -> tuple[Explanation, ...]:
         "climate": _climate(effects),
         "stiffness": _alone_and_together(effects.stiffness, LOSS),
     }
-    found = {kind: np.array([_evidence(change, each) for each in candidates]) for kind, candidates in kinds.items()}
-    log = {kind: scipy.special.logsumexp(each) - np.log(each.size) for kind, each in found.items() if each.size}
+    found = {
+        kind: np.array([_evidence(change, each) for each in candidates])
+        for kind, candidates in kinds.items()
+    }
+    log = {
+        kind: scipy.special.logsumexp(each) - np.log(each.size)
+        for kind, each in found.items()
+        if each.size
+    }
     total = scipy.special.logsumexp(list(log.values()))
     return tuple(
         Explanation(
@@ -142,7 +172,9 @@ def explanations(change: Change, effects: Effects) -> tuple[Explanation, ...]:
 
 
 def _calibration(change: Change, effects: Effects) -> list[_Candidate]:
-    """A factor of all FRFs, which leaves the frequencies alone; nothing where the scale is not known."""
+    """A factor of all FRFs, which leaves the frequencies alone; nothing where the scale is not
+    known.
+    """
     frequencies = len(effects.mass)
     if change.deviation.size == frequencies:
         return []
@@ -150,14 +182,19 @@ def _calibration(change: Change, effects: Effects) -> list[_Candidate]:
 
 
 def _masses(effects: Effects) -> list[_Candidate]:
-    """A mass near each site: uniformly within its cell, whose second moments the differences from its neighbours give.
+    """A mass near each site: uniformly within its cell, whose second moments the differences from
+    its neighbours give.
 
-    On a square grid of step s they are s²/12 along each axis, a 24th of the sum of the squared differences.
+    On a square grid of step s they are s²/12 along each axis, a 24th of the sum of the squared
+    differences.
     """
     apart = np.sum((effects.sites[:, None] - effects.sites) ** 2, axis=2)
     nearest = np.argsort(apart, axis=1)[:, 1 : 1 + _NEIGHBOURS]
     return [
-        _Candidate({place_in_words(site): (g, SENSOR)}, (effects.mass[:, beside] - g[:, None]).T / np.sqrt(24))
+        _Candidate(
+            {place_in_words(site): (g, SENSOR)},
+            (effects.mass[:, beside] - g[:, None]).T / np.sqrt(24),
+        )
         for site, g, beside in zip(effects.sites, effects.mass.T, nearest, strict=True)
     ]
 
@@ -168,7 +205,11 @@ def _climate(effects: Effects) -> list[_Candidate]:
     if not effects.not_given or not np.any(alike):
         return []
     size = np.linalg.norm(alike)
-    slopes = [slope * size / np.linalg.norm(slope) for slope in effects.covariates.values() if np.any(slope)]
+    slopes = [
+        slope * size / np.linalg.norm(slope)
+        for slope in effects.covariates.values()
+        if np.any(slope)
+    ]
     sd = float(np.linalg.norm([CLIMATE[name] for name in effects.not_given]))
     return [_Candidate({"all stiffness": (each, sd)}) for each in (alike, *slopes)]
 
@@ -188,7 +229,9 @@ def _sensitivity(change: Change, candidate: _Candidate) -> tuple[FloatArray, Flo
     return G, np.array([sd for _, sd in candidate.causes.values()])
 
 
-def _posterior(change: Change, covariance: FloatArray, G: FloatArray, sd: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _posterior(
+    change: Change, covariance: FloatArray, G: FloatArray, sd: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """(k,) likeliest sizes and their (k, k) covariance."""
     weighted = np.linalg.solve(covariance, G)
     spread = np.linalg.inv(G.T @ weighted + np.diag(sd**-2.0))
@@ -217,12 +260,20 @@ def _evidence(change: Change, candidate: _Candidate) -> float:
 
 def _sizes(change: Change, candidate: _Candidate) -> dict[str, tuple[float, float]]:
     G, sd = _sensitivity(change, candidate)
-    size, spread = _posterior(change, np.median(change.covariances, axis=0) + _missed(change, candidate), G, sd)
-    return {name: (float(size[k]), float(np.sqrt(spread[k, k]))) for k, name in enumerate(candidate.causes)}
+    size, spread = _posterior(
+        change, np.median(change.covariances, axis=0) + _missed(change, candidate), G, sd
+    )
+    return {
+        name: (float(size[k]), float(np.sqrt(spread[k, k])))
+        for k, name in enumerate(candidate.causes)
+    }
 
 
 DECIDED_BY = {
-    "mass": "look near there for a sensor, cable or wax that the campaigns do not state, take it off or state it",
+    "mass": (
+        "look near there for a sensor, cable or wax that the campaigns do not state, take it off or"
+        " state it"
+    ),
     "support": "release the support, fasten it anew and measure again",
     "climate": "record it, and measure again in a climate that the baseline has seen",
     "calibration": "calibrate hammer and sensor with a mass of known weight",
@@ -233,7 +284,8 @@ DECIDED_BY = {
 
 
 def in_words(ranked: Sequence[Explanation], not_given: Sequence[str] = ()) -> str:
-    """The explanations that are not ruled out, how probable each is, and what would decide between them.
+    """The explanations that are not ruled out, how probable each is, and what would decide between
+    them.
 
     Args:
         ranked: as of `explanations`.
@@ -260,10 +312,15 @@ _KINDS = {
 def _said(each: Explanation, not_given: Sequence[str]) -> str:
     if each.kind == "mass":
         ((place, (size, sd)),) = each.sizes.items()
-        return f"a mass of {1e3 * abs(size):.1f} ± {1e3 * sd:.1f} g {'more' if size > 0 else 'less'} near {place}"
+        return (
+            f"a mass of {1e3 * abs(size):.1f} ± {1e3 * sd:.1f} g {'more' if size > 0 else 'less'}"
+            f" near {place}"
+        )
     if each.kind == "none":
         return "no change of the frequencies"
     percent, unit = (1.0, "of its standard deviations") if each.kind == "support" else (100.0, "%")
-    sizes = ", ".join(f"{name} by {percent * a:+.1f} ± {percent * sd:.1f}" for name, (a, sd) in each.sizes.items())
+    sizes = ", ".join(
+        f"{name} by {percent * a:+.1f} ± {percent * sd:.1f}" for name, (a, sd) in each.sizes.items()
+    )
     known = f" ({', '.join(not_given)} not given)" if each.kind == "climate" else ""
     return f"{_KINDS[each.kind]}{known}: {sizes} {unit}"

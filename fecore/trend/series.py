@@ -1,4 +1,5 @@
-"""Dated estimates of one parameter, campaign after campaign, with their own uncertainty and their covariates; and the recipe
+"""Dated estimates of one parameter, campaign after campaign, with their own uncertainty and their
+covariates; and the recipe
 of a monitor: which are watched, against which baseline, and how often it may call in vain.
 """
 
@@ -19,7 +20,11 @@ TEMPERATURE = "temperature_c"
 
 Direction = Literal["fall", "rise", "both"]
 
-SIDES: dict[Direction, dict[str, int]] = {"fall": {"fall": -1}, "rise": {"rise": 1}, "both": {"fall": -1, "rise": 1}}
+SIDES: dict[Direction, dict[str, int]] = {
+    "fall": {"fall": -1},
+    "rise": {"rise": 1},
+    "both": {"fall": -1, "rise": 1},
+}
 """One-sided charts of each direction, and the sign by which scores enter them."""
 
 
@@ -32,12 +37,13 @@ class Watch:
     baseline: int = 12  # campaigns that make the baseline
     covariates: tuple[str, ...] = ()  # names of the covariates to regress out
     false_alarm_rate: float = 0.01  # α, false alarms a campaign of the whole family
-    horizon: int = 24  # H, campaigns after the baseline over which α is held: P(false alarm) = 1 − (1 − α)^H
+    # H, campaigns after the baseline over which α is held: P(false alarm) = 1 − (1 − α)^H
+    horizon: int = 24
     pending: int = 1  # consecutive campaigns outside that make an alarm; the limits know of it
     chart: Chart = field(default_factory=Chart)  # kind of chart
     expected_interval_days: float | None = None  # between campaigns; None where nothing is expected
-    # of watched parameters, mean and standard deviation of their relative change per kelvin, as it is known before: the
-    # prior of their regression on `temperature_c`
+    # of watched parameters, mean and standard deviation of their relative change per kelvin, as it
+    # is known before: the prior of their regression on `temperature_c`
     per_kelvin: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -45,15 +51,24 @@ class Watch:
             raise InputError("directions", "is empty, expected at least one watched parameter")
         for name, direction in self.directions.items():
             if direction not in SIDES:
-                raise InputError(f"directions.{name}", f"is {direction!r}, expected fall, rise or both")
+                raise InputError(
+                    f"directions.{name}", f"is {direction!r}, expected fall, rise or both"
+                )
         if not 0 < self.false_alarm_rate < 0.5:
-            raise InputError("false_alarm_rate", f"is {self.false_alarm_rate}, expected between 0 and 0.5 a campaign")
+            raise InputError(
+                "false_alarm_rate",
+                f"is {self.false_alarm_rate}, expected between 0 and 0.5 a campaign",
+            )
         if self.pending < 1 or self.horizon < self.pending:
             raise InputError(
-                "horizon", f"is {self.horizon} with a pending period of {self.pending}, expected 1 ≤ k ≤ H"
+                "horizon",
+                f"is {self.horizon} with a pending period of {self.pending}, expected 1 ≤ k ≤ H",
             )
         if self.expected_interval_days is not None and not self.expected_interval_days > 0:
-            raise InputError("expected_interval_days", f"is {self.expected_interval_days}, expected a positive number")
+            raise InputError(
+                "expected_interval_days",
+                f"is {self.expected_interval_days}, expected a positive number",
+            )
 
     @property
     def side_probability(self) -> float:
@@ -70,10 +85,11 @@ class Series:
     """Estimates θ(t) of one watched parameter."""
 
     name: str  # of the parameter, such as `Ex` or `damping_ratio_1`
-    dates: Sequence[datetime]  # when each campaign was performed; all with a time zone, or all without
+    # when each campaign was performed; all with a time zone, or all without
+    dates: Sequence[datetime]
     estimate: FloatArray  # (n,) in the parameter's unit
-    # (n,) of each estimate, the part that differs from one campaign to the next: the noise-only posterior. A model
-    # error that all campaigns share moves the whole series and hides no change
+    # (n,) of each estimate, the part that differs from one campaign to the next: the noise-only
+    # posterior. A model error that all campaigns share moves the whole series and hides no change
     standard_deviation: FloatArray
     # by name (`temperature_c`, `humidity_percent`), (n,) each; NaN where it was not measured
     covariates: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -82,7 +98,9 @@ class Series:
     def __post_init__(self) -> None:
         n = len(self.dates)
         if n == 0:
-            raise InputError("dates", f"the series {self.name} is empty, expected at least one campaign")
+            raise InputError(
+                "dates", f"the series {self.name} is empty, expected at least one campaign"
+            )
         if not self.labels:
             object.__setattr__(self, "labels", tuple(str(i + 1) for i in range(n)))
         if len(self.labels) != n:
@@ -92,15 +110,20 @@ class Series:
         if np.any(self.standard_deviation <= 0):
             at = self.labels[int(np.argmax(self.standard_deviation <= 0))]
             raise InputError(
-                "standard_deviation", f"of campaign {at} is not positive; an exact estimate does not exist"
+                "standard_deviation",
+                f"of campaign {at} is not positive; an exact estimate does not exist",
             )
         for name, values in self.covariates.items():
             if values.shape != (n,):
                 raise InputError(f"covariates.{name}", f"has shape {values.shape}, expected ({n},)")
             if np.any(np.isinf(values)):
-                raise InputError(f"covariates.{name}", "is infinite; use NaN where it was not measured")
+                raise InputError(
+                    f"covariates.{name}", "is infinite; use NaN where it was not measured"
+                )
         if len({d.tzinfo is None for d in self.dates}) > 1:
-            raise InputError("dates", "some have a time zone and some have none; give all of them one")
+            raise InputError(
+                "dates", "some have a time zone and some have none; give all of them one"
+            )
 
     def __len__(self) -> int:
         return len(self.dates)
@@ -108,7 +131,11 @@ class Series:
     def measured(self, names: Sequence[str]) -> FloatArray:
         """(n, k) covariates of some names; NaN where they were not measured."""
         nothing = np.full(len(self), np.nan)
-        return np.array([self.covariates.get(name, nothing) for name in names]).reshape(len(names), len(self)).T
+        return (
+            np.array([self.covariates.get(name, nothing) for name in names])
+            .reshape(len(names), len(self))
+            .T
+        )
 
     @property
     def days(self) -> FloatArray:
@@ -125,20 +152,26 @@ def in_time_order(series: Series) -> tuple[Series, tuple[str, ...]]:
     """The series in ascending time, and a note that names the campaigns that were handed in late.
 
     Raises:
-        InputError: two campaigns have the same date and time; which one counts is for the laboratory to say.
+        InputError: two campaigns have the same date and time; which one counts is for the
+            laboratory to say.
     """
     order = sorted(range(len(series)), key=lambda i: series.dates[i])
     for a, b in itertools.pairwise(order):
         if series.dates[a] == series.dates[b]:
             raise InputError(
                 "dates",
-                f"campaigns {series.labels[a]} and {series.labels[b]} are both of {series.dates[a].isoformat()}; "
-                "leave one out, or correct its date",
+                f"campaigns {series.labels[a]} and {series.labels[b]} are both of"
+                f" {series.dates[a].isoformat()}; leave one out, or correct its date",
             )
-    late = [series.labels[i] for i in range(1, len(series)) if series.dates[i] < max(series.dates[:i])]
+    late = [
+        series.labels[i] for i in range(1, len(series)) if series.dates[i] < max(series.dates[:i])
+    ]
     if not late:
         return series, ()
-    note = f"put into time order: {', '.join(late)} came after later campaigns; the states were judged anew"
+    note = (
+        f"put into time order: {', '.join(late)} came after later campaigns; the states were judged"
+        " anew"
+    )
     return select(series, order), (note,)
 
 
@@ -161,4 +194,7 @@ def _check_values(name: str, values: FloatArray, labels: Sequence[str]) -> None:
     bad = ~np.isfinite(values)
     if np.any(bad):
         at = labels[int(np.argmax(bad))]
-        raise InputError(name, f"of campaign {at} is not a finite number; leave a campaign without an estimate out")
+        raise InputError(
+            name,
+            f"of campaign {at} is not a finite number; leave a campaign without an estimate out",
+        )

@@ -1,7 +1,7 @@
 """The states of a monitored parameter: no data, normal, pending, alarm, acknowledged.
 
-A pure machine: a condition and an event give the next condition. Events are a campaign inside or outside the limits, an
-expected campaign that is missing, and somebody's acknowledgement.
+A pure machine: a condition and an event give the next condition. Events are a campaign inside or
+outside the limits, an expected campaign that is missing, and somebody's acknowledgement.
 
                 inside          outside                         missing         acknowledge
     no data     normal          pending (alarm at the k-th)     no data         refused
@@ -10,8 +10,10 @@ expected campaign that is missing, and somebody's acknowledgement.
     alarm       alarm           alarm                           alarm           acknowledged
     acknowl.    normal          acknowledged                    no data         refused
 
-An alarm stays until somebody has seen it, even where the chart comes back or campaigns stop. A missing campaign is neither
-inside nor outside: the count towards k, and that an alarm was acknowledged, live on behind `no data`.
+An alarm stays until somebody has seen it, even where the chart comes back or campaigns stop. A
+missing campaign is neither
+inside nor outside: the count towards k, and that an alarm was acknowledged, live on behind
+`no data`.
 """
 
 from collections.abc import Sequence
@@ -71,10 +73,14 @@ def step(condition: Condition, event: Event, pending: int = 1) -> Condition:
         raise InputError("pending", f"is {pending}, expected at least 1 campaign")
     if event is Event.ACKNOWLEDGE:
         if condition.state is not State.ALARM:
-            raise InputError("state", f"is {condition.state.value}; only an alarm can be acknowledged")
+            raise InputError(
+                "state", f"is {condition.state.value}; only an alarm can be acknowledged"
+            )
         return replace(condition, state=State.ACKNOWLEDGED, acknowledged=True)
     if event is Event.MISSING:
-        return condition if condition.state is State.ALARM else replace(condition, state=State.NO_DATA)
+        return (
+            condition if condition.state is State.ALARM else replace(condition, state=State.NO_DATA)
+        )
     outside = condition.outside + 1 if event is Event.OUTSIDE else 0
     if condition.state is State.ALARM:
         return replace(condition, outside=outside)
@@ -146,17 +152,25 @@ def timeline(
         (date, Event.OUTSIDE if out else Event.INSIDE, label)
         for date, label, out in zip(dates, labels, outside, strict=True)
     ]
-    events += [(date, Event.MISSING, None) for date in missing_campaigns((begin, *dates), interval_days, as_of)]
+    events += [
+        (date, Event.MISSING, None)
+        for date in missing_campaigns((begin, *dates), interval_days, as_of)
+    ]
     events += [(date, Event.ACKNOWLEDGE, None) for date in acknowledged]
     condition, moments = Condition(), []
-    for date, event, label in sorted(events, key=lambda e: e[0]):  # stable: a campaign comes before its acknowledgement
+    # stable: a campaign comes before its acknowledgement
+    for date, event, label in sorted(events, key=lambda e: e[0]):
         condition = step(condition, event, pending)
         moments.append(Moment(date, event, label, condition.state))
     return tuple(moments)
 
 
-def missing_campaigns(dates: Sequence[datetime], interval_days: float | None, as_of: datetime | None) -> list[datetime]:
-    """When each campaign that did not come began to be missing: half an interval after it was due."""
+def missing_campaigns(
+    dates: Sequence[datetime], interval_days: float | None, as_of: datetime | None
+) -> list[datetime]:
+    """When each campaign that did not come began to be missing: half an interval after it was
+    due.
+    """
     if interval_days is None:
         return []
     interval = timedelta(days=interval_days)

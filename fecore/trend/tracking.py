@@ -1,8 +1,9 @@
 """Which modes of several campaigns are the same: tracks, one a mode, from campaign to campaign.
 
-The modes of each campaign are paired with those that the tracks had last, as one assignment (`fecore.correlation.pair_modes`):
-by MAC at the degrees of freedom that all of them share, and by frequency. Without shapes that can be compared, frequency alone
-decides. A mode that no track continues begins one; a track that a campaign misses waits for the next.
+The modes of each campaign are paired with those that the tracks had last, as one assignment
+(`fecore.correlation.pair_modes`): by MAC at the degrees of freedom that all of them share, and by
+frequency. Without shapes that can be compared, frequency alone decides. A mode that no track
+continues begins one; a track that a campaign misses waits for the next.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,10 +17,13 @@ from fecore.correlation import pair_modes
 Shape = Mapping[tuple[int, int], complex]
 """(grid point, axis 1 to 6) to the value of a mode shape along the positive axis."""
 
-SAME_MODE = 0.15  # relative change of frequency from one campaign to the next up to which two modes may be the same
+# relative change of frequency from one campaign to the next up to which two modes may be the same
+SAME_MODE = 0.15
 LEAST_MAC = 0.5  # MAC below which two modes are others, as of pairs with a model
 FEWEST_DOFS = 3
-"""Shared degrees of freedom from which on shapes are compared: any two shapes at one of them have a MAC of 1."""
+"""Shared degrees of freedom from which on shapes are compared: any two shapes at one of them have a
+MAC of 1.
+"""
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,8 @@ class TrackedMode:
 
 
 def track(campaigns: Sequence[Sequence[TrackedMode]]) -> list[list[int]]:
-    """The number of the track of each mode of each campaign, from 0, in the order in which tracks begin.
+    """The number of the track of each mode of each campaign, from 0, in the order in which tracks
+    begin.
 
     Args:
         campaigns: in time order, the modes of each in ascending frequency.

@@ -1,1 +1,3 @@
-"""Finite element model updating in two stages: elastic constants from modes, then damping from FRFs."""
+"""Finite element model updating in two stages: elastic constants from modes, then damping from
+FRFs.
+"""

@@ -1,15 +1,17 @@
-"""What a body may have that nobody stated, as one more term of its model: a mass, a foot that it stands on, a soft support.
+"""What a body may have that nobody stated, as one more term of its model: a mass, a foot that it
+stands on, a soft support.
 
 With the reduced basis V and its matrices K and M, and one unknown size each,
 
 - a mass m at a place whose motion is ψ adds mψᵀψ to M;
 - a foot, a spring k to the ground at a place or along an end, adds kψᵀψ to K;
-- a support that gives way lets its nodes move as a rigid block, along or about an axis, on a spring k. The whole body then
-  follows with a rigid motion r that strains nothing, so u = Vq + rρ has the strain energy of q and kρ², and M of [V r]
-  (Craig and Bampton, AIAA J. 6, 1968).
+- a support that gives way lets its nodes move as a rigid block, along or about an axis, on a spring
+  k. The whole body then follows with a rigid motion r that strains nothing, so u = Vq + rρ has the
+  strain energy of q and kρ², and M of [V r] (Craig and Bampton, AIAA J. 6, 1968).
 
-So the altered body is a model of the same parameters and one more, recomputed at any size, with its frequencies, shapes and
-derivatives. The size's prior is log-normal, wide, about a few times what a careful laboratory's clamp or sensor may have.
+So the altered body is a model of the same parameters and one more, recomputed at any size, with its
+frequencies, shapes and derivatives. The size's prior is log-normal, wide, about a few times what a
+careful laboratory's clamp or sensor may have.
 """
 
 from __future__ import annotations
@@ -36,7 +38,9 @@ SIZE_SD = 2.0
 """Standard deviation of the logarithm of a size: from 1/50 to 50 times its median."""
 
 TYPICAL = 3.0
-"""Median of a size of what was not stated, over those that are usual; of a stiffness that gives way its inverse."""
+"""Median of a size of what was not stated, over those that are usual; of a stiffness that gives way
+its inverse.
+"""
 
 MASS = "added_mass"
 """Name of the size of a mass."""
@@ -51,15 +55,20 @@ class Addition:
     kind: Kind
     name: str  # of its size as a parameter
     unit: str  # SI, of the size
-    place: tuple[float, ...]  # (x, y, z) of the point, or of the middle of the nodes that it holds, m
+    # (x, y, z) of the point, or of the middle of the nodes that it holds, m
+    place: tuple[float, ...]
     median: float  # of the size's prior, SI
-    # (q, dofs) what it moves with, or of a support the (1, dofs) rigid motion of the body that it lets go
+    # (q, dofs) what it moves with, or of a support the (1, dofs) rigid motion of the body that it
+    # lets go
     motion: FloatArray | scipy.sparse.csr_array
-    along_an_end: bool = False  # a foot under all nodes at an end of the body, whose stiffness is that of all together
+    # a foot under all nodes at an end of the body, whose stiffness is that of all together
+    along_an_end: bool = False
 
     @property
     def usual(self) -> float:
-        """Of a mass or a foot the size, of a support the compliance, that a careful laboratory would not state."""
+        """Of a mass or a foot the size, of a support the compliance, that a careful laboratory
+        would not state.
+        """
         return 1 / (TYPICAL * self.median) if self.kind == "support" else self.median / TYPICAL
 
     @property
@@ -69,9 +78,14 @@ class Addition:
 
 
 def with_additions(
-    system: ReducedSystem, model: Model, additions: Sequence[Addition], springs: int, static: FloatArray
+    system: ReducedSystem,
+    model: Model,
+    additions: Sequence[Addition],
+    springs: int,
+    static: FloatArray,
 ) -> ReducedSystem:
-    """A reduced system with the terms of some additions, those of stiffness before the body's own springs.
+    """A reduced system with the terms of some additions, those of stiffness before the body's own
+    springs.
 
     Args:
         system: of the body without.
@@ -83,12 +97,16 @@ def with_additions(
     loose = [each.motion for each in additions if each.kind == "support"]
     V, (stiffness, mass) = np.hstack([system.basis, static]), (system.stiffness, system.mass)
     if static.size:
-        stiffness = bordered(stiffness, model.stiffness.project(V, slice(system.basis.shape[1], V.shape[1])))
+        stiffness = bordered(
+            stiffness, model.stiffness.project(V, slice(system.basis.shape[1], V.shape[1]))
+        )
         mass = bordered(mass, model.mass.project(V, slice(system.basis.shape[1], V.shape[1])))
     size = V.shape[1]
     if loose:
         first = np.abs(np.einsum("jii->ji", mass)).sum(axis=0).max()
-        own = np.abs(np.einsum("jii->ji", model.mass.project(np.vstack(loose).T, slice(0, len(loose))))).sum(axis=0)
+        own = np.abs(
+            np.einsum("jii->ji", model.mass.project(np.vstack(loose).T, slice(0, len(loose))))
+        ).sum(axis=0)
         scale = np.sqrt(first / own)  # as large as the basis, for the sake of round-off
         V = np.hstack([V, np.vstack(loose).T * scale])
         stiffness = np.pad(stiffness, ((0, 0), *((0, V.shape[1] - size),) * 2))
@@ -100,7 +118,11 @@ def with_additions(
             rows[place] = np.eye(V.shape[1])[[column]] * scale[column - size]
             column += 1
     # Rigid motions that a foot resists are none any more: they stand behind those that are left.
-    resisted = [row[:, : system.rigid] for row, each in zip(rows, additions, strict=True) if each.kind == "foot"]
+    resisted = [
+        row[:, : system.rigid]
+        for row, each in zip(rows, additions, strict=True)
+        if each.kind == "foot"
+    ]
     turn, rigid = np.eye(V.shape[1]), system.rigid
     if resisted and rigid:
         _, singular, right = np.linalg.svd(np.vstack(resisted))
@@ -109,7 +131,10 @@ def with_additions(
     rows = [row @ turn for row in rows]
     terms = [row.T @ row for row in rows]
     own = len(stiffness) - springs
-    stiff, heavy = ([t for t, a in zip(terms, additions, strict=True) if a.of_mass == kind] for kind in (False, True))
+    stiff, heavy = (
+        [t for t, a in zip(terms, additions, strict=True) if a.of_mass == kind]
+        for kind in (False, True)
+    )
     turned = [turn.T @ each @ turn for each in (stiffness, mass)]
     empty = np.zeros((0, 0, V.shape[1]))
     return ReducedSystem(
@@ -153,12 +178,16 @@ class AlteredBody(Body):
     def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
         """(k, …) the body's and those of additions."""
         own, sizes = self._split(constants)
-        return np.concatenate([self.body.stiffness_coefficients(own), sizes[[not a.of_mass for a in self.additions]]])
+        return np.concatenate(
+            [self.body.stiffness_coefficients(own), sizes[[not a.of_mass for a in self.additions]]]
+        )
 
     def mass_coefficients(self, constants: FloatArray) -> FloatArray:
         """(j, …) the body's and those of additions."""
         own, sizes = self._split(constants)
-        return np.concatenate([self.body.mass_coefficients(own), sizes[[a.of_mass for a in self.additions]]])
+        return np.concatenate(
+            [self.body.mass_coefficients(own), sizes[[a.of_mass for a in self.additions]]]
+        )
 
     def are_physical(self, constants: FloatArray) -> BoolArray:
         """(…) whether the body could have the constants."""
@@ -186,7 +215,10 @@ class AlteredForward(ForwardModel):
             plain, before = forward.plain, forward.additions
         everything = (*before, *additions)
         prior = with_sizes(plain.parametrisation, everything)
-        fields = {name: getattr(plain, name) for name in ("dofs", "places", "roving_mass", "axes", "held_hz")}
+        fields = {
+            name: getattr(plain, name)
+            for name in ("dofs", "places", "roving_mass", "axes", "held_hz")
+        }
         count = plain.count + len(everything)
         return cls(prior.body, prior, count=count, verified=False, plain=plain, **fields)
 
@@ -200,9 +232,15 @@ class AlteredForward(ForwardModel):
     def _altered(self) -> ReducedSystem:
         assert self.plain is not None, "an altered model has the one that it alters"
         system = self.plain.without_mesh_error(self.plain.basis.system)
-        loads = [each.motion.T for each in self.additions if each.kind != "support" and not each.along_an_end]
+        loads = [
+            each.motion.T
+            for each in self.additions
+            if each.kind != "support" and not each.along_an_end
+        ]
         model = self.specimen.model
-        forces = scipy.sparse.hstack([scipy.sparse.csr_array((model.mass.size, 0)), *loads]).toarray()
+        forces = scipy.sparse.hstack(
+            [scipy.sparse.csr_array((model.mass.size, 0)), *loads]
+        ).toarray()
         static = self.plain.basis.static(forces) if loads else forces
         return with_additions(system, model, self.additions, len(self.specimen.springs), static)
 
@@ -211,7 +249,13 @@ class AlteredForward(ForwardModel):
         c, system = self.parametrisation.coefficients(theta), self._altered
         modes = system.modes(c.stiffness, c.mass, self.count)
         return ForwardState(
-            c, modes, list(system.stiffness), list(system.mass), system.basis, forward=self, theta=theta
+            c,
+            modes,
+            list(system.stiffness),
+            list(system.mass),
+            system.basis,
+            forward=self,
+            theta=theta,
         )
 
     def unverified(self) -> AlteredForward:

@@ -21,7 +21,8 @@ def amount(name: str, value: float) -> str:
     ('33.1 GPa', '2010 kg/m³', '0.16')
     """
     factor, unit = _WRITTEN.get(UNITS.get(kind_of(name), ""), (1.0, ""))
-    return f"{float(f'{factor * value:.3g}'):g}{unit}"  # without an exponent where there need be none
+    # without an exponent where there need be none
+    return f"{float(f'{factor * value:.3g}'):g}{unit}"
 
 
 def plus_minus(name: str, value: float, sd: float) -> str:

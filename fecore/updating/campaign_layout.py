@@ -18,17 +18,30 @@ from fecore.modes import MeasuredModes
 from fecore.updating.discretisation import AnyBody, meshed
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Coupon, Layout, Unknown
+from fecore.updating.layout import (
+    CAMPAIGNS_OWN,
+    SPECIMENS_OWN,
+    CampaignModel,
+    Coupon,
+    Layout,
+    Unknown,
+)
 from fecore.updating.parameters import Parameter, Parametrisation, parametrise
 from fecore.updating.temperature import constant_of, is_of_damping, reference_of, with_temperature
 
 MATERIAL = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
 """Constants that belong to the material."""
 
-MATERIAL_PARAMETERS = (*(Parameter(name) for name in MATERIAL[:-1]), Parameter("nu_xy", prior_sd=0.1))
-"""What several campaigns update together by default: all constants of the material, each by itself."""
+MATERIAL_PARAMETERS = (
+    *(Parameter(name) for name in MATERIAL[:-1]),
+    Parameter("nu_xy", prior_sd=0.1),
+)
+"""What several campaigns update together by default: all constants of the material, each by
+itself.
+"""
 
-_CLAMP_LOG_SD = 1.2  # of a clamp's compliance: its logarithm covers a half-normal's mass from a tenth to five scales
+# of a clamp's compliance: its logarithm covers a half-normal's mass from a tenth to five scales
+_CLAMP_LOG_SD = 1.2
 _HALF_NORMAL_MEDIAN = 0.6745  # of |z|, z ~ N(0, 1)
 _ALIKE = 1e-9  # relative, of nominal constants that are one
 
@@ -39,14 +52,15 @@ class Campaign:
 
     name: str  # of the campaign, in results
     specimen: str  # name of the specimen; campaigns of one specimen share its dimensions
-    # as it stood in this campaign: a specimen of the shared material in the material's axes, or a body in space, whose
-    # sets' constants all campaigns share
+    # as it stood in this campaign: a specimen of the shared material in the material's axes, or a
+    # body in space, whose sets' constants all campaigns share
     body: Body
     modes: MeasuredModes  # measured modes, with shapes at `dofs` where there are any
     # coordinates (x, y, z) in m of the shapes' points
     points: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
     inputs: Inputs = field(default_factory=Inputs)  # how well the laboratory knows what it hands in
-    fixed_points: tuple[int, ...] = ()  # points at which a sensor stood through the test, if its mass was not stated
+    # points at which a sensor stood through the test, if its mass was not stated
+    fixed_points: tuple[int, ...] = ()
     # (3, 3) directions 1, 2 and 3, as rows, of points where they are not the body's axes
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
     temperature_c: float | None = None  # of the body in the test; None where nobody stated it
@@ -64,15 +78,17 @@ def lay_out(
     Args:
         campaigns: at least one; names are all different.
         parameters: the material's, with their priors.
-        scatter: scale of the deviations of its own that every specimen has in each free modulus, where there is more than one
-            specimen; 0 for none. A batch of coupons is one more specimen.
+        scatter: scale of the deviations of its own that every specimen has in each free modulus,
+            where there is more than one specimen; 0 for none. A batch of coupons is one more
+            specimen.
         coupons: what static tests say of the material's constants.
-        reference_c: temperature at which the constants are asked for; by default as of `reference_of`.
+        reference_c: temperature at which the constants are asked for; by default as of
+            `reference_of`.
 
     Raises:
-        InputError: two campaigns have one name, a parameter is not the material's, the parameters contradict themselves,
-            campaigns begin with different values of one, or a coefficient of temperature is stated where there is one
-            temperature.
+        InputError: two campaigns have one name, a parameter is not the material's, the parameters
+            contradict themselves, campaigns begin with different values of one, or a coefficient of
+            temperature is stated where there is one temperature.
     """
     _check(campaigns, parameters)
     reference = reference_of([campaign.temperature_c for campaign in campaigns], reference_c)
@@ -81,13 +97,16 @@ def lay_out(
     shared = first.reported
     _check_priors(campaigns, forwards)
     places: dict[tuple[str, str | None], Unknown] = {
-        (name, None): Unknown(name, None, float(sd)) for name, sd in zip(shared, first.xi_sd, strict=False)
+        (name, None): Unknown(name, None, float(sd))
+        for name, sd in zip(shared, first.xi_sd, strict=False)
     }
     specimens = tuple(dict.fromkeys(campaign.specimen for campaign in campaigns))
     scatter = scatter if len(specimens) > 1 else 0.0
     if scatter:
         moduli = [name for name in shared if kind_of(name) not in ("nu_xy", "nu12", "per_K")]
-        places |= {(n, specimen): Unknown.of_scatter(n, specimen) for specimen in specimens for n in moduli}
+        places |= {
+            (n, specimen): Unknown.of_scatter(n, specimen) for specimen in specimens for n in moduli
+        }
         of_batches = ((coupon.name, coupon.batch) for coupon in coupons if coupon.name in moduli)
         places |= {key: Unknown.of_scatter(*key) for key in of_batches}
     keys = []
@@ -102,7 +121,8 @@ def lay_out(
         pick = np.zeros((len(own_keys), len(places)))
         for row, (name, owner) in enumerate(own_keys):
             pick[row, number[name, owner]] = 1.0
-            if owner is None and (name, campaign.specimen) in number:  # the specimen's own deviation
+            # the specimen's own deviation
+            if owner is None and (name, campaign.specimen) in number:
                 pick[row, number[name, campaign.specimen]] = 1.0
         known = campaign.inputs, campaign.fixed_points
         models.append(CampaignModel(campaign.name, forward, campaign.modes, pick, *known))
@@ -120,21 +140,30 @@ def _check_priors(campaigns: Sequence[Campaign], forwards: Sequence[ForwardModel
             if not np.isclose(here, there, rtol=_ALIKE, atol=0.0):
                 raise InputError(
                     "parameters",
-                    f"{name} is {here:.6g} in campaign {campaign.name} and {there:.6g} in {campaigns[0].name}; "
-                    "state its prior_mean in the recipe",
+                    f"{name} is {here:.6g} in campaign {campaign.name} and {there:.6g} in"
+                    f" {campaigns[0].name}; state its prior_mean in the recipe",
                 )
 
 
 def as_updated(campaigns: Sequence[Campaign]) -> list[Campaign]:
-    """The campaigns with bodies as an update has them: clamps that may yield, meshes as fine as their modes need."""
+    """The campaigns with bodies as an update has them: clamps that may yield, meshes as fine as
+    their modes need.
+    """
     return [
-        replace(each, body=meshed(yielding(each.body, each.inputs), 1.05 * float(each.modes.frequency_hz[-1]))[0])
+        replace(
+            each,
+            body=meshed(
+                yielding(each.body, each.inputs), 1.05 * float(each.modes.frequency_hz[-1])
+            )[0],
+        )
         for each in campaigns
     ]
 
 
 def yielding(body: AnyBody, inputs: Inputs) -> AnyBody:
-    """The body with a clamp that may yield as far as the inputs say; as it is where none is modelled."""
+    """The body with a clamp that may yield as far as the inputs say; as it is where none is
+    modelled.
+    """
     compliance = _HALF_NORMAL_MEDIAN * inputs.standard_deviation("clamp_compliance")
     if isinstance(body, Structure) and compliance:
         return _on_bed(body, compliance)
@@ -149,9 +178,12 @@ def yielding(body: AnyBody, inputs: Inputs) -> AnyBody:
 
 
 def _on_bed(body: AnyStructure, compliance: float) -> AnyStructure:
-    """A body in space whose clamp yields so that a compliance of C lowers its first frequency by 2 C, as a strip's does."""
+    """A body in space whose clamp yields so that a compliance of C lowers its first frequency by 2
+    C, as a strip's does.
+    """
     bed = bed_of(body)
-    if bed is None or np.linalg.matrix_rank(bed.inertia) < 3:  # beams alone: nothing says how wide the clamp is
+    # beams alone: nothing says how wide the clamp is
+    if bed is None or np.linalg.matrix_rank(bed.inertia) < 3:
         return body
     model, constants = body.model, np.array(list(body.nominal.values()))
     mass = model.mass.at(body.mass_coefficients(constants))
@@ -176,13 +208,14 @@ def _check(campaigns: Sequence[Campaign], parameters: Sequence[Parameter]) -> No
             if not np.isclose(here, there, rtol=_ALIKE, atol=_ALIKE):
                 raise InputError(
                     "campaigns",
-                    f"{name} is {there:.6g} in {first.name} and {here:.6g} in {campaign.name}, both of specimen "
-                    f"{campaign.specimen}: state it alike, or name two specimens",
+                    f"{name} is {there:.6g} in {first.name} and {here:.6g} in {campaign.name}, both"
+                    f" of specimen {campaign.specimen}: state it alike, or name two specimens",
                 )
 
 
 def check_material(body: Body, parameters: Sequence[Parameter]) -> None:
-    """Make sure that parameters of specimens are their material's; bodies in space have constants of their own.
+    """Make sure that parameters of specimens are their material's; bodies in space have constants
+    of their own.
 
     Raises:
         InputError: one is not.
@@ -190,8 +223,12 @@ def check_material(body: Body, parameters: Sequence[Parameter]) -> None:
     if not isinstance(body, OrientedSpecimen):
         return
     for index, parameter in enumerate(parameters):
-        if (constant_of(parameter.name) or parameter.name) not in MATERIAL and not is_of_damping(parameter.name):
-            expected = f"is {parameter.name!r}, expected one of the material's: {', '.join(MATERIAL)}"
+        if (constant_of(parameter.name) or parameter.name) not in MATERIAL and not is_of_damping(
+            parameter.name
+        ):
+            expected = (
+                f"is {parameter.name!r}, expected one of the material's: {', '.join(MATERIAL)}"
+            )
             raise InputError(f"parameters.{index}.name", expected)
 
 
@@ -199,16 +236,25 @@ def _key(name: str, campaign: Campaign, shared: tuple[str, ...]) -> tuple[str, s
     """The key of an unknown: its name, and to whom it belongs."""
     if name in shared:
         return name, None
-    return name, f"campaign {campaign.name}" if name in CAMPAIGNS_OWN else f"specimen {campaign.specimen}"
+    return (
+        name,
+        f"campaign {campaign.name}" if name in CAMPAIGNS_OWN else f"specimen {campaign.specimen}",
+    )
 
 
-def _forward(campaign: Campaign, parameters: Sequence[Parameter], reference: float | None) -> ForwardModel:
-    shared = with_temperature(parametrise(campaign.body, parameters), reference, campaign.temperature_c, reported=True)
+def _forward(
+    campaign: Campaign, parameters: Sequence[Parameter], reference: float | None
+) -> ForwardModel:
+    shared = with_temperature(
+        parametrise(campaign.body, parameters), reference, campaign.temperature_c, reported=True
+    )
     parametrisation, modes = _with_own(shared, campaign), campaign.modes
     dofs = modes.dofs if modes.shapes is not None else ()
     rows = tuple(dict.fromkeys([*dofs, *along_z(campaign.fixed_points)]))
     highest = float(modes.frequency_hz[-1])
-    return ForwardModel.of_dofs(parametrisation, rows, campaign.points, highest, len(modes), axes=campaign.axes)
+    return ForwardModel.of_dofs(
+        parametrisation, rows, campaign.points, highest, len(modes), axes=campaign.axes
+    )
 
 
 def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametrisation:

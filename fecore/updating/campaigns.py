@@ -1,4 +1,6 @@
-"""Updating several campaigns of one material together: the entry point, and how the campaigns are laid out."""
+"""Updating several campaigns of one material together: the entry point, and how the campaigns are
+laid out.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -37,8 +39,20 @@ from fecore.updating.laws import common_damping
 from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter
 from fecore.updating.posterior import SCATTER
-from fecore.updating.result import CommonLaw, Curve, Finding, ModeComparison, ParameterEstimate, Verdict
-from fecore.updating.temperature import TEMPERATURE, UNKNOWN_TEMPERATURE_SD, constant_of, damping_per_k
+from fecore.updating.result import (
+    CommonLaw,
+    Curve,
+    Finding,
+    ModeComparison,
+    ParameterEstimate,
+    Verdict,
+)
+from fecore.updating.temperature import (
+    TEMPERATURE,
+    UNKNOWN_TEMPERATURE_SD,
+    constant_of,
+    damping_per_k,
+)
 
 __all__ = [
     "MATERIAL",
@@ -60,9 +74,11 @@ class CampaignsRecipe:
     """How several campaigns are updated together."""
 
     parameters: tuple[Parameter, ...] = MATERIAL_PARAMETERS  # the material's, with their priors
-    # scale of the moduli's relative deviations between specimens; 0: all specimens are of exactly one material
+    # scale of the moduli's relative deviations between specimens; 0: all specimens are of exactly
+    # one material
     scatter: float = SCATTER
-    # temperature at which the constants are asked for, °C; None for the campaigns' own where that is one, else 23
+    # temperature at which the constants are asked for, °C; None for the campaigns' own where that
+    # is one, else 23
     reference_temperature_c: float | None = None
 
     def __post_init__(self) -> None:
@@ -78,14 +94,16 @@ class CampaignPart:
     name: str
     specimen: str
     modes: tuple[ModeComparison, ...]  # measured beside updated
-    # its own nuisances and its specimen's: length, clamp_compliance, width, thickness, density, fibre_angle, and the
-    # specimen's scatter as ratios to the material
+    # its own nuisances and its specimen's: length, clamp_compliance, width, thickness, density,
+    # fibre_angle, and the specimen's scatter as ratios to the material
     own: tuple[ParameterEstimate, ...]
-    # the material's constants by this campaign alone: estimate, standard deviation, and z of the difference from all
-    # together, by name
+    # the material's constants by this campaign alone: estimate, standard deviation, and z of the
+    # difference from all together, by name
     alone: Mapping[str, Mapping[str, float]]
-    predictive_p: float | None  # of its frequencies, given the other campaigns; None of a single campaign
-    contradicts: bool  # whether it, or one of its inputs, is the likeliest cause of a conflict (`contradictions`)
+    # of its frequencies, given the other campaigns; None of a single campaign
+    predictive_p: float | None
+    # whether it, or one of its inputs, is the likeliest cause of a conflict (`contradictions`)
+    contradicts: bool
 
 
 @dataclass(frozen=True)
@@ -94,20 +112,25 @@ class CampaignsResult:
 
     verdict: Verdict  # whether it may be used
     parameters: tuple[ParameterEstimate, ...]  # the material's constants, in its own axes
-    correlation: FloatArray  # (q, q) of the free ones' posterior, in their coordinates; names of them in `free`
+    # (q, q) of the free ones' posterior, in their coordinates; names of them in `free`
+    correlation: FloatArray
     free: tuple[str, ...]  # names of the free parameters
     campaigns: tuple[CampaignPart, ...]  # each one's part
     # name of the one campaign in which the likeliest causes of the first conflict lie; None else
     odd_one_out: str | None
     discrepancy: float  # relative model error of a frequency
-    # relative deviation of a modulus between specimens, root of its posterior mean; None where it is not modelled
+    # relative deviation of a modulus between specimens, root of its posterior mean; None where it
+    # is not modelled
     scatter: float | None
     warnings: tuple[str, ...]  # what a user must know
     findings: tuple[Finding, ...] = ()  # the same, each with the id of its row of the table
-    conflicts: tuple[Conflict, ...] = ()  # sources that contradict the others, each with its likeliest cause
-    # laws with one set of coefficients for all campaigns, ranked; none where no mode has a damping ratio
+    # sources that contradict the others, each with its likeliest cause
+    conflicts: tuple[Conflict, ...] = ()
+    # laws with one set of coefficients for all campaigns, ranked; none where no mode has a damping
+    # ratio
     damping: tuple[CommonLaw, ...] = ()
-    reference_temperature_c: float | None = None  # at which all of it is given, °C; None where that is not known
+    # at which all of it is given, °C; None where that is not known
+    reference_temperature_c: float | None = None
     curve: Curve | None = None  # over temperature; None where all campaigns are at one
 
 
@@ -123,11 +146,13 @@ def update_campaigns(
         campaigns: tests of specimens of the material, with their modes.
         recipe: the material's parameters and whether specimens scatter.
         coupons: what static tests say of its constants.
-        progress: called with the stage and the share of the whole that is done; raise from it to cancel.
+        progress: called with the stage and the share of the whole that is done; raise from it to
+            cancel.
 
     Raises:
         InputError: campaigns, parameters or coupons contradict themselves.
-        UpdatingError: a campaign has nothing in common with its model, or the estimate does not come to rest.
+        UpdatingError: a campaign has nothing in common with its model, or the estimate does not
+            come to rest.
     """
     recipe = recipe or CampaignsRecipe()
     progress("laying out the campaigns", 0.0)
@@ -145,10 +170,19 @@ def update_campaigns(
     progress("making intervals", 0.9)
     parameters = tuple(constant_estimates(elastic, None))
     causes = {conflict.cause.owner for conflict in against} - {""}
-    parts = tuple(_part(elastic, number, each, alone[number], causes) for number, each in enumerate(ready))
-    findings = [*map(contradiction, against), *_findings(elastic, parts), *undetermined(parameters, None)]
+    parts = tuple(
+        _part(elastic, number, each, alone[number], causes) for number, each in enumerate(ready)
+    )
+    findings = [
+        *map(contradiction, against),
+        *_findings(elastic, parts),
+        *undetermined(parameters, None),
+    ]
     for model, campaign in zip(layout.campaigns, ready, strict=True):
-        findings += [*points_beyond(model.forward, campaign.inputs, campaign.name), *mesh_on_trust(model.forward)]
+        findings += [
+            *points_beyond(model.forward, campaign.inputs, campaign.name),
+            *mesh_on_trust(model.forward),
+        ]
     laws = common_damping(elastic, damping_per_k(recipe.parameters))
     findings += _unknown_temperatures(elastic, parts)
     total = elastic.mixture.total[: len(layout.shared), : len(layout.shared)]
@@ -181,7 +215,9 @@ def _unknown_temperatures(elastic: ElasticResult, parts: Sequence[CampaignPart])
             if own.name == TEMPERATURE and warmth is not None:
                 assumed = plus_minus(TEMPERATURE, warmth.reference, UNKNOWN_TEMPERATURE_SD)
                 now = plus_minus(TEMPERATURE, own.estimate, own.standard_deviation)
-                findings.append(found("temperature_unknown", name=part.name, assumed=assumed, now=now))
+                findings.append(
+                    found("temperature_unknown", name=part.name, assumed=assumed, now=now)
+                )
     return findings
 
 
@@ -190,15 +226,22 @@ def _part(
 ) -> CampaignPart:
     layout = elastic.layout
     values = layout.material(agreement.alone)
-    sds = agreement.alone_sd * np.where(layout.prior.logarithmic[: values.size], np.abs(values), 1.0)
-    rows = zip(layout.shared, map(float, values), map(float, sds), map(float, agreement.z), strict=True)
+    sds = agreement.alone_sd * np.where(
+        layout.prior.logarithmic[: values.size], np.abs(values), 1.0
+    )
+    rows = zip(
+        layout.shared, map(float, values), map(float, sds), map(float, agreement.z), strict=True
+    )
     constants = [row for row in rows if constant_of(row[0]) is None]
     return CampaignPart(
         name=campaign.name,
         specimen=campaign.specimen,
         modes=elastic.compared_modes(number, campaign.modes),
         own=tuple(own_estimates(elastic, number)),
-        alone={name: {"estimate": value, "standard_deviation": sd, "z": z} for name, value, sd, z in constants},
+        alone={
+            name: {"estimate": value, "standard_deviation": sd, "z": z}
+            for name, value, sd, z in constants
+        },
         predictive_p=agreement.predictive_p,
         contradicts=not causes.isdisjoint(_owners(campaign)),
     )
@@ -224,7 +267,14 @@ def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Fin
         alone, count = len(pairing.unpaired_measured), len(part.modes)
         if alone:
             level: Level | None = "do_not_use" if 2 * alone > count else None
-            findings.append(found("campaign_modes_alone", level=level, name=part.name, alone=modes_of(alone, count)))
+            findings.append(
+                found(
+                    "campaign_modes_alone",
+                    level=level,
+                    name=part.name,
+                    alone=modes_of(alone, count),
+                )
+            )
         miss = elastic.missed(at)
         if miss > USUAL_MISS:
             findings.append(found("campaign_missed", name=part.name, percent=100 * miss))

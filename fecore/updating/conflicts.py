@@ -1,4 +1,6 @@
-"""Sources of data that contradict each other, and what may be the cause: the values that `contradictions` gives."""
+"""Sources of data that contradict each other, and what may be the cause: the values that
+`contradictions` gives.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,9 @@ from fecore.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Said:
-    """What a source says of one constant, and what the rest says of it: values with standard deviations, SI."""
+    """What a source says of one constant, and what the rest says of it: values with standard
+    deviations, SI.
+    """
 
     constant: str
     stated: float
@@ -22,16 +26,19 @@ class Said:
 class Check:
     """A source beside all others."""
 
-    # `input`, `coupons`, `campaign`, `scatter` of the specimens, or what a body has: `mass`, `foot`, `support` that gives way
-    # or `stiffness` that is lost
+    # `input`, `coupons`, `campaign`, `scatter` of the specimens, or what a body has: `mass`,
+    # `foot`, `support` that gives way or `stiffness` that is lost
     kind: str
     name: str  # of the source, as a sentence names it
     p: float  # probability of a difference from the rest that is larger than the one found
-    evidence: float  # logarithm of how much likelier the data are where this source is off by a slip
-    owner: str = ""  # the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it
+    # logarithm of how much likelier the data are where this source is off by a slip
+    evidence: float
+    # the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it
+    owner: str = ""
     said: tuple[Said, ...] = ()  # of each constant that it says; nothing of a campaign
     place: tuple[float, ...] = ()  # m, where a mass, a foot or a support likeliest is
-    stretch: tuple[str, ...] = ()  # where stiffness is lost, in words: of what, and between which places
+    # where stiffness is lost, in words: of what, and between which places
+    stretch: tuple[str, ...] = ()
     level: float = 0.0  # probability at most that it is said to be lost where it is not
 
 
@@ -40,10 +47,13 @@ class Conflict:
     """A source that contradicts the others."""
 
     cause: Check  # the likeliest
-    rivals: tuple[Check, ...]  # other explanations that the data do not rule out, the likeliest first
-    cleared: tuple[str, ...]  # names of sources that contradict no more once the cause is allowed for
+    # other explanations that the data do not rule out, the likeliest first
+    rivals: tuple[Check, ...]
+    # names of sources that contradict no more once the cause is allowed for
+    cleared: tuple[str, ...]
     moved: float  # how far a constant then moves at most, in its stated standard deviations
-    # logarithm of how much likelier the cause is than the next explanation, ruled out or not; None where there is none
+    # logarithm of how much likelier the cause is than the next explanation, ruled out or not; None
+    # where there is none
     odds: float | None = None
 
 
@@ -51,17 +61,21 @@ class Conflict:
 class Agreement:
     """One campaign beside the others."""
 
-    # probability of frequencies further from the others' prediction than measured; None of a single campaign
+    # probability of frequencies further from the others' prediction than measured; None of a single
+    # campaign
     predictive_p: float | None
-    alone: FloatArray  # (q,) coordinates' deviations of the material's parameters by this campaign alone
+    # (q,) coordinates' deviations of the material's parameters by this campaign alone
+    alone: FloatArray
     alone_sd: FloatArray  # (q,) their standard deviations
-    # (q,) of alone against all together, in standard deviations of the difference; 0 where the campaign says nothing
+    # (q,) of alone against all together, in standard deviations of the difference; 0 where the
+    # campaign says nothing
     z: FloatArray
 
 
 @dataclass(frozen=True)
 class Statement:
-    """A source that says what k combinations (k, X) of the unknowns are: values, with standard deviations.
+    """A source that says what k combinations (k, X) of the unknowns are: values, with standard
+    deviations.
 
     The first unknown of each is that whose value it is about.
     """

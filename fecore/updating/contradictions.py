@@ -1,22 +1,27 @@
-"""Do the sources agree? Each campaign, coupon and stated input against what all the others say of it.
+"""Do the sources agree? Each campaign, coupon and stated input against what all the others say of
+it.
 
-Node splitting (Marshall and Spiegelhalter, Bayesian Analysis 2, 2007): a source says y ± σ of one combination of the unknowns,
-and the rest of the data, the source left out, m ± v. Of a source that is as good as stated
+Node splitting (Marshall and Spiegelhalter, Bayesian Analysis 2, 2007): a source says y ± σ of one
+combination of the unknowns, and the rest of the data, the source left out, m ± v. Of a source that
+is as good as stated
 
     z = (y - m)/√(σ² + v) ~ N(0, 1),        p = Σ_c w_c 2Φ(-|z_c|)
 
-over the posterior c of the discrepancy. The scatter between specimens is its prior's scale there, as an estimate of it would
-grow with every contradiction and hide it; that specimens scatter more is one of the possible causes. An input speaks of itself,
-a coupon of its constant, and a campaign of the combination of its frequencies that says most about the material, as well as of
-all of them together (posterior predictive χ²). That a body carries, stands on and yields to nothing that was not stated is a
-source too (`screening`), and that no stretch has lost stiffness (`damage`).
+over the posterior c of the discrepancy. The scatter between specimens is its prior's scale there,
+as an estimate of it would grow with every contradiction and hide it; that specimens scatter more is
+one of the possible causes. An input speaks of itself, a coupon of its constant, and a campaign of
+the combination of its frequencies that says most about the material, as well as of all of them
+together (posterior predictive χ²). That a body carries, stands on and yields to nothing that was
+not stated is a source too (`screening`), and that no stretch has lost stiffness (`damage`).
 
-Where a source contradicts, each one is a possible cause. A slip of k stated errors multiplies the evidence by the mean
-of N(y; m, k²σ² + v)/N(y; m, σ² + v) over the sizes k of slips; that of a campaign is another material, or any other body.
-A source explains what contradicts where some of it does so no longer once the slip is allowed for. One that the rest says
-nothing of (v ≫ k²σ²), or says what no body could be, changes nothing and explains nothing. A clamp may yield and need not:
-one that is firmer than expected contradicts nothing. What may have been added to a body, and the likeliest inputs, are
-compared by fits that have them (`explanations`). The likeliest explanation is the cause. It is allowed for, and the others
+Where a source contradicts, each one is a possible cause. A slip of k stated errors multiplies the
+evidence by the mean of N(y; m, k²σ² + v)/N(y; m, σ² + v) over the sizes k of slips; that of a
+campaign is another material, or any other body. A source explains what contradicts where some of it
+does so no longer once the slip is allowed for. One that the rest says nothing of (v ≫ k²σ²), or
+says what no body could be, changes nothing and explains nothing. A clamp may yield and need not:
+one that is firmer than expected contradicts nothing. What may have been added to a body, and the
+likeliest inputs, are compared by fits that have them (`explanations`). The likeliest explanation is
+the cause. It is allowed for, and the others
 are looked at anew: those that still contradict have causes of their own, the rest are cleared.
 """
 
@@ -41,13 +46,19 @@ from fecore.updating.layout import Unknown
 from fecore.updating.posterior import LinearProblem, Mixture
 
 FALSE_ALARMS = 0.05
-"""Probability that any source of an update is said to contradict the others where all are as good as stated."""
+"""Probability that any source of an update is said to contradict the others where all are as good
+as stated.
+"""
 
 SLIPS = (3.0, 10.0, 30.0, 100.0)
-"""Standard deviations of slips, in those that are stated, each as likely: a worn edge, a digit, another specimen, a unit."""
+"""Standard deviations of slips, in those that are stated, each as likely: a worn edge, a digit,
+another specimen, a unit.
+"""
 
 ANYTHING = 0.05
-"""Standard deviation of a frequency of a campaign that is of another body or boundary than stated, as a share of it."""
+"""Standard deviation of a frequency of a campaign that is of another body or boundary than stated,
+as a share of it.
+"""
 
 SCATTER = "scatter between specimens"
 
@@ -61,13 +72,16 @@ _UNSAID = 1e-9  # of what a source says is left beside the rest, so that matrice
 
 
 def compare_sources(elastic: ElasticResult) -> tuple[tuple[Conflict, ...], tuple[Agreement, ...]]:
-    """Sources that contradict the others, each with its likeliest cause; and each campaign beside the others, in its order.
+    """Sources that contradict the others, each with its likeliest cause; and each campaign beside
+    the others, in its order.
 
     Args:
         elastic: an update; of a single campaign its inputs and priors are the sources.
     """
     sources = _Sources.of(elastic)
-    return _conflicts(sources), tuple(_agreement(sources, number) for number in range(len(elastic.rows)))
+    return _conflicts(sources), tuple(
+        _agreement(sources, number) for number in range(len(elastic.rows))
+    )
 
 
 def _conflicts(sources: _Sources) -> tuple[Conflict, ...]:
@@ -97,13 +111,19 @@ class _Sources:
     def of(cls, elastic: ElasticResult) -> _Sources:
         layout = elastic.layout
         statements = [
-            Statement("input", _labelled(unknown), unknown.owner or "", row[None], np.zeros(1), sd[None])
-            for row, unknown, sd in zip(np.eye(elastic.x.size), layout.unknowns, layout.sd(layout.scatter), strict=True)
+            Statement(
+                "input", _labelled(unknown), unknown.owner or "", row[None], np.zeros(1), sd[None]
+            )
+            for row, unknown, sd in zip(
+                np.eye(elastic.x.size), layout.unknowns, layout.sd(layout.scatter), strict=True
+            )
             if not unknown.is_scatter
         ]
         for batch in dict.fromkeys(coupon.batch for coupon in layout.coupons):
             own = [coupon.batch == batch for coupon in layout.coupons]
-            statements.append(Statement("coupons", batch, "", *(part[own] for part in layout.of_coupons)))
+            statements.append(
+                Statement("coupons", batch, "", *(part[own] for part in layout.of_coupons))
+            )
         bodies, looks = len(elastic.rows), elastic.stretches is None and not elastic.unlike
         losses = tuple(Losses.of(elastic, number) if looks else None for number in range(bodies))
         found = cls(elastic, elastic.problem, layout.scatter, tuple(statements), losses=losses)
@@ -111,8 +131,9 @@ class _Sources:
 
     @property
     def independent(self) -> float:
-        """How many independent checks the statements are (Galwey, Genetic Epidemiology 33, 2009): (Σ√λ)²/Σλ, with λ the
-        eigenvalues of the correlation of their differences from the posterior, whose covariance is R - ACAᵀ.
+        """How many independent checks the statements are (Galwey, Genetic Epidemiology 33, 2009):
+        (Σ√λ)²/Σλ, with λ the eigenvalues of the correlation of their differences from the
+        posterior, whose covariance is R - ACAᵀ.
         """
         said = np.concatenate([each.rows for each in self.statements])
         own = np.concatenate([each.sds for each in self.statements]) ** 2
@@ -136,8 +157,9 @@ class _Sources:
         return [check for check, _ in self.checks if check.p < FALSE_ALARMS / self.count]
 
     def explanations(self) -> tuple[list[tuple[Check, _Sources]], float | None]:
-        """Which sources explain what contradicts, the likeliest first, each with all sources where it may be off by a slip;
-        where none does, what contradicts most. And the log odds of the first to the next of all.
+        """Which sources explain what contradicts, the likeliest first, each with all sources where
+        it may be off by a slip; where none does, what contradicts most. And the log odds of the
+        first to the next of all.
         """
         found, names = list[tuple[Check, _Sources]](), {each.name for each in self.contradicting}
         ranked = sorted(self._candidates, key=lambda each: -each[0].evidence)
@@ -155,41 +177,65 @@ class _Sources:
 
     @property
     def _candidates(self) -> list[tuple[Check, Callable[[], _Sources]]]:
-        """The checks; of what may be added to bodies, and of the likeliest inputs, as fits anew say, not the linear problem."""
+        """The checks; of what may be added to bodies, and of the likeliest inputs, as fits anew
+        say, not the linear problem.
+        """
         if self.problem is not self.elastic.problem:
             return self.checks
         found = list[tuple[Check, Callable[[], _Sources]]]()
         p = min(check.p for check, _ in self.checks)
         for number, hints in self._hints.items():
             if max(hint.evidence for _, hint in hints.values()) > 0:
-                found += [self._with(each, number, p) for each in explanations(self.elastic, number, hints)]
+                found += [
+                    self._with(each, number, p)
+                    for each in explanations(self.elastic, number, hints)
+                ]
         added = {check.name for check, _ in found}
-        rest = sorted((c for c in self.checks if c[0].name not in added), key=lambda each: -each[0].evidence)
+        rest = sorted(
+            (c for c in self.checks if c[0].name not in added), key=lambda each: -each[0].evidence
+        )
         return [*found, *map(self._anew, rest[:_REFITTED]), *rest[_REFITTED:]]
 
-    def _with(self, explanation: Explanation, number: int, p: float) -> tuple[Check, Callable[[], _Sources]]:
+    def _with(
+        self, explanation: Explanation, number: int, p: float
+    ) -> tuple[Check, Callable[[], _Sources]]:
         """Additions to a campaign's body, by the fit that has them, and all sources there.
 
-        The frequencies of the campaign are no source of their own any more: they say where it is, and of what size.
+        The frequencies of the campaign are no source of their own any more: they say where it is,
+        and of what size.
         """
         first, name = explanation.additions[0], self._of_body(explanation.additions[0].kind, number)
         said = tuple(Said(each.name, 0.0, 0.0, size, sd) for each, size, sd in explanation.sizes)
         check = Check(
-            first.kind, name, p, explanation.evidence, owner=self._named(number), said=said, place=first.place
+            first.kind,
+            name,
+            p,
+            explanation.evidence,
+            owner=self._named(number),
+            said=said,
+            place=first.place,
         )
         unknowns = explanation.result.layout.unknowns[-len(explanation.additions) :]
         names = name, self._named(number), *(unknown.label for unknown in unknowns)
         return check, lambda: self._fitted_anew(explanation.result, names)
 
-    def _anew(self, candidate: tuple[Check, Callable[[], _Sources]]) -> tuple[Check, Callable[[], _Sources]]:
+    def _anew(
+        self, candidate: tuple[Check, Callable[[], _Sources]]
+    ) -> tuple[Check, Callable[[], _Sources]]:
         """An input or prior with the evidence of a fit where it may be off by a slip."""
         check, _ = candidate
-        places = [n for n, each in enumerate(self.elastic.layout.unknowns) if _labelled(each) == check.name]
+        places = [
+            n
+            for n, each in enumerate(self.elastic.layout.unknowns)
+            if _labelled(each) == check.name
+        ]
         if check.kind != "input" or not places or check.evidence <= 0:
             return candidate
         slip = min(
             SLIPS,
-            key=lambda k: abs(np.log(k * check.said[0].stated_sd / abs(check.said[0].rest - check.said[0].stated))),
+            key=lambda k: abs(
+                np.log(k * check.said[0].stated_sd / abs(check.said[0].rest - check.said[0].stated))
+            ),
         )
         fitted = loosened(self.elastic, places[0], slip)
         if fitted is None:
@@ -205,7 +251,9 @@ class _Sources:
         return replace(_Sources.of(result), count=self.count, allowed=self.allowed | set(names))
 
     def moved_from(self, other: ElasticResult) -> float:
-        """How far a shared constant is at most from another estimate, in the standard deviations stated there."""
+        """How far a shared constant is at most from another estimate, in the standard deviations
+        stated there.
+        """
         q = len(other.layout.shared)
         off = self.elastic.x[:q] + (self.posterior.weight @ self.posterior.shift)[:q] - other.x[:q]
         return float(np.max(np.abs(off) / np.sqrt(np.diag(other.mixture.total)[:q])))
@@ -223,12 +271,20 @@ class _Sources:
     def checks(self) -> list[tuple[Check, Callable[[], _Sources]]]:
         """Each source that is not allowed a slip beside all others, and the sources where it is."""
         bodies = range(len(self.elastic.rows))
-        found = [self._of_statement(each) for each in self.statements if each.name not in self.allowed]
+        found = [
+            self._of_statement(each) for each in self.statements if each.name not in self.allowed
+        ]
         if len(bodies) > 1:
-            found += [self._of_campaign(each) for each in bodies if self._named(each) not in self.allowed]
+            found += [
+                self._of_campaign(each) for each in bodies if self._named(each) not in self.allowed
+            ]
         found += [each for number in self._hints for each in self._of_additions(number)]
         looked = [(each, losses) for each, losses in enumerate(self.losses) if losses is not None]
-        found += [self._of_loss(*each) for each in looked if self._stiffness_of(each[0]) not in self.allowed]
+        found += [
+            self._of_loss(*each)
+            for each in looked
+            if self._stiffness_of(each[0]) not in self.allowed
+        ]
         scatters = self.elastic.layout.specimens_scatter and SCATTER not in self.allowed
         return [*found, self._of_scatter()] if scatters else found
 
@@ -238,12 +294,16 @@ class _Sources:
 
     def _with_noise(self, name: str, more: FloatArray) -> Callable[[], _Sources]:
         """The same by (n, n) more covariance of the frequencies."""
-        return lambda: self._allowing(name, problem=replace(self.problem, noise=self.problem.noise + more))
+        return lambda: self._allowing(
+            name, problem=replace(self.problem, noise=self.problem.noise + more)
+        )
 
     def _of_scatter(self) -> tuple[Check, Callable[[], _Sources]]:
         """That specimens scatter more than the prior's scale."""
         evidence, estimate = self.problem.evidence_of_scatter(self.scatter)
-        check = Check("scatter", SCATTER, 1.0, evidence, said=(Said("", self.scatter, 0.0, estimate, 0.0),))
+        check = Check(
+            "scatter", SCATTER, 1.0, evidence, said=(Said("", self.scatter, 0.0, estimate, 0.0),)
+        )
         return check, lambda: self._allowing(SCATTER, scatter=estimate)
 
     def _of_statement(self, source: Statement) -> tuple[Check, Callable[[], _Sources]]:
@@ -257,8 +317,12 @@ class _Sources:
         as_stated = _log_gaussian(off, V + own)
         log_weight = logs - as_stated
         weight = scipy.special.softmax(log_weight)
-        slipped = [scipy.special.logsumexp(log_weight + _log_gaussian(off, V + k**2 * own)) for k in SLIPS]
-        evidence = scipy.special.logsumexp(slipped) - scipy.special.logsumexp(log_weight + as_stated, b=len(SLIPS))
+        slipped = [
+            scipy.special.logsumexp(log_weight + _log_gaussian(off, V + k**2 * own)) for k in SLIPS
+        ]
+        evidence = scipy.special.logsumexp(slipped) - scipy.special.logsumexp(
+            log_weight + as_stated, b=len(SLIPS)
+        )
         rest, elsewhere = weight @ m, self.problem.x.copy()
         elsewhere[source.places] = rest
         layout = self.elastic.layout
@@ -269,11 +333,16 @@ class _Sources:
         said = tuple(map(self._said, source.places, source.values, source.sds, rest, spread))
         p, slip = _beyond(weight, off, V + own), SLIPS[int(np.argmax(slipped))]
         check = Check(source.kind, source.name, p, float(evidence), source.owner, said=said)
-        return check, lambda: self._allowing(source.name, problem=_loosened(self.problem, source, slip))
+        return check, lambda: self._allowing(
+            source.name, problem=_loosened(self.problem, source, slip)
+        )
 
     def _of_campaign(self, number: int) -> tuple[Check, Callable[[], _Sources]]:
         name, at = self._named(number), self.elastic.rows[number]
-        kept, (logs, missed, V) = self.problem.weights[at] > 0, _beside_the_rest(self.problem, at, self.scatter)
+        kept, (logs, missed, V) = (
+            self.problem.weights[at] > 0,
+            _beside_the_rest(self.problem, at, self.scatter),
+        )
         weight = np.exp(logs)
         other = self._by_material(number)[np.ix_(kept, kept)]
         along = scipy.linalg.eigh(other, np.einsum("m,mij->ij", weight, V))[1][:, -1]
@@ -285,7 +354,9 @@ class _Sources:
         )
         evidence = np.logaddexp(another, any_body) - np.log(2) - as_stated
         more = np.diag(np.where(_among(self.problem, at), ANYTHING**2, 0.0))
-        return Check("campaign", name, float(p), float(evidence), name), self._with_noise(name, more)
+        return Check("campaign", name, float(p), float(evidence), name), self._with_noise(
+            name, more
+        )
 
     def _of_additions(self, number: int) -> list[tuple[Check, Callable[[], _Sources]]]:
         found = list[tuple[Check, Callable[[], _Sources]]]()
@@ -293,7 +364,9 @@ class _Sources:
             first, name = additions[int(np.argmax(hint.share))], self._of_body(kind, number)
             said = (Said(first.name, 0.0, first.usual, hint.mean, hint.sd),)
             p = float(np.exp(-max(hint.evidence, 0.0)))
-            check = Check(kind, name, p, hint.evidence, self._named(number), said=said, place=first.place)
+            check = Check(
+                kind, name, p, hint.evidence, self._named(number), said=said, place=first.place
+            )
             found.append((check, self._with_noise(name, hint.covariance)))
         return found
 
@@ -303,7 +376,9 @@ class _Sources:
         said = (Said("factor", 1.0, 0.0, found.factor, found.factor_sd),)
         stated = "stiffness", name, p, found.by_frequencies, self._named(number), said
         check = Check(*stated, stretch=found.in_words, level=FALSE_ALARMS / self.count)
-        slipped = replace(known, residual=known.residual - found.mean, noise=known.noise + found.covariance)
+        slipped = replace(
+            known, residual=known.residual - found.mean, noise=known.noise + found.covariance
+        )
         return check, lambda: self._allowing(name, problem=slipped)
 
     def _stiffness_of(self, number: int) -> str:
@@ -317,7 +392,9 @@ class _Sources:
         return f"{_ADDED[kind]} {self._named(number) or 'the body'}"
 
     def _by_material(self, number: int) -> FloatArray:
-        """(n, n) covariance of a campaign's frequencies where its material is any that the priors allow."""
+        """(n, n) covariance of a campaign's frequencies where its material is any that the priors
+        allow.
+        """
         q = len(self.elastic.layout.shared)
         S = (
             self.problem.sensitivity[self.elastic.rows[number], :q]
@@ -330,9 +407,17 @@ class _Sources:
         """The same of an unknown as its constant, SI."""
         campaign = next(each for each in self.elastic.layout.campaigns if each.pick[:, place].any())
         row, prior = int(np.argmax(campaign.pick[:, place])), campaign.prior
-        stated, found = (prior.theta(prior.xi_mean + campaign.pick[:, place] * at) for at in (value, rest))
+        stated, found = (
+            prior.theta(prior.xi_mean + campaign.pick[:, place] * at) for at in (value, rest)
+        )
         slopes = [float(prior.slope(theta)[row]) for theta in (stated, found)]
-        return Said(prior.names[row], float(stated[row]), sd * slopes[0], float(found[row]), rest_sd * slopes[1])
+        return Said(
+            prior.names[row],
+            float(stated[row]),
+            sd * slopes[0],
+            float(found[row]),
+            rest_sd * slopes[1],
+        )
 
 
 def _labelled(unknown: Unknown) -> str:
@@ -343,36 +428,49 @@ def _loosened(problem: LinearProblem, source: Statement, slip: float) -> LinearP
     """The problem where a source may be off by a slip."""
     if source.kind == "input":
         wider = np.where(source.rows[0], slip, 1.0)
-        return replace(problem, prior=lambda scatter: problem.prior(scatter) / np.outer(wider, wider))
+        return replace(
+            problem, prior=lambda scatter: problem.prior(scatter) / np.outer(wider, wider)
+        )
     less, off = (1 - slip**-2) / source.sds**2, source.values - source.rows @ problem.x
     return replace(
         problem,
-        others={**problem.others, "coupons": problem.others["coupons"] - source.rows.T * less @ source.rows},
+        others={
+            **problem.others,
+            "coupons": problem.others["coupons"] - source.rows.T * less @ source.rows,
+        },
         other_descent=problem.other_descent - source.rows.T @ (less * off),
         other_cost=problem.other_cost - float(less @ off**2) / 2,
     )
 
 
 def _log_gaussian(residual: FloatArray, covariance: FloatArray) -> FloatArray:
-    """(m,) ln N(residual; 0, covariance), up to a constant, of (m, n) residuals and (m, n, n) covariances."""
+    """(m,) ln N(residual; 0, covariance), up to a constant, of (m, n) residuals and (m, n, n)
+    covariances.
+    """
     distance = np.sum(residual * np.linalg.solve(covariance, residual[..., None])[..., 0], axis=1)
     log: FloatArray = -(np.linalg.slogdet(covariance)[1] + distance) / 2
     return log
 
 
-def _beside_the_rest(problem: LinearProblem, at: slice, scatter: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A campaign's believed frequencies beside what the others predict: (m,) logarithms of weights over the discrepancy,
-    (m, n) ln f measured over predicted, and (m, n, n) its covariance.
+def _beside_the_rest(
+    problem: LinearProblem, at: slice, scatter: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A campaign's believed frequencies beside what the others predict: (m,) logarithms of weights
+    over the discrepancy, (m, n) ln f measured over predicted, and (m, n, n) its covariance.
     """
     others, logs = problem.only(~_among(problem, at)).at_scatter(scatter)
     kept = problem.weights[at] > 0
     S, noise = problem.sensitivity[at][kept], problem.noise[at, at][np.ix_(kept, kept)]
-    spanned = noise + others.scale[:, None, None] ** 2 * np.eye(len(S)) + S @ others.covariance @ S.T
+    spanned = (
+        noise + others.scale[:, None, None] ** 2 * np.eye(len(S)) + S @ others.covariance @ S.T
+    )
     return logs, problem.residual[at][kept] - others.shift @ S.T, spanned
 
 
 def _beyond(weight: FloatArray, missed: FloatArray, covariance: FloatArray) -> float:
-    """Probability of (m, n) differences that lie further out in their (m, n, n) covariances, all together: of χ²."""
+    """Probability of (m, n) differences that lie further out in their (m, n, n) covariances, all
+    together: of χ².
+    """
     distance = np.sum(missed * np.linalg.solve(covariance, missed[..., None])[..., 0], axis=1)
     return float(weight @ scipy.special.chdtrc(float(missed.shape[1]), distance))
 
@@ -389,7 +487,9 @@ def _agreement(sources: _Sources, number: int) -> Agreement:
     variance, joint = np.diag(covariance)[:q], np.diag(elastic.inverse)[:q]
     apart = np.sqrt(np.maximum(variance - joint, 1e-12 * variance))
     informed = joint < 0.999 * variance
-    return Agreement(p, elastic.x[:q] + step[:q], np.sqrt(variance), np.where(informed, step[:q] / apart, 0.0))
+    return Agreement(
+        p, elastic.x[:q] + step[:q], np.sqrt(variance), np.where(informed, step[:q] / apart, 0.0)
+    )
 
 
 def _among(problem: LinearProblem, at: slice) -> BoolArray:

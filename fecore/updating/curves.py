@@ -1,6 +1,8 @@
-"""Constants and damping over temperature, E(T) and ζ(T) by constant, from campaigns at several temperatures.
+"""Constants and damping over temperature, E(T) and ζ(T) by constant, from campaigns at several
+temperatures.
 
-At T the constant is c (1 + k (T - T_ref)). Its coordinate ln c + ln(1 + k (T - T_ref)) is a combination of unknowns, so its
+At T the constant is c (1 + k (T - T_ref)). Its coordinate ln c + ln(1 + k (T - T_ref)) is a
+combination of unknowns, so its
 interval is that of any other: narrow between the tests, wider beyond them.
 """
 
@@ -20,16 +22,26 @@ from fecore.updating.estimates import spread_along
 from fecore.updating.laws import common_laws
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.result import CommonLaw, Curve, CurveOf
-from fecore.updating.temperature import AT_ONE_TEMPERATURE, PER_K, damping_per_k, reference_of, with_temperature
+from fecore.updating.temperature import (
+    AT_ONE_TEMPERATURE,
+    PER_K,
+    damping_per_k,
+    reference_of,
+    with_temperature,
+)
 
 
 def check_temperatures(
-    parameters: Sequence[Parameter], body: Body, temperatures: Sequence[float | None], stated: float | None
+    parameters: Sequence[Parameter],
+    body: Body,
+    temperatures: Sequence[float | None],
+    stated: float | None,
 ) -> float | None:
     """The reference of campaigns with these temperatures, as of `reference_of`, °C.
 
     Raises:
-        InputError: there is none where one is needed, or a coefficient of temperature is stated that nothing has.
+        InputError: there is none where one is needed, or a coefficient of temperature is stated
+            that nothing has.
     """
     reference, of_damping = reference_of(temperatures, stated), damping_per_k(parameters)
     with_temperature(parametrise(body, parameters), reference, temperatures[0], reported=False)
@@ -38,19 +50,30 @@ def check_temperatures(
     known = sorted({name + PER_K for law in common_laws(body) for name in law.coefficient_names})
     for name in of_damping:
         if name not in known:
-            raise InputError("parameters", f"{name!r} is of no law's coefficient, expected one of {', '.join(known)}")
+            raise InputError(
+                "parameters",
+                f"{name!r} is of no law's coefficient, expected one of {', '.join(known)}",
+            )
     return reference
 
 
 def curve_of(elastic: ElasticResult, laws: tuple[CommonLaw, ...]) -> Curve | None:
-    """Of the constants that change with temperature and the preferred law's coefficients; None where all is at one."""
+    """Of the constants that change with temperature and the preferred law's coefficients; None
+    where all is at one.
+    """
     layout = elastic.layout
     warmths = [campaign.prior.warmth for campaign in layout.campaigns]
     first = warmths[0]
     if first is None:
         return None
-    known = [warmth.temperature for warmth in warmths if warmth is not None and warmth.temperature is not None]
-    temperature = temperatures_between(min([*known, first.reference]), max([*known, first.reference]))
+    known = [
+        warmth.temperature
+        for warmth in warmths
+        if warmth is not None and warmth.temperature is not None
+    ]
+    temperature = temperatures_between(
+        min([*known, first.reference]), max([*known, first.reference])
+    )
     above = temperature - first.reference
     prior, theta, constants = layout.prior, layout.material(elastic.x), []
     for number, column, fixed in zip(first.changing, first.columns, first.known, strict=True):
@@ -61,7 +84,9 @@ def curve_of(elastic: ElasticResult, laws: tuple[CommonLaw, ...]) -> Curve | Non
             if column >= 0:
                 along[column] += warmer / (1 + k * warmer)
             spread = spread_along(elastic, along)
-            rows.append(np.array([1.0, np.exp(-spread.below), np.exp(spread.above)]) * (1 + k * warmer))
+            rows.append(
+                np.array([1.0, np.exp(-spread.below), np.exp(spread.above)]) * (1 + k * warmer)
+            )
         name = prior.names[number]
         estimate, low, high = float(theta[number]) * np.array(rows).T
         constants.append(CurveOf(name, prior.unit_of(name), estimate, low, high))
@@ -78,7 +103,11 @@ def _of_law(law: CommonLaw, above: FloatArray) -> tuple[CurveOf, ...]:
     for j, unit in enumerate(law.units):
         a, k = values[j], values[count + j]
         by = np.stack([1 + k * above, a * above])
-        sd = np.sqrt(np.einsum("in,ij,jn->n", by, law.joint[np.ix_([j, count + j], [j, count + j])], by))
+        sd = np.sqrt(
+            np.einsum("in,ij,jn->n", by, law.joint[np.ix_([j, count + j], [j, count + j])], by)
+        )
         estimate = a * (1 + k * above)
-        found.append(CurveOf(names[j], unit, estimate, estimate - Z_95 * sd, estimate + Z_95 * sd, law.name))
+        found.append(
+            CurveOf(names[j], unit, estimate, estimate - Z_95 * sd, estimate + Z_95 * sd, law.name)
+        )
     return tuple(found)

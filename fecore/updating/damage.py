@@ -1,20 +1,24 @@
 """A stretch of a body, along its longest side, in which one of its sets or all have lost stiffness.
 
-A loss of stiffness by a share a in a stretch that has the part E of the modes' stiffness, E = ΦᵀK_stretch Φ, gives the
-frequencies and the shapes of Λ - aE: it lowers a mode by its share of strain energy there, and turns it towards others by
-their mutual energies. Constants soak up most of the first, and hardly any of the second, which breaks the body's symmetry.
+A loss of stiffness by a share a in a stretch that has the part E of the modes' stiffness, E =
+ΦᵀK_stretch Φ, gives the frequencies and the shapes of Λ - aE: it lowers a mode by its share of
+strain energy there, and turns it towards others by their mutual energies. Constants soak up most of
+the first, and hardly any of the second, which breaks the body's symmetry.
 
-Residuals r of ln f, and of shapes at the measured points, each at its best scale, are linear in the step z of the constants.
-With d the change of the model's frequencies and shapes by a loss the data are likelier than without by
+Residuals r of ln f, and of shapes at the measured points, each at its best scale, are linear in the
+step z of the constants. With d the change of the model's frequencies and shapes by a loss the data
+are likelier than without by
 
     ln B = dᵀW(r - Sz) - ½ dᵀ(W - WSH⁻¹SᵀW)d,    H = SᵀWS + P,
 
-W the inverse of the noise: of measurement, of inputs that are believed to be nothing, of the discrepancy s; of shapes k σ at
-each point, the shape's slope times what its points and their grid are off their places, and what the model's error e of a
-frequency, were it alike in all directions of the stiffness (the Gaussian orthogonal ensemble), turns modes towards each
-other, N(0, 2e²λ_jλ_k/(λ_j - λ_k)²). In the frequencies themselves the error of the model of joints is left to the constants,
-which absorb it but for what s is. Of all sets, stretches (each length as likely) and losses, and over the posterior of s and k
-where nothing is damaged, B is the mean, so that without damage E[B] = 1, and P(B ≥ 1/p) ≤ p.
+W the inverse of the noise: of measurement, of inputs that are believed to be nothing, of the
+discrepancy s; of shapes k σ at each point, the shape's slope times what its points and their grid
+are off their places, and what the model's error e of a frequency, were it alike in all directions
+of the stiffness (the Gaussian orthogonal ensemble), turns modes towards each other, N(0,
+2e²λ_jλ_k/(λ_j - λ_k)²). In the frequencies themselves the error of the model of joints is left to
+the constants, which absorb it but for what s is. Of all sets, stretches (each length as likely) and
+losses, and over the posterior of s and k where nothing is damaged, B is the mean, so that without
+damage E[B] = 1, and P(B ≥ 1/p) ≤ p.
 """
 
 from __future__ import annotations
@@ -43,11 +47,13 @@ _LOSSES = np.array([0.02, 0.06, 0.12, 0.2, 0.3, 0.4, 0.55, 0.7])  # solved for
 _FINE = np.linspace(0.02, 0.7, 69)  # each as likely; what is between is interpolated
 _COARSE = 5  # of the grid of discrepancies, one in so many
 _SHAPES = np.array([0.5, 1.0, 2.0, 4.0])  # k: a shape's standard deviation over the usual one
-# standard deviations of the middle of the hits at a point about it, and of each end of the grid along the body, m
+# standard deviations of the middle of the hits at a point about it, and of each end of the grid
+# along the body, m
 _PLACED, _GRID = 0.001, 0.002
 _LIKE = 0.1  # of a shape in another, below which the two are not compared
 _CLOSE = 1e-3  # relative distance of eigenvalues below which modes are turned freely
-_SETS, _SLIGHT = 4, 0.02  # sets at most, those with most energy; share of every mode's energy that is not looked at
+# sets at most, those with most energy; share of every mode's energy that is not looked at
+_SETS, _SLIGHT = 4, 0.02
 _ABOVE = 12  # elastic modes above the last paired one that shapes are made of
 _SELDOM = 1e-6  # probability over the greatest that does not count
 
@@ -72,7 +78,8 @@ class LostStiffness:
     by_frequencies: float
     evidence: float
     likeliest: Stretch
-    # begin, end: least and greatest place along the axis that the likeliest sets' stretch reaches to with 95 %, m
+    # begin, end: least and greatest place along the axis that the likeliest sets' stretch reaches
+    # to with 95 %, m
     begin: float
     end: float
     # factor, factor_sd: of the stiffness that is left
@@ -87,23 +94,31 @@ class LostStiffness:
         """Of which sets, and between which places."""
         stretch, axis = self.likeliest, "xyz"[self.likeliest.axis]
         of = "all" if stretch.whole else ", ".join(stretch.sets)
-        begin, end, least, most = (f"{1e3 * each:.0f}" for each in (stretch.begin, stretch.end, self.begin, self.end))
+        begin, end, least, most = (
+            f"{1e3 * each:.0f}" for each in (stretch.begin, stretch.end, self.begin, self.end)
+        )
         return of, f"{axis} = {begin} and {end} mm (at most {least} to {most})"
 
 
 @dataclass(frozen=True)
 class Losses:
-    """What losses of stiffness in P stretches do to the paired modes of a solved body, shapes at the measured points."""
+    """What losses of stiffness in P stretches do to the paired modes of a solved body, shapes at
+    the measured points.
+    """
 
     stretches: tuple[Stretch, ...]
     log_prior: FloatArray  # (P,)
     change: FloatArray  # (l, P, n) of ln f, by the losses solved for
-    shapes: tuple[_ShapesGiven, ...]  # what the measured shapes say, for each scale of their error; empty without any
+    # what the measured shapes say, for each scale of their error; empty without any
+    shapes: tuple[_ShapesGiven, ...]
 
     @classmethod
     def of(cls, elastic: ElasticResult, number: int) -> Losses | None:
         """Those of a campaign's body at the estimate; None of one that has no elements."""
-        state, columns = elastic.states[number], [column for _, column in elastic.pairings[number].pairs]
+        state, columns = (
+            elastic.states[number],
+            [column for _, column in elastic.pairings[number].pairs],
+        )
         if isinstance(state.forward.specimen, MatrixBody):
             return None
         m = min(state.frequency_hz.size, max(columns) + 1 + _ABOVE)
@@ -112,10 +127,20 @@ class Losses:
         kept = last - first < _LONGEST * _PARTS
         first, last = first[kept], last[kept]
         whole = np.concatenate([np.zeros_like(energy[:, :1]), np.cumsum(energy, axis=1)], axis=1)
-        groups = [(k,) for k in range(len(sets))] + ([tuple(range(len(sets)))] if len(sets) > 1 else [])
-        parts = np.concatenate([(whole[list(g)][:, last + 1] - whole[list(g)][:, first]).sum(axis=0) for g in groups])
+        groups = [(k,) for k in range(len(sets))] + (
+            [tuple(range(len(sets)))] if len(sets) > 1 else []
+        )
+        parts = np.concatenate(
+            [(whole[list(g)][:, last + 1] - whole[list(g)][:, first]).sum(axis=0) for g in groups]
+        )
         stretches = tuple(
-            Stretch(tuple(sets[k] for k in g), len(g) == len(sets), axis, float(lines[a]), float(lines[b + 1]))
+            Stretch(
+                tuple(sets[k] for k in g),
+                len(g) == len(sets),
+                axis,
+                float(lines[a]),
+                float(lines[b + 1]),
+            )
             for g in groups
             for a, b in zip(first, last, strict=True)
         )
@@ -125,11 +150,20 @@ class Losses:
         each = [_solved(value, loss * parts, columns) for loss in _LOSSES]
         change, turned = (np.array(some) for some in zip(*each, strict=True))
         shapes = _Shapes.of(elastic, number, turned)
-        return cls(stretches, log_prior, change, () if shapes is None else tuple(map(shapes.given, _SHAPES.tolist())))
+        return cls(
+            stretches,
+            log_prior,
+            change,
+            () if shapes is None else tuple(map(shapes.given, _SHAPES.tolist())),
+        )
 
 
-def _solved(value: FloatArray, lost: FloatArray, columns: list[int]) -> tuple[FloatArray, FloatArray]:
-    """(P, n) changes of ln f of some modes with (m,) eigenvalues, and (P, n, m) what they are made of, by (P, m, m) losses."""
+def _solved(
+    value: FloatArray, lost: FloatArray, columns: list[int]
+) -> tuple[FloatArray, FloatArray]:
+    """(P, n) changes of ln f of some modes with (m,) eigenvalues, and (P, n, m) what they are made
+    of, by (P, m, m) losses.
+    """
     found, vectors = np.linalg.eigh(np.diag(value) - lost)
     found = np.maximum(found, 1e-3 * value[0])
     order = np.array([most_alike(each) for each in vectors])[:, columns]
@@ -139,13 +173,18 @@ def _solved(value: FloatArray, lost: FloatArray, columns: list[int]) -> tuple[Fl
 
 
 def _energies(state: ForwardState, m: int) -> tuple[list[str], int, FloatArray, FloatArray]:
-    """Sets, the longest axis, (F + 1,) lines between equal parts along it, and (sets, F, m, m) energies of elastic modes."""
+    """Sets, the longest axis, (F + 1,) lines between equal parts along it, and (sets, F, m, m)
+    energies of elastic modes.
+    """
     model, shapes = state.forward.specimen.model, state.full_shapes[:, :m]
     axis = int(np.argmax(np.ptp(model.mesh.nodes, axis=0)))
     x, K = model.mesh.nodes[:, axis], model.stiffness
     lines = np.linspace(x.min(), x.max(), _PARTS + 1)
     sets = list(model.mesh.sets)
-    owner = [next((k for k, own in enumerate(sets) if name.startswith(f"{own}.")), -1) for name in K.names]
+    owner = [
+        next((k for k, own in enumerate(sets) if name.startswith(f"{own}.")), -1)
+        for name in K.names
+    ]
     energy, motion = np.zeros((len(sets), _PARTS, m, m)), K.everywhere(shapes)
     for group in (part for whole in K.groups for part in whole.parts(m)):
         own = owner[group.coefficients[0]]
@@ -158,13 +197,17 @@ def _energies(state: ForwardState, m: int) -> tuple[list[str], int, FloatArray, 
             rows = np.flatnonzero(share[part])
             some = strains[:, rows] * np.sqrt(share[part, rows])[:, None]
             energy[own, part] += np.tensordot(some, np.tensordot(C, some, 1), ((0, 1), (0, 1)))
-    most = (np.einsum("sfmm->sm", energy) / state.modes.eigenvalue[state.modes.rigid :][:m]).max(axis=1)
+    most = (np.einsum("sfmm->sm", energy) / state.modes.eigenvalue[state.modes.rigid :][:m]).max(
+        axis=1
+    )
     kept = sorted(k for k in np.argsort(-most)[:_SETS] if most[k] > _SLIGHT)
     return [sets[k] for k in kept], axis, lines, energy[kept]
 
 
 def _inside(x: FloatArray, lines: FloatArray) -> FloatArray:
-    """(F, e) share of elements with nodes at (e, n) x that lies between neighbouring ones of (F + 1,) lines."""
+    """(F, e) share of elements with nodes at (e, n) x that lies between neighbouring ones of (F +
+    1,) lines.
+    """
     thin = 1e-9 * (lines[-1] - lines[0])
     low = np.clip(x.min(axis=1), lines[0], lines[-1] - thin)
     high = np.maximum(x.max(axis=1), low + thin)
@@ -173,7 +216,12 @@ def _inside(x: FloatArray, lines: FloatArray) -> FloatArray:
 
 
 def lost_stiffness(
-    elastic: ElasticResult, number: int, losses: Losses, problem: LinearProblem, *, with_shapes: bool = True
+    elastic: ElasticResult,
+    number: int,
+    losses: Losses,
+    problem: LinearProblem,
+    *,
+    with_shapes: bool = True,
 ) -> LostStiffness:
     """Compare a loss of stiffness in any stretch of a campaign's body with none.
 
@@ -190,7 +238,11 @@ def lost_stiffness(
     given = _without_joints(elastic, problem)
 
     def likelier(shapes: tuple[_ShapesGiven, ...]) -> tuple[FloatArray, float]:
-        log = _likelier(given, elastic.layout.scatter, shapes, change) + losses.log_prior - np.log(_FINE.size)
+        log = (
+            _likelier(given, elastic.layout.scatter, shapes, change)
+            + losses.log_prior
+            - np.log(_FINE.size)
+        )
         return log, float(scipy.special.logsumexp(log))
 
     log, by_frequencies = likelier(())
@@ -204,10 +256,15 @@ def lost_stiffness(
     weight = share[:, alike] / share[:, alike].sum()
     factor = float(left @ weight.sum(axis=1))
     begin, end = (
-        _quantile(np.array([getattr(each, name) for each in losses.stretches])[alike], weight.sum(axis=0), tail)
+        _quantile(
+            np.array([getattr(each, name) for each in losses.stretches])[alike],
+            weight.sum(axis=0),
+            tail,
+        )
         for name, tail in (("begin", 0.025), ("end", 0.975))
     )
-    by = np.array([_between(each / _LOSSES[:, None]) for each in change.transpose(2, 0, 1)])  # (n, a, P)
+    # (n, a, P)
+    by = np.array([_between(each / _LOSSES[:, None]) for each in change.transpose(2, 0, 1)])
     some = share > _SELDOM * share.max()
     each = (by * _FINE[:, None])[:, some]
     mean = each @ share[some]
@@ -232,11 +289,14 @@ def _quantile(values: FloatArray, weight: FloatArray, tail: float) -> float:
 
 @dataclass(frozen=True)
 class _Shapes:
-    """Residuals of n shapes in the space of b shapes of the model, over σ, and what they follow from."""
+    """Residuals of n shapes in the space of b shapes of the model, over σ, and what they follow
+    from.
+    """
 
     residual: FloatArray  # (n, b)
     by: FloatArray  # (n, b, X) of the model's by the unknowns
-    turned: FloatArray  # (n, b, b) covariance by turns of modes, and by points that are met within `_PLACED`
+    # (n, b, b) covariance by turns of modes, and by points that are met within `_PLACED`
+    turned: FloatArray
     change: FloatArray  # (l, P, n, b) by losses
     # information, descent: (X, X) and (X,) of them in the fit, where it looks at shapes
     information: FloatArray
@@ -244,12 +304,17 @@ class _Shapes:
 
     @classmethod
     def of(cls, elastic: ElasticResult, number: int, turned: FloatArray) -> _Shapes | None:
-        """Of a campaign, by (l, P, n, m) of modes that losses turned; None where it has no shapes."""
+        """Of a campaign, by (l, P, n, m) of modes that losses turned; None where it has no
+        shapes.
+        """
         campaign, state = elastic.layout.campaigns[number], elastic.states[number]
         pairing = elastic.pairings[number]
         if campaign.modes.shapes is None:
             return None
-        count, (rows, columns) = len(campaign.modes.dofs), (list(each) for each in zip(*pairing.pairs, strict=True))
+        count, (rows, columns) = (
+            len(campaign.modes.dofs),
+            (list(each) for each in zip(*pairing.pairs, strict=True)),
+        )
         weight = np.sqrt(elastic.problem.weights[elastic.rows[number]])
         missed, of_theta = ShapeErrors().residual(campaign.modes, state, pairing, weight)
         by = of_theta @ (campaign.prior.slope(state.theta)[:, None] * campaign.pick)
@@ -264,7 +329,9 @@ class _Shapes:
         seen = turned @ shapes
         along = np.sum(seen * own, axis=3) / np.sum(own**2, axis=1)
         like = np.abs(along) > _LIKE
-        change = scale[:, None] * (seen / np.where(like, along, 1.0)[..., None] - own) * like[..., None]
+        change = (
+            scale[:, None] * (seen / np.where(like, along, 1.0)[..., None] - own) * like[..., None]
+        )
         fitted = elastic.problem.others.get("mode shapes")
         return cls(
             missed.reshape(-1, count) @ basis,
@@ -301,7 +368,9 @@ class _ShapesGiven:
     along: FloatArray  # (l, P) dᵀWr - ½ dᵀWd
 
 
-def _turned(state: ForwardState, columns: list[int], shapes: FloatArray, scale: FloatArray) -> FloatArray:
+def _turned(
+    state: ForwardState, columns: list[int], shapes: FloatArray, scale: FloatArray
+) -> FloatArray:
     """(n, b, b) covariance of paired modes' shapes, by what turns them towards others."""
     value = state.modes.eigenvalue[state.modes.rigid :][: len(shapes)]
     apart = np.abs(value[columns, None] - value) / np.sqrt(value[columns, None] * value)
@@ -314,7 +383,9 @@ def _turned(state: ForwardState, columns: list[int], shapes: FloatArray, scale: 
 
 
 def _placed(state: ForwardState, slopes: FloatArray, basis: FloatArray) -> FloatArray:
-    """(n, b, b) covariance of (n, p, 3) slopes times how far points, and the ends of their grid, are off their places."""
+    """(n, b, b) covariance of (n, p, 3) slopes times how far points, and the ends of their grid,
+    are off their places.
+    """
     places = state.forward.places[: slopes.shape[1]]
     axis = int(np.argmax(np.ptp(places, axis=0)))
     x = (places[:, axis] - places[:, axis].min()) / max(float(np.ptp(places[:, axis])), 1e-300)
@@ -324,9 +395,13 @@ def _placed(state: ForwardState, slopes: FloatArray, basis: FloatArray) -> Float
 
 
 def _without_joints(elastic: ElasticResult, problem: LinearProblem) -> LinearProblem:
-    """The problem without the error of the joints' model in its noise, and with inputs that may be something."""
+    """The problem without the error of the joints' model in its noise, and with inputs that may be
+    something.
+    """
     noise = problem.noise.copy()
-    parts = zip(elastic.layout.campaigns, elastic.excursions, elastic.pairings, elastic.rows, strict=True)
+    parts = zip(
+        elastic.layout.campaigns, elastic.excursions, elastic.pairings, elastic.rows, strict=True
+    )
     for campaign, found, pairing, at in parts:
         noise[at, at] -= campaign.model_error**2 * np.eye(at.stop - at.start)
         for each in found:
@@ -338,7 +413,9 @@ def _without_joints(elastic: ElasticResult, problem: LinearProblem) -> LinearPro
 def _likelier(
     problem: LinearProblem, scatter: float, shapes: tuple[_ShapesGiven, ...], change: FloatArray
 ) -> FloatArray:
-    """(a, P) ln B of each loss and stretch, from (l, P, n) changes of ln f and what the shapes say, if they are asked."""
+    """(a, P) ln B of each loss and stretch, from (l, P, n) changes of ln f and what the shapes say,
+    if they are asked.
+    """
     spreads, log_spreads = grid_of_discrepancies(coarse=_COARSE)
     log_sizes = log_prior_of_scale(_SHAPES, 1.0).tolist()
     found = [
@@ -355,7 +432,11 @@ def _likelier(
 
 
 def _given(
-    problem: LinearProblem, scatter: float, s: float, shapes: _ShapesGiven | None, change: FloatArray
+    problem: LinearProblem,
+    scatter: float,
+    s: float,
+    shapes: _ShapesGiven | None,
+    change: FloatArray,
 ) -> tuple[float, FloatArray]:
     """The log evidence without a loss at s, and (l, P) ln B of each loss there."""
     S, r, root = problem.sensitivity, problem.residual, np.sqrt(problem.weights)[:, None]
@@ -364,7 +445,10 @@ def _given(
     H, g = S.T @ W @ S + precision, S.T @ W @ r + problem.other_descent - precision @ problem.x
     H = np.sum([H, *problem.others.values()], axis=0)
     pulled, across = change @ W, change @ (W @ S)
-    cost, gain = r @ W @ r + np.linalg.slogdet(variance)[1], pulled @ r - np.sum(pulled * change, axis=2) / 2
+    cost, gain = (
+        r @ W @ r + np.linalg.slogdet(variance)[1],
+        pulled @ r - np.sum(pulled * change, axis=2) / 2,
+    )
     if shapes is not None:
         H, g, cost = H + shapes.hessian, g + shapes.descent, cost + shapes.cost
         across, gain = across + shapes.across, gain + shapes.along

@@ -1,4 +1,6 @@
-"""What stage 2 starts from: FRFs, the updated elastic model, and the part that each of its modes takes."""
+"""What stage 2 starts from: FRFs, the updated elastic model, and the part that each of its modes
+takes.
+"""
 
 from __future__ import annotations
 
@@ -20,33 +22,42 @@ from fecore.updating.measured_ratios import MeasuredRatios, nearest_positive
 from fecore.updating.misfit import FrfMisfit, Weighting
 
 _FIRST_RATIO = 0.02  # of modes whose damping was not measured
-_UNMEASURED_SHIFT = 0.01  # prior standard deviation of the shift of an unmeasured mode, the constants given
-_UNMEASURED_DEVIATION = 2.0  # and of the logarithm of its damping over the law's: nobody measured it
+# prior standard deviation of the shift of an unmeasured mode, the constants given
+_UNMEASURED_SHIFT = 0.01
+# and of the logarithm of its damping over the law's: nobody measured it
+_UNMEASURED_DEVIATION = 2.0
 _GAIN_SD = 0.01  # prior standard deviation of a mode's own gain: where a sensor stands, say
 _COMMON_GAIN_SD = 0.05  # of the gain of all modes: calibrations, and the model's mass
 
 
 @dataclass(frozen=True)
 class DampingData:
-    """What stage 2 starts from; numbers of modes are among all of the model's, rigid-body modes first."""
+    """What stage 2 starts from; numbers of modes are among all of the model's, rigid-body modes
+    first.
+    """
 
     frfs: FrfSet  # FRFs on the fitted lines
     elastic: ElasticResult  # stage 1's result
-    modes: MeasuredModes  # measured modes, an exponential window's rate subtracted from their damping
+    # measured modes, an exponential window's rate subtracted from their damping
+    modes: MeasuredModes
     weighting: Weighting  # of the residuals
     inputs: Inputs  # what the laboratory says of window and delay
     model: ModalFrfModel  # the updated elastic model between the measured dofs
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """Measured and elastic model modes with a resonance in the band: of others the FRFs show no damping."""
+        """Measured and elastic model modes with a resonance in the band: of others the FRFs show no
+        damping.
+        """
         (low, high), hz = self.frfs.frequency_hz[[0, -1]], self.modes.frequency_hz
         return tuple((i, j) for i, j in self.elastic.believed(0).pairs if low <= hz[i] <= high)
 
     @cached_property
     def shifted(self) -> IntArray:
         """(s,) modes that were measured in the band: they carry a frequency shift."""
-        return np.array([self.elastic.updated.modes.rigid + column for _, column in self.pairs], dtype=int)
+        return np.array(
+            [self.elastic.updated.modes.rigid + column for _, column in self.pairs], dtype=int
+        )
 
     @cached_property
     def first_shift(self) -> FloatArray:
@@ -111,7 +122,9 @@ class DampingData:
         return None if self.model.strain is None else self.model.strain[self.lawful]
 
     def mixed(self, strain: FloatArray | None) -> DampingData:
-        """The same with (n, q) shares of strain energy of the modes that the law damps; None: as they are."""
+        """The same with (n, q) shares of strain energy of the modes that the law damps; None: as
+        they are.
+        """
         if strain is None or self.model.strain is None:
             return self
         whole = self.model.strain.copy()
@@ -121,41 +134,57 @@ class DampingData:
     def as_accelerance(self, factor: float = 1.0) -> DampingData:
         """The same with accelerances, times a factor.
 
-        In accelerances the lines below the first mode, where a free specimen swings on its cords, weigh least.
+        In accelerances the lines below the first mode, where a free specimen swings on its cords,
+        weigh least.
         """
         frfs = self.frfs.to_quantity("accelerance")
         variance = None if frfs.variance is None else frfs.variance * factor**2
         return replace(self, frfs=replace(frfs, values=frfs.values * factor, variance=variance))
 
     def start(self, law: DampingLaw) -> FloatArray:
-        """(p,) coefficients that come nearest to the measured damping ratios (2 % where none was measured)."""
+        """(p,) coefficients that come nearest to the measured damping ratios (2 % where none was
+        measured).
+        """
         others, strain = self.unmeasured, self.model.strain
         shares = None if strain is None else strain[np.concatenate([self.lawful, others])]
-        return nearest_positive(law, self.row_omega, self.first_ratio, self.model.omega[others], shares)
+        return nearest_positive(
+            law, self.row_omega, self.first_ratio, self.model.omega[others], shares
+        )
 
     def nuisance(self, deviation_sd: float, excess: float = 1.0) -> Nuisance:
-        """Measured modes shift freely and deviate from the law a little, the others do both as far as priors let them.
+        """Measured modes shift freely and deviate from the law a little, the others do both as far
+        as priors let them.
 
-        Where the misfit is `excess` times what noise alone makes of it, the model's residues are wrong: a peak that is too
-        high passes for less damping. The modes' ratios were identified with residues of their own and do not suffer from
-        that, so they are data too, with the share 1 - 1/excess of their information that the FRFs do not carry then.
+        Where the misfit is `excess` times what noise alone makes of it, the model's residues are
+        wrong: a peak that is too high passes for less damping. The modes' ratios were identified
+        with residues of their own and do not suffer from that, so they are data too, with the share
+        1 - 1/excess of their information that the FRFs do not carry then.
 
-        Suspended ones have rates of their own, which may lie as far from the lowest elastic mode's as nobody knows. How far
-        an unmeasured mode may shift includes the constants' own uncertainty.
+        Suspended ones have rates of their own, which may lie as far from the lowest elastic mode's
+        as nobody knows. How far an unmeasured mode may shift includes the constants' own
+        uncertainty.
         """
         state, others, measured = self.elastic.updated, self.unmeasured.size, len(self.pairs)
-        by = state.eigenvalue_jacobian[self.unmeasured] / (2 * state.modes.eigenvalue[self.unmeasured, None])
+        by = state.eigenvalue_jacobian[self.unmeasured] / (
+            2 * state.modes.eigenvalue[self.unmeasured, None]
+        )
         variance = np.einsum("kp,pq,kq->k", by, self.elastic.covariance, by)
         modes = np.concatenate([self.shifted, self.unmeasured])
-        deviation = np.concatenate([np.full(measured, deviation_sd), np.full(others, _UNMEASURED_DEVIATION)])
+        deviation = np.concatenate(
+            [np.full(measured, deviation_sd), np.full(others, _UNMEASURED_DEVIATION)]
+        )
         seen, seen_rate, seen_sd = self._seen(max(1 - 1 / excess, 0.0))
         return Nuisance(
             modes=modes,
             first_shift=np.concatenate([self.first_shift, np.zeros(others)]),
-            shift_sd=np.concatenate([np.full(measured, np.inf), np.sqrt(_UNMEASURED_SHIFT**2 + variance)]),
+            shift_sd=np.concatenate(
+                [np.full(measured, np.inf), np.sqrt(_UNMEASURED_SHIFT**2 + variance)]
+            ),
             deviation_sd=np.where(np.isin(modes, self.suspended), 0.0, deviation),
             suspended=self.suspended,
-            suspended_rate=np.full(self.suspended.size, 2 * self.first_ratio[0] * self.row_omega[0]),
+            suspended_rate=np.full(
+                self.suspended.size, 2 * self.first_ratio[0] * self.row_omega[0]
+            ),
             window_rate=2 * (self.inputs.window_rate or 0.0),
             seen=seen,
             seen_rate=seen_rate,
@@ -163,23 +192,37 @@ class DampingData:
         )
 
     def _seen(self, share: float) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Lawful modes whose ratios were identified, by a share of that information: numbers, rates in 1/s, relative sds."""
+        """Lawful modes whose ratios were identified, by a share of that information: numbers, rates
+        in 1/s, relative sds.
+        """
         ratios = self.measured_ratios
         if ratios is None or share == 0:
             return np.arange(0), np.zeros(0), np.zeros(0)
         sd = np.sqrt(np.diag(ratios.relative_covariance))
         known = np.isfinite(sd) & (sd > 0)
-        return self.lawful[known], (2 * ratios.ratio * ratios.omega)[known], sd[known] / np.sqrt(share)
+        return (
+            self.lawful[known],
+            (2 * ratios.ratio * ratios.omega)[known],
+            sd[known] / np.sqrt(share),
+        )
 
-    def ratios_of(self, omega: FloatArray, ratio: FloatArray, covariance: FloatArray) -> MeasuredRatios:
-        """Damping ratios of `rows` at (n,) circular frequencies, with their (n, n) covariance, and their shares."""
+    def ratios_of(
+        self, omega: FloatArray, ratio: FloatArray, covariance: FloatArray
+    ) -> MeasuredRatios:
+        """Damping ratios of `rows` at (n,) circular frequencies, with their (n, n) covariance, and
+        their shares.
+        """
         columns = self.lawful - self.elastic.updated.modes.rigid
         mixings = self.elastic.mixings(0, self.rows, columns.tolist(), omega / (2 * np.pi))
-        return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio), self.lawful_strain, mixings)
+        return MeasuredRatios(
+            omega, ratio, covariance / np.outer(ratio, ratio), self.lawful_strain, mixings
+        )
 
     @cached_property
     def measured_ratios(self) -> MeasuredRatios | None:
-        """Damping ratios that the law has to explain as they were measured; None where one of them was not."""
+        """Damping ratios that the law has to explain as they were measured; None where one of them
+        was not.
+        """
         measured, count = self.modes.damping_ratio[self.rows], len(self.rows)
         if not np.all(np.nan_to_num(measured) > 0):
             return None
@@ -190,7 +233,9 @@ class DampingData:
         return self.ratios_of(self.row_omega, measured, covariance)
 
     def misfit(self, frfs: FrfSet, weighting: Weighting, variance: FloatArray) -> FrfMisfit:
-        """The misfit of some FRFs; only `noise` weights give gains and a delay a unit, and logarithms are not linear."""
+        """The misfit of some FRFs; only `noise` weights give gains and a delay a unit, and
+        logarithms are not linear.
+        """
         if weighting != "noise":
             driving = () if weighting == "log" else self.driving
             return FrfMisfit(frfs, self.model, weighting, variance, driving=driving)
@@ -208,22 +253,36 @@ class DampingData:
         """Numbers of the FRFs whose force and response have one point and direction."""
         pairs = enumerate(zip(self.frfs.responses, self.frfs.references, strict=True))
         measured = np.any(self.frfs.measured, axis=1).tolist()
-        return tuple(i for i, (a, b) in pairs if (a.point, a.axis) == (b.point, b.axis) and measured[i])
+        return tuple(
+            i for i, (a, b) in pairs if (a.point, a.axis) == (b.point, b.axis) and measured[i]
+        )
 
     def window_sd(self) -> float:
-        """Standard deviation of an exponential window's rate 1/τ, 1/s; where none is known it is one-sided.
+        """Standard deviation of an exponential window's rate 1/τ, 1/s; where none is known it is
+        one-sided.
 
-        A window that nobody stated cannot decay faster than the slowest mode was seen to, less what was stated.
+        A window that nobody stated cannot decay faster than the slowest mode was seen to, less what
+        was stated.
         """
         if self.inputs.window_rate is not None and self.inputs.window_rate_sd is not None:
             return self.inputs.window_rate_sd
-        spacing = float(np.median(np.diff(self.frfs.frequency_hz))) if self.frfs.frequency_hz.size > 1 else 0.0
-        slowest = float((self.first_ratio * self.row_omega).min()) - (self.inputs.window_rate or 0.0)
+        spacing = (
+            float(np.median(np.diff(self.frfs.frequency_hz)))
+            if self.frfs.frequency_hz.size > 1
+            else 0.0
+        )
+        slowest = float((self.first_ratio * self.row_omega).min()) - (
+            self.inputs.window_rate or 0.0
+        )
         return min(UNSTATED_WINDOW * spacing, max(slowest, 0.0))
 
 
 def damping_data(
-    frfs: FrfSet, elastic: ElasticResult, modes: MeasuredModes, weighting: Weighting, inputs: Inputs | None = None
+    frfs: FrfSet,
+    elastic: ElasticResult,
+    modes: MeasuredModes,
+    weighting: Weighting,
+    inputs: Inputs | None = None,
 ) -> DampingData:
     """Assign the modes their parts in stage 2.
 
@@ -234,7 +293,11 @@ def damping_data(
     data = DampingData(frfs, elastic, modes, weighting, inputs or Inputs.exact(), model)
     if not data.pairs:
         low, high = frfs.frequency_hz[[0, -1]]
-        raise UpdatingError(f"no paired mode lies in the band, {low:g} to {high:g} Hz; fit a wider one", {}, ())
+        raise UpdatingError(
+            f"no paired mode lies in the band, {low:g} to {high:g} Hz; fit a wider one", {}, ()
+        )
     if not data.rows:
-        raise UpdatingError("no measured mode strains the specimen: all move on the springs", {}, ())
+        raise UpdatingError(
+            "no measured mode strains the specimen: all move on the springs", {}, ()
+        )
     return data

@@ -4,9 +4,10 @@
     reference = fit_reference(data)                                   noise, delay, and a ratio of its own for every mode
     result = fit_damping(data, reference, law)                        the law, and what its spread is made of
 
-A law is never exact: each mode's damping is off it by a share ε ~ N(0, s²). The prior of s has a root mean square of 2 %, as in
-no body damping follows a law better, and s is learnt from how far the modes are off (`scale_of_deviations`): the root of its
-posterior mean square enters the estimate, all of its posterior the intervals.
+A law is never exact: each mode's damping is off it by a share ε ~ N(0, s²). The prior of s has a
+root mean square of 2 %, as in no body damping follows a law better, and s is learnt from how far
+the modes are off (`scale_of_deviations`): the root of its posterior mean square enters the
+estimate, all of its posterior the intervals.
 """
 
 from __future__ import annotations
@@ -40,15 +41,19 @@ from fecore.updating.posterior import root
 from fecore.updating.residual_noise import residual_variance
 
 DAMPING_DISCREPANCY = 0.02
-"""Prior standard deviation of a damping ratio about its law, as a share of it: root mean square of the prior of s."""
+"""Prior standard deviation of a damping ratio about its law, as a share of it: root mean square of
+the prior of s.
+"""
 
 _FIRST_NOISE = 1e-3  # of the signal, before it is estimated
 _SAME_OPTIMUM = 1e-3  # relative distance of coefficients that counts as one point
 _SAME_TO_NOISE = 0.3  # and their distance in standard deviations by noise alone
-_RIVAL = 10.0  # difference of negative log posteriors below which a second optimum is worth a warning
+# difference of negative log posteriors below which a second optimum is worth a warning
+_RIVAL = 10.0
 _SPREAD_OF_STARTS = 5.0  # factor between the starts
 _FEWEST_LINES = 32  # of which the noise of the lines can be seen beside what lasts over a resonance
-_LARGE_TURN = 0.02  # rad, of a delay at the highest line: beyond, the data are turned back and the fit begins anew
+# rad, of a delay at the highest line: beyond, the data are turned back and the fit begins anew
+_LARGE_TURN = 0.02
 
 
 @dataclass(frozen=True)
@@ -56,20 +61,24 @@ class DampingResult:
     """A damping law from FRFs, with its spread."""
 
     fit: DampingFit  # the fitted law, the best of all starts
-    start: FloatArray  # (p,) coefficients that the measured damping ratios give: the model before stage 2
+    # (p,) coefficients that the measured damping ratios give: the model before stage 2
+    start: FloatArray
     starts: int  # how many starts were tried
-    # coefficients of every different point that the starts converged to and that the data do not refute against the
-    # best, which comes first
+    # coefficients of every different point that the starts converged to and that the data do not
+    # refute against the best, which comes first
     optima: tuple[FloatArray, ...]
     reference: ReferenceFit  # the same data fitted with a ratio of its own for every measured mode
-    # by name of its source, (p, k) independent standard deviations of which the coefficients' error is made: `own` at
-    # given parameters of stage 1, `inherited` through these
+    # by name of its source, (p, k) independent standard deviations of which the coefficients' error
+    # is made: `own` at given parameters of stage 1, `inherited` through these
     own: Mapping[str, FloatArray]
     inherited: Mapping[str, FloatArray]
-    excursions: tuple[Excursion, ...]  # stage 1's, then a window that nobody stated or that is not known exactly
-    pulls: FloatArray  # (p, e) change of the coefficients by one standard deviation of each of these
+    # stage 1's, then a window that nobody stated or that is not known exactly
+    excursions: tuple[Excursion, ...]
+    # (p, e) change of the coefficients by one standard deviation of each of these
+    pulls: FloatArray
     by_elastic: FloatArray  # (p, q) derivative of the estimate by stage 1's parameters
-    deviations: ScaleMixture  # what is known of the scale of the relative deviations of damping ratios from the law
+    # what is known of the scale of the relative deviations of damping ratios from the law
+    deviations: ScaleMixture
 
     @property
     def discrepancy(self) -> float:
@@ -88,12 +97,17 @@ class DampingResult:
 
     @property
     def window(self) -> FloatArray:
-        """(p,) change of the coefficients by an exponential window of one standard deviation of its rate."""
-        moved: FloatArray = self.pulls[:, [each.name == WINDOW for each in self.excursions]].sum(axis=1)
+        """(p,) change of the coefficients by an exponential window of one standard deviation of its
+        rate.
+        """
+        moved: FloatArray = self.pulls[:, [each.name == WINDOW for each in self.excursions]].sum(
+            axis=1
+        )
         return moved
 
     def joint(self, elastic: FloatArray, own: FloatArray | None = None) -> FloatArray:
-        """(q+p, q+p) covariance of θ and a: a = â + (∂a/∂θ)(θ - θ̂) + its own error, of all its sources or as given.
+        """(q+p, q+p) covariance of θ and a: a = â + (∂a/∂θ)(θ - θ̂) + its own error, of all its
+        sources or as given.
 
         Args:
             elastic: (q, q) covariance of θ.
@@ -105,9 +119,16 @@ class DampingResult:
         return joint
 
     def draws(self, random: np.random.Generator, count: int) -> FloatArray:
-        """(n, p) draws of the error at given parameters of stage 1: each with a scale of the modes' deviations of its own."""
-        scale = random.choice(self.deviations.scale, count, p=self.deviations.weight) / self.discrepancy
-        parts = {name: random.standard_normal((count, part.shape[1])) @ part.T for name, part in self.own.items()}
+        """(n, p) draws of the error at given parameters of stage 1: each with a scale of the modes'
+        deviations of its own.
+        """
+        scale = (
+            random.choice(self.deviations.scale, count, p=self.deviations.weight) / self.discrepancy
+        )
+        parts = {
+            name: random.standard_normal((count, part.shape[1])) @ part.T
+            for name, part in self.own.items()
+        }
         parts[OF_LAW] *= scale[:, None]
         total: FloatArray = np.sum(list(parts.values()), axis=0)
         return total
@@ -129,14 +150,17 @@ _OF_FRFS = ("measurement noise of FRFs", OF_LAW, "modes not measured")
 class ReferenceFit:
     """A ratio of its own for every measured mode: the reference of every law."""
 
-    # with the noise variance: the measured one, or one from the residual of an unweighted modal fit. A delay between
-    # the channels, and flexibilities of driving points, are taken out of its FRFs.
+    # with the noise variance: the measured one, or one from the residual of an unweighted modal
+    # fit. A delay between the channels, and flexibilities of driving points, are taken out of its
+    # FRFs.
     misfit: FrfMisfit
     fit: DampingFit  # the modal fit
-    # what the misfit of one value is by noise alone, with the weighting of this stage, times how many lines are worth
+    # what the misfit of one value is by noise alone, with the weighting of this stage, times how
+    # many lines are worth
     # one: an error of the model's shapes lasts over a resonance (`fecore.modal.error_model.memory`)
     scale: float
-    # mean square of the residual over the noise of the lines, 1 at least: what is above 1 is the model's error
+    # mean square of the residual over the noise of the lines, 1 at least: what is above 1 is the
+    # model's error
     excess: float
     ratios: MeasuredRatios  # damping ratios as measured where they were, else from the modal fit
     delay: float  # between the channels, as the FRFs show it, s
@@ -153,7 +177,9 @@ def fit_reference(data: DampingData) -> ReferenceFit:
     variance = _noise_variance(replace(data, frfs=frfs))
     for _ in range(3):
         misfit = data.misfit(frfs, data.weighting, variance)
-        fit = fit_law(misfit, data.modal_law, data.start(data.modal_law), data.nuisance(0), _unit(misfit))
+        fit = fit_law(
+            misfit, data.modal_law, data.start(data.modal_law), data.nuisance(0), _unit(misfit)
+        )
         left = misfit.delay(fit.eigenvalue, fit.rate)
         delay += left
         if abs(left) * frfs.omega[-1] < _LARGE_TURN:
@@ -181,7 +207,8 @@ def fit_reference(data: DampingData) -> ReferenceFit:
 def _excess(misfit: FrfMisfit, fit: DampingFit, scale: float) -> float:
     """How many times the noise the modal fit misses the FRFs by, 1 at least.
 
-    A noise that was found from the residual itself has the model's errors in it. What changes from line to line without memory
+    A noise that was found from the residual itself has the model's errors in it. What changes from
+    line to line without memory
     has not: they last over a resonance.
     """
     if misfit.frfs.variance is not None or misfit.frfs.frequency_hz.size < _FEWEST_LINES:
@@ -193,13 +220,16 @@ def _excess(misfit: FrfMisfit, fit: DampingFit, scale: float) -> float:
 
 
 def _first_delay(data: DampingData) -> float:
-    """The channels' delay at the measured modes, s: a fit's steps are only exact where little of it is left.
+    """The channels' delay at the measured modes, s: a fit's steps are only exact where little of it
+    is left.
 
     All lines count alike here, as the noise is not known yet.
     """
     frfs, nuisance = data.frfs, data.nuisance(0)
     level = np.mean(np.abs(frfs.values) ** 2, axis=1, keepdims=True)
-    misfit = data.misfit(frfs, data.weighting, np.broadcast_to(_FIRST_NOISE * level, frfs.values.shape))
+    misfit = data.misfit(
+        frfs, data.weighting, np.broadcast_to(_FIRST_NOISE * level, frfs.values.shape)
+    )
     rate = data.modal_law.basis(data.first_omega) @ data.start(data.modal_law)
     rate[nuisance.suspended] = nuisance.suspended_rate
     return misfit.delay(data.first_omega**2, rate + nuisance.window_rate)
@@ -224,8 +254,9 @@ def fit_damping(
         reference: every mode by itself.
         law: the law.
         progress: called with the share that is done.
-        strain: (n, q) shares of the lawful modes' strain energy, where close modes are not mixed as the model's
-            (`fecore.updating.mixing`): else such a pair passes for a law that is off, and its deviation for all modes'.
+        strain: (n, q) shares of the lawful modes' strain energy, where close modes are not mixed as
+            the model's (`fecore.updating.mixing`): else such a pair passes for a law that is off,
+            and its deviation for all modes'.
 
     Raises:
         UpdatingError: no start converged.
@@ -258,12 +289,20 @@ def fit_damping(
     best = fits[0]
     elastic, by_elastic = data.elastic, _by_elastic(data, reference.misfit, best)
     by_coordinates = by_elastic * elastic.prior.slope(elastic.theta)
-    window_sd, excursions, pulls = data.window_sd(), elastic.every_excursion, by_coordinates @ elastic.pulls
+    window_sd, excursions, pulls = (
+        data.window_sd(),
+        elastic.every_excursion,
+        by_coordinates @ elastic.pulls,
+    )
     if window_sd:
         known = data.inputs.window_known
         excursions += (Excursion(WINDOW, np.zeros(0), "both" if known else "one-sided", known, ""),)
         pulls = np.column_stack([pulls, -law_of_window(law, ratios) * window_sd])
-    rivals = [fit.coefficients for fit in fits if fit.objective - best.objective < _RIVAL * reference.scale]
+    rivals = [
+        fit.coefficients
+        for fit in fits
+        if fit.objective - best.objective < _RIVAL * reference.scale
+    ]
     return DampingResult(
         fit=best,
         start=start,
@@ -297,7 +336,11 @@ def _noise_variance(data: DampingData) -> FloatArray:
 
 def _unit(misfit: FrfMisfit) -> float:
     """A first guess of a fit's scale: a thousandth of the signal's own weight."""
-    return 1.0 if misfit.weighting == "noise" else _FIRST_NOISE * misfit.signal() / misfit.frfs.values.size
+    return (
+        1.0
+        if misfit.weighting == "noise"
+        else _FIRST_NOISE * misfit.signal() / misfit.frfs.values.size
+    )
 
 
 def _modal_ratios(data: DampingData, modal: DampingFit) -> MeasuredRatios:
@@ -305,7 +348,8 @@ def _modal_ratios(data: DampingData, modal: DampingFit) -> MeasuredRatios:
     lawful = data.lawful
     omega = np.sqrt(modal.eigenvalue[lawful])
     ratio = modal.law_rate[lawful] / (2 * omega)
-    order = np.argsort(data.model.omega[lawful])  # the modal law's coefficients ascend with their knots
+    # the modal law's coefficients ascend with their knots
+    order = np.argsort(data.model.omega[lawful])
     covariance = np.empty((ratio.size, ratio.size))
     covariance[np.ix_(order, order)] = modal.noise_covariance
     return data.ratios_of(omega, ratio, covariance)
@@ -315,13 +359,18 @@ def _starts(law: DampingLaw, start: FloatArray, ratios: MeasuredRatios) -> list[
     """The measured ratios' law, it scaled up and down, and each coefficient alone."""
     omega, ratio = ratios.omega, np.median(ratios.ratio)
     basis = law.basis(omega, ratios.strain)
-    damping = np.flatnonzero(np.all(basis > 0, axis=0))  # coefficients that alone would damp every mode
-    alone = [np.median(2 * omega * ratio / basis[:, j]) * np.eye(basis.shape[1])[j] for j in damping]
+    # coefficients that alone would damp every mode
+    damping = np.flatnonzero(np.all(basis > 0, axis=0))
+    alone = [
+        np.median(2 * omega * ratio / basis[:, j]) * np.eye(basis.shape[1])[j] for j in damping
+    ]
     return [start, start * _SPREAD_OF_STARTS, start / _SPREAD_OF_STARTS, *alone]
 
 
 def _own_sources(data: DampingData, fit: DampingFit, relative: float) -> dict[str, FloatArray]:
-    """(p, k) by noise, by each mode lying off the law by its share, and by unmeasured ones off the model's frequency."""
+    """(p, k) by noise, by each mode lying off the law by its share, and by unmeasured ones off the
+    model's frequency.
+    """
     m, others, moved = fit.eigenvalue.size, data.unmeasured, fit.nuisance.modes
     by = fit.response @ fit.normal.hessian
     by_shift = by[:, others] * 2 * fit.eigenvalue[others] * data.elastic.discrepancy
@@ -336,14 +385,20 @@ def _own_sources(data: DampingData, fit: DampingFit, relative: float) -> dict[st
 def _against_modes(ratios: MeasuredRatios, fit: DampingFit, spread: float) -> FloatArray:
     """(p,) by what the FRFs say of the law and the identified modes do not."""
     basis = ratios.relative_basis(fit.law)
-    return disagreement(basis, ratios.relative_covariance, spread, fit.coefficients, fit.noise_covariance)
+    return disagreement(
+        basis, ratios.relative_covariance, spread, fit.coefficients, fit.noise_covariance
+    )
 
 
 def _by_elastic(data: DampingData, misfit: FrfMisfit, fit: DampingFit) -> FloatArray:
-    """(p, q) derivative of the estimate by stage 1's: constants move shapes, and the modes that carry no shift."""
+    """(p, q) derivative of the estimate by stage 1's: constants move shapes, and the modes that
+    carry no shift.
+    """
     state, frfs = data.elastic.updated, data.frfs
     omega = frfs.omega
-    flexibility = convert(omega, frfs.quantity) / (fit.eigenvalue[:, None] - omega**2 + 1j * omega * fit.rate[:, None])
+    flexibility = convert(omega, frfs.quantity) / (
+        fit.eigenvalue[:, None] - omega**2 + 1j * omega * fit.rate[:, None]
+    )
     predicted = misfit.predict(fit.eigenvalue, fit.rate)
     jacobian = misfit.jacobian(fit.eigenvalue, fit.rate, predicted)
     by_residue = state.residue_jacobian(frfs.responses, frfs.references) @ flexibility
@@ -351,12 +406,16 @@ def _by_elastic(data: DampingData, misfit: FrfMisfit, fit: DampingFit) -> FloatA
         by_drive = state.residue_jacobian(frfs.responses, frfs.responses) @ flexibility
         by_residue = jacobian.factors[0] * by_residue + jacobian.factors[1] * by_drive
     _, weight = misfit.residual(predicted)
-    gradients = np.array([jacobian.gradient(weight * change) for change in by_residue]) @ fit.normal.reduction
+    gradients = (
+        np.array([jacobian.gradient(weight * change) for change in by_residue])
+        @ fit.normal.reduction
+    )
     stretch = _by_stretch(state)
     by_eigenvalue = np.zeros_like(gradients)
     by_eigenvalue[:, : fit.eigenvalue.size] = 2 * fit.eigenvalue * stretch
     moved: FloatArray = -fit.response @ (gradients + by_eigenvalue @ fit.normal.hessian).T
-    own_omega = np.sqrt(np.where(stretch.any(axis=0), fit.eigenvalue, 1.0))  # a rigid mode has no slope and needs none
+    # a rigid mode has no slope and needs none
+    own_omega = np.sqrt(np.where(stretch.any(axis=0), fit.eigenvalue, 1.0))
     rate = (fit.law.slope(own_omega, data.model.strain) @ fit.coefficients) * own_omega * stretch
     if isinstance(fit.law, MechanismDamping):
         strain = state.strain_jacobian
@@ -374,10 +433,12 @@ def _by_stretch(state: ForwardState) -> FloatArray:
 
 
 def _by_rates(fit: DampingFit, rate: FloatArray) -> FloatArray:
-    """(p, q) what it does to the estimate that the law's (m, q) rates move at given coefficients, shifts and own rates.
+    """(p, q) what it does to the estimate that the law's (m, q) rates move at given coefficients,
+    shifts and own rates.
 
-    A mode with a rate of its own is tied to the law's, any other follows it. Without this part a shift, which takes up the
-    model's own change of a frequency, would pass for one of the measured frequency, and so for another law.
+    A mode with a rate of its own is tied to the law's, any other follows it. Without this part a
+    shift, which takes up the model's own change of a frequency, would pass for one of the measured
+    frequency, and so for another law.
     """
     rate = rate.copy()
     rate[fit.nuisance.suspended] = 0.0
@@ -389,9 +450,14 @@ def _by_rates(fit: DampingFit, rate: FloatArray) -> FloatArray:
 
 
 def _different(points: list[FloatArray], apart: FloatArray) -> tuple[FloatArray, ...]:
-    """Points that lie further from all before them than the fit resolves: than round-off, or than (p,) `apart`."""
+    """Points that lie further from all before them than the fit resolves: than round-off, or than
+    (p,) `apart`.
+    """
     kept: list[FloatArray] = []
     for point in points:
-        if all(np.any(np.abs(point - other) > np.maximum(_SAME_OPTIMUM * np.abs(other), apart)) for other in kept):
+        if all(
+            np.any(np.abs(point - other) > np.maximum(_SAME_OPTIMUM * np.abs(other), apart))
+            for other in kept
+        ):
             kept.append(point)
     return tuple(kept)

@@ -1,10 +1,12 @@
-"""A mesh for a specimen and a band: elements as the waves need them, and an estimate of what they miss.
+"""A mesh for a specimen and a band: elements as the waves need them, and an estimate of what they
+miss.
 
-The element's frequencies converge with the fourth power of its size along a strip, f(h) - f ∝ h⁴. So a mesh half as fine along
-x misses 16 times as much there, and the difference of the two, over 15, is what the fine one misses (Richardson). Across, a
-layer as wide as the thickness lies along each free edge, where twist turns into shear, which elements much wider than it do not
-see; so a narrow strip begins with elements of its size. Elements are added until the largest estimate of the modes in the band
-is below the tolerance.
+The element's frequencies converge with the fourth power of its size along a strip, f(h) - f ∝ h⁴.
+So a mesh half as fine along x misses 16 times as much there, and the difference of the two, over
+15, is what the fine one misses (Richardson). Across, a layer as wide as the thickness lies along
+each free edge, where twist turns into shear, which elements much wider than it do not see; so a
+narrow strip begins with elements of its size. Elements are added until the largest estimate of the
+modes in the band is below the tolerance.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ _FEWEST = (8, 2)  # elements along and across
 _EDGE_LAYER = 2.0  # thicknesses that an element may be wide, to begin with, …
 _MOST_ACROSS = 16  # … but not beyond so many elements: on a wide plate the layer weighs little
 _MOST = 1500  # elements: a job with more would take minutes
-_HOPELESS = 9 * _MOST  # wanted elements from which those allowed are fewer than two a wave, and modes thousands
+# wanted elements from which those allowed are fewer than two a wave, and modes thousands
+_HOPELESS = 9 * _MOST
 _SAFETY = 1.3  # on the number of elements that the fourth power asks for
 _ROUNDS = 3  # of solving, estimating and refining
 
@@ -43,12 +46,15 @@ class Discretisation:
     """A mesh and what it misses."""
 
     divisions: tuple[int, int]  # elements along the length and across the width
-    error: FloatArray  # (n,) estimated relative errors of the elastic natural frequencies in the band
+    # (n,) estimated relative errors of the elastic natural frequencies in the band
+    error: FloatArray
     by_side: FloatArray  # the largest of them by the size along the length, and by that across
 
 
 def meshed(body: AnyBody, highest_hz: float) -> tuple[AnyBody, Discretisation | None]:
-    """The body with a mesh for its modes up to a frequency, and what that misses; as it is where it has one of its own."""
+    """The body with a mesh for its modes up to a frequency, and what that misses; as it is where it
+    has one of its own.
+    """
     if not isinstance(body, Specimen | LayeredSpecimen) or body.divisions is not None:
         return body, None
     rigid = replace(body, clamp_compliance=0.0) if isinstance(body, OrientedSpecimen) else body
@@ -58,7 +64,10 @@ def meshed(body: AnyBody, highest_hz: float) -> tuple[AnyBody, Discretisation | 
 
 def nominal_matrices(body: Body) -> tuple[scipy.sparse.csc_array, scipy.sparse.csc_array]:
     """K and M of a body at its nominal constants."""
-    constants, springs = np.array(list(body.nominal.values())), [spring.stiffness for spring in body.springs]
+    constants, springs = (
+        np.array(list(body.nominal.values())),
+        [spring.stiffness for spring in body.springs],
+    )
     stiffness = np.concatenate([body.stiffness_coefficients(constants), springs])
     return body.model.stiffness.at(stiffness), body.model.mass.at(body.mass_coefficients(constants))
 
@@ -66,18 +75,23 @@ def nominal_matrices(body: Body) -> tuple[scipy.sparse.csc_array, scipy.sparse.c
 def discretise(specimen: Specimen | LayeredSpecimen, highest_hz: float) -> Discretisation:
     """Choose a specimen's mesh for its modes up to a frequency, at its nominal constants.
 
-    Where the tolerance would take more elements than `_MOST`, the finest mesh allowed stands with what it misses.
+    Where the tolerance would take more elements than `_MOST`, the finest mesh allowed stands with
+    what it misses.
 
     Raises:
-        InputError: the body is so large for its thickness and the band that no mesh allowed follows its waves.
+        InputError: the body is so large for its thickness and the band that no mesh allowed follows
+            its waves.
     """
     wanted = _first(specimen, highest_hz)
     if wanted[0] * wanted[1] > _HOPELESS:
-        sides = " × ".join(f"{side:g}" for side in (specimen.length, specimen.width, specimen.thickness))
+        sides = " × ".join(
+            f"{side:g}" for side in (specimen.length, specimen.width, specimen.thickness)
+        )
         raise InputError(
             "geometry",
-            f"of {sides} m takes {wanted[0]} × {wanted[1]} elements for its waves up to {highest_hz:.4g} Hz, in all "
-            f"{wanted[0] * wanted[1]} and more than {_HOPELESS}: lengths are in m, not in mm; or lower the band",
+            f"of {sides} m takes {wanted[0]} × {wanted[1]} elements for its waves up to"
+            f" {highest_hz:.4g} Hz, in all {wanted[0] * wanted[1]} and more than {_HOPELESS}:"
+            " lengths are in m, not in mm; or lower the band",
         )
     divisions = _within(wanted)
     for _ in range(_ROUNDS):
@@ -90,7 +104,9 @@ def discretise(specimen: Specimen | LayeredSpecimen, highest_hz: float) -> Discr
     return found
 
 
-def _estimate(specimen: Specimen | LayeredSpecimen, divisions: tuple[int, int], highest_hz: float) -> Discretisation:
+def _estimate(
+    specimen: Specimen | LayeredSpecimen, divisions: tuple[int, int], highest_hz: float
+) -> Discretisation:
     """What a mesh misses, by meshes half as fine along one side each."""
     fine = _frequencies(specimen, divisions, highest_hz)
     errors = []
@@ -120,7 +136,10 @@ def _first(specimen: Specimen | LayeredSpecimen, highest_hz: float) -> tuple[int
 
 
 def _frequencies(
-    specimen: Specimen | LayeredSpecimen, divisions: tuple[int, int], highest_hz: float, count: int = 0
+    specimen: Specimen | LayeredSpecimen,
+    divisions: tuple[int, int],
+    highest_hz: float,
+    count: int = 0,
 ) -> FloatArray:
     """(n,) elastic natural frequencies up to the highest, or as many as are asked for, Hz."""
     meshed = replace(specimen, divisions=divisions)

@@ -1,14 +1,17 @@
-"""Stage 1: elastic constants from natural frequencies and mode shapes (Eqs. 12-14, Fig. 1), of one campaign or of several.
+"""Stage 1: elastic constants from natural frequencies and mode shapes (Eqs. 12-14, Fig. 1), of one
+campaign or of several.
 
-The maximum a posteriori estimate of all unknowns x together (`layout`), by Levenberg and Marquardt's method on the misfit
+The maximum a posteriori estimate of all unknowns x together (`layout`), by Levenberg and
+Marquardt's method on the misfit
 
     E(x) = ½ rᵀ(N + s²)⁻¹r + ½ xᵀP(τ)x + ½ Σ_b (y_b - C_b x)²/σ_b²,     r = ln f_exp - ln f(x),     ∂ln f/∂x analytic,
 
-with the residuals of all campaigns stacked and coupons y_b, logarithms of their means over the prior's. Measured and model
-modes are paired anew by MAC as constants move modes past each other, and weighed by how far they are believed to be modes
-(`belief`). The discrepancy s follows from the residuals, the scatter τ between specimens is the root of its posterior mean. The
-intervals are those of the posterior with both marginalised (`posterior`), and reach on to one side where an input is believed
-to be nothing but may be something (`excursions`).
+with the residuals of all campaigns stacked and coupons y_b, logarithms of their means over the
+prior's. Measured and model modes are paired anew by MAC as constants move modes past each other,
+and weighed by how far they are believed to be modes (`belief`). The discrepancy s follows from the
+residuals, the scatter τ between specimens is the root of its posterior mean. The intervals are
+those of the posterior with both marginalised (`posterior`), and reach on to one side where an input
+is believed to be nothing but may be something (`excursions`).
 """
 
 from __future__ import annotations
@@ -27,16 +30,26 @@ from fecore.updating.belief import weights_of
 from fecore.updating.elastic_result import ElasticResult, prior_belief, stacked
 from fecore.updating.forward import ForwardState
 from fecore.updating.layout import Layout
-from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
+from fecore.updating.pairing import (
+    Partners,
+    exchanged,
+    has_shapes,
+    pair_held,
+    pair_likest,
+    pair_with,
+    partners_of,
+)
 from fecore.updating.posterior import DISCREPANCY, LinearProblem
 from fecore.updating.result import ConvergenceStep
 from fecore.updating.shape_error import ShapeErrors
 from fecore.updating.theory_error import SHEAR_CORRECTION_SD, by_shear_correction, discrepancy_scale
 
 _TURNS, _STEPS = 30, 6  # pairings and discrepancies that are tried, and steps with each
-_LATE = 12  # turns after which a fit whose partners change swings, and steps that gain next to nothing are rest
+# turns after which a fit whose partners change swings, and steps that gain next to nothing are rest
+_LATE = 12
 _REST = 1e-4  # posterior standard deviations that an undamped step may still move
-_STILL = 1e-3  # of the misfit, that a late turn's steps may lower it and be at rest: 1/22 of a standard deviation
+# of the misfit, that a late turn's steps may lower it and be at rest: 1/22 of a standard deviation
+_STILL = 1e-3
 _SAME = 0.01  # relative change of discrepancy and scatter that changes nothing
 _THERE = 0.01  # posterior standard deviations within which a turn ends where another did
 
@@ -70,7 +83,8 @@ def fit(
         use_shapes: fit realised shapes too; needs modes with shapes.
         start: (X,) x to start from, the prior means by default.
         likest: pair the likest shapes at the prior means, however unlike, and keep these pairs.
-        held: partners to keep, of each campaign; by default the modes are paired anew in every turn.
+        held: partners to keep, of each campaign; by default the modes are paired anew in every
+            turn.
 
     Raises:
         InputError: shapes are asked for and there are none, or a coupon's constant is not updated.
@@ -85,7 +99,9 @@ def fit(
     origin: FloatArray = np.zeros(len(layout.unknowns))
     weights = tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns)
     no_shear = tuple(np.zeros(each.size) for each in weights)
-    first_scales = _Scales(DISCREPANCY, layout.scatter, weights, no_shear, tuple(ShapeErrors() for _ in weights))
+    first_scales = _Scales(
+        DISCREPANCY, layout.scatter, weights, no_shear, tuple(ShapeErrors() for _ in weights)
+    )
     initial = misfit.paired(origin, first_scales)
     point = initial if start is None else misfit.paired(start, first_scales)
     path = _Path(layout, progress)
@@ -93,12 +109,17 @@ def fit(
     for turn in range(_TURNS):
         path.late = turn >= _LATE
         found, first = minimise(point, misfit.move, stopping, path.visit), point
-        point = misfit.at(found.point.x, found.point.states, misfit.pair(found.point.states), first.scales)
+        point = misfit.at(
+            found.point.x, found.point.states, misfit.pair(found.point.states), first.scales
+        )
         path.note_partners(point)
         fresh = misfit.fresh_scales(point, late=path.late)
         same = fresh.are_those_of(point.scales)
-        same &= all(a.pairs == b.pairs for a, b in zip(found.point.pairings, point.pairings, strict=True))
-        # Steps may zigzag about the minimum, as where modes veer; without shapes a fit creeps to a crossing.
+        same &= all(
+            a.pairs == b.pairs for a, b in zip(found.point.pairings, point.pairings, strict=True)
+        )
+        # Steps may zigzag about the minimum, as where modes veer; without shapes a fit creeps to a
+        # crossing.
         still = path.late and layout.by_shapes and first.cost - found.point.cost < _STILL
         rests = still or found.outcome in ("converged", "stuck")
         if same and rests:
@@ -112,8 +133,8 @@ def fit(
 
 @dataclass(frozen=True)
 class _Scales:
-    """What each turn estimates anew: discrepancy, scatter, and of each campaign's measured modes the weights, and the errors by
-    shear and of shapes.
+    """What each turn estimates anew: discrepancy, scatter, and of each campaign's measured modes
+    the weights, and the errors by shear and of shapes.
 
     Within a turn modes pass one another, and a partner's share of shear would jump.
     """
@@ -129,7 +150,9 @@ class _Scales:
         mine, theirs = (self.spread, self.scatter), (other.spread, other.scatter)
         same = all(abs(new - old) <= _SAME * old for new, old in zip(mine, theirs, strict=True))
         same &= all(a.are_those_of(b) for a, b in zip(self.shapes, other.shapes, strict=True))
-        same &= all(np.all(np.abs(a - b) <= _SAME) for a, b in zip(self.weights, other.weights, strict=True))
+        same &= all(
+            np.all(np.abs(a - b) <= _SAME) for a, b in zip(self.weights, other.weights, strict=True)
+        )
         both = zip(self.by_shear, other.by_shear, strict=True)
         return same and all(np.all(np.abs(a - b) <= _SAME * SHEAR_CORRECTION_SD) for a, b in both)
 
@@ -152,7 +175,9 @@ class _Point:
 
     @cached_property
     def partners(self) -> tuple[Partners, ...]:
-        return tuple(partners_of(p, state.kinds) for p, state in zip(self.pairings, self.states, strict=True))
+        return tuple(
+            partners_of(p, state.kinds) for p, state in zip(self.pairings, self.states, strict=True)
+        )
 
 
 @dataclass(frozen=True)
@@ -177,7 +202,11 @@ class Misfit:
             if self.likest:
                 pairing = replace(self._likest[number], mac=pair_likest(modes, state).mac)
             else:
-                pairing = pair_with(modes, state) if self.held is None else pair_held(modes, state, self.held[number])
+                pairing = (
+                    pair_with(modes, state)
+                    if self.held is None
+                    else pair_held(modes, state, self.held[number])
+                )
             if not pairing.pairs:
                 raise _without_partners(self.layout, number, state)
             found.append(pairing)
@@ -185,7 +214,9 @@ class Misfit:
 
     @cached_property
     def _likest(self) -> tuple[Pairing, ...]:
-        return tuple(pair_likest(c.modes, c.forward.solve(c.prior.prior_mean)) for c in self.layout.campaigns)
+        return tuple(
+            pair_likest(c.modes, c.forward.solve(c.prior.prior_mean)) for c in self.layout.campaigns
+        )
 
     def at(
         self,
@@ -194,7 +225,9 @@ class Misfit:
         pairings: tuple[Pairing, ...],
         scales: _Scales,
     ) -> _Point:
-        """The misfit at solved models, for pairings, a discrepancy, a scatter and the modes' weights."""
+        """The misfit at solved models, for pairings, a discrepancy, a scatter and the modes'
+        weights.
+        """
         problem = self.linear(x, states, pairings, scales.weights, scales.shapes, scales.by_shear)
         return _Point(states, pairings, problem, scales, *problem.at(scales.spread, scales.scatter))
 
@@ -210,9 +243,15 @@ class Misfit:
         """The problem that is linear in the step from x."""
         rows = stacked(pairings)
         size, total = x.size, rows[-1].stop
-        residual, noise, sensitivity = np.zeros(total), np.zeros((total, total)), np.zeros((total, size))
+        residual, noise, sensitivity = (
+            np.zeros(total),
+            np.zeros((total, total)),
+            np.zeros((total, size)),
+        )
         weight, shear = (
-            np.concatenate([each[[row for row, _ in p.pairs]] for each, p in zip(some, pairings, strict=True)])
+            np.concatenate(
+                [each[[row for row, _ in p.pairs]] for each, p in zip(some, pairings, strict=True)]
+            )
             for some in (weights, by_shear)
         )
         missed: list[FloatArray] = [np.zeros(0)]
@@ -222,9 +261,13 @@ class Misfit:
         ):
             measured, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
             chain = campaign.prior.slope(state.theta)[:, None] * campaign.pick
-            residual[at] = np.log(campaign.modes.frequency_hz[measured] / state.frequency_hz[columns])
+            residual[at] = np.log(
+                campaign.modes.frequency_hz[measured] / state.frequency_hz[columns]
+            )
             noise[at, at] = campaign.noise(measured)
-            sensitivity[at] = state.frequency_jacobian[columns] / state.frequency_hz[columns, None] @ chain
+            sensitivity[at] = (
+                state.frequency_jacobian[columns] / state.frequency_hz[columns, None] @ chain
+            )
             if self.use_shapes:
                 off, of_theta = errors.residual(campaign.modes, state, pairing, np.sqrt(weight[at]))
                 missed.append(off)
@@ -238,12 +281,25 @@ class Misfit:
             C, off = said / sds[:, None], (values - said @ x) / sds
             others["coupons"] = C.T @ C
             descent, cost = descent + C.T @ off, cost + float(off @ off)
-        known = residual, noise + np.outer(shear, shear), sensitivity, x, self.layout.precision, others
+        known = (
+            residual,
+            noise + np.outer(shear, shear),
+            sensitivity,
+            x,
+            self.layout.precision,
+            others,
+        )
         scale = max(discrepancy_scale(c.forward.specimen, c.inputs) for c in self.layout.campaigns)
-        return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight, scale=scale)
+        return LinearProblem(
+            *known, other_descent=descent, other_cost=cost / 2, weight=weight, scale=scale
+        )
 
-    def by_shear(self, states: Sequence[ForwardState], pairings: Sequence[Pairing]) -> tuple[FloatArray, ...]:
-        """Of each campaign's measured modes, what the shear correction may miss of their partners; 0 without one."""
+    def by_shear(
+        self, states: Sequence[ForwardState], pairings: Sequence[Pairing]
+    ) -> tuple[FloatArray, ...]:
+        """Of each campaign's measured modes, what the shear correction may miss of their partners;
+        0 without one.
+        """
         found = tuple(np.zeros(len(campaign.modes)) for campaign in self.layout.campaigns)
         for own, state, pairing in zip(found, states, pairings, strict=True):
             rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
@@ -251,7 +307,9 @@ class Misfit:
         return found
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
-        """The point that a step leads to; None where no specimen could be, the model is none, or a held partner is lost."""
+        """The point that a step leads to; None where no specimen could be, the model is none, or a
+        held partner is lost.
+        """
         x = point.x + step
         if not self.layout.are_believable(x):
             return None
@@ -262,12 +320,16 @@ class Misfit:
         pairings = point.pairings
         if self.held is not None:
             pairings = self.pair(states)
-            if any(len(a.pairs) < len(b.pairs) for a, b in zip(pairings, point.pairings, strict=True)):
+            if any(
+                len(a.pairs) < len(b.pairs) for a, b in zip(pairings, point.pairings, strict=True)
+            ):
                 return None  # a partner rose above the modes that were solved for
         return self.at(x, states, pairings, point.scales)
 
     def fresh_scales(self, point: _Point, *, late: bool) -> _Scales:
-        """All scales as they are at a point; late weights and errors of shapes stay, so that the fit comes to rest."""
+        """All scales as they are at a point; late weights and errors of shapes stay, so that the
+        fit comes to rest.
+        """
         problem, old = point.problem, point.scales
         spread, scatter = problem.discrepancy(old.spread, old.scatter), 0.0
         if self.layout.scatter:
@@ -286,13 +348,20 @@ class Misfit:
     def shape_errors(
         self, states: Sequence[ForwardState], pairings: Sequence[Pairing], spread: float
     ) -> tuple[ShapeErrors, ...]:
-        """Of each campaign, the errors of the paired modes' shapes at a discrepancy of the frequencies."""
+        """Of each campaign, the errors of the paired modes' shapes at a discrepancy of the
+        frequencies.
+        """
         if not self.use_shapes:
             return tuple(ShapeErrors() for _ in self.layout.campaigns)
         campaigns = zip(self.layout.campaigns, states, pairings, strict=True)
-        return tuple(ShapeErrors.of(campaign.modes, state, pairing, spread) for campaign, state, pairing in campaigns)
+        return tuple(
+            ShapeErrors.of(campaign.modes, state, pairing, spread)
+            for campaign, state, pairing in campaigns
+        )
 
-    def result(self, point: _Point, initial: _Point, history: tuple[ConvergenceStep, ...]) -> ElasticResult:
+    def result(
+        self, point: _Point, initial: _Point, history: tuple[ConvergenceStep, ...]
+    ) -> ElasticResult:
         """The result at the point of rest."""
         return ElasticResult(
             layout=self.layout,
@@ -321,7 +390,8 @@ class _Path:
     history: list[ConvergenceStep] = field(default_factory=list)
     between: dict[tuple[Partners, ...], FloatArray] = field(default_factory=dict)
     _last: FloatArray | None = None
-    _ends: list[tuple[tuple[Partners, ...], FloatArray]] = field(default_factory=list)  # of late turns
+    # of late turns
+    _ends: list[tuple[tuple[Partners, ...], FloatArray]] = field(default_factory=list)
 
     def visit(self, _: int, point: _Point) -> None:
         """Note an iterate."""
@@ -330,11 +400,14 @@ class _Path:
         self.visited += 1
         if self._last is not point.x:
             self._last = point.x
-            hz = [np.full(len(campaign.modes), np.nan) for campaign in self.layout.campaigns]  # NaN: without a partner
+            # NaN: without a partner
+            hz = [np.full(len(campaign.modes), np.nan) for campaign in self.layout.campaigns]
             for own, state, pairing in zip(hz, point.states, point.pairings, strict=True):
                 for row, column in pairing.pairs:
                     own[row] = state.frequency_hz[column]
-            self.history.append(ConvergenceStep(self.layout.parameters(point.x), np.concatenate(hz), point.cost))
+            self.history.append(
+                ConvergenceStep(self.layout.parameters(point.x), np.concatenate(hz), point.cost)
+            )
 
     def note_partners(self, point: _Point) -> None:
         """Note who is paired with whom, where the fit should have come to rest by then."""
@@ -342,9 +415,12 @@ class _Path:
             self.between.setdefault(point.partners, point.x)
 
     def recurs(self, point: _Point) -> bool:
-        """Whether a late turn ends where one before the last did, and the last did not: then it goes round for ever."""
+        """Whether a late turn ends where one before the last did, and the last did not: then it
+        goes round for ever.
+        """
         there = [
-            partners == point.partners and (point.x - x) @ point.hessian @ (point.x - x) <= _THERE**2
+            partners == point.partners
+            and (point.x - x) @ point.hessian @ (point.x - x) <= _THERE**2
             for partners, x in self._ends
         ]
         self._ends.append((point.partners, point.x))
@@ -353,11 +429,17 @@ class _Path:
     def without_rest(self, point: _Point) -> UpdatingError:
         """The error of a fit that goes on for ever."""
         for number, campaign in enumerate(self.layout.campaigns):
-            # At a crossing a fit creeps along the lower of two modes, and pairs with that one alone.
+            # At a crossing a fit creeps along the lower of two modes, and pairs with that one
+            # alone.
             if not has_shapes(campaign.modes):
                 for other in exchanged(point.pairings[number], point.states[number].kinds):
-                    self.between[*point.partners[:number], other, *point.partners[number + 1 :]] = point.x
-        seen = [{(c, *each) for c, own in enumerate(partners) for each in own} for partners in self.between]
+                    self.between[*point.partners[:number], other, *point.partners[number + 1 :]] = (
+                        point.x
+                    )
+        seen = [
+            {(c, *each) for c, own in enumerate(partners) for each in own}
+            for partners in self.between
+        ]
         everywhere = seen[0].intersection(*seen)
         torn = {(c, row) for one in seen for c, row, *_ in one - everywhere}
         raised = (SwingingError if torn else UpdatingError)(
@@ -371,26 +453,37 @@ class _Path:
 
 
 def _without_partners(layout: Layout, number: int, state: ForwardState) -> NoPartnersError:
-    """The error of a campaign, solved at some parameters, of which no measured mode has a partner."""
+    """The error of a campaign, solved at some parameters, of which no measured mode has a
+    partner.
+    """
     campaign = layout.campaigns[number]
-    message = "no measured mode is like any mode of the model; check the boundary, the grid points and the frame"
+    message = (
+        "no measured mode is like any mode of the model; check the boundary, the grid points and"
+        " the frame"
+    )
     if campaign.name:
         message = (
-            f"no measured mode of campaign {campaign.name} is like any mode of its model; check its boundary, angle, "
-            "grid points and frame"
+            f"no measured mode of campaign {campaign.name} is like any mode of its model; check its"
+            " boundary, angle, grid points and frame"
         )
     names = layout.shared if campaign.name else campaign.prior.names
-    return NoPartnersError(message, best=dict(zip(names, map(float, state.theta), strict=False)), history=())
+    return NoPartnersError(
+        message, best=dict(zip(names, map(float, state.theta), strict=False)), history=()
+    )
 
 
 def _no_rest(layout: Layout, torn: set[tuple[int, int]]) -> str:
-    """Why an iteration goes on for ever, and what to do, in words; `torn` are the modes whose partner changed."""
+    """Why an iteration goes on for ever, and what to do, in words; `torn` are the modes whose
+    partner changed.
+    """
     said = "the elastic update did not converge; "
     if torn:
         which = ", ".join(layout.campaigns[number].named(row) for number, row in sorted(torn))
-        return said + (
-            f"the partner of measured mode {which} changes to and fro, as modes of the model mix there or the points "
-            "cannot distinguish them: leave it out of the mode set, measure at more points, or check boundary and geometry"
+        return (
+            said
+            + f"the partner of measured mode {which} changes to and fro, as modes of the model mix"
+            " there or the points cannot distinguish them: leave it out of the mode set, measure"
+            " at more points, or check boundary and geometry"
         )
     if len(layout.campaigns) > 1:
         said += "update each campaign by itself to see which one does not fit; "

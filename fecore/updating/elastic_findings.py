@@ -28,11 +28,13 @@ SAME_SHAPE = 0.8
 """MAC below which two shapes are not taken to be those of one mode."""
 
 FAR = 2.0  # prior standard deviations from the prior mean that are worth a warning
-USUAL_MISS = 0.01  # of frequencies, root mean square: five times what plate theory misses of a body and its supports
+# of frequencies, root mean square: five times what plate theory misses of a body and its supports
+USUAL_MISS = 0.01
 HOPELESS_MISS = 0.03
 """The same, from which model and measurement do not belong together."""
 
-_DOUBTED = 2.0  # standard deviations of a dimension from which a point of the grid beyond it contradicts it
+# standard deviations of a dimension from which a point of the grid beyond it contradicts it
+_DOUBTED = 2.0
 _HARDLY = 0.05  # probability of a change of stiffness below which none is reported
 _NAMED = 4  # points named in one sentence
 _MILLION = float(np.log(1e6))  # log odds beyond which a number says no more
@@ -44,7 +46,10 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
     pairing, twins = elastic.pairing, _twins(elastic, modes)
     alone = len(pairing.unpaired_measured)
     twinned = {other for others in twins.values() for other in others}
-    shown = replace(pairing, unpaired_model=tuple(column for column in pairing.unpaired_model if column not in twinned))
+    shown = replace(
+        pairing,
+        unpaired_model=tuple(column for column in pairing.unpaired_model if column not in twinned),
+    )
     findings = remarks("pairing", shown.messages(modes.frequency_hz, elastic.updated.frequency_hz))
     if elastic.unlike and pairing.mac is not None:
         findings.append(found("no_like_mode", mac=np.nanmax(pairing.mac)))
@@ -74,10 +79,23 @@ def pairing_findings(elastic: ElasticResult) -> list[Finding]:
 def _not_believed(elastic: ElasticResult) -> list[Finding]:
     """Measured modes that are more likely none, as the model has no place for them."""
     findings, known = [], prior_belief(elastic.layout, elastic.pairings)[0]
-    for campaign, pairing, at in zip(elastic.layout.campaigns, elastic.pairings, elastic.rows, strict=True):
-        rows = zip(pairing.pairs, known[at], elastic.problem.residual[at], elastic.problem.weights[at], strict=True)
+    for campaign, pairing, at in zip(
+        elastic.layout.campaigns, elastic.pairings, elastic.rows, strict=True
+    ):
+        rows = zip(
+            pairing.pairs,
+            known[at],
+            elastic.problem.residual[at],
+            elastic.problem.weights[at],
+            strict=True,
+        )
         findings += [
-            found("mode_not_believed", which=campaign.named(row), probability=p, off=100 * np.expm1(residual))
+            found(
+                "mode_not_believed",
+                which=campaign.named(row),
+                probability=p,
+                off=100 * np.expm1(residual),
+            )
             for (row, _), p, residual, weight in rows
             if weight < BELIEVED
         ]
@@ -91,7 +109,9 @@ def _rival_pairing(elastic: ElasticResult) -> list[Finding]:
         apart, theta = rival.other.x - elastic.x, elastic.layout.material(rival.other.x)
         sd = np.sqrt(np.minimum(np.diag(elastic.mixture.total), np.diag(rival.other.mixture.total)))
         other = ", ".join(
-            f"{name} {amount(name, theta[i])}" for i, name in enumerate(names) if abs(apart[i]) > FAR * sd[i]
+            f"{name} {amount(name, theta[i])}"
+            for i, name in enumerate(names)
+            if abs(apart[i]) > FAR * sd[i]
         )
         if other and rival.evidence <= REFUTED:
             spanned = "; the intervals span both" if elastic.standing else ""
@@ -100,13 +120,17 @@ def _rival_pairing(elastic: ElasticResult) -> list[Finding]:
 
 
 def _swinging_pairing(elastic: ElasticResult) -> list[Finding]:
-    """Modes whose partners had to be held, as the fit from the prior means changed them to and fro."""
+    """Modes whose partners had to be held, as the fit from the prior means changed them to and
+    fro.
+    """
     which = ", ".join(elastic.layout.campaigns[number].named(row) for number, row in elastic.torn)
     return [found("partners_swing", which=which)] if which else []
 
 
 def _twins(elastic: ElasticResult, modes: MeasuredModes) -> dict[int, list[int]]:
-    """Modes of the model without a partner within half a bandwidth of a measured mode's partner, by the measured mode."""
+    """Modes of the model without a partner within half a bandwidth of a measured mode's partner, by
+    the measured mode.
+    """
     model, pairing = elastic.updated.frequency_hz, elastic.pairing
     twins = dict[int, list[int]]()
     for row, column in pairing.pairs:
@@ -116,7 +140,9 @@ def _twins(elastic: ElasticResult, modes: MeasuredModes) -> dict[int, list[int]]
     return twins
 
 
-def _two_in_one(elastic: ElasticResult, modes: MeasuredModes, twins: dict[int, list[int]]) -> list[Finding]:
+def _two_in_one(
+    elastic: ElasticResult, modes: MeasuredModes, twins: dict[int, list[int]]
+) -> list[Finding]:
     """Measured modes where the body has two that lie too close together to be separated."""
     model, partner = elastic.updated.frequency_hz, dict(elastic.pairing.pairs)
     return [
@@ -130,7 +156,9 @@ def _two_in_one(elastic: ElasticResult, modes: MeasuredModes, twins: dict[int, l
 
 
 def _halves_of_modes(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
-    """Neighbours within their bandwidths, for which the model has one like mode: one mode that moved in the test."""
+    """Neighbours within their bandwidths, for which the model has one like mode: one mode that
+    moved in the test.
+    """
     matrix, partner, hz = elastic.pairing.mac, dict(elastic.pairing.pairs), modes.frequency_hz
     model = elastic.updated.frequency_hz
     width = np.nan_to_num(modes.damping_ratio) * hz  # half of the bandwidth
@@ -146,8 +174,13 @@ def _halves_of_modes(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
     ]
     if not halves:
         return []
-    which = ", ".join(f"{row + 1} and {row + 2} ({hz[row]:.2f} and {hz[row + 1]:.2f} Hz)" for row in halves)
-    spoilt = elastic.misfit > HOPELESS_MISS or np.median([matrix[pair] for pair in partner.items()]) < SAME_SHAPE
+    which = ", ".join(
+        f"{row + 1} and {row + 2} ({hz[row]:.2f} and {hz[row + 1]:.2f} Hz)" for row in halves
+    )
+    spoilt = (
+        elastic.misfit > HOPELESS_MISS
+        or np.median([matrix[pair] for pair in partner.items()]) < SAME_SHAPE
+    )
     return [found("halves_of_a_mode", level="do_not_use" if spoilt else None, which=which)]
 
 
@@ -172,9 +205,15 @@ def _missed_frequencies(elastic: ElasticResult) -> list[Finding]:
 
 
 def mesh_findings(elastic: ElasticResult) -> list[Finding]:
-    """Where the bodies' own meshes would have given other constants, and which a finer one still decides."""
+    """Where the bodies' own meshes would have given other constants, and which a finer one still
+    decides.
+    """
     shared, findings = elastic.layout.shared, []
-    errors = [error for campaign in elastic.layout.campaigns if (error := campaign.forward.mesh_error) is not None]
+    errors = [
+        error
+        for campaign in elastic.layout.campaigns
+        if (error := campaign.forward.mesh_error) is not None
+    ]
     if not errors:
         return []
     sd = np.sqrt(np.diag(elastic.spanning.total) + elastic.by_mesh)[: len(shared)]
@@ -192,12 +231,20 @@ def mesh_findings(elastic: ElasticResult) -> list[Finding]:
                 size=1e3 * coarsest.size,
                 finest=1e3 * coarsest.finest,
                 moved=listed(
-                    [f"{shared[i]} by {100 * each:+.2g} %" for i, each in zip(moved, share, strict=True)], _NAMED
+                    [
+                        f"{shared[i]} by {100 * each:+.2g} %"
+                        for i, each in zip(moved, share, strict=True)
+                    ],
+                    _NAMED,
                 ),
                 enough=1e3 * enough,
             )
         )
-    decided = [name for i, name in enumerate(shared) if elastic.by_mesh[i] > sd[i] ** 2 / 2 and _is_lost(elastic, i)]
+    decided = [
+        name
+        for i, name in enumerate(shared)
+        if elastic.by_mesh[i] > sd[i] ** 2 / 2 and _is_lost(elastic, i)
+    ]
     if decided:
         findings.append(found("mesh_decides", names=listed(decided, _NAMED)))
     return findings
@@ -213,7 +260,11 @@ def mesh_on_trust(forward: ForwardModel) -> list[Finding]:
     if isinstance(body, MatrixBody):
         return [found("mesh_on_trust", why="matrices have no elements that could be refined")]
     if isinstance(body, Structure) and forward.finer is None:
-        return [found("mesh_on_trust", why=f"it is too large to be refined ({len(body.mesh.nodes)} nodes)")]
+        return [
+            found(
+                "mesh_on_trust", why=f"it is too large to be refined ({len(body.mesh.nodes)} nodes)"
+            )
+        ]
     return []
 
 
@@ -233,7 +284,9 @@ def contradiction(conflict: Conflict) -> Finding:
 
 
 def _explained(check: Check) -> str:
-    """A cause as a sentence says it: `length of campaign B as 291.2 ± 1.6 mm instead of 300 ± 0.5 mm`."""
+    """A cause as a sentence says it:
+    `length of campaign B as 291.2 ± 1.6 mm instead of 300 ± 0.5 mm`.
+    """
     if check.kind == "campaign":
         return f"{check.name} as one of another material, angle or boundary than stated"
     if check.kind in ("mass", "foot", "support"):
@@ -243,25 +296,32 @@ def _explained(check: Check) -> str:
     if check.kind == "stiffness":
         (said,), (of, where) = check.said, check.stretch
         return (
-            f"{check.name}, {of} at {said.rest:.2f} ± {said.rest_sd:.2f} of it between {where}, which is said of at most "
-            f"{100 * check.level:.1g} % of sound bodies"
+            f"{check.name}, {of} at {said.rest:.2f} ± {said.rest_sd:.2f} of it between {where},"
+            f" which is said of at most {100 * check.level:.1g} % of sound bodies"
         )
     if check.kind == "scatter":
         (said,) = check.said
-        return f"specimens that scatter by {100 * said.rest:.2g} % instead of {100 * said.stated:.2g} %"
+        return (
+            f"specimens that scatter by {100 * said.rest:.2g} % instead of"
+            f" {100 * said.stated:.2g} %"
+        )
     several, words = len(check.said) > 1, []
     for said in check.said:
         found, stated = (
-            plus_minus(said.constant, *each) for each in ((said.rest, said.rest_sd), (said.stated, said.stated_sd))
+            plus_minus(said.constant, *each)
+            for each in ((said.rest, said.rest_sd), (said.stated, said.stated_sd))
         )
         words.append(
-            f"{said.constant + ' ' if several or check.kind == 'coupons' else ''}as {found} instead of {stated}"
+            f"{said.constant + ' ' if several or check.kind == 'coupons' else ''}as {found} instead"
+            f" of {stated}"
         )
     return f"{check.name}{': ' if check.kind == 'coupons' else ' '}{listed(words, _NAMED)}"
 
 
 def _sized(said: Said) -> str:
-    """The size of what a body may have: `5.4 ± 0.2 g`, `in rotation about y with 82 ± 2 N·m/rad`."""
+    """The size of what a body may have: `5.4 ± 0.2 g`,
+    `in rotation about y with 82 ± 2 N·m/rad`.
+    """
     if said.constant == MASS:
         return f"{1e3 * said.rest:.1f} ± {1e3 * said.rest_sd:.1f} g"
     dof, unit = said.constant.rpartition("_")[2], "N/m"
@@ -280,29 +340,47 @@ def _odds(conflict: Conflict) -> str:
 
 
 def _changed(elastic: ElasticResult) -> list[Finding]:
-    """Where the stiffness has changed, and where the resolution ends; nothing where it hardly has."""
+    """Where the stiffness has changed, and where the resolution ends; nothing where it hardly
+    has.
+    """
     stretches = elastic.stretches
     if stretches is None or stretches.probability < _HARDLY:
         return []
     begin, end, least, most = (1e3 * value for value in stretches.extent())
-    return [found("stiffness_changed", p=stretches.probability, begin=begin, end=end, least=least, most=most)]
+    return [
+        found(
+            "stiffness_changed",
+            p=stretches.probability,
+            begin=begin,
+            end=end,
+            least=least,
+            most=most,
+        )
+    ]
 
 
 def _confounded(elastic: ElasticResult) -> list[Finding]:
-    """Constants that move with others; a coefficient of temperature by which they were brought elsewhere is none of these."""
+    """Constants that move with others; a coefficient of temperature by which they were brought
+    elsewhere is none of these.
+    """
     others = {
         each.name: [name for name in each.confounded_with if constant_of(name) is None]
         for each in elastic.identifiability
         if each.name in elastic.layout.shared
     }
-    return [found("confounded", name=name, others=", ".join(rest)) for name, rest in others.items() if rest]
+    return [
+        found("confounded", name=name, others=", ".join(rest))
+        for name, rest in others.items()
+        if rest
+    ]
 
 
 def _moved_by_length(elastic: ElasticResult) -> list[Finding]:
-    """How a slip of the stated length that the modes would not show moves the constants, where by more than their intervals.
+    """How a slip of the stated length that the modes would not show moves the constants, where by
+    more than their intervals.
 
-    Of the posterior covariance C and the prior's variance σ² the rest of the data say length by v = 1/(1/C_nn - 1/σ²), and a
-    constant follows a length that is held by C_pn/C_nn.
+    Of the posterior covariance C and the prior's variance σ² the rest of the data say length by v =
+    1/(1/C_nn - 1/σ²), and a constant follows a length that is held by C_pn/C_nn.
     """
     layout, C = elastic.layout, elastic.inverse
     if "length" not in layout.labels:
@@ -314,14 +392,18 @@ def _moved_by_length(elastic: ElasticResult) -> list[Finding]:
     sd = np.sqrt(np.diag(elastic.spanning.total)[: len(layout.shared)])
     moved = [
         f"{name} by {100 * np.expm1(slope * np.log(1.01)):+.2g} %"
-        for name, slope, own, each in zip(layout.shared, slopes, sd, elastic.identifiability, strict=False)
+        for name, slope, own, each in zip(
+            layout.shared, slopes, sd, elastic.identifiability, strict=False
+        )
         if each.identifiable and abs(slope) * rest > Z_95 * own
     ]
     return [found("length_moves", rest=100 * rest, moved=listed(moved, _NAMED))] if moved else []
 
 
 def undetermined(
-    constants: Sequence[ParameterEstimate], parameters: Sequence[Parameter] | None, usual: Sequence[Parameter] = ()
+    constants: Sequence[ParameterEstimate],
+    parameters: Sequence[Parameter] | None,
+    usual: Sequence[Parameter] = (),
 ) -> list[Finding]:
     """Constants that a recipe asks for and the data do not determine; or that they determine none.
 
@@ -331,17 +413,20 @@ def undetermined(
     if not any(each.identifiable for each in constants):
         return [found("nothing_determined")] if constants else []
     asked, known = (
-        {each.name for each in some if not (each.fixed or each.tied_to)} for some in (parameters or (), usual)
+        {each.name for each in some if not (each.fixed or each.tied_to)}
+        for some in (parameters or (), usual)
     )
     names = [name for name in lost if name in asked and asked != known]
     return [found("not_determined", names=listed(names, _NAMED))] if names else []
 
 
 def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> list[Finding]:
-    """Which points of the grid contradict the length or the width; of a campaign that is named where there are several.
+    """Which points of the grid contradict the length or the width; of a campaign that is named
+    where there are several.
 
-    A tape, a drawing and a calliper differ by millimetres, so the model has a point that lies a little further out on its edge
-    (`fecore.body.specimen.BEYOND_EDGE`). Beyond what the dimension is known to, the dimension or the point is wrong.
+    A tape, a drawing and a calliper differ by millimetres, so the model has a point that lies a
+    little further out on its edge (`fecore.body.specimen.BEYOND_EDGE`). Beyond what the dimension
+    is known to, the dimension or the point is wrong.
     """
     if not isinstance(forward.specimen, OfStructure):
         return []

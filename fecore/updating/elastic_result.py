@@ -1,4 +1,6 @@
-"""What stage 1 gives: the updated elastic parameters with their posterior, and how the fit came to them."""
+"""What stage 1 gives: the updated elastic parameters with their posterior, and how the fit came to
+them.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,11 @@ if TYPE_CHECKING:
 REFUTED = 5.0
 """Log evidence by which a pairing must be behind to be ruled out."""
 
-NOISE, DISCREPANCY_OF_MODEL, MODEL_OF_JOINTS = "measurement noise", "model discrepancy", "model of the joints"
+NOISE, DISCREPANCY_OF_MODEL, MODEL_OF_JOINTS = (
+    "measurement noise",
+    "model discrepancy",
+    "model of the joints",
+)
 
 _NEGLIGIBLE = 1e-6  # weight of a Gaussian in a budget
 
@@ -56,8 +62,12 @@ def stacked(pairings: Sequence[Pairing]) -> tuple[slice, ...]:
 
 def prior_belief(layout: Layout, pairings: Sequence[Pairing]) -> tuple[FloatArray, FloatArray]:
     """(n,) P of the paired modes of all campaigns, and (n,) W (`belief`)."""
-    each = [(c, [row for row, _ in p.pairs]) for c, p in zip(layout.campaigns, pairings, strict=True)]
-    known, width = ([getattr(c, name)(rows) for c, rows in each] for name in ("probability", "width"))
+    each = [
+        (c, [row for row, _ in p.pairs]) for c, p in zip(layout.campaigns, pairings, strict=True)
+    ]
+    known, width = (
+        [getattr(c, name)(rows) for c, rows in each] for name in ("probability", "width")
+    )
     return np.concatenate(known), np.concatenate(width)
 
 
@@ -71,10 +81,13 @@ class Rival:
 
 @dataclass(frozen=True)
 class ElasticResult:
-    """Updated elastic parameters, the laboratory's inputs among them, of one campaign or of several."""
+    """Updated elastic parameters, the laboratory's inputs among them, of one campaign or of
+    several.
+    """
 
     layout: Layout  # the unknowns, and the campaigns that see them
-    # (X,) estimate, as deviations from the prior means in the coordinates in which the posterior is nearly Gaussian
+    # (X,) estimate, as deviations from the prior means in the coordinates in which the posterior is
+    # nearly Gaussian
     x: FloatArray
     # initial_states, states: each campaign's model at the prior means and at the estimate
     initial_states: tuple[ForwardState, ...]
@@ -88,12 +101,16 @@ class ElasticResult:
     history: tuple[ConvergenceStep, ...]  # iterates, first to last
     # every start that was tried, this one among them; empty where there was no choice of starts
     starts: tuple[StartHistory, ...] = ()
-    rivals: tuple[Rival, ...] = ()  # the best point of each other pairing that a start came to, the likest first
-    # the partners that the fit held in each campaign; None where it paired the modes anew in every turn
+    # the best point of each other pairing that a start came to, the likest first
+    rivals: tuple[Rival, ...] = ()
+    # the partners that the fit held in each campaign; None where it paired the modes anew in every
+    # turn
     held: tuple[Partners, ...] | None = None
-    # campaigns and measured modes, from 0, whose partners changed to and fro in the fit from the prior means
+    # campaigns and measured modes, from 0, whose partners changed to and fro in the fit from the
+    # prior means
     torn: tuple[tuple[int, int], ...] = ()
-    # no measured mode was like any of the model's, so the likest were paired, for a comparison alone
+    # no measured mode was like any of the model's, so the likest were paired, for a comparison
+    # alone
     unlike: bool = False
     stretches: Stretches | None = None  # where the stiffness has changed, of a body in zones
 
@@ -109,7 +126,9 @@ class ElasticResult:
 
     @cached_property
     def given(self) -> Mixture:
-        """The posterior of x about the estimate, given the partners of the modes and which are real, without excursions."""
+        """The posterior of x about the estimate, given the partners of the modes and which are
+        real, without excursions.
+        """
         return self.problem.mixture(self.layout.scatter)[0]
 
     @cached_property
@@ -122,15 +141,21 @@ class ElasticResult:
 
     @cached_property
     def excursions(self) -> tuple[tuple[Excursion, ...], ...]:
-        """Of each campaign, inputs that may be something, for what they do, as the frequencies leave them."""
+        """Of each campaign, inputs that may be something, for what they do, as the frequencies
+        leave them.
+        """
         found, missed = [], np.zeros(self.problem.residual.size)
-        for c, state, pairing, at in zip(self.layout.campaigns, self.states, self.pairings, self.rows, strict=True):
+        for c, state, pairing, at in zip(
+            self.layout.campaigns, self.states, self.pairings, self.rows, strict=True
+        ):
             own = list(excursions(state, c.inputs, c.fixed_points))
             for place, each in enumerate(own):
                 if each.kind == "one-sided" and each.name != MESH:
                     by = missed.copy()
                     by[at] = np.log1p(each.shift[[column for _, column in pairing.pairs]])
-                    own[place] = each.given(*self.problem.of_another(by, self.discrepancy, self.scatter))
+                    own[place] = each.given(
+                        *self.problem.of_another(by, self.discrepancy, self.scatter)
+                    )
             found.append(tuple(own))
         return tuple(found)
 
@@ -140,12 +165,16 @@ class ElasticResult:
         return self.sources_at(self.discrepancy, self.scatter)
 
     def sources_at(self, discrepancy: float, scatter: float) -> dict[str, FloatArray]:
-        """By name of its source, (X, k) independent standard deviations of which the error of x is made.
+        """By name of its source, (X, k) independent standard deviations of which the error of x is
+        made.
 
-        The estimate is linear in data and prior means, so its error is Gε + Gδ + H⁻¹P(x₀ - x); the variances of these parts,
-        the noise's, the discrepancy's and each prior's, add up to H⁻¹.
+        The estimate is linear in data and prior means, so its error is Gε + Gδ + H⁻¹P(x₀ - x); the
+        variances of these parts, the noise's, the discrepancy's and each prior's, add up to H⁻¹.
         """
-        gain, inverse = self.problem.gain(discrepancy, scatter), self.problem.solve(discrepancy, scatter)[1]
+        gain, inverse = (
+            self.problem.gain(discrepancy, scatter),
+            self.problem.solve(discrepancy, scatter)[1],
+        )
         of_data, of_others = self._roots
         parts = {name: [gain @ each] for name, each in of_data.items()}
         parts[DISCREPANCY_OF_MODEL] = [np.asarray(gain * discrepancy)]
@@ -153,13 +182,17 @@ class ElasticResult:
             parts[name] = [inverse @ each]
         if self.layout.common:
             parts[COMMON] = [inverse @ root(self.layout.coupling(scatter))]
-        for place, (unknown, sd) in enumerate(zip(self.layout.unknowns, self.layout.sd(scatter), strict=True)):
+        for place, (unknown, sd) in enumerate(
+            zip(self.layout.unknowns, self.layout.sd(scatter), strict=True)
+        ):
             parts.setdefault(unknown.source, []).append(inverse[:, [place]] / sd)
         return {name: np.hstack(columns) for name, columns in parts.items()}
 
     @cached_property
     def _roots(self) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-        """By source, (n, k) roots of the covariance of the frequencies, and (X, k) of the information of what is none."""
+        """By source, (n, k) roots of the covariance of the frequencies, and (X, k) of the
+        information of what is none.
+        """
         missed, by_shear = np.zeros((2, self.problem.residual.size))
         each = zip(self.layout.campaigns, self.states, self.pairings, self.rows, strict=True)
         for campaign, state, pairing, at in each:
@@ -174,7 +207,9 @@ class ElasticResult:
         return of_data, {name: root(each) for name, each in self.problem.others.items()}
 
     def variance_by_source(self, along: FloatArray) -> dict[str, float]:
-        """By name of its source, variances of an (X,) combination of the unknowns that add up to that of `given`."""
+        """By name of its source, variances of an (X,) combination of the unknowns that add up to
+        that of `given`.
+        """
         found = dict[str, float]()
         for share, sources, shift in self._made_of:
             for name, part in sources.items():
@@ -187,20 +222,31 @@ class ElasticResult:
 
     @cached_property
     def _made_of(self) -> list[tuple[float, dict[str, FloatArray], FloatArray]]:
-        """The Gaussians of `given`: weight, and sources as `sources_at` has them at a discrepancy and a scatter of its own, and
-        how far its mean lies from the estimate, which is the discrepancy's.
+        """The Gaussians of `given`: weight, and sources as `sources_at` has them at a discrepancy
+        and a scatter of its own, and how far its mean lies from the estimate, which is the
+        discrepancy's.
         """
         mixture, scatters = self.problem.mixture(self.layout.scatter)
         kept = np.flatnonzero(mixture.weight > _NEGLIGIBLE)
-        known = zip(mixture.weight[kept], mixture.scale[kept], scatters[kept], mixture.shift[kept], strict=True)
+        known = zip(
+            mixture.weight[kept],
+            mixture.scale[kept],
+            scatters[kept],
+            mixture.shift[kept],
+            strict=True,
+        )
         return [(float(w), self.sources_at(float(s), float(t)), shift) for w, s, t, shift in known]
 
     @cached_property
     def identifiability(self) -> tuple[Identifiability, ...]:
-        """Of each unknown, whichever of the modes are real and whichever partners that are not ruled out they have."""
+        """Of each unknown, whichever of the modes are real and whichever partners that are not
+        ruled out they have.
+        """
         sd = self.layout.marginal_sd(self.scatter)
         known = identifiability(self.layout.labels, self.inverse, sd)
-        return spread_over(known, self.spanning.total + np.diag(self.by_excursions(*self.every_excursion)), sd)
+        return spread_over(
+            known, self.spanning.total + np.diag(self.by_excursions(*self.every_excursion)), sd
+        )
 
     @property
     def in_doubt(self) -> bool:
@@ -209,19 +255,25 @@ class ElasticResult:
 
     @property
     def null_directions(self) -> FloatArray:
-        """(d, X) unit vectors, in prior standard deviations, of which the data say next to nothing."""
+        """(d, X) unit vectors, in prior standard deviations, of which the data say next to
+        nothing.
+        """
         return null_directions(self.inverse, self.layout.marginal_sd(self.scatter))
 
     @property
     def standing(self) -> tuple[Rival, ...]:
-        """The rivals that are not ruled out, where there are no shapes to say so, or shapes let partners go to and fro."""
+        """The rivals that are not ruled out, where there are no shapes to say so, or shapes let
+        partners go to and fro.
+        """
         if not self.torn and all(pairing.mac is not None for pairing in self.pairings):
             return ()
         return tuple(rival for rival in self.rivals if rival.evidence <= REFUTED)
 
     @cached_property
     def spanning(self) -> Mixture:
-        """The posterior of x about the estimate over stretches, or over all pairings that are not ruled out."""
+        """The posterior of x about the estimate over stretches, or over all pairings that are not
+        ruled out.
+        """
         if self.stretches is not None:
             return self.stretches.mixture
         if not self.standing:
@@ -229,7 +281,9 @@ class ElasticResult:
         others = [rival.other for rival in self.standing]
         share = np.exp([0.0, *(-rival.evidence for rival in self.standing)])
         shift = np.array([each.x - self.x for each in (self, *others)])
-        return Mixture.joined(share / share.sum(), shift, [each.mixture for each in (self, *others)])
+        return Mixture.joined(
+            share / share.sum(), shift, [each.mixture for each in (self, *others)]
+        )
 
     @property
     def rows(self) -> tuple[slice, ...]:
@@ -244,12 +298,16 @@ class ElasticResult:
     def missed(self, rows: slice) -> float:
         """The same of some of them, such as one campaign's."""
         weights = self.problem.weights[rows]
-        return float(np.sqrt(weights @ self.problem.residual[rows] ** 2 / max(weights.sum(), 1e-300)))
+        return float(
+            np.sqrt(weights @ self.problem.residual[rows] ** 2 / max(weights.sum(), 1e-300))
+        )
 
     def believed(self, number: int) -> Pairing:
         """A campaign's pairing without the measured modes that are more likely none."""
         pairing, weights = self.pairings[number], self.problem.weights[self.rows[number]]
-        kept = tuple(pair for pair, weight in zip(pairing.pairs, weights, strict=True) if weight >= BELIEVED)
+        kept = tuple(
+            pair for pair, weight in zip(pairing.pairs, weights, strict=True) if weight >= BELIEVED
+        )
         return replace(pairing, pairs=kept)
 
     @property
@@ -260,7 +318,9 @@ class ElasticResult:
 
     @property
     def weights(self) -> tuple[FloatArray, ...]:
-        """Of each campaign, of each measured mode whether it is taken for one; 1 without a partner."""
+        """Of each campaign, of each measured mode whether it is taken for one; 1 without a
+        partner.
+        """
         found = [np.ones(len(campaign.modes)) for campaign in self.layout.campaigns]
         for own, pairing, at in zip(found, self.pairings, self.rows, strict=True):
             own[[row for row, _ in pairing.pairs]] = self.problem.weights[at]
@@ -273,7 +333,9 @@ class ElasticResult:
 
     @cached_property
     def pulls(self) -> FloatArray:
-        """(X, e) change of x by one standard deviation of each excursion: what the frequencies then belong to."""
+        """(X, e) change of x by one standard deviation of each excursion: what the frequencies then
+        belong to.
+        """
         pulls: list[FloatArray] = [np.zeros((self.x.size, 0))]
         for found, pairing, at in zip(self.excursions, self.pairings, self.rows, strict=True):
             columns = [column for _, column in pairing.pairs]
@@ -305,12 +367,19 @@ class ElasticResult:
     @property
     def partners(self) -> tuple[Partners, ...]:
         """Who is paired with whom, in each campaign."""
-        return tuple(partners_of(p, s.kinds) for p, s in zip(self.pairings, self.states, strict=True))
+        return tuple(
+            partners_of(p, s.kinds) for p, s in zip(self.pairings, self.states, strict=True)
+        )
 
     def compared_modes(
-        self, number: int, modes: MeasuredModes, predicted: Callable[[int], float | None] = lambda _: None
+        self,
+        number: int,
+        modes: MeasuredModes,
+        predicted: Callable[[int], float | None] = lambda _: None,
     ) -> tuple[ModeComparison, ...]:
-        """A campaign's measured modes beside its model's; `predicted` gives the damping ratio of a model's elastic mode."""
+        """A campaign's measured modes beside its model's; `predicted` gives the damping ratio of a
+        model's elastic mode.
+        """
         pairing, updated = self.pairings[number], self.states[number]
         moved = updated.by_mesh
         first, last = dict(self.initial_pairings[number].pairs), dict(pairing.pairs)
@@ -318,7 +387,9 @@ class ElasticResult:
         for row, measured in enumerate(map(float, modes.frequency_hz)):
             before, after = first.get(row), last.get(row)
             hz = None if after is None else float(updated.frequency_hz[after])
-            initial = None if before is None else float(self.initial_states[number].frequency_hz[before])
+            initial = (
+                None if before is None else float(self.initial_states[number].frequency_hz[before])
+            )
             found.append(
                 ModeComparison(
                     number=row + 1,
@@ -327,23 +398,39 @@ class ElasticResult:
                     initial_hz=initial,
                     updated_hz=hz,
                     error_percent=None if hz is None else 100 * (hz / measured - 1),
-                    mac=None if pairing.mac is None or after is None else float(pairing.mac[row, after]),
+                    mac=(
+                        None
+                        if pairing.mac is None or after is None
+                        else float(pairing.mac[row, after])
+                    ),
                     measured_damping=_finite(modes.damping_ratio, row),
                     predicted_damping=None if after is None else predicted(after),
                     measured_damping_sd=_finite(modes.damping_sd, row),
-                    own_mesh_hz=None if hz is None or moved is None else hz * float(1 + moved[0][after]),
+                    own_mesh_hz=(
+                        None if hz is None or moved is None else hz * float(1 + moved[0][after])
+                    ),
                     **({} if after is None else updated.shares(after)),
                 )
             )
         return tuple(found)
 
-    def mixings(self, number: int, rows: Sequence[int], columns: Sequence[int], hz: FloatArray) -> tuple[Mixing, ...]:
-        """Which of a campaign's (n,) measured modes, with their elastic partners and frequencies, may be mixed with others."""
+    def mixings(
+        self, number: int, rows: Sequence[int], columns: Sequence[int], hz: FloatArray
+    ) -> tuple[Mixing, ...]:
+        """Which of a campaign's (n,) measured modes, with their elastic partners and frequencies,
+        may be mixed with others.
+        """
         campaign, state = self.layout.campaigns[number], self.states[number]
         chain = campaign.prior.slope(state.theta)[:, None] * campaign.pick
         shapes = campaign.modes.shapes
-        seen = None if shapes is None or not rows else np.array([turn_real(shapes[row]).real for row in rows])
-        return mixings(state, columns, hz, seen, self.discrepancy, chain @ self.spanning.total @ chain.T)
+        seen = (
+            None
+            if shapes is None or not rows
+            else np.array([turn_real(shapes[row]).real for row in rows])
+        )
+        return mixings(
+            state, columns, hz, seen, self.discrepancy, chain @ self.spanning.total @ chain.T
+        )
 
     # --- of an update of one campaign
 
@@ -380,7 +467,9 @@ class ElasticResult:
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """(p, p) posterior covariance of θ given the partners, discrepancy included, excursions not."""
+        """(p, p) posterior covariance of θ given the partners, discrepancy included, excursions
+        not.
+        """
         slope = self.prior.slope(self.theta)
         return self.mixture.total * np.outer(slope, slope)
 

@@ -1,15 +1,19 @@
 """Stage 1 from several starts, where one may end with modes paired wrongly.
 
-Where a prior is far off, modes that lie close together in the model stand in another order than in the body, and an update that
-pairs them in the wrong order ends in a point of its own. So where the first result looks doubtful, and always where there are
-no shapes to say so, draws from the prior are paired with the measured modes, and the update starts again from the best draw of
-each different pairing. The best of the points with other partners stands in the result as its rival.
+Where a prior is far off, modes that lie close together in the model stand in another order than in
+the body, and an update that pairs them in the wrong order ends in a point of its own. So where the
+first result looks doubtful, and always where there are no shapes to say so, draws from the prior
+are paired with the measured modes, and the update starts again from the best draw of each different
+pairing. The best of the points with other partners stands in the result as its rival.
 
-Without shapes a pairing need not be where the alignment comes to rest: a mode that nobody measured may be tuned onto a
-measured one beside its true partner. So the fit is also made with partners held: those at the prior means, and those of good
-results with a mode's other candidate in place of its partner. With shapes and without, two close modes may exchange their
-partners for ever: then the fit is made with each of the pairings that it went to and fro between held. Every pairing whose
-evidence is near the best one's then takes part in the intervals (`ElasticResult.spanning`).
+Without shapes a pairing need not be where the alignment comes to rest: a mode that nobody measured
+may be tuned onto a
+measured one beside its true partner. So the fit is also made with partners held: those at the prior
+means, and those of good results with a mode's other candidate in place of its partner. With shapes
+and without, two close modes may exchange their
+partners for ever: then the fit is made with each of the pairings that it went to and fro between
+held. Every pairing whose evidence is near the best one's then takes part in the intervals
+(`ElasticResult.spanning`).
 """
 
 from collections.abc import Callable, Sequence
@@ -40,17 +44,21 @@ from fecore.updating.result import StartHistory
 _DOUBTFUL = 5.0  # misfit over the discrepancy's prior from which a result is doubted
 _FAR = 1.5  # and prior standard deviations that a parameter has moved
 _DRAWS, _REACH = 64, 2.0  # from the prior, within so many of its standard deviations
-_STARTS, _VERIFIED = 6, 2  # pairings from which the fit starts anew; results that are fitted anew on a verified basis
+# pairings from which the fit starts anew; results that are fitted anew on a verified basis
+_STARTS, _VERIFIED = 6, 2
 _HELD = 6  # pairings that are held
 _MENDED = 3  # times that bases may grow where a fit ended, before each of its points is verified
-_OF_MESH = 0.003  # relative error of a frequency by a mesh from which how it goes with the constants matters
+# relative error of a frequency by a mesh from which how it goes with the constants matters
+_OF_MESH = 0.003
 _PRICE_ALONE = 8.0  # in log evidence, of a measured mode without a partner, beside another pairing
 
 Found = ElasticResult | UpdatingError
 
 
 class _Run(Protocol):
-    """A fit of a layout from a start, with the share of progress before and after, and partners that are held."""
+    """A fit of a layout from a start, with the share of progress before and after, and partners
+    that are held.
+    """
 
     def __call__(
         self,
@@ -69,18 +77,25 @@ def update_from_several_starts(
     use_shapes: bool = False,
     seed: int = 0,
 ) -> ElasticResult:
-    """`fit`, from the prior means and, where that is doubtful, from draws that pair the modes otherwise.
+    """`fit`, from the prior means and, where that is doubtful, from draws that pair the modes
+    otherwise.
 
-    Where no draw has a mode that is like a measured one, the likest are paired, so that a result can show how unlike they are.
+    Where no draw has a mode that is like a measured one, the likest are paired, so that a result
+    can show how unlike they are.
 
-    The draws and the fits from them use the reduced basis unverified; the best two with different partners are fitted anew.
+    The draws and the fits from them use the reduced basis unverified; the best two with different
+    partners are fitted anew.
 
     Raises:
         UpdatingError: no start converged.
     """
 
     def run(
-        place: Layout, start: FloatArray | None, first: float, last: float, held: tuple[Partners, ...] | None = None
+        place: Layout,
+        start: FloatArray | None,
+        first: float,
+        last: float,
+        held: tuple[Partners, ...] | None = None,
     ) -> Found:
         try:
             return fit(
@@ -99,12 +114,17 @@ def update_from_several_starts(
         loose = layout.unverified()
         starts = _other_starts(loose, seed, _alone_at_most(found[0]))
         steps = np.linspace(0.5, 0.8, len(starts) + 1)
-        searched = [run(loose, start, *between) for start, between in zip(starts, pairwise(steps), strict=True)]
+        searched = [
+            run(loose, start, *between)
+            for start, between in zip(starts, pairwise(steps), strict=True)
+        ]
         to_hold = _to_hold([*found, *searched], layout)
         searched += [run(loose, start, 0.8, 0.8, partners) for partners, start in to_hold]
         worth = _worth_verifying([*found, *searched])
         found += [each for each in searched if not any(each is chosen for chosen in worth)]
-        found += [_verified(each, layout, run, 0.8 + 0.1 * place) for place, each in enumerate(worth)]
+        found += [
+            _verified(each, layout, run, 0.8 + 0.1 * place) for place, each in enumerate(worth)
+        ]
         if layout.is_large and not any(map(_is_verified, found)):
             found.append(run(layout, None, 0.9, 1.0))
     verified = [each for each in found if isinstance(each, ElasticResult) and _is_verified(each)]
@@ -117,8 +137,12 @@ def update_from_several_starts(
     return replace(best, starts=starts_tried, rivals=_rivals(best, found), torn=torn)
 
 
-def update_on_finest_mesh(layout: Layout, update: Callable[[Layout], ElasticResult]) -> ElasticResult:
-    """An update with what each body's own mesh misses as it is at the estimate, where it is enough to go with the constants."""
+def update_on_finest_mesh(
+    layout: Layout, update: Callable[[Layout], ElasticResult]
+) -> ElasticResult:
+    """An update with what each body's own mesh misses as it is at the estimate, where it is enough
+    to go with the constants.
+    """
     elastic = update(layout)
     moved = [
         np.abs(state.by_mesh[0][[column for _, column in pairing.pairs]]).max(initial=0.0)
@@ -131,16 +155,20 @@ def update_on_finest_mesh(layout: Layout, update: Callable[[Layout], ElasticResu
 
 
 def _first(layout: Layout, run: _Run) -> Found:
-    """The fit from the prior means; of a large body on the basis as it is, and verified where that ends."""
+    """The fit from the prior means; of a large body on the basis as it is, and verified where that
+    ends.
+    """
     if not layout.is_large:
         return run(layout, None, 0.0, 0.5)
     return _verified(run(layout.unverified(), None, 0.0, 0.3), layout, run, 0.3)
 
 
 def _verified(found: Found, layout: Layout, run: _Run, share: float) -> Found:
-    """A fit on bases as they were, where these hold at its end; else it goes on from there on those that have grown.
+    """A fit on bases as they were, where these hold at its end; else it goes on from there on those
+    that have grown.
 
-    A path that is verified at each of its points costs a solution of the full model at most of them.
+    A path that is verified at each of its points costs a solution of the full model at most of
+    them.
     """
     for _ in range(_MENDED):
         if isinstance(found, UpdatingError):
@@ -149,19 +177,31 @@ def _verified(found: Found, layout: Layout, run: _Run, share: float) -> Found:
         if all(was.basis is now.basis for was, now in zip(found.states, states, strict=True)):
             return replace(found, layout=layout, states=states)
         fresh = run(layout.unverified(), found.x, share, share + 0.1, found.held)
-        found = fresh if isinstance(fresh, UpdatingError) else replace(fresh, history=(*found.history, *fresh.history))
-    return found if isinstance(found, UpdatingError) else run(layout, found.x, share, share + 0.1, found.held)
+        found = (
+            fresh
+            if isinstance(fresh, UpdatingError)
+            else replace(fresh, history=(*found.history, *fresh.history))
+        )
+    return (
+        found
+        if isinstance(found, UpdatingError)
+        else run(layout, found.x, share, share + 0.1, found.held)
+    )
 
 
 def _alone_at_most(found: Found) -> float:
-    """How many modes may stay alone at a start that is fitted: fewer than in a result that only this makes doubtful."""
+    """How many modes may stay alone at a start that is fitted: fewer than in a result that only
+    this makes doubtful.
+    """
     if isinstance(found, UpdatingError) or not found.layout.by_shapes or _is_far(found):
         return np.inf
     return sum(len(pairing.unpaired_measured) for pairing in found.pairings) - 1
 
 
 def _likest(layout: Layout, found: Sequence[Found]) -> ElasticResult:
-    """The likest modes in pairs, where no start found one that is like a measured one; else the first start's error."""
+    """The likest modes in pairs, where no start found one that is like a measured one; else the
+    first start's error.
+    """
     first = next(each for each in found if isinstance(each, UpdatingError))
     if not all(isinstance(each, NoPartnersError) for each in found) or not layout.by_shapes:
         raise first
@@ -172,7 +212,9 @@ def _likest(layout: Layout, found: Sequence[Found]) -> ElasticResult:
 
 
 def _is_verified(found: Found) -> bool:
-    return isinstance(found, ElasticResult) and all(campaign.forward.verified for campaign in found.layout.campaigns)
+    return isinstance(found, ElasticResult) and all(
+        campaign.forward.verified for campaign in found.layout.campaigns
+    )
 
 
 def _ranked(found: Sequence[Found]) -> list[ElasticResult]:
@@ -180,24 +222,34 @@ def _ranked(found: Sequence[Found]) -> list[ElasticResult]:
     return sorted((each for each in found if isinstance(each, ElasticResult)), key=evidence)
 
 
-def _to_hold(found: Sequence[Found], layout: Layout) -> list[tuple[tuple[Partners, ...], FloatArray]]:
+def _to_hold(
+    found: Sequence[Found], layout: Layout
+) -> list[tuple[tuple[Partners, ...], FloatArray]]:
     """Pairings that no fit came to rest at but may be as likely, each with the x to start from.
 
     Where shapes distinguish the modes, these are the ones that a fit went to and fro between.
     """
     results = _ranked(found)
-    candidates = [pair for each in found if isinstance(each, SwingingError) for pair in each.between]
+    candidates = [
+        pair for each in found if isinstance(each, SwingingError) for pair in each.between
+    ]
     if not layout.by_shapes:
         origin: FloatArray = np.zeros(len(layout.unknowns))
         seen = zip(layout.campaigns, layout.solved(origin), strict=True)
-        own = tuple(partners_of(pair_with(campaign.modes, state), state.kinds) for campaign, state in seen)
+        own = tuple(
+            partners_of(pair_with(campaign.modes, state), state.kinds) for campaign, state in seen
+        )
         candidates.insert(0, (own, origin))
         least = evidence(results[0])[1] if results else np.inf
         for result in results:
             if evidence(result)[1] <= least + REFUTED:
                 candidates += [(partners, result.x) for partners in _exchanged(result)]
     known = {result.partners for result in results}
-    fresh = {partners: start for partners, start in reversed(candidates) if all(partners) and partners not in known}
+    fresh = {
+        partners: start
+        for partners, start in reversed(candidates)
+        if all(partners) and partners not in known
+    }
     return list(reversed(fresh.items()))[:_HELD]
 
 
@@ -205,12 +257,16 @@ def _exchanged(result: ElasticResult) -> list[tuple[Partners, ...]]:
     """The partners of a result, with one mode's other candidate in place of its own."""
     found, own = [], result.partners
     for number, (pairing, state) in enumerate(zip(result.pairings, result.states, strict=True)):
-        found += [(*own[:number], other, *own[number + 1 :]) for other in exchanged(pairing, state.kinds)]
+        found += [
+            (*own[:number], other, *own[number + 1 :]) for other in exchanged(pairing, state.kinds)
+        ]
     return found
 
 
 def _worth_verifying(found: Sequence[Found]) -> list[ElasticResult]:
-    """Those that are better than every verified result, or the best two where there is none; one of each pairing."""
+    """Those that are better than every verified result, or the best two where there is none; one of
+    each pairing.
+    """
     best: dict[tuple[Partners, ...], ElasticResult] = {}
     for result in _ranked(found):
         if _is_verified(result):
@@ -244,32 +300,46 @@ def _behind(rival: tuple[int, float], chosen: tuple[int, float]) -> float:
 
 
 def is_doubtful(result: ElasticResult) -> bool:
-    """Whether another start may do better: modes without a partner, a large misfit, or a parameter far from its prior."""
+    """Whether another start may do better: modes without a partner, a large misfit, or a parameter
+    far from its prior.
+    """
     alone = any(pairing.unpaired_measured for pairing in result.pairings)
     return alone or _is_far(result)
 
 
 def _is_far(result: ElasticResult) -> bool:
     """Whether a result misses the frequencies, or lies far from the prior."""
-    return bool(result.misfit > _DOUBTFUL * DISCREPANCY or np.abs(result.away).max(initial=0.0) > _FAR)
+    return bool(
+        result.misfit > _DOUBTFUL * DISCREPANCY or np.abs(result.away).max(initial=0.0) > _FAR
+    )
 
 
 def evidence(result: ElasticResult) -> tuple[int, float]:
-    """What less is better of: modes without a partner; then the misfit of residuals and prior, the discrepancy marginalised.
+    """What less is better of: modes without a partner; then the misfit of residuals and prior, the
+    discrepancy marginalised.
 
-    Where there are no shapes, modes of the model that were not seen count too, and how much a pairing narrows the prior: one
-    that meets the frequencies only where a constant is tuned to a per cent has a smaller part of the prior for it (MacKay,
-    Neural Comput. 4, 1992; the Occam factor ½ ln |C_p| - ½ ln |H⁻¹|).
+    Where there are no shapes, modes of the model that were not seen count too, and how much a
+    pairing narrows the prior: one that meets the frequencies only where a constant is tuned to a
+    per cent has a smaller part of the prior for it (MacKay, Neural Comput. 4, 1992; the Occam
+    factor ½ ln |C_p| - ½ ln |H⁻¹|).
     """
     problem, away = result.problem, result.away
     squares = DISCREPANCY_DOF + float(problem.weights @ problem.residual**2) / DISCREPANCY**2
-    misfit = (DISCREPANCY_DOF + float(problem.weights.sum())) / 2 * np.log(squares) + float(away @ away) / 2
-    misfit += stray_cost(problem.weights, *prior_belief(result.layout, result.pairings), DISCREPANCY)
+    misfit = (DISCREPANCY_DOF + float(problem.weights.sum())) / 2 * np.log(squares) + float(
+        away @ away
+    ) / 2
+    misfit += stray_cost(
+        problem.weights, *prior_belief(result.layout, result.pairings), DISCREPANCY
+    )
     if result.layout.by_shapes:
         each = zip(result.layout.campaigns, result.pairings, strict=True)
         return round(sum(float(c.probability(p.unpaired_measured).sum()) for c, p in each)), misfit
     narrowed = (
-        -(np.linalg.slogdet(result.layout.precision(result.scatter))[1] + np.linalg.slogdet(result.inverse)[1]) / 2
+        -(
+            np.linalg.slogdet(result.layout.precision(result.scatter))[1]
+            + np.linalg.slogdet(result.inverse)[1]
+        )
+        / 2
     )
     parts = zip(result.layout.campaigns, result.pairings, result.states, strict=True)
     missed = sum(
@@ -280,7 +350,8 @@ def evidence(result: ElasticResult) -> tuple[int, float]:
 
 
 def _other_starts(layout: Layout, seed: int, alone_at_most: float = np.inf) -> list[FloatArray]:
-    """Draws from the prior of the shared parameters that pair the modes differently, the best of each pairing first.
+    """Draws from the prior of the shared parameters that pair the modes differently, the best of
+    each pairing first.
 
     Those that leave more than so many modes alone are left out.
     """
@@ -293,13 +364,19 @@ def _other_starts(layout: Layout, seed: int, alone_at_most: float = np.inf) -> l
             continue
         states = layout.solved(x)
         key: list[object] = []
-        pairings = [pair_with(campaign.modes, state) for campaign, state in zip(layout.campaigns, states, strict=True)]
+        pairings = [
+            pair_with(campaign.modes, state)
+            for campaign, state in zip(layout.campaigns, states, strict=True)
+        ]
         alone, misses = sum(len(pairing.unpaired_measured) for pairing in pairings), []
         if alone > alone_at_most:
             continue
         for campaign, state, pairing in zip(layout.campaigns, states, pairings, strict=True):
             key.append(tuple((row, column, state.kinds[column]) for row, column in pairing.pairs))
-            misses += [np.log(campaign.modes.frequency_hz[i] / state.frequency_hz[j]) for i, j in pairing.pairs]
+            misses += [
+                np.log(campaign.modes.frequency_hz[i] / state.frequency_hz[j])
+                for i, j in pairing.pairs
+            ]
         if not all(key):
             continue
         score = alone, float(np.mean(np.square(misses)))

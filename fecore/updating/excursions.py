@@ -1,23 +1,30 @@
-"""Inputs that are believed to be nothing, but may be something: a clamp that gives way, fibres askew, a sensor not stated.
+"""Inputs that are believed to be nothing, but may be something: a clamp that gives way, fibres
+askew, a sensor not stated.
 
-Their prior is one-sided, or they count by their square, so the estimate stays where they are nothing and the interval reaches
-to where they would be something. What each does to the natural frequencies is exact to first order, or solved for:
+Their prior is one-sided, or they count by their square, so the estimate stays where they are
+nothing and the interval reaches to where they would be something. What each does to the natural
+frequencies is exact to first order, or solved for:
 
-- a clamp's compliance C lets the edge move by C times the reaction R of a mode, δλ = -R² C; and as a rigid motion r of the
-  whole body strains nothing, its reaction is that of the inertia, R = λ rᵀMφ;
-- of a body in space that one clamp holds, the clamp is a block on an even bed over the clamped nodes and their walls: 1 for
-  translations, about its middle J = mean(r²1 − rrᵀ) + t²/12 for rotations, so δλ = -c Rᵀ diag(1, J)⁻¹ R, and c is that which
-  lowers the first mode by what EI/kL lowers a strip's, δλ/λ = -4 EI/kL;
-- a mass m at a point where the mode moves by φ lowers it by δλ = -λ m φ²; one that nobody stated may be large for the body,
-  so the modes Λ are solved for with it, on I + m φφᵀ;
-- a shear factor larger by dκ raises it by δλ/λ = dκ/κ, of the share of strain energy in transverse shear;
+- a clamp's compliance C lets the edge move by C times the reaction R of a mode, δλ = -R² C; and as
+  a rigid motion r of the whole body strains nothing, its reaction is that of the inertia, R = λ
+  rᵀMφ;
+- of a body in space that one clamp holds, the clamp is a block on an even bed over the clamped
+  nodes and their walls: 1 for translations, about its middle J = mean(r²1 − rrᵀ) + t²/12 for
+  rotations, so δλ = -c Rᵀ diag(1, J)⁻¹ R, and c is that which lowers the first mode by what EI/kL
+  lowers a strip's, δλ/λ = -4 EI/kL;
+- a mass m at a point where the mode moves by φ lowers it by δλ = -λ m φ²; one that nobody stated
+  may be large for the body, so the modes Λ are solved for with it, on I + m φφᵀ;
+- a shear factor larger by dκ raises it by δλ/λ = dκ/κ, of the share of strain energy in transverse
+  shear;
 - what a mesh misses is the same sort of error in all modes (`fecore.updating.mesh_error`);
-- fibres askew by an angle change it by the angle's square, so the model is solved with them at one standard deviation.
+- fibres askew by an angle change it by the angle's square, so the model is solved with them at one
+  standard deviation.
 
-A one-sided input a ≥ 0, in its standard deviations, is what the frequencies leave of it. a ~ N(0, 1) changes ln f by ea: with
-the score b = eᵀWμ and the information i = eᵀMe of the data, the other unknowns following (`screening`), a is a Gaussian of
-mean b/(1 + i) and variance 1/(1 + i), cut off at 0. So what it moves a constant by is bounded by the constant's prior, and
-is small where it would have left other traces.
+A one-sided input a ≥ 0, in its standard deviations, is what the frequencies leave of it. a ~ N(0,
+1) changes ln f by ea: with the score b = eᵀWμ and the information i = eᵀMe of the data, the other
+unknowns following (`screening`), a is a Gaussian of mean b/(1 + i) and variance 1/(1 + i), cut off
+at 0. So what it moves a constant by is bounded by the constant's prior, and is small where it would
+have left other traces.
 """
 
 from __future__ import annotations
@@ -44,7 +51,9 @@ MESH, SHEAR_FACTOR = "mesh", "shear factor"
 """The budget's sources for what meshes and plate theory miss."""
 
 _SHEAR_FACTOR_SD = 0.04
-"""Of κ = 5/6, relative: waves in an isotropic plate ask for 5/(6 - ν) (Stephen 1997), 4 % more for ν = 0.3."""
+"""Of κ = 5/6, relative: waves in an isotropic plate ask for 5/(6 - ν) (Stephen 1997), 4 % more for
+ν = 0.3.
+"""
 
 _SOLVED_TO = 1e-5  # relative, of a frequency on the reduced basis: a difference below is round-off
 
@@ -60,12 +69,15 @@ class Excursion:
     stated: bool  # whether the laboratory stated the standard deviation
     amount: str  # one standard deviation in words, with its unit
 
-    # centre, width: of a one-sided input's Gaussian, in standard deviations of its prior, as the data leave it
+    # centre, width: of a one-sided input's Gaussian, in standard deviations of its prior, as the
+    # data leave it
     centre: float = 0.0
     width: float = 1.0
 
     def given(self, score: float, information: float) -> Excursion:
-        """A one-sided input as data leave it, by their score and information of it in its standard deviations."""
+        """A one-sided input as data leave it, by their score and information of it in its standard
+        deviations.
+        """
         return replace(self, centre=score / (1 + information), width=(1 + information) ** -0.5)
 
     @property
@@ -77,11 +89,15 @@ class Excursion:
     def _mean(self) -> float:
         """Of a one-sided input."""
         at = self.centre / self.width
-        return float(self.centre + self.width * np.exp(-(at**2) / 2 - self._log_share) / np.sqrt(2 * np.pi))
+        return float(
+            self.centre + self.width * np.exp(-(at**2) / 2 - self._log_share) / np.sqrt(2 * np.pi)
+        )
 
     @property
     def rms(self) -> float:
-        """Root mean square of the input's effect, over that of one standard deviation: √E[z⁴] = √3 for a square."""
+        """Root mean square of the input's effect, over that of one standard deviation: √E[z⁴] = √3
+        for a square.
+        """
         if self.kind == "one-sided":
             return float(np.sqrt(max(self.width**2 + self.centre * self._mean, 0.0)))
         return float(np.sqrt(3.0)) if self.kind == "square" else 1.0
@@ -109,10 +125,14 @@ class Excursion:
 
     def _beyond(self, log_p: FloatArray | float) -> FloatArray:
         """What a one-sided input exceeds with a probability."""
-        return np.asarray(self.centre - self.width * scipy.special.ndtri_exp(self._log_share + log_p))
+        return np.asarray(
+            self.centre - self.width * scipy.special.ndtri_exp(self._log_share + log_p)
+        )
 
 
-def excursions(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) -> tuple[Excursion, ...]:
+def excursions(
+    state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]
+) -> tuple[Excursion, ...]:
     """All excursions of a body's inputs that change its frequencies.
 
     Args:
@@ -146,7 +166,9 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
         return []
     if isinstance(body, FlatBody) and body.supports is not None:
         return []
-    constants = dict(zip(state.forward.parametrisation.constant_names, state.constants, strict=True))
+    constants = dict(
+        zip(state.forward.parametrisation.constant_names, state.constants, strict=True)
+    )
     t, L, b = constants["thickness"], constants["length"], constants["width"]
     if isinstance(body, LayeredSpecimen):
         EI = body.bending_stiffness(state.constants)
@@ -163,7 +185,13 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
     stated = inputs.is_stated("clamp_compliance")
     return [
         Excursion("clamp_rotation", rotation, "one-sided", stated, f"EI/kL = {sd:.3g}"),
-        Excursion("clamp_translation", translation, "one-sided", stated, f"EI/kL³ = {sd * (t / L) ** 2:.2g}"),
+        Excursion(
+            "clamp_translation",
+            translation,
+            "one-sided",
+            stated,
+            f"EI/kL³ = {sd * (t / L) ** 2:.2g}",
+        ),
     ]
 
 
@@ -172,20 +200,32 @@ def _block(state: ForwardState, body: Structure, sd: float, *, stated: bool) -> 
     bed = bed_of(body)
     if bed is None:
         return []
-    yields = bed.yields(state.participation(body.model.motions)) * state.modes.eigenvalue[state.modes.rigid :]
-    return [Excursion("clamp", -2 * sd * yields / yields[0], "one-sided", stated, f"EI/kL = {sd:.3g}")]
+    yields = (
+        bed.yields(state.participation(body.model.motions))
+        * state.modes.eigenvalue[state.modes.rigid :]
+    )
+    return [
+        Excursion("clamp", -2 * sd * yields / yields[0], "one-sided", stated, f"EI/kL = {sd:.3g}")
+    ]
 
 
 def _sensor(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) -> list[Excursion]:
     """The stated sensor's mass, or that of one that nobody stated."""
     forward, body = state.forward, state.forward.specimen
-    carried = [each.on_surface() if isinstance(each, PointMass) else each for each in getattr(body, "masses", ())]
+    carried = [
+        each.on_surface() if isinstance(each, PointMass) else each
+        for each in getattr(body, "masses", ())
+    ]
     masses = [each for each in carried if isinstance(each.where, tuple) and not each.weighed]
     stated = inputs.is_stated("sensor_mass")
     kind: Literal["both", "one-sided"] = "both"
     if masses:
         sds = np.array([inputs.standard_deviation("sensor_mass", each.mass) for each in masses])
-        shift = -np.sum(state.displacement(np.array([each.where for each in masses])) ** 2, axis=2) @ sds / 2
+        shift = (
+            -np.sum(state.displacement(np.array([each.where for each in masses])) ** 2, axis=2)
+            @ sds
+            / 2
+        )
     elif fixed_points and not forward.roving_mass:
         sds = np.full(len(fixed_points), inputs.sensor_mass_sd if stated else UNSTATED_SENSOR)
         places = forward.places[[forward.points.index(point) for point in fixed_points]]
@@ -209,7 +249,8 @@ def _with_masses(state: ForwardState, places: FloatArray, masses: FloatArray) ->
 def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:
     """Fibres askew by one standard deviation, to one side and to the other.
 
-    Where the angle is a parameter the fit has its first derivative, and the square alone is left, as at 0° and 90°.
+    Where the angle is a parameter the fit has its first derivative, and the square alone is left,
+    as at 0° and 90°.
     """
     forward, body, prior = state.forward, state.forward.specimen, state.forward.parametrisation
     sd = inputs.standard_deviation("fibre_angle")
@@ -219,7 +260,9 @@ def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:
     if "fibre_angle" in prior.names:
         step = np.where(np.array(prior.names) == "fibre_angle", sd, 0.0)
         both = sum(forward.frequencies_at(prior, state.theta + sign * step) for sign in (1, -1))
-        return [Excursion("fibre_angle", both / (2 * state.frequency_hz) - 1, "square", stated, amount)]
+        return [
+            Excursion("fibre_angle", both / (2 * state.frequency_hz) - 1, "square", stated, amount)
+        ]
     shifts: list[FloatArray] = []
     for angle in (body.fibre_angle + sd, body.fibre_angle - sd):
         if shifts and _mirrored(body):  # turned to the other side it is its own mirror image
@@ -230,7 +273,13 @@ def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:
     even, odd = (shifts[0] + shifts[1]) / 2, (shifts[0] - shifts[1]) / 2
     return [
         Excursion("fibre_angle", even, "square", stated, amount),
-        Excursion("fibre_angle_linear", np.where(np.abs(odd) > _SOLVED_TO, odd, 0.0), "both", stated, amount),
+        Excursion(
+            "fibre_angle_linear",
+            np.where(np.abs(odd) > _SOLVED_TO, odd, 0.0),
+            "both",
+            stated,
+            amount,
+        ),
     ]
 
 
@@ -242,7 +291,10 @@ def _mesh(state: ForwardState) -> list[Excursion]:
     words = f"at most {100 * np.abs(missed).max(initial=0.0):.2g} % of a frequency"
     if flat.any():
         words += f", and {100 * np.abs(flat).max():.2g} % were the facets flat"
-    return [Excursion(MESH, missed, "both", False, words), Excursion(MESH, flat, "one-sided", False, words)]
+    return [
+        Excursion(MESH, missed, "both", False, words),
+        Excursion(MESH, flat, "one-sided", False, words),
+    ]
 
 
 def _shear(state: ForwardState) -> list[Excursion]:
@@ -255,11 +307,18 @@ def _shear(state: ForwardState) -> list[Excursion]:
 
 def _mirrored(body: Specimen | LayeredSpecimen) -> bool:
     """Whether a body and its supports are alike on both sides of its middle line."""
-    plain = isinstance(body, Specimen) and not body.fibre_angle and not body.springs and body.supports is None
+    plain = (
+        isinstance(body, Specimen)
+        and not body.fibre_angle
+        and not body.springs
+        and body.supports is None
+    )
     return plain and all(mass.y == 0 for mass in body.masses)
 
 
 def fixed_points(responses: Sequence[int], references: Sequence[int]) -> tuple[int, ...]:
-    """Points at which a sensor stood while the hammer moved: response points far fewer than reference points."""
+    """Points at which a sensor stood while the hammer moved: response points far fewer than
+    reference points.
+    """
     sensors = tuple(sorted(set(responses)))
     return sensors if len(sensors) < len(set(references)) else ()

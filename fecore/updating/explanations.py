@@ -1,14 +1,19 @@
-"""What may be added to a body, compared by the evidence of all its data: each fitted anew, at finite size.
+"""What may be added to a body, compared by the evidence of all its data: each fitted anew, at
+finite size.
 
-For a mass or a foot at each of some places, and a support that gives way along or about each of its axes or all of them, the
-unknowns and the sizes are fitted together, the modes paired by the altered shapes, from several sizes: the linearised evidence
-(`LinearProblem.log_evidence`) chooses the starts. The evidence of a fit is that of its frequencies,
+For a mass or a foot at each of some places, and a support that gives way along or about each of its
+axes or all of them, the
+unknowns and the sizes are fitted together, the modes paired by the altered shapes, from several
+sizes: the linearised evidence (`LinearProblem.log_evidence`) chooses the starts. The evidence of a
+fit is that of its frequencies,
 
-    ln p(f) = ln ∫ p(f | x, s) p(x) p(s) dx ds + Σ ln P + Σ_none ln (1 - P)/W + Σ_alone ln (πP + 1 - P)/W
+    ln p(f) = ln ∫ p(f | x, s) p(x) p(s) dx ds + Σ ln P + Σ_none ln (1 - P)/W + Σ_alone ln (πP + 1 -
+    P)/W
 
-with the terms of `belief` for modes that are none, or have no partner; that of a place is shared by all that were tried. Shapes
-say whether a model is the body's where frequencies hardly do, as of a soft root and a mass at the tip. What a model misses of a
-shape is smooth, so each mode counts for one number, 1 - MAC, whatever its points, of a variance that has the prior of a
+with the terms of `belief` for modes that are none, or have no partner; that of a place is shared by
+all that were tried. Shapes say whether a model is the body's where frequencies hardly do, as of a
+soft root and a mass at the tip. What a model misses of a shape is smooth, so each mode counts for
+one number, 1 - MAC, whatever its points, of a variance that has the prior of a
 discrepancy: -½(ν₀ + n) ln(ν₀s₀² + Σ(1 - MAC)).
 """
 
@@ -31,12 +36,19 @@ from fecore.updating.elastic_result import ElasticResult, prior_belief
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import TOLERANCES
 from fecore.updating.layout import CampaignModel, Layout, Unknown
-from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, SHAPE_DISCREPANCY, LinearProblem, Mixture
+from fecore.updating.posterior import (
+    DISCREPANCY,
+    DISCREPANCY_DOF,
+    SHAPE_DISCREPANCY,
+    LinearProblem,
+    Mixture,
+)
 from fecore.updating.screening import Screened, effect_of, screened
 
 _STARTS = (3.0, 1.0, -1.0, -3.0, -5.0)  # logarithms of sizes over their medians to start from
 _SIZES = (3.0, 30.0, 300.0)  # over usual ones, at which places are compared
-_SCREENED, _PLACES = 6, 2  # of masses and of feet: the likeliest by screening, and those of them that are fitted
+# of masses and of feet: the likeliest by screening, and those of them that are fitted
+_SCREENED, _PLACES = 6, 2
 _ROUNDS = 3  # of screening places again at the best fit
 _AGREES = 2.0  # ratio of sizes by screening and by the fit, within which screening there is trusted
 _FIRM = 4.0  # logarithm of the stiffness over its median, of supports beside the one that gives way
@@ -49,27 +61,37 @@ class Explanation:
     additions: tuple[Addition, ...]
     result: ElasticResult
     evidence: float  # logarithm of how much likelier the data are with them
-    over_places: tuple[float, float] | None = None  # size and its standard deviation, SI, wherever a mass or a foot is
+    # size and its standard deviation, SI, wherever a mass or a foot is
+    over_places: tuple[float, float] | None = None
 
     @property
     def sizes(self) -> list[tuple[Addition, float, float]]:
-        """The additions with their sizes and these' standard deviations, SI, that the data determine."""
+        """The additions with their sizes and these' standard deviations, SI, that the data
+        determine.
+        """
         if self.over_places is not None:
             return [(self.additions[0], *self.over_places)]
         count, total = len(self.additions), np.diag(self.result.mixture.total)
         sd, x = np.sqrt(total[-count:]), self.result.x[-count:]
-        found = [(a, float(a.median * np.exp(xi)), float(s)) for a, xi, s in zip(self.additions, x, sd, strict=True)]
+        found = [
+            (a, float(a.median * np.exp(xi)), float(s))
+            for a, xi, s in zip(self.additions, x, sd, strict=True)
+        ]
         known = [each for each in found if each[2] < SIZE_SD / 2] or found
         return [(a, size, size * s) for a, size, s in known]
 
 
 def log_evidence(result: ElasticResult) -> float:
-    """Ln p(f) of an update (module docstring), up to a constant that all updates of the same modes share."""
+    """Ln p(f) of an update (module docstring), up to a constant that all updates of the same modes
+    share.
+    """
     layout, weights = result.layout, result.problem.weights
     return _log_evidence(layout, result.pairings, result.problem, weights)
 
 
-def _log_evidence(layout: Layout, pairings: Sequence[Pairing], problem: LinearProblem, weights: FloatArray) -> float:
+def _log_evidence(
+    layout: Layout, pairings: Sequence[Pairing], problem: LinearProblem, weights: FloatArray
+) -> float:
     known, width = prior_belief(layout, pairings)
     with np.errstate(divide="ignore"):
         of_modes = np.where(weights > 0.5, np.log(known), np.log((1 - known) / width))
@@ -80,7 +102,10 @@ def _log_evidence(layout: Layout, pairings: Sequence[Pairing], problem: LinearPr
         alone += float(np.sum(np.log((FAR_OFF * p + 1 - p) / campaign.width(left))))
     fitted = problem.log_evidence(layout.scatter) - float(weights.sum()) / 2 * np.log(2 * np.pi)
     return float(
-        fitted + of_modes.sum() + alone + sum(_of_shapes(c, p) for c, p in zip(layout.campaigns, pairings, strict=True))
+        fitted
+        + of_modes.sum()
+        + alone
+        + sum(_of_shapes(c, p) for c, p in zip(layout.campaigns, pairings, strict=True))
     )
 
 
@@ -136,33 +161,51 @@ class _Search:
         if ones and len(choices) > 1:
             (first,) = ones[0].additions
             others = [each for each in supports if each.name != first.name]
-            started = [np.concatenate([ones[0].result.x, np.full(len(others), size)]) for size in (_FIRM, 0.0)]
-            ones += filter(None, [self.fitted([first, *others], [*started, *self._starts(len(supports))], most=2)])
+            started = [
+                np.concatenate([ones[0].result.x, np.full(len(others), size)])
+                for size in (_FIRM, 0.0)
+            ]
+            ones += filter(
+                None,
+                [self.fitted([first, *others], [*started, *self._starts(len(supports))], most=2)],
+            )
         best = max(ones, key=lambda each: each.evidence, default=None)
         return None if best is None else replace(best, evidence=best.evidence - price)
 
     def of_places(self, additions: Sequence[Addition], hint: Screened) -> Explanation | None:
-        """An addition at the likeliest of some places: those by screening, and those by screening again at the best fit."""
+        """An addition at the likeliest of some places: those by screening, and those by screening
+        again at the best fit.
+        """
         likely = dict.fromkeys([place for place, each in enumerate(additions) if each.along_an_end])
         likely |= dict.fromkeys(np.argsort(-hint.share)[:_SCREENED].tolist())
         order = sorted(likely, key=lambda place: -self.promise([additions[place]]))[:_PLACES]
-        tried = {place: found for place in order if (found := self.fitted([additions[place]])) is not None}
+        tried = {
+            place: found
+            for place in order
+            if (found := self.fitted([additions[place]])) is not None
+        }
         if not tried:
             return None
         for _ in range(_ROUNDS):
             best = max(tried, key=lambda place: tried[place].evidence)
             there = self._screened_at(additions, tried[best].result)
             likeliest = int(np.argmax(there.share))
-            if likeliest in tried or (more := self.fitted([additions[likeliest]], [tried[best].result.x])) is None:
+            if (
+                likeliest in tried
+                or (more := self.fitted([additions[likeliest]], [tried[best].result.x])) is None
+            ):
                 break
             tried[likeliest] = more
         best = max(tried, key=lambda place: tried[place].evidence)
         ((_, size, _),) = tried[best].sizes
-        # Where a foot makes a mode of what was a rigid motion, the modes without it say nothing of other places.
+        # Where a foot makes a mode of what was a rigid motion, the modes without it say nothing of
+        # other places.
         agrees = _AGREES > there.size[best] / size > 1 / _AGREES
         share = max(float(there.share[best]), 1 / len(additions)) if agrees else 1.0
         evidence = tried[best].evidence - float(np.log(share * len(additions)))
-        return replace(tried[best], evidence=evidence, over_places=(there.mean, there.sd) if agrees else None)
+        return replace(
+            tried[best], evidence=evidence, over_places=(there.mean, there.sd) if agrees else None
+        )
 
     def _screened_at(self, additions: Sequence[Addition], result: ElasticResult) -> Screened:
         """The additions beside each other, at a fit with one of them."""
@@ -174,7 +217,9 @@ class _Search:
         residual, sensitivity = problem.residual.copy(), problem.sensitivity[:, : x.size]
         rows = [row for row, _ in result.pairings[self.number].pairs]
         campaign = layout.campaigns[self.number]
-        residual[at] = np.log(campaign.modes.frequency_hz[rows] / states[self.number].frequency_hz[columns])
+        residual[at] = np.log(
+            campaign.modes.frequency_hz[rows] / states[self.number].frequency_hz[columns]
+        )
         plain = replace(
             problem,
             residual=residual,
@@ -189,17 +234,23 @@ class _Search:
         return screened(effect, at, columns, plain, plain.at_scatter(layout.scatter), sigma)
 
     def _without_addition(self, result: ElasticResult, states: Sequence[ForwardState]) -> list[int]:
-        """The elastic modes of the body without its addition that are most like those with it that are paired."""
+        """The elastic modes of the body without its addition that are most like those with it that
+        are paired.
+        """
         altered, plain = result.states[self.number], states[self.number]
         columns = [column for _, column in result.pairings[self.number].pairs]
         own = plain.shapes / np.linalg.norm(plain.shapes, axis=1, keepdims=True)
-        other = altered.shapes[columns] / np.linalg.norm(altered.shapes[columns], axis=1, keepdims=True)
+        other = altered.shapes[columns] / np.linalg.norm(
+            altered.shapes[columns], axis=1, keepdims=True
+        )
         return [int(each) for each in most_alike(other @ own.T)]
 
     def fitted(
         self, additions: Sequence[Addition], starts: Sequence[FloatArray] = (), most: int = 1
     ) -> Explanation | None:
-        """The best fit with some additions, from the most promising starts; None where none converges."""
+        """The best fit with some additions, from the most promising starts; None where none
+        converges.
+        """
         layout = self._layout(additions)
         misfit = Misfit(layout, self.use_shapes)
         ranked = self._ranked(misfit, starts or tuple(self._starts(len(additions))))
@@ -212,7 +263,10 @@ class _Search:
                     continue
         if not results:
             return None
-        gain, best = max(((log_evidence(each) - self.without, each) for each in results), key=lambda each: each[0])
+        gain, best = max(
+            ((log_evidence(each) - self.without, each) for each in results),
+            key=lambda each: each[0],
+        )
         return Explanation(tuple(additions), best, gain)
 
     def promise(self, additions: Sequence[Addition]) -> float:
@@ -220,7 +274,9 @@ class _Search:
         misfit = Misfit(self._layout(additions), self.use_shapes)
         return self._ranked(misfit, tuple(self._starts(len(additions))))[0][0]
 
-    def _ranked(self, misfit: Misfit, starts: Sequence[FloatArray]) -> list[tuple[float, FloatArray]]:
+    def _ranked(
+        self, misfit: Misfit, starts: Sequence[FloatArray]
+    ) -> list[tuple[float, FloatArray]]:
         return sorted(((self._promise(misfit, x), x) for x in starts), key=lambda each: -each[0])
 
     def _starts(self, count: int) -> Iterator[FloatArray]:
@@ -234,17 +290,24 @@ class _Search:
         if not layout.are_believable(x):
             return -np.inf
         try:
-            states = tuple(map(self._solved, layout.campaigns, [each.theta(x) for each in layout.campaigns]))
+            states = tuple(
+                map(self._solved, layout.campaigns, [each.theta(x) for each in layout.campaigns])
+            )
             pairings = misfit.pair(states)
         except (UpdatingError, ModelError):
             return -np.inf
         weights = [np.ones(len(each.modes)) for each in layout.campaigns]
-        shapes, by_shear = misfit.shape_errors(states, pairings, DISCREPANCY), misfit.by_shear(states, pairings)
+        shapes, by_shear = (
+            misfit.shape_errors(states, pairings, DISCREPANCY),
+            misfit.by_shear(states, pairings),
+        )
         problem = misfit.linear(x, states, pairings, weights, shapes, by_shear)
         return _log_evidence(layout, pairings, problem, problem.weights)
 
     def _solved(self, campaign: CampaignModel, theta: FloatArray) -> ForwardState:
-        """A campaign's model at θ, one without additions once: many starts are of the same constants."""
+        """A campaign's model at θ, one without additions once: many starts are of the same
+        constants.
+        """
         if isinstance(campaign.forward, AlteredForward):
             return campaign.forward.solve(theta)
         key = campaign.name, theta.tobytes()
@@ -278,7 +341,8 @@ def hints_of(
     posterior: tuple[Mixture, FloatArray],
     slips: Sequence[float],
 ) -> Hints:
-    """What may be added to a campaign's body, beside the body as it is stated, whose clamp may yield by its tolerance.
+    """What may be added to a campaign's body, beside the body as it is stated, whose clamp may
+    yield by its tolerance.
 
     Args:
         elastic: the update.
@@ -300,15 +364,22 @@ def hints_of(
         return screened(effect_of(state, additions), at, columns, problem, posterior, sigma)
 
     found: Hints = {kind: (some, of(some, slips)) for kind, some in every.items() if some}
-    yields = elastic.layout.campaigns[number].inputs.standard_deviation("clamp_compliance") / TOLERANCES[CLAMP][0]
+    yields = (
+        elastic.layout.campaigns[number].inputs.standard_deviation("clamp_compliance")
+        / TOLERANCES[CLAMP][0]
+    )
     if not yields or not every["support"]:
         return found
     stated = max(of(every["support"], [yields]).evidence, 0.0)
-    return {kind: (some, replace(each, evidence=each.evidence - stated)) for kind, (some, each) in found.items()}
+    return {
+        kind: (some, replace(each, evidence=each.evidence - stated))
+        for kind, (some, each) in found.items()
+    }
 
 
 def loosened(elastic: ElasticResult, place: int, slip: float) -> tuple[float, ElasticResult] | None:
-    """The update where an input or prior may be off by a slip, and its log evidence over that as it is; None if it fails.
+    """The update where an input or prior may be off by a slip, and its log evidence over that as it
+    is; None if it fails.
 
     Args:
         elastic: the update.

@@ -1,7 +1,9 @@
-"""What a user must know of a result: one table of all that can be found, the verdict that follows, and the warnings.
+"""What a user must know of a result: one table of all that can be found, the verdict that follows,
+and the warnings.
 
-A row of `FINDINGS` has a level (what it means for the use of the result; None: nothing), a weight (within a level, more comes
-first), the sentence, and what to do about it. `found` makes a finding of a row and of its numbers.
+A row of `FINDINGS` has a level (what it means for the use of the result; None: nothing), a weight
+(within a level, more comes first), the sentence, and what to do about it. `found` makes a finding
+of a row and of its numbers.
 """
 
 import re
@@ -23,12 +25,16 @@ SENTENCES = {
 }
 _DECISIVE = 2  # reasons that a verdict names
 SKEWED = 1.25
-"""Ratio of the sides of an interval from which they are written as two: what the second digit of a ± would show."""
+"""Ratio of the sides of an interval from which they are written as two: what the second digit of a
+± would show.
+"""
 _NAMED = 4  # of alike warnings, how many are named one by one
 
 
 class Row(NamedTuple):
-    """A row of the table: level and weight, the sentence, and what to do; with names for numbers in braces."""
+    """A row of the table: level and weight, the sentence, and what to do; with names for numbers in
+    braces.
+    """
 
     level: Level | None
     weight: float
@@ -47,14 +53,15 @@ FINDINGS = {
     "mesh_misses": Row(
         "with_care",
         8,
-        "the finest mesh allowed, {nx} × {ny} elements, may give frequencies that are wrong by {percent:.2g} %",
+        "the finest mesh allowed, {nx} × {ny} elements, may give frequencies that are wrong by"
+        " {percent:.2g} %",
         "choose a band that ends lower",
     ),
     "mesh_moves": Row(
         None,
         7,
-        "on the model's own mesh, of elements of {size:.2g} mm, the result would move: {moved}; the constants are those of "
-        "elements of {finest:.2g} mm",
+        "on the model's own mesh, of elements of {size:.2g} mm, the result would move: {moved}; the"
+        " constants are those of elements of {finest:.2g} mm",
         "elements of {enough:.2g} mm would do",
     ),
     "mesh_decides": Row(
@@ -64,20 +71,24 @@ FINDINGS = {
         "make its elements smaller, and its facets as many as the curve needs",
     ),
     "mesh_on_trust": Row(
-        None, 1, "what the model's mesh misses is not known, as {why}: it is taken on trust, and is in no interval"
+        None,
+        1,
+        "what the model's mesh misses is not known, as {why}: it is taken on trust, and is in no"
+        " interval",
     ),
     "without_joints": Row(
         None,
         4,
-        "walls of the model meet at their middle surfaces without a model of their joint, as the recipe has it: each frequency "
-        "may be wrong by {percent:.2g} %",
+        "walls of the model meet at their middle surfaces without a model of their joint, as the"
+        " recipe has it: each frequency may be wrong by {percent:.2g} %",
         "constants found so belong to models without joints",
     ),
     "points_beyond": Row(
         "with_care",
         9,
         "{where}points {points} lie beyond the {name} of {size:g} mm, by up to {out:.2g} mm",
-        "the {name} or the points' coordinates are wrong, and so may be the constants; correct what is wrong",
+        "the {name} or the points' coordinates are wrong, and so may be the constants; correct what"
+        " is wrong",
     ),
     "joint_needs_frfs": Row(
         "with_care",
@@ -88,31 +99,33 @@ FINDINGS = {
     "roving_sensor": Row(
         "with_care",
         1,
-        "the sensor of {grams:.3g} g moved with the response, so its mass shifts the modes from FRF to FRF: the constants, "
-        "and the modes without the sensor, were estimated from the FRFs with a model that carries it, as the method joint "
-        "does{unused}",
+        "the sensor of {grams:.3g} g moved with the response, so its mass shifts the modes from FRF"
+        " to FRF: the constants, and the modes without the sensor, were estimated from the FRFs"
+        " with a model that carries it, as the method joint does{unused}",
     ),
     # of the modes
     "pairing": Row(None, 1, "{text}"),
     "no_like_mode": Row(
         "do_not_use",
         110,
-        "no measured mode shape agrees with one of the model (largest MAC {mac:.2f}): the model is not one of the structure "
-        "that was measured",
+        "no measured mode shape agrees with one of the model (largest MAC {mac:.2f}): the model is"
+        " not one of the structure that was measured",
         _ANOTHER_BODY + ". The modes that agree best are paired for comparison only",
     ),
     "halves_of_a_mode": Row(
         "with_care",
         105,
-        "measured modes {which} lie closer together than their bandwidths, and the model has only one mode there: probably one "
-        "mode, of a structure that changed between the FRFs (temperature, supports, a sensor that was moved)",
+        "measured modes {which} lie closer together than their bandwidths, and the model has only"
+        " one mode there: probably one mode, of a structure that changed between the FRFs"
+        " (temperature, supports, a sensor that was moved)",
         "measure faster or at a constant temperature, or leave one of the two out of the mode set",
     ),
     "two_in_one": Row(
         None,
         3,
-        "measured mode {which} is probably two: the model has modes at {hz}, closer together than half a bandwidth, which the "
-        "FRFs do not separate. Its frequency is of both, its shape and damping are a mixture",
+        "measured mode {which} is probably two: the model has modes at {hz}, closer together than"
+        " half a bandwidth, which the FRFs do not separate. Its frequency is of both, its shape and"
+        " damping are a mixture",
         "hit or sense at a second place, where one of the two stands still",
     ),
     "most_modes_alone": Row(
@@ -125,52 +138,59 @@ FINDINGS = {
     "mode_not_believed": Row(
         None,
         2,
-        "measured mode {which}, which is a mode with probability {probability:.2f}, lies {off:+.2f} % off its partner in the "
-        "model and is left out",
+        "measured mode {which}, which is a mode with probability {probability:.2f}, lies {off:+.2f}"
+        " % off its partner in the model and is left out",
         "look at it in the FRFs, and drop or keep it in the mode set",
     ),
     "shapes_unlike": Row(
-        "do_not_use", 80, "most measured mode shapes disagree with the model's (median MAC {mac:.2f})"
+        "do_not_use",
+        80,
+        "most measured mode shapes disagree with the model's (median MAC {mac:.2f})",
     ),
     "shape_unlike": Row(
         "with_care",
         7,
-        "measured mode {which} agrees poorly with its partner, model mode {model} ({hz:.2f} Hz): MAC {mac:.2f}",
+        "measured mode {which} agrees poorly with its partner, model mode {model} ({hz:.2f} Hz):"
+        " MAC {mac:.2f}",
         "check boundary, points and directions",
     ),
     "rival_pairing": Row(
         "with_care",
         40,
-        "the measured modes may be paired with the wrong modes of the model: another pairing, which gives {other}, is nearly "
-        "as likely (its log evidence is lower by {evidence:.1f}){spanned}",
+        "the measured modes may be paired with the wrong modes of the model: another pairing, which"
+        " gives {other}, is nearly as likely (its log evidence is lower by"
+        " {evidence:.1f}){spanned}",
         _DECIDE,
     ),
     "partners_swing": Row(
         "with_care",
         30,
-        "the partner of measured mode {which} alternated during the fit, because modes of the model cross there: each pairing "
-        "was fitted separately, and the most likely one is reported",
+        "the partner of measured mode {which} alternated during the fit, because modes of the model"
+        " cross there: each pairing was fitted separately, and the most likely one is reported",
         _DECIDE,
     ),
     # of the constants
     "frequencies_missed": Row(
         "with_care",
         60,
-        "the frequencies of the updated model differ from the measured ones by {percent:.1f} % (rms), far more than the error "
-        "of plate theory: a prior is too narrow, a constant fixed at a wrong value, or geometry, density or boundary wrong",
+        "the frequencies of the updated model differ from the measured ones by {percent:.1f} %"
+        " (rms), far more than the error of plate theory: a prior is too narrow, a constant fixed"
+        " at a wrong value, or geometry, density or boundary wrong",
         "find the cause before you use the estimates",
     ),
     "stiffness_changed": Row(
         None,
         4,
-        "with a probability of {p:.2g} the stiffness has changed between x = {begin:.3g} and {end:.3g} mm, over {least:.3g} to "
-        "{most:.3g} mm of that: the modes do not resolve it further, so the factor of a zone is the mean over the zone",
+        "with a probability of {p:.2g} the stiffness has changed between x = {begin:.3g} and"
+        " {end:.3g} mm, over {least:.3g} to {most:.3g} mm of that: the modes do not resolve it"
+        " further, so the factor of a zone is the mean over the zone",
         "more modes would narrow it",
     ),
     "confounded": Row(
         None,
         3,
-        "{name} cannot be distinguished from {others}: the data determine only a combination of them",
+        "{name} cannot be distinguished from {others}: the data determine only a combination of"
+        " them",
         "fix one of them, or state how well it is known",
     ),
     "not_determined": Row(
@@ -194,61 +214,78 @@ FINDINGS = {
     "length_moves": Row(
         None,
         1.2,
-        "the modes show the length to ± {rest:.2g} % alone: a length 1 % longer than stated would change {moved}",
+        "the modes show the length to ± {rest:.2g} % alone: a length 1 % longer than stated would"
+        " change {moved}",
         "measure it twice",
     ),
     # of the FRFs
     "frfs_unlike": Row(
         "do_not_use",
         90,
-        "most FRFs disagree with the model's (median agreement {likeness:.2f}, 1 would be perfect): a wrong boundary, "
-        "geometry, frame or numbering of the points",
+        "most FRFs disagree with the model's (median agreement {likeness:.2f}, 1 would be perfect):"
+        " a wrong boundary, geometry, frame or numbering of the points",
         "find the cause before you use the estimates",
     ),
     "modes_absent": Row(
         "with_care",
         85,
-        "the model has {modes} at {which} that the FRFs should show clearly, and they show none there",
+        "the model has {modes} at {which} that the FRFs should show clearly, and they show none"
+        " there",
         "the boundary or the geometry is wrong, or modes were paired wrongly",
     ),
     "sign_opposite": Row(
         "with_care",
         30,
-        "most FRFs have the opposite sign of the model's: the hammer or the sensor has another direction or polarity "
-        "than stated",
+        "most FRFs have the opposite sign of the model's: the hammer or the sensor has another"
+        " direction or polarity than stated",
         "the damping was fitted to the FRFs with their sign reversed",
     ),
     "frfs_scaled": Row(
         "with_care",
         30,
-        "the FRFs are {factor} times as large as the model's{unit}: check calibration (hammer, sensor, units), geometry, "
-        "density, added masses and boundary",
+        "the FRFs are {factor} times as large as the model's{unit}: check calibration (hammer,"
+        " sensor, units), geometry, density, added masses and boundary",
         "the damping was fitted to the FRFs divided by this factor",
     ),
     "frfs_scaled_by_place": Row(
         None,
         3,
-        "the FRFs are {factor} times as large as the model's{unit}: the sensor, or the hammer, that stood still is some "
-        "millimetres off its point, near which the modes are steep, or its calibration is wrong",
+        "the FRFs are {factor} times as large as the model's{unit}: the sensor, or the hammer, that"
+        " stood still is some millimetres off its point, near which the modes are steep, or its"
+        " calibration is wrong",
         "measure where it is; the damping was fitted to the FRFs divided by this factor",
     ),
     "frf_turned": Row(
-        "with_care", 30, f"{{who}} the opposite sign of the {{of}}'s: a wrong direction or polarity {_FRFS}"
+        "with_care",
+        30,
+        f"{{who}} the opposite sign of the {{of}}'s: a wrong direction or polarity {_FRFS}",
     ),
-    "frf_scaled": Row("with_care", 30, f"{{who}} another level than the rest: a wrong sensitivity or range {_FRFS}"),
+    "frf_scaled": Row(
+        "with_care",
+        30,
+        f"{{who}} another level than the rest: a wrong sensitivity or range {_FRFS}",
+    ),
     "frf_unlike": Row(
-        "with_care", 30, f"{{who}} little agreement with the model's: a wrong point, or a damaged record {_FRFS}"
+        "with_care",
+        30,
+        f"{{who}} little agreement with the model's: a wrong point, or a damaged record {_FRFS}",
     ),
     # of the damping
     "damping_narrowed": Row(
-        "with_care", 20, "the damping is that of {low:.4g} to {high:.4g} Hz alone, since over the whole band {text}"
+        "with_care",
+        20,
+        "the damping is that of {low:.4g} to {high:.4g} Hz alone, since over the whole band {text}",
     ),
     "damping_of_ratios": Row(
-        "with_care", 30, "the damping is that of the modes' damping ratios, not of the FRFs, since {text}"
+        "with_care",
+        30,
+        "the damping is that of the modes' damping ratios, not of the FRFs, since {text}",
     ),
     "damping_failed": Row("with_care", 50, "the damping could not be updated: {text}"),
     "optima": Row(
-        "with_care", 4, "the fit of the {law} law has {count} optima, of which the first is reported: {points}"
+        "with_care",
+        4,
+        "the fit of the {law} law has {count} optima, of which the first is reported: {points}",
     ),
     "law_negative": Row(
         "with_care",
@@ -262,46 +299,56 @@ FINDINGS = {
         "{modes} fix the {count} coefficients of the {asked} law, so the {law} law was used",
         "measure a wider band with more modes",
     ),
-    "law_inadequate": Row("with_care", 2, "the {law} law is inadequate for this damping{missed}{better}"),
+    "law_inadequate": Row(
+        "with_care", 2, "the {law} law is inadequate for this damping{missed}{better}"
+    ),
     "looks_windowed": Row(
         "with_care",
         1.5,
-        "the response seems to have had an exponential window that is not stated: all modes share a decay of {rate:.3g} 1/s, "
-        "which a window that falls to {end:.2g} % over the record of {record:.3g} s would give",
+        "the response seems to have had an exponential window that is not stated: all modes share a"
+        " decay of {rate:.3g} 1/s, which a window that falls to {end:.2g} % over the record of"
+        " {record:.3g} s would give",
         _WINDOW,
     ),
     "window_unstated": Row(
         None,
         0.2,
-        "the campaign does not say whether the response had an exponential window; a typical one would raise {name} by "
-        "{percent:.0f} %, and the interval of {name} allows for that",
+        "the campaign does not say whether the response had an exponential window; a typical one"
+        " would raise {name} by {percent:.0f} %, and the interval of {name} allows for that",
         _WINDOW,
     ),
     "sources_conflict": Row(
         "with_care",
         70,
-        "the data contradict each other (p = {p:.2g}), and the likeliest explanation is {cause}{rivals}{cleared}",
+        "the data contradict each other (p = {p:.2g}), and the likeliest explanation is"
+        " {cause}{rivals}{cleared}",
         "correct it or leave it out",
     ),
     # of several campaigns
     "campaign_missed": Row(
         "with_care",
         40,
-        "campaign {name}: frequencies of the joint material differ from the measured ones by {percent:.1f} % (rms)",
+        "campaign {name}: frequencies of the joint material differ from the measured ones by"
+        " {percent:.1f} % (rms)",
     ),
     "temperature_unknown": Row(
         None,
         6,
-        "campaign {name} states no temperature, and the others do: it was taken to be {assumed}, and comes out as {now}",
+        "campaign {name} states no temperature, and the others do: it was taken to be {assumed},"
+        " and comes out as {now}",
         "state its temperature_c",
     ),
-    "campaign_modes_alone": Row("with_care", 30, "campaign {name}: {alone} no partner in the model"),
+    "campaign_modes_alone": Row(
+        "with_care", 30, "campaign {name}: {alone} no partner in the model"
+    ),
 }
 """All that can be found, by its id."""
 
 
 def found(kind: str, *, level: Level | None = None, **values: object) -> Finding:
-    """A finding of a row of the table, with its numbers; of a graver or a milder level where one is given."""
+    """A finding of a row of the table, with its numbers; of a graver or a milder level where one is
+    given.
+    """
     row = FINDINGS[kind]
     between = "; " if ": " in row.sentence or "; " in row.sentence else ": "
     text = row.sentence + (between + row.advice if row.advice else "")
@@ -334,7 +381,9 @@ def ordered(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def warnings(findings: Sequence[Finding]) -> tuple[str, ...]:
-    """A dozen warnings at most: the gravest first, those that differ in their numbers alone folded into one."""
+    """A dozen warnings at most: the gravest first, those that differ in their numbers alone folded
+    into one.
+    """
     groups: dict[str, list[str]] = {}
     for finding in ordered(findings):
         alike = groups.setdefault(but_numbers(finding.text), [])
@@ -371,27 +420,39 @@ def fold(alike: Sequence[str]) -> str:
 
 
 def _label(text: str) -> str:
-    """What a warning is about: its words up to the first bracket or verb, with their number and its unit."""
+    """What a warning is about: its words up to the first bracket or verb, with their number and its
+    unit.
+    """
     match = re.match(r"[^:(;,]*?\d[\w./-]*(?: Hz\b)?(?: \([^)]*\))?", text)
     return match.group(0) if match else text
 
 
 def _in_percent(known: ParameterEstimate) -> str:
-    """A standard deviation as a share of the estimate, or one to each side where the interval is not about its middle."""
+    """A standard deviation as a share of the estimate, or one to each side where the interval is
+    not about its middle.
+    """
     above, below = known.deviations
     if max(above, below) < SKEWED * min(above, below):
         return f"{100 * known.standard_deviation / abs(known.estimate):.2g} %"
     return (
-        " ".join(f"{sign}{100 * each / abs(known.estimate):.2g}" for sign, each in (("+", above), ("−", below))) + " %"
+        " ".join(
+            f"{sign}{100 * each / abs(known.estimate):.2g}"
+            for sign, each in (("+", above), ("−", below))
+        )
+        + " %"
     )
 
 
 def _numbers(parameters: Sequence[ParameterEstimate]) -> str:
-    """How well each parameter is known, and which the data do not determine; a tied one is neither."""
+    """How well each parameter is known, and which the data do not determine; a tied one is
+    neither.
+    """
     constants = [p for p in parameters if p.tied_to is None and constant_of(p.name) is None]
     known = [p for p in constants if p.identifiable and p.estimate]
     unknown = [p.name for p in constants if not p.identifiable]
     if not known:
         return "no parameter is identifiable"
     words = ", ".join(f"{p.name} to {_in_percent(p)}" for p in known)
-    return f"{words} (one standard deviation)" + (f"; not identifiable: {', '.join(unknown)}" if unknown else "")
+    return f"{words} (one standard deviation)" + (
+        f"; not identifiable: {', '.join(unknown)}" if unknown else ""
+    )

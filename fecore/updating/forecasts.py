@@ -1,15 +1,19 @@
-"""A model before anything is measured: its modes, the points that show them, and the FRFs between these.
+"""A model before anything is measured: its modes, the points that show them, and the FRFs between
+these.
 
-With s_kp the motion at point p, along its direction, in mode k by the mode's largest displacement, the accelerance at the
-resonance of mode k between points p and q is s_kp s_kq by that at its liveliest place. So
+With s_kp the motion at point p, along its direction, in mode k by the mode's largest displacement,
+the accelerance at the resonance of mode k between points p and q is s_kp s_kq by that at its
+liveliest place. So
 
-- a reference, where one hits all the time or where the one sensor stays, is chosen by the mode that it shows least: the first
-  has the largest min_k s_kp² of driving-point residues, each further one the largest min_k max_q s_kq² of all of them;
-- points to measure are chosen by the determinant of the information about the modes' shares, Σ_p s_p s_pᵀ, one after the other
-  (effective independence: Kammer, J. Guidance 14, 1991), and judged by the largest MAC between two modes at them.
+- a reference, where one hits all the time or where the one sensor stays, is chosen by the mode that
+  it shows least: the first has the largest min_k s_kp² of driving-point residues, each further one
+  the largest min_k max_q s_kq² of all of them;
+- points to measure are chosen by the determinant of the information about the modes' shares, Σ_p
+  s_p s_pᵀ, one after the other (effective independence: Kammer, J. Guidance 14, 1991), and judged
+  by the largest MAC between two modes at them.
 
-Points are sought among nodes that lie far apart, so that no two of them say the same, each along the axis in which the modes
-move it most.
+Points are sought among nodes that lie far apart, so that no two of them say the same, each along
+the axis in which the modes move it most.
 """
 
 from __future__ import annotations
@@ -41,20 +45,27 @@ CANDIDATES = 200
 MOST_MODES, MOST_LINES = 300, 20_000
 
 _USUAL_MODES = 10  # where neither a number nor a band is stated
-_COVERED = 1.5  # times the highest frequency: modes up to there are summed, those beyond are in the residual's series
-_STILL = 1e-6  # share of what turns would move at the body's size, below which a displacement is round-off
-_LITTLE = 1e-3  # of a lively point's information, known beforehand so that the determinant is never 0
+# times the highest frequency: modes up to there are summed, those beyond are in the residual's
+# series
+_COVERED = 1.5
+# share of what turns would move at the body's size, below which a displacement is round-off
+_STILL = 1e-6
+# of a lively point's information, known beforehand so that the determinant is never 0
+_LITTLE = 1e-3
 
 
 @dataclass(frozen=True)
 class ForecastOrder:
     """What is asked of a model."""
 
-    modes: int | None = None  # how many of the lowest, where no band is stated; None: 10, or all where there are fewer
+    # how many of the lowest, where no band is stated; None: 10, or all where there are fewer
+    modes: int | None = None
     highest_hz: float | None = None  # of the band; None: by the number of modes
-    places: FloatArray | None = None  # (p, 3) points among which to choose, m; None: nodes of the mesh
+    # (p, 3) points among which to choose, m; None: nodes of the mesh
+    places: FloatArray | None = None
     labels: Sequence[int] | None = None  # of these, for errors
-    # (p,) axis 1, 2 or 3 along which each of these moves or is hit; 0: that in which the modes move it most
+    # (p,) axis 1, 2 or 3 along which each of these moves or is hit; 0: that in which the modes move
+    # it most
     axes: IntArray | None = None
     points: int = 12  # how many to measure at
     references: int = 1  # how many of them
@@ -69,7 +80,8 @@ class ModelForecast:
     mesh: Mesh  # the mesh that was solved
     rigid: int  # number of rigid-body modes, which are not among the others
     frequency_hz: FloatArray  # (n,) of the elastic modes, on that mesh
-    finer_hz: FloatArray | None  # (n,) the same modes' on a finer one; None where the mesh is taken on trust
+    # (n,) the same modes' on a finer one; None where the mesh is taken on trust
+    finer_hz: FloatArray | None
     kinds: tuple[str, ...]  # of them, in words
     everywhere: FloatArray  # (n, nodes, 3) mass-normalised shapes on the mesh
     numbers: IntArray  # (p,) of the chosen points, of the places or else of the nodes, from 0
@@ -81,7 +93,8 @@ class ModelForecast:
     measured: tuple[int, ...]  # numbers of points to measure at among the points
     mac: FloatArray  # (n, n) between the modes at these
     lines_hz: FloatArray  # (L,) of the FRFs
-    # (references × measured, L) accelerances, the measured points of one reference after another; m/s² per N
+    # (references × measured, L) accelerances, the measured points of one reference after another;
+    # m/s² per N
     frfs: ComplexArray
 
 
@@ -89,7 +102,8 @@ def forecast(body: Body, order: ForecastOrder) -> ModelForecast:
     """Solve the nominal model of a body.
 
     Raises:
-        InputError: no mode lies in the band, the model has fewer modes, or a point lies off the body.
+        InputError: no mode lies in the band, the model has fewer modes, or a point lies off the
+            body.
         ModelError: the eigenproblem cannot be solved.
     """
     if min(body.model.dofs) > 2:
@@ -100,7 +114,9 @@ def forecast(body: Body, order: ForecastOrder) -> ModelForecast:
     finer = nominal.on_finer_mesh(modes)
     shapes, frequency = modes.shapes[:, elastic], modes.frequency_hz[elastic]
     everywhere, largest = _displacements(fine.model, shapes)
-    rows = _Rows.of(fine, shapes * np.where(largest > 0, 1 / np.where(largest > 0, largest, 1), 0), order)
+    rows = _Rows.of(
+        fine, shapes * np.where(largest > 0, 1 / np.where(largest > 0, largest, 1), 0), order
+    )
     references = rows.shown_least(order.references)
     measured = rows.independent(order.points)
     kept = np.unique([*references, *measured])
@@ -127,21 +143,26 @@ def forecast(body: Body, order: ForecastOrder) -> ModelForecast:
 
 
 def _displacements(model: Model, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n, nodes, 3) displacements in (dofs, n) shapes, and (n,) the largest of each; 0 in place of round-off.
+    """(n, nodes, 3) displacements in (dofs, n) shapes, and (n,) the largest of each; 0 in place of
+    round-off.
 
     A straight stick twists about its own nodes, which turn and do not move.
     """
     motion = model.everywhere(shapes)
     moved = np.ascontiguousarray(motion[:, :3].transpose(2, 0, 1))
     largest = np.linalg.norm(moved, axis=2).max(axis=1)
-    turned = np.abs(motion[:, 3:]).max(axis=(0, 1)) * np.linalg.norm(np.ptp(model.mesh.nodes, axis=0))
+    turned = np.abs(motion[:, 3:]).max(axis=(0, 1)) * np.linalg.norm(
+        np.ptp(model.mesh.nodes, axis=0)
+    )
     still = largest <= _STILL * turned
     moved[still], largest[still] = 0.0, 0.0
     return moved, largest
 
 
 def _solved(body: Body, order: ForecastOrder) -> tuple[Body, _Nominal, NormalModes, int]:
-    """The body on a mesh for the band, its matrices and modes, and how many elastic ones are asked for."""
+    """The body on a mesh for the band, its matrices and modes, and how many elastic ones are asked
+    for.
+    """
     if order.highest_hz is not None:
         fine, _ = meshed(body, order.highest_hz)
         nominal = _Nominal(fine)
@@ -162,7 +183,9 @@ class _Nominal:
         self.body, (self.stiffness, self.mass) = body, nominal_matrices(body)
 
     def lowest(self, wanted: int | None) -> tuple[NormalModes, int]:
-        """So many elastic modes, half as many more that FRFs are summed of where there are any, and how many are wanted."""
+        """So many elastic modes, half as many more that FRFs are summed of where there are any, and
+        how many are wanted.
+        """
         count = wanted or _USUAL_MODES
         asked = count + count // 2 + 1
         while True:
@@ -171,10 +194,14 @@ class _Nominal:
             except FewModesError as error:
                 asked = error.available
                 if asked < (wanted or 1):
-                    raise InputError("modes", f"is {count}, and the model has {asked} besides rigid motions") from None
+                    raise InputError(
+                        "modes", f"is {count}, and the model has {asked} besides rigid motions"
+                    ) from None
 
     def up_to(self, highest_hz: float) -> tuple[NormalModes, int]:
-        """The modes that FRFs up to a frequency are summed of, and how many elastic ones are in the band."""
+        """The modes that FRFs up to a frequency are summed of, and how many elastic ones are in the
+        band.
+        """
         rigid = self.body.model.rigid_modes.shape[1]
         in_band, covered = (
             modes_below(self.stiffness, self.mass, (2 * np.pi * hz) ** 2) - rigid
@@ -183,12 +210,17 @@ class _Nominal:
         if not 1 <= in_band <= MOST_MODES:
             first = self._modes(1).frequency_hz[rigid]
             found = f"holds {in_band} modes; the first is at {first:.4g} Hz"
-            raise InputError("highest_hz", f"is {highest_hz:g} Hz and {found}, expected 1 to {MOST_MODES} modes")
+            raise InputError(
+                "highest_hz", f"is {highest_hz:g} Hz and {found}, expected 1 to {MOST_MODES} modes"
+            )
         return self._modes(min(covered, self.stiffness.shape[0] - rigid)), in_band
 
     def on_finer_mesh(self, modes: NormalModes) -> FloatArray | None:
         """(n,) frequencies of the elastic modes on a finer mesh, Hz; None where there is none."""
-        constants, springs = np.array(list(self.body.nominal.values())), [each.stiffness for each in self.body.springs]
+        constants, springs = (
+            np.array(list(self.body.nominal.values())),
+            [each.stiffness for each in self.body.springs],
+        )
         return on_finer_mesh(self.body, modes, constants, np.array(springs))
 
     def _modes(self, elastic: int) -> NormalModes:
@@ -229,7 +261,9 @@ class _Rows:
 
     @classmethod
     def of(cls, body: Body, shapes: FloatArray, order: ForecastOrder) -> _Rows:
-        """The points of an order on a body whose (dofs, n) shapes have the largest displacement 1."""
+        """The points of an order on a body whose (dofs, n) shapes have the largest displacement
+        1.
+        """
         model = body.model
         free = [axis for axis in range(3) if axis in model.dofs]
         numbers = _apart(model.mesh) if order.places is None else np.arange(len(order.places))
@@ -239,16 +273,24 @@ class _Rows:
             along = [model.observe_nodes(numbers, axis) for axis in free]
         else:
             places = order.places
-            along = [observed_at(model, labels, places, np.tile(np.eye(3)[axis], (len(places), 1))) for axis in free]
+            along = [
+                observed_at(model, labels, places, np.tile(np.eye(3)[axis], (len(places), 1)))
+                for axis in free
+            ]
         choice = np.argmax([np.sum((rows @ shapes) ** 2, axis=1) for rows in along], axis=0)
         for point, axis in enumerate(() if order.axes is None else order.axes.tolist()):
             if axis and axis - 1 not in free:
                 raise InputError(
-                    "points", f"{labels[point]} has direction {axis}, along which this model does not move"
+                    "points",
+                    f"{labels[point]} has direction {axis}, along which this model does not move",
                 )
             choice[point] = free.index(axis - 1) if axis else choice[point]
-        observation = scipy.sparse.vstack(along, format="csr")[choice * len(places) + np.arange(len(places))]
-        return cls(numbers, places, np.array(free)[choice] + 1, observation, (observation @ shapes).T)
+        observation = scipy.sparse.vstack(along, format="csr")[
+            choice * len(places) + np.arange(len(places))
+        ]
+        return cls(
+            numbers, places, np.array(free)[choice] + 1, observation, (observation @ shapes).T
+        )
 
     def shown_least(self, count: int) -> IntArray:
         """Points with the largest share of the mode that they show least, one after the other."""
@@ -262,7 +304,9 @@ class _Rows:
         return chosen
 
     def independent(self, count: int) -> IntArray:
-        """Points with the largest determinant of information, one after the other: det(A + ssᵀ) = det A (1 + sᵀA⁻¹s)."""
+        """Points with the largest determinant of information, one after the other: det(A + ssᵀ) =
+        det A (1 + sᵀA⁻¹s).
+        """
         s, chosen = self.shares, np.zeros(0, dtype=np.int64)
         information = _LITTLE * np.eye(len(s))
         for _ in range(min(count, s.shape[1])):
@@ -287,8 +331,11 @@ def _lines(order: ForecastOrder, first_hz: float, highest_hz: float) -> FloatArr
     spacing = order.spacing_hz or max(order.damping_ratio * first_hz / 2, fine)
     if spacing < fine * (1 - 1e-9):
         raise InputError(
-            "line_spacing_hz", f"of {spacing:g} makes more than {MOST_LINES} lines up to {highest_hz:g} Hz"
+            "line_spacing_hz",
+            f"of {spacing:g} makes more than {MOST_LINES} lines up to {highest_hz:g} Hz",
         )
     if spacing > highest_hz:
-        raise InputError("line_spacing_hz", f"of {spacing:g} leaves no line up to {highest_hz:g} Hz")
+        raise InputError(
+            "line_spacing_hz", f"of {spacing:g} leaves no line up to {highest_hz:g} Hz"
+        )
     return spacing * np.arange(1, int(highest_hz / spacing) + 1)

@@ -1,7 +1,8 @@
-"""The forward model as updating sees it: parameters in, modes at the measured points and their derivatives out.
+"""The forward model as updating sees it: parameters in, modes at the measured points and their
+derivatives out.
 
-Modes come from a reduced basis (`fecore.dynamics.reduction`) that checks itself and grows where it must, or from the full
-model; `state` has what a solved model offers.
+Modes come from a reduced basis (`fecore.dynamics.reduction`) that checks itself and grows where it
+must, or from the full model; `state` has what a solved model offers.
 """
 
 from __future__ import annotations
@@ -31,8 +32,10 @@ EXTRA_MODES = 3
 """Modes beyond the measured ones, at least, so that neighbours can be paired."""
 
 _OF_MODEL_ERROR = 0.03  # share of the model's own error that a reduced basis may add to it
-_COVERED, _COVERED_IN_SPACE = 2.0, 1.3  # times the highest frequency: modes up to there are solved for …
-_HELD_IN_SPACE = 1.05  # … and a basis of a body in space, which has many modes, holds those up to here
+# times the highest frequency: modes up to there are solved for …
+_COVERED, _COVERED_IN_SPACE = 2.0, 1.3
+# … and a basis of a body in space, which has many modes, holds those up to here
+_HELD_IN_SPACE = 1.05
 
 
 @dataclass(frozen=True)
@@ -44,22 +47,27 @@ class ForwardModel:
     dofs: tuple[Dof, ...]  # the r measured rows: a point and a direction each, without sign
     places: FloatArray  # (r, 3) coordinates of their points, m; (r, 2) where z = 0
     count: int  # how many modes to solve for
-    # solve on a reduced basis (frequencies within 1e-6 of the full model), or the full model each time
+    # solve on a reduced basis (frequencies within 1e-6 of the full model), or the full model each
+    # time
     reduced: bool = True
     # of a sensor that sits at the response point of each FRF, kg. The modes are those without it.
     roving_mass: float = 0.0
-    # check the reduced basis and let it grow; without, far from where it was made it is some per cent off
+    # check the reduced basis and let it grow; without, far from where it was made it is some per
+    # cent off
     verified: bool = True
     # (3, 3) directions 1, 2 and 3 of points that have axes of their own, as rows
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
-    # up to where a reduced basis meets the full model's frequencies; beyond, modes count for their tails
+    # up to where a reduced basis meets the full model's frequencies; beyond, modes count for their
+    # tails
     held_hz: float = np.inf
     # (p,) parameters about which the error of the body's own mesh is known; None: the prior means
     about: FloatArray | None = None
 
     def __post_init__(self) -> None:
         if self.places.shape[1] == 2:
-            object.__setattr__(self, "places", np.column_stack([self.places, np.zeros(len(self.places))]))
+            object.__setattr__(
+                self, "places", np.column_stack([self.places, np.zeros(len(self.places))])
+            )
 
     @classmethod
     def of_dofs(
@@ -72,9 +80,11 @@ class ForwardModel:
         roving_mass: float = 0.0,
         axes: Mapping[int, FloatArray] | None = None,
     ) -> ForwardModel:
-        """The model at some dofs, with the modes below twice a frequency and some more than are measured.
+        """The model at some dofs, with the modes below twice a frequency and some more than are
+        measured.
 
-        Under a roving sensor a basis would have to hold the static deflections of every point: the full model is quicker.
+        Under a roving sensor a basis would have to hold the static deflections of every point: the
+        full model is quicker.
         """
         places = np.array([[*coordinates[dof.point], 0.0][:3] for dof in dofs]).reshape(-1, 3)
         count = modes_to_cover(parametrisation, highest_hz, modes + EXTRA_MODES)
@@ -100,7 +110,9 @@ class ForwardModel:
     @cached_property
     def observation(self) -> scipy.sparse.csr_array:
         """(r, dofs) displacement of the rows' points along their directions."""
-        return observed_at(self.specimen.model, self.points, self.places, directions_of(self.dofs, self.axes))
+        return observed_at(
+            self.specimen.model, self.points, self.places, directions_of(self.dofs, self.axes)
+        )
 
     @cached_property
     def slopes(self) -> scipy.sparse.csr_array:
@@ -117,11 +129,14 @@ class ForwardModel:
     def basis(self) -> ReducedModel:
         """The reduced basis about the prior means; it grows as it is used.
 
-        Where the model itself is known to miss frequencies by more, the basis need not meet them as closely.
+        Where the model itself is known to miss frequencies by more, the basis need not meet them as
+        closely.
         """
         prior = self.parametrisation
         start = prior.coefficients(prior.prior_mean)
-        reach = np.minimum(prior.prior_sd, np.where(prior.logarithmic, np.abs(prior.prior_mean) / 2, 0.5))
+        reach = np.minimum(
+            prior.prior_sd, np.where(prior.logarithmic, np.abs(prior.prior_mean) / 2, 0.5)
+        )
         changes = start.stiffness_by * reach, start.mass_by * reach
         tolerance = max(FREQUENCY_TOLERANCE, _OF_MODEL_ERROR * self.specimen.model_error)
         held = (2 * np.pi * self.held_hz) ** 2
@@ -156,7 +171,9 @@ class ForwardModel:
 
     @cached_property
     def finer(self) -> Finer | None:
-        """Finer meshes by which the error of the body's own is known and taken out; None where that is taken on trust."""
+        """Finer meshes by which the error of the body's own is known and taken out; None where that
+        is taken on trust.
+        """
         return Finer.of(self.specimen)
 
     @cached_property
@@ -178,7 +195,9 @@ class ForwardModel:
         return []
 
     def without_mesh_error(self, system: ReducedSystem) -> ReducedSystem:
-        """A system on the basis with the finest mesh's matrices, where what the body's own misses is known."""
+        """A system on the basis with the finest mesh's matrices, where what the body's own misses
+        is known.
+        """
         if self.mesh_error is None:
             return system
         if not self._on_finest or self._on_finest[0][0] is not system:
@@ -205,8 +224,12 @@ class ForwardModel:
             if dof.point not in self.points:
                 raise InputError("point", f"{dof.point} has no coordinates; give it a grid point")
             if (dof.point, dof.axis) not in number:
-                raise InputError("direction", f"{dof.direction} at point {dof.point} is none of the model's rows")
-        return np.array([number[dof.point, dof.axis] for dof in dofs]), np.array([float(dof.sign) for dof in dofs])
+                raise InputError(
+                    "direction", f"{dof.direction} at point {dof.point} is none of the model's rows"
+                )
+        return np.array([number[dof.point, dof.axis] for dof in dofs]), np.array(
+            [float(dof.sign) for dof in dofs]
+        )
 
     def solve(self, theta: FloatArray) -> ForwardState:
         """Modes at parameters θ.
@@ -221,7 +244,13 @@ class ForwardModel:
             if modes is None or reduced is not self.basis.system:
                 modes = reduced.modes(c.stiffness, c.mass, self.count)
             return ForwardState(
-                c, modes, list(reduced.stiffness), list(reduced.mass), reduced.basis, forward=self, theta=theta
+                c,
+                modes,
+                list(reduced.stiffness),
+                list(reduced.mass),
+                reduced.basis,
+                forward=self,
+                theta=theta,
             )
         mass, stiffness = model.mass.at(c.mass), model.stiffness.at(c.stiffness)
         modes = body_modes(model, stiffness, mass, self.count - model.rigid_modes.shape[1])
@@ -230,7 +259,8 @@ class ForwardModel:
         return ForwardState(c, modes, stiffness_terms, mass_terms, None, forward=self, theta=theta)
 
     def frequencies_at(self, parametrisation: Parametrisation, theta: FloatArray) -> FloatArray:
-        """(n,) elastic natural frequencies, Hz, where another parametrisation of the same mesh gives the coefficients.
+        """(n,) elastic natural frequencies, Hz, where another parametrisation of the same mesh
+        gives the coefficients.
 
         The full model gives them: what is asked for once is not worth a larger basis.
         """
@@ -238,7 +268,9 @@ class ForwardModel:
         return modes.frequency_hz[modes.rigid :]
 
     def holding(self, state: ForwardState, rows: IntArray) -> ForwardState:
-        """The same state on a basis that holds the static deflections under forces along the given rows."""
+        """The same state on a basis that holds the static deflections under forces along the given
+        rows.
+        """
         missing = sorted(set(rows.tolist()) - self._covered)
         if state.basis is not None and missing:
             loads = self.observation[missing].T.toarray()
@@ -250,20 +282,27 @@ class ForwardModel:
 
 
 def directions_of(dofs: Sequence[Dof], axes: Mapping[int, FloatArray]) -> FloatArray:
-    """(r, 3) unit vectors of dofs: along x, y and z, or along the (3, 3) axes of their own that some points have."""
+    """(r, 3) unit vectors of dofs: along x, y and z, or along the (3, 3) axes of their own that
+    some points have.
+    """
     whole = np.eye(3)
     return np.array([axes.get(dof.point, whole)[dof.axis - 1] for dof in dofs]).reshape(-1, 3)
 
 
 def modes_to_cover(parametrisation: Parametrisation, highest_hz: float, at_least: int) -> int:
-    """How many modes to solve for: those below twice a frequency at the prior means, and at least so many elastic ones.
+    """How many modes to solve for: those below twice a frequency at the prior means, and at least
+    so many elastic ones.
 
-    The factor is the margin for constants that come out lower, and for the residual series. In a body in space modes are so
-    many that each of the next counts for little, and the factor is 1.3.
+    The factor is the margin for constants that come out lower, and for the residual series. In a
+    body in space modes are so many that each of the next counts for little, and the factor is 1.3.
     """
     model, c = parametrisation.body.model, parametrisation.coefficients(parametrisation.prior_mean)
     factor = _COVERED_IN_SPACE if _is_in_space(parametrisation) else _COVERED
-    below = modes_below(model.stiffness.at(c.stiffness), model.mass.at(c.mass), (2 * np.pi * factor * highest_hz) ** 2)
+    below = modes_below(
+        model.stiffness.at(c.stiffness),
+        model.mass.at(c.mass),
+        (2 * np.pi * factor * highest_hz) ** 2,
+    )
     return max(below, at_least + int(model.rigid_modes.shape[1]))
 
 

@@ -1,8 +1,9 @@
 """What a laboratory knows of its inputs, and how well.
 
-Every number that a laboratory hands in beside the modes has an error of its own: lengths, density, the angle of the fibres,
-Poisson's ratio, the sensor's mass, the clamp, the delay between channels, the window. Each is a nuisance with a prior. A
-standard deviation that is not stated is that of a careful laboratory:
+Every number that a laboratory hands in beside the modes has an error of its own: lengths, density,
+the angle of the fibres, Poisson's ratio, the sensor's mass, the clamp, the delay between channels,
+the window. Each is a nuisance with a prior. A standard deviation that is not stated is that of a
+careful laboratory:
 
 | input | standard deviation | why |
 |---|---|---|
@@ -19,7 +20,8 @@ standard deviation that is not stated is that of a careful laboratory:
 | delay between channels | 30 µs | one line of a slow multiplexed converter |
 | window not stated | rate 4/T, one-sided | exponential windows are the habit of hammer tests; T is the record's length |
 
-A clamp gives way in translation too, as the elastic jaw does that lets it rotate: by (t/L)² of EI/kL.
+A clamp gives way in translation too, as the elastic jaw does that lets it rotate: by (t/L)² of
+EI/kL.
 """
 
 from __future__ import annotations
@@ -49,31 +51,38 @@ class Inputs:
     density_sd: float | None = None  # kg/m³
     nu_xy_sd: float | None = None  # of Poisson's ratio
     fibre_angle_sd: float | None = None  # rad, about the stated angle
-    ply_angle_sd: float | None = None  # rad, of each ply of a stack about its stated angle, independent of the others'
+    # rad, of each ply of a stack about its stated angle, independent of the others'
+    ply_angle_sd: float | None = None
     # of EI/kL of a clamped edge, k its rotational stiffness: the scale of a half-normal prior
     clamp_compliance_sd: float | None = None
-    sensor_mass_sd: float | None = None  # kg; where no sensor is stated, the scale of a half-normal prior
+    # kg; where no sensor is stated, the scale of a half-normal prior
+    sensor_mass_sd: float | None = None
     delay_sd: float | None = None  # of the delay between response and force channel, s
-    # 1/τ of an exponential window exp(-t/τ) on the response, 1/s, or of both channels; 0 for none, None where nobody
-    # said
+    # 1/τ of an exponential window exp(-t/τ) on the response, 1/s, or of both channels; 0 for none,
+    # None where nobody said
     window_rate: float | None = None
-    window_rate_sd: float | None = 0.0  # of a stated rate, 1/s; None where there may have been another window beside it
+    # of a stated rate, 1/s; None where there may have been another window beside it
+    window_rate_sd: float | None = 0.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
             if value is not None and not (np.isfinite(value) and value >= 0):
-                raise InputError(f"inputs.{field.name}", f"is {value}, expected a number that is not negative")
+                raise InputError(
+                    f"inputs.{field.name}", f"is {value}, expected a number that is not negative"
+                )
         if (self.clamp_compliance_sd or 0.0) > SOFTEST_CLAMP:
             raise InputError(
                 "inputs.clamp_compliance_sd",
-                f"is {self.clamp_compliance_sd:g}, expected at most {SOFTEST_CLAMP:g}: there the clamp turns as easily as the "
-                "specimen bends, and is none",
+                f"is {self.clamp_compliance_sd:g}, expected at most {SOFTEST_CLAMP:g}: there the"
+                " clamp turns as easily as the specimen bends, and is none",
             )
 
     @classmethod
     def exact(cls) -> Inputs:
-        """Everything exactly known: no clamp compliance, sensor, window or delay that was not stated."""
+        """Everything exactly known: no clamp compliance, sensor, window or delay that was not
+        stated.
+        """
         known = cls()
         return replace(known, **{field.name: 0.0 for field in fields(known)})
 
@@ -88,8 +97,13 @@ class Inputs:
 
     def standard_deviations(self, constants: Mapping[str, float]) -> dict[str, float]:
         """Of those of a body's constants that are inputs, by the constants' names, SI."""
-        known = {name: tolerance for name in constants if (tolerance := tolerance_of(name)) is not None}
-        return {name: self.standard_deviation(tolerance, constants[name]) for name, tolerance in known.items()}
+        known = {
+            name: tolerance for name in constants if (tolerance := tolerance_of(name)) is not None
+        }
+        return {
+            name: self.standard_deviation(tolerance, constants[name])
+            for name, tolerance in known.items()
+        }
 
     def standard_deviation(self, name: str, value: float = 1.0) -> float:
         """Of an input by its name, SI; relative tolerances are shares of its value."""
@@ -113,7 +127,9 @@ TOLERANCES: dict[str, tuple[float, bool]] = {
     "sensor_mass": (0.05, True),
     "delay": (30e-6, False),
 }
-"""Standard deviation of each input that a laboratory does not state, and whether it is a share of the input's value."""
+"""Standard deviation of each input that a laboratory does not state, and whether it is a share of
+the input's value.
+"""
 
 SOFTEST_CLAMP = 1.0
 """Largest scale of EI/kL that a clamp may have."""
@@ -122,8 +138,9 @@ UNSTATED_SENSOR = 1e-3
 """Scale of the half-normal prior of the mass of a sensor that nobody stated, kg."""
 
 UNSTATED_WINDOW = 4.0
-"""Scale of the half-normal prior of an unstated exponential window's rate, over the record's length: such windows end at 1 to
-5 % of their first value."""
+"""Scale of the half-normal prior of an unstated exponential window's rate, over the record's
+length: such windows end at 1 to 5 % of their first value.
+"""
 
 CONSTANT_INPUTS = {
     "length": "length",
@@ -138,7 +155,9 @@ CONSTANT_INPUTS = {
     "angle": "ply_angle",
     "fibre_angle": "fibre_angle",
 }
-"""Constants of a specimen that are inputs, without a number at their end, and the name of each tolerance."""
+"""Constants of a specimen that are inputs, without a number at their end, and the name of each
+tolerance.
+"""
 
 
 def tolerance_of(constant: str) -> str | None:

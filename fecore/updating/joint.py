@@ -1,16 +1,18 @@
 """Elastic constants and damping from the FRFs without modes (beyond the paper).
 
-The two-stage update needs modes. Where FRFs do not let them be identified one by one, the model itself can distinguish them:
-its own shapes say what each mode contributes to each FRF, and only frequencies and damping are left to find. So two fits take
-turns until the constants stand still:
+The two-stage update needs modes. Where FRFs do not let them be identified one by one, the model
+itself can distinguish them: its own shapes say what each mode contributes to each FRF, and only
+frequencies and damping are left to find. So two fits take turns until the constants stand still:
 
-    1. frequency shifts δ_k and damping ratios ζ_k of the model's modes, from the FRFs with the model's shapes;
-    2. constants θ from the shifted frequencies ω_k (1 + δ_k), as stage 1, modes kept apart by their shapes.
+    1. frequency shifts δ_k and damping ratios ζ_k of the model's modes, from the FRFs with the
+       model's shapes;
+    2. constants θ from the shifted frequencies ω_k (1 + δ_k), as stage 1, modes kept apart by their
+       shapes.
 
-A shape of the model is good enough to distinguish modes but not to fit constants by: plate theory's error in it would pass for
-data. The FRF misfit has one narrow valley for each way in which model and measured resonances can be matched, so the search
-starts from the best of many draws from the prior, compared by the logarithm of their magnitudes on few lines, where valleys
-are wide.
+A shape of the model is good enough to distinguish modes but not to fit constants by: plate theory's
+error in it would pass for data. The FRF misfit has one narrow valley for each way in which model
+and measured resonances can be matched, so the search starts from the best of many draws from the
+prior, compared by the logarithm of their magnitudes on few lines, where valleys are wide.
 """
 
 from collections.abc import Callable
@@ -46,13 +48,19 @@ _TURNS = 12  # of the search for constants and law, at most
 _STILL = 0.01  # posterior standard deviations that the constants may move in the last turn
 _SHIFT_SD = 0.05  # prior standard deviation of a shift, while the model is not right yet
 _OTHERS_SHIFT_SD = 0.02  # the same for modes above the band
-_DEVIATION = 1.0  # of the logarithm of a mode's damping over the law's, which here only has to be near
-_AS_STATED = "the method joint takes height, sign and quantity of the FRFs as stated; two_stage says which is wrong"
+# of the logarithm of a mode's damping over the law's, which here only has to be near
+_DEVIATION = 1.0
+_AS_STATED = (
+    "the method joint takes height, sign and quantity of the FRFs as stated; two_stage says which"
+    " is wrong"
+)
 
 
 @dataclass(frozen=True)
 class JointResult:
-    """What the turns ended with: the constants, and the modes that the FRFs show through the model's shapes."""
+    """What the turns ended with: the constants, and the modes that the FRFs show through the
+    model's shapes.
+    """
 
     elastic: ElasticResult
     modes: MeasuredModes
@@ -84,7 +92,9 @@ def update_jointly(
     update = _Update(forward, frfs, law, inputs or Inputs.exact(), fixed_points)
     starts = update.search(seed, lambda share: progress(0.5 * share))
     found: list[tuple[float, JointResult]] = []
-    failure = UpdatingError("no draw from the prior gives a physical specimen; widen or move the priors", {}, ())
+    failure = UpdatingError(
+        "no draw from the prior gives a physical specimen; widen or move the priors", {}, ()
+    )
     for done, start in enumerate(starts):
         progress(0.5 + 0.5 * done / len(starts))
         try:
@@ -106,10 +116,13 @@ class _Update:
     inputs: Inputs
     fixed_points: tuple[int, ...]
 
-    def search(self, seed: int, progress: Callable[[float], None]) -> list[tuple[FloatArray, float]]:
+    def search(
+        self, seed: int, progress: Callable[[float], None]
+    ) -> list[tuple[FloatArray, float]]:
         """The best starts among draws from the prior: least mean difference of log magnitudes.
 
-        The draws use the reduced basis unverified, as they only rank starts; the turns from these use `forward` as it is.
+        The draws use the reduced basis unverified, as they only rank starts; the turns from these
+        use `forward` as it is.
         """
         forward, frfs, law = self.forward, self.frfs, self.law
         prior = forward.parametrisation
@@ -127,9 +140,14 @@ class _Update:
             progress(done / len(thetas))
             if not prior.is_physical(theta):
                 continue
-            model = loose.solve(theta).frf_model(frfs.responses, frfs.references, with_strain=by_strain)
+            model = loose.solve(theta).frf_model(
+                frfs.responses, frfs.references, with_strain=by_strain
+            )
             moving = model.omega > 0
-            omega, strain = model.omega[moving], None if model.strain is None else model.strain[moving]
+            omega, strain = (
+                model.omega[moving],
+                None if model.strain is None else model.strain[moving],
+            )
             # A law is linear in its coefficients, so these go with the ratio.
             unit = law.basis(model.omega, model.strain) @ nearest_positive(
                 law, omega, np.ones(omega.size), strain=strain
@@ -144,7 +162,8 @@ class _Update:
         return _apart([(theta, ratio) for _, theta, ratio in ranked], prior.prior_sd)
 
     def in_turns(self, theta: FloatArray, ratio: float) -> tuple[float, JointResult]:
-        """Fit modes through the model's shapes and constants to the modes, in turn; the misfit left, and the result.
+        """Fit modes through the model's shapes and constants to the modes, in turn; the misfit
+        left, and the result.
 
         Raises:
             UpdatingError: the constants do not come to rest, or a fit fails.
@@ -155,7 +174,9 @@ class _Update:
         start: FloatArray | None = None
         for _ in range(_TURNS):
             modes, fit, misfit = self._modes_through(theta, start, ratio, weighting, variance)
-            elastic = fit_elastic(Layout.of_one(self.forward, modes, self.inputs, self.fixed_points))
+            elastic = fit_elastic(
+                Layout.of_one(self.forward, modes, self.inputs, self.fixed_points)
+            )
             predicted = misfit.predict(fit.eigenvalue, fit.rate)
             residual = np.where(measured, frfs.values - predicted, 0)
             variance = residual_variance(residual, predicted, measured)
@@ -163,15 +184,24 @@ class _Update:
             settled = weighting == "noise" and moved.max() < _STILL
             theta, start, weighting = elastic.theta, fit.coefficients, "noise"
             if settled:
-                left = float(np.sum(np.abs(residual) ** 2) / np.sum(np.abs(frfs.values[measured]) ** 2))
+                left = float(
+                    np.sum(np.abs(residual) ** 2) / np.sum(np.abs(frfs.values[measured]) ** 2)
+                )
                 return left, JointResult(elastic, modes)
         best = by_name(self.forward.parametrisation.names, theta)
         raise UpdatingError(f"the joint update did not come to rest in {_TURNS} turns", best, ())
 
     def _modes_through(
-        self, theta: FloatArray, start: FloatArray | None, ratio: float, weighting: Weighting, variance: FloatArray
+        self,
+        theta: FloatArray,
+        start: FloatArray | None,
+        ratio: float,
+        weighting: Weighting,
+        variance: FloatArray,
     ) -> tuple[MeasuredModes, DampingFit, FrfMisfit]:
-        """Shifts and damping ratios of the model's modes in the band, as measured modes with the model's shapes."""
+        """Shifts and damping ratios of the model's modes in the band, as measured modes with the
+        model's shapes.
+        """
         forward, frfs, law = self.forward, self.frfs, self.law
         state = forward.solve(theta)
         model = state.frf_model(frfs.responses, frfs.references)
@@ -182,11 +212,15 @@ class _Update:
             raise UpdatingError("the model has no mode in the band", {}, ())
         if start is None:
             strain = None if model.strain is None else model.strain[elastic]
-            start = nearest_positive(law, model.omega[elastic], np.full(elastic.size, ratio), strain=strain)
+            start = nearest_positive(
+                law, model.omega[elastic], np.full(elastic.size, ratio), strain=strain
+            )
         nuisance = Nuisance(
             modes=np.concatenate([inside, others]),
             first_shift=np.zeros(elastic.size),
-            shift_sd=np.concatenate([np.full(inside.size, _SHIFT_SD), np.full(others.size, _OTHERS_SHIFT_SD)]),
+            shift_sd=np.concatenate(
+                [np.full(inside.size, _SHIFT_SD), np.full(others.size, _OTHERS_SHIFT_SD)]
+            ),
             deviation_sd=np.full(elastic.size, _DEVIATION),
             suspended=np.arange(state.modes.rigid),
             suspended_rate=np.full(state.modes.rigid, 2 * ratio * model.omega[inside[0]]),
@@ -198,11 +232,18 @@ class _Update:
         if measured.max() >= 1:
             best = by_name(forward.parametrisation.names, theta)
             raise UpdatingError(
-                "the joint update damps a mode beyond the critical; check band, boundary and priors", best, ()
+                "the joint update damps a mode beyond the critical; check band, boundary and"
+                " priors",
+                best,
+                (),
             )
         order = np.argsort(omega, kind="stable")
         shapes = state.all_shapes[inside][order]
-        return MeasuredModes(omega[order] / (2 * np.pi), measured[order], shapes + 0j, forward.dofs), fit, misfit
+        return (
+            MeasuredModes(omega[order] / (2 * np.pi), measured[order], shapes + 0j, forward.dofs),
+            fit,
+            misfit,
+        )
 
 
 def _log_magnitude(values: ComplexArray) -> FloatArray:
@@ -210,7 +251,9 @@ def _log_magnitude(values: ComplexArray) -> FloatArray:
     return magnitude
 
 
-def _apart(starts: list[tuple[FloatArray, float]], sd: FloatArray) -> list[tuple[FloatArray, float]]:
+def _apart(
+    starts: list[tuple[FloatArray, float]], sd: FloatArray
+) -> list[tuple[FloatArray, float]]:
     """The first few starts that are not next to one another."""
     kept: list[tuple[FloatArray, float]] = []
     for theta, ratio in starts:

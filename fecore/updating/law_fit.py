@@ -1,15 +1,17 @@
 """Stage 2: a damping law from complex FRFs, all FRFs and modes of a band together (Eq. 11).
 
-The modes and their residues come from the updated elastic model and stay; the law's coefficients a and a frequency shift
-δ_k of each measured mode (a misfit of a natural frequency looks like damping) minimise
+The modes and their residues come from the updated elastic model and stay; the law's coefficients a
+and a frequency shift δ_k of each measured mode (a misfit of a natural frequency looks like damping)
+minimise
 
     E(a, δ) = Σ_i Σ_l w_il |r_il|²,    r = H_exp - H(λ_k (1 + δ_k)², c(a, ω_k))   (or ln H_exp/H for `log`)
 
-by Levenberg and Marquardt's method. A law is never exact: each mode's rate is c_k exp(ε_k) with ε_k ~ N(0, s²), and the
-priors of the nuisance parameters join E, which for `noise` weights is the negative log likelihood. A law that fits keeps ε
-at zero; one that does not is then fitted to all modes alike, in place of to the one with the strongest signal. Modes that
-were not measured, above the band say, have shifts and deviations with priors too: else their tails, taken as exact, would show
-a damping that nobody measured.
+by Levenberg and Marquardt's method. A law is never exact: each mode's rate is c_k exp(ε_k) with ε_k
+~ N(0, s²), and the priors of the nuisance parameters join E, which for `noise` weights is the
+negative log likelihood. A law that fits keeps ε at zero; one that does not is then fitted to all
+modes alike, in place of to the one with the strongest signal. Modes that
+were not measured, above the band say, have shifts and deviations with priors too: else their tails,
+taken as exact, would show a damping that nobody measured.
 Rigid-body modes, and those that move on the springs of the supports, are damped by what they hang
 on and not by the law: each has a rate of its own.
 """
@@ -43,23 +45,35 @@ class DampingFit:
     cost: float  # misfit E of the data, weighted
     objective: float  # the same with the deviations' prior
     noise_covariance: FloatArray  # (p, p) covariance of the coefficients by measurement noise alone
-    # (p, 2m) derivative of the estimate by the misfit's gradient in (λ, c): how a wrong model moves it
+    # (p, 2m) derivative of the estimate by the misfit's gradient in (λ, c): how a wrong model moves
+    # it
     response: FloatArray
-    # (p, m) the same by the logarithm of the law's rate of each mode with a rate of its own, 0 of the others
+    # (p, m) the same by the logarithm of the law's rate of each mode with a rate of its own, 0 of
+    # the others
     tie: FloatArray
-    # (p, m) the same by the logarithm of the rate known beside the misfit of each mode, 0 of the others
+    # (p, m) the same by the logarithm of the rate known beside the misfit of each mode, 0 of the
+    # others
     seen: FloatArray
     normal: NormalEquations  # normal equations at the estimate
     history: FloatArray  # (iterations, p) coefficients, first to last
 
-    def synthesise(self, model: ModalFrfModel, frequency_hz: FloatArray, quantity: Quantity) -> ComplexArray:
-        """(N, L) FRFs of the elastic model between any dofs under the law, modes that the model leaves out included."""
+    def synthesise(
+        self, model: ModalFrfModel, frequency_hz: FloatArray, quantity: Quantity
+    ) -> ComplexArray:
+        """(N, L) FRFs of the elastic model between any dofs under the law, modes that the model
+        leaves out included.
+        """
         tail = beyond(self.law, self.coefficients, float(model.omega[-1]), model.strain)
         return model.synthesise(frequency_hz, self.rates(model), quantity, tail)
 
     def rates(self, model: ModalFrfModel) -> FloatArray:
-        """(m,) rates to predict FRFs of a model's modes with: the law's, but a suspended mode's own."""
-        rates = damping_rate(self.law, self.coefficients, model.omega, model.strain) + self.nuisance.window_rate
+        """(m,) rates to predict FRFs of a model's modes with: the law's, but a suspended mode's
+        own.
+        """
+        rates = (
+            damping_rate(self.law, self.coefficients, model.omega, model.strain)
+            + self.nuisance.window_rate
+        )
         rates[self.nuisance.suspended] = self.rate[self.nuisance.suspended]
         return rates
 
@@ -74,7 +88,8 @@ def fit_law(
         law: the law.
         start: (p,) first coefficients.
         nuisance: modes that may lie off the model and the law.
-        scale: what E of one value is by noise alone: 1 for `noise` weights. It brings priors into the units of E.
+        scale: what E of one value is by noise alone: 1 for `noise` weights. It brings priors into
+            the units of E.
 
     Raises:
         UpdatingError: no convergence; it carries the best iterate.
@@ -90,7 +105,8 @@ def fit_law(
     best = by_name(law.coefficient_names, found.point.coefficients)
     if found.outcome == "singular":
         raise UpdatingError(
-            f"the FRFs do not distinguish the coefficients of the {law.name} law; use a wider band, or a law with fewer",
+            f"the FRFs do not distinguish the coefficients of the {law.name} law; use a wider band,"
+            " or a law with fewer",
             best=best,
             history=(found.point.normal.cost,),
         )
@@ -114,7 +130,9 @@ def _finished(problem: LawProblem, point: LawPoint, history: FloatArray) -> Damp
     tie, seen = np.zeros((count, eigenvalue.size)), np.zeros((count, eigenvalue.size))
     tie[:, problem.tied] = problem.scale * (inverse @ by_prior[rows].T)[:count]
     tie[:, problem.tied] /= nuisance.deviation_sd[nuisance.deviation_sd > 0]
-    seen[:, nuisance.seen] = problem.scale * (inverse @ problem.known(x)[1].T)[:count] / nuisance.seen_sd
+    seen[:, nuisance.seen] = (
+        problem.scale * (inverse @ problem.known(x)[1].T)[:count] / nuisance.seen_sd
+    )
     return DampingFit(
         law=problem.law,
         coefficients=a,
@@ -139,13 +157,20 @@ def _covariance(problem: LawProblem, point: LawPoint, inverse: FloatArray) -> Fl
     misfit, (eigenvalue, rate) = problem.misfit, problem.modes(point.x)
     predicted = misfit.predict(eigenvalue, rate)
     _, weight = misfit.residual(predicted)
-    # Circular noise of variance v: cov(2 Re Jᴴ W n) = 2 Re Jᴴ W² V J, which is the hessian with weights w²v.
+    # Circular noise of variance v: cov(2 Re Jᴴ W n) = 2 Re Jᴴ W² V J, which is the hessian with
+    # weights w²v.
     moved = point.normal.reduction @ problem.chain(point.x)
-    spread = moved.T @ misfit.jacobian(eigenvalue, rate, predicted).hessian(misfit.scatter(weight)) @ moved
-    if misfit.weighting == "noise":  # a misfit above the noise is the model's error, which scatters likewise
+    spread = (
+        moved.T
+        @ misfit.jacobian(eigenvalue, rate, predicted).hessian(misfit.scatter(weight))
+        @ moved
+    )
+    # a misfit above the noise is the model's error, which scatters likewise
+    if misfit.weighting == "noise":
         spread = problem.scale * spread
     known = problem.known(point.x)[1]
     covariance = inverse @ (spread + problem.scale**2 * known.T @ known) @ inverse
     at = np.arange(len(covariance))
-    covariance[at, at] = np.maximum(covariance[at, at], 0)  # where the noise is next to nothing, round-off is not
+    # where the noise is next to nothing, round-off is not
+    covariance[at, at] = np.maximum(covariance[at, at], 0)
     return covariance

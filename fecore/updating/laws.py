@@ -1,27 +1,32 @@
 """The damping laws of a recipe by their names, and which of them the measured damping supports.
 
-`generalised` turns in the middle of the measured modes, `modal` has them as its knots; the laws by mechanism group the elastic
+`generalised` turns in the middle of the measured modes, `modal` has them as its knots; the laws by
+mechanism group the elastic
 constants of the body: its moduli E of fibre and matrix in tension, and its shear moduli G.
 
-FRFs are so many values that, taken as independent, they would prefer the richest law always: what limits a law is not noise
-but that no body follows it to the last per cent. So laws are ranked on the damping ratios of the measured modes, each known
-to its own noise and to the discrepancy s₀ = 2 % that any law is allowed:
+FRFs are so many values that, taken as independent, they would prefer the richest law always: what
+limits a law is not noise but that no body follows it to the last per cent. So laws are ranked on
+the damping ratios of the measured modes, each known to its own noise and to the discrepancy s₀ = 2
+% that any law is allowed:
 
     χ² = rᵀ (C_noise + s₀² 1)⁻¹ r,   r_k = ζ_law(ω_k)/ζ_k - 1,      BIC = χ² + p ln n
 
-with n modes and p coefficients (Schwarz 1978). Two close modes have the shares of strain energy of the angle, by which they may
-be mixed (`mixing`), that suits a law by mechanism best; -2 ln of the angle's probability is beside χ² then. The law with the
-least BIC is preferred; 10 is very strong evidence (Kass and Raftery 1995).
+with n modes and p coefficients (Schwarz 1978). Two close modes have the shares of strain energy of
+the angle, by which they may be mixed (`mixing`), that suits a law by mechanism best; -2 ln of the
+angle's probability is beside χ² then. The law with the least BIC is preferred; 10 is very strong
+evidence (Kass and Raftery 1995).
 
-Over several campaigns one law of the material explains the damping ratios of all their modes together, each by the shares of
-strain energy that its own body has at the common estimate:
+Over several campaigns one law of the material explains the damping ratios of all their modes
+together, each by the shares of strain energy that its own body has at the common estimate:
 
     ζ_ck = ½ (a₀/ω_ck + Σ_m η_m U_ckm)      with the same a₀ and η_m in every campaign c.
 
-A strip at 90° and one at 45° damp where a strip at 0° has no energy, so mechanisms are kept apart that one specimen shows as
-one. How far each campaign is off the common law is the root mean square of its own misses: a suspension or a clamp that damps
-shows there. Where campaigns have several temperatures each coefficient has one of temperature, a(T) = a (1 + k (T - T_ref))
-with k ~ N(0, (1 %/K)²) or as stated; k is integrated out in χ², which then has its prior and the logarithm of its evidence.
+A strip at 90° and one at 45° damp where a strip at 0° has no energy, so mechanisms are kept apart
+that one specimen shows as
+one. How far each campaign is off the common law is the root mean square of its own misses: a
+suspension or a clamp that damps shows there. Where campaigns have several temperatures each
+coefficient has one of temperature, a(T) = a (1 + k (T - T_ref)) with k ~ N(0, (1 %/K)²) or as
+stated; k is integrated out in χ², which then has its prior and the logarithm of its evidence.
 """
 
 from __future__ import annotations
@@ -36,7 +41,13 @@ import scipy
 from fecore.arrays import FloatArray
 from fecore.body.constants import Body, kind_of
 from fecore.body.mechanisms import SUPPORTS, mechanism_names
-from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, DampingLaw, GeneralisedProportional, ModalDamping
+from fecore.dynamics.damping_laws import (
+    RAYLEIGH,
+    CaugheySeries,
+    DampingLaw,
+    GeneralisedProportional,
+    ModalDamping,
+)
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import InputError
 from fecore.least_squares import unit_columns
@@ -52,9 +63,13 @@ from fecore.updating.temperature import DAMPING_PER_K, PER_K
 STRONG_EVIDENCE = 10.0
 """Difference of two BICs above which the worse law is called inadequate."""
 
-_NEGATIVE = 3.0  # standard deviations below zero that refute a mechanism's coefficient: a material feeds no energy in
-_LEAST_SHARE = 0.05  # of its strain energy that some mode must have in a mechanism for the modes to show its damping
-_APART = 0.02  # smallest singular value, of columns of unit length, of mechanisms that the modes distinguish
+# standard deviations below zero that refute a mechanism's coefficient: a material feeds no energy
+# in
+_NEGATIVE = 3.0
+# of its strain energy that some mode must have in a mechanism for the modes to show its damping
+_LEAST_SHARE = 0.05
+# smallest singular value, of columns of unit length, of mechanisms that the modes distinguish
+_APART = 0.02
 _BY_MECHANISM = ("mechanism", "mechanism_viscous", "mechanism_constants", "loss_factor")
 _TURNS = 6  # of a fit in a coefficient and its coefficient of temperature, which are nearly linear
 _MISSED = 3.0  # standard deviations by which a law must miss a mode for the mode to be named
@@ -88,7 +103,9 @@ def mechanism_laws(body: Body) -> dict[str, MechanismDamping]:
 
     two = (("E", columns("E")), ("G", columns("G")))
     elastic = columns("E", "G")
-    transverse = tuple(place for place in elastic if kind_of(names[place]) in ("Gxz", "Gyz", "G13", "G23"))
+    transverse = tuple(
+        place for place in elastic if kind_of(names[place]) in ("Gxz", "Gyz", "G13", "G23")
+    )
     single = tuple((names[place], (place,)) for place in elastic if place not in transverse)
     each = (*single, (names[transverse[0]], transverse)) if transverse else single
     laws = [
@@ -98,7 +115,9 @@ def mechanism_laws(body: Body) -> dict[str, MechanismDamping]:
         MechanismDamping("loss_factor", (("", elastic),), mass=False),
     ]
     if SUPPORTS in names:
-        laws.append(MechanismDamping("mechanism_support", (*two, ("support", (names.index(SUPPORTS),)))))
+        laws.append(
+            MechanismDamping("mechanism_support", (*two, ("support", (names.index(SUPPORTS),))))
+        )
     return {law.name: law for law in laws}
 
 
@@ -126,10 +145,13 @@ def laws_of(recipe: Recipe, modal: ModalDamping, body: Body) -> tuple[DampingLaw
     for index, name in enumerate(recipe.damping_models):
         if name == "mechanism_support" and name not in known:
             raise InputError(
-                f"damping_models.{index}", f"is {name!r}, but the specimen stands on no springs; state some"
+                f"damping_models.{index}",
+                f"is {name!r}, but the specimen stands on no springs; state some",
             )
         if name not in known:
-            raise InputError(f"damping_models.{index}", f"is {name!r}, expected one of {', '.join(known)}")
+            raise InputError(
+                f"damping_models.{index}", f"is {name!r}, expected one of {', '.join(known)}"
+            )
     return tuple(known[name] for name in recipe.damping_models)
 
 
@@ -141,16 +163,18 @@ class RankedLaw:
     coefficients: FloatArray  # (p,) nearest to the modal damping ratios
     covariance: FloatArray  # (p, p) of the coefficients, the law's discrepancy included
     noise_covariance: FloatArray  # (p, p) without it
-    # Bayesian information criterion; infinite where the law would damp a mode negatively, and where the modes cannot
-    # distinguish a law's mechanisms or make one of them feed energy in
+    # Bayesian information criterion; infinite where the law would damp a mode negatively, and where
+    # the modes cannot distinguish a law's mechanisms or make one of them feed energy in
     bic: float
     chi_squared: float  # misfit of the ratios
     missed: FloatArray  # (n,) relative miss of each ratio
     # number and relative miss of each mode that it misses by more than three standard deviations
     named: tuple[tuple[int, float], ...]
-    # (n, q) shares of the modes' strain energy, close ones mixed as suits the law; None where it looks at none
+    # (n, q) shares of the modes' strain energy, close ones mixed as suits the law; None where it
+    # looks at none
     strain: FloatArray | None
-    # (p,) coefficients of temperature, 1/K, and (2p, 2p) covariance of coefficients and these; None at one temperature
+    # (p,) coefficients of temperature, 1/K, and (2p, 2p) covariance of coefficients and these; None
+    # at one temperature
     per_k: FloatArray | None = None
     joint: FloatArray | None = None
 
@@ -188,8 +212,17 @@ class LawRanking:
             return []
         modes = ", ".join(f"mode {number} by {100 * miss:+.0f} %" for number, miss in first.named)
         missed = f": it misses {modes}" if modes else ""
-        better = f"; the evidence prefers {best.law.name} (BIC {best.bic:.1f} against {first.bic:.1f})"
-        return [found("law_inadequate", law=first.law.name, missed=missed, better=better if best is not first else "")]
+        better = (
+            f"; the evidence prefers {best.law.name} (BIC {best.bic:.1f} against {first.bic:.1f})"
+        )
+        return [
+            found(
+                "law_inadequate",
+                law=first.law.name,
+                missed=missed,
+                better=better if best is not first else "",
+            )
+        ]
 
 
 def identifiable_laws(modes: int, laws: Sequence[DampingLaw]) -> tuple[DampingLaw, ...]:
@@ -198,7 +231,10 @@ def identifiable_laws(modes: int, laws: Sequence[DampingLaw]) -> tuple[DampingLa
 
 
 def rank_laws(
-    ratios: MeasuredRatios, rows: list[int], laws: Sequence[DampingLaw], priors: PriorsPerK | None = None
+    ratios: MeasuredRatios,
+    rows: list[int],
+    laws: Sequence[DampingLaw],
+    priors: PriorsPerK | None = None,
 ) -> LawRanking:
     """Rank laws, each of which the modes can determine, by measured damping ratios.
 
@@ -211,8 +247,12 @@ def rank_laws(
     return LawRanking(tuple(_ranked(law, ratios, rows, priors or {}) for law in laws))
 
 
-def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int], priors: PriorsPerK) -> RankedLaw:
-    """The law at the angles of close modes that suit it best; one that misses more than it may has the wider covariance."""
+def _ranked(
+    law: DampingLaw, ratios: MeasuredRatios, rows: list[int], priors: PriorsPerK
+) -> RankedLaw:
+    """The law at the angles of close modes that suit it best; one that misses more than it may has
+    the wider covariance.
+    """
     fit, cost, by_angles = _at_best_angles(law, ratios, priors)
     ratio, coefficients = ratios.ratio, fit.coefficients
     price = coefficients.size * np.log(ratio.size)
@@ -222,7 +262,9 @@ def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int], priors: Pr
         spread = excess * fit.gain @ fit.covariance @ fit.gain.T + by_angles
     else:
         spread = excess * fit.joint[:p, :p] + by_angles
-    possible = bool(np.all(fit.missed > -1)) and not _is_refuted(law, coefficients, spread, fit.ratios)
+    possible = bool(np.all(fit.missed > -1)) and not _is_refuted(
+        law, coefficients, spread, fit.ratios
+    )
     named = np.abs(fit.missed) > _MISSED * np.sqrt(np.diag(fit.covariance))
     return RankedLaw(
         law=law,
@@ -235,13 +277,19 @@ def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int], priors: Pr
         named=tuple((rows[k] + 1, float(fit.missed[k])) for k in np.flatnonzero(named)),
         strain=fit.ratios.strain,
         per_k=fit.per_k,
-        joint=None if fit.joint is None else excess * fit.joint + scipy.linalg.block_diag(by_angles, 0 * by_angles),
+        joint=(
+            None
+            if fit.joint is None
+            else excess * fit.joint + scipy.linalg.block_diag(by_angles, 0 * by_angles)
+        ),
     )
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """Generalised least squares of ζ_law/ζ = 1: its (n, n) covariance, (p, n) gain, (p,) coefficients and (n,) misses."""
+    """Generalised least squares of ζ_law/ζ = 1: its (n, n) covariance, (p, n) gain, (p,)
+    coefficients and (n,) misses.
+    """
 
     ratios: MeasuredRatios
     covariance: FloatArray
@@ -254,23 +302,35 @@ class _Fit:
 
     @classmethod
     def of(cls, law: DampingLaw, ratios: MeasuredRatios, prior_per_k: PriorsPerK) -> _Fit:
-        covariance = ratios.relative_covariance + np.diag(np.full(ratios.ratio.size, DAMPING_DISCREPANCY**2))
+        covariance = ratios.relative_covariance + np.diag(
+            np.full(ratios.ratio.size, DAMPING_DISCREPANCY**2)
+        )
         whiten = np.linalg.inv(np.linalg.cholesky(covariance))
         basis = ratios.relative_basis(law)
         unit, scale = unit_columns(basis)
         gain = np.linalg.pinv(whiten @ unit) @ whiten / scale[:, None]
         coefficients = gain @ np.ones(ratios.ratio.size)
         missed = basis @ coefficients - 1
-        at_one = cls(ratios, covariance, gain, coefficients, missed, float(np.sum((whiten @ missed) ** 2)))
+        at_one = cls(
+            ratios, covariance, gain, coefficients, missed, float(np.sum((whiten @ missed) ** 2))
+        )
         if ratios.warmer is None:
             return at_one
-        priors = np.array([prior_per_k.get(name + PER_K, DAMPING_PER_K) for name in law.coefficient_names])
+        priors = np.array(
+            [prior_per_k.get(name + PER_K, DAMPING_PER_K) for name in law.coefficient_names]
+        )
         return at_one.with_temperature(whiten, basis, ratios.warmer, *priors.T)
 
     def with_temperature(
-        self, whiten: FloatArray, basis: FloatArray, warmer: FloatArray, mean: FloatArray, sd: FloatArray
+        self,
+        whiten: FloatArray,
+        basis: FloatArray,
+        warmer: FloatArray,
+        mean: FloatArray,
+        sd: FloatArray,
     ) -> _Fit:
-        """The same with a coefficient of temperature of each coefficient: Gauss and Newton's steps in a and k.
+        """The same with a coefficient of temperature of each coefficient: Gauss and Newton's steps
+        in a and k.
 
         Args:
             whiten: (n, n) root of the weights.
@@ -283,7 +343,9 @@ class _Fit:
         for _ in range(_TURNS):
             at_own = basis * (1 + np.outer(warmer, k))
             by_k = basis * a * warmer[:, None]
-            jacobian = np.vstack([whiten @ np.hstack([at_own, by_k]), np.hstack([np.zeros((p, p)), np.diag(1 / sd)])])
+            jacobian = np.vstack(
+                [whiten @ np.hstack([at_own, by_k]), np.hstack([np.zeros((p, p)), np.diag(1 / sd)])]
+            )
             left = np.concatenate([whiten @ (1 - at_own @ a), (mean - k) / sd])
             unit, scale = unit_columns(jacobian)
             inverse = np.linalg.pinv(unit) / scale[:, None]
@@ -297,8 +359,12 @@ class _Fit:
         return _Fit(*fitted, chi_squared=squares + narrowed, per_k=k, joint=inverse @ inverse.T)
 
 
-def _at_best_angles(law: DampingLaw, ratios: MeasuredRatios, priors: PriorsPerK) -> tuple[_Fit, float, FloatArray]:
-    """The fit where close modes are mixed as suits a law best, the angles' cost, and the coefficients' covariance by them."""
+def _at_best_angles(
+    law: DampingLaw, ratios: MeasuredRatios, priors: PriorsPerK
+) -> tuple[_Fit, float, FloatArray]:
+    """The fit where close modes are mixed as suits a law best, the angles' cost, and the
+    coefficients' covariance by them.
+    """
     best, cost = _Fit.of(law, ratios, priors), 0.0
     by_angles = np.zeros((best.coefficients.size,) * 2)
     for mixing in ratios.mixings if isinstance(law, MechanismDamping) else ():
@@ -311,22 +377,34 @@ def _at_best_angles(law: DampingLaw, ratios: MeasuredRatios, priors: PriorsPerK)
     return best, cost, by_angles
 
 
-def _is_refuted(law: DampingLaw, coefficients: FloatArray, covariance: FloatArray, ratios: MeasuredRatios) -> bool:
-    """Whether a law by mechanism cannot be: a coefficient is negative beyond doubt, or the modes do not distinguish them.
+def _is_refuted(
+    law: DampingLaw, coefficients: FloatArray, covariance: FloatArray, ratios: MeasuredRatios
+) -> bool:
+    """Whether a law by mechanism cannot be: a coefficient is negative beyond doubt, or the modes do
+    not distinguish them.
 
-    A series in frequency may have negative coefficients, as only its sum is a rate; a mechanism's coefficient is one by itself.
+    A series in frequency may have negative coefficients, as only its sum is a rate; a mechanism's
+    coefficient is one by itself.
     """
     if not isinstance(law, MechanismDamping):
         return False
     assert ratios.strain is not None, "the law was fitted on shares"
-    hidden = any(ratios.strain[:, list(columns)].sum(axis=1).max() < _LEAST_SHARE for _, columns in law.groups)
+    hidden = any(
+        ratios.strain[:, list(columns)].sum(axis=1).max() < _LEAST_SHARE
+        for _, columns in law.groups
+    )
     basis = unit_columns(ratios.relative_basis(law))[0]
     together = float(np.linalg.svd(basis, compute_uv=False)[-1]) < _APART
-    return hidden or together or bool(np.any(coefficients < -_NEGATIVE * np.sqrt(np.diag(covariance))))
+    return (
+        hidden or together or bool(np.any(coefficients < -_NEGATIVE * np.sqrt(np.diag(covariance))))
+    )
 
 
-def common_damping(elastic: ElasticResult, priors: PriorsPerK | None = None) -> tuple[CommonLaw, ...]:
-    """The laws that the paired modes of all campaigns can determine, ranked; none where no mode has a damping ratio.
+def common_damping(
+    elastic: ElasticResult, priors: PriorsPerK | None = None
+) -> tuple[CommonLaw, ...]:
+    """The laws that the paired modes of all campaigns can determine, ranked; none where no mode has
+    a damping ratio.
 
     Args:
         elastic: stage 1.

@@ -6,9 +6,10 @@
 | width, thickness, density, angle of the fibres; deviations of the moduli by scatter | the specimen: its campaigns share them |
 | length that vibrates, the clamp's compliance, a temperature that nobody stated | the campaign |
 
-All unknowns are one vector x of deviations from their prior means in the coordinates of `fecore.updating.parameters`, with
-independent Gaussian priors; the coordinates of campaign c are ξ_c = m_c + P_c x, where P_c picks and adds. An update of one
-campaign is the same problem with P = 1.
+All unknowns are one vector x of deviations from their prior means in the coordinates of
+`fecore.updating.parameters`, with independent Gaussian priors; the coordinates of campaign c are
+ξ_c = m_c + P_c x, where P_c picks and adds. An update of one campaign is the same problem with P =
+1.
 """
 
 from __future__ import annotations
@@ -47,7 +48,9 @@ _SCATTER = "scatter of "
 
 @dataclass(frozen=True)
 class Unknown:
-    """One entry of x: its name, to which specimen or campaign it belongs (None: to all), and its prior's deviation."""
+    """One entry of x: its name, to which specimen or campaign it belongs (None: to all), and its
+    prior's deviation.
+    """
 
     name: str
     owner: str | None
@@ -55,7 +58,9 @@ class Unknown:
 
     @classmethod
     def of_scatter(cls, name: str, specimen: str) -> Unknown:
-        """A specimen's deviation from the material; its prior's deviation is the scatter, which is estimated."""
+        """A specimen's deviation from the material; its prior's deviation is the scatter, which is
+        estimated.
+        """
         return cls(_SCATTER + name, specimen, 0.0)
 
     @property
@@ -85,11 +90,14 @@ class CampaignModel:
     """A campaign as a fit sees it."""
 
     name: str  # of the campaign; empty where there is one
-    forward: ForwardModel  # its model; the first points are those of the modes' shapes, in their order
+    # its model; the first points are those of the modes' shapes, in their order
+    forward: ForwardModel
     modes: MeasuredModes  # measured modes; without shapes they are paired by frequency
     pick: FloatArray  # (p, X) matrix P
-    inputs: Inputs = field(default_factory=Inputs.exact)  # how well the laboratory knows what it hands in
-    fixed_points: tuple[int, ...] = ()  # at which a sensor stood through the test, if its mass was not stated
+    # how well the laboratory knows what it hands in
+    inputs: Inputs = field(default_factory=Inputs.exact)
+    # at which a sensor stood through the test, if its mass was not stated
+    fixed_points: tuple[int, ...] = ()
 
     @property
     def prior(self) -> Parametrisation:
@@ -105,31 +113,43 @@ class CampaignModel:
         return bool(self.prior.are_believable((self.prior.xi_mean + self.pick @ x)[None])[0])
 
     def noise(self, rows: list[int]) -> FloatArray:
-        """(n, n) covariance of the logarithms of some measured frequencies, and of what the model is known to miss."""
+        """(n, n) covariance of the logarithms of some measured frequencies, and of what the model
+        is known to miss.
+        """
         missed = self.model_error**2 * np.eye(len(rows))
         if self.modes.covariance is None:
             return np.eye(len(rows)) * UNKNOWN_FREQUENCY_SD**2 + missed
         hz = self.modes.frequency_hz[rows]
-        covariance: FloatArray = self.modes.covariance[np.ix_(rows, rows)] / np.outer(hz, hz) + missed
+        covariance: FloatArray = (
+            self.modes.covariance[np.ix_(rows, rows)] / np.outer(hz, hz) + missed
+        )
         return covariance
 
     @property
     def model_error(self) -> float:
-        """Known relative error of a frequency of the model, beside the discrepancy that the residuals show."""
+        """Known relative error of a frequency of the model, beside the discrepancy that the
+        residuals show.
+        """
         return self.forward.specimen.model_error
 
     def probability(self, rows: Sequence[int]) -> FloatArray:
-        """(n,) probabilities that some measured modes are modes of the structure; 1 where nobody doubts it."""
+        """(n,) probabilities that some measured modes are modes of the structure; 1 where nobody
+        doubts it.
+        """
         known = self.modes.probability
         return np.ones(len(rows)) if known is None else known[list(rows)]
 
     def width(self, rows: Sequence[int]) -> FloatArray:
-        """(n,) W of some measured modes: one over the density of ln f that a pole has that is none (`belief`)."""
+        """(n,) W of some measured modes: one over the density of ln f that a pole has that is none
+        (`belief`).
+        """
         hz = self.modes.frequency_hz
         return np.asarray(hz[-1] / hz[list(rows)])
 
     def named(self, row: int) -> str:
-        """A measured mode in a message: its number and frequency, and its campaign where there are several."""
+        """A measured mode in a message: its number and frequency, and its campaign where there are
+        several.
+        """
         text = f"{row + 1} ({self.modes.frequency_hz[row]:.2f} Hz)"
         return f"{text} of campaign {self.name}" if self.name else text
 
@@ -138,12 +158,14 @@ class CampaignModel:
 class Coupon:
     """What static tests of a batch say of one of the material's constants.
 
-    Where specimens scatter a batch is of one more specimen, of which its own mean is known better: σ/√(n + 1).
+    Where specimens scatter a batch is of one more specimen, of which its own mean is known better:
+    σ/√(n + 1).
     """
 
     name: str  # of the constant
     mean: float  # SI
-    standard_deviation: float  # σ, with which the mean says what one more piece is (`fecore.coupons.batch.prior`), SI
+    # σ, with which the mean says what one more piece is (`fecore.coupons.batch.prior`), SI
+    standard_deviation: float
     batch: str = "coupons"  # name of the batch
     pieces: int = 0  # n; 0 where σ is that of the mean itself
 
@@ -152,23 +174,36 @@ class Coupon:
 class Layout:
     """All unknowns, and the campaigns that see them."""
 
-    campaigns: tuple[CampaignModel, ...]  # models whose parametrisations have the shared parameters first and the same
+    # models whose parametrisations have the shared parameters first and the same
+    campaigns: tuple[CampaignModel, ...]
     unknowns: tuple[Unknown, ...]  # entries of x, those that all campaigns share first
-    common: tuple[CommonPrior, ...] = ()  # constants, among the shared ones, of sets that are made of one material
-    # prior scale of the scatter τ: of a modulus between specimens where some unknowns are theirs, else of a constant
-    # between sets of one material; 0 where nothing scatters
+    # constants, among the shared ones, of sets that are made of one material
+    common: tuple[CommonPrior, ...] = ()
+    # prior scale of the scatter τ: of a modulus between specimens where some unknowns are theirs,
+    # else of a constant between sets of one material; 0 where nothing scatters
     scatter: float = 0.0
     coupons: tuple[Coupon, ...] = ()  # what static tests say of the shared parameters
 
     @classmethod
     def of_one(
-        cls, forward: ForwardModel, modes: MeasuredModes, inputs: Inputs | None = None, fixed: tuple[int, ...] = ()
+        cls,
+        forward: ForwardModel,
+        modes: MeasuredModes,
+        inputs: Inputs | None = None,
+        fixed: tuple[int, ...] = (),
     ) -> Layout:
         """The unknowns of one campaign: its parameters and inputs."""
         prior = forward.parametrisation
         owners = [None if name in prior.reported else "" for name in prior.names]
-        unknowns = tuple(Unknown(*each) for each in zip(prior.names, owners, map(float, prior.xi_sd), strict=True))
-        campaigns = (CampaignModel("", forward, modes, np.eye(len(prior.names)), inputs or Inputs.exact(), fixed),)
+        unknowns = tuple(
+            Unknown(*each)
+            for each in zip(prior.names, owners, map(float, prior.xi_sd), strict=True)
+        )
+        campaigns = (
+            CampaignModel(
+                "", forward, modes, np.eye(len(prior.names)), inputs or Inputs.exact(), fixed
+            ),
+        )
         return cls(campaigns, unknowns, prior.common, OWN_SD if prior.common else 0.0)
 
     @property
@@ -193,7 +228,9 @@ class Layout:
 
     @property
     def is_large(self) -> bool:
-        """Whether a model is so large that its basis holds only the modes which the measurement needs."""
+        """Whether a model is so large that its basis holds only the modes which the measurement
+        needs.
+        """
         return any(np.isfinite(campaign.forward.held_hz) for campaign in self.campaigns)
 
     def solved(self, x: FloatArray) -> tuple[ForwardState, ...]:
@@ -210,7 +247,9 @@ class Layout:
         return any(unknown.is_scatter for unknown in self.unknowns)
 
     def sd(self, scatter: float) -> FloatArray:
-        """(X,) prior standard deviations of the unknowns by themselves at a scatter τ, see `coupling`."""
+        """(X,) prior standard deviations of the unknowns by themselves at a scatter τ, see
+        `coupling`.
+        """
         sd = np.array([scatter if unknown.is_scatter else unknown.sd for unknown in self.unknowns])
         for rows, shared, own in self._of_sets(scatter):
             sd[rows] = np.sqrt(own + len(rows) * shared)
@@ -219,8 +258,9 @@ class Layout:
     def coupling(self, scatter: float) -> FloatArray:
         """(X, X) prior precision beside that: of what sets of one material have in common.
 
-        n constants that share a deviation of variance c² and have o² each of their own have the covariance c²11ᵀ + o²I. Its
-        inverse is that of independent ones of variance o² + nc², and k/o² (nI - 11ᵀ) with k = c²/(o² + nc²).
+        n constants that share a deviation of variance c² and have o² each of their own have the
+        covariance c²11ᵀ + o²I. Its inverse is that of independent ones of variance o² + nc², and
+        k/o² (nI - 11ᵀ) with k = c²/(o² + nc²).
         """
         coupling = np.zeros((len(self.unknowns),) * 2)
         for rows, shared, own in self._of_sets(scatter):
@@ -229,7 +269,9 @@ class Layout:
         return coupling
 
     def _of_sets(self, scatter: float) -> Iterator[tuple[list[int], float, float]]:
-        """Places of constants with a common prior, with the variances of ξ that they share and of each by itself."""
+        """Places of constants with a common prior, with the variances of ξ that they share and of
+        each by itself.
+        """
         for each in self.common:
             spread = each.own if self.specimens_scatter else each.own * scatter / self.scatter
             shared = np.log1p(each.common**2)
@@ -241,9 +283,13 @@ class Layout:
         return precision
 
     def log_prior(self) -> Callable[[FloatArray], FloatArray]:
-        """The (n,) logarithm of the prior density of (n, q) shared unknowns, whatever the scatter is, up to a constant."""
+        """The (n,) logarithm of the prior density of (n, q) shared unknowns, whatever the scatter
+        is, up to a constant.
+        """
         q, (scatters, probability) = len(self.shared), prior_of_scatter(self.scatter)
-        inverse = [np.linalg.inv(np.linalg.inv(self.precision(float(each)))[:q, :q]) for each in scatters]
+        inverse = [
+            np.linalg.inv(np.linalg.inv(self.precision(float(each)))[:q, :q]) for each in scatters
+        ]
         constant = np.log(probability) + np.linalg.slogdet(inverse)[1] / 2
 
         def value(x: FloatArray) -> FloatArray:
@@ -270,7 +316,8 @@ class Layout:
 
     @cached_property
     def of_coupons(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(c, X) combinations of x that the coupons say, with (c,) values and standard deviations there.
+        """(c, X) combinations of x that the coupons say, with (c,) values and standard deviations
+        there.
 
         Raises:
             InputError: a coupon's constant is not updated.
@@ -279,7 +326,9 @@ class Layout:
         for index, coupon in enumerate(self.coupons):
             if coupon.name not in self.shared:
                 known = ", ".join(self.shared)
-                raise InputError(f"coupons.{index}", f"{coupon.name} is not updated; expected one of {known}")
+                raise InputError(
+                    f"coupons.{index}", f"{coupon.name} is not updated; expected one of {known}"
+                )
             place, mean, sd = self.shared.index(coupon.name), coupon.mean, coupon.standard_deviation
             sd /= np.sqrt(coupon.pieces + 1) if self.specimens_scatter else 1.0
             own = Unknown.of_scatter(coupon.name, coupon.batch).label
@@ -292,15 +341,22 @@ class Layout:
 
     def unverified(self) -> Layout:
         """The same on bases as they are now, for a search that is verified afterwards."""
-        return replace(self, campaigns=tuple(replace(c, forward=c.forward.unverified()) for c in self.campaigns))
+        return replace(
+            self,
+            campaigns=tuple(replace(c, forward=c.forward.unverified()) for c in self.campaigns),
+        )
 
     def with_mesh_errors_at(self, x: FloatArray) -> Layout:
         """The same with the error of each body's own mesh as it is at x."""
-        moved = [replace(c, forward=c.forward.with_mesh_error_about(c.theta(x))) for c in self.campaigns]
+        moved = [
+            replace(c, forward=c.forward.with_mesh_error_about(c.theta(x))) for c in self.campaigns
+        ]
         return replace(self, campaigns=tuple(moved))
 
     def with_prior(self, prior: Parametrisation, **of_model: Any) -> Layout:
-        """The layout of one campaign with other parameters and their body, its model changed in these attributes."""
+        """The layout of one campaign with other parameters and their body, its model changed in
+        these attributes.
+        """
         (only,) = self.campaigns
         known = {"about": None, **of_model}
         forward = replace(only.forward, specimen=prior.body, parametrisation=prior, **known)

@@ -1,4 +1,6 @@
-"""What was measured, made ready for updating: usable FRFs, what is held out of them, modes with shapes."""
+"""What was measured, made ready for updating: usable FRFs, what is held out of them, modes with
+shapes.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,7 +21,8 @@ from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.recipe import HoldOut, Recipe
 
-_SAME_POLE = 1.05  # ratio of frequencies within which a typed mode and an identified one are the same
+# ratio of frequencies within which a typed mode and an identified one are the same
+_SAME_POLE = 1.05
 _STILL = 1e-9  # share of the mesh's deflections that a point on a support takes part in, round-off
 _HELD_OUT_OF = 8  # every eighth roving dof is held out unless the recipe says otherwise
 _FEWEST_TO_HOLD_OUT = 16  # FRFs of which some are held out
@@ -32,12 +35,14 @@ class Measurement:
     frfs: FrfSet | None  # FRFs in SI; None where modes alone were measured
     # coordinates (x, y, z) in m of each grid point, in the specimen's frame
     points: Mapping[int, tuple[float, float, float]]
-    # measured modes; None to identify them from the FRFs. Shapes are found from the FRFs where they have none.
+    # measured modes; None to identify them from the FRFs. Shapes are found from the FRFs where they
+    # have none.
     modes: MeasuredModes | None = None
-    # of a sensor that sat at the response point of each FRF in turn, kg; 0 where none did. One that stood still is a
-    # `PointMass` of the specimen.
+    # of a sensor that sat at the response point of each FRF in turn, kg; 0 where none did. One that
+    # stood still is a `PointMass` of the specimen.
     roving_mass: float = 0.0
-    inputs: Inputs = field(default_factory=Inputs)  # how well the laboratory knows what else it hands in
+    # how well the laboratory knows what else it hands in
+    inputs: Inputs = field(default_factory=Inputs)
     # (3, 3) directions 1, 2 and 3 of points that have axes of their own, as rows of unit vectors
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
     temperature_c: float | None = None  # of the body in the test, °C; None where nobody stated it
@@ -60,7 +65,8 @@ class Prepared:
     held_rows: list[int] = field(default_factory=list)  # their places among `frfs`
     # measured modes, with shapes where the data give them; None where none were asked for
     modes: MeasuredModes | None = None
-    identification: Identification | None = None  # how the modes were found; None where they were handed in
+    # how the modes were found; None where they were handed in
+    identification: Identification | None = None
     warnings: tuple[str, ...] = ()  # what a user must know
 
 
@@ -82,8 +88,10 @@ def prepare(
         find_modes: False leaves modes and their shapes alone: the joint update needs none.
 
     Raises:
-        InputError: no FRF can be used, a point has no coordinates or lies off the specimen, or the hold-out leaves nothing.
-        IdentificationError: no modes were handed in and the FRFs support none, or doubtful ones only.
+        InputError: no FRF can be used, a point has no coordinates or lies off the specimen, or the
+            hold-out leaves nothing.
+        IdentificationError: no modes were handed in and the FRFs support none, or doubtful ones
+            only.
     """
     if measurement.frfs is None:
         return _of_modes_alone(measurement, specimen.model)
@@ -94,7 +102,9 @@ def prepare(
     place = {int(row): number for number, row in enumerate(screened.kept)}
     kept, held_rows = ([place[row] for row in side if row in place] for side in rows)
     if not kept:
-        raise IdentificationError(f"no FRF that is to be fitted is usable: {'; '.join(_refusals(screened))}")
+        raise IdentificationError(
+            f"no FRF that is to be fitted is usable: {'; '.join(_refusals(screened))}"
+        )
     frfs = frfs.select(list(place)).unmeasured_at(~screened.measured)
     frfs = frfs.conjugated() if screened.conjugated else frfs
     warnings = (*warnings, *still, *screened.warnings, *_refusals(screened))
@@ -142,18 +152,26 @@ def _moving(frfs: FrfSet, measurement: Measurement, specimen: Body) -> tuple[Frf
     seen = observed_at(specimen.model, points, places, directions_of(dofs, measurement.axes))
     still = {dof for dof, reach in zip(dofs, abs(seen).sum(axis=1), strict=True) if reach < _STILL}
     pairs = list(zip(frfs.responses, frfs.references, strict=True))
-    moving = [i for i, pair in enumerate(pairs) if not still & {Dof(dof.point, dof.axis) for dof in pair}]
+    moving = [
+        i for i, pair in enumerate(pairs) if not still & {Dof(dof.point, dof.axis) for dof in pair}
+    ]
     if len(moving) == len(pairs):
         return frfs, []
     held = sorted({dof.point for dof in still})
     names, one = ", ".join(map(str, held)), len(held) == 1
     where = (
-        f"{'point' if one else 'points'} {names} {'lies' if one else 'lie'} on a support that holds still in the model"
+        f"{'point' if one else 'points'} {names} {'lies' if one else 'lie'} on a support that holds"
+        " still in the model"
     )
     if not moving:
-        raise InputError("boundary", f"leaves no FRF: {where}; check the boundary and the coordinates of the points")
+        raise InputError(
+            "boundary",
+            f"leaves no FRF: {where}; check the boundary and the coordinates of the points",
+        )
     left = len(pairs) - len(moving)
-    return frfs.select(moving), [f"{where}: {left} FRFs at them were left out; is the boundary right?"]
+    return frfs.select(moving), [
+        f"{where}: {left} FRFs at them were left out; is the boundary right?"
+    ]
 
 
 def _of_modes_alone(measurement: Measurement, model: Model) -> Prepared:
@@ -168,7 +186,9 @@ def _of_modes_alone(measurement: Measurement, model: Model) -> Prepared:
 
 def _moves(dofs: Sequence[Dof], measurement: Measurement, model: Model) -> list[bool]:
     """Which dofs are displacements along directions in which the model moves."""
-    along = model.moves_along(directions_of([Dof(dof.point, (dof.axis - 1) % 3 + 1) for dof in dofs], measurement.axes))
+    along = model.moves_along(
+        directions_of([Dof(dof.point, (dof.axis - 1) % 3 + 1) for dof in dofs], measurement.axes)
+    )
     return [dof.axis <= 3 and bool(moves) for dof, moves in zip(dofs, along, strict=True)]
 
 
@@ -180,13 +200,18 @@ def _predicted(model: Model) -> tuple[str, str]:
 
 
 def _seen(frfs: FrfSet, measurement: Measurement, model: Model) -> tuple[FrfSet, tuple[str, ...]]:
-    """The FRFs along directions in which the model moves, without a line at 0 Hz; what was left out, in words."""
+    """The FRFs along directions in which the model moves, without a line at 0 Hz; what was left
+    out, in words.
+    """
     pairs = list(zip(frfs.responses, frfs.references, strict=True))
     moves = (_moves(dofs, measurement, model) for dofs in (frfs.responses, frfs.references))
     chosen = [i for i, both in enumerate(zip(*moves, strict=True)) if all(both)]
     missing = sorted({dof.point for i in chosen for dof in pairs[i]} - set(measurement.points))
     if missing:
-        raise InputError("grid_points", f"points {', '.join(map(str, missing))} have FRFs but no coordinates; add them")
+        raise InputError(
+            "grid_points",
+            f"points {', '.join(map(str, missing))} have FRFs but no coordinates; add them",
+        )
     along, name = _predicted(model)
     if not chosen:
         raise InputError("frfs", f"none is {along}, which is what the {name} predicts")
@@ -199,9 +224,11 @@ def _seen(frfs: FrfSet, measurement: Measurement, model: Model) -> tuple[FrfSet,
 
 
 def _split(frfs: FrfSet, hold_out: HoldOut) -> tuple[list[int], list[int]]:
-    """Rows of the FRFs to fit, and of those held out: of the points that the recipe names, else of every eighth roving dof.
+    """Rows of the FRFs to fit, and of those held out: of the points that the recipe names, else of
+    every eighth roving dof.
 
-    A dof is held out with all its FRFs: with those of its weak reference alone, its part of a shape would be noise.
+    A dof is held out with all its FRFs: with those of its weak reference alone, its part of a shape
+    would be noise.
     """
     pairs = tuple(zip(frfs.responses, frfs.references, strict=True))
     dofs, _, sides = split_sides(pairs)
@@ -209,12 +236,18 @@ def _split(frfs: FrfSet, hold_out: HoldOut) -> tuple[list[int], list[int]]:
     if hold_out.points is None:
         driving = {dof for dof, (a, b) in zip(roving, pairs, strict=True) if a.point == b.point}
         many = len(roving) >= _FEWEST_TO_HOLD_OUT
-        out = set(list(dict.fromkeys(roving))[_HELD_OUT_OF // 2 :: _HELD_OUT_OF]) - driving if many else set()
+        out = (
+            set(list(dict.fromkeys(roving))[_HELD_OUT_OF // 2 :: _HELD_OUT_OF]) - driving
+            if many
+            else set()
+        )
     else:
         out = {dof for dof in roving if dof.point in hold_out.points}
         unknown = set(hold_out.points) - {dof.point for dof in out}
         if unknown:
-            raise InputError("hold_out.points", f"{sorted(unknown)} have no FRF of their own in this campaign")
+            raise InputError(
+                "hold_out.points", f"{sorted(unknown)} have no FRF of their own in this campaign"
+            )
     held = [i for i, dof in enumerate(roving) if dof in out]
     kept = [i for i, dof in enumerate(roving) if dof not in out]
     if not kept:
@@ -222,11 +255,15 @@ def _split(frfs: FrfSet, hold_out: HoldOut) -> tuple[list[int], list[int]]:
     return kept, held
 
 
-def _with_shapes(frfs: FrfSet, measurement: Measurement, model: Model) -> tuple[MeasuredModes, tuple[str, ...]]:
-    """Modes that were handed in, with shapes: their own, or those that the FRFs have at their poles.
+def _with_shapes(
+    frfs: FrfSet, measurement: Measurement, model: Model
+) -> tuple[MeasuredModes, tuple[str, ...]]:
+    """Modes that were handed in, with shapes: their own, or those that the FRFs have at their
+    poles.
 
-    Poles that the FRFs show but that were not typed in, also beyond the band, take part in that fit, so that they do not
-    bend the shapes. Where a typed pole is one that the FRFs show, the residues are taken at the latter.
+    Poles that the FRFs show but that were not typed in, also beyond the band, take part in that
+    fit, so that they do not bend the shapes. Where a typed pole is one that the FRFs show, the
+    residues are taken at the latter.
     """
     modes = measurement.modes
     assert modes is not None, "modes were handed in"
@@ -239,14 +276,21 @@ def _with_shapes(frfs: FrfSet, measurement: Measurement, model: Model) -> tuple[
     except IdentificationError:
         seen = None
     if seen is not None:
-        pairs = pair_modes(None, None, frequency, seen.frequency_hz, maximum_frequency_ratio=_SAME_POLE).pairs
+        pairs = pair_modes(
+            None, None, frequency, seen.frequency_hz, maximum_frequency_ratio=_SAME_POLE
+        ).pairs
         for mine, theirs in pairs:
             frequency[mine], ratio[mine] = seen.frequency_hz[theirs], seen.damping_ratio[theirs]
         alone = np.setdiff1d(np.arange(seen.pairs), [theirs for _, theirs in pairs])
         frequency = np.concatenate([frequency, seen.frequency_hz[alone]])
         ratio = np.concatenate([ratio, seen.damping_ratio[alone]])
     if not np.all(ratio > 0):
-        return modes, ("modes were paired by frequency: without damping ratios their shapes cannot be found from FRFs",)
+        return modes, (
+            (
+                "modes were paired by frequency: without damping ratios their shapes cannot be"
+                " found from FRFs"
+            ),
+        )
     order = np.argsort(frequency, kind="stable")
     # With poles beyond the band among them, the full residual series would say the same twice.
     if seen is None:
@@ -261,7 +305,9 @@ def _with_shapes(frfs: FrfSet, measurement: Measurement, model: Model) -> tuple[
 def _seen_shapes(
     points: set[int], modes: MeasuredModes, measurement: Measurement, model: Model
 ) -> tuple[MeasuredModes, tuple[str, ...]]:
-    """The modes with their shapes at known points where the model moves; without such dofs the shapes are of no use."""
+    """The modes with their shapes at known points where the model moves; without such dofs the
+    shapes are of no use.
+    """
     moves = _moves(modes.dofs, measurement, model)
     columns = [i for i, dof in enumerate(modes.dofs) if moves[i] and dof.point in points]
     if not columns or modes.shapes is None:

@@ -1,15 +1,18 @@
 """What a body's own mesh misses, mode by mode, and the model without it.
 
-The modes φ of the body are carried to finer meshes (`fecore.body.refine`) and moved there into the space of the lowest modes by
-(K - σM)⁻¹M. In that space, turned as near to φ as it goes, the finer mesh's own matrices ZᵀK_kZ and ZᵀM_jZ stand for φᵀK_kφ and
-φᵀM_jφ. So a basis that holds φ has the finer mesh's frequencies where φ are modes, their derivatives by all constants, and what
-close modes do to each other; elsewhere it is right to the first order in constants times mesh.
+The modes φ of the body are carried to finer meshes (`fecore.body.refine`) and moved there into the
+space of the lowest modes by (K - σM)⁻¹M. In that space, turned as near to φ as it goes, the finer
+mesh's own matrices ZᵀK_kZ and ZᵀM_jZ stand for φᵀK_kφ and φᵀM_jφ. So a basis that holds φ has the
+finer mesh's frequencies where φ are modes, their derivatives by all constants, and what close modes
+do to each other; elsewhere it is right to the first order in constants times mesh.
 
-With the size h of elements the error goes with h⁴ where motion is smooth, so there what the finest mesh misses is taken to be
-a tenth of what it moved. About the corner of a cut-out it goes with h¹·⁰⁹ only (Williams 1952: stresses as r^-0.456 at 270°),
-and no mesh that is worth its time gets rid of it; but it is a share of the strain energy of the elements at the corner,
-whatever the mode. The shares are those of isotropic plates in the form of an L, and of an orthotropic one with a cut-out, by
-quad8 elements of two sizes. Facets that turn little are taken for a curve, the more surely the less they turn.
+With the size h of elements the error goes with h⁴ where motion is smooth, so there what the finest
+mesh misses is taken to be a tenth of what it moved. About the corner of a cut-out it goes with
+h¹·⁰⁹ only (Williams 1952: stresses as r^-0.456 at 270°), and no mesh that is worth its time gets
+rid of it; but it is a share of the strain energy of the elements at the corner, whatever the mode.
+The shares are those of isotropic plates in the form of an L, and of an orthotropic one with a
+cut-out, by quad8 elements of two sizes. Facets that turn little are taken for a curve, the more
+surely the less they turn.
 """
 
 from __future__ import annotations
@@ -44,14 +47,17 @@ _AT_CORNERS = {
     "S": 0.04,
 }  # shares of the energy of quadratic elements at a corner; as L-plates have them, …
 _OF_CORNERS = 0.4  # … and one standard deviation of these, relative
-_FACETED = 0.1  # probability that facets are those of the body where they turn by 30°; in proportion where by less
+# probability that facets are those of the body where they turn by 30°; in proportion where by less
+_FACETED = 0.1
 _LEAST = 0.01  # of an eigenvalue, that the body's own mesh gives at least
 _SETTLED, _SWEEPS = 1e-5, 3  # relative change of an eigenvalue by one more sweep; sweeps
 
 
 @dataclass(frozen=True)
 class Forms:
-    """Differences of the matrices of the m modes at the reference, by the coefficients of the body's own model."""
+    """Differences of the matrices of the m modes at the reference, by the coefficients of the
+    body's own model.
+    """
 
     stiffness: FloatArray  # (k, m, m)
     mass: FloatArray  # (j, m, m)
@@ -62,8 +68,12 @@ class Forms:
     def __rmul__(self, factor: float) -> Forms:
         return Forms(factor * self.stiffness, factor * self.mass)
 
-    def shift(self, along: FloatArray, value: FloatArray, stiffness: FloatArray, mass: FloatArray) -> FloatArray:
-        """(n,) first-order relative changes of frequency of mass-normalised (m, n) motions with eigenvalues (n,)."""
+    def shift(
+        self, along: FloatArray, value: FloatArray, stiffness: FloatArray, mass: FloatArray
+    ) -> FloatArray:
+        """(n,) first-order relative changes of frequency of mass-normalised (m, n) motions with
+        eigenvalues (n,).
+        """
         energy = np.einsum("mn,mo,on->n", along, np.tensordot(stiffness, self.stiffness, 1), along)
         inertia = np.einsum("mn,mo,on->n", along, np.tensordot(mass, self.mass, 1), along)
         return np.asarray((energy / value - inertia) / 2)
@@ -98,7 +108,8 @@ class MeshError:
             mass: (j,) likewise.
 
         Returns:
-            Those by the body's own mesh; one standard deviation of what the finest may miss; root mean squares of flat facets.
+            Those by the body's own mesh; one standard deviation of what the finest may miss; root
+            mean squares of flat facets.
         """
         rest = self.images.T @ shapes, value, stiffness, mass
         own = np.sqrt(np.maximum(1 - 2 * self.whole.shift(*rest), _LEAST)) - 1
@@ -107,7 +118,9 @@ class MeshError:
         return own, self.left.shift(*rest), flat
 
     def frequencies(self, value: FloatArray, stiffness: FloatArray, mass: FloatArray) -> FloatArray:
-        """(m,) frequencies in Hz on the finest mesh of the modes at the reference, whose own eigenvalues are (m,)."""
+        """(m,) frequencies in Hz on the finest mesh of the modes at the reference, whose own
+        eigenvalues are (m,).
+        """
         K = np.diag(value) + np.tensordot(stiffness, self.whole.stiffness, 1)
         M = np.eye(value.size) + np.tensordot(mass, self.whole.mass, 1)
         fine, turn = scipy.linalg.eigh(K, M)
@@ -132,7 +145,9 @@ class Finer:
 
     @classmethod
     def of(cls, body: Body) -> Finer | None:
-        """Of a body with a mesh of its own that can be made finer; None of strips, of matrices and of large ones."""
+        """Of a body with a mesh of its own that can be made finer; None of strips, of matrices and
+        of large ones.
+        """
         if not isinstance(body, Structure):
             return None
         grown = 4 if _is_quadratic(body) else 3
@@ -188,16 +203,22 @@ class Finer:
             """The forms, and those of what the mesh misses about corners."""
             fine = _Values.of(level.body, constants, springs)
             motion = level.interpolation @ model.everywhere(shapes).reshape(len(model.free), -1)
-            motion = motion.reshape(-1, 6, shapes.shape[1])[:, list(model.dofs)][level.body.model.free]
+            motion = motion.reshape(-1, 6, shapes.shape[1])[:, list(model.dofs)][
+                level.body.model.free
+            ]
             moved = _moved(fine, motion, modes.shift)
-            return fine.named_as(fine.forms(moved), own), fine.named_as(fine.at_corners(moved, self._corners), own)
+            return fine.named_as(fine.forms(moved), own), fine.named_as(
+                fine.at_corners(moved, self._corners), own
+            )
 
         def off(change: Forms) -> float:
             own_shift = np.abs(change.shift(np.eye(len(value)), value, own.stiffness, own.mass))
             return float(own_shift[value <= held].max(initial=0.0))
 
         before, (after, missed), number = base, solved(self.level(1)), 1
-        while number < _ROUNDS and off(after - before) > _CLOSE and self._next_size(number) <= _CHEAP:
+        while (
+            number < _ROUNDS and off(after - before) > _CLOSE and self._next_size(number) <= _CHEAP
+        ):
             number += 1
             before, (after, missed) = after, solved(self.level(number))
         flat = None
@@ -205,7 +226,10 @@ class Finer:
             flat = solved(self._flat)[0] - solved(self.level(1))[0]
         sizes = element_size(self.body.mesh), element_size(self.level(number).body.mesh)
         order = 4 if _is_quadratic(self.body) else 2
-        images, left = model.mass.at(own.mass) @ shapes, _LEFT * (after - before) - _OF_CORNERS * missed
+        images, left = (
+            model.mass.at(own.mass) @ shapes,
+            _LEFT * (after - before) - _OF_CORNERS * missed,
+        )
         return MeshError(images, after - base - missed, left, flat, self.turn, *sizes, order)
 
     def _next_size(self, number: int) -> int:
@@ -237,9 +261,16 @@ class _Values:
     def at_corners(self, shapes: FloatArray, corners: IntArray) -> Forms:
         """What the mesh misses about corners, between (dofs, m) shapes."""
         model, count = self.body.model, shapes.shape[1]
-        found = Forms(np.zeros((len(self.stiffness), count, count)), np.zeros((len(self.mass), count, count)))
+        found = Forms(
+            np.zeros((len(self.stiffness), count, count)), np.zeros((len(self.mass), count, count))
+        )
         if corners.size:
-            share = np.array([_AT_CORNERS.get(name.rpartition(".")[2][:1], 0.0) for name in model.stiffness.names])
+            share = np.array(
+                [
+                    _AT_CORNERS.get(name.rpartition(".")[2][:1], 0.0)
+                    for name in model.stiffness.names
+                ]
+            )
             energy = model.stiffness.about(corners).project(shapes, slice(0, count))
             found = replace(found, stiffness=share[:, None, None] * energy)
         return found
@@ -248,7 +279,9 @@ class _Values:
         """This model's forms by the coefficients of another's, of the same constants."""
         mine, other = self.body.model, own.body.model
         return Forms(
-            _by_names(forms.stiffness, mine.stiffness, other.stiffness, self.stiffness, own.stiffness),
+            _by_names(
+                forms.stiffness, mine.stiffness, other.stiffness, self.stiffness, own.stiffness
+            ),
             _by_names(forms.mass, mine.mass, other.mass, self.mass, own.mass),
         )
 
@@ -256,7 +289,9 @@ class _Values:
 def _by_names(
     forms: FloatArray, of: AffineMatrix, names: AffineMatrix, values: FloatArray, others: FloatArray
 ) -> FloatArray:
-    """Forms by another matrix's coefficients; what that has not, such as a joint's, goes with the largest of its set."""
+    """Forms by another matrix's coefficients; what that has not, such as a joint's, goes with the
+    largest of its set.
+    """
     place = {name: k for k, name in enumerate(names.names)}
     found = np.zeros((len(names.names), *forms.shape[1:]))
     for k, name in enumerate(of.names):
@@ -264,14 +299,18 @@ def _by_names(
             found[place[name]] += forms[k]
             continue
         prefix = name.split(".joint")[0].rpartition(".")[0] or name.split(".joint")[0]
-        like = [j for j, each in enumerate(names.names) if each.startswith(prefix)] or range(len(others))
+        like = [j for j, each in enumerate(names.names) if each.startswith(prefix)] or range(
+            len(others)
+        )
         target = max(like, key=lambda j: others[j])
         found[target] += forms[k] * values[k] / others[target]
     return found
 
 
 def _moved(fine: _Values, motion: FloatArray, shift: float) -> FloatArray:
-    """(dofs, m) M-orthonormal vectors of the space of the lowest modes, as near to (dofs, m) motions as it has them."""
+    """(dofs, m) M-orthonormal vectors of the space of the lowest modes, as near to (dofs, m)
+    motions as it has them.
+    """
     model = fine.body.model
     K, M = model.stiffness.at(fine.stiffness), model.mass.at(fine.mass)
     rigid, factor = mass_orthonormal(model.rigid_modes, M), factorise(shifted(K, M, shift))
@@ -297,8 +336,11 @@ def _moved(fine: _Values, motion: FloatArray, shift: float) -> FloatArray:
     return np.asarray(vectors @ (left @ right))
 
 
-def on_finer_mesh(body: Body, modes: NormalModes, constants: FloatArray, springs: FloatArray) -> FloatArray | None:
-    """(n,) frequencies in Hz of a body's elastic modes on a finer mesh; None where its mesh is taken on trust.
+def on_finer_mesh(
+    body: Body, modes: NormalModes, constants: FloatArray, springs: FloatArray
+) -> FloatArray | None:
+    """(n,) frequencies in Hz of a body's elastic modes on a finer mesh; None where its mesh is
+    taken on trust.
 
     Args:
         body: solved on its own mesh.

@@ -1,16 +1,20 @@
-"""The misfit between measured FRFs and the model's, and its normal equations by the modes' eigenvalues and damping rates.
+"""The misfit between measured FRFs and the model's, and its normal equations by the modes'
+eigenvalues and damping rates.
 
-With D_k = λ_k - ω² + iωc_k and f the factor of the quantity, ∂H_i/∂λ_k = -f A_ik/D_k² and ∂H_i/∂c_k = iω ∂H_i/∂λ_k. All
-residuals are sums over the few modes, so the normal equations of all lines and FRFs come from Hermitian (modes × modes) sums.
+With D_k = λ_k - ω² + iωc_k and f the factor of the quantity, ∂H_i/∂λ_k = -f A_ik/D_k² and ∂H_i/∂c_k
+= iω ∂H_i/∂λ_k. All residuals are sums over the few modes, so the normal equations of all lines and
+FRFs come from Hermitian (modes × modes) sums.
 
-A mode may have a **gain** g_k, common to all FRFs: H = Σ (1 + g_k) A_k f/D_k. A sensor's calibration, or what it stands on,
-scales a resonance as damping does, but does not widen it. A **delay** d between the channels turns the phase by -ωd, which
-looks like damping too. A **driving point** gives way under its own force as no plate theory says: a point load leaves a dent,
-and the deflection of a plate that shears has no limit there, so what a mesh makes of it is the mesh's. That is a real
-flexibility r of such an FRF, H + fr, of which nothing is known beforehand; left out, the gains of the modes make up for it,
-and their damping for these. The misfit is linear in gains, such flexibilities and small delays, so they are minimised out of
-it at every point (variable projection; Golub and Pereyra, Inverse Problems 19, 2003): cost, gradient and hessian are those
-that remain.
+A mode may have a **gain** g_k, common to all FRFs: H = Σ (1 + g_k) A_k f/D_k. A sensor's
+calibration, or what it stands on, scales a resonance as damping does, but does not widen it. A
+**delay** d between the channels turns the phase by -ωd, which
+looks like damping too. A **driving point** gives way under its own force as no plate theory says: a
+point load leaves a dent, and the deflection of a plate that shears has no limit there, so what a
+mesh makes of it is the mesh's. That is a real flexibility r of such an FRF, H + fr, of which
+nothing is known beforehand; left out, the gains of the modes make up for it, and their damping for
+these. The misfit is linear in gains, such flexibilities and small delays, so they are minimised out
+of it at every point (variable projection; Golub and Pereyra, Inverse Problems 19, 2003): cost,
+gradient and hessian are those that remain.
 """
 
 from __future__ import annotations
@@ -32,13 +36,16 @@ Weighting = Literal["linear", "relative", "log", "noise"]
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """Normal equations of the misfit by u = (λ_1 … λ_m, c_1 … c_m) at one point, gains minimised out."""
+    """Normal equations of the misfit by u = (λ_1 … λ_m, c_1 … c_m) at one point, gains minimised
+    out.
+    """
 
     cost: float  # misfit E, with the gains' prior
     # gradient, hessian: (2m,) and (2m, 2m)
     gradient: FloatArray
     hessian: FloatArray
-    reduction: FloatArray  # (b, 2m) how u moves with the gains it draws along: it reduces what `FrfJacobian` gives
+    # (b, 2m) how u moves with the gains it draws along: it reduces what `FrfJacobian` gives
+    reduction: FloatArray
 
 
 @dataclass(frozen=True)
@@ -48,25 +55,35 @@ class FrfMisfit:
     frfs: FrfSet  # measured FRFs in the fitted band
     model: ModalFrfModel  # the elastic model's part of the synthesis
     weighting: Weighting  # name of the residual
-    variance: FloatArray  # (N, L) noise variance E|n|², for `noise` weights and for the covariance of the estimate
-    # (m,) prior standard deviation of the modes' gains, 0 where a mode has none; None where none has
+    # (N, L) noise variance E|n|², for `noise` weights and for the covariance of the estimate
+    variance: FloatArray
+    # (m,) prior standard deviation of the modes' gains, 0 where a mode has none; None where none
+    # has
     gain_sd: FloatArray | None = None
-    common_gain_sd: float = 0.0  # the same of what the gains have in common: calibration, and the model's mass
+    # the same of what the gains have in common: calibration, and the model's mass
+    common_gain_sd: float = 0.0
     # numbers of the FRFs that have a flexibility of their own at the driving point
     driving: tuple[int, ...] = ()
-    delay_sd: float = 0.0  # prior standard deviation of a delay d between the channels, s: H e^(-iωd); 0 for none
+    # prior standard deviation of a delay d between the channels, s: H e^(-iωd); 0 for none
+    delay_sd: float = 0.0
 
     def __post_init__(self) -> None:
         if self.weighting not in get_args(Weighting):
-            raise InputError("weighting", f"is {self.weighting!r}, expected one of {', '.join(get_args(Weighting))}")
+            raise InputError(
+                "weighting",
+                f"is {self.weighting!r}, expected one of {', '.join(get_args(Weighting))}",
+            )
         if self.weighting in ("relative", "log") and np.any(self.frfs.values[self.counted] == 0):
             raise InputError(
-                "weighting", f"{self.weighting!r} needs FRFs without zeros; leave out the lines that are 0"
+                "weighting",
+                f"{self.weighting!r} needs FRFs without zeros; leave out the lines that are 0",
             )
 
     def predict(self, eigenvalue: FloatArray, rate: FloatArray) -> ComplexArray:
         """(N, L) FRFs with other eigenvalues and rates but the model's residues."""
-        return self.model.with_eigenvalue(eigenvalue).synthesise(self.frfs.frequency_hz, rate, self.frfs.quantity)
+        return self.model.with_eigenvalue(eigenvalue).synthesise(
+            self.frfs.frequency_hz, rate, self.frfs.quantity
+        )
 
     @property
     def counted(self) -> BoolArray:
@@ -75,10 +92,16 @@ class FrfMisfit:
 
     def residual(self, predicted: ComplexArray) -> tuple[ComplexArray, FloatArray]:
         """(N, L) residuals in units of H, and their weights: both 0 where nothing was measured."""
-        values = self.frfs.values if self.counted.all() else np.where(self.counted, self.frfs.values, predicted)
+        values = (
+            self.frfs.values
+            if self.counted.all()
+            else np.where(self.counted, self.frfs.values, predicted)
+        )
         if self.fixed_weight is None:
             # r = H ln(H_exp/H) has the derivative -∂H of the log residual times H, to first order.
-            return predicted * np.log(values / predicted), np.where(self.counted, np.abs(predicted) ** -2, 0.0)
+            return predicted * np.log(values / predicted), np.where(
+                self.counted, np.abs(predicted) ** -2, 0.0
+            )
         return values - predicted, self.fixed_weight
 
     @cached_property
@@ -105,18 +128,24 @@ class FrfMisfit:
 
     @cached_property
     def linear_prior(self) -> FloatArray:
-        """(g, g) prior precision of what is minimised out: the gains, the flexibilities of driving points, the delay."""
+        """(g, g) prior precision of what is minimised out: the gains, the flexibilities of driving
+        points, the delay.
+        """
         sd = np.zeros(0) if self.gain_sd is None else self.gain_sd[self.gained]
         gains = np.linalg.inv(np.diag(sd**2) + self.common_gain_sd**2)
         of_delay = [self.delay_sd**-2] if self.delay_sd else []
-        return np.asarray(scipy.linalg.block_diag(gains, np.diag([*np.zeros(len(self.driving)), *of_delay])))
+        return np.asarray(
+            scipy.linalg.block_diag(gains, np.diag([*np.zeros(len(self.driving)), *of_delay]))
+        )
 
     def delay(self, eigenvalue: FloatArray, rate: FloatArray) -> float:
         """The most probable delay between the channels at given eigenvalues and rates, s."""
         return float(self._linear(eigenvalue, rate)[-1]) if self.delay_sd else 0.0
 
     def without_driving(self, eigenvalue: FloatArray, rate: FloatArray) -> FrfSet:
-        """The FRFs less what flexibilities of their own make of driving points at given eigenvalues and rates."""
+        """The FRFs less what flexibilities of their own make of driving points at given eigenvalues
+        and rates.
+        """
         if not self.driving:
             return self.frfs
         values, gains = self.frfs.values.copy(), self.gained.size
@@ -153,7 +182,8 @@ class FrfMisfit:
         u, g = slice(0, len(plain)), slice(len(plain), None)
         own = hessian[g, g] + self.linear_prior
         gain, drawn = np.linalg.solve(own, gradient[g]), np.linalg.solve(own, hessian[g, u])
-        scale = np.ones((2, eigenvalue.size))  # derivatives by λ and c of a mode with a gain are so much larger
+        # derivatives by λ and c of a mode with a gain are so much larger
+        scale = np.ones((2, eigenvalue.size))
         scale[:, self.gained] += gain[: self.gained.size]
         s = scale.ravel()
         return NormalEquations(
@@ -163,15 +193,21 @@ class FrfMisfit:
             np.vstack([plain, -drawn]) * s,
         )
 
-    def jacobian(self, eigenvalue: FloatArray, rate: FloatArray, predicted: ComplexArray) -> FrfJacobian:
-        """Derivatives by u = λ, c and the gains at given eigenvalues and rates, where `predict` gives so much."""
+    def jacobian(
+        self, eigenvalue: FloatArray, rate: FloatArray, predicted: ComplexArray
+    ) -> FrfJacobian:
+        """Derivatives by u = λ, c and the gains at given eigenvalues and rates, where `predict`
+        gives so much.
+        """
         model = self.model.with_eigenvalue(eigenvalue)
         factors = model.load_factors(self.frfs.frequency_hz, rate, self.frfs.quantity)
         return FrfJacobian(self, eigenvalue, rate, factors, predicted)
 
     @cached_property
     def pairs(self) -> tuple[IntArray, IntArray]:
-        """Both numbers k ≤ j of each pair of modes: what is summed over FRFs and lines is Hermitian in them."""
+        """Both numbers k ≤ j of each pair of modes: what is summed over FRFs and lines is Hermitian
+        in them.
+        """
         k, j = np.triu_indices(self.model.omega.size)
         return k, j
 
@@ -182,13 +218,17 @@ class FrfMisfit:
 
     @cached_property
     def fixed_coupling(self) -> FloatArray:
-        """(pairs, L) Σ_i w_i A_ik A_ij by the fixed weights, which no eigenvalue or rate changes."""
+        """(pairs, L) Σ_i w_i A_ik A_ij by the fixed weights, which no eigenvalue or rate
+        changes.
+        """
         assert self.fixed_weight is not None, "the weights are fixed"
         return np.asarray(self.products @ self.fixed_weight)
 
     @cached_property
     def drive_products(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(pairs, N) products A_ik B_ij, B_ik A_ij and B_ik B_ij with the residues B of a roving sensor's driving points."""
+        """(pairs, N) products A_ik B_ij, B_ik A_ij and B_ik B_ij with the residues B of a roving
+        sensor's driving points.
+        """
         assert self.model.roving is not None, "a sensor roves"
         A, B = self.model.residues, self.model.roving.residues
         return self._products(A, B), self._products(B, A), self._products(B, B)
@@ -200,15 +240,17 @@ class FrfMisfit:
 
 @dataclass(frozen=True)
 class FrfJacobian:
-    """Derivatives of the FRFs at one point by v = (λ, c, g of the gained modes, r of the driving points, d of the delay):
-    A_ik d_k, or under a roving mass (A_ik g_i + B_ik h_i) d_k; f, there f (g_i + h_i), for r; and -iωH for the delay.
+    """Derivatives of the FRFs at one point by v = (λ, c, g of the gained modes, r of the driving
+    points, d of the delay): A_ik d_k, or under a roving mass (A_ik g_i + B_ik h_i) d_k; f, there f
+    (g_i + h_i), for r; and -iωH for the delay.
     """
 
     misfit: FrfMisfit  # whose FRFs they are
     # eigenvalue, rate: (m,) where
     eigenvalue: FloatArray
     rate: FloatArray
-    factors: tuple[ComplexArray, ComplexArray] | None  # (N, L) g and h (`ModalFrfModel.load_factors`), or None
+    # (N, L) g and h (`ModalFrfModel.load_factors`), or None
+    factors: tuple[ComplexArray, ComplexArray] | None
     predicted: ComplexArray  # (N, L) the FRFs there
 
     @cached_property
@@ -220,18 +262,28 @@ class FrfJacobian:
     @cached_property
     def by_eigenvalue(self) -> ComplexArray:
         """(m, L) d for λ; that for c is iω, and that for g is -D times as large."""
-        factor: ComplexArray = -convert(self.misfit.frfs.omega, self.misfit.frfs.quantity) / self.denominator**2
+        factor: ComplexArray = (
+            -convert(self.misfit.frfs.omega, self.misfit.frfs.quantity) / self.denominator**2
+        )
         return factor
 
     def by_flexibility(self, row: int) -> ComplexArray:
         """(L,) derivative of an FRF by the flexibility of its driving point."""
         factor: ComplexArray = convert(self.misfit.frfs.omega, self.misfit.frfs.quantity) + 0j
-        return factor if self.factors is None else factor * (self.factors[0][row] + self.factors[1][row])
+        return (
+            factor
+            if self.factors is None
+            else factor * (self.factors[0][row] + self.factors[1][row])
+        )
 
     @cached_property
     def others(self) -> list[tuple[slice, ComplexArray]]:
-        """Of each flexibility, then of the delay, the rows that it changes, and the derivative of these."""
-        found = [(slice(row, row + 1), self.by_flexibility(row)[None]) for row in self.misfit.driving]
+        """Of each flexibility, then of the delay, the rows that it changes, and the derivative of
+        these.
+        """
+        found = [
+            (slice(row, row + 1), self.by_flexibility(row)[None]) for row in self.misfit.driving
+        ]
         if self.misfit.delay_sd:
             found.append((slice(None), -1j * self.misfit.frfs.omega * self.predicted))
         return found
@@ -270,7 +322,9 @@ class FrfJacobian:
         return np.concatenate([by.real.sum(axis=1), by.imag @ misfit.frfs.omega, gains])
 
     def _modal_hessian(self, weight: FloatArray) -> FloatArray:
-        """(2m + g, 2m + g) the same by the modes and their gains alone, from sums over lines: all else is a power of ω."""
+        """(2m + g, 2m + g) the same by the modes and their gains alone, from sums over lines: all
+        else is a power of ω.
+        """
         n, (c, lam) = self.misfit.gained, (self.rate[:, None], self.eigenvalue[:, None])
         S = self._sums(self._coupling(weight), 5 if n.size else 3)
         plain = np.block([[S[0], -S[1]], [S[1], S[2]]])
@@ -279,19 +333,30 @@ class FrfJacobian:
         turned = lam * S[1] - S[3]
         by_eigenvalue = -(lam * S[0] - S[2] + c * S[1])
         by_rate = turned - c * S[2]
-        both = lam * lam.T * S[0] - (lam + lam.T) * S[2] + S[4] + c * c.T * S[2] - (c.T * turned + c * turned.T)
+        both = (
+            lam * lam.T * S[0]
+            - (lam + lam.T) * S[2]
+            + S[4]
+            + c * c.T * S[2]
+            - (c.T * turned + c * turned.T)
+        )
         mixed = np.hstack([by_eigenvalue, by_rate])[n]
         return np.block([[plain, mixed.T], [mixed, both[np.ix_(n, n)]]])
 
     def _sums(self, coupling: FloatArray | ComplexArray, count: int) -> FloatArray:
-        """(p, m, m) S_p = 2 Σ_l ω^p d_k* d_j Σ_i w_i A_ik A_ij, of an even p the real part, of an odd one the imaginary.
+        """(p, m, m) S_p = 2 Σ_l ω^p d_k* d_j Σ_i w_i A_ik A_ij, of an even p the real part, of an
+        odd one the imaginary.
 
         They are symmetric or skew; the rest of each is not needed.
         """
         d, number = self.by_eigenvalue, np.arange(count)
-        powers = 2 * (1j ** (number % 2))[:, None] * self.misfit.frfs.omega ** number[:, None]  # Im x*y = Re (ix)*y
+        # Im x*y = Re (ix)*y
+        powers = 2 * (1j ** (number % 2))[:, None] * self.misfit.frfs.omega ** number[:, None]
         S, parts = np.zeros((count, len(d), len(d))), (d.real.copy(), d.imag.copy())
-        first, sign = np.searchsorted(self.misfit.pairs[0], np.arange(len(d) + 1)), (-1.0) ** number[:, None]
+        first, sign = (
+            np.searchsorted(self.misfit.pairs[0], np.arange(len(d) + 1)),
+            (-1.0) ** number[:, None],
+        )
         for k in range(len(d)):  # one by one, so that what is summed stays in the processor's cache
             own, lines = coupling[first[k] : first[k + 1]], d[k] * powers
             if np.iscomplexobj(own):
@@ -307,7 +372,9 @@ class FrfJacobian:
         """(pairs, L) Σ_i w_i (A_ik g_i + B_ik h_i)* (A_ij g_i + B_ij h_i)."""
         misfit = self.misfit
         if self.factors is None:
-            return misfit.fixed_coupling if weight is misfit.fixed_weight else misfit.products @ weight
+            return (
+                misfit.fixed_coupling if weight is misfit.fixed_weight else misfit.products @ weight
+            )
         g, h = self.factors
         mixed, turned, driving = misfit.drive_products
         between = weight * g.conj() * h

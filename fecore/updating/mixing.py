@@ -1,18 +1,21 @@
 """How far two close modes may be mixed, and what that does to their shares of strain energy.
 
-Where two modes veer, what the model misses by a per mille turns their shapes into each other. With a perturbation δ of K - λM
-and h = φ_jᵀδφ_k the modes of the body are the model's, turned by the angle α of
+Where two modes veer, what the model misses by a per mille turns their shapes into each other. With
+a perturbation δ of K - λM and h = φ_jᵀδφ_k the modes of the body are the model's, turned by the
+angle α of
 
     sin 2α = 2h/(λ_k - λ_j),     h ~ N(0, σ_h²),     |α| < 45°, beyond which they would be paired the other way,
 
-with the measured eigenvalues, and they share their energies U_jk = φ_jᵀK_mφ_k/√(λ_jλ_k) in every mechanism m:
+with the measured eigenvalues, and they share their energies U_jk = φ_jᵀK_mφ_k/√(λ_jλ_k) in every
+mechanism m:
 
     U_j' = U_jj cos² α + U_kk sin² α + U_jk sin 2α,     U_k' = U_jj sin² α + U_kk cos² α - U_jk sin 2α.
 
-σ_h has two parts: what the constants' posterior leaves open, gᵀCg with g = φ_jᵀ(∂K - λ∂M)φ_k, and the model's discrepancy s of
-a frequency, √2 s λ: the entries off the diagonal of a symmetric random matrix have half the variance of those on it (Mehta,
-Random Matrices, 3rd ed., 2). Measured shapes ψ say more: their mean square off the turned ones is that of a model's shape, 1 %
-of the largest entry, and counts once a mode, as its errors at the points are not independent.
+σ_h has two parts: what the constants' posterior leaves open, gᵀCg with g = φ_jᵀ(∂K - λ∂M)φ_k, and
+the model's discrepancy s of a frequency, √2 s λ: the entries off the diagonal of a symmetric random
+matrix have half the variance of those on it (Mehta, Random Matrices, 3rd ed., 2). Measured shapes ψ
+say more: their mean square off the turned ones is that of a model's shape, 1 % of the largest
+entry, and counts once a mode, as its errors at the points are not independent.
 """
 
 from collections.abc import Sequence
@@ -84,15 +87,21 @@ def mixings(
 def _change(energy: FloatArray, j: int, k: int) -> FloatArray:
     """(a, 2, q) changes of the shares of two modes, by angle."""
     sine = _SINES[:, None]
-    moved = (1 - np.sqrt(1 - sine**2)) / 2 * (energy[:, k, k] - energy[:, j, j]) + sine * energy[:, j, k]
+    moved = (1 - np.sqrt(1 - sine**2)) / 2 * (energy[:, k, k] - energy[:, j, j]) + sine * energy[
+        :, j, k
+    ]
     return np.stack([moved, -moved], axis=1)
 
 
 def _off(pair: FloatArray, measured: FloatArray) -> FloatArray:
-    """(a,) -2 ln p of one or both of (2, points) shapes, as they were measured, by the angle that turns them."""
+    """(a,) -2 ln p of one or both of (2, points) shapes, as they were measured, by the angle that
+    turns them.
+    """
     cosine, sine = np.cos(np.arcsin(_SINES) / 2), np.sin(np.arcsin(_SINES) / 2)
     turned = np.array([[cosine, sine], [-sine, cosine]]).transpose(2, 0, 1) @ pair
     turned = turned[:, : len(measured)]
     unit = measured / np.abs(measured).max(axis=1, keepdims=True)
     along = np.sum(turned * unit, axis=2) ** 2 / np.sum(turned**2, axis=2)
-    return np.asarray(np.sum(np.sum(unit**2, axis=1) - along, axis=1) / measured.shape[1] / SHAPE_DISCREPANCY**2)
+    return np.asarray(
+        np.sum(np.sum(unit**2, axis=1) - along, axis=1) / measured.shape[1] / SHAPE_DISCREPANCY**2
+    )

@@ -1,14 +1,15 @@
 """Updating parameters and how the model's coefficients depend on them.
 
-A parameter is one of a specimen's constants (`fecore.body.specimen`) with a Gaussian prior; a constant may be fixed, or tied to
-another, which it then follows in the ratio of their nominal values. The derivatives of the specimen's closed forms are
-complex steps, Im c(q + ih)/h, which have no truncation error at h = 10⁻³⁰ and no cancellation (Squire and Trapp, SIAM Rev.
-40, 1998).
+A parameter is one of a specimen's constants (`fecore.body.specimen`) with a Gaussian prior; a
+constant may be fixed, or tied to another, which it then follows in the ratio of their nominal
+values. The derivatives of the specimen's closed forms are complex steps, Im c(q + ih)/h, which have
+no truncation error at h = 10⁻³⁰ and no cancellation (Squire and Trapp, SIAM Rev. 40, 1998).
 
-Coordinates are those in which the posterior is nearly Gaussian. A modulus is positive and its prior a share of its value, so
-its coordinate is its logarithm: no interval reaches zero, and none needs a bound. A Poisson's ratio may be negative and is its
-own coordinate. A prior mean m ± s becomes ln m ± √ln(1 + (s/m)²), which has the same coefficient of variation and its median
-at m.
+Coordinates are those in which the posterior is nearly Gaussian. A modulus is positive and its prior
+a share of its value, so
+its coordinate is its logarithm: no interval reaches zero, and none needs a bound. A Poisson's ratio
+may be negative and is its own coordinate. A prior mean m ± s becomes ln m ± √ln(1 + (s/m)²), which
+has the same coefficient of variation and its median at m.
 """
 
 from __future__ import annotations
@@ -37,19 +38,23 @@ _ISOTROPIC, _LARGEST_POISSON = (
 )  # to which share constants of one isotropic material agree; ν of a beam's E and G
 
 _STEP = 1e-30  # of a constant: a complex step may be as small as that
-_FARTHEST = np.log(1000.0)  # from its prior mean, in either direction: no parameter is believed beyond
+# from its prior mean, in either direction: no parameter is believed beyond
+_FARTHEST = np.log(1000.0)
 
 
 @dataclass(frozen=True)
 class Parameter:
     """One constant in a recipe."""
 
-    # one of the specimen's constants, or of its springs; `Ex.per_K` is Ex's coefficient of temperature
+    # one of the specimen's constants, or of its springs; `Ex.per_K` is Ex's coefficient of
+    # temperature
     name: str
     prior_mean: float | None = None  # SI; the specimen's nominal value where None
-    prior_sd: float | None = None  # SI; 30 % of the mean where None. Of a tied constant, how far it may be off its tie.
+    # SI; 30 % of the mean where None. Of a tied constant, how far it may be off its tie.
+    prior_sd: float | None = None
     fixed: bool = False  # keep the constant at its prior mean
-    tied_to: str | None = None  # name of a parameter that this constant follows in the ratio of the nominal values
+    # name of a parameter that this constant follows in the ratio of the nominal values
+    tied_to: str | None = None
 
 
 DEFAULT_PARAMETERS = (
@@ -76,7 +81,8 @@ class Parametrisation:
     """Free parameters θ and the linear map from them to all constants."""
 
     body: Body  # the specimen
-    # the p free parameters; the last `inputs` of them are nuisances: the laboratory's inputs, with their errors
+    # the p free parameters; the last `inputs` of them are nuisances: the laboratory's inputs, with
+    # their errors
     names: tuple[str, ...]
     # prior_mean, prior_sd: (p,) SI
     prior_mean: FloatArray
@@ -86,7 +92,8 @@ class Parametrisation:
     inputs: int = 0
     # of each tied constant, how far it may be off its tie: standard deviation over its prior mean
     ties: Mapping[str, float] = field(default_factory=dict)
-    common: tuple[CommonPrior, ...] = ()  # constants that share a prior; `prior_sd` is that of each alone
+    # constants that share a prior; `prior_sd` is that of each alone
+    common: tuple[CommonPrior, ...] = ()
     per_kelvin: tuple[Parameter, ...] = ()  # what the recipe says of coefficients of temperature
     warmth: Warmth | None = None  # how θ changes with temperature; None where all of it is at one
 
@@ -96,10 +103,16 @@ class Parametrisation:
         return self.names[: len(self.names) - self.inputs]
 
     def with_inputs(self, standard_deviations: Mapping[str, float]) -> Parametrisation:
-        """The same with inputs let go about their values: constants by name with standard deviations, zeros left out."""
+        """The same with inputs let go about their values: constants by name with standard
+        deviations, zeros left out.
+        """
         rows = [self.constant_names.index(name) for name in standard_deviations]
         sds = list(standard_deviations.values())
-        chosen = [(row, sd) for row, sd in zip(rows, sds, strict=True) if sd > 0 and not self.spread[row].any()]
+        chosen = [
+            (row, sd)
+            for row, sd in zip(rows, sds, strict=True)
+            if sd > 0 and not self.spread[row].any()
+        ]
         base, spread = self.base.copy(), np.zeros((self.base.size, len(chosen)))
         for column, (row, _) in enumerate(chosen):
             base[row], spread[row, column] = 0.0, 1.0
@@ -121,7 +134,10 @@ class Parametrisation:
     @property
     def units(self) -> tuple[str, ...]:
         """SI units of the constants."""
-        return (*(UNITS[kind_of(name)] for name in self.body.nominal), *(spring.unit for spring in self.body.springs))
+        return (
+            *(UNITS[kind_of(name)] for name in self.body.nominal),
+            *(spring.unit for spring in self.body.springs),
+        )
 
     def unit_of(self, name: str) -> str:
         """SI unit of a parameter or of a constant."""
@@ -153,7 +169,9 @@ class Parametrisation:
         return physical
 
     def coefficient_values(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(w, k + s) stiffness coefficients and (w, j) inertias at (w, p) parameters, without derivatives."""
+        """(w, k + s) stiffness coefficients and (w, j) inertias at (w, p) parameters, without
+        derivatives.
+        """
         constants, springs = self.split((self.base + self.warm(theta) @ self.spread.T).T)
         stiffness = np.concatenate([self.body.stiffness_coefficients(constants), springs])
         return stiffness.T, self.body.mass_coefficients(constants).T
@@ -189,12 +207,16 @@ class Parametrisation:
 
     def xi(self, theta: FloatArray) -> FloatArray:
         """(…, p) ξ of (…, p) θ."""
-        xi: FloatArray = np.where(self.logarithmic, np.log(np.where(self.logarithmic, theta, 1.0)), theta)
+        xi: FloatArray = np.where(
+            self.logarithmic, np.log(np.where(self.logarithmic, theta, 1.0)), theta
+        )
         return xi
 
     def theta(self, xi: FloatArray) -> FloatArray:
         """(…, p) θ of (…, p) ξ."""
-        theta: FloatArray = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, xi, 0.0)), xi)
+        theta: FloatArray = np.where(
+            self.logarithmic, np.exp(np.where(self.logarithmic, xi, 0.0)), xi
+        )
         return theta
 
     def slope(self, theta: FloatArray) -> FloatArray:
@@ -203,8 +225,12 @@ class Parametrisation:
         return slope
 
     def are_believable(self, xi: FloatArray) -> BoolArray:
-        """(w,) of (w, p) ξ, which are physical and within a factor of a thousand of their prior means."""
-        near: BoolArray = np.all((np.abs(xi - self.xi_mean) < _FARTHEST) | ~self.logarithmic, axis=-1)
+        """(w,) of (w, p) ξ, which are physical and within a factor of a thousand of their prior
+        means.
+        """
+        near: BoolArray = np.all(
+            (np.abs(xi - self.xi_mean) < _FARTHEST) | ~self.logarithmic, axis=-1
+        )
         if near.any():
             near[near] = self.are_physical(self.theta(xi[near]))
         return near
@@ -221,12 +247,16 @@ class Coefficients:
     def stiffness(self) -> FloatArray:
         """(k + s,) as the model orders them, springs last."""
         constants, springs = self._values
-        return np.concatenate([self.parametrisation.body.stiffness_coefficients(constants), springs])
+        return np.concatenate(
+            [self.parametrisation.body.stiffness_coefficients(constants), springs]
+        )
 
     @cached_property
     def stiffness_by(self) -> FloatArray:
         """(k + s, p) their derivatives."""
-        by_constants, by_springs = self.parametrisation.split(self.parametrisation.constants_by(self.theta))
+        by_constants, by_springs = self.parametrisation.split(
+            self.parametrisation.constants_by(self.theta)
+        )
         slope = _derivative(self.parametrisation.body.stiffness_coefficients, self._values[0])
         return np.vstack([slope @ by_constants, by_springs])
 
@@ -239,7 +269,9 @@ class Coefficients:
     def mass_by(self) -> FloatArray:
         """(j, p) their derivatives."""
         by_constants, _ = self.parametrisation.split(self.parametrisation.constants_by(self.theta))
-        slope: FloatArray = _derivative(self.parametrisation.body.mass_coefficients, self._values[0]) @ by_constants
+        slope: FloatArray = (
+            _derivative(self.parametrisation.body.mass_coefficients, self._values[0]) @ by_constants
+        )
         return slope
 
     @cached_property
@@ -252,7 +284,9 @@ def default_parameters(body: Body) -> tuple[Parameter, ...]:
     """What is updated of a body when a recipe names nothing."""
     if isinstance(body, Structure):
         return tuple(
-            replace(each, name=f"{name}.{each.name}", tied_to=each.tied_to and f"{name}.{each.tied_to}")
+            replace(
+                each, name=f"{name}.{each.name}", tied_to=each.tied_to and f"{name}.{each.tied_to}"
+            )
             for name in body.mesh.sets
             for each in _of_section(body.sections[name])
         )
@@ -267,23 +301,31 @@ def _of_section(section: ShellSection | BeamSection) -> tuple[Parameter, ...]:
     nominal = section.nominal
     if isinstance(section, BeamSection):
         poisson = section.E / (2 * section.G) - 1
-        return _following("E", ["G"], nominal) if 0 <= poisson <= _LARGEST_POISSON else (Parameter("E"), Parameter("G"))
+        return (
+            _following("E", ["G"], nominal)
+            if 0 <= poisson <= _LARGEST_POISSON
+            else (Parameter("E"), Parameter("G"))
+        )
     E, nu = nominal["E1"], nominal["nu12"]
     alike = np.allclose([nominal["E2"], 2 * (1 + nu) * nominal["G12"]], E, rtol=_ISOTROPIC)
     return _following("E1", ["E2", "G12", "G13", "G23"], nominal) if alike else PLY_PARAMETERS
 
 
-def _following(first: str, others: Sequence[str], nominal: Mapping[str, float]) -> tuple[Parameter, ...]:
+def _following(
+    first: str, others: Sequence[str], nominal: Mapping[str, float]
+) -> tuple[Parameter, ...]:
     tied = (Parameter(name, prior_sd=_ISOTROPIC * nominal[name], tied_to=first) for name in others)
     return (Parameter(first), *tied)
 
 
-def parametrise(specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAMETERS) -> Parametrisation:
+def parametrise(
+    specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAMETERS
+) -> Parametrisation:
     """Check a recipe's parameters against a specimen and lay out θ.
 
     Raises:
-        InputError: a name is unknown, repeated or tied to itself or to nothing, a fixed parameter has a spread, a
-            prior is not positive, or nothing is left to update.
+        InputError: a name is unknown, repeated or tied to itself or to nothing, a fixed parameter
+            has a spread, a prior is not positive, or nothing is left to update.
     """
     nominal = _nominal(specimen)
     parameters = [p for p in parameters if not is_of_damping(p.name)]
@@ -293,7 +335,10 @@ def parametrise(specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAME
     _check(parameters, (*nominal, *changing))
     parameters = [p for p in parameters if p not in coefficients]
     if not free:
-        raise InputError("parameters", "leaves nothing to update; expected at least one that is neither fixed nor tied")
+        raise InputError(
+            "parameters",
+            "leaves nothing to update; expected at least one that is neither fixed nor tied",
+        )
     mean = {p.name: nominal[p.name] if p.prior_mean is None else p.prior_mean for p in parameters}
     base = dict(nominal)
     constant_names = tuple(nominal)
@@ -308,11 +353,15 @@ def parametrise(specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAME
         ratio = 1.0 if p.tied_to is None else mean[p.name] / mean[master]
         spread[row, [f.name for f in free].index(master)] = ratio
     prior_mean = np.array([mean[p.name] for p in free])
-    prior_sd = np.array([DEFAULT_RELATIVE_SD * mean[p.name] if p.prior_sd is None else p.prior_sd for p in free])
+    prior_sd = np.array(
+        [DEFAULT_RELATIVE_SD * mean[p.name] if p.prior_sd is None else p.prior_sd for p in free]
+    )
     names = tuple(p.name for p in free)
     unstated = {p.name for p in free if p.prior_sd is None and p.prior_mean is None}
     common = (
-        [c for c in specimen.common_priors() if set(c.constants) <= unstated] if isinstance(specimen, Structure) else []
+        [c for c in specimen.common_priors() if set(c.constants) <= unstated]
+        if isinstance(specimen, Structure)
+        else []
     )
     for each in common:
         rows = [names.index(name) for name in each.constants]
@@ -336,15 +385,23 @@ def parametrise(specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAME
     )
     if not result.is_physical(prior_mean):
         raise InputError(
-            "parameters", "the prior means are not those of a positive definite material; look at Poisson's ratio"
+            "parameters",
+            "the prior means are not those of a positive definite material; look at Poisson's"
+            " ratio",
         )
     return result
 
 
 def _nominal(specimen: Body) -> dict[str, float]:
-    constants, springs = specimen.nominal, {spring.name: spring.stiffness for spring in specimen.springs}
+    constants, springs = (
+        specimen.nominal,
+        {spring.name: spring.stiffness for spring in specimen.springs},
+    )
     if set(springs) & set(constants):
-        raise InputError("springs", f"a spring has the name of a constant: {', '.join(set(springs) & set(constants))}")
+        raise InputError(
+            "springs",
+            f"a spring has the name of a constant: {', '.join(set(springs) & set(constants))}",
+        )
     return {**constants, **springs}
 
 
@@ -359,9 +416,14 @@ def _check(parameters: Sequence[Parameter], known: tuple[str, ...]) -> None:
         if p.prior_mean is not None and not (
             np.isfinite(p.prior_mean) and (p.prior_mean > 0 or kind_of(p.name) in SIGNED)
         ):
-            raise InputError(f"{where}.prior_mean", f"is {p.prior_mean}, expected a positive number")
+            raise InputError(
+                f"{where}.prior_mean", f"is {p.prior_mean}, expected a positive number"
+            )
         if p.prior_sd is not None and not (np.isfinite(p.prior_sd) and p.prior_sd > 0):
-            raise InputError(f"{where}.prior_sd", f"is {p.prior_sd}, expected a positive number; to fix it, say fixed")
+            raise InputError(
+                f"{where}.prior_sd",
+                f"is {p.prior_sd}, expected a positive number; to fix it, say fixed",
+            )
         if p.prior_sd is not None and p.fixed:
             raise InputError(f"{where}.prior_sd", f"{p.name} is fixed, so it cannot have a spread")
         if p.fixed and p.tied_to:
@@ -370,7 +432,9 @@ def _check(parameters: Sequence[Parameter], known: tuple[str, ...]) -> None:
             _check_tie(where, p, by_name)
         if constant_of(p.name) is not None and (p.tied_to or (p.fixed and p.prior_mean is None)):
             raise InputError(
-                where, f"{p.name} is a coefficient of temperature: state its prior_mean in 1/K, or nothing"
+                where,
+                f"{p.name} is a coefficient of temperature: state its prior_mean in 1/K, or"
+                " nothing",
             )
 
 
@@ -379,7 +443,9 @@ def _check_tie(where: str, p: Parameter, by_name: dict[str, Parameter]) -> None:
         raise InputError(f"{where}.tied_to", f"{p.name} is tied to itself")
     master = by_name.get(p.tied_to or "")
     if master is None or master.fixed or master.tied_to or constant_of(master.name) is not None:
-        raise InputError(f"{where}.tied_to", f"{p.tied_to!r} is not a free parameter of this recipe")
+        raise InputError(
+            f"{where}.tied_to", f"{p.tied_to!r} is not a free parameter of this recipe"
+        )
 
 
 def by_name(names: Sequence[str], values: FloatArray) -> dict[str, float]:
@@ -387,7 +453,9 @@ def by_name(names: Sequence[str], values: FloatArray) -> dict[str, float]:
     return dict(zip(names, map(float, values), strict=True))
 
 
-def _derivative(closed_form: Callable[[FloatArray], FloatArray], constants: FloatArray) -> FloatArray:
+def _derivative(
+    closed_form: Callable[[FloatArray], FloatArray], constants: FloatArray
+) -> FloatArray:
     """(k, c) derivative of a closed form by its constants."""
     step = _STEP * np.maximum(np.abs(constants), _STEP)
     derivative: FloatArray = closed_form(constants[:, None] + 1j * np.diag(step)).imag / step

@@ -1,4 +1,5 @@
-"""The main job: a measurement, a specimen and a recipe in; updated parameters with their uncertainty out.
+"""The main job: a measurement, a specimen and a recipe in; updated parameters with their
+uncertainty out.
 
 The one entry point of updating, for a notebook as for the service.
 """
@@ -40,7 +41,9 @@ from fecore.updating.temperature import with_temperature
 from fecore.updating.zones import with_sparse_factors, with_stretches
 
 Progress = Callable[[str, float], None]
-"""Called with the stage in words and the share of the whole job that is done; raise from it to cancel."""
+"""Called with the stage in words and the share of the whole job that is done; raise from it to
+cancel.
+"""
 
 _ELASTIC = "updating the elastic constants"
 
@@ -54,7 +57,8 @@ def update(
 ) -> UpdateResult:
     """Update a specimen's elastic constants and damping from a measurement.
 
-    A stage fails alone: where damping cannot be had, the elastic constants stand, and the result's outcomes say why.
+    A stage fails alone: where damping cannot be had, the elastic constants stand, and the result's
+    outcomes say why.
 
     Args:
         measurement: what was measured: FRFs, modes, or both.
@@ -72,7 +76,9 @@ def update(
     parameters = default_parameters(specimen) if recipe.parameters is None else recipe.parameters
     temperatures, stated = [measurement.temperature_c], recipe.reference_temperature_c
     reference = check_temperatures(parameters, specimen, temperatures, stated)
-    known = with_temperature(parametrise(specimen, parameters), reference, measurement.temperature_c, reported=False)
+    known = with_temperature(
+        parametrise(specimen, parameters), reference, measurement.temperature_c, reported=False
+    )
     parametrisation = known.with_inputs(inputs.standard_deviations(specimen.nominal))
     data = _prepared(measurement, specimen, recipe, progress)
     body, mesh = meshed(specimen, _highest_hz(data))
@@ -104,15 +110,21 @@ def update(
         *points_beyond(forward, inputs),
         *_other_method(measurement, recipe),
     ]
-    given_at = recipe.reference_temperature_c if reference is not None else measurement.temperature_c
+    given_at = (
+        recipe.reference_temperature_c if reference is not None else measurement.temperature_c
+    )
     summary = Summary(elastic, modes, damping, data, inputs=inputs, recipe=recipe, sampled=sampled)
     result = replace(summary.result(findings), reference_temperature_c=given_at)
     progress("done", 1.0)
     return result
 
 
-def _prepared(measurement: Measurement, specimen: Body, recipe: Recipe, progress: Progress) -> Prepared:
-    """The measurement ready for updating, a stated window's share of the modes' damping taken off."""
+def _prepared(
+    measurement: Measurement, specimen: Body, recipe: Recipe, progress: Progress
+) -> Prepared:
+    """The measurement ready for updating, a stated window's share of the modes' damping taken
+    off.
+    """
     progress("identifying the modes" if measurement.modes is None else "finding mode shapes", 0.0)
     # Under a roving sensor the FRFs have no common modes to be identified.
     find_modes = recipe.method == "two_stage" and not measurement.roving_mass
@@ -123,13 +135,19 @@ def _prepared(measurement: Measurement, specimen: Body, recipe: Recipe, progress
         lambda _step, share: progress("identifying the modes", 0.4 * share),
         find_modes=find_modes,
     )
-    return data if data.modes is None else replace(data, modes=_unwindowed(data.modes, measurement.inputs))
+    return (
+        data
+        if data.modes is None
+        else replace(data, modes=_unwindowed(data.modes, measurement.inputs))
+    )
 
 
 def _coarse(mesh: Discretisation) -> list[Finding]:
     """That the finest mesh allowed is too coarse."""
     worst, (nx, ny) = float(mesh.error.max(initial=0.0)), mesh.divisions
-    return [found("mesh_misses", nx=nx, ny=ny, percent=100 * worst)] if worst > DISCRETISATION else []
+    return (
+        [found("mesh_misses", nx=nx, ny=ny, percent=100 * worst)] if worst > DISCRETISATION else []
+    )
 
 
 def _without_joints(body: Body) -> list[Finding]:
@@ -140,7 +158,9 @@ def _without_joints(body: Body) -> list[Finding]:
 
 
 def _highest_hz(data: Prepared) -> float:
-    """The highest frequency at which the model has to be right: that of the last measured mode, or of the last line."""
+    """The highest frequency at which the model has to be right: that of the last measured mode, or
+    of the last line.
+    """
     if data.modes is not None:
         return 1.05 * float(data.modes.frequency_hz[-1])
     assert data.frfs is not None, "a measurement has FRFs or modes"
@@ -156,33 +176,46 @@ def _unwindowed(modes: MeasuredModes, inputs: Inputs) -> MeasuredModes:
         worst = int(np.argmin(ratio))
         raise InputError(
             "inputs.window_rate",
-            f"of {inputs.window_rate:g} 1/s is more than measured mode {worst + 1} decays by "
-            f"({modes.damping_ratio[worst] * 2 * np.pi * modes.frequency_hz[worst]:.3g} 1/s): the window was not this one",
+            f"of {inputs.window_rate:g} 1/s is more than measured mode {worst + 1} decays by"
+            f" ({modes.damping_ratio[worst] * 2 * np.pi * modes.frequency_hz[worst]:.3g} 1/s): the"
+            " window was not this one",
         )
     return replace(modes, damping_ratio=ratio)
 
 
 def _other_method(measurement: Measurement, recipe: Recipe) -> list[Finding]:
-    """Where another method was used than the recipe's: under a roving sensor's mass, and without FRFs."""
+    """Where another method was used than the recipe's: under a roving sensor's mass, and without
+    FRFs.
+    """
     if measurement.frfs is None and recipe.method == "joint":
         return [found("joint_needs_frfs")]
     if not measurement.roving_mass:
         return []
     unused = measurement.modes is not None and recipe.method == "two_stage"
     grams = 1e3 * measurement.roving_mass
-    return [found("roving_sensor", grams=grams, unused="; the mode set was not used" if unused else "")]
+    return [
+        found("roving_sensor", grams=grams, unused="; the mode set was not used" if unused else "")
+    ]
 
 
 def _elastic(
-    forward: ForwardModel, data: Prepared, recipe: Recipe, inputs: Inputs, progress: Callable[[float], None]
+    forward: ForwardModel,
+    data: Prepared,
+    recipe: Recipe,
+    inputs: Inputs,
+    progress: Callable[[float], None],
 ) -> tuple[ElasticResult, MeasuredModes]:
-    """The elastic constants and the modes that they were judged by: stage 1, or the joint fit of the FRFs."""
+    """The elastic constants and the modes that they were judged by: stage 1, or the joint fit of
+    the FRFs.
+    """
     fixed = () if data.frfs is None else fixed_points(*data.frfs.points)
     if data.modes is not None:
         layout = Layout.of_one(forward, data.modes, inputs, fixed)
         elastic = update_on_finest_mesh(
             layout,
-            lambda at: update_from_several_starts(at, progress, use_shapes=recipe.use_shapes, seed=recipe.seed),
+            lambda at: update_from_several_starts(
+                at, progress, use_shapes=recipe.use_shapes, seed=recipe.seed
+            ),
         )
         if elastic.unlike:
             return elastic, data.modes
@@ -190,10 +223,13 @@ def _elastic(
     assert data.fitted is not None, "without modes there are FRFs"
     frfs = data.fitted if recipe.band_hz is None else data.fitted.band(*recipe.band_hz)
     frfs = _inside(frfs, (0.0, np.inf), recipe)
-    # There every mode deviates from the law as far as it must, so `modal` is one common ratio to deviate from.
+    # There every mode deviates from the law as far as it must, so `modal` is one common ratio to
+    # deviate from.
     middle = float(np.sqrt(frfs.omega[0] * frfs.omega[-1]))
     law = laws_of(recipe, ModalDamping((middle,)), forward.specimen)[0]
-    joint = update_jointly(forward, frfs, law, recipe.seed, progress, inputs=inputs, fixed_points=fixed)
+    joint = update_jointly(
+        forward, frfs, law, recipe.seed, progress, inputs=inputs, fixed_points=fixed
+    )
     return joint.elastic, _unwindowed(joint.modes, inputs)
 
 
@@ -228,13 +264,19 @@ class _Damping:
                     break
             else:
                 if first is not None:
-                    said.append(found("damping_narrowed", low=tried[0], high=tried[1], text=_message(first)))
+                    said.append(
+                        found("damping_narrowed", low=tried[0], high=tried[1], text=_message(first))
+                    )
                 return replace(done, findings=tuple(said))
         assert first is not None, "the whole band is tried"
         return self._without_fit(band, first, before)
 
-    def _without_fit(self, band: tuple[float, float], error: FecoreError, said: list[Finding]) -> DampingOutcome:
-        """Where no fit to FRFs ends: laws from the modes' damping ratios, if a fit was sought; else why there is no damping."""
+    def _without_fit(
+        self, band: tuple[float, float], error: FecoreError, said: list[Finding]
+    ) -> DampingOutcome:
+        """Where no fit to FRFs ends: laws from the modes' damping ratios, if a fit was sought; else
+        why there is no damping.
+        """
         message, hopeless = _message(error), self.elastic.misfit > HOPELESS_MISS
         if _was_sought(error) and not hopeless:
             done = self._of_ratios()
@@ -245,8 +287,11 @@ class _Damping:
         failed = found("damping_failed", level="do_not_use" if hopeless else None, text=message)
         return DampingOutcome("failed", message, band, findings=(*said, failed))
 
-    def _of_frfs(self, frfs: FrfSet, band: tuple[float, float], said: list[Finding]) -> DampingOutcome:
-        """Laws fitted to the FRFs of a band; what is worth saying goes to `said`, also where the fit fails.
+    def _of_frfs(
+        self, frfs: FrfSet, band: tuple[float, float], said: list[Finding]
+    ) -> DampingOutcome:
+        """Laws fitted to the FRFs of a band; what is worth saying goes to `said`, also where the
+        fit fails.
 
         Raises:
             UpdatingError: a fit did not converge.
@@ -254,35 +299,46 @@ class _Damping:
         inside = _inside(frfs, band, self.recipe)
         stage = damping_data(inside, self.elastic, self.modes, self.recipe.weighting, self.inputs)
         asked = self._laws(stage.modal_law)
-        laws = identifiable_laws(len(stage.rows), asked) or asked  # where there is none, the fit says so
+        # where there is none, the fit says so
+        laws = identifiable_laws(len(stage.rows), asked) or asked
         stage, odd = examine(stage)
         said += [*_unasked(asked[0], laws[0], len(stage.rows)), *odd]
         reference = fit_reference(stage)
         ranking = rank_laws(reference.ratios, stage.rows, laws)
         result = fit_damping(stage, reference, laws[0], self.progress, ranking.laws[0].strain)
-        said += unstated_window(result, self.inputs, 1 / float(np.median(np.diff(inside.frequency_hz))))
+        said += unstated_window(
+            result, self.inputs, 1 / float(np.median(np.diff(inside.frequency_hz)))
+        )
         return DampingOutcome("succeeded", "", band, ranking, result)
 
     def _of_ratios(self) -> DampingOutcome:
         """Laws from the damping ratios of the paired modes, without FRFs."""
         rows, ratios = paired_ratios(self.elastic, 0, self.modes)
         if not rows:
-            return DampingOutcome("skipped", "there are no FRFs, and no paired mode has a damping ratio")
+            return DampingOutcome(
+                "skipped", "there are no FRFs, and no paired mode has a damping ratio"
+            )
         asked = self._laws(ModalDamping(tuple(np.sort(ratios.omega))))
         laws = identifiable_laws(len(rows), asked)
         if not laws:
-            return DampingOutcome("skipped", f"{len(rows)} damping ratios cannot fix any of the laws asked for")
+            return DampingOutcome(
+                "skipped", f"{len(rows)} damping ratios cannot fix any of the laws asked for"
+            )
         message = "from the modes' damping ratios: there are no FRFs"
         findings = tuple(_unasked(asked[0], laws[0], len(rows)))
-        return DampingOutcome("succeeded", message, ranking=rank_laws(ratios, rows, laws), findings=findings)
+        return DampingOutcome(
+            "succeeded", message, ranking=rank_laws(ratios, rows, laws), findings=findings
+        )
 
     def _laws(self, modal: ModalDamping) -> tuple[DampingLaw, ...]:
         return laws_of(self.recipe, modal, self.elastic.prior.body)
 
     def _band(self, frfs: FrfSet) -> tuple[float, float]:
-        """Lines for stage 2. By default they end half-way to the first model mode above the paired ones.
+        """Lines for stage 2. By default they end half-way to the first model mode above the paired
+        ones.
 
-        A mode that was not measured carries no frequency shift, so its misfit would be taken for damping.
+        A mode that was not measured carries no frequency shift, so its misfit would be taken for
+        damping.
         """
         low, high = float(frfs.frequency_hz[0]), float(frfs.frequency_hz[-1])
         if self.recipe.band_hz is not None:
@@ -297,8 +353,8 @@ class _Damping:
         return low, high
 
     def _bands(self, band: tuple[float, float]) -> Iterator[tuple[float, float]]:
-        """The band of stage 2, and, for a fit that does not converge, narrower ones: without the highest of its modes, two,
-        three ... while two are left, and without the lowest.
+        """The band of stage 2, and, for a fit that does not converge, narrower ones: without the
+        highest of its modes, two, three ... while two are left, and without the lowest.
         """
         yield band
         columns = [column for _, column in self.elastic.pairing.pairs]
@@ -311,7 +367,9 @@ class _Damping:
 
 
 def _was_sought(error: FecoreError) -> bool:
-    """Whether a fit began and did not converge: another may. Where the data allow none there is nothing to be repeated."""
+    """Whether a fit began and did not converge: another may. Where the data allow none there is
+    nothing to be repeated.
+    """
     return isinstance(error, UpdatingError) and bool(error.best)
 
 
@@ -328,8 +386,12 @@ def _unasked(asked: DampingLaw, law: DampingLaw, modes: int) -> list[Finding]:
     return [found("law_replaced", modes=cannot, count=count, asked=asked.name, law=law.name)]
 
 
-def _forward(parametrisation: Parametrisation, measurement: Measurement, data: Prepared) -> ForwardModel:
-    """The forward model at all measured dofs, those of the modes' shapes first and in their order."""
+def _forward(
+    parametrisation: Parametrisation, measurement: Measurement, data: Prepared
+) -> ForwardModel:
+    """The forward model at all measured dofs, those of the modes' shapes first and in their
+    order.
+    """
     first = () if data.modes is None else data.modes.dofs
     dofs = () if data.frfs is None else (*data.frfs.responses, *data.frfs.references)
     rows = (*first, *sorted({Dof(dof.point, dof.axis) for dof in dofs} - set(first)))

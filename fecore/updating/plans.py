@@ -1,20 +1,25 @@
-"""Where to hit next: what a test that nobody has made yet would add to what is known (Lindley, Ann. Math. Stat. 27, 1956).
+"""Where to hit next: what a test that nobody has made yet would add to what is known (Lindley, Ann.
+Math. Stat. 27, 1956).
 
-At the present posterior the problem is linear, so a test's frequencies, whatever they will be, change the precision of all
-unknowns from H to H + SᵀC⁻¹S, S = ∂ln f/∂x and C = noise + s². With the test's own nuisances integrated out, the expected
-information about the material is the fall of its posterior's entropy,
+At the present posterior the problem is linear, so a test's frequencies, whatever they will be,
+change the precision of all unknowns from H to H + SᵀC⁻¹S, S = ∂ln f/∂x and C = noise + s². With the
+test's own nuisances integrated out, the expected information about the material is the fall of its
+posterior's entropy,
 
     I = ½ ln |C_now| - ½ ln |C_then|        (nats; C the covariance of the material's parameters alone).
 
-A test of another specimen brings the scatter between specimens with it, as the joint update of all of them will: I and the
-variances are means over the scatter's probabilities, as the campaigns so far leave them.
+A test of another specimen brings the scatter between specimens with it, as the joint update of all
+of them will: I and the variances are means over the scatter's probabilities, as the campaigns so
+far leave them.
 
-The noise of a frequency follows from the FRFs that are to be measured. Near its resonance ∂H/∂ln ω_k ≈ 2 ω_k⁴ A/D², and its
-square summed over lines Δf apart gives, for accelerances with noise of variance σ²,
+The noise of a frequency follows from the FRFs that are to be measured. Near its resonance ∂H/∂ln
+ω_k ≈ 2 ω_k⁴ A/D², and its square summed over lines Δf apart gives, for accelerances with noise of
+variance σ²,
 
     1/var(ln ω_k) = Σ_p ω_k (φ_kp φ_kr)² / (8 ζ_k³ Δf σ²)
 
-over points p hit against the sensor r. A mode with a node at the sensor is not seen, and a test's points are chosen by the same
+over points p hit against the sensor r. A mode with a node at the sensor is not seen, and a test's
+points are chosen by the same
 sum: one after the other, then by exchanges (Fedorov 1972), to the least posterior volume.
 """
 
@@ -54,22 +59,29 @@ class PlannedTest:
     name: str  # in the plan
     body: OrientedSpecimen | Structure  # as it would stand, added masses included
     highest_hz: float  # of the band
-    points: tuple[tuple[float, ...], ...]  # (x, y), or (x, y, z) on a body in space, in m of the points that can be hit
+    # (x, y), or (x, y, z) on a body in space, in m of the points that can be hit
+    points: tuple[tuple[float, ...], ...]
     sensor: int  # number of the point, among these, where the sensor would stand
     sensor_mass: float = 0.0  # kg; it loads the body
-    # standard deviation of an FRF's noise, as a share of the root mean square of the FRF at the sensor
+    # standard deviation of an FRF's noise, as a share of the root mean square of the FRF at the
+    # sensor
     noise: float = 0.02
     damping_ratio: float = 0.01  # of all modes, as expected
     lines_hz: float = 0.5  # spacing of the lines
-    specimen: str = "specimen"  # name of the specimen; tests and campaigns of one specimen share its dimensions
-    inputs: Inputs = field(default_factory=Inputs)  # how well the laboratory will know what it hands in
+    # name of the specimen; tests and campaigns of one specimen share its dimensions
+    specimen: str = "specimen"
+    # how well the laboratory will know what it hands in
+    inputs: Inputs = field(default_factory=Inputs)
     hit: tuple[int, ...] | None = None  # numbers of the points that may be hit; None: all
-    # directions at points by their numbers, as rows, where the third, along which they are hit, is not z
+    # directions at points by their numbers, as rows, where the third, along which they are hit, is
+    # not z
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not 0 <= self.sensor < len(self.points):
-            raise InputError("sensor", f"is point {self.sensor}, expected one of the {len(self.points)} points")
+            raise InputError(
+                "sensor", f"is point {self.sensor}, expected one of the {len(self.points)} points"
+            )
         for name in ("highest_hz", "noise", "damping_ratio", "lines_hz"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
@@ -82,7 +94,8 @@ class PlannedCoupons:
 
     name: str  # in the plan
     constants: tuple[str, ...]  # names of the parameters that they give
-    relative_sd: float  # with which they will say what one more piece's are (`fecore.coupons.batch.prior`)
+    # with which they will say what one more piece's are (`fecore.coupons.batch.prior`)
+    relative_sd: float
     pieces: int  # that are tested
 
     def tested(self, theta: Mapping[str, float]) -> tuple[Coupon, ...]:
@@ -99,14 +112,17 @@ class Forecast:
     information: float  # expected, about the material or the parameter asked for, nats
     standard_deviations: dict[str, float]  # expected afterwards, by parameter, SI
     frequencies_hz: FloatArray  # of the modes that it would see
-    # numbers of the points to hit, in the order of what they add; all that can be hit where no number was asked for
+    # numbers of the points to hit, in the order of what they add; all that can be hit where no
+    # number was asked for
     points: tuple[int, ...]
     share: float  # of the information of hitting every point that these points keep
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Tests by their expected information, the best first, and what is known now, by parameter, SI."""
+    """Tests by their expected information, the best first, and what is known now, by parameter,
+    SI.
+    """
 
     known: dict[str, float]
     forecasts: tuple[Forecast, ...]
@@ -128,10 +144,12 @@ def plan_tests(
         parameters: the material's.
         count: how many points are to be hit in each test; None: all.
         coupons: that could be tested.
-        about: the parameter that tests are ranked and points chosen for; None: all of the material's.
+        about: the parameter that tests are ranked and points chosen for; None: all of the
+            material's.
 
     Raises:
-        InputError: tests contradict themselves, or see no mode in their band, or nothing of that name is updated.
+        InputError: tests contradict themselves, or see no mode in their band, or nothing of that
+            name is updated.
         UpdatingError: the campaigns so far have no common estimate.
     """
     if not tests:
@@ -140,10 +158,15 @@ def plan_tests(
     named = {f"coupons.{number}": each.constants for number, each in enumerate(coupons)}
     for field_name, names in {"about": (about,) if about else (), **named}.items():
         if unknown := set(names).difference(reported):
-            raise InputError(field_name, f"names {', '.join(sorted(unknown))}; expected some of {', '.join(reported)}")
+            raise InputError(
+                field_name,
+                f"names {', '.join(sorted(unknown))}; expected some of {', '.join(reported)}",
+            )
     campaigns = as_updated(campaigns)
     fitted = fit(lay_out(campaigns, parameters, SCATTER)) if campaigns else None
-    theta = {} if fitted is None else by_name(fitted.layout.shared, fitted.layout.material(fitted.x))
+    theta = (
+        {} if fitted is None else by_name(fitted.layout.shared, fitted.layout.material(fitted.x))
+    )
     simulated = []
     for number, test in enumerate(tests):
         with within(f"tests.{number}"):
@@ -162,7 +185,9 @@ def plan_tests(
 
 @dataclass(frozen=True)
 class _Known:
-    """What the campaigns so far say, as the update states it whose data they are: of one specimen nothing of a scatter."""
+    """What the campaigns so far say, as the update states it whose data they are: of one specimen
+    nothing of a scatter.
+    """
 
     # campaigns, parameters: as they came in
     campaigns: tuple[Campaign, ...]
@@ -172,7 +197,9 @@ class _Known:
 
     @property
     def discrepancy(self) -> float:
-        """That of the next test's frequencies: as the campaigns so far show it, else its prior's scale."""
+        """That of the next test's frequencies: as the campaigns so far show it, else its prior's
+        scale.
+        """
         return DISCREPANCY if self.fitted is None else self.fitted.discrepancy
 
     def layout(self, campaign: Campaign) -> Layout:
@@ -180,7 +207,9 @@ class _Known:
         return lay_out([*self.campaigns, campaign], self.parameters, SCATTER)
 
     def scatters(self, layout: Layout) -> tuple[FloatArray, FloatArray]:
-        """(t,) values of the scatter and their probabilities: its prior's, or as far as the campaigns say more theirs."""
+        """(t,) values of the scatter and their probabilities: its prior's, or as far as the
+        campaigns say more theirs.
+        """
         if self.fitted is None or self.fitted.layout.scatter != layout.scatter:
             return prior_of_scatter(layout.scatter)
         mixture, scatters = self.fitted.problem.mixture(layout.scatter)
@@ -192,14 +221,20 @@ class _Known:
         size, fitted = len(layout.unknowns), self.fitted
         if fitted is None:
             return np.zeros((size, size))
-        variance = fitted.problem.noise + fitted.discrepancy**2 * np.eye(fitted.problem.residual.size)
+        variance = fitted.problem.noise + fitted.discrepancy**2 * np.eye(
+            fitted.problem.residual.size
+        )
         S = np.zeros((fitted.problem.residual.size, size))
         at = [layout.labels.index(label) for label in fitted.layout.labels]
         S[:, at] = np.sqrt(fitted.problem.weights)[:, None] * fitted.problem.sensitivity
         for place, unknown in enumerate(
             layout.unknowns
         ):  # a specimen that is the only one so far does not scatter there
-            if unknown.is_scatter and unknown.label not in fitted.layout.labels and self._is_made(unknown):
+            if (
+                unknown.is_scatter
+                and unknown.label not in fitted.layout.labels
+                and self._is_made(unknown)
+            ):
                 S[:, place] = S[:, layout.labels.index(unknown.constant)]
         precision: FloatArray = S.T @ np.linalg.solve(variance, S)
         return precision
@@ -208,9 +243,13 @@ class _Known:
         return any(campaign.specimen == unknown.owner for campaign in self.campaigns)
 
     def covariances(self, layout: Layout, more: FloatArray | float = 0.0) -> FloatArray:
-        """(t, q, q) of the material's parameters at each scatter, (X, X) information `more` included."""
+        """(t, q, q) of the material's parameters at each scatter, (X, X) information `more`
+        included.
+        """
         information, shared = self.informed(layout) + more, len(layout.shared)
-        precisions = [layout.precision(float(scatter)) + information for scatter in self.scatters(layout)[0]]
+        precisions = [
+            layout.precision(float(scatter)) + information for scatter in self.scatters(layout)[0]
+        ]
         covariances: FloatArray = np.linalg.inv(precisions)[:, :shared, :shared]
         return covariances
 
@@ -233,7 +272,9 @@ class _Simulated:
     loudness: FloatArray
 
     @classmethod
-    def of(cls, test: PlannedTest, parameters: Sequence[Parameter], theta: dict[str, float]) -> _Simulated:
+    def of(
+        cls, test: PlannedTest, parameters: Sequence[Parameter], theta: dict[str, float]
+    ) -> _Simulated:
         body = yielding(test.body, test.inputs)
         if test.sensor_mass:
             x, y, z = (*test.points[test.sensor], 0.0)[:3]
@@ -251,13 +292,22 @@ class _Simulated:
         hz = state.frequency_hz[state.frequency_hz < test.highest_hz]
         if not hz.size:
             raise InputError(
-                "highest_hz", f"is {test.highest_hz:g} Hz, below the first mode of the model of {test.name}"
+                "highest_hz",
+                f"is {test.highest_hz:g} Hz, below the first mode of the model of {test.name}",
             )
         campaign = Campaign(
-            test.name, test.specimen, body, MeasuredModes(hz, np.full(hz.size, np.nan)), inputs=test.inputs
+            test.name,
+            test.specimen,
+            body,
+            MeasuredModes(hz, np.full(hz.size, np.nan)),
+            inputs=test.inputs,
         )
         return cls(
-            test, campaign, prior, by_name(prior.names, state.theta), _loudness(test, state.shapes[: hz.size], hz)
+            test,
+            campaign,
+            prior,
+            by_name(prior.names, state.theta),
+            _loudness(test, state.shapes[: hz.size], hz),
         )
 
     def noise(self, points: Sequence[int]) -> FloatArray:
@@ -268,22 +318,31 @@ class _Simulated:
 
 def _at(prior: Parametrisation, theta: dict[str, float]) -> FloatArray:
     """(p,) parameters: known ones by name, the others at their prior means."""
-    return np.array([theta.get(name, mean) for name, mean in zip(prior.names, prior.prior_mean, strict=True)])
+    return np.array(
+        [theta.get(name, mean) for name, mean in zip(prior.names, prior.prior_mean, strict=True)]
+    )
 
 
 def _loudness(test: PlannedTest, shapes: FloatArray, hz: FloatArray) -> FloatArray:
     """(n, p) 1/var(ln ω) that hitting each point brings for each mode."""
     omega, zeta = 2 * np.pi * hz, test.damping_ratio
     driving = shapes[:, test.sensor] ** 2
-    # Mean square of the sensor's own accelerance, by its resonances: Σ_k π ω A²/4ζ over the width of the band in rad/s.
+    # Mean square of the sensor's own accelerance, by its resonances: Σ_k π ω A²/4ζ over the width
+    # of the band in rad/s.
     power = float(np.sum(driving**2 * omega / zeta)) * np.pi / 4 / (2 * np.pi * test.highest_hz)
     residues = (shapes * shapes[:, [test.sensor]]) ** 2
-    loud: FloatArray = omega[:, None] * residues / (8 * zeta**3 * test.lines_hz * test.noise**2 * max(power, 1e-300))
+    loud: FloatArray = (
+        omega[:, None]
+        * residues
+        / (8 * zeta**3 * test.lines_hz * test.noise**2 * max(power, 1e-300))
+    )
     return loud
 
 
 def _information(known: _Known, layout: Layout, about: str | None) -> Callable[[FloatArray], float]:
-    """The expected information that (X, X) more precision brings: of one parameter, or of all of the material's."""
+    """The expected information that (X, X) more precision brings: of one parameter, or of all of
+    the material's.
+    """
     rows = [row for row, name in enumerate(layout.shared) if about in (None, name)]
 
     def volume(of: Layout, more: FloatArray | float) -> float:
@@ -297,24 +356,35 @@ def _information(known: _Known, layout: Layout, about: str | None) -> Callable[[
 def _forecast_coupons(
     coupons: PlannedCoupons, known: _Known, beside: _Simulated, slope: FloatArray, about: str | None
 ) -> Forecast:
-    """What coupons would bring to an update of the campaigns so far, or of a test where there are none."""
+    """What coupons would bring to an update of the campaigns so far, or of a test where there are
+    none.
+    """
     campaigns = known.campaigns or (beside.campaign,)
     layout = lay_out(campaigns, known.parameters, SCATTER, coupons.tested(beside.theta))
     said, _, sds = layout.of_coupons
     brought = said.T @ (said / sds[:, None] ** 2)
     expected = by_name(layout.shared, known.standard_deviations(layout, brought) * slope)
-    return Forecast(coupons.name, _information(known, layout, about)(brought), expected, np.zeros(0), (), 1.0)
+    return Forecast(
+        coupons.name, _information(known, layout, about)(brought), expected, np.zeros(0), (), 1.0
+    )
 
 
-def _forecast(each: _Simulated, known: _Known, slope: FloatArray, *, count: int | None, about: str | None) -> Forecast:
+def _forecast(
+    each: _Simulated, known: _Known, slope: FloatArray, *, count: int | None, about: str | None
+) -> Forecast:
     layout = known.layout(each.campaign)
     campaign = layout.campaigns[-1]
     state = campaign.forward.solve(_at(campaign.prior, each.theta))
-    rows = min(len(campaign.modes), state.frequency_hz.size)  # each mode is taken for the model's of its number
+    # each mode is taken for the model's of its number
+    rows = min(len(campaign.modes), state.frequency_hz.size)
     by = state.frequency_jacobian[:rows] / state.frequency_hz[:rows, None]
     S = by * campaign.prior.slope(state.theta) @ campaign.pick
     gained = _information(known, layout, about)
-    error = known.discrepancy**2 + each.test.body.model_error**2 + by_shear_correction(state)[:rows] ** 2
+    error = (
+        known.discrepancy**2
+        + each.test.body.model_error**2
+        + by_shear_correction(state)[:rows] ** 2
+    )
 
     def brought(points: Sequence[int]) -> FloatArray:
         return np.asarray(S.T @ ((1 / (each.noise(points) + error))[:, None] * S))
@@ -329,15 +399,20 @@ def _forecast(each: _Simulated, known: _Known, slope: FloatArray, *, count: int 
     return Forecast(
         name=each.test.name,
         information=information(chosen),
-        standard_deviations=by_name(layout.shared, known.standard_deviations(layout, brought(chosen)) * slope),
+        standard_deviations=by_name(
+            layout.shared, known.standard_deviations(layout, brought(chosen)) * slope
+        ),
         frequencies_hz=each.campaign.modes.frequency_hz[seen],
         points=tuple(chosen),
         share=information(chosen) / whole if whole > 0 else 1.0,
     )
 
 
-def best_points(information: Callable[[Sequence[int]], float], points: Sequence[int], count: int) -> tuple[int, ...]:
-    """So many of some points with the most information: greedily, then by exchanges of one against another.
+def best_points(
+    information: Callable[[Sequence[int]], float], points: Sequence[int], count: int
+) -> tuple[int, ...]:
+    """So many of some points with the most information: greedily, then by exchanges of one against
+    another.
 
     Args:
         information: of a set of points; it grows with the set.

@@ -1,18 +1,21 @@
 """Whether the measured FRFs are those of the model at all, before damping is sought in them.
 
-Natural frequencies alone cannot distinguish a wrong length or density from other elastic constants: all scale them alike. The
-height of the FRFs can: it goes with the modal masses. And a wrong sign, factor or point of one FRF leaves the frequencies as
-they are, but not that FRF. So each FRF is compared, as accelerance, with the model's, whose modes are moved to the measured
-frequencies and have the measured damping ratios, by its height s and likeness c over the lines,
+Natural frequencies alone cannot distinguish a wrong length or density from other elastic constants:
+all scale them alike. The
+height of the FRFs can: it goes with the modal masses. And a wrong sign, factor or point of one FRF
+leaves the frequencies as they are, but not that FRF. So each FRF is compared, as accelerance, with
+the model's, whose modes are moved to the measured frequencies and have the measured damping ratios,
+by its height s and likeness c over the lines,
 
     s = median Re H/H_model,     c = Re H_modelᴴ H / (|H_model| |H|);
 
 the median, as peaks that few lines resolve, or a mode that was not measured, would move a mean.
 
 After stage 2: an exponential window that nobody stated.
-A window exp(-t/τ) makes every mode decay faster by 1/τ, as a constant part of the damping does (a0 = 2/τ): FRFs alone do not
-distinguish the two. But windows are chosen to end a record of T seconds at 10 to 1 % of its first value, so 1/τ lies between
-2/T and 5/T. A body whose own constant part lies there, and makes most of the slowest modes' decay, looks windowed.
+A window exp(-t/τ) makes every mode decay faster by 1/τ, as a constant part of the damping does (a0
+= 2/τ): FRFs alone do not distinguish the two. But windows are chosen to end a record of T seconds
+at 10 to 1 % of its first value, so 1/τ lies between 2/T and 5/T. A body whose own constant part
+lies there, and makes most of the slowest modes' decay, looks windowed.
 """
 
 from __future__ import annotations
@@ -35,7 +38,8 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import by_name
 from fecore.updating.result import Finding
 
-_COMMON = 0.05  # by which the FRFs may be larger or smaller than the model's: twice what calibrations are good for
+# by which the FRFs may be larger or smaller than the model's: twice what calibrations are good for
+_COMMON = 0.05
 _COMMON_SDS = 2.0  # standard deviations that this is
 _UNITS = {
     "acceleration in g is, for m/s²": 1 / 9.80665,
@@ -50,9 +54,12 @@ _UNITS = {
 _OWN = 0.3  # by which one FRF's factor may lie off that of all
 _PLACED = 0.002  # standard deviation of where a sensor sits, or a hammer hits, about its point, m
 _LIKE = 0.7  # likeness below which an FRF is another one
-_WEAK = 0.05  # of the median energy of the FRFs: weaker ones, near a nodal line, are noise and the neighbours' tails
+# of the median energy of the FRFs: weaker ones, near a nodal line, are noise and the neighbours'
+# tails
+_WEAK = 0.05
 _NEAR = 0.1  # of its frequency: lines at an unmeasured mode
-_ABSENT = 3.0  # times the measured FRFs, from which a model's mode is absent: nine times the damping would hide it
+# times the measured FRFs, from which a model's mode is absent: nine times the damping would hide it
+_ABSENT = 3.0
 _LARGEST_MISS = 0.1  # of a frequency, after the update
 _MOST = 5  # FRFs or modes named in one sentence
 
@@ -66,39 +73,56 @@ class Likeness:
     loud: BoolArray  # (N,) FRFs with enough energy to be judged
     labels: tuple[str, ...]  # N names, response first
     unmeasured_hz: FloatArray  # (u,) frequencies of the model's modes that were not measured
-    # (u,) how much higher the model's FRFs are than the measured ones about each: root of the ratio of energies
+    # (u,) how much higher the model's FRFs are than the measured ones about each: root of the ratio
+    # of energies
     expected: FloatArray
     lowest_hz: float  # of the measured modes
-    placed: float  # standard deviation of the logarithm of the common factor, as a sensor that stands still is off its point
+    # standard deviation of the logarithm of the common factor, as a sensor that stands still is off
+    # its point
+    placed: float
 
     @classmethod
     def of(cls, data: DampingData, quantity: Quantity | None = None) -> Likeness:
-        """Compare on the fitted lines; as if the FRFs were another quantity than is stated, where one is given.
+        """Compare on the fitted lines; as if the FRFs were another quantity than is stated, where
+        one is given.
 
-        Accelerances are compared: the lines below the first mode, where a free specimen's receptance is largest, show what it
-        hangs on and the noise.
+        Accelerances are compared: the lines below the first mode, where a free specimen's
+        receptance is largest, show what it hangs on and the noise.
         """
-        frfs = replace(data.frfs, quantity=quantity or data.frfs.quantity).to_quantity("accelerance")
+        frfs = replace(data.frfs, quantity=quantity or data.frfs.quantity).to_quantity(
+            "accelerance"
+        )
         law = data.modal_law
         omega = data.first_omega
         rate = law.basis(omega) @ data.start(law) + 2 * (data.inputs.window_rate or 0.0)
-        predicted = data.model.with_eigenvalue(omega**2).synthesise(frfs.frequency_hz, rate, frfs.quantity)
+        predicted = data.model.with_eigenvalue(omega**2).synthesise(
+            frfs.frequency_hz, rate, frfs.quantity
+        )
         unknown = [
             mode
             for mode, (row, _) in zip(data.shifted, data.pairs, strict=True)
             if np.isnan(data.modes.damping_ratio[row])
         ]
         unmeasured, unknown_hz = omega[data.unmeasured] / (2 * np.pi), omega[unknown] / (2 * np.pi)
-        seen = frfs.measured & _clear_lines(frfs.frequency_hz, np.concatenate([unmeasured, unknown_hz]))
+        seen = frfs.measured & _clear_lines(
+            frfs.frequency_hz, np.concatenate([unmeasured, unknown_hz])
+        )
         values, there = (np.where(seen, each, 0) for each in (frfs.values, predicted))
-        own, model = (np.maximum(np.sum(np.abs(each) ** 2, axis=1), 1e-300) for each in (values, there))
+        own, model = (
+            np.maximum(np.sum(np.abs(each) ** 2, axis=1), 1e-300) for each in (values, there)
+        )
         both = np.sum((there.conj() * values).real, axis=1)
-        height = [float(np.median((v[known] / t[known]).real)) for v, t, known in zip(values, there, seen, strict=True)]
+        height = [
+            float(np.median((v[known] / t[known]).real))
+            for v, t, known in zip(values, there, seen, strict=True)
+        ]
         return cls(
             height=np.array(height),
             likeness=both / np.sqrt(own * model),
             loud=own > _WEAK * np.median(own),
-            labels=tuple(pair_label(*pair) for pair in zip(frfs.responses, frfs.references, strict=True)),
+            labels=tuple(
+                pair_label(*pair) for pair in zip(frfs.responses, frfs.references, strict=True)
+            ),
             unmeasured_hz=unmeasured,
             expected=_expected(frfs, predicted, unmeasured),
             lowest_hz=float(omega[data.shifted].min() / (2 * np.pi)),
@@ -152,13 +176,20 @@ class Likeness:
         hz = self.unmeasured_hz[self.expected * abs(self.common) > _ABSENT]
         if not hz.size:
             return []
-        which, modes = listed([f"{each:.2f} Hz" for each in hz], _MOST), "a mode" if hz.size == 1 else "modes"
+        which, modes = (
+            listed([f"{each:.2f} Hz" for each in hz], _MOST),
+            "a mode" if hz.size == 1 else "modes",
+        )
         level: Level | None = "do_not_use" if hz.min() < self.lowest_hz else None
         return [found("modes_absent", level=level, modes=modes, which=which)]
 
     def _unit(self) -> str:
         """The mistaken unit that the common factor is, in words; nothing where it is none."""
-        close = [unit for unit, factor in _UNITS.items() if abs(np.log(abs(self.common) / factor)) < _COMMON]
+        close = [
+            unit
+            for unit, factor in _UNITS.items()
+            if abs(np.log(abs(self.common) / factor)) < _COMMON
+        ]
         return f" (as {close[0]})" if close else ""
 
     def _who(self, rows: IntArray, relative: FloatArray) -> str:
@@ -167,10 +198,11 @@ class Likeness:
 
 
 def _placed(data: DampingData) -> float:
-    """Standard deviation of the logarithm of all FRFs' height, as the dof that they share is met to `_PLACED`; 0 without one.
+    """Standard deviation of the logarithm of all FRFs' height, as the dof that they share is met to
+    `_PLACED`; 0 without one.
 
-    Where its displacement φ changes by g per metre, in modes that the FRF's other dof sees by ψ, it is
-    `_PLACED` √(Σψ²|g|²/Σψ²φ²): large near a clamp.
+    Where its displacement φ changes by g per metre, in modes that the FRF's other dof sees by ψ, it
+    is `_PLACED` √(Σψ²|g|²/Σψ²φ²): large near a clamp.
     """
     state, frfs = data.elastic.updated, data.frfs
     forward, measured = state.forward, data.shifted - state.modes.rigid
@@ -187,7 +219,9 @@ def _placed(data: DampingData) -> float:
 
 
 def _expected(frfs: FrfSet, predicted: ComplexArray, modes_hz: FloatArray) -> FloatArray:
-    """(u,) how much higher some predicted FRFs are than the measured ones about each mode; 0 where no line is near."""
+    """(u,) how much higher some predicted FRFs are than the measured ones about each mode; 0 where
+    no line is near.
+    """
     near = np.abs(frfs.frequency_hz / modes_hz[:, None] - 1) <= _NEAR
     both = (np.where(frfs.measured, each, 0) for each in (frfs.values, predicted))
     measured, there = (near @ np.sum(np.abs(each) ** 2, axis=0) for each in both)
@@ -202,14 +236,15 @@ def _clear_lines(frequency_hz: FloatArray, blunt_hz: FloatArray) -> BoolArray:
 
 
 def examine(data: DampingData) -> tuple[DampingData, list[Finding]]:
-    """What looks wrong with the measurement or the model before stage 2, and the data that damping is sought in.
+    """What looks wrong with the measurement or the model before stage 2, and the data that damping
+    is sought in.
 
-    Damping is in the shape of the peaks, not in their height: FRFs of another height than the model's, or of the other sign,
-    are divided by the factor that they have in common.
+    Damping is in the shape of the peaks, not in their height: FRFs of another height than the
+    model's, or of the other sign, are divided by the factor that they have in common.
 
     Raises:
-        UpdatingError: the model is so far off that damping cannot be sought: modes that stay apart in frequency, or FRFs of
-            another quantity than stated.
+        UpdatingError: the model is so far off that damping cannot be sought: modes that stay apart
+            in frequency, or FRFs of another quantity than stated.
     """
     missed = np.abs(data.first_shift)
     likeness = Likeness.of(data)
@@ -219,14 +254,16 @@ def examine(data: DampingData) -> tuple[DampingData, list[Finding]]:
         hz, model = data.modes.frequency_hz[row], updated.frequency_hz[column]
         raise _refusal(
             data,
-            f"the updated model still misses measured mode {row + 1} ({hz:.2f} Hz) by {100 * (model / hz - 1):+.0f} %: "
-            "this is not the model of the specimen, or its modes were paired wrongly; check boundary, geometry and the points' "
-            "coordinates, or measure at more points, across the width too",
+            f"the updated model still misses measured mode {row + 1} ({hz:.2f} Hz) by"
+            f" {100 * (model / hz - 1):+.0f} %: this is not the model of the specimen, or its modes"
+            " were paired wrongly; check boundary, geometry and the points' coordinates, or"
+            " measure at more points, across the width too",
         )
     if (not likeness.alike or likeness.common < 0) and (other := _other_quantity(data, likeness)):
         raise _refusal(
             data,
-            f"the FRFs are stated to be {data.frfs.quantity} and are like the model's {other}: correct the quantity",
+            f"the FRFs are stated to be {data.frfs.quantity} and are like the model's {other}:"
+            " correct the quantity",
         )
     changed = likeness.alike and (likeness.miscalibrated or likeness.common < 0)
     return data.as_accelerance(1 / likeness.common if changed else 1.0), likeness.findings()
@@ -234,7 +271,11 @@ def examine(data: DampingData) -> tuple[DampingData, list[Finding]]:
 
 def _other_quantity(data: DampingData, stated: Likeness) -> Quantity | None:
     """The quantity that the FRFs are, where they are more like it than like the stated one."""
-    others = {name: Likeness.of(data, name).usual for name in get_args(Quantity) if name != data.frfs.quantity}
+    others = {
+        name: Likeness.of(data, name).usual
+        for name in get_args(Quantity)
+        if name != data.frfs.quantity
+    }
     best = max(others, key=lambda name: others[name])
     return best if others[best] >= max(_LIKE, abs(stated.usual)) else None
 
@@ -252,7 +293,8 @@ _MATTERS = 0.05  # share of a coefficient that an unstated window may take
 
 
 def unstated_window(damping: DampingResult, inputs: Inputs, record_s: float) -> list[Finding]:
-    """What a user must know of a window that nobody stated; nothing where it was, or where it would hardly matter.
+    """What a user must know of a window that nobody stated; nothing where it was, or where it would
+    hardly matter.
 
     Args:
         damping: the fitted law.
@@ -274,7 +316,8 @@ def unstated_window(damping: DampingResult, inputs: Inputs, record_s: float) -> 
 
 
 def looks_windowed(omega: FloatArray, ratio: FloatArray, record_s: float) -> float | None:
-    """The part of the decay that all modes share, 1/s, where it is that of a usual window; else None.
+    """The part of the decay that all modes share, 1/s, where it is that of a usual window; else
+    None.
 
     Args:
         omega: (n,) circular frequencies, rad/s.

@@ -1,19 +1,24 @@
-"""The posterior of stage 1: Gaussian in its unknowns for a given discrepancy s and scatter τ, which both are marginalised.
+"""The posterior of stage 1: Gaussian in its unknowns for a given discrepancy s and scatter τ, which
+both are marginalised.
 
-A body is never its model: each of its natural frequencies is off by a share ε ~ N(0, s²), and s is not known. Its prior is
-a scaled inverse χ² of ν₀ = 2 degrees of freedom about s₀ = 0.1 %: between what plate theory misses, 0.05 %, and what real
-laminates show, 0.2 %. Where a laboratory's inputs say that a body is more even than that, s₀ is smaller (`theory_error`), but
-a thickness that is known well need not be the same everywhere: half of the prior is about such an s₀, half about a scale that
-lies anywhere between it and 0.1 %, even in its logarithm, as nobody knows its order of magnitude (Jeffreys 1946). So modes
-that follow the model closely keep their narrow intervals, and modes that scatter have those of laminates that do. The
-constants of a specimen, or of a set, are off the material's by a share of standard deviation τ, with the same kind of prior
-about its own scale (Gelman et al., Bayesian Data Analysis, 3rd ed., 5, 11.6 and 14).
+A body is never its model: each of its natural frequencies is off by a share ε ~ N(0, s²), and s is
+not known. Its prior is a scaled inverse χ² of ν₀ = 2 degrees of freedom about s₀ = 0.1 %: between
+what plate theory misses, 0.05 %, and what real laminates show, 0.2 %. Where a laboratory's inputs
+say that a body is more even than that, s₀ is smaller (`theory_error`), but
+a thickness that is known well need not be the same everywhere: half of the prior is about such an
+s₀, half about a scale that lies anywhere between it and 0.1 %, even in its logarithm, as nobody
+knows its order of magnitude (Jeffreys 1946). So modes that follow the model closely keep their
+narrow intervals, and modes that scatter have those of laminates that do. The constants of a
+specimen, or of a set, are off the material's by a share of standard deviation τ, with the same kind
+of prior about its own scale (Gelman et al., Bayesian Data Analysis, 3rd ed., 5, 11.6 and 14).
 
-With the residuals r = ln f_measured - ln f at the estimate, their derivative S by the unknowns, the noise N, prior precision
-P(τ) and the hessian A of what is no frequency (coupons, shapes), the posterior is a mixture over a grid of ln s and ln τ of
+With the residuals r = ln f_measured - ln f at the estimate, their derivative S by the unknowns, the
+noise N, prior precision P(τ) and the hessian A of what is no frequency (coupons, shapes), the
+posterior is a mixture over a grid of ln s and ln τ of
 
     N(x̂ + δ, H⁻¹),    H = SᵀW_sS + A + P(τ),    W_s = (N + s²)⁻¹,    δ = H⁻¹g,
-    log p(s, τ | f) = log p(s) + log p(τ) + ½ (log|W_s| + log|P(τ)| - log|H| - rᵀW_sr - x̂ᵀPx̂ + gᵀδ) + const.
+    log p(s, τ | f) = log p(s) + log p(τ) + ½ (log|W_s| + log|P(τ)| - log|H| - rᵀW_sr - x̂ᵀPx̂ +
+    gᵀδ) + const.
 
 with the descent g at the estimate. With few modes its tails are those of a Student t.
 """
@@ -32,7 +37,9 @@ DISCREPANCY = 0.001
 """Prior scale s₀ of the model's error in a natural frequency, as a share of it."""
 
 SHAPE_DISCREPANCY = 0.01
-"""Standard deviation of a measured shape about the model's at a point, as a share of the shape's largest entry."""
+"""Standard deviation of a measured shape about the model's at a point, as a share of the shape's
+largest entry.
+"""
 
 DISCREPANCY_DOF = 2.0
 """Degrees of freedom ν₀ of that prior: what two modes would say."""
@@ -47,9 +54,12 @@ _SCALES = 12  # between which the prior's scale may lie
 _GRID = np.linspace(np.log(0.1), np.log(30.0), 41)  # ln s over s₀
 _SCATTERS = np.exp(np.linspace(np.log(0.1), np.log(8.0), 9))  # τ over its scale
 _POINT = 1e-6  # of the widest Gaussian's standard deviation: what is narrower is a point
-_INFORMED = 0.5  # share of the prior's variance below which the data have supplied most of what is known
-_NULL_SHARE = 0.9  # of the prior's variance that is left along a direction of which the data say next to nothing
-_IN_NULL = 0.1  # share of a parameter's unit vector in the space of such directions that makes it one of theirs
+# share of the prior's variance below which the data have supplied most of what is known
+_INFORMED = 0.5
+# of the prior's variance that is left along a direction of which the data say next to nothing
+_NULL_SHARE = 0.9
+# share of a parameter's unit vector in the space of such directions that makes it one of theirs
+_IN_NULL = 0.1
 
 
 @dataclass(frozen=True)
@@ -57,20 +67,24 @@ class Identifiability:
     """What the data say of one parameter."""
 
     name: str  # the parameter
-    # whether the data, rather than the prior, supply most of what is known of it, and no direction that the data do not
-    # see moves it
+    # whether the data, rather than the prior, supply most of what is known of it, and no direction
+    # that the data do not see moves it
     identifiable: bool
     information: float  # 1 - (posterior sd / prior sd)², from 0 (nothing learnt) to 1
-    confounded_with: tuple[str, ...] = ()  # other parameters and inputs that move with it in such a direction
+    # other parameters and inputs that move with it in such a direction
+    confounded_with: tuple[str, ...] = ()
 
 
 def identifiability(
     names: tuple[str, ...], covariance: FloatArray, prior_sd: FloatArray
 ) -> tuple[Identifiability, ...]:
-    """Of each of p parameters, from the (p, p) posterior covariance and the (p,) prior standard deviations, in coordinates."""
+    """Of each of p parameters, from the (p, p) posterior covariance and the (p,) prior standard
+    deviations, in coordinates.
+    """
     information = _information(covariance, prior_sd)
     unseen = null_directions(covariance, prior_sd)
-    shared = np.abs(unseen.T @ unseen)  # projector on what the data do not see: the same for any basis of it
+    # projector on what the data do not see: the same for any basis of it
+    shared = np.abs(unseen.T @ unseen)
     return tuple(
         Identifiability(
             name,
@@ -85,10 +99,14 @@ def identifiability(
 def spread_over(
     known: tuple[Identifiability, ...], covariance: FloatArray, prior_sd: FloatArray
 ) -> tuple[Identifiability, ...]:
-    """The same where the posterior is wider than it was judged by, from its (p, p) second moments about the estimate."""
+    """The same where the posterior is wider than it was judged by, from its (p, p) second moments
+    about the estimate.
+    """
     information = _information(covariance, prior_sd)
     return tuple(
-        replace(each, identifiable=bool(each.identifiable and left > _INFORMED), information=float(left))
+        replace(
+            each, identifiable=bool(each.identifiable and left > _INFORMED), information=float(left)
+        )
         for each, left in zip(known, information, strict=True)
     )
 
@@ -99,9 +117,11 @@ def _information(covariance: FloatArray, prior_sd: FloatArray) -> FloatArray:
 
 
 def root(covariance: FloatArray, of: FloatArray | None = None) -> FloatArray:
-    """R with RRᵀ = a covariance that may be singular; scaled first, as SI units spread over fifteen decades.
+    """R with RRᵀ = a covariance that may be singular; scaled first, as SI units spread over fifteen
+    decades.
 
-    A difference of two covariances may be none: it is scaled as the larger one, `of`, and what is negative is left out.
+    A difference of two covariances may be none: it is scaled as the larger one, `of`, and what is
+    negative is left out.
     """
     scale = np.sqrt(np.maximum(np.diag(covariance if of is None else of), 1e-300))
     value, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
@@ -110,16 +130,20 @@ def root(covariance: FloatArray, of: FloatArray | None = None) -> FloatArray:
 
 
 def null_directions(covariance: FloatArray, prior_sd: FloatArray) -> FloatArray:
-    """(d, p) unit vectors, in prior standard deviations, along which more than 0.9 of the prior variance is left."""
+    """(d, p) unit vectors, in prior standard deviations, along which more than 0.9 of the prior
+    variance is left.
+    """
     share, directions = np.linalg.eigh(covariance / np.outer(prior_sd, prior_sd))
     unseen: FloatArray = directions.T[share > _NULL_SHARE]
     return unseen
 
 
 def discrepancy(relative_residual: FloatArray, fitted: float, prior: float) -> float:
-    """Root of the posterior mean variance of a relative discrepancy, from residuals and its own prior.
+    """Root of the posterior mean variance of a relative discrepancy, from residuals and its own
+    prior.
 
-    s² = (ν₀ s₀² + Σ r²) / (ν₀ + n - p). With five modes the residuals alone have one or two degrees of freedom.
+    s² = (ν₀ s₀² + Σ r²) / (ν₀ + n - p). With five modes the residuals alone have one or two degrees
+    of freedom.
 
     Args:
         relative_residual: (n,) residuals as shares of the measured values.
@@ -149,7 +173,9 @@ class Mixture:
 
     @classmethod
     def joined(cls, share: FloatArray, shift: FloatArray, parts: Sequence[Mixture]) -> Mixture:
-        """Several mixtures by their (k,) shares, each about a point that lies off the estimate by its row of (k, p)."""
+        """Several mixtures by their (k,) shares, each about a point that lies off the estimate by
+        its row of (k, p).
+        """
         return cls(
             np.concatenate([part * each.weight for part, each in zip(share, parts, strict=True)]),
             np.concatenate([off + each.shift for off, each in zip(shift, parts, strict=True)]),
@@ -158,7 +184,9 @@ class Mixture:
         )
 
     def reach(self, along: FloatArray, probability: float = 0.95) -> tuple[float, float]:
-        """How far the central interval of a (p,) combination reaches below and above the estimate, both positive or nothing."""
+        """How far the central interval of a (p,) combination reaches below and above the estimate,
+        both positive or nothing.
+        """
         mean = self.shift @ along
         sd = np.sqrt(np.einsum("p,mpq,q->m", along, self.covariance, along))
         if not np.any(sd > 0):
@@ -168,7 +196,9 @@ class Mixture:
         tail = (1 - probability) / 2
         low, high = (
             scipy.optimize.brentq(
-                lambda x, p=p: float(self.weight @ scipy.special.ndtr((x - mean) / sd)) - p, -widest, widest
+                lambda x, p=p: float(self.weight @ scipy.special.ndtr((x - mean) / sd)) - p,
+                -widest,
+                widest,
             )
             for p in (tail, 1 - tail)
         )
@@ -184,20 +214,28 @@ class LinearProblem:
     sensitivity: FloatArray  # (n, X) derivative of ln f by x
     x: FloatArray  # (X,) the estimate; the prior's mean is 0
     prior: Callable[[float], FloatArray]  # precision P (X, X) for a scatter
-    others: Mapping[str, FloatArray]  # by name, (X, X) information of what is no frequency: coupons, mode shapes
+    # by name, (X, X) information of what is no frequency: coupons, mode shapes
+    others: Mapping[str, FloatArray]
     # other_descent, other_cost: their descent (X,) and misfit
     other_descent: FloatArray
     other_cost: float = 0.0
-    # (n,) w, 1 of a frequency that is taken for one of a mode, 0 of another (`belief`): W_s becomes √w W_s √w
+    # (n,) w, 1 of a frequency that is taken for one of a mode, 0 of another (`belief`): W_s becomes
+    # √w W_s √w
     weight: FloatArray | float = 1.0
     scale: float = DISCREPANCY  # s₀
 
     def at(self, spread: float, scatter: float) -> tuple[float, FloatArray, FloatArray]:
-        """The misfit E at a discrepancy and a scatter, its descent (X,) and its hessian H (X, X)."""
+        """The misfit E at a discrepancy and a scatter, its descent (X,) and its hessian H (X,
+        X).
+        """
         hessian, descent, (misfit,), _ = self.of_data(np.array([spread]))
         precision = self.prior(scatter)
         pull = precision @ self.x
-        return (float(misfit) + float(self.x @ pull)) / 2 + self.other_cost, descent[0] - pull, hessian[0] + precision
+        return (
+            (float(misfit) + float(self.x @ pull)) / 2 + self.other_cost,
+            descent[0] - pull,
+            hessian[0] + precision,
+        )
 
     def solve(self, spread: float, scatter: float) -> tuple[FloatArray, FloatArray]:
         """(X,) step and (X, X) covariance at a discrepancy and a scatter."""
@@ -206,17 +244,25 @@ class LinearProblem:
         return covariance @ descent, covariance
 
     def gain(self, spread: float, scatter: float) -> FloatArray:
-        """(X, n) G = H⁻¹SᵀW_s: how the estimate follows the logarithms of the measured frequencies."""
+        """(X, n) G = H⁻¹SᵀW_s: how the estimate follows the logarithms of the measured
+        frequencies.
+        """
         _, covariance = self.solve(spread, scatter)
-        gain: FloatArray = covariance @ self._weighted(self._variance(np.array([spread])), self.sensitivity)[0].T
+        gain: FloatArray = (
+            covariance @ self._weighted(self._variance(np.array([spread])), self.sensitivity)[0].T
+        )
         return gain
 
     def of_another(self, by: FloatArray, spread: float, scatter: float) -> tuple[float, float]:
-        """Score eᵀWμ and information eᵀMe of one more unknown, which changes ln f by (n,) e, where the others follow."""
+        """Score eᵀWμ and information eᵀMe of one more unknown, which changes ln f by (n,) e, where
+        the others follow.
+        """
         step, covariance = self.solve(spread, scatter)
         pull = self._weighted(self._variance(np.array([spread])), by[:, None])[0, :, 0]
         across = self.sensitivity.T @ pull
-        return float(pull @ (self.residual - self.sensitivity @ step)), float(pull @ by - across @ covariance @ across)
+        return float(pull @ (self.residual - self.sensitivity @ step)), float(
+            pull @ by - across @ covariance @ across
+        )
 
     def informed(self, spread: float, scatter: float) -> float:
         """How many unknowns the frequencies determine at a discrepancy and a scatter: tr(GS)."""
@@ -239,18 +285,28 @@ class LinearProblem:
 
     def with_weight(self, number: int, weight: float) -> LinearProblem:
         """The problem with another weight of one frequency."""
-        return replace(self, weight=np.where(np.arange(self.residual.size) == number, weight, self.weights))
+        return replace(
+            self, weight=np.where(np.arange(self.residual.size) == number, weight, self.weights)
+        )
 
     def log_evidence(self, scatter: float) -> float:
-        """The logarithm of the evidence at a scatter, the unknowns and the discrepancy integrated out, up to a constant."""
+        """The logarithm of the evidence at a scatter, the unknowns and the discrepancy integrated
+        out, up to a constant.
+        """
         spreads, log_prior = grid_of_discrepancies(self.scale)
         *_, evidence = self._solve_all(spreads, np.array([scatter]))
         return float(scipy.special.logsumexp(evidence[0] + log_prior))
 
     def discrepancy(self, spread: float, scatter: float) -> float:
-        """The discrepancy as the residuals give it, where so many unknowns are determined as at given scales."""
+        """The discrepancy as the residuals give it, where so many unknowns are determined as at
+        given scales.
+        """
         root, fitted = np.sqrt(self.weights), self.informed(spread, scatter)
-        return discrepancy(root * self.residual, fitted + self.residual.size - float(self.weights.sum()), self.scale)
+        return discrepancy(
+            root * self.residual,
+            fitted + self.residual.size - float(self.weights.sum()),
+            self.scale,
+        )
 
     def _variance(self, spreads: FloatArray) -> FloatArray:
         """(s, n, n) W_s⁻¹ at (s,) discrepancies."""
@@ -263,7 +319,9 @@ class LinearProblem:
         return np.asarray(root * np.linalg.solve(variance, root * columns))
 
     def mixture(self, scatter_scale: float) -> tuple[Mixture, FloatArray]:
-        """The posterior about the estimate, and (m,) the scatter of each of its Gaussians; a scale of 0 has no scatter."""
+        """The posterior about the estimate, and (m,) the scatter of each of its Gaussians; a scale
+        of 0 has no scatter.
+        """
         spreads, log_prior = grid_of_discrepancies(self.scale)
         scatters, probability = prior_of_scatter(scatter_scale)
         step, covariance, evidence = self._solve_all(spreads, scatters)
@@ -274,24 +332,32 @@ class LinearProblem:
         return mixture, np.repeat(scatters, spreads.size)
 
     def at_scatter(self, scatter: float) -> tuple[Mixture, FloatArray]:
-        """The posterior about the estimate at a scatter, and (m,) the logarithms of its weights, which hold those too that
-        are 0 to rounding.
+        """The posterior about the estimate at a scatter, and (m,) the logarithms of its weights,
+        which hold those too that are 0 to rounding.
         """
         spreads, log_prior = grid_of_discrepancies(self.scale)
-        step, covariance, evidence = (part[0] for part in self._solve_all(spreads, np.array([scatter])))
+        step, covariance, evidence = (
+            part[0] for part in self._solve_all(spreads, np.array([scatter]))
+        )
         log_weight: FloatArray = scipy.special.log_softmax(evidence + log_prior)
         return Mixture(np.exp(log_weight), step, covariance, spreads), log_weight
 
     def evidence_of_scatter(self, scale: float) -> tuple[float, float]:
-        """Logarithm of how much likelier the data are with the scatter's prior than with its scale, and its estimate then."""
+        """Logarithm of how much likelier the data are with the scatter's prior than with its scale,
+        and its estimate then.
+        """
         scatters, prior = prior_of_scatter(scale)
         each = np.array([self.log_evidence(float(scatter)) for scatter in scatters])
         weight = scipy.special.softmax(each + np.log(prior))
         gain = scipy.special.logsumexp(each, b=prior) - self.log_evidence(scale)
         return float(gain), float(np.sqrt(weight @ scatters**2))
 
-    def _solve_all(self, spreads: FloatArray, scatters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(t, s, X) steps, (t, s, X, X) covariances and (t, s) evidence at every pair of t scatters and s discrepancies."""
+    def _solve_all(
+        self, spreads: FloatArray, scatters: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(t, s, X) steps, (t, s, X, X) covariances and (t, s) evidence at every pair of t scatters
+        and s discrepancies.
+        """
         own, pull, misfit, logs = self.of_data(spreads)
         precision = np.array([self.prior(float(scatter)) for scatter in scatters])
         hessian = own + precision[:, None]
@@ -303,20 +369,27 @@ class LinearProblem:
         return step, covariance, (gain + logs) / 2
 
     def of_data(self, spreads: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """What no scatter changes, for each discrepancy: hessian and descent without the prior's, rᵀW_sr and -log|W_s|."""
+        """What no scatter changes, for each discrepancy: hessian and descent without the prior's,
+        rᵀW_sr and -log|W_s|.
+        """
         variance = self._variance(spreads)
         weighted = self._weighted(variance, np.column_stack([self.sensitivity, self.residual]))
         S, r = weighted[..., :-1], weighted[..., -1:]
         # Of a frequency that is no mode's the variance says nothing.
         known = np.log(np.diagonal(variance, axis1=1, axis2=2)) @ (1 - self.weights)
         counted = np.linalg.slogdet(variance)[1] - known
-        hessian = self.sensitivity.T @ S + np.sum([np.zeros((self.x.size,) * 2), *self.others.values()], axis=0)
+        hessian = self.sensitivity.T @ S + np.sum(
+            [np.zeros((self.x.size,) * 2), *self.others.values()], axis=0
+        )
         descent = (self.sensitivity.T @ r)[..., 0] + self.other_descent
         return hessian, descent, r[..., 0] @ self.residual, counted
 
 
-def grid_of_discrepancies(scale: float = DISCREPANCY, coarse: int = 1) -> tuple[FloatArray, FloatArray]:
-    """(s,) values of the discrepancy, one in so many of the grid, and the logarithms of their prior probabilities.
+def grid_of_discrepancies(
+    scale: float = DISCREPANCY, coarse: int = 1
+) -> tuple[FloatArray, FloatArray]:
+    """(s,) values of the discrepancy, one in so many of the grid, and the logarithms of their prior
+    probabilities.
 
     However small its scale, it may be what a body shows that is not as it is stated.
     """
@@ -326,11 +399,14 @@ def grid_of_discrepancies(scale: float = DISCREPANCY, coarse: int = 1) -> tuple[
 
 
 def _log_prior_of_discrepancy(spreads: FloatArray, scale: float) -> FloatArray:
-    """Of ln s: half about the scale, half about one that lies between it and that of usual laminates; up to a constant."""
+    """Of ln s: half about the scale, half about one that lies between it and that of usual
+    laminates; up to a constant.
+    """
     among = np.geomspace(scale, DISCREPANCY, _SCALES)[:, None]
     uneven = log_prior_of_scale(spreads, among) + DISCREPANCY_DOF * np.log(among / scale)
     log: FloatArray = np.logaddexp(
-        log_prior_of_scale(spreads, scale), scipy.special.logsumexp(uneven, axis=0) - np.log(_SCALES)
+        log_prior_of_scale(spreads, scale),
+        scipy.special.logsumexp(uneven, axis=0) - np.log(_SCALES),
     )
     return np.asarray(log - np.log(2))
 
@@ -352,7 +428,8 @@ def log_prior_of_scale(value: FloatArray, scale: FloatArray | float) -> FloatArr
 def log_likelihood(
     noise: FloatArray, weights: FloatArray | float = 1.0, scale: float = DISCREPANCY
 ) -> Callable[[FloatArray], FloatArray]:
-    """The logarithm of p(r), up to a constant, of (w, n) residuals of ln f with (n, n) noise, the discrepancy marginalised.
+    """The logarithm of p(r), up to a constant, of (w, n) residuals of ln f with (n, n) noise, the
+    discrepancy marginalised.
 
     Each counts as far as its (n,) weight says that it is one of a mode.
     """
@@ -366,7 +443,8 @@ def log_likelihood(
 
     def value(residual: FloatArray) -> FloatArray:
         each = constant - (residual @ weighted_turn) ** 2 @ inverse / 2
-        largest = each.max(axis=1)  # scipy's logsumexp takes four times as long on these few numbers, at every step
+        # scipy's logsumexp takes four times as long on these few numbers, at every step
+        largest = each.max(axis=1)
         found: FloatArray = largest + np.log(np.exp(each - largest[:, None]).sum(axis=1))
         return found
 

@@ -1,4 +1,6 @@
-"""Recipes: how a measurement is to be used. Data only, so the same recipe can be run again years later."""
+"""Recipes: how a measurement is to be used. Data only, so the same recipe can be run again years
+later.
+"""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -7,7 +9,15 @@ from fecore.modal import Options
 from fecore.updating.misfit import Weighting
 from fecore.updating.parameters import Parameter
 
-DEFAULT_LAWS = ("rayleigh", "caughey3", "caughey4", "generalised", "mechanism", "mechanism_viscous", "modal")
+DEFAULT_LAWS = (
+    "rayleigh",
+    "caughey3",
+    "caughey4",
+    "generalised",
+    "mechanism",
+    "mechanism_viscous",
+    "modal",
+)
 """The ladder of damping laws that is ranked where a recipe names none; the first is fitted."""
 
 
@@ -15,9 +25,11 @@ DEFAULT_LAWS = ("rayleigh", "caughey3", "caughey4", "generalised", "mechanism", 
 class HoldOut:
     """What is kept from the fits and predicted afterwards."""
 
-    # grid points whose FRFs are held out; None holds out those of every eighth point and direction, () none
+    # grid points whose FRFs are held out; None holds out those of every eighth point and direction,
+    # () none
     points: tuple[int, ...] | None = None
-    band_hz: tuple[float, float] | None = None  # lines that are held out, Hz; lines above the fitted band always are
+    # lines that are held out, Hz; lines above the fitted band always are
+    band_hz: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -37,7 +49,8 @@ class Recipe:
     hold_out: HoldOut = field(default_factory=HoldOut)  # data kept for validation
     posterior: Literal["laplace", "mcmc"] = "laplace"  # "laplace", or "mcmc" to sample it
     seed: int = 0  # of everything random
-    identification: Options = field(default_factory=Options)  # how modes are identified where none are handed in
+    # how modes are identified where none are handed in
+    identification: Options = field(default_factory=Options)
     # temperature at which the constants are asked for, °C; None for that of the measurement
     reference_temperature_c: float | None = None
     include_doubtful: bool = True  # use the uncertain poles of the identification too

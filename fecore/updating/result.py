@@ -29,7 +29,9 @@ class Finding:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a result may be used: `level`, one sentence, and the decisive reasons, the gravest first."""
+    """Whether a result may be used: `level`, one sentence, and the decisive reasons, the gravest
+    first.
+    """
 
     level: Literal["usable", "with_care", "do_not_use"]
     sentence: str
@@ -58,7 +60,9 @@ class BudgetEntry:
 
 @dataclass(frozen=True)
 class Comparable:
-    """A parameter for the comparison of tests of one body, which share the errors of the laboratory's inputs."""
+    """A parameter for the comparison of tests of one body, which share the errors of the
+    laboratory's inputs.
+    """
 
     estimate: float  # with every input held at what the laboratory stated
     standard_deviation: float  # of it, under measurement noise alone
@@ -71,22 +75,26 @@ class ParameterEstimate:
     # name, unit: such as Ex in Pa, a0 in 1/s
     name: str
     unit: str
-    initial: float | None  # value of the model before; None for damping, which starts from the measured ratios
+    # value of the model before; None for damping, which starts from the measured ratios
+    initial: float | None
     estimate: float  # value after
-    standard_deviation: float  # root mean square error, the model's discrepancy and the inputs' errors included
+    # root mean square error, the model's discrepancy and the inputs' errors included
+    standard_deviation: float
     noise_standard_deviation: float  # under measurement noise alone
     # 95 % interval, everything included; not about the estimate's middle where it is not
     interval_95: tuple[float, float]
-    # whether the data supply more than half of what is known of it; of a tied one, of what it is tied to
+    # whether the data supply more than half of what is known of it; of a tied one, of what it is
+    # tied to
     identifiable: bool
     # prior_mean, prior_sd: None where the parameter had no prior
     prior_mean: float | None
     prior_sd: float | None
     comparable: Comparable  # what to compare with another test of the same body
     budget: tuple[BudgetEntry, ...] = ()  # what its variance is made of, the largest first
-    confounded_with: tuple[str, ...] = ()  # parameters with which it moves in a direction that the data do not see
-    # the parameter that it follows in a fixed ratio, so that nothing here is its own: its estimate and interval hold
-    # where the ratio does. None where it is its own.
+    # parameters with which it moves in a direction that the data do not see
+    confounded_with: tuple[str, ...] = ()
+    # the parameter that it follows in a fixed ratio, so that nothing here is its own: its estimate
+    # and interval hold where the ratio does. None where it is its own.
     tied_to: str | None = None
 
     @property
@@ -98,10 +106,12 @@ class ParameterEstimate:
 
 @dataclass(frozen=True)
 class ModeComparison:
-    """One measured mode beside the model's; None where there is no partner or nothing was measured or stated.
+    """One measured mode beside the model's; None where there is no partner or nothing was measured
+    or stated.
 
-    `kind` is the model's word for its motion: bending or torsion; `motion` and `energy` are the shares of the model's mode by
-    kind of motion, and of its strain energy by set and spring. A mode on the supports' springs has no predicted damping.
+    `kind` is the model's word for its motion: bending or torsion; `motion` and `energy` are the
+    shares of the model's mode by kind of motion, and of its strain energy by set and spring. A mode
+    on the supports' springs has no predicted damping.
     """
 
     number: int
@@ -138,20 +148,22 @@ class HeldOut:
     points: tuple[int, ...]  # points of held-out FRFs; empty for a held-out band of the fitted FRFs
     band_hz: tuple[float, float]  # lines compared, Hz
     agreement: FrfCorrelation  # measured against predicted
-    coverage_95: float  # share of real and imaginary parts that lie in their 95 % prediction intervals
+    # share of real and imaginary parts that lie in their 95 % prediction intervals
+    coverage_95: float
 
 
 @dataclass(frozen=True)
 class Correlation:
     """Agreement before and after."""
 
-    # initial, updated: over the fitted FRFs and band; the initial model has the damping that the measured ratios give.
-    # None without FRFs or without damping.
+    # initial, updated: over the fitted FRFs and band; the initial model has the damping that the
+    # measured ratios give. None without FRFs or without damping.
     initial: FrfCorrelation | None
     updated: FrfCorrelation | None
     held_out_frfs: HeldOut | None  # over FRFs kept from the fit, or None
     held_out_band: HeldOut | None  # over lines kept from it, or None
-    mac_matrix: FloatArray | None  # (measured, model) MAC of the updated model, or None without shapes
+    # (measured, model) MAC of the updated model, or None without shapes
+    mac_matrix: FloatArray | None
 
 
 @dataclass(frozen=True)
@@ -159,11 +171,13 @@ class LawFit:
     """One damping law, ranked."""
 
     name: str  # of the law
-    # coefficients, standard_deviations: by name, SI, the law's discrepancy included; of an update of one campaign the
-    # first law's are from the FRFs, where there are any, the others' from the modal damping ratios
+    # coefficients, standard_deviations: by name, SI, the law's discrepancy included; of an update
+    # of one campaign the first law's are from the FRFs, where there are any, the others' from the
+    # modal damping ratios
     coefficients: dict[str, float]
     standard_deviations: dict[str, float]
-    bic: float  # Bayesian information criterion on the damping ratios; infinite where the law cannot be had
+    # Bayesian information criterion on the damping ratios; infinite where the law cannot be had
+    bic: float
     preferred: bool  # whether it has the least of all
 
 
@@ -172,27 +186,31 @@ class DampingModelFit(LawFit):
     """A law of the recipe."""
 
     missed: FloatArray  # (n,) relative miss of the ratio of each paired mode that the law damps
-    # (2, m) frequencies in Hz over the range of the measured modes, and the law's damping ratios there: of a law of
-    # frequency a curve, of a law by mechanism the model's modes
+    # (2, m) frequencies in Hz over the range of the measured modes, and the law's damping ratios
+    # there: of a law of frequency a curve, of a law by mechanism the model's modes
     curve: FloatArray
     by_mechanism: bool  # whether it is one by mechanism
 
 
 @dataclass(frozen=True)
 class CommonLaw(LawFit):
-    """A law with one set of coefficients for all campaigns; `missed_by`: root mean square of each one's relative misses.
+    """A law with one set of coefficients for all campaigns; `missed_by`: root mean square of each
+    one's relative misses.
 
     Where campaigns have several temperatures, `coefficients` has `a0.per_K` of each after them.
     """
 
     missed_by: dict[str, float]
     units: tuple[str, ...]  # (p,) of its coefficients
-    joint: FloatArray | None  # (2p, 2p) covariance of these and of their coefficients of temperature, or None
+    # (2p, 2p) covariance of these and of their coefficients of temperature, or None
+    joint: FloatArray | None
 
 
 @dataclass(frozen=True)
 class CurveOf:
-    """A constant, or a coefficient of a damping law, over temperature: (n,) estimates and 95 % intervals."""
+    """A constant, or a coefficient of a damping law, over temperature: (n,) estimates and 95 %
+    intervals.
+    """
 
     name: str
     unit: str
@@ -204,7 +222,9 @@ class CurveOf:
 
 @dataclass(frozen=True)
 class Curve:
-    """What campaigns at several temperatures show of each constant between these, and a little beyond."""
+    """What campaigns at several temperatures show of each constant between these, and a little
+    beyond.
+    """
 
     reference_c: float  # at which the result is given, °C
     temperature_c: FloatArray  # (n,) ascending, °C
@@ -232,16 +252,19 @@ class Prediction:
 class ModeShapes:
     """Shapes at the measured dofs, measured beside those of the updated model."""
 
-    points: tuple[int, ...]  # (P,) labels of the dofs' points; those of the measured shapes come first
+    # (P,) labels of the dofs' points; those of the measured shapes come first
+    points: tuple[int, ...]
     places: FloatArray  # (P, 3) their coordinates, m
     # (n, p) complex shapes of the measured modes at the first p points; (n, 0) where they have none
     measured: ComplexArray
     updated: FloatArray  # (m, P) real shapes of the model
-    # frequency_hz, kinds, shares: (m,) of the model's modes; shares are `motion` and `energy`, as of `ModeComparison`
+    # frequency_hz, kinds, shares: (m,) of the model's modes; shares are `motion` and `energy`, as
+    # of `ModeComparison`
     frequency_hz: FloatArray
     kinds: tuple[str, ...]
     shares: tuple[Mapping[str, Mapping[str, float]], ...]
-    pairs: tuple[tuple[int, int], ...]  # number of a measured mode and of its model mode, both from 0
+    # number of a measured mode and of its model mode, both from 0
+    pairs: tuple[tuple[int, int], ...]
     directions: FloatArray  # (P, 3) unit vectors along which the points' shapes are
     # mesh, everywhere: of the model, and (m, nodes, 3) its shapes at the mesh's nodes
     mesh: Mesh
@@ -250,7 +273,9 @@ class ModeShapes:
 
 @dataclass(frozen=True)
 class StartHistory:
-    """One start of stage 1: parameters by name and cost, iterate by iterate; `failure` says why it did not converge."""
+    """One start of stage 1: parameters by name and cost, iterate by iterate; `failure` says why it
+    did not converge.
+    """
 
     parameters: dict[str, FloatArray]
     cost: tuple[float, ...]
@@ -260,7 +285,9 @@ class StartHistory:
 
 @dataclass(frozen=True)
 class Partner:
-    """A measured mode and its partner among the model's, numbered from 1, with the latter's frequency and kind of motion."""
+    """A measured mode and its partner among the model's, numbered from 1, with the latter's
+    frequency and kind of motion.
+    """
 
     measured: int
     model: int
@@ -281,7 +308,8 @@ class RivalPairing:
 class PairingSummary:
     """Which mode is which."""
 
-    # what decided: `shapes` (MAC), or `order` where fewer than three dofs, or none, say nothing of shapes
+    # what decided: `shapes` (MAC), or `order` where fewer than three dofs, or none, say nothing of
+    # shapes
     by: Literal["shapes", "order"]
     partners: tuple[Partner, ...]  # of the measured modes; one that is not named has none
     # the next best pairing that was found; None where there was no other, or none was looked for
@@ -302,18 +330,22 @@ class PosteriorSummary:
     """How the posterior was had."""
 
     method: str  # "laplace" or "mcmc"
-    # effective_samples, autocorrelation_time, acceptance: of the chain of the constants; empty for Laplace
+    # effective_samples, autocorrelation_time, acceptance: of the chain of the constants; empty for
+    # Laplace
     effective_samples: tuple[float, ...] = ()
     autocorrelation_time: tuple[float, ...] = ()
     acceptance: tuple[float, ...] = ()
-    names: tuple[str, ...] = ()  # of the free constants, and of the first law's coefficients where they were fitted
+    # of the free constants, and of the first law's coefficients where they were fitted
+    names: tuple[str, ...] = ()
     samples: FloatArray | None = None  # (n, p) thinned samples of `names`, or None
     correlation: FloatArray | None = None  # (p, p) of these
 
 
 @dataclass(frozen=True)
 class UpdateResult:
-    """Everything an update found. Without FRFs, or where damping failed, what depends on it is empty or None."""
+    """Everything an update found. Without FRFs, or where damping failed, what depends on it is
+    empty or None.
+    """
 
     verdict: Verdict
     outcomes: tuple[StageOutcome, ...]
@@ -339,5 +371,7 @@ class UpdateResult:
     effects: FrequencyEffects
     warnings: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
-    reference_temperature_c: float | None = None  # at which all of it is given, °C; None where nobody stated one
-    curve: Curve | None = None  # over temperature, where the reference is not that of the measurement
+    # at which all of it is given, °C; None where nobody stated one
+    reference_temperature_c: float | None = None
+    # over temperature, where the reference is not that of the measurement
+    curve: Curve | None = None

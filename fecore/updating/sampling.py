@@ -1,16 +1,18 @@
-"""Posterior sampling with emcee (Foreman-Mackey et al. 2013), to confirm or correct the Gaussian posterior.
+"""Posterior sampling with emcee (Foreman-Mackey et al. 2013), to confirm or correct the Gaussian
+posterior.
 
-Stage 1's coordinates ξ are sampled from its posterior with the discrepancy marginalised, through a small basis made for just
-this posterior; the inputs, whose errors are small and so act linearly, are integrated out of it and drawn afterwards. The
-law's coefficients have a posterior in closed form at given θ, the mixture over the scale of the modes' deviations that the
-Gaussian posterior has too (`DampingResult`). They are drawn from it, and follow stage 1: a ← a + (∂a/∂θ)(θ - θ̂). Excursions are
-draws of their own.
+Stage 1's coordinates ξ are sampled from its posterior with the discrepancy marginalised, through a
+small basis made for just this posterior; the inputs, whose errors are small and so act linearly,
+are integrated out of it and drawn afterwards. The law's coefficients have a posterior in closed
+form at given θ, the mixture over the scale of the modes' deviations that the Gaussian posterior has
+too (`DampingResult`). They are drawn from it, and follow stage 1: a ← a + (∂a/∂θ)(θ - θ̂).
+Excursions are draws of their own.
 
-The chain can be kept and taken up again (`Checkpoint`): its last state holds the random generator's, so the samples are the
-same to the bit as those of a chain that was never interrupted.
+The chain can be kept and taken up again (`Checkpoint`): its last state holds the random
+generator's, so the samples are the same to the bit as those of a chain that was never interrupted.
 
-A chain counts only when it is converged: longer than 50 autocorrelation times, with the effective samples that were asked for
-(Sokal 1997; Goodman and Weare 2010). Everything is seeded.
+A chain counts only when it is converged: longer than 50 autocorrelation times, with the effective
+samples that were asked for (Sokal 1997; Goodman and Weare 2010). Everything is seeded.
 """
 
 from __future__ import annotations
@@ -110,8 +112,14 @@ def sample_posterior(
         doubt = root(elastic.mixture.total - elastic.given.total, elastic.mixture.total)
         xi = xi + random.standard_normal(xi.shape) @ doubt.T
     theta = prior.theta(xi)
-    a = damping.fit.coefficients + damping.draws(random, count) + (theta - elastic.theta) @ damping.by_elastic.T
-    draws = np.column_stack([np.zeros((count, 0)), *(each.draws(random, count) for each in damping.excursions)])
+    a = (
+        damping.fit.coefficients
+        + damping.draws(random, count)
+        + (theta - elastic.theta) @ damping.by_elastic.T
+    )
+    draws = np.column_stack(
+        [np.zeros((count, 0)), *(each.draws(random, count) for each in damping.excursions)]
+    )
     moved = prior.theta(xi + draws[:, : len(elastic.every_excursion)] @ elastic.pulls.T)
     return Posterior(xi, np.hstack([moved, a + draws @ damping.pulls.T]), chain)
 
@@ -143,7 +151,9 @@ def run_chain(
     sampler = emcee.EnsembleSampler(
         walkers, dimension, lambda x: density(start + x * scale), moves=moves, vectorize=True
     )
-    state = emcee.State(random.standard_normal((walkers, dimension)), random_state=random.get_state())
+    state = emcee.State(
+        random.standard_normal((walkers, dimension)), random_state=random.get_state()
+    )
     if checkpoint is not None and checkpoint.restored is not None:
         state = _unpack(checkpoint.restored, sampler.backend)
     steps, tau = sampler.iteration, np.full(dimension, np.inf)
@@ -156,11 +166,16 @@ def run_chain(
         effective = walkers * (steps - 5 * tau.max()) / tau
         progress(min(1.0, float(effective.min()) / wanted))
         if steps > _TIMES_AUTOCORRELATION * tau.max() and effective.min() >= wanted:
-            chain = sampler.get_chain(discard=int(5 * tau.max()), thin=max(1, int(tau.min() / 2)), flat=True)
-            return Chain(start + chain * scale, tau, effective, float(np.mean(sampler.acceptance_fraction)))
+            chain = sampler.get_chain(
+                discard=int(5 * tau.max()), thin=max(1, int(tau.min() / 2)), flat=True
+            )
+            return Chain(
+                start + chain * scale, tau, effective, float(np.mean(sampler.acceptance_fraction))
+            )
     raise UpdatingError(
-        f"the chain did not converge: {steps} steps are {steps / tau.max():.0f} autocorrelation times, expected "
-        f"{_TIMES_AUTOCORRELATION}; the posterior may be degenerate: fix or tie a parameter that is not identifiable",
+        f"the chain did not converge: {steps} steps are {steps / tau.max():.0f} autocorrelation"
+        f" times, expected {_TIMES_AUTOCORRELATION}; the posterior may be degenerate: fix or tie a"
+        " parameter that is not identifiable",
         best=by_name(names, start),
         history=(),
     )
@@ -180,13 +195,19 @@ def _unpack(data: bytes, backend: emcee.backends.Backend) -> emcee.State:
     with np.load(io.BytesIO(data)) as kept:
         position, has_gauss, gauss = kept["rest"]
         backend.random_state = ("MT19937", kept["key"], int(position), int(has_gauss), float(gauss))
-        backend.chain, backend.log_prob, backend.accepted = kept["chain"], kept["log_prob"], kept["accepted"]
+        backend.chain, backend.log_prob, backend.accepted = (
+            kept["chain"],
+            kept["log_prob"],
+            kept["accepted"],
+        )
     backend.iteration, backend.initialized = len(backend.chain), True
     return backend.get_last_sample()
 
 
 def _elastic_density(elastic: ElasticResult) -> LogProbability:
-    """Log posterior of ξ: frequencies of the paired modes through a basis of this posterior, and the prior."""
+    """Log posterior of ξ: frequencies of the paired modes through a basis of this posterior, and
+    the prior.
+    """
     state, prior, free = elastic.updated, elastic.prior, len(elastic.prior.reported)
     rows, columns = np.array(elastic.pairing.pairs).T
     measured_log = np.log(elastic.only.modes.frequency_hz[rows])
@@ -194,10 +215,14 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
     covariance = np.zeros_like(elastic.given.total)
     covariance[:free, :free] = elastic.given.total[:free, :free]
     centre = np.concatenate([prior.xi(elastic.theta)[:free], prior.xi_mean[free:]])
-    frequencies = _LocalFrequencies.about(state.forward.on_basis(), prior.theta(centre), covariance, highest)
+    frequencies = _LocalFrequencies.about(
+        state.forward.on_basis(), prior.theta(centre), covariance, highest
+    )
     by_inputs = elastic.problem.sensitivity[:, free:] * prior.xi_sd[free:]
     likelihood = log_likelihood(
-        elastic.problem.noise + by_inputs @ by_inputs.T, elastic.problem.weights, elastic.problem.scale
+        elastic.problem.noise + by_inputs @ by_inputs.T,
+        elastic.problem.weights,
+        elastic.problem.scale,
     )
     log_prior = elastic.layout.log_prior()
 
@@ -207,15 +232,21 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
         whole[:, :free] = xi
         allowed = prior.are_believable(whole)
         if allowed.any():
-            residual = measured_log - np.log(frequencies.at(prior.theta(whole[allowed]))[:, columns])
-            value[allowed] = likelihood(residual) + log_prior((whole[allowed] - prior.xi_mean)[:, :free])
+            residual = measured_log - np.log(
+                frequencies.at(prior.theta(whole[allowed]))[:, columns]
+            )
+            value[allowed] = likelihood(residual) + log_prior(
+                (whole[allowed] - prior.xi_mean)[:, :free]
+            )
         return value
 
     return density
 
 
 def _with_inputs(elastic: ElasticResult, xi: FloatArray, random: np.random.Generator) -> FloatArray:
-    """(n, p) all coordinates: (n, q) samples of the parameters, and the inputs drawn from their Gaussian given these."""
+    """(n, p) all coordinates: (n, q) samples of the parameters, and the inputs drawn from their
+    Gaussian given these.
+    """
     free, joint, centre = xi.shape[1], elastic.given.total, elastic.prior.xi(elastic.theta)
     if free == len(joint):  # all inputs are known exactly
         return xi
@@ -229,8 +260,8 @@ def _with_inputs(elastic: ElasticResult, xi: FloatArray, random: np.random.Gener
 class _LocalFrequencies:
     """Natural frequencies in a small basis, for many θ at once.
 
-    The basis holds the modes at the estimate and at points around it, three posterior standard deviations away along
-    every principal axis, so it is exact at these and nearly so between them.
+    The basis holds the modes at the estimate and at points around it, three posterior standard
+    deviations away along every principal axis, so it is exact at these and nearly so between them.
     """
 
     parametrisation: Parametrisation
@@ -239,7 +270,9 @@ class _LocalFrequencies:
     rigid: int
 
     @classmethod
-    def about(cls, forward: ForwardModel, theta: FloatArray, covariance: FloatArray, highest: int) -> _LocalFrequencies:
+    def about(
+        cls, forward: ForwardModel, theta: FloatArray, covariance: FloatArray, highest: int
+    ) -> _LocalFrequencies:
         """Make the basis about an estimate, for the `highest` lowest modes.
 
         Raises:
@@ -253,10 +286,13 @@ class _LocalFrequencies:
         arms = arms[:, share > _FLAT]
         places = [theta, *(prior.theta(xi + sign * arm) for arm in arms.T for sign in (1, -1))]
         states = [forward.solve(place) for place in places if prior.is_physical(place)]
-        states = [forward.solve(state.theta) for state in states]  # all on the basis that has grown by now
+        # all on the basis that has grown by now
+        states = [forward.solve(state.theta) for state in states]
         shapes = np.hstack([state.modes.shapes[:, :highest] for state in states])
         system = forward.basis.system
-        left, singular, _ = np.linalg.svd(shapes / np.linalg.norm(shapes, axis=0), full_matrices=False)
+        left, singular, _ = np.linalg.svd(
+            shapes / np.linalg.norm(shapes, axis=0), full_matrices=False
+        )
         V = left[:, singular > 1e-6 * singular[0]]
         local = cls(
             prior,
@@ -269,11 +305,16 @@ class _LocalFrequencies:
         probes = probes[prior.are_physical(probes)]
         exact = np.array([forward.solve(row).frequency_hz for row in probes])
         elastic = slice(0, highest - local.rigid)
-        miss = np.abs(local.at(probes)[:, elastic] / exact[:, elastic] - 1).max(initial=0) if probes.size else 0.0
+        miss = (
+            np.abs(local.at(probes)[:, elastic] / exact[:, elastic] - 1).max(initial=0)
+            if probes.size
+            else 0.0
+        )
         if miss > 100 * _BASIS_TOLERANCE:
             raise UpdatingError(
-                f"the sampling basis misses the frequencies by {miss:.1e} in the reach of the priors; narrow those of what the "
-                "data do not determine, or take the posterior `laplace`",
+                f"the sampling basis misses the frequencies by {miss:.1e} in the reach of the"
+                " priors; narrow those of what the data do not determine, or take the posterior"
+                " `laplace`",
                 best={},
                 history=(),
             )

@@ -1,15 +1,18 @@
-"""Whether a body shows something that nobody stated: a mass at a point, a foot that it stands on, a support that gives way.
+"""Whether a body shows something that nobody stated: a mass at a point, a foot that it stands on, a
+support that gives way.
 
-With a size a at a place that the modes move by Φ (N, q), mass-normalised, the frequencies are those of Λ and I + aΦΦᵀ (a mass),
-of Λ + aΦΦᵀ and I (a foot), or of Λ⁻¹ and a support's compliance a, with the inertia that the modes and its rigid motion share.
-With this as one more unknown, a ~ |N(0, σ²)|, and the change d(a) of ln f linear about its likeliest â, d = c + ea, the data
-are likelier than without by
+With a size a at a place that the modes move by Φ (N, q), mass-normalised, the frequencies are those
+of Λ and I + aΦΦᵀ (a mass), of Λ + aΦΦᵀ and I (a foot), or of Λ⁻¹ and a support's compliance a, with
+the inertia that the modes and its rigid motion share. With this as one more unknown, a ~ |N(0,
+σ²)|, and the change d(a) of ln f linear about its likeliest â, d = c + ea, the data are likelier
+than without by
 
     B = 2 Φ(b/√q) exp(cᵀWμ - ½ cᵀMc + b²/2q)/√(σ²q),     μ = r - Sδ,     b = eᵀ(Wμ - Mc),     q = eᵀMe + σ⁻²,
 
-M = W - WSH⁻¹SᵀW, in the terms of `posterior`. Of all places and all sizes of slips, each as likely, and of the posterior of the
-discrepancy B is the mean. Where there is nothing E[B] = 1, whatever the constants are, so P(B ≥ 1/p) ≤ p (Ville 1939; Shafer,
-Shen, Vereshchagin and Vovk, Statistical Science 26, 2011).
+M = W - WSH⁻¹SᵀW, in the terms of `posterior`. Of all places and all sizes of slips, each as likely,
+and of the posterior of the discrepancy B is the mean. Where there is nothing E[B] = 1, whatever the
+constants are, so P(B ≥ 1/p) ≤ p (Ville 1939; Shafer, Shen, Vereshchagin and Vovk, Statistical
+Science 26, 2011).
 """
 
 from __future__ import annotations
@@ -49,7 +52,8 @@ class Screened:
     size: FloatArray  # (P,) its mean, SI
     mean: float  # of the size of whichever it is
     sd: float  # likewise
-    covariance: FloatArray  # (n, n) second moments of the change of ln f by the slip, over places and sizes
+    # (n, n) second moments of the change of ln f by the slip, over places and sizes
+    covariance: FloatArray
 
 
 def screened(
@@ -67,7 +71,8 @@ def screened(
         at: the frequencies of their body among all.
         columns: the elastic modes that these belong to.
         problem: at the estimate.
-        posterior: about it, one Gaussian for each of s discrepancies, with the logarithms of their weights.
+        posterior: about it, one Gaussian for each of s discrepancies, with the logarithms of their
+            weights.
         sigma: (k, P) σ of each.
     """
     data, sigma = _Data.of(problem, *posterior), sigma[:, None]
@@ -78,7 +83,10 @@ def screened(
         log, mean, variance = data.likelier(change - by * size, by, sigma)
         share = scipy.special.softmax(log)
         here = share.sum(axis=(0, 1))
-        expansion, size = size, np.maximum(np.sum(share * mean, axis=(0, 1)) / np.maximum(here, 1e-300), 0.0)
+        expansion, size = (
+            size,
+            np.maximum(np.sum(share * mean, axis=(0, 1)) / np.maximum(here, 1e-300), 0.0),
+        )
     middle = float(np.sum(share * mean))
     secant = np.where(expansion > 0, change / np.where(expansion > 0, expansion, 1.0), by)
     return Screened(
@@ -93,18 +101,25 @@ def screened(
 
 @dataclass(frozen=True)
 class _Modes:
-    """A body's (N,) eigenvalues, 0 of rigid motions, and the (P, N, q) motion of P additions in its modes."""
+    """A body's (N,) eigenvalues, 0 of rigid motions, and the (P, N, q) motion of P additions in its
+    modes.
+    """
 
     value: FloatArray
     moved: FloatArray
     rigid: int
 
-    def relative(self, value: FloatArray, vectors: FloatArray, by: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Changes of ln f of the elastic modes, and their derivatives, by (P, N') altered eigenvalues, those shapes as
-        (P, N', N') columns, and derivatives of ln f (P, N'): which mode each was is the one that it is most like, all together.
+    def relative(
+        self, value: FloatArray, vectors: FloatArray, by: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Changes of ln f of the elastic modes, and their derivatives, by (P, N') altered
+        eigenvalues, those shapes as (P, N', N') columns, and derivatives of ln f (P, N'): which
+        mode each was is the one that it is most like, all together.
         """
         order = np.array([most_alike(each[: self.value.size]) for each in vectors])
-        value, by = (np.take_along_axis(each, order[:, self.rigid :], axis=1) for each in (value, by))
+        value, by = (
+            np.take_along_axis(each, order[:, self.rigid :], axis=1) for each in (value, by)
+        )
         return (np.log(value / self.value[self.rigid :]) / 2).T, by.T
 
 
@@ -114,10 +129,14 @@ class MassEffect(_Modes):
     def at(self, size: FloatArray) -> tuple[FloatArray, FloatArray]:
         """As of `Effect`, kg."""
         across = self.moved.transpose(0, 2, 1)
-        inside = np.linalg.inv(np.eye(across.shape[1]) + size[:, None, None] * (across @ self.moved))
+        inside = np.linalg.inv(
+            np.eye(across.shape[1]) + size[:, None, None] * (across @ self.moved)
+        )
         pushed = np.sqrt(self.value)[:, None] * self.moved
         back = pushed.transpose(0, 2, 1)
-        value, vectors = np.linalg.eigh(np.diag(self.value) - size[:, None, None] * (pushed @ inside @ back))
+        value, vectors = np.linalg.eigh(
+            np.diag(self.value) - size[:, None, None] * (pushed @ inside @ back)
+        )
         by = -np.sum((inside @ back @ vectors) ** 2, axis=1) / np.where(value > 0, value, 1.0) / 2
         return self.relative(value, vectors, by)
 
@@ -128,7 +147,9 @@ class FootEffect(_Modes):
     def at(self, size: FloatArray) -> tuple[FloatArray, FloatArray]:
         """As of `Effect`, N/m."""
         across = self.moved.transpose(0, 2, 1)
-        value, vectors = np.linalg.eigh(np.diag(self.value) + size[:, None, None] * (self.moved @ across))
+        value, vectors = np.linalg.eigh(
+            np.diag(self.value) + size[:, None, None] * (self.moved @ across)
+        )
         by = np.sum((across @ vectors) ** 2, axis=1) / np.where(value > 0, value, 1.0) / 2
         return self.relative(value, vectors, by)
 
@@ -145,7 +166,9 @@ class SupportEffect(_Modes):
         M = np.zeros((size.size, count + 1, count + 1))
         M[:, modes, modes], M[:, -1, -1] = 1.0, self.inertia
         M[:, :-1, -1] = M[:, -1, :-1] = self.moved[..., 0]
-        root = np.concatenate([np.broadcast_to(self.value**-0.5, (size.size, count)), np.sqrt(size)[:, None]], axis=1)
+        root = np.concatenate(
+            [np.broadcast_to(self.value**-0.5, (size.size, count)), np.sqrt(size)[:, None]], axis=1
+        )
         inverse, vectors = np.linalg.eigh(root[:, :, None] * M * root[:, None])
         inverse = np.maximum(inverse, _FIRM * inverse.max())
         by = -(((M * root[:, None])[:, -1:] @ vectors)[:, 0] ** 2) / inverse**2 / 2
@@ -173,7 +196,9 @@ def effect_of(state: ForwardState, additions: Sequence[Addition]) -> Effect:
 
 @dataclass(frozen=True)
 class _Data:
-    """The data at each of s discrepancies: (s,) logarithms of weights, (s, n) Wμ and (s, n, n) M."""
+    """The data at each of s discrepancies: (s,) logarithms of weights, (s, n) Wμ and (s, n, n)
+    M.
+    """
 
     log_weight: FloatArray
     pull: FloatArray
@@ -189,8 +214,12 @@ class _Data:
         M = W - across @ posterior.covariance @ across.transpose(0, 2, 1)
         return cls(log_weight, (W @ missed[..., None])[..., 0], M)
 
-    def likelier(self, c: FloatArray, e: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(k, s, P) logarithms of the weights times B of (n, P) c and e, with the size's means and variances."""
+    def likelier(
+        self, c: FloatArray, e: FloatArray, sigma: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(k, s, P) logarithms of the weights times B of (n, P) c and e, with the size's means and
+        variances.
+        """
         Mc, Me = self.M @ c, self.M @ e
         offset = self.pull @ c - np.sum(c * Mc, axis=1) / 2
         b, q = self.pull @ e - np.sum(e * Mc, axis=1), np.sum(e * Me, axis=1) + sigma**-2

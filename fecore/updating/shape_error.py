@@ -1,13 +1,15 @@
-"""How far measured mode shapes may be from the model's: scatter at the points, and other modes that are mixed in.
+"""How far measured mode shapes may be from the model's: scatter at the points, and other modes that
+are mixed in.
 
 A measured shape ψ_k, scaled to a largest entry of 1, is
 
     ψ_k = a φ_k + Σ_j≠k m_j a φ_j + e,    m_j ~ N(0, h²/((λ_j - λ_k)² + h²)),    h² = 2 s² λ_j λ_k,    e ~ N(0, v),
 
-with the model's shapes φ, eigenvalues λ, and s the discrepancy of a frequency: a stiffness that misses λ by 2 s λ on the
-diagonal has entries of half that variance off it (Mehta, Random Matrices, 3rd ed., 2), which turn the shapes into one another,
-two close ones without resistance. The variance v of the scatter is estimated for each mode, with a scaled inverse χ² of two
-degrees of freedom about 1 % as its prior, so that a shape which the model does not have says less.
+with the model's shapes φ, eigenvalues λ, and s the discrepancy of a frequency: a stiffness that
+misses λ by 2 s λ on the diagonal has entries of half that variance off it (Mehta, Random Matrices,
+3rd ed., 2), which turn the shapes into one another, two close ones without resistance. The variance
+v of the scatter is estimated for each mode, with a scaled inverse χ² of two degrees of freedom
+about 1 % as its prior, so that a shape which the model does not have says less.
 """
 
 from __future__ import annotations
@@ -33,12 +35,15 @@ _SAME = 0.01  # relative change of a scatter that changes nothing
 class ShapeErrors:
     """Of the measured modes of one campaign that have a partner, by their rows."""
 
-    scatter: Mapping[int, float] = field(default_factory=dict)  # √v, as a share of the shape's largest entry
+    # √v, as a share of the shape's largest entry
+    scatter: Mapping[int, float] = field(default_factory=dict)
     # (p, p) W with WᵀW the inverse of the covariance of the errors at the points
     whitening: Mapping[int, FloatArray] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, modes: MeasuredModes, state: ForwardState, pairing: Pairing, discrepancy: float) -> ShapeErrors:
+    def of(
+        cls, modes: MeasuredModes, state: ForwardState, pairing: Pairing, discrepancy: float
+    ) -> ShapeErrors:
         """The errors at a solved model.
 
         Args:
@@ -55,7 +60,9 @@ class ShapeErrors:
             coupling = 2 * discrepancy**2 * value * value[column]
             share = coupling / ((value - value[column]) ** 2 + coupling)
             share[column] = 0.0
-            axes, singular, _ = np.linalg.svd((size * np.sqrt(share)[:, None] * shapes).T, full_matrices=False)
+            axes, singular, _ = np.linalg.svd(
+                (size * np.sqrt(share)[:, None] * shapes).T, full_matrices=False
+            )
             scatter[row] = _scatter(measured - size * model, axes, singular**2)
             relief = 1 - scatter[row] / np.hypot(scatter[row], singular)
             whitening[row] = (np.eye(len(model)) - (axes * relief) @ axes.T) / scatter[row]
@@ -64,12 +71,15 @@ class ShapeErrors:
     def are_those_of(self, other: ShapeErrors) -> bool:
         """Whether they differ by no more than what changes nothing."""
         pairs = [(self.scatter[row], other.scatter.get(row, np.inf)) for row in self.scatter]
-        return len(self.scatter) == len(other.scatter) and all(abs(a - b) <= _SAME * a for a, b in pairs)
+        return len(self.scatter) == len(other.scatter) and all(
+            abs(a - b) <= _SAME * a for a, b in pairs
+        )
 
     def residual(
         self, modes: MeasuredModes, state: ForwardState, pairing: Pairing, root_weight: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Measured less model shapes, each at its best scale, in standard deviations, and -∂/∂θ of them.
+        """Measured less model shapes, each at its best scale, in standard deviations, and -∂/∂θ of
+        them.
 
         Args:
             modes: the measured modes.
@@ -83,10 +93,14 @@ class ShapeErrors:
         residuals, jacobians, points = [], [], len(modes.dofs)
         for (row, column), root in zip(pairing.pairs, root_weight, strict=True):
             whitening = self.whitening.get(row, np.eye(points) / SHAPE_DISCREPANCY)
-            measured, model = whitening @ real_shape(modes, row), whitening @ state.shapes[column, :points]
+            measured, model = (
+                whitening @ real_shape(modes, row),
+                whitening @ state.shapes[column, :points],
+            )
             by = state.shape_jacobian[:, state.modes.rigid + column, :points] @ whitening.T
             scale = measured @ model / (model @ model)
-            across = by - np.outer(by @ model, model) / (model @ model)  # the best scale takes what lies along
+            # the best scale takes what lies along
+            across = by - np.outer(by @ model, model) / (model @ model)
             residuals.append(root * (measured - scale * model))
             jacobians.append(root * scale * across.T)
         return np.concatenate(residuals), np.vstack(jacobians)
@@ -100,7 +114,9 @@ def real_shape(modes: MeasuredModes, row: int) -> FloatArray:
 
 
 def _scatter(off: FloatArray, axes: FloatArray, variance: FloatArray) -> float:
-    """√v, most probable for (p,) differences of shapes that also scatter by (q,) variances along (p, q) axes."""
+    """√v, most probable for (p,) differences of shapes that also scatter by (q,) variances along
+    (p, q) axes.
+    """
     along = (axes.T @ off) ** 2
     across, rest = max(float(off @ off - along.sum()), 0.0), len(off) - 1 - len(along)
     prior = DISCREPANCY_DOF * SHAPE_DISCREPANCY**2
@@ -110,4 +126,7 @@ def _scatter(off: FloatArray, axes: FloatArray, variance: FloatArray) -> float:
         known = np.sum(np.log(v + variance) + along / (v + variance))
         return float(known + (max(rest, 0) + DISCREPANCY_DOF) * np.log(v) + (across + prior) / v)
 
-    return float(SHAPE_DISCREPANCY * np.exp(scipy.optimize.minimize_scalar(cost, bounds=_REACH, method="bounded").x))
+    return float(
+        SHAPE_DISCREPANCY
+        * np.exp(scipy.optimize.minimize_scalar(cost, bounds=_REACH, method="bounded").x)
+    )

@@ -1,7 +1,8 @@
-"""A model solved at one θ: its modes at the measured points, their FRFs, and exact derivatives by the parameters.
+"""A model solved at one θ: its modes at the measured points, their FRFs, and exact derivatives by
+the parameters.
 
-The system is a pair of matrices, over the dofs or over a reduced basis; either way a state offers the same, and all
-derivatives are exact ones of that system (`fecore.dynamics.sensitivity`).
+The system is a pair of matrices, over the dofs or over a reduced basis; either way a state offers
+the same, and all derivatives are exact ones of that system (`fecore.dynamics.sensitivity`).
 """
 
 from __future__ import annotations
@@ -23,7 +24,13 @@ from fecore.dynamics.sensitivity import (
     mode_forms,
     mode_shape_derivatives,
 )
-from fecore.dynamics.synthesis import RESIDUAL_TERMS, Matrix, ModalFrfModel, RovingMass, residual_series
+from fecore.dynamics.synthesis import (
+    RESIDUAL_TERMS,
+    Matrix,
+    ModalFrfModel,
+    RovingMass,
+    residual_series,
+)
 from fecore.frf import Dof
 from fecore.updating.parameters import Coefficients
 
@@ -31,15 +38,19 @@ if TYPE_CHECKING:
     from fecore.updating.forward import ForwardModel
 
 _UNSEEN = 0.05  # of the square of the motion at the measured points
-_SHARE_STEP = 1e-5  # relative, of differences of the parts of the section's coefficients, which are nearly linear
+# relative, of differences of the parts of the section's coefficients, which are nearly linear
+_SHARE_STEP = 1e-5
 
 
 @dataclass(frozen=True)
 class ForwardState:
-    """The solved model at one θ. Mode indices count the elastic modes only, unless a name says `all`."""
+    """The solved model at one θ. Mode indices count the elastic modes only, unless a name says
+    `all`.
+    """
 
     coefficients: Coefficients  # the model's coefficients and their derivatives there
-    modes: NormalModes  # all modes, rigid ones first; their shapes are over the dofs, or over the basis
+    # all modes, rigid ones first; their shapes are over the dofs, or over the basis
+    modes: NormalModes
     # stiffness, mass: matrices that the coefficients multiply, over the dofs or over the basis
     stiffness: list[Matrix]
     mass: list[Matrix]
@@ -88,12 +99,15 @@ class ForwardState:
 
     def shapes_by(self, rows: scipy.sparse.csr_array) -> FloatArray:
         """(n, r) elastic modes by (r, dofs) rows of a model's."""
-        seen = rows if self.basis is None else rows @ self.basis  # few rows: cheaper than shapes of all dofs
+        # few rows: cheaper than shapes of all dofs
+        seen = rows if self.basis is None else rows @ self.basis
         return np.asarray((seen @ self.modes.shapes[:, self.modes.rigid :]).T)
 
     @cached_property
     def slopes(self) -> FloatArray:
-        """(n, p, 3) change of the elastic modes' shapes per metre that the measured points move along x, y and z."""
+        """(n, p, 3) change of the elastic modes' shapes per metre that the measured points move
+        along x, y and z.
+        """
         slopes = self.shapes_by(self.forward.slopes)
         return slopes.reshape(len(slopes), -1, 3)
 
@@ -129,23 +143,32 @@ class ForwardState:
         energies = self._energies[self.modes.rigid :] * self.coefficients.stiffness
         names = self.forward.specimen.model.stiffness.names
         across = [name.rpartition(".")[2] in ("S44", "S45", "S55") for name in names]
-        return np.asarray(energies[:, across].sum(axis=1) / self.modes.eigenvalue[self.modes.rigid :])
+        return np.asarray(
+            energies[:, across].sum(axis=1) / self.modes.eigenvalue[self.modes.rigid :]
+        )
 
     def shares(self, mode: int) -> dict[str, dict[str, float]]:
         """`motion` and `energy` of an elastic mode, to 1e-4."""
         both = {"motion": self.motion, "energy": self.energy}
-        return {name: {each: round(float(of[mode]), 4) for each, of in found.items()} for name, found in both.items()}
+        return {
+            name: {each: round(float(of[mode]), 4) for each, of in found.items()}
+            for name, found in both.items()
+        }
 
     @cached_property
     def by_mesh(self) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-        """What meshes do to the elastic frequencies, as `MeshError.moved`; None where the mesh is taken on trust."""
+        """What meshes do to the elastic frequencies, as `MeshError.moved`; None where the mesh is
+        taken on trust.
+        """
         error, c = self.forward.mesh_error, self.coefficients
         value = self.modes.eigenvalue[self.modes.rigid :]
         return None if error is None else error.moved(self.full_shapes, value, c.stiffness, c.mass)
 
     @cached_property
     def hidden(self) -> tuple[int, ...]:
-        """Elastic modes that no measured row sees: their points move across the measured directions."""
+        """Elastic modes that no measured row sees: their points move across the measured
+        directions.
+        """
         forward = self.forward
         if not forward.dofs or len({0, 1, 2} & set(forward.specimen.model.dofs)) == 1:
             return ()
@@ -168,7 +191,9 @@ class ForwardState:
 
     @cached_property
     def on_springs(self) -> BoolArray:
-        """(n,) elastic modes that are motions of a nearly rigid body: most of their strain energy is in the springs."""
+        """(n,) elastic modes that are motions of a nearly rigid body: most of their strain energy
+        is in the springs.
+        """
         count, elastic = len(self.forward.specimen.springs), slice(self.modes.rigid, None)
         first = len(self.stiffness) - count
         energy = self._energies[elastic, first:] @ self.coefficients.stiffness[first:]
@@ -177,7 +202,9 @@ class ForwardState:
 
     @cached_property
     def strain(self) -> FloatArray:
-        """(m, q) shares of the strain energy of all modes by mechanism (`fecore.body.mechanisms`); 0 of rigid-body modes."""
+        """(m, q) shares of the strain energy of all modes by mechanism (`fecore.body.mechanisms`);
+        0 of rigid-body modes.
+        """
         energies, (moving, value) = self._energies @ self._mechanisms(self.theta).T, self._moving
         shares: FloatArray = np.where(moving[:, None], energies / value[:, None], 0.0)
         return shares
@@ -197,7 +224,9 @@ class ForwardState:
             moved = np.stack([2 * np.sum(change * force, axis=0) for force in forces], axis=1)
             step = np.zeros_like(self.theta)
             step[p] = _SHARE_STEP * max(abs(self.theta[p]), _SHARE_STEP)
-            by = (self._mechanisms(self.theta + step) - self._mechanisms(self.theta - step)) / (2 * step[p])
+            by = (self._mechanisms(self.theta + step) - self._mechanisms(self.theta - step)) / (
+                2 * step[p]
+            )
             energy = (moved @ weights.T + self._energies @ by.T) / value[:, None]
             fall = self.strain * (self.eigenvalue_jacobian[:, p] / value)[:, None]
             found[p] = np.where(moving[:, None], energy - fall, 0.0)
@@ -218,10 +247,14 @@ class ForwardState:
 
     @cached_property
     def eigenvalue_matrix(self) -> FloatArray:
-        """(p, m, m) derivatives of the eigenvalues; off the diagonal inside repeated roots only (`sensitivity`)."""
+        """(p, m, m) derivatives of the eigenvalues; off the diagonal inside repeated roots only
+        (`sensitivity`).
+        """
         c = self.coefficients
         stiffness = mode_forms(self.modes, self.stiffness, c.stiffness_by)
-        return eigenvalue_derivatives(self.modes, stiffness, mode_forms(self.modes, self.mass, c.mass_by))
+        return eigenvalue_derivatives(
+            self.modes, stiffness, mode_forms(self.modes, self.mass, c.mass_by)
+        )
 
     @property
     def frequency_jacobian(self) -> FloatArray:
@@ -234,7 +267,9 @@ class ForwardState:
     @cached_property
     def shape_jacobian(self) -> FloatArray:
         """(p, m, points) derivative of all shapes at the measured points."""
-        jacobian: FloatArray = np.array([(self.observation @ each).T for each in self.shape_derivatives])
+        jacobian: FloatArray = np.array(
+            [(self.observation @ each).T for each in self.shape_derivatives]
+        )
         return jacobian
 
     @cached_property
@@ -266,7 +301,9 @@ class ForwardState:
         state = self.forward.holding(self, np.concatenate(loaded))
         roving = None
         if drive is not None:
-            roving = RovingMass(self.forward.roving_mass, drive.products(state.all_shapes), state.residual(drive))
+            roving = RovingMass(
+                self.forward.roving_mass, drive.products(state.all_shapes), state.residual(drive)
+            )
         return ModalFrfModel(
             eigenvalue=state.modes.eigenvalue,
             residues=pairs.products(state.all_shapes),
@@ -290,7 +327,10 @@ class ForwardState:
         return pairs.residual(self.modes, mass, self.observation)
 
     def _pairs(self, responses: Sequence[Dof], references: Sequence[Dof]) -> PointPairs:
-        (response, sign), (reference, other) = self.forward.rows(responses), self.forward.rows(references)
+        (response, sign), (reference, other) = (
+            self.forward.rows(responses),
+            self.forward.rows(references),
+        )
         if np.unique(response).size < np.unique(reference).size:  # H is symmetric (Maxwell, Betti)
             response, reference = reference, response
         return PointPairs(response, reference, sign * other)
@@ -307,7 +347,9 @@ def _weighted(terms: Sequence[Matrix], weights: FloatArray) -> Matrix:
 
 @dataclass(frozen=True)
 class PointPairs:
-    """Point numbers of N FRFs and the product of their directions' signs, the side with fewer points as reference."""
+    """Point numbers of N FRFs and the product of their directions' signs, the side with fewer
+    points as reference.
+    """
 
     response: IntArray
     reference: IntArray
@@ -315,7 +357,9 @@ class PointPairs:
 
     def products(self, shapes: FloatArray) -> FloatArray:
         """(N, m) residues of (m, points) shapes."""
-        residues: FloatArray = self.sign[:, None] * (shapes[:, self.response] * shapes[:, self.reference]).T
+        residues: FloatArray = (
+            self.sign[:, None] * (shapes[:, self.response] * shapes[:, self.reference]).T
+        )
         return residues
 
     def residual(

@@ -1,14 +1,17 @@
-"""The posterior over stretches of a body that may have another stiffness: none, one or two, from any place to any other.
+"""The posterior over stretches of a body that may have another stiffness: none, one or two, from
+any place to any other.
 
-Damage sits in one place or two, and never where somebody drew a line. So a body is divided into F parts, whose changes of
-compliance δ = 1/s - 1/s₀, in which frequencies are more nearly linear than in a factor s of stiffness, are those of stretches:
+Damage sits in one place or two, and never where somebody drew a line. So a body is divided into F
+parts, whose changes of compliance δ = 1/s - 1/s₀, in which frequencies are more nearly linear than
+in a factor s of stiffness, are those of stretches:
 
     δ = V α,     α ~ N(0, σ²),     p(none) = p(one) = p(two),     p(stretch) ∝ 1/length,
 
-the columns of V being 1 in a stretch and 0 outside; σ is one of three sizes. As a stretch that is softer and a rest that is
-stiffer are the same body with other moduli, stretches over more than half of it are taken for rare. With the other unknowns
-integrated out, the misfit of the frequencies at a discrepancy s is ½ δᵀAδ - cᵀδ, and the evidence of a partition (O'Hagan and
-Forster, Kendall's Advanced Theory of Statistics 2B, 11)
+the columns of V being 1 in a stretch and 0 outside; σ is one of three sizes. As a stretch that is
+softer and a rest that is stiffer are the same body with other moduli, stretches over more than half
+of it are taken for rare. With the other unknowns integrated out, the misfit of the frequencies at a
+discrepancy s is ½ δᵀAδ - cᵀδ, and the evidence of a partition (O'Hagan and Forster, Kendall's
+Advanced Theory of Statistics 2B, 11)
 
     log p(f | V, s, σ) = ½ cᵀV Q⁻¹Vᵀc - ½ ln |σ²Q| + const(s),     Q = VᵀAV + σ⁻².
 
@@ -25,9 +28,11 @@ from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.updating.posterior import LinearProblem, Mixture, grid_of_discrepancies
 
 _SIZES = (1 / 3, 1.0, 3.0)  # σ over the prior standard deviation of a factor
-_KEPT, _MOST = 1e-5, 600  # of the likest partition's weight, from which others take part, and so many at most
+# of the likest partition's weight, from which others take part, and so many at most
+_KEPT, _MOST = 1e-5, 600
 _COARSE = 5  # of the grid of discrepancies, one in so many
-_HALF, _RARE = 0.5, 0.01  # of a body: the moduli are those of the longer part of it, all but once in a hundred times
+# of a body: the moduli are those of the longer part of it, all but once in a hundred times
+_HALF, _RARE = 0.5, 0.01
 _STIFFEST = -0.9  # least change of a compliance, over its prior mean
 
 
@@ -36,8 +41,10 @@ class Stretches:
     """Which parts of a body have another stiffness, as far as its modes show."""
 
     lines: FloatArray  # (F + 1,) x of the lines between parts, m
-    change: FloatArray  # (m, F) changes of compliance of the parts, by partition; 0 outside its stretches
-    mixture: Mixture  # the posterior of the reported unknowns about their estimate, one Gaussian a partition
+    # (m, F) changes of compliance of the parts, by partition; 0 outside its stretches
+    change: FloatArray
+    # the posterior of the reported unknowns about their estimate, one Gaussian a partition
+    mixture: Mixture
 
     @property
     def probability(self) -> float:
@@ -45,17 +52,22 @@ class Stretches:
         return float(self.mixture.weight @ self.change.any(axis=1))
 
     def extent(self, probability: float = 0.95) -> tuple[float, float, float, float]:
-        """Between which x, m, so much of the change lies, and the least and the greatest length, m, that it may be spread over.
+        """Between which x, m, so much of the change lies, and the least and the greatest length, m,
+        that it may be spread over.
 
         The length of a partition is (∫|δ| dx)²/∫δ² dx, which of one stretch is its own.
         """
         some, long, tail = self.change.any(axis=1), np.diff(self.lines), (1 - probability) / 2
         weight, size = self.mixture.weight[some], np.abs(self.change[some])
         length = (size @ long) ** 2 / (size**2 @ long)
-        there = np.concatenate([[0.0], np.cumsum(long * (weight @ (size / (size @ long)[:, None])))])
+        there = np.concatenate(
+            [[0.0], np.cumsum(long * (weight @ (size / (size @ long)[:, None])))]
+        )
         begin, end = np.interp([tail, 1 - tail], there / there[-1], self.lines).tolist()
         order = np.argsort(length)
-        least, most = np.interp([tail, 1 - tail], np.cumsum(weight[order]) / weight.sum(), length[order]).tolist()
+        least, most = np.interp(
+            [tail, 1 - tail], np.cumsum(weight[order]) / weight.sum(), length[order]
+        ).tolist()
         return begin, end, least, most
 
 
@@ -73,7 +85,9 @@ class Compliance:
     def back(self, y: FloatArray) -> FloatArray:
         """(…, X) unknowns of those with changes of compliance."""
         return np.where(
-            self.factors, -np.log1p(np.maximum(np.where(self.factors, y * self.nominal, 0.0), _STIFFEST)), y
+            self.factors,
+            -np.log1p(np.maximum(np.where(self.factors, y * self.nominal, 0.0), _STIFFEST)),
+            y,
         )
 
     def slope(self, x: FloatArray) -> FloatArray:
@@ -82,14 +96,17 @@ class Compliance:
 
 
 class Partitions:
-    """The posterior over partitions of a problem whose factors are those of parts, linearised at its x.
+    """The posterior over partitions of a problem whose factors are those of parts, linearised at
+    its x.
 
     Attributes:
-        mixture: the posterior of the unknowns y with changes of compliance, absolute: of each partition, discrepancy and size
-            that counts.
+        mixture: the posterior of the unknowns y with changes of compliance, absolute: of each
+            partition, discrepancy and size that counts.
     """
 
-    def __init__(self, problem: LinearProblem, compliance: Compliance, lines: FloatArray, part: IntArray) -> None:
+    def __init__(
+        self, problem: LinearProblem, compliance: Compliance, lines: FloatArray, part: IntArray
+    ) -> None:
         """Compare the partitions.
 
         Args:
@@ -108,17 +125,23 @@ class Partitions:
         )
         found = [
             (log, given, ratio * size, stretch[:, list(chosen)])
-            for spread, log_spread in zip(*grid_of_discrepancies(problem.scale, _COARSE), strict=True)
+            for spread, log_spread in zip(
+                *grid_of_discrepancies(problem.scale, _COARSE), strict=True
+            )
             for given in [_Given(problem, compliance, float(spread), float(log_spread))]
             for ratio in _SIZES
             for log, chosen in given.likeliest(stretch[part], share, ratio * size)
         ]
         least = max(log for log, *_ in found) + np.log(_KEPT)
-        found = sorted((each for each in found if each[0] > least), key=lambda each: -each[0])[:_MOST]
+        found = sorted((each for each in found if each[0] > least), key=lambda each: -each[0])[
+            :_MOST
+        ]
         moments = [given.moments(inside[part], size) for _, given, size, inside in found]
         mean, covariance = (np.array(each) for each in zip(*moments, strict=True))
         weight = scipy.special.softmax([log for log, *_ in found])
-        self.mixture = Mixture(weight, mean, covariance, np.array([given.spread for _, given, *_ in found]))
+        self.mixture = Mixture(
+            weight, mean, covariance, np.array([given.spread for _, given, *_ in found])
+        )
 
     @property
     def change(self) -> FloatArray:
@@ -138,7 +161,9 @@ class Partitions:
         return np.asarray(np.sqrt(np.diag(self.mixture.total) - self.mean**2))
 
     def of(self, turn: FloatArray, compliance: Compliance, x: FloatArray) -> Mixture:
-        """The posterior, about an x, of combinations of y: rows of `turn`, of which some are changes of compliance too."""
+        """The posterior, about an x, of combinations of y: rows of `turn`, of which some are
+        changes of compliance too.
+        """
         each = compliance.back(self.mixture.shift @ turn.T)
         slope = compliance.slope(each)
         covariance = turn @ self.mixture.covariance @ turn.T * slope[:, :, None] * slope[:, None, :]
@@ -146,11 +171,18 @@ class Partitions:
 
 
 class _Given:
-    """The misfit at a discrepancy as one of the parts' changes alone, the other unknowns integrated out."""
+    """The misfit at a discrepancy as one of the parts' changes alone, the other unknowns integrated
+    out.
+    """
 
-    def __init__(self, problem: LinearProblem, compliance: Compliance, spread: float, log_spread: float) -> None:
+    def __init__(
+        self, problem: LinearProblem, compliance: Compliance, spread: float, log_spread: float
+    ) -> None:
         hessian, descent, misfit, logs = (each[0] for each in problem.of_data(np.array([spread])))
-        self.cells, self.rest = np.flatnonzero(compliance.factors), np.flatnonzero(~compliance.factors)
+        self.cells, self.rest = (
+            np.flatnonzero(compliance.factors),
+            np.flatnonzero(~compliance.factors),
+        )
         slope, y = compliance.slope(problem.x), compliance.of(problem.x)
         H, g = hessian * np.outer(slope, slope), slope * descent
         b = g + H @ y
@@ -163,8 +195,11 @@ class _Given:
         squares = misfit + y @ (g + b) - b[self.rest] @ self.mean
         self.log = log_spread - float(logs + squares + np.linalg.slogdet(own)[1]) / 2
 
-    def likeliest(self, inside: FloatArray, share: FloatArray, size: float) -> list[tuple[float, tuple[int, ...]]]:
-        """The partitions that count, each the numbers of its stretches, with the logarithms of their evidence.
+    def likeliest(
+        self, inside: FloatArray, share: FloatArray, size: float
+    ) -> list[tuple[float, tuple[int, ...]]]:
+        """The partitions that count, each the numbers of its stretches, with the logarithms of
+        their evidence.
 
         Args:
             inside: (F, n) of each stretch, 1 for the factors inside.
@@ -182,13 +217,19 @@ class _Given:
         two += np.log(_RARE) * (share[i] + share[j] > _HALF)
         least = max(0.0, one.max(), two.max()) + np.log(_KEPT)
         alone = [(self.log + float(one[k]), (int(k),)) for k in np.flatnonzero(one > least)]
-        pairs = [(self.log + float(two[k]), (int(i[k]), int(j[k]))) for k in np.flatnonzero(two > least)]
+        pairs = [
+            (self.log + float(two[k]), (int(i[k]), int(j[k]))) for k in np.flatnonzero(two > least)
+        ]
         return [(self.log, ()), *alone, *pairs]
 
     def moments(self, inside: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
         """(X,) mean and (X, X) covariance of y, given stretches."""
         count = self.cells.size + self.rest.size
-        by, mean, covariance = np.empty((count, inside.shape[1])), np.zeros(count), np.zeros((count, count))
+        by, mean, covariance = (
+            np.empty((count, inside.shape[1])),
+            np.zeros(count),
+            np.zeros((count, count)),
+        )
         by[self.cells], by[self.rest] = inside, -self.across @ inside
         mean[self.rest], covariance[np.ix_(self.rest, self.rest)] = self.mean, self.inverse
         inverse = np.linalg.inv(inside.T @ self.A @ inside + size**-2 * np.eye(inside.shape[1]))

@@ -1,4 +1,6 @@
-"""From the stages to the result that users read; of a stage that failed, or had no data, what it leaves."""
+"""From the stages to the result that users read; of a stage that failed, or had no data, what it
+leaves.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +10,13 @@ from typing import Literal
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.dynamics.damping_laws import DampingLaw, beyond, damping_rate, damping_ratio, negative_band
+from fecore.dynamics.damping_laws import (
+    DampingLaw,
+    beyond,
+    damping_rate,
+    damping_ratio,
+    negative_band,
+)
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.modes import MeasuredModes
 from fecore.updating.curves import curve_of
@@ -61,13 +69,16 @@ class DampingOutcome:
     message: str = ""  # why, where it did not succeed, or succeeded without FRFs
     band: tuple[float, float] | None = None  # lines that it saw, Hz; None without FRFs
     ranking: LawRanking | None = None  # of the laws; None where no measured mode has a damping
-    result: DampingResult | None = None  # the fitted law; None where there was nothing for it, or it failed
+    # the fitted law; None where there was nothing for it, or it failed
+    result: DampingResult | None = None
     findings: tuple[Finding, ...] = ()  # what a user must know
 
 
 @dataclass(frozen=True)
 class Summary:
-    """The stages' results: stage 1 and its modes, stage 2, the measurement as it was used, inputs, recipe, samples."""
+    """The stages' results: stage 1 and its modes, stage 2, the measurement as it was used, inputs,
+    recipe, samples.
+    """
 
     elastic: ElasticResult
     modes: MeasuredModes
@@ -105,16 +116,24 @@ class Summary:
             parameters=self.parameters,
             modes=elastic.compared_modes(0, self.modes, self._predicted_damping),
             correlation=self._correlation(),
-            damping_models=() if self.ranking is None else tuple(self._law(ranked) for ranked in self.ranking.laws),
+            damping_models=(
+                ()
+                if self.ranking is None
+                else tuple(self._law(ranked) for ranked in self.ranking.laws)
+            ),
             damping_starts=0 if damping is None else damping.starts,
-            damping_optima=tuple(self._coefficients(point) for point in (() if damping is None else damping.optima)),
+            damping_optima=tuple(
+                self._coefficients(point) for point in (() if damping is None else damping.optima)
+            ),
             damping_history=np.zeros((0, 0)) if damping is None else damping.fit.history,
             convergence=elastic.history,
             starts=elastic.starts,
             pairing=self._pairing(),
             shapes=self._shapes(),
             channel_delay_s=None if damping is None else damping.reference.delay,
-            null_directions=tuple(by_name(elastic.prior.names, direction) for direction in elastic.null_directions),
+            null_directions=tuple(
+                by_name(elastic.prior.names, direction) for direction in elastic.null_directions
+            ),
             frequency_discrepancy=elastic.discrepancy,
             damping_discrepancy=None if damping is None else damping.discrepancy,
             band_hz=self.band,
@@ -134,18 +153,25 @@ class Summary:
 
     @cached_property
     def parameters(self) -> tuple[ParameterEstimate, ...]:
-        """Constants, then the coefficients of the first damping law: from the FRFs, or else from the modes' ratios."""
+        """Constants, then the coefficients of the first damping law: from the FRFs, or else from
+        the modes' ratios.
+        """
         if self.damping is not None:
             damping = coefficient_estimates(self.elastic, self.damping, self.inputs)
         else:
             damping = [] if self.ranking is None else ratio_estimates(self.ranking.laws[0])
         priors = damping_per_k(self.recipe.parameters or ())
-        return (*self.constants, *(at_reference(each, self.elastic.prior.warmth, priors) for each in damping))
+        return (
+            *self.constants,
+            *(at_reference(each, self.elastic.prior.warmth, priors) for each in damping),
+        )
 
     def _own_findings(self) -> list[Finding]:
         return [
             *elastic_findings(self.elastic, self.modes),
-            *undetermined(self.constants, self.recipe.parameters, default_parameters(self.elastic.prior.body)),
+            *undetermined(
+                self.constants, self.recipe.parameters, default_parameters(self.elastic.prior.body)
+            ),
             *disagreements(self.elastic, self.sampled),
             *([] if self.ranking is None else self.ranking.findings()),
             *self._negative_damping(),
@@ -160,7 +186,11 @@ class Summary:
         assert self.ranking is not None, "laws were ranked"
         law = ranked
         if ranked is self.ranking.laws[0] and self.damping is not None:
-            law = replace(ranked, coefficients=self.damping.fit.coefficients, covariance=self.damping.covariance)
+            law = replace(
+                ranked,
+                coefficients=self.damping.fit.coefficients,
+                covariance=self.damping.covariance,
+            )
         return DampingModelFit(
             **law.described,
             preferred=ranked is self.ranking.preferred,
@@ -170,8 +200,13 @@ class Summary:
         )
 
     def _curve(self, law: DampingLaw, coefficients: np.ndarray) -> FloatArray:
-        """(2, m) a law's damping ratios over the range of the measured modes and somewhat beyond."""
-        low, high = self.modes.frequency_hz[0] / _BEYOND_MODES, self.modes.frequency_hz[-1] * _BEYOND_MODES
+        """(2, m) a law's damping ratios over the range of the measured modes and somewhat
+        beyond.
+        """
+        low, high = (
+            self.modes.frequency_hz[0] / _BEYOND_MODES,
+            self.modes.frequency_hz[-1] * _BEYOND_MODES,
+        )
         if isinstance(law, MechanismDamping):
             state = self.elastic.updated
             inside = (state.frequency_hz >= low) & (state.frequency_hz <= high)
@@ -211,7 +246,12 @@ class Summary:
         )
 
     def _held_out_frfs(self) -> HeldOut | None:
-        if self.data.held is None or self.data.fitted is None or self.damping is None or self.band is None:
+        if (
+            self.data.held is None
+            or self.data.fitted is None
+            or self.damping is None
+            or self.band is None
+        ):
             return None
         frfs = self.data.held.band(*self.band)
         points = {dof.point for dof in (*frfs.responses, *frfs.references)}
@@ -229,21 +269,25 @@ class Summary:
         low, high = self.recipe.hold_out.band_hz or above
         if np.sum((lines >= low) & (lines <= high)) < _FEWEST_LINES:
             return None
-        return Predictor(self.elastic, self.damping).hold_against(self.data.fitted.band(low, high), (), (low, high))
+        return Predictor(self.elastic, self.damping).hold_against(
+            self.data.fitted.band(low, high), (), (low, high)
+        )
 
     @cached_property
     def prediction(self) -> Prediction | None:
-        """All usable FRFs beside the model's: before, with the damping that the measured ratios give, and after.
+        """All usable FRFs beside the model's: before, with the damping that the measured ratios
+        give, and after.
 
-        The model after has its own natural frequencies and all: the shifts are the fit's, not the model's. A window that was
-        stated damps both, as it damps what was measured.
+        The model after has its own natural frequencies and all: the shifts are the fit's, not the
+        model's. A window that was stated damps both, as it damps what was measured.
         """
         frfs, damping = self.data.frfs, self.damping
         if frfs is None or damping is None:
             return None
         law, window = damping.fit.law, damping.fit.nuisance.window_rate
         before, after = (
-            state.frf_model(frfs.responses, frfs.references) for state in (self.elastic.initial, self.elastic.updated)
+            state.frf_model(frfs.responses, frfs.references)
+            for state in (self.elastic.initial, self.elastic.updated)
         )
         first_rate = damping_rate(law, damping.start, before.omega, before.strain) + window
         first_tail = beyond(law, damping.start, float(before.omega[-1]), before.strain)
@@ -268,7 +312,9 @@ class Summary:
         if self.sampled is None:
             covariance = np.delete(np.delete(self._covariance(), inputs, axis=0), inputs, axis=1)
             scale = np.sqrt(np.diag(covariance))
-            return PosteriorSummary("laplace", names=names, correlation=covariance / np.outer(scale, scale))
+            return PosteriorSummary(
+                "laplace", names=names, correlation=covariance / np.outer(scale, scale)
+            )
         chain, samples = self.sampled.chain, np.delete(self.sampled.everything, inputs, axis=1)
         correlation: FloatArray = np.atleast_2d(np.corrcoef(samples.T))
         return PosteriorSummary(
@@ -288,7 +334,9 @@ class Summary:
         pulls = elastic.prior.slope(elastic.theta)[:, None] * elastic.pulls
         if damping is not None:
             excursions, covariance = damping.excursions, damping.joint(covariance)
-            pulls = np.vstack([np.pad(pulls, ((0, 0), (0, len(excursions) - pulls.shape[1]))), damping.pulls])
+            pulls = np.vstack(
+                [np.pad(pulls, ((0, 0), (0, len(excursions) - pulls.shape[1]))), damping.pulls]
+            )
         moved = pulls * [each.sd for each in excursions]
         whole: FloatArray = covariance + moved @ moved.T
         return whole
@@ -303,7 +351,9 @@ class Summary:
         return PairingSummary(by, _partners(elastic), rival)
 
     def _shapes(self) -> ModeShapes | None:
-        """Shapes at the measured points; None where the modes were typed in and there are no FRFs either."""
+        """Shapes at the measured points; None where the modes were typed in and there are no FRFs
+        either.
+        """
         state, modes = self.elastic.updated, self.modes
         forward = state.forward
         if not forward.points:
@@ -311,7 +361,9 @@ class Summary:
         return ModeShapes(
             points=forward.points,
             places=forward.places,
-            measured=np.zeros((len(modes), 0), dtype=complex) if modes.shapes is None else modes.shapes,
+            measured=(
+                np.zeros((len(modes), 0), dtype=complex) if modes.shapes is None else modes.shapes
+            ),
             updated=state.shapes,
             frequency_hz=state.frequency_hz,
             kinds=tuple(state.kinds),
@@ -323,7 +375,9 @@ class Summary:
         )
 
     def _negative_damping(self) -> list[Finding]:
-        """Where in the band the fitted law, and the preferred one, would feed energy in: between or below the modes."""
+        """Where in the band the fitted law, and the preferred one, would feed energy in: between or
+        below the modes.
+        """
         if self.damping is None or self.ranking is None or self.band is None:
             return []
         low, high = (2 * np.pi * hz for hz in self.band)
@@ -333,7 +387,9 @@ class Summary:
             laws.append((preferred.law, preferred.coefficients))
         findings = []
         for law, coefficients in laws:
-            strain = self.damping.reference.ratios.strain if isinstance(law, MechanismDamping) else None
+            strain = (
+                self.damping.reference.ratios.strain if isinstance(law, MechanismDamping) else None
+            )
             negative = negative_band(law, coefficients, low, high, strain)
             if negative is not None:
                 first, last = (omega / (2 * np.pi) for omega in negative)
@@ -347,11 +403,16 @@ class Summary:
             ", ".join(f"{name} = {value:.4g}" for name, value in self._coefficients(point).items())
             for point in self.damping.optima
         ]
-        return [found("optima", law=self.damping.fit.law.name, count=len(points), points="; ".join(points))]
+        return [
+            found(
+                "optima", law=self.damping.fit.law.name, count=len(points), points="; ".join(points)
+            )
+        ]
 
 
 def _partners(elastic: ElasticResult) -> tuple[Partner, ...]:
     hz, kinds = elastic.updated.frequency_hz, elastic.updated.kinds
     return tuple(
-        Partner(row + 1, column + 1, float(hz[column]), kinds[column]) for row, column in elastic.pairing.pairs
+        Partner(row + 1, column + 1, float(hz[column]), kinds[column])
+        for row, column in elastic.pairing.pairs
     )

@@ -30,21 +30,25 @@ def masses(state: ForwardState) -> list[Addition]:
     found = []
     for node in nodes:
         place = tuple(model.mesh.nodes[node].tolist())
-        found.append(Addition("mass", MASS, "kg", place, TYPICAL * UNSTATED_SENSOR, _moving(model, node)))
+        found.append(
+            Addition("mass", MASS, "kg", place, TYPICAL * UNSTATED_SENSOR, _moving(model, node))
+        )
     return found
 
 
 def feet(state: ForwardState, highest: int) -> list[Addition]:
     """A spring to the ground along each end of the body, and at each of some nodes.
 
-    The median is that which raises the most affected one of the elastic modes up to `highest` by a few times what a careful
-    laboratory's clamp lowers it.
+    The median is that which raises the most affected one of the elastic modes up to `highest` by a
+    few times what a careful laboratory's clamp lowers it.
     """
     model, found = state.forward.specimen.model, []
     nodes = model.mesh.nodes
     for group in [*_ends(model), *(np.array([node]) for node in _sites(state))]:
         root = np.sqrt(_shares(nodes[group]))
-        motion = scipy.sparse.vstack([share * _moving(model, node) for share, node in zip(root, group, strict=True)])
+        motion = scipy.sparse.vstack(
+            [share * _moving(model, node) for share, node in zip(root, group, strict=True)]
+        )
         place = tuple(nodes[group].mean(axis=0).tolist())
         found.append(Addition("foot", "foot", "N/m", place, 1.0, motion, len(group) > 1))
     shapes = _shapes(state)[:, state.modes.rigid :][:, : highest + 1]
@@ -58,7 +62,9 @@ def feet(state: ForwardState, highest: int) -> list[Addition]:
 
 
 def supports(state: ForwardState, highest: int) -> list[Addition]:
-    """The body's one support, giving way along or about each axis in which it holds the body; none of a body otherwise held."""
+    """The body's one support, giving way along or about each axis in which it holds the body; none
+    of a body otherwise held.
+    """
     body, model = state.forward.specimen, state.forward.specimen.model
     inner = getattr(body, "body", body)
     structure = inner.structure if isinstance(inner, OfStructure) else inner
@@ -88,7 +94,8 @@ def supports(state: ForwardState, highest: int) -> list[Addition]:
 
 
 def _about(arm: FloatArray, shifts: FloatArray) -> FloatArray:
-    """(3, dofs) what turns about x, y, z through a point that lies off the nodes' centre by an arm have beside those about it.
+    """(3, dofs) what turns about x, y, z through a point that lies off the nodes' centre by an arm
+    have beside those about it.
 
     θ × (x - c) = θ × (x - m) - θ × (c - m).
     """
@@ -112,12 +119,17 @@ def _ends(model: Model) -> list[IntArray]:
     size, found = float(np.ptp(nodes, axis=0).max()), []
     for x in nodes.T:
         if np.ptp(x) > _EDGE * size:
-            found += [np.flatnonzero(free & (np.abs(x - end) < _EDGE * size)) for end in (x.min(), x.max())]
+            found += [
+                np.flatnonzero(free & (np.abs(x - end) < _EDGE * size))
+                for end in (x.min(), x.max())
+            ]
     return [each for each in found if each.size > 1]
 
 
 def _shares(places: FloatArray) -> FloatArray:
-    """(n,) share of each of (n, 3) nodes in a foot under all: on a line by the length that is nearest to it, else alike."""
+    """(n,) share of each of (n, 3) nodes in a foot under all: on a line by the length that is
+    nearest to it, else alike.
+    """
     away = places - places.mean(axis=0)
     _, sizes, axes = np.linalg.svd(away, full_matrices=False)
     if len(places) < 3 or sizes[1] > _EDGE * sizes[0]:

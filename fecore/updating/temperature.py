@@ -1,10 +1,12 @@
-"""Constants that change with temperature: how much, by what prior, and how much of it a campaign sees.
+"""Constants that change with temperature: how much, by what prior, and how much of it a campaign
+sees.
 
     c(T) = c_ref (1 + k (T - T_ref)),     k the coefficient of c, 1/K, named `Ex.per_K`, `web.G12.per_K`
 
-A matrix softens more than fibres: k is -0.2 ± 0.15 %/K of constants that the matrix rules (E2, Ey, all G), -0.05 ± 0.05 %/K of
-those that fibres rule (E1, Ex) and of isotropic materials. A factor on a stiffness may be of either, and has the mean and the
-variance of both alike. Springs, Poisson's ratios, densities and dimensions are taken to stay.
+A matrix softens more than fibres: k is -0.2 ± 0.15 %/K of constants that the matrix rules (E2, Ey,
+all G), -0.05 ± 0.05 %/K of those that fibres rule (E1, Ex) and of isotropic materials. A factor on
+a stiffness may be of either, and has the mean and the variance of both alike. Springs, Poisson's
+ratios, densities and dimensions are taken to stay.
 
 A campaign whose temperature nobody stated has it as one more unknown.
 """
@@ -28,20 +30,26 @@ PER_K = ".per_K"
 """What the name of a coefficient has after that of its constant."""
 
 REFERENCE_C = 23.0
-"""Temperature at which constants of several campaigns are given, °C: that of the standard atmosphere of ISO 291."""
+"""Temperature at which constants of several campaigns are given, °C: that of the standard
+atmosphere of ISO 291.
+"""
 
 TEMPERATURE = "temperature"
 """Name of a campaign's own unknown where nobody stated its temperature."""
 
 UNKNOWN_TEMPERATURE_SD = 10.0
-"""Standard deviation of such a temperature about the reference, K: rooms and halls from 3 to 43 °C in nineteen of twenty."""
+"""Standard deviation of such a temperature about the reference, K: rooms and halls from 3 to 43 °C
+in nineteen of twenty.
+"""
 
 DAMPING_PER_K = (0.0, 0.01)
-"""Mean and standard deviation of the coefficient of a damping ratio or of a law's coefficient, 1/K."""
+"""Mean and standard deviation of the coefficient of a damping ratio or of a law's coefficient,
+1/K.
+"""
 
 AT_ONE_TEMPERATURE = (
-    "{names}: all is at one temperature, so nothing says how it changes; leave the coefficient out, state "
-    "reference_temperature_c, or add a campaign at another temperature"
+    "{names}: all is at one temperature, so nothing says how it changes; leave the coefficient out,"
+    " state reference_temperature_c, or add a campaign at another temperature"
 )
 """What is said where a coefficient is stated that nothing needs."""
 
@@ -58,7 +66,8 @@ _PRIORS = {
 FREQUENCY_PER_K = (_EITHER[0] / 2, _EITHER[1] / 2)
 """The same of a natural frequency, which goes with the root of a stiffness of either kind."""
 
-# to which share the constants of one isotropic material agree, and the largest ν of a beam's E and G
+# to which share the constants of one isotropic material agree, and the largest ν of a beam's E and
+# G
 _ISOTROPIC, _LARGEST_POISSON = 1e-3, 0.5
 _EXACT = 1e-9  # standard deviation of a coefficient of damping that is known exactly, 1/K
 
@@ -71,7 +80,8 @@ def constant_of(coefficient: str) -> str | None:
 def usual_per_k(
     name: str, nominal: Mapping[str, float], stated: Mapping[str, tuple[float | None, float | None]]
 ) -> tuple[float, float] | None:
-    """Mean and standard deviation of the relative change per kelvin of what a monitor watches; None of what stays.
+    """Mean and standard deviation of the relative change per kelvin of what a monitor watches; None
+    of what stays.
 
     Args:
         name: of a constant, of a law's coefficient, or `frequency_2`, `damping_ratio_2`.
@@ -84,14 +94,25 @@ def usual_per_k(
     if name in nominal:
         usual = prior_per_k(name, nominal)
     else:
-        usual = DAMPING_PER_K if name.startswith("damping_ratio_") or is_of_damping(name + PER_K) else None
+        usual = (
+            DAMPING_PER_K
+            if name.startswith("damping_ratio_") or is_of_damping(name + PER_K)
+            else None
+        )
     return usual if usual is None or own is None else (_or(own[0], usual[0]), _or(own[1], usual[1]))
 
 
 def is_of_damping(name: str) -> bool:
-    """Whether a name is that of the coefficient of temperature of a damping law's coefficient, as `a1.per_K`."""
+    """Whether a name is that of the coefficient of temperature of a damping law's coefficient, as
+    `a1.per_K`.
+    """
     constant = constant_of(name)
-    return constant is not None and constant[:1].islower() and "." not in constant and kind_of(constant) not in UNITS
+    return (
+        constant is not None
+        and constant[:1].islower()
+        and "." not in constant
+        and kind_of(constant) not in UNITS
+    )
 
 
 def damping_per_k(parameters: Sequence[Parameter]) -> dict[str, tuple[float, float]]:
@@ -104,19 +125,28 @@ def damping_per_k(parameters: Sequence[Parameter]) -> dict[str, tuple[float, flo
     }
 
 
-def prior_per_k(constant: str, nominal: Mapping[str, float] | None = None) -> tuple[float, float] | None:
+def prior_per_k(
+    constant: str, nominal: Mapping[str, float] | None = None
+) -> tuple[float, float] | None:
     """Mean and standard deviation of a constant's coefficient, 1/K; None of a constant that stays.
 
     Args:
         constant: its name.
-        nominal: the constants beside it, which show whether the material is isotropic; None where nobody knows them.
+        nominal: the constants beside it, which show whether the material is isotropic; None where
+            nobody knows them.
     """
     known = _PRIORS.get(kind_of(constant))
-    return _FIBRES if known == _MATRIX and nominal is not None and _is_isotropic(constant, nominal) else known
+    return (
+        _FIBRES
+        if known == _MATRIX and nominal is not None and _is_isotropic(constant, nominal)
+        else known
+    )
 
 
 def _is_isotropic(constant: str, nominal: Mapping[str, float]) -> bool:
-    """Whether a constant is of an isotropic material: E alike in both directions, G = E/2(1 + ν)."""
+    """Whether a constant is of an isotropic material: E alike in both directions, G = E/2(1 +
+    ν).
+    """
     kind = kind_of(constant)
     before, after = constant[: constant.rfind(kind)], constant[constant.rfind(kind) + len(kind) :]
     if f"{before}E" in nominal and f"{before}G" in nominal:  # of a beam
@@ -131,7 +161,9 @@ def _is_isotropic(constant: str, nominal: Mapping[str, float]) -> bool:
 
 @dataclass(frozen=True)
 class Warmth:
-    """How the parameters θ of a body differ from their values at the reference, as it is warmer or colder."""
+    """How the parameters θ of a body differ from their values at the reference, as it is warmer or
+    colder.
+    """
 
     reference: float  # °C
     temperature: float | None  # of the body, °C; None where it is unknown
@@ -143,7 +175,9 @@ class Warmth:
     def above(self, theta: FloatArray) -> FloatArray:
         """(…, 1) how much warmer than the reference the body is at (…, p) θ, K."""
         temperature = (
-            theta[..., [self.own]] if self.temperature is None else np.full_like(theta[..., :1], self.temperature)
+            theta[..., [self.own]]
+            if self.temperature is None
+            else np.full_like(theta[..., :1], self.temperature)
         )
         return np.asarray(temperature - self.reference)
 
@@ -152,7 +186,9 @@ class Warmth:
         return np.where(self.columns < 0, self.known, theta[..., self.columns])
 
     def at(self, theta: FloatArray) -> FloatArray:
-        """(…, p) θ as they are at the body's temperature; what changes by more than all of itself is not physical."""
+        """(…, p) θ as they are at the body's temperature; what changes by more than all of itself
+        is not physical.
+        """
         warm = theta.copy()
         warm[..., self.changing] *= 1 + self.coefficients(theta) * self.above(theta)
         return warm
@@ -169,7 +205,8 @@ class Warmth:
 
 
 def reference_of(temperatures: Sequence[float | None], stated: float | None) -> float | None:
-    """The temperature at which the constants of some campaigns are given, °C; None where all are at their own.
+    """The temperature at which the constants of some campaigns are given, °C; None where all are at
+    their own.
 
     Args:
         temperatures: of the campaigns, °C; None where nobody stated one.
@@ -183,7 +220,8 @@ def reference_of(temperatures: Sequence[float | None], stated: float | None) -> 
         if stated is not None:
             raise InputError(
                 "reference_temperature_c",
-                f"is {stated:g} °C, but no campaign states its temperature_c: nothing can be brought to it; state it",
+                f"is {stated:g} °C, but no campaign states its temperature_c: nothing can be"
+                " brought to it; state it",
             )
         return None
     reference = stated if stated is not None else known[0] if len(known) == 1 else REFERENCE_C
@@ -193,7 +231,8 @@ def reference_of(temperatures: Sequence[float | None], stated: float | None) -> 
 def with_temperature(
     prior: Parametrisation, reference: float | None, temperature: float | None, *, reported: bool
 ) -> Parametrisation:
-    """The parameters at a reference, of a body that has a temperature of its own: with a coefficient of each that changes.
+    """The parameters at a reference, of a body that has a temperature of its own: with a
+    coefficient of each that changes.
 
     Args:
         prior: the parameters, without inputs.
@@ -216,7 +255,9 @@ def with_temperature(
         if usual is None:
             continue
         own = stated.get(name + PER_K)
-        mean, sd = usual if own is None else (_or(own.prior_mean, usual[0]), _or(own.prior_sd, usual[1]))
+        mean, sd = (
+            usual if own is None else (_or(own.prior_mean, usual[0]), _or(own.prior_sd, usual[1]))
+        )
         exact = own is not None and own.fixed
         changing.append(number)
         columns.append(-1 if exact else len(names))
@@ -233,7 +274,12 @@ def with_temperature(
         means.append(reference)
         sds.append(UNKNOWN_TEMPERATURE_SD)
     warmth = Warmth(
-        reference, temperature, np.array(changing, int), np.array(columns, int), np.array(known), own_column
+        reference,
+        temperature,
+        np.array(changing, int),
+        np.array(columns, int),
+        np.array(known),
+        own_column,
     )
     more = np.zeros((prior.base.size, len(names) - len(prior.names)))
     return replace(
@@ -252,5 +298,7 @@ def _or(stated: float | None, usual: float) -> float:
 
 
 def coefficient_of(name: str, body: Body) -> tuple[float, float] | None:
-    """Mean and standard deviation of the coefficient of a body's constant, 1/K; None of one that stays."""
+    """Mean and standard deviation of the coefficient of a body's constant, 1/K; None of one that
+    stays.
+    """
     return prior_per_k(name, body.nominal) if name in body.nominal else None

@@ -1,8 +1,10 @@
-"""Validation on what the fits did not see: predicted FRFs with intervals, and how many measured values lie in them.
+"""Validation on what the fits did not see: predicted FRFs with intervals, and how many measured
+values lie in them.
 
-A prediction is uncertain by the elastic constants θ, the law's coefficients a (which follow θ: ∂a/∂θ is known from stage 2),
-by each mode's own deviation from the model in frequency and in damping, and by the noise of the new measurement. All of it
-is carried through the derivatives of the FRF, for real and imaginary parts apart.
+A prediction is uncertain by the elastic constants θ, the law's coefficients a (which follow θ:
+∂a/∂θ is known from stage 2), by each mode's own deviation from the model in frequency and in
+damping, and by the noise of the new measurement. All of it is carried through the derivatives of
+the FRF, for real and imaginary parts apart.
 """
 
 from dataclasses import dataclass
@@ -30,30 +32,44 @@ class Predictor:
     damping: DampingResult
 
     def predict(self, frfs: FrfSet) -> tuple[ComplexArray, FloatArray]:
-        """(N, L) predicted FRFs, and (2, N, L) variances of their real and imaginary parts, noise not included."""
+        """(N, L) predicted FRFs, and (2, N, L) variances of their real and imaginary parts, noise
+        not included.
+        """
         predicted, changes = self._with_changes(frfs)
         return predicted, _squares(changes)
 
     def spread(self, frfs: FrfSet) -> tuple[FloatArray, FloatArray]:
-        """(N, L) standard deviations of ln|H| and of the phase in radians of predicted FRFs, noise not included.
+        """(N, L) standard deviations of ln|H| and of the phase in radians of predicted FRFs, noise
+        not included.
 
-        To first order a small change of H is a change of ln|H| by the real part of δH/H and of the phase by the imaginary one.
+        To first order a small change of H is a change of ln|H| by the real part of δH/H and of the
+        phase by the imaginary one.
         """
         few = max(1, _VALUES_AT_ONCE // frfs.frequency_hz.size)
         parts = []
         for first in range(0, len(frfs.responses), few):
             some = frfs.select(list(range(first, min(first + few, len(frfs.responses)))))
             predicted, changes = self._with_changes(some)
-            with np.errstate(divide="ignore", invalid="ignore"):  # at a zero of H nothing is known of its logarithm
+            # at a zero of H nothing is known of its logarithm
+            with np.errstate(divide="ignore", invalid="ignore"):
                 changes *= 1 / predicted
             parts.append(np.sqrt(_squares(changes)))
-        log_magnitude, phase = (np.nan_to_num(np.vstack(part), nan=np.inf) for part in zip(*parts, strict=True))
+        log_magnitude, phase = (
+            np.nan_to_num(np.vstack(part), nan=np.inf) for part in zip(*parts, strict=True)
+        )
         return log_magnitude, phase
 
     def _with_changes(self, frfs: FrfSet) -> tuple[ComplexArray, ComplexArray]:
-        """(N, L) predicted FRFs, and (q, N, L) their change by one standard deviation of each of q independent causes."""
-        model, fit = self.elastic.updated.frf_model(frfs.responses, frfs.references), self.damping.fit
-        return fit.synthesise(model, frfs.frequency_hz, frfs.quantity), self._changes(frfs, model, fit.rates(model))
+        """(N, L) predicted FRFs, and (q, N, L) their change by one standard deviation of each of q
+        independent causes.
+        """
+        model, fit = (
+            self.elastic.updated.frf_model(frfs.responses, frfs.references),
+            self.damping.fit,
+        )
+        return fit.synthesise(model, frfs.frequency_hz, frfs.quantity), self._changes(
+            frfs, model, fit.rates(model)
+        )
 
     def _changes(self, frfs: FrfSet, model: ModalFrfModel, rate: FloatArray) -> ComplexArray:
         """(q, N, L) those changes, of a roving mass too."""
@@ -62,7 +78,9 @@ class Predictor:
         if factors is None or model.roving is None:
             return change
         loaded: ComplexArray = factors[0] * change
-        loaded += factors[1] * self._plain_changes(frfs, frfs.responses, model.roving.drive(model), rate)
+        loaded += factors[1] * self._plain_changes(
+            frfs, frfs.responses, model.roving.drive(model), rate
+        )
         return loaded
 
     def _plain_changes(
@@ -82,22 +100,36 @@ class Predictor:
         p, e = len(covariance), shifted.size
         # Of the lines' functions, in the change of each FRF by each constant and coefficient.
         weights = np.zeros((p, len(A), 3 * m))
-        weights[: self.elastic.theta.size, :, :m] = state.residue_jacobian(frfs.responses, references)
-        weights[: self.elastic.theta.size, :, m : 2 * m] = A * state.eigenvalue_jacobian.T[:, None, :]
+        weights[: self.elastic.theta.size, :, :m] = state.residue_jacobian(
+            frfs.responses, references
+        )
+        weights[: self.elastic.theta.size, :, m : 2 * m] = (
+            A * state.eigenvalue_jacobian.T[:, None, :]
+        )
         weights[self.elastic.theta.size :, :, 2 * m :] = A * basis.T[:, None, :]
         weights = np.tensordot(root(covariance).T, weights, 1)
-        # The weights are real: real and imaginary parts go side by side through products of real numbers.
+        # The weights are real: real and imaginary parts go side by side through products of real
+        # numbers.
         parts = np.ascontiguousarray(lines).view(np.float64)
         change = np.empty((p + 2 * e, len(A), parts.shape[1]))
         change[:p] = (weights.reshape(-1, 3 * m) @ parts).reshape(p, len(A), -1)
         shift = 2 * model.eigenvalue[shifted] * self.elastic.discrepancy
         deviation = rate[shifted] * self.damping.discrepancy
-        for own, size, first in ((change[p : p + e], shift, m), (change[p + e :], deviation, 2 * m)):
-            np.multiply((size * A[:, shifted]).T[:, :, None], parts[first + shifted][:, None], out=own)
+        for own, size, first in (
+            (change[p : p + e], shift, m),
+            (change[p + e :], deviation, 2 * m),
+        ):
+            np.multiply(
+                (size * A[:, shifted]).T[:, :, None], parts[first + shifted][:, None], out=own
+            )
         return change.view(np.complex128)
 
-    def hold_against(self, frfs: FrfSet, points: tuple[int, ...], band_hz: tuple[float, float]) -> HeldOut:
-        """Compare held-out FRFs with their prediction; the noise level is that of the fitted data."""
+    def hold_against(
+        self, frfs: FrfSet, points: tuple[int, ...], band_hz: tuple[float, float]
+    ) -> HeldOut:
+        """Compare held-out FRFs with their prediction; the noise level is that of the fitted
+        data.
+        """
         predicted, variance = self.predict(frfs)
         measured = frfs.measured
         stated = np.nan if frfs.variance is None else frfs.variance
@@ -108,11 +140,16 @@ class Predictor:
             for part, spread in zip((error.real, error.imag), variance, strict=True)
         ]
         return HeldOut(
-            points=points, band_hz=band_hz, agreement=agreement(frfs, predicted), coverage_95=float(np.mean(inside))
+            points=points,
+            band_hz=band_hz,
+            agreement=agreement(frfs, predicted),
+            coverage_95=float(np.mean(inside)),
         )
 
     def _noise(self, predicted: ComplexArray) -> FloatArray:
-        """(N, L) noise variance of unseen FRFs: the fitted ones' v = a² + b²|H|², with the median a² and b²."""
+        """(N, L) noise variance of unseen FRFs: the fitted ones' v = a² + b²|H|², with the median
+        a² and b².
+        """
         seen, modal = self.damping.reference.misfit, self.damping.reference.fit
         level = np.abs(seen.predict(modal.eigenvalue, modal.rate)) ** 2
         rows = zip(level, seen.variance, seen.counted, strict=True)
@@ -132,7 +169,10 @@ def agreement(frfs: FrfSet, predicted: ComplexArray) -> FrfCorrelation:
     """SAC, FRAC, CSAC and CSF of some FRFs, over the values that were measured."""
     values, there = (np.where(frfs.measured, each, 0) for each in (frfs.values, predicted))
     return FrfCorrelation(
-        sac=sac(values, there), frac=frac(values, there), csac=csac(values, there), csf=csf(values, there)
+        sac=sac(values, there),
+        frac=frac(values, there),
+        csac=csac(values, there),
+        csf=csf(values, there),
     )
 
 

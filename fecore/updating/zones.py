@@ -1,19 +1,25 @@
-"""Where the stiffness of a body has changed: in few of its sets, or in stretches of a strip that begin and end anywhere.
+"""Where the stiffness of a body has changed: in few of its sets, or in stretches of a strip that
+begin and end anywhere.
 
-One factor for the whole of a zone fits the modes of a body that is damaged between the lines by changes of zones in which
-nothing is. So each zone is divided into parts, and the posterior is that over all stretches of parts (`stretches`), linearised
-at its own mean until that rests. Of a zone its mean is reported, 1/s = (1/L) ∫ dx/s(x), of which modes know more than of how
-long and how deep a stretch is. The model of the result has the mean changes of all parts; a zone's factor scales its own.
+One factor for the whole of a zone fits the modes of a body that is damaged between the lines by
+changes of zones in which nothing is. So each zone is divided into parts, and the posterior is that
+over all stretches of parts (`stretches`), linearised at its own mean until that rests. Of a zone
+its mean is reported, 1/s = (1/L) ∫ dx/s(x), of which modes know more than of how long and how deep
+a stretch is. The model of the result has the mean changes of all parts; a zone's factor scales its
+own.
 
-Where a body of sets has lost stiffness, stage 1 is made anew: the prior of the factors of sets expects nearly all of them
-to be 1. Damage sits in one place or two. A factor of its own for every place, each with the same wide prior, would spread one
-place's loss over its neighbours. So each factor's prior standard deviation is itself estimated, by the evidence (MacKay, Neural
-Comput. 4, 1992; Tipping, J. Mach. Learn. Res. 1, 2001): with ξ = ln of the factor, σ² its posterior and s² its prior variance,
+Where a body of sets has lost stiffness, stage 1 is made anew: the prior of the factors of sets
+expects nearly all of them to be 1. Damage sits in one place or two. A factor of its own for every
+place, each with the same wide prior, would spread one place's loss over its neighbours. So each
+factor's prior standard deviation is itself estimated, by the evidence (MacKay, Neural Comput. 4,
+1992; Tipping, J. Mach. Learn. Res. 1, 2001): with ξ = ln of the factor, σ² its posterior and s² its
+prior variance,
 
     γ = 1 - σ²/s²,     s² ← ξ²/γ,
 
-where γ is the share of what is known of the factor that the data supply. A factor that the data do not move is held ever more
-firmly at 1; one that they move keeps its room, up to the standard deviation that the recipe states.
+where γ is the share of what is known of the factor that the data supply. A factor that the data do
+not move is held ever more firmly at 1; one that they move keeps its room, up to the standard
+deviation that the recipe states.
 """
 
 from __future__ import annotations
@@ -34,14 +40,17 @@ from fecore.updating.stretches import Compliance, Partitions, Stretches
 from fecore.updating.temperature import with_temperature
 
 _PARTS, _FEWEST = 30, 3  # of a body, about; of a zone, at least
-_ROUNDS, _RESTS = 8, 0.2  # linearisations at most; posterior standard deviations that their point may still move
+# linearisations at most; posterior standard deviations that their point may still move
+_ROUNDS, _RESTS = 8, 0.2
 _LEAST = 0.003  # relative: a factor that is held more firmly is 1
-_KNOWN_AT_LEAST = 0.02  # of γ, so that one round changes a standard deviation by no more than sevenfold its share
+# of γ, so that one round changes a standard deviation by no more than sevenfold its share
+_KNOWN_AT_LEAST = 0.02
 _SAME = 0.1  # relative change of every standard deviation that changes nothing
 
 
 def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
-    """The elastic update of one campaign with zones changed by stretches; as it is where no zone's factor is updated.
+    """The elastic update of one campaign with zones changed by stretches; as it is where no zone's
+    factor is updated.
 
     Args:
         first: the update with one factor for the whole of each zone.
@@ -58,18 +67,25 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
         states = layout.solved(x)
         pairings = misfit.pair(states)
         shapes = misfit.shape_errors(states, pairings, first.discrepancy)
-        problem = misfit.linear(x, states, pairings, first.weights, shapes, misfit.by_shear(states, pairings))
-        partitions = Partitions(problem, parts.compliance, parts.lines, parts.number[parts.number >= 0])
+        problem = misfit.linear(
+            x, states, pairings, first.weights, shapes, misfit.by_shear(states, pairings)
+        )
+        partitions = Partitions(
+            problem, parts.compliance, parts.lines, parts.number[parts.number >= 0]
+        )
         moved, x = partitions.mean - parts.compliance.of(x), parts.compliance.back(partitions.mean)
         if np.all(np.abs(moved) <= _RESTS * partitions.sd):
             break
     whole = Compliance(zones, prior.prior_mean)
     at = whole.back(parts.to_zones @ partitions.mean)
     mixture = partitions.of(parts.to_zones, whole, at)
-    # MacKay, Neural Comput. 4, 1992: the variance s² of a factor's prior that has the largest evidence is E ξ².
+    # MacKay, Neural Comput. 4, 1992: the variance s² of a factor's prior that has the largest
+    # evidence is E ξ².
     known = prior.prior_mean * np.clip(np.sqrt(np.diag(mixture.total) + at**2), _LEAST, prior.xi_sd)
     body = replace(prior.body, profile=parts.profile(x))  # type: ignore[type-var]
-    layout = first.layout.with_prior(replace(prior, body=body, prior_sd=np.where(zones, known, prior.prior_sd)))
+    layout = first.layout.with_prior(
+        replace(prior, body=body, prior_sd=np.where(zones, known, prior.prior_sd))
+    )
     misfit, states = replace(misfit, layout=layout), layout.solved(at)
     pairings = misfit.pair(states)
     return replace(
@@ -78,13 +94,16 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
         x=at,
         states=states,
         pairings=pairings,
-        problem=misfit.linear(at, states, pairings, first.weights, shapes, misfit.by_shear(states, pairings)),
+        problem=misfit.linear(
+            at, states, pairings, first.weights, shapes, misfit.by_shear(states, pairings)
+        ),
         stretches=Stretches(parts.lines, partitions.change, mixture),
     )
 
 
 def with_sparse_factors(first: ElasticResult, recipe: Recipe) -> ElasticResult:
-    """The elastic update of one campaign with sparse factors of sets; as it is where none is updated.
+    """The elastic update of one campaign with sparse factors of sets; as it is where none is
+    updated.
 
     Args:
         first: the update with the recipe's priors.
@@ -114,7 +133,8 @@ def with_sparse_factors(first: ElasticResult, recipe: Recipe) -> ElasticResult:
 def _variance(result: ElasticResult, factors: list[int]) -> FloatArray:
     """(z,) posterior variances of the factors' logarithms."""
     variance: FloatArray = sum(
-        (np.sum(part[factors] ** 2, axis=1) for part in result.sources.values()), np.zeros(len(factors))
+        (np.sum(part[factors] ** 2, axis=1) for part in result.sources.values()),
+        np.zeros(len(factors)),
     )
     return variance
 
@@ -137,20 +157,35 @@ class _Parts:
         lines = divided(body.zones, body.length, count)
 
         def part(name: str, which: int) -> str:
-            return f"zone_{(_number(name) - 1) * count + which}" if kind_of(name) == "zone" else name
+            return (
+                f"zone_{(_number(name) - 1) * count + which}" if kind_of(name) == "zone" else name
+            )
 
         parameters = [
-            replace(each, name=part(each.name, which), tied_to=each.tied_to and part(each.tied_to, which))
+            replace(
+                each,
+                name=part(each.name, which),
+                tied_to=each.tied_to and part(each.tied_to, which),
+            )
             for each in recipe.parameters or default_parameters(body)
             for which in range(1, count + 1 if kind_of(each.name) == "zone" else 2)
         ]
         prior = parametrise(replace(body, zones=lines), parameters)
         if coarse.warmth is not None:
-            prior = with_temperature(prior, coarse.warmth.reference, coarse.warmth.temperature, reported=False)
+            prior = with_temperature(
+                prior, coarse.warmth.reference, coarse.warmth.temperature, reported=False
+            )
         own = zip(coarse.names, coarse.prior_sd.tolist(), strict=True)
-        prior = prior.with_inputs({name: sd for name, sd in own if name not in {*coarse.reported, *prior.names}})
-        number = np.array([_number(name) - 1 if kind_of(name) == "zone" else -1 for name in prior.names])
-        owner = [f"zone_{k // count + 1}" if k >= 0 else n for k, n in zip(number, prior.names, strict=True)]
+        prior = prior.with_inputs(
+            {name: sd for name, sd in own if name not in {*coarse.reported, *prior.names}}
+        )
+        number = np.array(
+            [_number(name) - 1 if kind_of(name) == "zone" else -1 for name in prior.names]
+        )
+        owner = [
+            f"zone_{k // count + 1}" if k >= 0 else n
+            for k, n in zip(number, prior.names, strict=True)
+        ]
         column = np.array([coarse.names.index(name) for name in owner])
         return cls(prior, number, column, np.array([0.0, *lines, body.length]))
 
@@ -174,7 +209,9 @@ class _Parts:
         change = np.where(factors, np.exp(-x) / self.prior.prior_mean - 1, 0.0)
         mean, size = self.to_zones @ change, self.to_zones @ np.abs(change)
         uneven = np.abs(mean) > size / 2
-        share = np.where(uneven[self.column], change / np.where(uneven, mean, 1.0)[self.column], 1.0)
+        share = np.where(
+            uneven[self.column], change / np.where(uneven, mean, 1.0)[self.column], 1.0
+        )
         profile[self.number[factors]] = share[factors]
         return tuple(profile.tolist())
 

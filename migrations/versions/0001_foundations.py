@@ -29,11 +29,19 @@ def upgrade() -> None:
 
 
 def access() -> None:
-    op.create_table("users", *identified(), sa.Column("name", sa.String(), nullable=False, unique=True))
+    op.create_table(
+        "users", *identified(), sa.Column("name", sa.String(), nullable=False, unique=True)
+    )
     op.create_table(
         "api_keys",
         *identified(),
-        sa.Column("user_id", sa.Uuid(), sa.ForeignKey("users.id", ondelete="CASCADE"), nullable=False, index=True),
+        sa.Column(
+            "user_id",
+            sa.Uuid(),
+            sa.ForeignKey("users.id", ondelete="CASCADE"),
+            nullable=False,
+            index=True,
+        ),
         sa.Column("name", sa.String(), nullable=False),
         sa.Column("prefix", sa.String(), nullable=False, unique=True),
         sa.Column("secret_sha256", sa.LargeBinary(), nullable=False),
@@ -48,8 +56,19 @@ def access() -> None:
     )
     op.create_table(
         "members",
-        sa.Column("project_id", sa.Uuid(), sa.ForeignKey("projects.id", ondelete="CASCADE"), primary_key=True),
-        sa.Column("user_id", sa.Uuid(), sa.ForeignKey("users.id", ondelete="CASCADE"), primary_key=True, index=True),
+        sa.Column(
+            "project_id",
+            sa.Uuid(),
+            sa.ForeignKey("projects.id", ondelete="CASCADE"),
+            primary_key=True,
+        ),
+        sa.Column(
+            "user_id",
+            sa.Uuid(),
+            sa.ForeignKey("users.id", ondelete="CASCADE"),
+            primary_key=True,
+            index=True,
+        ),
         sa.Column("role", sa.String(), nullable=False),
         sa.CheckConstraint("role IN ('viewer', 'editor', 'owner')", "role"),
     )
@@ -76,7 +95,12 @@ def jobs() -> None:
         "jobs",
         *identified(),
         sa.Column("kind", sa.String(), nullable=False),
-        sa.Column("project_id", sa.Uuid(), sa.ForeignKey("projects.id", ondelete="CASCADE"), nullable=False),
+        sa.Column(
+            "project_id",
+            sa.Uuid(),
+            sa.ForeignKey("projects.id", ondelete="CASCADE"),
+            nullable=False,
+        ),
         sa.Column("queue", sa.String(), nullable=False),
         sa.Column("state", sa.String(), server_default="queued", nullable=False),
         sa.Column("priority", sa.Integer(), server_default="0", nullable=False),
@@ -91,10 +115,18 @@ def jobs() -> None:
         sa.Column("queued_at", INSTANT, server_default=sa.func.now(), nullable=False),
         sa.Column("started_at", INSTANT),
         sa.Column("finished_at", INSTANT),
-        sa.Column("cancel_requested", sa.Boolean(), server_default=sa.text("false"), nullable=False),
-        sa.CheckConstraint("state IN ('queued', 'running', 'succeeded', 'failed', 'cancelled')", "state"),
+        sa.Column(
+            "cancel_requested", sa.Boolean(), server_default=sa.text("false"), nullable=False
+        ),
+        sa.CheckConstraint(
+            "state IN ('queued', 'running', 'succeeded', 'failed', 'cancelled')", "state"
+        ),
         sa.CheckConstraint("progress BETWEEN 0 AND 1", "progress"),
-        sa.Index("ix_jobs_running_lease_until", "lease_until", postgresql_where=sa.text("state = 'running'")),
+        sa.Index(
+            "ix_jobs_running_lease_until",
+            "lease_until",
+            postgresql_where=sa.text("state = 'running'"),
+        ),
         sa.Index("ix_jobs_project_id_id", "project_id", "id"),
     )
 

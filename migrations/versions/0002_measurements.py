@@ -125,7 +125,12 @@ def imports() -> None:
     )
     op.create_table(
         "original_chunks",
-        sa.Column("sha256", sa.LargeBinary(), sa.ForeignKey("originals.sha256", ondelete="CASCADE"), primary_key=True),
+        sa.Column(
+            "sha256",
+            sa.LargeBinary(),
+            sa.ForeignKey("originals.sha256", ondelete="CASCADE"),
+            primary_key=True,
+        ),
         sa.Column("number", sa.Integer(), primary_key=True, autoincrement=False),
         sa.Column("data", sa.LargeBinary(), nullable=False),
     )
@@ -175,7 +180,12 @@ def frfs() -> None:
     op.create_index(None, "frfs", ["campaign_id", "response_point", "id"])
     op.create_index(None, "frfs", ["import_id", "dataset"], unique=True)
     # Noise does not compress; out of line, a list of FRFs never touches a spectrum.
-    for table, column in (("frfs", "data"), ("frfs", "coherence"), ("frfs", "axis"), ("original_chunks", "data")):
+    for table, column in (
+        ("frfs", "data"),
+        ("frfs", "coherence"),
+        ("frfs", "axis"),
+        ("original_chunks", "data"),
+    ):
         op.execute(f"ALTER TABLE {table} ALTER COLUMN {column} SET STORAGE EXTERNAL")
 
 

@@ -14,9 +14,24 @@ def upgrade() -> None:
     op.create_table(
         "update_jobs",
         sa.Column("id", sa.Uuid(), sa.ForeignKey("jobs.id"), primary_key=True),
-        sa.Column("project_id", sa.Uuid(), sa.ForeignKey("projects.id", ondelete="CASCADE"), nullable=False),
-        sa.Column("campaign_id", sa.Uuid(), sa.ForeignKey("campaigns.id", ondelete="CASCADE"), nullable=False),
-        sa.Column("structure_version_id", sa.Uuid(), sa.ForeignKey("structure_versions.id"), nullable=False),
+        sa.Column(
+            "project_id",
+            sa.Uuid(),
+            sa.ForeignKey("projects.id", ondelete="CASCADE"),
+            nullable=False,
+        ),
+        sa.Column(
+            "campaign_id",
+            sa.Uuid(),
+            sa.ForeignKey("campaigns.id", ondelete="CASCADE"),
+            nullable=False,
+        ),
+        sa.Column(
+            "structure_version_id",
+            sa.Uuid(),
+            sa.ForeignKey("structure_versions.id"),
+            nullable=False,
+        ),
         sa.Column("recipe", JSONB(), nullable=False),
         sa.Column("idempotency_key", sa.String()),
     )
@@ -24,8 +39,12 @@ def upgrade() -> None:
     op.create_index(None, "update_jobs", ["project_id", "idempotency_key"], unique=True)
     op.create_table(
         "update_results",
-        sa.Column("id", sa.Uuid(), sa.ForeignKey("update_jobs.id", ondelete="CASCADE"), primary_key=True),
-        sa.Column("created_at", sa.DateTime(timezone=True), server_default=sa.func.now(), nullable=False),
+        sa.Column(
+            "id", sa.Uuid(), sa.ForeignKey("update_jobs.id", ondelete="CASCADE"), primary_key=True
+        ),
+        sa.Column(
+            "created_at", sa.DateTime(timezone=True), server_default=sa.func.now(), nullable=False
+        ),
         sa.Column("document", sa.JSON(), nullable=False),
         sa.Column("prediction", sa.LargeBinary(), nullable=False),
     )

@@ -1,4 +1,6 @@
-"""Jobs: versions that watchers follow, losses, the request that asked, fair claims, checkpoints; priorities."""
+"""Jobs: versions that watchers follow, losses, the request that asked, fair claims, checkpoints;
+priorities.
+"""
 
 import sqlalchemy as sa
 from alembic import op
@@ -36,12 +38,19 @@ def upgrade() -> None:
         postgresql_where=sa.text("state = 'queued'"),
     )
     op.execute(CHANGE_FUNCTION)
-    op.execute("CREATE TRIGGER job_changed BEFORE UPDATE ON jobs FOR EACH ROW EXECUTE FUNCTION job_changed()")
+    op.execute(
+        "CREATE TRIGGER job_changed BEFORE UPDATE ON jobs FOR EACH ROW EXECUTE FUNCTION"
+        " job_changed()"
+    )
     op.create_table(
         "job_checkpoints",
-        sa.Column("job_id", sa.Uuid(), sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+        sa.Column(
+            "job_id", sa.Uuid(), sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True
+        ),
         sa.Column("attempt", sa.Integer(), nullable=False),
-        sa.Column("saved_at", sa.DateTime(timezone=True), server_default=sa.func.now(), nullable=False),
+        sa.Column(
+            "saved_at", sa.DateTime(timezone=True), server_default=sa.func.now(), nullable=False
+        ),
         sa.Column("data", sa.LargeBinary(), nullable=False),
     )
     op.execute("ALTER TABLE job_checkpoints ALTER COLUMN data SET STORAGE EXTERNAL")

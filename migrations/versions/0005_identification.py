@@ -14,7 +14,12 @@ def upgrade() -> None:
     op.create_table(
         "identifications",
         sa.Column("id", sa.Uuid(), sa.ForeignKey("jobs.id"), primary_key=True),
-        sa.Column("campaign_id", sa.Uuid(), sa.ForeignKey("campaigns.id", ondelete="CASCADE"), nullable=False),
+        sa.Column(
+            "campaign_id",
+            sa.Uuid(),
+            sa.ForeignKey("campaigns.id", ondelete="CASCADE"),
+            nullable=False,
+        ),
         sa.Column("options", JSONB(), nullable=False),
         sa.Column("document", sa.JSON(none_as_null=True)),
     )

@@ -1,4 +1,6 @@
-"""Monitors with their series, runs and assessments; alarms and their history; webhooks and deliveries."""
+"""Monitors with their series, runs and assessments; alarms and their history; webhooks and
+deliveries.
+"""
 
 import sqlalchemy as sa
 from alembic import op
@@ -32,7 +34,12 @@ def identified() -> tuple[sa.Column, sa.Column]:  # type: ignore[type-arg]
 
 
 def refers(
-    column: str, table: str, *, nullable: bool = False, cascade: bool = False, primary_key: bool = False
+    column: str,
+    table: str,
+    *,
+    nullable: bool = False,
+    cascade: bool = False,
+    primary_key: bool = False,
 ) -> sa.Column:  # type: ignore[type-arg]
     key = sa.ForeignKey(f"{table}.id", ondelete="CASCADE" if cascade else None)
     return sa.Column(column, sa.Uuid(), key, nullable=nullable, primary_key=primary_key)
@@ -85,7 +92,9 @@ def monitors() -> None:
         sa.Column("state_rank", sa.Integer(), nullable=False),
         sa.Column("state_since", INSTANT, server_default=sa.func.now(), nullable=False),
         sa.Column("updated_at", INSTANT, server_default=sa.func.now(), nullable=False),
-        sa.CheckConstraint("state IN ('no data', 'normal', 'pending', 'alarm', 'acknowledged')", "state"),
+        sa.CheckConstraint(
+            "state IN ('no data', 'normal', 'pending', 'alarm', 'acknowledged')", "state"
+        ),
     )
     op.create_index(None, "monitors", ["structure_id", "id"])
     op.create_index(None, "monitors", ["state_rank", "id"])
@@ -121,7 +130,9 @@ def series() -> None:
         sa.CheckConstraint("state IN ('running', 'succeeded', 'failed', 'refused')", "state"),
     )
     running = sa.text("state = 'running'")
-    op.create_index("ix_monitor_runs_running", "monitor_runs", ["update_job_id"], postgresql_where=running)
+    op.create_index(
+        "ix_monitor_runs_running", "monitor_runs", ["update_job_id"], postgresql_where=running
+    )
     op.create_table(
         "monitor_assessments",
         refers("id", "jobs", primary_key=True),

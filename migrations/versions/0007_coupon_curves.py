@@ -13,7 +13,12 @@ depends_on = None
 def upgrade() -> None:
     op.create_table(
         "coupon_curves",
-        sa.Column("coupon_id", sa.Uuid(), sa.ForeignKey("coupons.id", ondelete="CASCADE"), primary_key=True),
+        sa.Column(
+            "coupon_id",
+            sa.Uuid(),
+            sa.ForeignKey("coupons.id", ondelete="CASCADE"),
+            primary_key=True,
+        ),
         sa.Column("filename", sa.String(), nullable=False),
         sa.Column("file_sha256", sa.LargeBinary(), nullable=False),
         sa.Column("file_size", sa.Integer(), nullable=False),
@@ -27,7 +32,8 @@ def upgrade() -> None:
         sa.Column("file", sa.LargeBinary(), nullable=False),
         sa.Column("data", sa.LargeBinary(), nullable=False),
     )
-    op.execute("ALTER TABLE coupon_curves ALTER COLUMN data SET STORAGE EXTERNAL")  # measured numbers do not compress
+    # measured numbers do not compress
+    op.execute("ALTER TABLE coupon_curves ALTER COLUMN data SET STORAGE EXTERNAL")
 
 
 def downgrade() -> None:

@@ -1,4 +1,6 @@
-"""Chunks of uploaded files that fill a page each, in the table itself; larger ones, of earlier versions, stay as they are."""
+"""Chunks of uploaded files that fill a page each, in the table itself; larger ones, of earlier
+versions, stay as they are.
+"""
 
 from alembic import op
 

@@ -1,4 +1,6 @@
-"""Jobs: the ticket of the engine that runs each, which its heartbeats watch over in place of leases of our own."""
+"""Jobs: the ticket of the engine that runs each, which its heartbeats watch over in place of leases
+of our own.
+"""
 
 import sqlalchemy as sa
 from alembic import op
@@ -54,10 +56,18 @@ def upgrade() -> None:
     op.execute(NEW_TICKETS)
     op.drop_index("ix_jobs_running_lease_until")
     op.drop_column("jobs", "lease_until")
-    op.create_index("ix_jobs_running_project_id", "jobs", ["project_id"], postgresql_where=sa.text("state = 'running'"))
+    op.create_index(
+        "ix_jobs_running_project_id",
+        "jobs",
+        ["project_id"],
+        postgresql_where=sa.text("state = 'running'"),
+    )
     op.execute(CHANGE_FUNCTION.format(cancelling=""))
     op.execute(DELETE_FUNCTION)
-    op.execute("CREATE TRIGGER job_deleted AFTER DELETE ON jobs FOR EACH ROW EXECUTE FUNCTION job_deleted()")
+    op.execute(
+        "CREATE TRIGGER job_deleted AFTER DELETE ON jobs FOR EACH ROW EXECUTE FUNCTION"
+        " job_deleted()"
+    )
 
 
 def downgrade() -> None:
@@ -67,6 +77,9 @@ def downgrade() -> None:
     op.drop_index("ix_jobs_running_project_id")
     op.add_column("jobs", sa.Column("lease_until", sa.DateTime(timezone=True)))
     op.create_index(
-        "ix_jobs_running_lease_until", "jobs", ["lease_until"], postgresql_where=sa.text("state = 'running'")
+        "ix_jobs_running_lease_until",
+        "jobs",
+        ["lease_until"],
+        postgresql_where=sa.text("state = 'running'"),
     )
     op.drop_column("jobs", "ticket")

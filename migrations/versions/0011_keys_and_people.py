@@ -1,5 +1,7 @@
-"""Keys with scopes and an end, users that are disabled, projects and structures that are archived or deleted, and an audit
-trail that nothing changes: a trigger refuses it, and what an event names may be purged without touching the event.
+"""Keys with scopes and an end, users that are disabled, projects and structures that are archived
+or deleted, and an audit
+trail that nothing changes: a trigger refuses it, and what an event names may be purged without
+touching the event.
 """
 
 import sqlalchemy as sa
@@ -17,13 +19,18 @@ WITHIN_A_PROJECT = {
     "imports": ["fk_imports_id_jobs"],
     "frfs": ["fk_frfs_import_id_imports"],
     "mode_sets": ["fk_mode_sets_import_id_imports"],
-    "update_jobs": ["fk_update_jobs_id_jobs", "fk_update_jobs_structure_version_id_structure_versions"],
+    "update_jobs": [
+        "fk_update_jobs_id_jobs",
+        "fk_update_jobs_structure_version_id_structure_versions",
+    ],
     "identifications": ["fk_identifications_id_jobs"],
     "monitors": ["fk_monitors_structure_version_id_structure_versions"],
     "monitor_runs": ["fk_monitor_runs_update_job_id_update_jobs"],
     "monitor_assessments": ["fk_monitor_assessments_id_jobs"],
 }
-"""Rows that go with their project, in whatever order: a purge has them checked when all of it is gone."""
+"""Rows that go with their project, in whatever order: a purge has them checked when all of it is
+gone.
+"""
 
 REFUSE = """
 CREATE FUNCTION audit_is_kept() RETURNS trigger LANGUAGE plpgsql AS $$
@@ -42,9 +49,13 @@ def upgrade() -> None:
     op.add_column("api_keys", sa.Column("expires_at", MOMENT))
     op.add_column(
         "api_keys",
-        sa.Column("scopes", postgresql.JSONB, nullable=False, server_default=sa.text(f"'{ALL_SCOPES}'")),
+        sa.Column(
+            "scopes", postgresql.JSONB, nullable=False, server_default=sa.text(f"'{ALL_SCOPES}'")
+        ),
     )
-    op.add_column("projects", sa.Column("updated_at", MOMENT, nullable=False, server_default=sa.func.now()))
+    op.add_column(
+        "projects", sa.Column("updated_at", MOMENT, nullable=False, server_default=sa.func.now())
+    )
     op.add_column("projects", sa.Column("archived_at", MOMENT))
     op.add_column("projects", sa.Column("deleted_at", MOMENT))
     op.add_column("structures", sa.Column("deleted_at", MOMENT))
@@ -66,9 +77,17 @@ def downgrade() -> None:
     op.execute("DROP TRIGGER audit_is_kept ON audit_events")
     op.execute("DROP FUNCTION audit_is_kept()")
     for column, table in (("user_id", "users"), ("project_id", "projects")):
-        op.execute(f"UPDATE audit_events SET {column} = NULL WHERE {column} NOT IN (SELECT id FROM {table})")
+        op.execute(
+            f"UPDATE audit_events SET {column} = NULL WHERE {column} NOT IN (SELECT id FROM"
+            f" {table})"
+        )
         op.create_foreign_key(
-            f"fk_audit_events_{column}_{table}", "audit_events", table, [column], ["id"], ondelete="SET NULL"
+            f"fk_audit_events_{column}_{table}",
+            "audit_events",
+            table,
+            [column],
+            ["id"],
+            ondelete="SET NULL",
         )
     op.drop_column("structures", "deleted_at")
     for column in ("deleted_at", "archived_at", "updated_at"):

@@ -16,8 +16,15 @@ def upgrade() -> None:
     op.create_table(
         "records",
         sa.Column("id", sa.Uuid(), server_default=sa.text("uuidv7()"), primary_key=True),
-        sa.Column("created_at", sa.DateTime(timezone=True), server_default=sa.func.now(), nullable=False),
-        sa.Column("campaign_id", sa.Uuid(), sa.ForeignKey("campaigns.id", ondelete="CASCADE"), nullable=False),
+        sa.Column(
+            "created_at", sa.DateTime(timezone=True), server_default=sa.func.now(), nullable=False
+        ),
+        sa.Column(
+            "campaign_id",
+            sa.Uuid(),
+            sa.ForeignKey("campaigns.id", ondelete="CASCADE"),
+            nullable=False,
+        ),
         sa.Column("label", sa.String(), nullable=False),
         sa.Column("filename", sa.String(), nullable=False),
         sa.Column("quantity", sa.String(), nullable=False),
@@ -35,13 +42,19 @@ def upgrade() -> None:
         sa.Column("sha256", sa.LargeBinary(), nullable=False),
         sa.Column("data", sa.LargeBinary(), nullable=False),
     )
-    op.execute("ALTER TABLE records ALTER COLUMN data SET STORAGE EXTERNAL")  # measured numbers do not compress
+    # measured numbers do not compress
+    op.execute("ALTER TABLE records ALTER COLUMN data SET STORAGE EXTERNAL")
     op.create_index(None, "records", ["campaign_id", "id"])
     op.create_index("ix_records_hit", "records", HIT, unique=True)
     op.create_table(
         "processings",
         sa.Column("id", sa.Uuid(), sa.ForeignKey("jobs.id"), primary_key=True),
-        sa.Column("campaign_id", sa.Uuid(), sa.ForeignKey("campaigns.id", ondelete="CASCADE"), nullable=False),
+        sa.Column(
+            "campaign_id",
+            sa.Uuid(),
+            sa.ForeignKey("campaigns.id", ondelete="CASCADE"),
+            nullable=False,
+        ),
         sa.Column("options", JSONB(), nullable=False),
         sa.Column("document", sa.JSON(none_as_null=True)),
     )

@@ -1,4 +1,6 @@
-"""A structure may be any body: geometry and density are what an update needs, an identification does without."""
+"""A structure may be any body: geometry and density are what an update needs, an identification
+does without.
+"""
 
 from alembic import op
 

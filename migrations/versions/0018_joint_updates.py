@@ -20,9 +20,14 @@ def upgrade() -> None:
         sa.Column("campaigns", postgresql.JSONB(), nullable=False),
         sa.Column("idempotency_key", sa.String(), nullable=True),
         sa.Column("document", sa.JSON(), nullable=True),
-        sa.ForeignKeyConstraint(["id"], ["jobs.id"], name=op.f("fk_joint_updates_id_jobs"), deferrable=True),
         sa.ForeignKeyConstraint(
-            ["project_id"], ["projects.id"], name=op.f("fk_joint_updates_project_id_projects"), ondelete="CASCADE"
+            ["id"], ["jobs.id"], name=op.f("fk_joint_updates_id_jobs"), deferrable=True
+        ),
+        sa.ForeignKeyConstraint(
+            ["project_id"],
+            ["projects.id"],
+            name=op.f("fk_joint_updates_project_id_projects"),
+            ondelete="CASCADE",
         ),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_joint_updates")),
     )

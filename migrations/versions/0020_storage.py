@@ -1,4 +1,6 @@
-"""What each project stores, entered as it is stored; what is there already is entered once for each campaign and kind."""
+"""What each project stores, entered as it is stored; what is there already is entered once for each
+campaign and kind.
+"""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,14 +12,23 @@ depends_on = None
 
 OWNERS = ("projects", "structures", "campaigns")
 OF_CAMPAIGNS = {
-    "files": "SELECT campaign_id, size FROM (SELECT DISTINCT campaign_id, sha256 FROM imports) i JOIN originals USING (sha256)",
-    "frfs": "SELECT campaign_id, octet_length(data) + coalesce(octet_length(coherence), 0)"
-    " + coalesce(octet_length(variance), 0) + coalesce(octet_length(axis), 0) FROM frfs",
+    "files": (
+        "SELECT campaign_id, size FROM (SELECT DISTINCT campaign_id, sha256 FROM imports) i JOIN"
+        " originals USING (sha256)"
+    ),
+    "frfs": (
+        "SELECT campaign_id, octet_length(data) + coalesce(octet_length(coherence), 0)"
+        " + coalesce(octet_length(variance), 0) + coalesce(octet_length(axis), 0) FROM frfs"
+    ),
     "records": "SELECT campaign_id, octet_length(data) FROM records",
-    "modes": "SELECT campaign_id, coalesce(octet_length(shape::text), 0) FROM modes m JOIN mode_sets s ON s.id = m.mode_set_id"
-    " WHERE origin = 'typed'",
-    "results": "SELECT campaign_id, octet_length(prediction) + octet_length(document::text)"
-    " FROM update_results r JOIN update_jobs j ON j.id = r.id",
+    "modes": (
+        "SELECT campaign_id, coalesce(octet_length(shape::text), 0) FROM modes m JOIN mode_sets s"
+        " ON s.id = m.mode_set_id WHERE origin = 'typed'"
+    ),
+    "results": (
+        "SELECT campaign_id, octet_length(prediction) + octet_length(document::text)"
+        " FROM update_results r JOIN update_jobs j ON j.id = r.id"
+    ),
 }
 CURVES = (
     "SELECT structure_id, octet_length(file) + octet_length(data) FROM coupon_curves v"
@@ -26,27 +37,40 @@ CURVES = (
 
 
 def upgrade() -> None:
-    """One row for each campaign and kind, with a key and a time that do not depend on when it is made."""
+    """One row for each campaign and kind, with a key and a time that do not depend on when it is
+    made.
+    """
     op.create_table(
         "stored_bytes",
         sa.Column("id", sa.Uuid, server_default=sa.text("uuidv7()"), nullable=False),
-        sa.Column("created_at", sa.DateTime(timezone=True), server_default=sa.func.now(), nullable=False),
+        sa.Column(
+            "created_at", sa.DateTime(timezone=True), server_default=sa.func.now(), nullable=False
+        ),
         *(sa.Column(f"{owner[:-1]}_id", sa.Uuid, nullable=owner != "projects") for owner in OWNERS),
         sa.Column("kind", sa.String, nullable=False),
         sa.Column("size", sa.BigInteger, nullable=False),
         *(
             sa.ForeignKeyConstraint(
-                [f"{owner[:-1]}_id"], [f"{owner}.id"], f"fk_stored_bytes_{owner[:-1]}_id_{owner}", ondelete="CASCADE"
+                [f"{owner[:-1]}_id"],
+                [f"{owner}.id"],
+                f"fk_stored_bytes_{owner[:-1]}_id_{owner}",
+                ondelete="CASCADE",
             )
             for owner in OWNERS
         ),
         sa.PrimaryKeyConstraint("id", name="pk_stored_bytes"),
     )
-    op.create_index("ix_stored_bytes_project_id_kind_size", "stored_bytes", ["project_id", "kind", "size"])
+    op.create_index(
+        "ix_stored_bytes_project_id_kind_size", "stored_bytes", ["project_id", "kind", "size"]
+    )
     op.create_index("ix_stored_bytes_structure_id", "stored_bytes", ["structure_id"])
     op.create_index("ix_stored_bytes_campaign_id", "stored_bytes", ["campaign_id"])
     for kind, sizes in OF_CAMPAIGNS.items():
-        op.execute(_entries("campaign", kind, sizes, "campaigns JOIN structures s ON s.id = owner.structure_id"))
+        op.execute(
+            _entries(
+                "campaign", kind, sizes, "campaigns JOIN structures s ON s.id = owner.structure_id"
+            )
+        )
     op.execute(_entries("structure", "curves", CURVES, "structures"))
 
 

@@ -1,4 +1,6 @@
-"""Administrators: users who may look after other users by REST. Nobody is one until the operator says so."""
+"""Administrators: users who may look after other users by REST. Nobody is one until the operator
+says so.
+"""
 
 import sqlalchemy as sa
 from alembic import op
@@ -11,7 +13,10 @@ depends_on = None
 
 def upgrade() -> None:
     """One column."""
-    op.add_column("users", sa.Column("administrator", sa.Boolean, server_default=sa.text("false"), nullable=False))
+    op.add_column(
+        "users",
+        sa.Column("administrator", sa.Boolean, server_default=sa.text("false"), nullable=False),
+    )
 
 
 def downgrade() -> None:

@@ -12,7 +12,9 @@ depends_on = None
 
 def upgrade() -> None:
     """A column, empty where a structure is of one thickness."""
-    op.add_column("structure_versions", sa.Column("pieces", JSONB(none_as_null=True), nullable=True))
+    op.add_column(
+        "structure_versions", sa.Column("pieces", JSONB(none_as_null=True), nullable=True)
+    )
 
 
 def downgrade() -> None:

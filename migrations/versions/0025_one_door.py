@@ -19,7 +19,12 @@ def upgrade() -> None:
     op.execute("UPDATE imports SET format = 'uff'")
     op.add_column("records", sa.Column("import_id", sa.Uuid(), nullable=True))
     op.create_foreign_key(
-        op.f("fk_records_import_id_imports"), "records", "imports", ["import_id"], ["id"], deferrable=True
+        op.f("fk_records_import_id_imports"),
+        "records",
+        "imports",
+        ["import_id"],
+        ["id"],
+        deferrable=True,
     )
     op.create_index(op.f("ix_records_import_id"), "records", ["import_id"])
 

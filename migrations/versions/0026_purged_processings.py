@@ -1,4 +1,6 @@
-"""A project with processings can be purged: its jobs may go before the processings that they are of."""
+"""A project with processings can be purged: its jobs may go before the processings that they are
+of.
+"""
 
 from alembic import op
 

@@ -14,7 +14,12 @@ def upgrade() -> None:
     op.create_table(
         "hit_decisions",
         sa.Column("id", sa.Uuid(), server_default=sa.text("uuidv7()"), nullable=False),
-        sa.Column("created_at", sa.DateTime(timezone=True), server_default=sa.text("now()"), nullable=False),
+        sa.Column(
+            "created_at",
+            sa.DateTime(timezone=True),
+            server_default=sa.text("now()"),
+            nullable=False,
+        ),
         sa.Column("campaign_id", sa.Uuid(), nullable=False),
         sa.Column("point", sa.BigInteger(), nullable=False),
         sa.Column("direction", sa.Integer(), nullable=False),
@@ -23,7 +28,10 @@ def upgrade() -> None:
         sa.Column("why", sa.String(), nullable=False),
         sa.Column("by", sa.String(), nullable=False),
         sa.ForeignKeyConstraint(
-            ["campaign_id"], ["campaigns.id"], name="fk_hit_decisions_campaign_id_campaigns", ondelete="CASCADE"
+            ["campaign_id"],
+            ["campaigns.id"],
+            name="fk_hit_decisions_campaign_id_campaigns",
+            ondelete="CASCADE",
         ),
         sa.PrimaryKeyConstraint("id", name="pk_hit_decisions"),
     )

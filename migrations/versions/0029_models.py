@@ -23,17 +23,23 @@ def upgrade() -> None:
         sa.Column("document", sa.JSON(), nullable=True),
         sa.Column("arrays", sa.LargeBinary(), nullable=True),
         sa.Column("arrays_sha256", sa.LargeBinary(), nullable=True),
-        sa.ForeignKeyConstraint(["id"], ["jobs.id"], name="fk_structure_models_id_jobs", deferrable=True),
+        sa.ForeignKeyConstraint(
+            ["id"], ["jobs.id"], name="fk_structure_models_id_jobs", deferrable=True
+        ),
         sa.ForeignKeyConstraint(
             ["structure_id"],
             ["structures.id"],
             name="fk_structure_models_structure_id_structures",
             ondelete="CASCADE",
         ),
-        sa.ForeignKeyConstraint(["sha256"], ["originals.sha256"], name="fk_structure_models_sha256_originals"),
+        sa.ForeignKeyConstraint(
+            ["sha256"], ["originals.sha256"], name="fk_structure_models_sha256_originals"
+        ),
         sa.PrimaryKeyConstraint("id", name="pk_structure_models"),
     )
-    op.create_index("ix_structure_models_structure_id_id", "structure_models", ["structure_id", "id"])
+    op.create_index(
+        "ix_structure_models_structure_id_id", "structure_models", ["structure_id", "id"]
+    )
     op.execute("ALTER TABLE structure_models ALTER COLUMN arrays SET STORAGE EXTERNAL")
     op.add_column("structure_versions", sa.Column("model", sa.Uuid(), nullable=True))
     op.create_foreign_key(

@@ -1,4 +1,6 @@
-"""What a search asks: constants and verdicts of results in rows, words of structures and campaigns, and indexes."""
+"""What a search asks: constants and verdicts of results in rows, words of structures and campaigns,
+and indexes.
+"""
 
 import sqlalchemy as sa
 from alembic import op
@@ -13,7 +15,9 @@ CAMPAIGN_WORDS = (
     "(to_tsvector('simple'::regconfig, (name::text || ' '::text) || notes::text)"
     """ || jsonb_to_tsvector('simple'::regconfig, instruments, '["string", "numeric"]'::jsonb))"""
 )
-DRIVING_POINT = "response_point = reference_point AND abs(response_direction) = abs(reference_direction)"
+DRIVING_POINT = (
+    "response_point = reference_point AND abs(response_direction) = abs(reference_direction)"
+)
 INDEXES = {
     "ix_campaigns_performed_at": ("campaigns", ["performed_at"]),
     "ix_frfs_reference_point_id": ("frfs", ["reference_point", "id"]),
@@ -49,13 +53,24 @@ def upgrade() -> None:
         " WHERE p ->> 'estimate' IS NOT NULL"
     )
     op.create_index(
-        "ix_result_constants_name_estimate_result_id", "result_constants", ["name", "estimate", "result_id"]
+        "ix_result_constants_name_estimate_result_id",
+        "result_constants",
+        ["name", "estimate", "result_id"],
     )
-    op.create_index("ix_structures_words", "structures", [sa.text(STRUCTURE_WORDS)], postgresql_using="gin")
-    op.create_index("ix_campaigns_words", "campaigns", [sa.text(CAMPAIGN_WORDS)], postgresql_using="gin")
+    op.create_index(
+        "ix_structures_words", "structures", [sa.text(STRUCTURE_WORDS)], postgresql_using="gin"
+    )
+    op.create_index(
+        "ix_campaigns_words", "campaigns", [sa.text(CAMPAIGN_WORDS)], postgresql_using="gin"
+    )
     for name, (table, columns) in INDEXES.items():
         op.create_index(name, table, columns)
-    op.create_index("ix_frfs_driving_point", "frfs", ["campaign_id", "id"], postgresql_where=sa.text(DRIVING_POINT))
+    op.create_index(
+        "ix_frfs_driving_point",
+        "frfs",
+        ["campaign_id", "id"],
+        postgresql_where=sa.text(DRIVING_POINT),
+    )
 
 
 def downgrade() -> None:

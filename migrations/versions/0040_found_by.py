@@ -1,4 +1,6 @@
-"""The constants of a result and its campaign stand in its row, so that a search for results reads one table."""
+"""The constants of a result and its campaign stand in its row, so that a search for results reads
+one table.
+"""
 
 import sqlalchemy as sa
 from alembic import op
@@ -15,9 +17,12 @@ ENDS = {"": "estimate", "_sd": "standard_deviation", "_low": "low", "_high": "hi
 def upgrade() -> None:
     for name in CONSTANTS:
         for end in ENDS:
-            op.add_column("update_results", sa.Column(f"{name}{end}".lower(), sa.Float(), nullable=True))
+            op.add_column(
+                "update_results", sa.Column(f"{name}{end}".lower(), sa.Float(), nullable=True)
+            )
     values = ", ".join(
-        f"{name}{end} = (SELECT {column} FROM result_constants AS c WHERE c.result_id = r.id AND c.name = '{name}')"
+        f"{name}{end} = (SELECT {column} FROM result_constants AS c WHERE c.result_id = r.id AND"
+        f" c.name = '{name}')"
         for name in CONSTANTS
         for end, column in ENDS.items()
     )
@@ -58,7 +63,9 @@ def downgrade() -> None:
         sa.PrimaryKeyConstraint("result_id", "name", name="pk_result_constants"),
     )
     op.create_index(
-        "ix_result_constants_name_estimate_result_id", "result_constants", ["name", "estimate", "result_id"]
+        "ix_result_constants_name_estimate_result_id",
+        "result_constants",
+        ["name", "estimate", "result_id"],
     )
     op.drop_index("ix_update_results_campaign_id", "update_results")
     op.drop_column("update_results", "campaign_id")
@@ -66,7 +73,8 @@ def downgrade() -> None:
         op.drop_index(f"ix_update_results_{name.lower()}", "update_results")
         columns = ", ".join(f"{name}{end}" for end in ENDS)
         op.execute(
-            f"INSERT INTO result_constants SELECT id, '{name}', {columns} FROM update_results WHERE {name} IS NOT NULL"
+            f"INSERT INTO result_constants SELECT id, '{name}', {columns} FROM update_results WHERE"
+            f" {name} IS NOT NULL"
         )
         for end in ENDS:
             op.drop_column("update_results", f"{name}{end}".lower())

@@ -1,4 +1,6 @@
-"""Tags and free metadata of projects, structures, campaigns, FRFs and results, and what a project demands of them."""
+"""Tags and free metadata of projects, structures, campaigns, FRFs and results, and what a project
+demands of them.
+"""
 
 from typing import Any
 
@@ -20,8 +22,12 @@ def upgrade() -> None:
         for name, kind in LABELS.items():
             op.add_column(table, sa.Column(name, kind, server_default="{}", nullable=False))
             some = sa.text(f"{name} <> '{{}}'")
-            op.create_index(f"ix_{table}_{name}", table, [name], postgresql_using="gin", postgresql_where=some)
-    op.add_column("projects", sa.Column("schemas", postgresql.JSONB(), server_default="{}", nullable=False))
+            op.create_index(
+                f"ix_{table}_{name}", table, [name], postgresql_using="gin", postgresql_where=some
+            )
+    op.add_column(
+        "projects", sa.Column("schemas", postgresql.JSONB(), server_default="{}", nullable=False)
+    )
 
 
 def downgrade() -> None:

@@ -12,7 +12,9 @@ depends_on = None
 
 def upgrade() -> None:
     """Those of files that were read before stay in their originals."""
-    op.add_column("imports", sa.Column("trace_lines", postgresql.JSONB(none_as_null=True), nullable=True))
+    op.add_column(
+        "imports", sa.Column("trace_lines", postgresql.JSONB(none_as_null=True), nullable=True)
+    )
 
 
 def downgrade() -> None:

@@ -12,7 +12,9 @@ depends_on = None
 
 def upgrade() -> None:
     """Batches of before name none: they are of the whole body's material."""
-    op.add_column("coupon_batches", sa.Column("sets", postgresql.JSONB(), nullable=False, server_default="[]"))
+    op.add_column(
+        "coupon_batches", sa.Column("sets", postgresql.JSONB(), nullable=False, server_default="[]")
+    )
     op.alter_column("coupon_batches", "sets", server_default=None)
 
 

@@ -1,4 +1,6 @@
-"""Instruments with their calibrations; and constants of results that have no column, such as those of sets."""
+"""Instruments with their calibrations; and constants of results that have no column, such as those
+of sets.
+"""
 
 import sqlalchemy as sa
 from alembic import op
@@ -24,15 +26,23 @@ def upgrade() -> None:
         sa.Column("id", sa.Uuid(), server_default=sa.text("uuidv7()"), nullable=False),
         sa.Column("created_at", sa.DateTime(timezone=True), server_default=now, nullable=False),
         sa.Column("project_id", sa.Uuid(), nullable=False),
-        *(sa.Column(name, sa.String(), nullable=False) for name in ("kind", "serial", "model", "notes")),
+        *(
+            sa.Column(name, sa.String(), nullable=False)
+            for name in ("kind", "serial", "model", "notes")
+        ),
         sa.Column("calibrations", postgresql.JSONB(), nullable=False),
         sa.Column("updated_at", sa.DateTime(timezone=True), server_default=now, nullable=False),
         sa.Column("deleted_at", sa.DateTime(timezone=True), nullable=True),
         sa.ForeignKeyConstraint(
-            ["project_id"], ["projects.id"], name="fk_instruments_project_id_projects", ondelete="CASCADE"
+            ["project_id"],
+            ["projects.id"],
+            name="fk_instruments_project_id_projects",
+            ondelete="CASCADE",
         ),
         sa.PrimaryKeyConstraint("id", name="pk_instruments"),
-        sa.UniqueConstraint("project_id", "kind", "serial", name="uq_instruments_project_id_kind_serial"),
+        sa.UniqueConstraint(
+            "project_id", "kind", "serial", name="uq_instruments_project_id_kind_serial"
+        ),
     )
 
     empty = sa.Column("constants", postgresql.JSONB(), server_default="{}", nullable=False)

@@ -22,7 +22,10 @@ def upgrade() -> None:
         sa.Column("arrays", sa.LargeBinary(), nullable=True),
         sa.ForeignKeyConstraint(["id"], ["jobs.id"], name="fk_forecasts_id_jobs", deferrable=True),
         sa.ForeignKeyConstraint(
-            ["structure_id"], ["structures.id"], name="fk_forecasts_structure_id_structures", ondelete="CASCADE"
+            ["structure_id"],
+            ["structures.id"],
+            name="fk_forecasts_structure_id_structures",
+            ondelete="CASCADE",
         ),
         sa.ForeignKeyConstraint(
             ["structure_version_id"],

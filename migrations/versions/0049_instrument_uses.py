@@ -1,4 +1,6 @@
-"""What each campaign was measured with, a row for each instrument: searched by index, with the calibration that counted."""
+"""What each campaign was measured with, a row for each instrument: searched by index, with the
+calibration that counted.
+"""
 
 import sqlalchemy as sa
 from alembic import op
@@ -74,11 +76,17 @@ def upgrade() -> None:
         sa.Column("points", postgresql.ARRAY(sa.BigInteger()), nullable=True),
         sa.Column("others", postgresql.ARRAY(sa.BigInteger()), server_default="{}", nullable=False),
         sa.Column("instrument_id", sa.Uuid(), nullable=True),
-        *(sa.Column(name, sa.Date(), nullable=True) for name in ("calibrated_on", "calibrated_until")),
+        *(
+            sa.Column(name, sa.Date(), nullable=True)
+            for name in ("calibrated_on", "calibrated_until")
+        ),
         sa.Column("calibration_expired", sa.Boolean(), nullable=True),
         *(
             sa.ForeignKeyConstraint(
-                [f"{noun}_id"], [f"{noun}s.id"], name=f"fk_instrument_uses_{noun}_id_{noun}s", ondelete=then
+                [f"{noun}_id"],
+                [f"{noun}s.id"],
+                name=f"fk_instrument_uses_{noun}_id_{noun}s",
+                ondelete=then,
             )
             for noun, then in (("campaign", "CASCADE"), ("instrument", "SET NULL"))
         ),
@@ -92,7 +100,12 @@ def upgrade() -> None:
         ["campaign_id"],
         postgresql_where=sa.text("calibration_expired"),
     )
-    for statement in (STATE, CAMPAIGN, INSTRUMENT, "SELECT state_uses(ARRAY(SELECT id FROM campaigns))"):
+    for statement in (
+        STATE,
+        CAMPAIGN,
+        INSTRUMENT,
+        "SELECT state_uses(ARRAY(SELECT id FROM campaigns))",
+    ):
         op.execute(statement)
 
 

@@ -10,12 +10,10 @@ depends_on = None
 
 def upgrade() -> None:
     """State none where it is 0; the audit trail keeps what was sent."""
-    op.execute(
-        """UPDATE instruments SET calibrations = (SELECT jsonb_agg(
+    op.execute("""UPDATE instruments SET calibrations = (SELECT jsonb_agg(
              CASE WHEN c -> 'sensitivity' = '0' THEN c || '{"sensitivity": null}' ELSE c END ORDER BY n)
            FROM jsonb_array_elements(calibrations) WITH ORDINALITY AS one (c, n))
-           WHERE jsonb_path_exists(calibrations, '$[*] ? (@.sensitivity == 0)')"""
-    )
+           WHERE jsonb_path_exists(calibrations, '$[*] ? (@.sensitivity == 0)')""")
 
 
 def downgrade() -> None:

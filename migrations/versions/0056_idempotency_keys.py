@@ -1,6 +1,8 @@
-"""One table of idempotency keys, for every operation that creates; the keys of update jobs come into it.
+"""One table of idempotency keys, for every operation that creates; the keys of update jobs come
+into it.
 
-What such a key answers now is its job as it is; which user it was is in the audit trail. Its request has no SHA-256.
+What such a key answers now is its job as it is; which user it was is in the audit trail. Its
+request has no SHA-256.
 """
 
 import sqlalchemy as sa
@@ -23,7 +25,9 @@ _SEPARATOR = "chr(31)"  # between the user, the key and the number of a batch's 
 
 def _answer(body: str, location: str) -> str:
     """What the API keeps: status, headers and body as JSON, in bytes."""
-    headers = f"""jsonb_build_array(jsonb_build_array('content-type', 'application/json'){location})"""
+    headers = (
+        f"""jsonb_build_array(jsonb_build_array('content-type', 'application/json'){location})"""
+    )
     return f"convert_to(jsonb_build_array(202, {headers}, ({body})::text)::text, 'UTF8')"
 
 
@@ -32,7 +36,9 @@ def _located(noun: str) -> str:
 
 
 def upgrade() -> None:
-    """Make the table and fill it. Of two jobs of a user under one key, in two projects, the newer has it."""
+    """Make the table and fill it. Of two jobs of a user under one key, in two projects, the newer
+    has it.
+    """
     op.create_table(
         "idempotency_keys",
         sa.Column("user_id", sa.Uuid(), nullable=False),
@@ -41,14 +47,22 @@ def upgrade() -> None:
         sa.Column("request_sha256", sa.LargeBinary()),
         sa.Column("answer", sa.LargeBinary(), nullable=False),
         sa.Column("sealed", sa.Boolean(), server_default=sa.text("false"), nullable=False),
-        sa.Column("created_at", sa.DateTime(timezone=True), server_default=sa.func.now(), nullable=False),
+        sa.Column(
+            "created_at", sa.DateTime(timezone=True), server_default=sa.func.now(), nullable=False
+        ),
         sa.ForeignKeyConstraint(
-            ["user_id"], ["users.id"], name=op.f("fk_idempotency_keys_user_id_users"), ondelete="CASCADE"
+            ["user_id"],
+            ["users.id"],
+            name=op.f("fk_idempotency_keys_user_id_users"),
+            ondelete="CASCADE",
         ),
         sa.PrimaryKeyConstraint("user_id", "operation", "key", name=op.f("pk_idempotency_keys")),
     )
     into = "INSERT INTO idempotency_keys (user_id, operation, key, answer, created_at)"
-    by_user = "JOIN audit_events a ON a.subject_id = u.id AND a.action = '{}.create' JOIN users w ON w.id = a.user_id"
+    by_user = (
+        "JOIN audit_events a ON a.subject_id = u.id AND a.action = '{}.create' JOIN users w ON w.id"
+        " = a.user_id"
+    )
     campaign = "/campaigns/{campaign_id}/update-jobs"
     op.execute(
         f"""{into} SELECT DISTINCT ON (w.id, u.idempotency_key) w.id, '{campaign}', u.idempotency_key,
@@ -58,7 +72,10 @@ def upgrade() -> None:
             WHERE u.idempotency_key IS NOT NULL AND strpos(u.idempotency_key, {_SEPARATOR}) = 0
             ORDER BY w.id, u.idempotency_key, u.id DESC"""
     )
-    batch = f"jsonb_build_object('items', jsonb_agg({_UPDATE} ORDER BY u.idempotency_key), 'joint', NULL)"
+    batch = (
+        f"jsonb_build_object('items', jsonb_agg({_UPDATE} ORDER BY u.idempotency_key), 'joint',"
+        " NULL)"
+    )
     op.execute(
         f"""{into} SELECT w.id, '/update-jobs', split_part(u.idempotency_key, {_SEPARATOR}, 2),
               {_answer(batch, "")}, min(j.created_at)

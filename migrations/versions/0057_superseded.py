@@ -1,5 +1,5 @@
-"""What was made anew supersedes what was made before: FRFs of a campaign's time blocks by those of a later processing, mode
-sets by those that a later job identified with the same settings.
+"""What was made anew supersedes what was made before: FRFs of a campaign's time blocks by those of
+a later processing, mode sets by those that a later job identified with the same settings.
 """
 
 import sqlalchemy as sa
@@ -26,19 +26,17 @@ def upgrade() -> None:
              AND frfs.response_point = newer.response_point AND frfs.response_direction = newer.response_direction
              AND frfs.reference_point = newer.reference_point AND frfs.reference_direction = newer.reference_direction"""
     )
-    op.execute("UPDATE mode_sets s SET settings = i.options FROM identifications i WHERE i.id = s.job_id")
     op.execute(
-        """UPDATE mode_sets s
-           SET settings = jsonb_build_object('identification', u.recipe -> 'identification', 'band_hz', u.recipe -> 'band_hz')
-           FROM update_jobs u WHERE u.id = s.job_id"""
+        "UPDATE mode_sets s SET settings = i.options FROM identifications i WHERE i.id = s.job_id"
     )
-    op.execute(
-        """UPDATE mode_sets SET superseded_by = newer.id FROM (
+    op.execute("""UPDATE mode_sets s
+           SET settings = jsonb_build_object('identification', u.recipe -> 'identification', 'band_hz', u.recipe -> 'band_hz')
+           FROM update_jobs u WHERE u.id = s.job_id""")
+    op.execute("""UPDATE mode_sets SET superseded_by = newer.id FROM (
              SELECT campaign_id, settings, max(id::text)::uuid AS id FROM mode_sets
              WHERE settings IS NOT NULL GROUP BY 1, 2) newer
            WHERE mode_sets.campaign_id = newer.campaign_id AND mode_sets.settings = newer.settings
-             AND mode_sets.id < newer.id"""
-    )
+             AND mode_sets.id < newer.id""")
 
 
 def downgrade() -> None:

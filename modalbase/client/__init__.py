@@ -1,7 +1,7 @@
 """The command line's client of the REST interface, and the HTTP beneath the library's objects.
 
-It knows the service by HTTP alone, and imports neither the database nor the core, so that a script's call starts fast. In
-the order of the data:
+It knows the service by HTTP alone, and imports neither the database nor the core, so that a
+script's call starts fast. In the order of the data:
 
 place         which service, with which key
 connection    HTTP: pages, uploads, downloads, refusals; `rest`: each route of the contract as a method

@@ -1,7 +1,7 @@
 """The client's commands, ready to be added to the application, and `modalbase login`.
 
-This much is imported by every process that starts as `modalbase`, a job's child among them; httpx and rich are imported by a
-command when it runs.
+This much is imported by every process that starts as `modalbase`, a job's child among them; httpx
+and rich are imported by a command when it runs.
 """
 
 from typing import Annotated
@@ -21,11 +21,16 @@ def login(
     key: Annotated[
         str,
         typer.Option(
-            envvar="MODALBASE_API_KEY", prompt="API key", hide_input=True, help="API key; asked for by default"
+            envvar="MODALBASE_API_KEY",
+            prompt="API key",
+            hide_input=True,
+            help="API key; asked for by default",
         ),
     ] = "",
 ) -> None:
-    """Keep address and key of a service for this user's commands and scripts, once it has accepted them."""
+    """Keep address and key of a service for this user's commands and scripts, once it has accepted
+    them.
+    """
     from modalbase.client.connection import Connection
     from modalbase.client.place import save_profile
 

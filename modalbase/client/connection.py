@@ -1,4 +1,6 @@
-"""HTTP to the service: pages, uploads and downloads of any size, and problem documents as one line."""
+"""HTTP to the service: pages, uploads and downloads of any size, and problem documents as one
+line.
+"""
 
 import os
 import ssl
@@ -23,20 +25,24 @@ Watch = Callable[[int, int | None], None]
 
 
 def no_certificates() -> ssl.SSLContext:
-    """What a client over plain HTTP trusts: nobody. Loading the authorities' certificates takes httpx 25 ms each time."""
+    """What a client over plain HTTP trusts: nobody. Loading the authorities' certificates takes
+    httpx 25 ms each time.
+    """
     return ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 
 
 class Connection:
     """A client of one service with one key; a context manager that closes its connections.
 
-    Of all methods, `path` is one of the REST contract below `/api/v1/`, without a leading slash, and `params` are those of
-    the query, of which those that are None are left out. They raise `ClientError` where the service does not answer, is not
-    modalbase, or refuses; then with its message, each fault with its pointer.
+    Of all methods, `path` is one of the REST contract below `/api/v1/`, without a leading slash,
+    and `params` are those of the query, of which those that are None are left out. They raise
+    `ClientError` where the service does not answer, is not modalbase, or refuses; then with its
+    message, each fault with its pointer.
 
         with Connection("http://127.0.0.1:8000", key) as service:
             for campaign in service.pages("campaigns"):
-                print(campaign["name"], len(service.get(f"campaigns/{campaign['id']}/frfs")["items"]))
+                print(campaign["name"],
+                len(service.get(f"campaigns/{campaign['id']}/frfs")["items"]))
     """
 
     def __init__(self, url: str, key: str | None = None) -> None:
@@ -44,7 +50,8 @@ class Connection:
 
         Args:
             url: of the service, such as `http://127.0.0.1:8000`.
-            key: API key; by default that of MODALBASE_API_KEY. `modalbase.client.place.find_place` looks further.
+            key: API key; by default that of MODALBASE_API_KEY. `modalbase.client.place.find_place`
+                looks further.
 
         Raises:
             ClientError: there is no key, or the URL is none.
@@ -61,7 +68,9 @@ class Connection:
 
     @classmethod
     def over(cls, http: httpx.Client) -> Self:
-        """A connection by an httpx client with trust, key and base URL of its own; who made the client closes it."""
+        """A connection by an httpx client with trust, key and base URL of its own; who made the
+        client closes it.
+        """
         connection = cls.__new__(cls)
         connection.url, connection._http = str(http.base_url).rstrip("/"), http
         return connection
@@ -77,7 +86,9 @@ class Connection:
         self._http.close()
 
     def request(self, method: str, path: str, **how: Any) -> httpx.Response:
-        """The answer to a request that the service has accepted, with its headers; `how` is as httpx takes it."""
+        """The answer to a request that the service has accepted, with its headers; `how` is as
+        httpx takes it.
+        """
         try:
             answer = self._http.request(method, self._at(path), **how)
         except httpx.HTTPError as error:
@@ -89,11 +100,19 @@ class Connection:
         """The JSON object at a path."""
         return self._json(self.request("GET", path, params=_given(params)))
 
-    def post(self, path: str, body: Any, headers: dict[str, str] | None = None, **params: Any) -> dict[str, Any]:
-        """Send a JSON body, with headers such as `Idempotency-Key` beside the key; returns the JSON that answers it."""
-        return self._json(self.request("POST", path, json=body, headers=headers, params=_given(params)))
+    def post(
+        self, path: str, body: Any, headers: dict[str, str] | None = None, **params: Any
+    ) -> dict[str, Any]:
+        """Send a JSON body, with headers such as `Idempotency-Key` beside the key; returns the JSON
+        that answers it.
+        """
+        return self._json(
+            self.request("POST", path, json=body, headers=headers, params=_given(params))
+        )
 
-    def call(self, method: str, path: str, *, params: Mapping[str, Any] | None = None, **how: Any) -> Any:
+    def call(
+        self, method: str, path: str, *, params: Mapping[str, Any] | None = None, **how: Any
+    ) -> Any:
         """Any call of the contract.
 
         Args:
@@ -112,7 +131,8 @@ class Connection:
         return self._json(answer) if "json" in kind.split(";")[0] else answer.content
 
     def lines(self, path: str, headers: dict[str, str] | None = None) -> Iterator[str]:
-        """The lines of an answer as they come, such as those of a stream of events; its end is not known before.
+        """The lines of an answer as they come, such as those of a stream of events; its end is not
+        known before.
 
         `headers`, such as `Last-Event-ID`, go beside the key.
         """
@@ -124,7 +144,9 @@ class Connection:
             raise self._unreachable(error) from error
 
     def pages(self, path: str, most: int | None = None, **params: Any) -> Iterator[dict[str, Any]]:
-        """The items of a list, at most so many, through all of its pages, which are fetched as they are needed."""
+        """The items of a list, at most so many, through all of its pages, which are fetched as they
+        are needed.
+        """
         cursor, left = None, most
         while left is None or left > 0:
             limit = PAGE_ROWS if left is None else min(PAGE_ROWS, left)
@@ -158,16 +180,23 @@ class Connection:
                     yield block
 
         headers = {"Content-Type": "application/octet-stream", "Content-Length": str(size)}
-        return self._json(self.request("POST", path, params=_given(params), content=blocks(), headers=headers))
+        return self._json(
+            self.request("POST", path, params=_given(params), content=blocks(), headers=headers)
+        )
 
-    def submit(self, path: str, file: Path, fields: dict[str, str], **params: Any) -> dict[str, Any]:
-        """Send a multipart form whose field `file` is a file, beside other fields; returns the JSON that answers it."""
+    def submit(
+        self, path: str, file: Path, fields: dict[str, str], **params: Any
+    ) -> dict[str, Any]:
+        """Send a multipart form whose field `file` is a file, beside other fields; returns the JSON
+        that answers it.
+        """
         with file.open("rb") as stream:
             form = {"data": fields, "files": {"file": (file.name, stream)}}
             return self._json(self.request("POST", path, params=_given(params), **form))
 
     def download(self, path: str, target: Path | None, watch: Watch, **params: Any) -> int:
-        """Write what is at a path to a file, or to standard output. The file is whole, or not there.
+        """Write what is at a path to a file, or to standard output. The file is whole, or not
+        there.
 
         Args:
             path: what is fetched.
@@ -203,12 +232,15 @@ class Connection:
             text = "; ".join(faults) or str(problem["detail"])
         except (ValueError, TypeError, KeyError, AttributeError):
             raise ClientError(
-                f"{answer.url.host} answers {answer.status_code}, and not as modalbase does; is {self.url} right?",
+                f"{answer.url.host} answers {answer.status_code}, and not as modalbase does; is"
+                f" {self.url} right?",
                 Exit.UNREACHABLE,
                 status=answer.status_code,
             ) from None
         code = Exit.UNREACHABLE if answer.status_code in (502, 503, 504) else Exit.REFUSED
-        raise ClientError(f"{text} ({answer.status_code})", code, status=answer.status_code, problem=problem)
+        raise ClientError(
+            f"{text} ({answer.status_code})", code, status=answer.status_code, problem=problem
+        )
 
     def _json(self, answer: httpx.Response) -> dict[str, Any]:
         try:
@@ -222,7 +254,8 @@ class Connection:
     def _unreachable(self, error: httpx.HTTPError) -> ClientError:
         reason = str(error) or type(error).__name__
         return ClientError(
-            f"no answer from {self.url}: {reason}; is the service up (`modalbase up`), and is MODALBASE_URL or --url right?",
+            f"no answer from {self.url}: {reason}; is the service up (`modalbase up`), and is"
+            " MODALBASE_URL or --url right?",
             Exit.UNREACHABLE,
         )
 
@@ -245,7 +278,8 @@ def _write(blocks: Iterator[bytes], target: Path | None) -> int:
         sys.stdout.buffer.flush()
         return size
     try:
-        if target.exists() and not target.is_file():  # /dev/null, a pipe: nothing to be put in their place
+        # /dev/null, a pipe: nothing to be put in their place
+        if target.exists() and not target.is_file():
             with target.open("wb") as file:
                 return sum(file.write(block) for block in blocks)
         return _write_whole(blocks, target)

@@ -1,4 +1,5 @@
-"""What people see: tables on standard output, bars on standard error and only where that is a terminal, or in a notebook.
+"""What people see: tables on standard output, bars on standard error and only where that is a
+terminal, or in a notebook.
 
 rich is loaded by what draws: every command imports this module.
 """
@@ -35,7 +36,9 @@ class Written(str):
 
 
 def with_digits(value: float | None, sd: float | None) -> tuple[Written | None, Written | None]:
-    """A value to the second digit of its standard deviation, and that; to five digits where none is known."""
+    """A value to the second digit of its standard deviation, and that; to five digits where none is
+    known.
+    """
     if value is None or sd is None or sd <= 0:
         return (None if value is None else Written(f"{value:.5g}")), None
     places = max(0, 1 - floor(log10(sd)))
@@ -43,7 +46,10 @@ def with_digits(value: float | None, sd: float | None) -> tuple[Written | None, 
 
 
 def print_table(
-    title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], console: Console | None = None
+    title: str,
+    columns: Sequence[str],
+    rows: Sequence[Sequence[Any]],
+    console: Console | None = None,
 ) -> None:
     """A table, on standard output where no console is given; numbers to the right."""
     from rich.console import Console
@@ -56,8 +62,12 @@ def print_table(
         console.print(title, highlight=False, markup=False)
     table = Table(box=None, pad_edge=False)
     for i, name in enumerate(columns):
-        numeric = bool(rows) and all(isinstance(row[i], int | float | Written | None) for row in rows)
-        table.add_column(name, justify="right" if numeric else "left", no_wrap=not numeric and name == "id")
+        numeric = bool(rows) and all(
+            isinstance(row[i], int | float | Written | None) for row in rows
+        )
+        table.add_column(
+            name, justify="right" if numeric else "left", no_wrap=not numeric and name == "id"
+        )
     for row in rows:
         table.add_row(*(cell(value).replace("[", r"\[") for value in row))
     console.print(table, highlight=False)
@@ -84,7 +94,12 @@ def transfer(what: str) -> Iterator[Watch]:
     """A bar of bytes while a file travels."""
     from rich.progress import BarColumn, DownloadColumn, TextColumn, TransferSpeedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        DownloadColumn(),
+        TransferSpeedColumn(),
+    )
     with _bars(columns) as progress:
         bar = progress.add_task(what, total=None)
         yield lambda done, size: progress.update(bar, completed=done, total=size)
@@ -98,11 +113,18 @@ def stages(what: str) -> Iterator[Any]:
         return
     from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+    )
     with _bars(columns) as progress:
         bar = progress.add_task(what, total=1.0)
         yield lambda job: progress.update(
-            bar, description=f"{what}: {job['stage'] or job['status']}", completed=job["progress"] or 0.0
+            bar,
+            description=f"{what}: {job['stage'] or job['status']}",
+            completed=job["progress"] or 0.0,
         )
 
 
@@ -135,4 +157,7 @@ def _notebook_bar(display: Any, what: str) -> Callable[[Mapping[str, Any]], None
 
 
 def _bar_html(what: str, stage: str, share: float) -> str:
-    return f'<progress max="1" value="{share:.3f}"></progress> {100 * share:.0f} % {escape(what)}: {escape(stage)}'
+    return (
+        f'<progress max="1" value="{share:.3f}"></progress> {100 * share:.0f} % {escape(what)}:'
+        f" {escape(stage)}"
+    )

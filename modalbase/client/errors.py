@@ -15,12 +15,14 @@ class Exit(IntEnum):
 
 
 class ClientError(Exception):
-    """A call or a command that cannot go on; its text is the service's own words where the service refused.
+    """A call or a command that cannot go on; its text is the service's own words where the service
+    refused.
 
     Attributes:
         code: the exit code of a command that ends so.
         status: of HTTP; None where nothing answered.
-        problem: the problem document (RFC 9457) of a refusal: `detail`, `errors` with a JSON pointer each, `request_id`.
+        problem: the problem document (RFC 9457) of a refusal: `detail`, `errors` with a JSON
+            pointer each, `request_id`.
     """
 
     def __init__(

@@ -1,4 +1,6 @@
-"""Files of the service: `modalbase figure`, `report`, `export` and `cards`; and `import-archive`, an archive into a project."""
+"""Files of the service: `modalbase figure`, `report`, `export` and `cards`; and `import-archive`,
+an archive into a project.
+"""
 
 from __future__ import annotations
 
@@ -41,9 +43,14 @@ def _fetch(service: Connection, path: str, file: Path, as_json: bool, **query: A
 
 def cards(
     job: Job = "latest",
-    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .inp, .bdf")] = Path("updated.inp"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .inp, .bdf")] = Path(
+        "updated.inp"
+    ),
     program: Annotated[
-        str | None, typer.Option("--format", help="calculix, abaqus or nastran; by default as the file's name says")
+        str | None,
+        typer.Option(
+            "--format", help="calculix, abaqus or nastran; by default as the file's name says"
+        ),
     ] = None,
     element: Annotated[str | None, typer.Option(help="solid or shell")] = None,
     as_json: AsJson = False,
@@ -62,20 +69,27 @@ def _id(service: Connection, what: What, text: str) -> str:
         return find_job(service, text)
     if what == "original":
         if (id_ := uuid_of(text)) is None:
-            raise ClientError(f"{text!r} is no id of an import; `modalbase import` prints them", Exit.USAGE)
+            raise ClientError(
+                f"{text!r} is no id of an import; `modalbase import` prints them", Exit.USAGE
+            )
         return id_
     return find_id(service, MODE_SET if what == "modes" else CAMPAIGN, text)
 
 
 def export(
     id_: Annotated[
-        str, typer.Argument(metavar="ID", help="Campaign, mode set, update job or import: id, name or latest")
+        str,
+        typer.Argument(
+            metavar="ID", help="Campaign, mode set, update job or import: id, name or latest"
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write; - is standard output")],
     what: Annotated[What, typer.Option(help="What to fetch")] = "frfs",
     file_format: Annotated[
         str | None,
-        typer.Option("--format", help="json npz csv uff uff-ascii arrow; by default as the file's name says"),
+        typer.Option(
+            "--format", help="json npz csv uff uff-ascii arrow; by default as the file's name says"
+        ),
     ] = None,
     point: Annotated[int | None, typer.Option(help="Response point")] = None,
     reference: Annotated[int | None, typer.Option(help="Reference point")] = None,
@@ -101,10 +115,13 @@ def export(
 
 
 def figure(
-    name: Annotated[str, typer.Argument(help="frf, mac, parameters; `modalbase figure list` names all")],
+    name: Annotated[
+        str, typer.Argument(help="frf, mac, parameters; `modalbase figure list` names all")
+    ],
     job: Job = "latest",
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="File to write: .svg .png .pdf, or .json for Plotly")
+        Path | None,
+        typer.Option("--out", "-o", help="File to write: .svg .png .pdf, or .json for Plotly"),
     ] = None,
     point: Annotated[int | None, typer.Option(help="Whose FRF is drawn")] = None,
     as_json: AsJson = False,
@@ -119,12 +136,16 @@ def figure(
             return
         target = out or Path(f"{name}.svg")
         chosen = format_of(target, FIGURES, "--out ")
-        _fetch(service, f"{path}/{quote(name, safe='')}", target, as_json, format=chosen, point=point)
+        _fetch(
+            service, f"{path}/{quote(name, safe='')}", target, as_json, format=chosen, point=point
+        )
 
 
 def report(
     job: Job = "latest",
-    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .pdf or .html")] = Path("report.pdf"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .pdf or .html")] = Path(
+        "report.pdf"
+    ),
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
@@ -136,17 +157,25 @@ def report(
 
 def import_archive(
     file: Annotated[
-        Path, typer.Argument(exists=True, dir_okay=False, help="Archive, as `find --out FILE.zip` writes it")
+        Path,
+        typer.Argument(
+            exists=True, dir_okay=False, help="Archive, as `find --out FILE.zip` writes it"
+        ),
     ],
-    project: Annotated[str, typer.Argument(help="Project to read it into; made where there is none of that name")],
+    project: Annotated[
+        str, typer.Argument(help="Project to read it into; made where there is none of that name")
+    ],
     again: Annotated[
         bool, typer.Option("--again", help="Read it though one of the same content was read before")
     ] = False,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
-    """Read an archive into a project: all but results, with new ids. Results stay in the archive."""
-    from modalbase.objects.laboratory import Laboratory  # it reads files, which no other command needs
+    """Read an archive into a project: all but results, with new ids. Results stay in the
+    archive.
+    """
+    # it reads files, which no other command needs
+    from modalbase.objects.laboratory import Laboratory
 
     with service_at(url) as service:
         lab = Laboratory(service)
@@ -164,5 +193,6 @@ def import_archive(
     for was, is_now in done.ids.items():
         typer.echo(f"{was} is {is_now}")
     typer.echo(
-        f"{len(done.results)} results stay in {file.name}; an update with the recipe in their provenance computes them again"
+        f"{len(done.results)} results stay in {file.name}; an update with the recipe in their"
+        " provenance computes them again"
     )

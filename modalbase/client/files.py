@@ -1,4 +1,6 @@
-"""Files to the service and from it, with a bar while they travel; and the formats that their names say."""
+"""Files to the service and from it, with a bar while they travel; and the formats that their names
+say.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def format_of(file: Path, formats: Mapping[str, str], advice: str = "") -> str:
         ClientError: it says none.
     """
     if (found := formats.get(file.suffix.lower())) is None:
-        raise ClientError(f"{advice}{file.name!r} does not end in one of {', '.join(formats)}", Exit.USAGE)
+        raise ClientError(
+            f"{advice}{file.name!r} does not end in one of {', '.join(formats)}", Exit.USAGE
+        )
     return found
 
 
@@ -51,7 +55,8 @@ def send_file(
     sections: Mapping[str, Any] | None = None,
     **query: Any,
 ) -> dict[str, Any]:
-    """Send a file, with a mapping that says which variable is what, or sections of a mesh; returns the JSON that answers it.
+    """Send a file, with a mapping that says which variable is what, or sections of a mesh; returns
+    the JSON that answers it.
 
     What an address may have no room for, sections or the order of many points, goes in a form.
     """
@@ -73,7 +78,8 @@ def save_file(
     advice: str = "",
     **query: Any,
 ) -> Path:
-    """Write what is at a path to a file, in the format that its name says where there are several; returns its path.
+    """Write what is at a path to a file, in the format that its name says where there are several;
+    returns its path.
 
     Raises:
         ClientError: the name says no format, or the service refuses.

@@ -40,11 +40,25 @@ class Kind:
 
 
 PROJECT = Kind("project", "projects/{}", "projects", None, "projects --new NAME")
-STRUCTURE = Kind("structure", "structures/{}", "projects/{}/structures", PROJECT, "structures --new NAME …")
-CAMPAIGN = Kind("campaign", "campaigns/{}", "structures/{}/campaigns", STRUCTURE, "campaigns --new NAME --boundary …")
-MODE_SET = Kind("mode set", "mode-sets/{}", "campaigns/{}/mode-sets", CAMPAIGN, "modes CAMPAIGN --identify")
+STRUCTURE = Kind(
+    "structure", "structures/{}", "projects/{}/structures", PROJECT, "structures --new NAME …"
+)
+CAMPAIGN = Kind(
+    "campaign",
+    "campaigns/{}",
+    "structures/{}/campaigns",
+    STRUCTURE,
+    "campaigns --new NAME --boundary …",
+)
+MODE_SET = Kind(
+    "mode set", "mode-sets/{}", "campaigns/{}/mode-sets", CAMPAIGN, "modes CAMPAIGN --identify"
+)
 BATCH = Kind(
-    "coupon batch", "coupon-batches/{}", "structures/{}/coupon-batches", STRUCTURE, "coupons NAME --new STRUCTURE …"
+    "coupon batch",
+    "coupon-batches/{}",
+    "structures/{}/coupon-batches",
+    STRUCTURE,
+    "coupons NAME --new STRUCTURE …",
 )
 MONITOR = Kind("monitor", "monitors/{}", "structures/{}/monitors", STRUCTURE, "monitors --new NAME")
 
@@ -55,7 +69,8 @@ def find(service: Connection, kind: Kind, text: str, within: str | None = None) 
     Args:
         service: the connection.
         kind: of the thing.
-        text: an id; a name; names from further up with `/` between, such as `bridge/beam/March`; or `latest`.
+        text: an id; a name; names from further up with `/` between, such as `bridge/beam/March`; or
+            `latest`.
         within: id of the one above, where only what belongs to that is meant.
 
     Raises:
@@ -63,7 +78,9 @@ def find(service: Connection, kind: Kind, text: str, within: str | None = None) 
     """
     if (id_ := uuid_of(text)) is not None:
         return service.get(kind.path.format(id_))
-    there = list(all_of(service, kind) if within is None else service.pages(kind.below.format(within)))
+    there = list(
+        all_of(service, kind) if within is None else service.pages(kind.below.format(within))
+    )
     if text == LATEST and there:
         return max(there, key=lambda one: str(one["created_at"]))
     one = _only(kind, text, [one for one in there if text in _names(one)])
@@ -73,7 +90,11 @@ def find(service: Connection, kind: Kind, text: str, within: str | None = None) 
 
 
 def find_or_make(
-    service: Connection, kind: Kind, body: Mapping[str, Any], within: str | None = None, **query: Any
+    service: Connection,
+    kind: Kind,
+    body: Mapping[str, Any],
+    within: str | None = None,
+    **query: Any,
 ) -> dict[str, Any]:
     """The one thing that has a body's name, made of the body where there is none.
 
@@ -85,7 +106,8 @@ def find_or_make(
         query: of the request that makes it.
 
     Raises:
-        ClientError: several things have the name; the one that has it is not as the body states; or the service refuses.
+        ClientError: several things have the name; the one that has it is not as the body states; or
+            the service refuses.
     """
     path, name = kind.below.format(within), str(body["name"])
     found = _only(kind, name, [one for one in service.pages(path) if one["name"] == name])
@@ -97,15 +119,17 @@ def find_or_make(
         found = made  # somebody else has made it since
     if other := list(_differences(body, found)):
         raise ClientError(
-            f"the {kind.word} {name!r} is there already, and is not as stated: {'; '.join(other[:MOST_NAMED])}. State what it "
-            "has, change it, or give the new one another name",
+            f"the {kind.word} {name!r} is there already, and is not as stated:"
+            f" {'; '.join(other[:MOST_NAMED])}. State what it has, change it, or give the new one"
+            " another name",
             Exit.USAGE,
         )
     return found
 
 
 def find_id(service: Connection, kind: Kind, text: str, within: str | None = None) -> str:
-    """The id of the one thing that a text means; an id is taken as it is, and the service judges it.
+    """The id of the one thing that a text means; an id is taken as it is, and the service judges
+    it.
 
     Args:
         service: the connection.
@@ -134,16 +158,22 @@ def find_job(service: Connection, text: str, **narrowed: Any) -> str:
         return id_
     if text != LATEST:
         raise ClientError(
-            f"{text!r} is no id, expected one such as 0198c6a2-… or latest; `modalbase jobs` lists them", Exit.USAGE
+            f"{text!r} is no id, expected one such as 0198c6a2-… or latest; `modalbase jobs` lists"
+            " them",
+            Exit.USAGE,
         )
     newest = next(service.pages("update-jobs", 1, **narrowed), None)
     if newest is None:
-        raise ClientError("there is no update job yet; `modalbase update CAMPAIGN --wait` makes one", Exit.USAGE)
+        raise ClientError(
+            "there is no update job yet; `modalbase update CAMPAIGN --wait` makes one", Exit.USAGE
+        )
     return str(newest["id"])
 
 
 def uuid_of(text: str) -> str | None:
-    """A UUID in the form that a path takes; None where the text is none, such as `../projects`, another path."""
+    """A UUID in the form that a path takes; None where the text is none, such as `../projects`,
+    another path.
+    """
     try:
         return str(UUID(text))
     except ValueError:
@@ -164,15 +194,21 @@ def _only(kind: Kind, text: str, matching: Sequence[dict[str, Any]]) -> dict[str
     """The one thing that matches a text; None where nothing does."""
     if len(matching) > 1:
         ids = ", ".join(one["id"] for one in matching[:MOST_NAMED])
-        raise ClientError(f"{len(matching)} {kind.word}s are named {text!r}; state the id: {ids}", Exit.USAGE)
+        raise ClientError(
+            f"{len(matching)} {kind.word}s are named {text!r}; state the id: {ids}", Exit.USAGE
+        )
     return next(iter(matching), None)
 
 
 def _differences(stated: Any, found: Any, name: str = "") -> Iterator[str]:
-    """What a thing has otherwise than stated; members and items that are not stated do not count."""
+    """What a thing has otherwise than stated; members and items that are not stated do not
+    count.
+    """
     if isinstance(stated, Mapping) and isinstance(found, Mapping):
         for member, value in stated.items():
-            yield from _differences(value, found.get(member), f"{name}.{member}" if name else str(member))
+            yield from _differences(
+                value, found.get(member), f"{name}.{member}" if name else str(member)
+            )
     elif isinstance(stated, list | tuple) and isinstance(found, list) and len(stated) == len(found):
         for number, (one, other) in enumerate(zip(stated, found, strict=True)):
             yield from _differences(one, other, f"{name}[{number}]")
@@ -204,4 +240,7 @@ def _nothing(kind: Kind, text: str, there: Sequence[Mapping[str, Any]]) -> str:
     if not names:
         return f"there is no {kind.word} yet; `modalbase {kind.made_by}` makes one"
     close = get_close_matches(text, names, MOST_NAMED, 0.5) or names[:MOST_NAMED]
-    return f"{text!r} is no id, and no {kind.word} has that name; there is {', '.join(repr(name) for name in close)}"
+    return (
+        f"{text!r} is no id, and no {kind.word} has that name; there is"
+        f" {', '.join(repr(name) for name in close)}"
+    )

@@ -1,4 +1,6 @@
-"""`modalbase projects`, `structures`, `model`, `campaigns` and `coupons`: list what there is, make one, send a deck."""
+"""`modalbase projects`, `structures`, `model`, `campaigns` and `coupons`: list what there is, make
+one, send a deck.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,16 @@ import typer
 from modalbase.client.display import Written, print_json, print_table, with_digits
 from modalbase.client.errors import ClientError, Exit
 from modalbase.client.files import send_file
-from modalbase.client.finding import BATCH, CAMPAIGN, PROJECT, STRUCTURE, Kind, all_of, find, find_id
+from modalbase.client.finding import (
+    BATCH,
+    CAMPAIGN,
+    PROJECT,
+    STRUCTURE,
+    Kind,
+    all_of,
+    find,
+    find_id,
+)
 from modalbase.client.jobs import require_success, wait_for
 from modalbase.client.options import (
     NAMED,
@@ -38,7 +49,9 @@ MODULI = ("Ex", "Ey", "Gxy", "Gxz", "Gyz")
 
 
 def projects(
-    new: Annotated[str | None, typer.Option(help="Make a project of this name, and print its id")] = None,
+    new: Annotated[
+        str | None, typer.Option(help="Make a project of this name, and print its id")
+    ] = None,
     reuse: Reuse = False,
     as_json: AsJson = False,
     url: Url = None,
@@ -50,7 +63,11 @@ def projects(
             _made(made, as_json, f'structures --new NAME --project "{new}" …')
             return
         found = list(service.pages("projects"))
-    show(found, {"id": "id", "name": "name", "description": "description", "made": "created_at"}, as_json)
+    show(
+        found,
+        {"id": "id", "name": "name", "description": "description", "made": "created_at"},
+        as_json,
+    )
     if not found and not as_json:
         say_next("projects --new NAME")
 
@@ -78,11 +95,24 @@ def structures(
             given |= {"name": new} | ({} if density is None else {"density_kg_m3": density})
             given |= {} if size is None else {"geometry": _geometry(size)}
             given |= {} if moduli is None else {"material": _material(moduli)}
-            made = make(service, STRUCTURE, given, find_id(service, PROJECT, project or "latest"), reuse, confirm)
+            made = make(
+                service,
+                STRUCTURE,
+                given,
+                find_id(service, PROJECT, project or "latest"),
+                reuse,
+                confirm,
+            )
             _made(made, as_json, f'campaigns --new NAME --structure "{new}" --boundary cantilever')
             return
         found = _below(service, STRUCTURE, project)
-    columns = {"id": "id", "project": "project_name", "name": "name", "version": "version", "made": "created_at"}
+    columns = {
+        "id": "id",
+        "project": "project_name",
+        "name": "name",
+        "version": "version",
+        "made": "created_at",
+    }
     show(found, columns, as_json)
 
 
@@ -104,18 +134,32 @@ def campaigns(
 ) -> None:  # fmt: skip
     """List campaigns, or make one."""
     if project is not None and structure is not None:
-        raise ClientError("state --project or --structure: a structure is in one project", Exit.USAGE)
+        raise ClientError(
+            "state --project or --structure: a structure is in one project", Exit.USAGE
+        )
     with service_at(url) as service:
         if new is not None:
             if boundary is None:
-                raise ClientError("--new needs --boundary: cantilever, free or simply_supported", Exit.USAGE)
+                raise ClientError(
+                    "--new needs --boundary: cantilever, free or simply_supported", Exit.USAGE
+                )
             mass = None if sensor_mass is None else sensor_mass / 1000
             instruments = _stated(sensor_mass_kg=mass, sensor_point=sensor_point)
             given = {"name": new, "boundary": boundary, "instruments": instruments}
             given |= _stated(
-                temperature_c=temperature, humidity_percent=humidity, performed_at=performed_at, notes=notes
+                temperature_c=temperature,
+                humidity_percent=humidity,
+                performed_at=performed_at,
+                notes=notes,
             )
-            made = make(service, CAMPAIGN, given, find_id(service, STRUCTURE, structure or "latest"), reuse, confirm)
+            made = make(
+                service,
+                CAMPAIGN,
+                given,
+                find_id(service, STRUCTURE, structure or "latest"),
+                reuse,
+                confirm,
+            )
             _made(made, as_json, f'import FILE.uff --campaign "{new}"')
             return
         found = _below(service, CAMPAIGN, structure, project)
@@ -126,8 +170,12 @@ def campaigns(
     show(found, columns, as_json)
 
 
-def _below(service: Connection, kind: Kind, above: str | None, project: str | None = None) -> list[dict[str, Any]]:
-    """Things of a kind with the name of the one above each; of one of those, or of a project, where it is stated."""
+def _below(
+    service: Connection, kind: Kind, above: str | None, project: str | None = None
+) -> list[dict[str, Any]]:
+    """Things of a kind with the name of the one above each; of one of those, or of a project, where
+    it is stated.
+    """
     assert kind.above is not None
     if above is not None:
         within = find(service, kind.above, above)
@@ -172,10 +220,17 @@ def _material(text: str) -> dict[str, float]:
         try:
             number = float(value)
         except ValueError:
-            raise ClientError(f"--moduli: {part.strip()!r} is no constant in GPa, such as Ex=33", Exit.USAGE) from None
+            raise ClientError(
+                f"--moduli: {part.strip()!r} is no constant in GPa, such as Ex=33", Exit.USAGE
+            ) from None
         if name != "nu_xy" and name not in MODULI:
-            raise ClientError(f"--moduli: there is no {name!r}, there is {', '.join((*MODULI, 'nu_xy'))}", Exit.USAGE)
-        found[name if name == "nu_xy" else f"{name}_Pa"] = number if name == "nu_xy" else number * 1e9
+            raise ClientError(
+                f"--moduli: there is no {name!r}, there is {', '.join((*MODULI, 'nu_xy'))}",
+                Exit.USAGE,
+            )
+        found[name if name == "nu_xy" else f"{name}_Pa"] = (
+            number if name == "nu_xy" else number * 1e9
+        )
     return found
 
 
@@ -196,19 +251,30 @@ def coupons(
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:  # fmt: skip
-    """Show a batch with its statistics; add specimens from testing machines' files, each named as its file."""
+    """Show a batch with its statistics; add specimens from testing machines' files, each named as
+    its file.
+    """
     if files and about is None:
-        raise ClientError("state with --about what the files hold: dimensions, columns and their units", Exit.USAGE)
+        raise ClientError(
+            "state with --about what the files hold: dimensions, columns and their units",
+            Exit.USAGE,
+        )
     known = {} if about is None else json_file(about)
     specimens = known.pop("specimens", {})
-    if not (isinstance(specimens, dict) and all(isinstance(more, dict) for more in specimens.values())):
-        raise ClientError(f'{about}: specimens is no object such as {{"A3": {{"excluded": true}}}}', Exit.USAGE)
+    if not (
+        isinstance(specimens, dict) and all(isinstance(more, dict) for more in specimens.values())
+    ):
+        raise ClientError(
+            f'{about}: specimens is no object such as {{"A3": {{"excluded": true}}}}', Exit.USAGE
+        )
     with service_at(url) as service:
         path = f"coupon-batches/{_batch(service, batch, new, constants, reuse)}"
         for file in files or []:
             coupon = {"specimen": file.stem, **known, **specimens.get(file.stem, {})}
             try:
-                service.submit(f"{path}/coupons", file, {"coupon": json.dumps(coupon)}, confirm=confirm or None)
+                service.submit(
+                    f"{path}/coupons", file, {"coupon": json.dumps(coupon)}, confirm=confirm or None
+                )
             except ClientError as error:
                 raise ClientError(f"{file}: {error}", error.code) from error
         found, summary = list(service.pages(f"{path}/coupons")), service.get(f"{path}/summary")
@@ -237,18 +303,24 @@ COLUMNS = {
 
 def _cells(coupon: dict[str, Any]) -> list[Any]:
     values = [(coupon[name], factor) for name, factor in COLUMNS.values()]
-    return [v if v is None or factor is None else Written(f"{v * factor:.4g}") for v, factor in values]
+    return [
+        v if v is None or factor is None else Written(f"{v * factor:.4g}") for v, factor in values
+    ]
 
 
 def _statistics(of: dict[str, Any]) -> list[Any]:
     """Number, mean, standard deviation, coefficient of variation, unit and origin of a constant."""
     factor, unit = (1e-9, "GPa") if of["unit"] == "Pa" else (1.0, "–")
-    mean, sd = (None if of[name] is None else factor * of[name] for name in ("mean", "standard_deviation"))
+    mean, sd = (
+        None if of[name] is None else factor * of[name] for name in ("mean", "standard_deviation")
+    )
     share = None if of["cv_percent"] is None else Written(f"{of['cv_percent']:.2g}")
     return [of["n"], *with_digits(mean, sd), share, unit, of["source"]]
 
 
-def _batch(service: Connection, batch: str, structure: str | None, constants: str, reuse: bool) -> str:
+def _batch(
+    service: Connection, batch: str, structure: str | None, constants: str, reuse: bool
+) -> str:
     """The id of the batch, which is made where a structure is stated."""
     if structure is None:
         return find_id(service, BATCH, batch)
@@ -260,19 +332,25 @@ def model(
     file: Annotated[
         Path | None,
         typer.Argument(
-            help="Deck of Abaqus, CalculiX (.inp) or Nastran (.bdf); matrices; a mesh", exists=True, dir_okay=False
+            help="Deck of Abaqus, CalculiX (.inp) or Nastran (.bdf); matrices; a mesh",
+            exists=True,
+            dir_okay=False,
         ),
     ] = None,
     structure: OfStructure = None,
     units: Annotated[
-        str | None, typer.Option(help="That its numbers are in: m-N-kg, mm-N-t, in-lbf-slinch and the like")
+        str | None,
+        typer.Option(help="That its numbers are in: m-N-kg, mm-N-t, in-lbf-slinch and the like"),
     ] = None,
     accept: Annotated[
         list[str] | None,
-        typer.Option(help="A card that may be left out, or an unusual value that is meant so: density:GAUGE"),
+        typer.Option(
+            help="A card that may be left out, or an unusual value that is meant so: density:GAUGE"
+        ),
     ] = None,
     sections: Annotated[
-        Path | None, typer.Option(help="JSON of what each set of a mesh is", exists=True, dir_okay=False)
+        Path | None,
+        typer.Option(help="JSON of what each set of a mesh is", exists=True, dir_okay=False),
     ] = None,
     confirm: Confirm = False,
     as_json: AsJson = False,
@@ -285,7 +363,11 @@ def model(
             found = service.get(address)
         else:
             stated = None if sections is None else json_file(sections)
-            said: dict[str, Any] = {"units": units, "accept": accept or [], "confirm": confirm or None}
+            said: dict[str, Any] = {
+                "units": units,
+                "accept": accept or [],
+                "confirm": confirm or None,
+            }
             sent = send_file(service, address, file, sections=stated, **said)
             found = wait_for(service, f"models/{sent['id']}", "model")
             require_success(found, f"model {sent['id']}")
@@ -299,11 +381,19 @@ def model(
 def _show(found: dict[str, Any]) -> None:
     """Sets, junctions and what was not used."""
     read = found["found"]
-    rows = [[s["name"], s["elements"], ", ".join(s["materials"]), s["thickness_m"], s["mass_kg"]] for s in read["sets"]]
-    title = f"{found['filename']}: {read['counts']['nodes']} nodes, {read['mass_kg']:.4g} kg, {found['units']}"
+    rows = [
+        [s["name"], s["elements"], ", ".join(s["materials"]), s["thickness_m"], s["mass_kg"]]
+        for s in read["sets"]
+    ]
+    title = (
+        f"{found['filename']}: {read['counts']['nodes']} nodes, {read['mass_kg']:.4g} kg,"
+        f" {found['units']}"
+    )
     print_table(title, ("set", "elements", "materials", "thickness m", "mass kg"), rows)
     for line in read["junctions"]:
-        walls = ", ".join(f"{wall['set']} {1e3 * wall['thickness_m']:.3g} mm" for wall in line["walls"])
+        walls = ", ".join(
+            f"{wall['set']} {1e3 * wall['thickness_m']:.3g} mm" for wall in line["walls"]
+        )
         typer.echo(f"junction of {1e3 * line['length_m']:.4g} mm: {walls}")
     for card in read["ignored"]:
         typer.echo(f"not used: {card['card']} (line {card['lines'][0]}): {card['loss']}")

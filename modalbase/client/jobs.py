@@ -19,7 +19,9 @@ Watch = Callable[[str, float], None]
 """Called with a job's stage and the share that is done."""
 
 
-def wait_for(service: Connection, path: str, what: str, watch: Watch | None = None) -> dict[str, Any]:
+def wait_for(
+    service: Connection, path: str, what: str, watch: Watch | None = None
+) -> dict[str, Any]:
     """Wait until a job has ended, in whatever way, and show a live bar on standard error meanwhile.
 
     The job is asked for at growing intervals, from 50 ms to a second.

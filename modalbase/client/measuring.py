@@ -1,4 +1,6 @@
-"""`modalbase points`, `import`, `hits`, `frfs` and `modes`: from a campaign's files to its modes."""
+"""`modalbase points`, `import`, `hits`, `frfs` and `modes`: from a campaign's files to its
+modes.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,17 @@ from modalbase.client.errors import ClientError, Exit
 from modalbase.client.files import send_file
 from modalbase.client.finding import CAMPAIGN, MODE_SET, find, find_id
 from modalbase.client.jobs import require_success, wait_for
-from modalbase.client.options import NAMED, AsJson, Campaign, Url, json_file, names_of, say_next, service_at, show
+from modalbase.client.options import (
+    NAMED,
+    AsJson,
+    Campaign,
+    Url,
+    json_file,
+    names_of,
+    say_next,
+    service_at,
+    show,
+)
 from modalbase.client.results import beside_lines, mode_set_cells
 
 if TYPE_CHECKING:
@@ -28,7 +40,11 @@ def points(
     campaign: Campaign,
     file: Annotated[
         Path | None,
-        typer.Argument(help=f"CSV of the points, in place of those there: {HEADER}", exists=True, dir_okay=False),
+        typer.Argument(
+            help=f"CSV of the points, in place of those there: {HEADER}",
+            exists=True,
+            dir_okay=False,
+        ),
     ] = None,
     as_json: AsJson = False,
     url: Url = None,
@@ -45,7 +61,10 @@ def points(
     if as_json:
         print_json(found)
         return
-    rows = [[p["label"], *(Written(f"{1000 * p[f'{axis}_m']:.6g}") for axis in AXES)] for p in found["items"]]
+    rows = [
+        [p["label"], *(Written(f"{1000 * p[f'{axis}_m']:.6g}") for axis in AXES)]
+        for p in found["items"]
+    ]
     print_table(f"{len(rows)} grid points", ("label", "x mm", "y mm", "z mm"), rows)
     if not rows:
         say_next(f'points "{campaign}" POINTS.csv')
@@ -64,7 +83,11 @@ def read_points(file: Path) -> list[dict[str, Any]]:
     try:
         return [
             {
-                name: whole(cell, f"line {line}, label") if name == "label" else real(cell, f"line {line}, {name[0]}")
+                name: (
+                    whole(cell, f"line {line}, label")
+                    if name == "label"
+                    else real(cell, f"line {line}, {name[0]}")
+                )
                 for name, cell in point.items()
             }
             for line, point in rows_of(file)
@@ -76,11 +99,19 @@ def read_points(file: Path) -> list[dict[str, Any]]:
 
 
 def import_files(
-    files: Annotated[list[Path], typer.Argument(help="UFF, npz, .mat, CSV, wav, TDMS", exists=True, dir_okay=False)],
+    files: Annotated[
+        list[Path],
+        typer.Argument(help="UFF, npz, .mat, CSV, wav, TDMS", exists=True, dir_okay=False),
+    ],
     campaign: Annotated[
-        str, typer.Option("--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of(CAMPAIGN))
+        str,
+        typer.Option(
+            "--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of(CAMPAIGN)
+        ),
     ] = "latest",
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only report what the files hold")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only report what the files hold")
+    ] = False,
     quantity: Annotated[
         Literal["accelerance", "mobility", "receptance"] | None,
         typer.Option(help="What FRFs are whose file does not say"),
@@ -90,14 +121,23 @@ def import_files(
         typer.Option(help="What an npz, .mat or CSV holds; by default as its arrays say"),
     ] = None,
     mapping: Annotated[
-        Path | None, typer.Option(help="JSON that says which variable is what; --dry-run proposes one", exists=True)
+        Path | None,
+        typer.Option(
+            help="JSON that says which variable is what; --dry-run proposes one", exists=True
+        ),
     ] = None,
-    wait: Annotated[bool, typer.Option("--wait/--no-wait", help="Wait for the end of the reading")] = True,
+    wait: Annotated[
+        bool, typer.Option("--wait/--no-wait", help="Wait for the end of the reading")
+    ] = True,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
     """Send files to a campaign. Exit 4 where one of them could not be read."""
-    stated = {"quantity": quantity, "kind": kind, "mapping": None if mapping is None else json_file(mapping)}
+    stated = {
+        "quantity": quantity,
+        "kind": kind,
+        "mapping": None if mapping is None else json_file(mapping),
+    }
     with service_at(url) as service:
         id_ = find_id(service, CAMPAIGN, campaign)
         done = [_import(service, id_, file, wait, dry_run=dry_run, **stated) for file in files]
@@ -105,7 +145,10 @@ def import_files(
         print_json(done)
     else:
         names = ("frfs", "grid_points", "modes", "records")
-        rows = [[d["id"], d["filename"], d["status"], *((d["counts"] or {}).get(n) for n in names)] for d in done]
+        rows = [
+            [d["id"], d["filename"], d["status"], *((d["counts"] or {}).get(n) for n in names)]
+            for d in done
+        ]
         print_table("", ("id", "file", "status", *names), rows)
         for one in done:
             _print_report(one)
@@ -113,28 +156,40 @@ def import_files(
             say_next(f'update "{campaign}" --wait', f'modes "{campaign}" --identify')
     failed = [d["filename"] for d in done if d["status"] in ("failed", "cancelled")]
     if failed:
-        raise ClientError(f"{len(failed)} of {len(done)} imports did not succeed: {', '.join(failed)}", Exit.FAILED)
+        raise ClientError(
+            f"{len(failed)} of {len(done)} imports did not succeed: {', '.join(failed)}",
+            Exit.FAILED,
+        )
 
 
-def _import(service: Connection, campaign: str, file: Path, wait: bool = True, **stated: Any) -> dict[str, Any]:
+def _import(
+    service: Connection, campaign: str, file: Path, wait: bool = True, **stated: Any
+) -> dict[str, Any]:
     """The import of a file that is sent to a campaign, read where that is waited for."""
     job = send_file(service, f"campaigns/{campaign}/imports", file, **stated)
     if job["already_imported"]:
-        typer.echo(f"{file.name}: the campaign has this file already; it is not read again", err=True)
+        typer.echo(
+            f"{file.name}: the campaign has this file already; it is not read again", err=True
+        )
     return wait_for(service, f"imports/{job['id']}", file.name) if wait else job
 
 
 def _print_report(job: dict[str, Any]) -> None:
     """What a trial found in an import's file, its warnings, its error, and what was refused."""
     if job["dry_run"] and job["found"]:
-        typer.echo(json.dumps({"file": job["filename"], **job["found"]}, indent=1, ensure_ascii=False))
+        typer.echo(
+            json.dumps({"file": job["filename"], **job["found"]}, indent=1, ensure_ascii=False)
+        )
     if job["error"]:
         typer.echo(f"{job['filename']}: {job['error'].get('detail')}", err=True)
     for warning in job["warnings"]:
         typer.echo(f"{job['filename']}: {warning}", err=True)
     for one in job["datasets"]:
         if one["outcome"] == "refused":
-            typer.echo(f"{job['filename']}: dataset {one['number']} (type {one['type']}): {one['reason']}", err=True)
+            typer.echo(
+                f"{job['filename']}: dataset {one['number']} (type {one['type']}): {one['reason']}",
+                err=True,
+            )
 
 
 def frfs(
@@ -142,16 +197,35 @@ def frfs(
     point: Annotated[int | None, typer.Option(help="Response point")] = None,
     direction: Annotated[int | None, typer.Option(help="Signed response direction")] = None,
     reference: Annotated[int | None, typer.Option(help="Reference point")] = None,
-    quantity: Annotated[Literal["accelerance", "mobility", "receptance"] | None, typer.Option()] = None,
+    quantity: Annotated[
+        Literal["accelerance", "mobility", "receptance"] | None, typer.Option()
+    ] = None,
     limit: Annotated[int | None, typer.Option(min=1, help="List no more than these")] = None,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
     """List the FRFs of a campaign; `modalbase export` fetches their values."""
     with service_at(url) as service:
-        wanted = {"point": point, "direction": direction, "reference": reference, "quantity": quantity}
-        found = list(service.pages(f"campaigns/{find_id(service, CAMPAIGN, campaign)}/frfs", limit, **wanted))
-    columns = ("id", "label", "response", "reference", "quantity", "lines", "start_hz", "end_hz", "averages")
+        wanted = {
+            "point": point,
+            "direction": direction,
+            "reference": reference,
+            "quantity": quantity,
+        }
+        found = list(
+            service.pages(f"campaigns/{find_id(service, CAMPAIGN, campaign)}/frfs", limit, **wanted)
+        )
+    columns = (
+        "id",
+        "label",
+        "response",
+        "reference",
+        "quantity",
+        "lines",
+        "start_hz",
+        "end_hz",
+        "averages",
+    )
     rows = [
         [
             f["id"], f["label"], _dof(f, "response"), _dof(f, "reference"), f["quantity"],
@@ -169,16 +243,28 @@ def _dof(frf: dict[str, Any], side: str) -> str:
 
 
 def hits(
-    files: Annotated[list[Path], typer.Argument(help="Time blocks: npz, .mat, CSV, wav", exists=True, dir_okay=False)],
+    files: Annotated[
+        list[Path],
+        typer.Argument(help="Time blocks: npz, .mat, CSV, wav", exists=True, dir_okay=False),
+    ],
     campaign: Annotated[
-        str, typer.Option("--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of(CAMPAIGN))
+        str,
+        typer.Option(
+            "--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of(CAMPAIGN)
+        ),
     ] = "latest",
     mapping: Annotated[
-        Path | None, typer.Option(help="JSON that says which variable is what; without it one is proposed", exists=True)
+        Path | None,
+        typer.Option(
+            help="JSON that says which variable is what; without it one is proposed", exists=True
+        ),
     ] = None,
-    process: Annotated[bool, typer.Option("--process", help="Make FRFs of the good hits then")] = False,
+    process: Annotated[
+        bool, typer.Option("--process", help="Make FRFs of the good hits then")
+    ] = False,
     false_discovery: Annotated[
-        float | None, typer.Option(help="With --process: refuse hits whose probability of being good is below")
+        float | None,
+        typer.Option(help="With --process: refuse hits whose probability of being good is below"),
     ] = None,
     as_json: AsJson = False,
     url: Url = None,
@@ -194,7 +280,9 @@ def hits(
             if stated is None:
                 print_json(sent["found"])
                 raise ClientError(
-                    "nothing is stored: save `mapping` of this, corrected, and state it with --mapping", Exit.USAGE
+                    "nothing is stored: save `mapping` of this, corrected, and state it with"
+                    " --mapping",
+                    Exit.USAGE,
                 )
             judged += service.get(f"imports/{sent['id']}/records")["hits"]
         placed = bool(service.get(f"{path}/grid-points")["items"])
@@ -210,12 +298,18 @@ def hits(
     print_table("", ("point", "hit", "good", "why not"), rows)
     if not placed:  # shapes have no place on the body without them
         say_next(f'points "{campaign}" POINTS.csv')
-    say_next(f'modes "{campaign}" --identify' if process else f'hits FILE --campaign "{campaign}" --process')
+    say_next(
+        f'modes "{campaign}" --identify'
+        if process
+        else f'hits FILE --campaign "{campaign}" --process'
+    )
 
 
 def _said(hit: dict[str, Any]) -> str | None:
     """What failed of a hit."""
-    return "; ".join(finding["sentence"] for finding in hit["findings"] if finding["failed"]) or None
+    return (
+        "; ".join(finding["sentence"] for finding in hit["findings"] if finding["failed"]) or None
+    )
 
 
 def modes(
@@ -228,15 +322,19 @@ def modes(
         float | None, typer.Option(help="With --identify: probability from which a pole is a mode")
     ] = None,
     mode_set: Annotated[str, typer.Option(help="Which modes: id, name or latest")] = "latest",
-    keep: Annotated[list[float] | None, typer.Option(help="Hz of an uncertain or refused pole to keep")] = None,
+    keep: Annotated[
+        list[float] | None, typer.Option(help="Hz of an uncertain or refused pole to keep")
+    ] = None,
     drop: Annotated[list[float] | None, typer.Option(help="Hz of a mode to drop")] = None,
     why: Annotated[
-        str | None, typer.Option(help="With --keep and --drop: the reason, which the new set records")
+        str | None,
+        typer.Option(help="With --keep and --drop: the reason, which the new set records"),
     ] = None,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
-    """Show the modes of a campaign: typed in, read from a file, or identified; with what the identification doubts.
+    """Show the modes of a campaign: typed in, read from a file, or identified; with what the
+    identification doubts.
 
     --keep and --drop make a new mode set; the old one stays as it is.
     """
@@ -244,14 +342,18 @@ def modes(
     with service_at(url) as service:
         id_ = find_id(service, CAMPAIGN, campaign)
         found = (
-            _identified(service, id_, band, threshold) if identify else find(service, MODE_SET, mode_set, within=id_)
+            _identified(service, id_, band, threshold)
+            if identify
+            else find(service, MODE_SET, mode_set, within=id_)
         )
         if decided:
             found = _edited(service, found, decided)
     if as_json:
         print_json(found)
         return
-    print_table(f"{found['name']} ({found['origin']}), {found['id']}", *mode_set_cells(found["modes"]))
+    print_table(
+        f"{found['name']} ({found['origin']}), {found['id']}", *mode_set_cells(found["modes"])
+    )
     for line in beside_lines(found["details"]):
         typer.echo(line, err=True)
     say_next(f'update "{campaign}" --mode-set {found["id"]} --wait')
@@ -265,12 +367,16 @@ def _decided(keep: list[float], drop: list[float], why: str | None) -> list[dict
     return [{"frequency_hz": hz, "keep": kept, "reason": why} for hz, kept in poles]
 
 
-def _edited(service: Connection, found: dict[str, Any], decisions: list[dict[str, Any]]) -> dict[str, Any]:
+def _edited(
+    service: Connection, found: dict[str, Any], decisions: list[dict[str, Any]]
+) -> dict[str, Any]:
     body = {"name": f"{found['name']}, edited", "decisions": decisions}
     return service.post(f"mode-sets/{found['id']}/edits", body)
 
 
-def _identified(service: Connection, campaign: str, band: str | None, threshold: float | None) -> dict[str, Any]:
+def _identified(
+    service: Connection, campaign: str, band: str | None, threshold: float | None
+) -> dict[str, Any]:
     options: dict[str, Any] = {} if band is None else {"band_hz": _band(band)}
     if threshold is not None:
         options["threshold"] = threshold

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 Url = Annotated[
     str | None,
     typer.Option(
-        "--url", envvar="MODALBASE_URL", help="Address of the service; else that of the profile, or which runs here"
+        "--url",
+        envvar="MODALBASE_URL",
+        help="Address of the service; else that of the profile, or which runs here",
     ),
 ]
 Reuse = Annotated[
@@ -60,19 +62,29 @@ def names_of(kind: Kind) -> Callable[[str], list[str]]:
 
 NAMED = "id, name, names from the project down with / between, or latest"
 Campaign = Annotated[
-    str, typer.Argument(help=f"Campaign: {NAMED}", show_default=False, autocompletion=names_of(CAMPAIGN))
+    str,
+    typer.Argument(
+        help=f"Campaign: {NAMED}", show_default=False, autocompletion=names_of(CAMPAIGN)
+    ),
 ]
 OfProject = Annotated[
-    str | None, typer.Option("--project", help="Project: id, name or latest", autocompletion=names_of(PROJECT))
+    str | None,
+    typer.Option("--project", help="Project: id, name or latest", autocompletion=names_of(PROJECT)),
 ]
 OfStructure = Annotated[
-    str | None, typer.Option("--structure", help=f"Structure: {NAMED}", autocompletion=names_of(STRUCTURE))
+    str | None,
+    typer.Option("--structure", help=f"Structure: {NAMED}", autocompletion=names_of(STRUCTURE)),
 ]
 Job = Annotated[str, typer.Argument(help="Id of the update job, or latest")]
 
 
 def make(
-    service: Connection, kind: Kind, body: dict[str, Any], above: str | None, reuse: bool, confirm: bool = False
+    service: Connection,
+    kind: Kind,
+    body: dict[str, Any],
+    above: str | None,
+    reuse: bool,
+    confirm: bool = False,
 ) -> dict[str, Any]:
     """A new thing below another; with `reuse` the one that has its name already."""
     query = {"confirm": True} if confirm else {}
@@ -102,7 +114,11 @@ def show(
         print_json(found)
         return
     members = columns.values() if isinstance(columns, Mapping) else columns
-    print_table(title, list(columns), rows if rows is not None else [[one[name] for name in members] for one in found])
+    print_table(
+        title,
+        list(columns),
+        rows if rows is not None else [[one[name] for name in members] for one in found],
+    )
 
 
 def say_next(*commands: str) -> None:

@@ -1,4 +1,6 @@
-"""Which service, and with which key: what is stated, the environment, a saved profile, the service that runs here."""
+"""Which service, and with which key: what is stated, the environment, a saved profile, the service
+that runs here.
+"""
 
 import json
 import os
@@ -15,10 +17,13 @@ KEY_FILE = "operator-key"
 
 HERE = "runs on this machine"
 NO_SERVICE = (
-    "no service runs here and no API key is stated: start a service with `modalbase up`, or save address and key of another "
-    "with `modalbase login URL`"
+    "no service runs here and no API key is stated: start a service with `modalbase up`, or save"
+    " address and key of another with `modalbase login URL`"
 )
-NO_KEY = "no API key: set MODALBASE_API_KEY, or save one with `modalbase login` (`modalbase keys create --name NAME` makes one)"
+NO_KEY = (
+    "no API key: set MODALBASE_API_KEY, or save one with `modalbase login` (`modalbase keys create"
+    " --name NAME` makes one)"
+)
 
 
 @dataclass(frozen=True)
@@ -39,16 +44,18 @@ class Place:
 def find_place(url: str | None = None, key: str | None = None) -> Place:
     """The service and key to use.
 
-    The address is, in this order, `url`, MODALBASE_URL, that of the saved profile, that of the one `modalbase up` which
-    runs on this machine for this user. The key is `key`, MODALBASE_API_KEY, that of the profile where it is for this
-    address, that in the data folder of the service which runs here at this address.
+    The address is, in this order, `url`, MODALBASE_URL, that of the saved profile, that of the one
+    `modalbase up` which runs on this machine for this user. The key is `key`, MODALBASE_API_KEY,
+    that of the profile where it is for this address, that in the data folder of the service which
+    runs here at this address.
 
     Args:
         url: of the service.
         key: API key.
 
     Raises:
-        ClientError: no service or no key is found, several services run here, or what is stated cannot be right.
+        ClientError: no service or no key is found, several services run here, or what is stated
+            cannot be right.
     """
     profile, here = _profile(), running_here()
     environment = os.environ.get("MODALBASE_URL", "").strip()
@@ -62,7 +69,11 @@ def find_place(url: str | None = None, key: str | None = None) -> Place:
         address, found = _only(here), HERE
     address = checked_url(address)
     if key is None:
-        keys = [os.environ.get("MODALBASE_API_KEY", ""), _key_of(profile, address), _local_key(here, address)]
+        keys = [
+            os.environ.get("MODALBASE_API_KEY", ""),
+            _key_of(profile, address),
+            _local_key(here, address),
+        ]
         key = next((one for one in keys if one.strip()), "")
         if not key and not here and found == HERE:
             raise ClientError(NO_SERVICE, Exit.USAGE)
@@ -89,12 +100,16 @@ def checked_key(key: str) -> str:
     if not (bare := key.strip()):
         raise ClientError(NO_KEY, Exit.USAGE)
     if not (bare.isascii() and bare.isprintable()):
-        raise ClientError("the API key holds characters that no key has; is MODALBASE_API_KEY whole?", Exit.USAGE)
+        raise ClientError(
+            "the API key holds characters that no key has; is MODALBASE_API_KEY whole?", Exit.USAGE
+        )
     return bare
 
 
 def save_profile(url: str, key: str) -> Path:
-    """Keep an address and its key for the commands and scripts of this user; the file is readable by them alone."""
+    """Keep an address and its key for the commands and scripts of this user; the file is readable
+    by them alone.
+    """
     file = profile_file()
     file.parent.mkdir(parents=True, exist_ok=True)
     write_private(file, json.dumps({"url": checked_url(url), "key": checked_key(key)}) + "\n")
@@ -102,16 +117,24 @@ def save_profile(url: str, key: str) -> Path:
 
 
 def profile_file() -> Path:
-    """Where the profile is kept: MODALBASE_PROFILE, or `modalbase/profile.json` in the user's folder of configurations."""
+    """Where the profile is kept: MODALBASE_PROFILE, or `modalbase/profile.json` in the user's
+    folder of configurations.
+    """
     named = os.environ.get("MODALBASE_PROFILE")
-    return Path(named) if named else Path(platformdirs.user_config_dir("modalbase", appauthor=False)) / "profile.json"
+    return (
+        Path(named)
+        if named
+        else Path(platformdirs.user_config_dir("modalbase", appauthor=False)) / "profile.json"
+    )
 
 
 def write_private(file: Path, text: str) -> None:
     """Write a file that nobody but its owner may read, whole or not at all."""
     new = file.with_name(f"{file.name}.{os.getpid()}.new")
     new.unlink(missing_ok=True)
-    with os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as stream:
+    with os.fdopen(
+        os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8"
+    ) as stream:
         stream.write(text)
     new.replace(file)
 
@@ -122,7 +145,9 @@ def notes_folder() -> Path:
 
 
 def running_here() -> dict[str, Path | None]:
-    """Address of each `modalbase up` that runs here for this user, to its data folder; None where it has none."""
+    """Address of each `modalbase up` that runs here for this user, to its data folder; None where
+    it has none.
+    """
     found: dict[str, Path | None] = {}
     for file in sorted(notes_folder().glob("*.json")):
         try:
@@ -160,7 +185,9 @@ def _profile() -> Place | None:
 
 def _only(here: dict[str, Path | None]) -> str:
     if len(here) > 1:
-        raise ClientError(f"{len(here)} services run here: {', '.join(here)}; state which one", Exit.USAGE)
+        raise ClientError(
+            f"{len(here)} services run here: {', '.join(here)}; state which one", Exit.USAGE
+        )
     return next(iter(here), "http://127.0.0.1:8000")
 
 

@@ -36,17 +36,21 @@ class Route(NamedTuple):
 
 @cache
 def routes() -> dict[str, Route]:
-    """The calls of the REST contract by name, read when first asked for; `python -m tools.reference` makes the file."""
+    """The calls of the REST contract by name, read when first asked for;
+    `python -m tools.reference` makes the file.
+    """
     text = files("modalbase.client").joinpath("routes.json").read_text(encoding="utf-8")
     return {name: Route(*row) for name, row in json.loads(text).items()}
 
 
 class Rest:
-    """The REST contract, call by call: `rest.get_campaign(id)`, `rest.create_project(body={"name": "bridge"})`.
+    """The REST contract, call by call: `rest.get_campaign(id)`,
+    `rest.create_project(body={"name": "bridge"})`.
 
-    A method takes what stands in braces in its path, in that order, and by keyword what goes in the query. `body` is sent
-    as JSON; `content` as bytes of `content_type`; `headers` beside the key. It returns the JSON that answers, bytes of
-    anything else, None of an empty answer. `dir(rest)` lists the methods; each says its route in its docstring.
+    A method takes what stands in braces in its path, in that order, and by keyword what goes in the
+    query. `body` is sent as JSON; `content` as bytes of `content_type`; `headers` beside the key.
+    It returns the JSON that answers, bytes of anything else, None of an empty answer. `dir(rest)`
+    lists the methods; each says its route in its docstring.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -73,7 +77,9 @@ def require_known(name: str, wanted: Iterable[str]) -> None:
     """
     known = [one for one in routes()[name].query if one not in _OF_THE_CLIENT]
     if unknown := sorted(set(wanted) - set(known)):
-        raise ClientError(f"there is no {', '.join(map(repr, unknown))} to choose by; there is {', '.join(known)}")
+        raise ClientError(
+            f"there is no {', '.join(map(repr, unknown))} to choose by; there is {', '.join(known)}"
+        )
 
 
 def _call(connection: Connection, name: str, route: Route) -> Call:
@@ -86,12 +92,17 @@ def _call(connection: Connection, name: str, route: Route) -> Call:
         **query: Any,
     ) -> Any:
         if len(ids) != len(route.takes):
-            raise TypeError(f"{name}() takes {', '.join(route.takes) or 'no id'} and got {len(ids)}")
+            raise TypeError(
+                f"{name}() takes {', '.join(route.takes) or 'no id'} and got {len(ids)}"
+            )
         if unknown := set(query) - set(route.query):
             raise TypeError(
-                f"{name}() has no {', '.join(sorted(unknown))}; it has {', '.join(route.query) or 'no query'}"
+                f"{name}() has no {', '.join(sorted(unknown))}; it has"
+                f" {', '.join(route.query) or 'no query'}"
             )
-        path = route.path.format(**{key: quote(str(one), safe="") for key, one in zip(route.takes, ids, strict=True)})
+        path = route.path.format(
+            **{key: quote(str(one), safe="") for key, one in zip(route.takes, ids, strict=True)}
+        )
         how: dict[str, Any] = {"headers": dict(headers or {}), "params": query}
         if content is not None:
             how["content"] = content

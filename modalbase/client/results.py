@@ -1,4 +1,6 @@
-"""Results and mode sets as tables, in a laboratory's units, with the digits that their uncertainty leaves."""
+"""Results and mode sets as tables, in a laboratory's units, with the digits that their uncertainty
+leaves.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +23,17 @@ SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/K": (100.0
 
 _Z_95 = 1.96
 _SKEWED = (
-    1.25  # ratio of the sides of an interval from which they are written as two: what the second digit of a ± shows
+    # ratio of the sides of an interval from which they are written as two: what the second digit of
+    # a ± shows
+    1.25
 )
 
 
-def deviations(estimate: float, sd: float, interval: Sequence[float | None] | None) -> tuple[float, ...]:
-    """The standard deviation of an estimate; where its 95 % interval is not about its middle, those above and below.
+def deviations(
+    estimate: float, sd: float, interval: Sequence[float | None] | None
+) -> tuple[float, ...]:
+    """The standard deviation of an estimate; where its 95 % interval is not about its middle, those
+    above and below.
 
     >>> deviations(30.0, 1.0, (28.04, 31.96)), deviations(30.0, 1.0, (28.04, 30.0))
     ((1.0,), (0.0, 1.0))
@@ -34,7 +41,9 @@ def deviations(estimate: float, sd: float, interval: Sequence[float | None] | No
     low, high = interval or (None, None)
     if low is None or high is None:
         return (sd,)
-    above, below = (round(max(reach, 0.0) / _Z_95, 12) for reach in (high - estimate, estimate - low))
+    above, below = (
+        round(max(reach, 0.0) / _Z_95, 12) for reach in (high - estimate, estimate - low)
+    )
     return (above, below) if max(above, below) > _SKEWED * min(above, below) else (sd,)
 
 
@@ -69,7 +78,10 @@ def verdict_lines(document: Mapping[str, Any]) -> list[str]:
     verdict = document.get("verdict")
     if verdict is None:
         return []
-    return [f"{verdict['level'].replace('_', ' ')}: {verdict['sentence']}", *(f"  - {r}" for r in verdict["reasons"])]
+    return [
+        f"{verdict['level'].replace('_', ' ')}: {verdict['sentence']}",
+        *(f"  - {r}" for r in verdict["reasons"]),
+    ]
 
 
 def parameter_cells(
@@ -92,23 +104,39 @@ def parameter_cells(
 
 def mode_cells(modes: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[Any]]]:
     """Columns and rows of a result's modes."""
-    columns = ["mode", "kind", "measured Hz", "initial Hz", "updated Hz", "error %", "MAC", "measured ζ %", "law's ζ %"]
+    columns = [
+        "mode",
+        "kind",
+        "measured Hz",
+        "initial Hz",
+        "updated Hz",
+        "error %",
+        "MAC",
+        "measured ζ %",
+        "law's ζ %",
+    ]
     return columns, [_mode(row) for row in modes]
 
 
 def motion_words(mode: Mapping[str, Any]) -> str | None:
-    """What a mode of a result is: its largest shares of motion and, of a body of several sets, of strain energy."""
+    """What a mode of a result is: its largest shares of motion and, of a body of several sets, of
+    strain energy.
+    """
     if mode["kind"] is None:
         return None
     shares = {mode["kind"]: (mode.get("motion") or {}).get(mode["kind"])}
     if len(energy := mode.get("energy") or {}) > 1:
         first = max(energy, key=lambda name: energy[name])
         shares[first] = energy[first]
-    return ", ".join(name if share is None else f"{name} {100 * share:.0f} %" for name, share in shares.items())
+    return ", ".join(
+        name if share is None else f"{name} {100 * share:.0f} %" for name, share in shares.items()
+    )
 
 
 def correlation_cells(correlation: Mapping[str, Any]) -> tuple[list[str], list[list[Any]]]:
-    """Columns and rows of the means of the criteria, before and after and where something was held out."""
+    """Columns and rows of the means of the criteria, before and after and where something was held
+    out.
+    """
     held_out = correlation.get("held_out") or {}
     compared = {
         "initial": correlation["initial"],
@@ -116,14 +144,19 @@ def correlation_cells(correlation: Mapping[str, Any]) -> tuple[list[str], list[l
         "updated, FRFs held out": held_out.get("frfs"),
         "updated, lines held out": held_out.get("band"),
     }
-    means = [[name, *_means(criteria)] for name, criteria in compared.items() if criteria and criteria["sac"]]
+    means = [
+        [name, *_means(criteria)]
+        for name, criteria in compared.items()
+        if criteria and criteria["sac"]
+    ]
     return ["model", "SAC", "FRAC", "CSAC", "CSF"], means
 
 
 def _parameter(row: Mapping[str, Any]) -> list[Any]:
     scale, unit = SHOWN.get(row["unit"], (1.0, row["unit"]))
     sd = scale * (row["standard_deviation"] or 0.0)
-    places = max(0, 1 - floor(log10(sd))) if sd > 0 else None  # two digits of the standard deviation
+    # two digits of the standard deviation
+    places = max(0, 1 - floor(log10(sd))) if sd > 0 else None
 
     def written(value: float | None) -> Written | None:
         if value is None or places is None:
@@ -134,7 +167,11 @@ def _parameter(row: Mapping[str, Any]) -> list[Any]:
     spread = written(row["standard_deviation"])
     if row["estimate"] is not None and places is not None:
         each = deviations(row["estimate"], row["standard_deviation"], row["interval_95"])
-        spread = written(each[0]) if len(each) == 1 else Written(f"+{written(each[0])} −{written(each[1])}")
+        spread = (
+            written(each[0])
+            if len(each) == 1
+            else Written(f"+{written(each[0])} −{written(each[1])}")
+        )
     interval = None if low is None or high is None else Written(f"{low} … {high}")
     return [
         row["name"], unit, written(row["initial"]), written(row["estimate"]), spread,
@@ -148,8 +185,17 @@ def _scaled(row: Mapping[str, Any], value: float | None) -> Written | None:
 
 
 def _mode(row: Mapping[str, Any]) -> list[Any]:
-    forms = {"measured_hz": ".2f", "initial_hz": ".2f", "updated_hz": ".2f", "error_percent": "+z.2f", "mac": ".4f"}
-    cells = [None if row[name] is None else Written(f"{row[name]:{form}}") for name, form in forms.items()]
+    forms = {
+        "measured_hz": ".2f",
+        "initial_hz": ".2f",
+        "updated_hz": ".2f",
+        "error_percent": "+z.2f",
+        "mac": ".4f",
+    }
+    cells = [
+        None if row[name] is None else Written(f"{row[name]:{form}}")
+        for name, form in forms.items()
+    ]
     ratios = [row["measured_damping"], row["predicted_damping"]]
     return [
         row["number"],
@@ -170,16 +216,22 @@ def _means(criteria: Mapping[str, Any]) -> list[Written | None]:
 
 def mode_set_cells(modes: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[Any]]]:
     """Columns and rows of the modes of a set, in Hz and per cent, with the probability of each."""
-    return ["mode", "Hz", "± Hz", "ζ %", "± %", "P"], [[mode["number"], *_pole(mode), _share(mode)] for mode in modes]
+    return ["mode", "Hz", "± Hz", "ζ %", "± %", "P"], [
+        [mode["number"], *_pole(mode), _share(mode)] for mode in modes
+    ]
 
 
 def beside_lines(details: Mapping[str, Any]) -> list[str]:
-    """What the identification of a set says beside its modes: each uncertain pole with the reason, each warning; a line each.
+    """What the identification of a set says beside its modes: each uncertain pole with the reason,
+    each warning; a line each.
 
     Args:
         details: of the mode set; empty where it was typed in or read from a file.
     """
-    doubtful = [f"uncertain: {mode['frequency_hz']:.5g} Hz, {mode['reason']}" for mode in details.get("doubtful", ())]
+    doubtful = [
+        f"uncertain: {mode['frequency_hz']:.5g} Hz, {mode['reason']}"
+        for mode in details.get("doubtful", ())
+    ]
     return [*doubtful, *(f"warning: {one}" for one in details.get("warnings", ()))]
 
 

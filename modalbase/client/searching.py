@@ -16,13 +16,19 @@ FORMATS = {".csv": "csv", ".jsonl": "jsonl", ".arrows": "arrow"}
 ARCHIVE = ".zip"
 
 
-Noun = Literal["structures", "campaigns", "frfs", "modes", "results", "coupons", "records", "monitors"]
+Noun = Literal[
+    "structures", "campaigns", "frfs", "modes", "results", "coupons", "records", "monitors"
+]
 """What can be searched."""
 
 
 def rate_rows(trend: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """A row for each series of a trend: the change a year in per cent of the mean, by time alone and beside the covariates."""
-    headings = dict.fromkeys(_rate_heading(line) for one in trend["series"] for line in one["lines"])
+    """A row for each series of a trend: the change a year in per cent of the mean, by time alone
+    and beside the covariates.
+    """
+    headings = dict.fromkeys(
+        _rate_heading(line) for one in trend["series"] for line in one["lines"]
+    )
     return [
         {
             "structure": one["structure_name"],
@@ -44,33 +50,47 @@ def _rate(line: Mapping[str, Any]) -> str:
     """A change a year with its interval, to the second digit of the interval's length."""
     low, high = line["relative_interval_95"]
     places = min(6, max(0, 1 - floor(log10(100 * (high - low))))) if high > low else 2
-    middle, low, high = (f"{100 * value:+.{places}f}" for value in (line["relative_per_year"], low, high))
+    middle, low, high = (
+        f"{100 * value:+.{places}f}" for value in (line["relative_per_year"], low, high)
+    )
     return f"{middle} ({low} to {high})"
 
 
 def search(
     noun: Annotated[Noun, typer.Argument(help="Kind of the rows")],
     condition: Annotated[
-        str | None, typer.Argument(metavar="[FILTER]", help='CQL2 text, such as "campaign.temperature_c > 25"')
+        str | None,
+        typer.Argument(metavar="[FILTER]", help='CQL2 text, such as "campaign.temperature_c > 25"'),
     ] = None,
-    words: Annotated[str | None, typer.Option("--words", "-q", help="Words in names, notes and instruments")] = None,
+    words: Annotated[
+        str | None, typer.Option("--words", "-q", help="Words in names, notes and instruments")
+    ] = None,
     sort: Annotated[str | None, typer.Option(help="A field; - in front for descending")] = None,
     fields: Annotated[str | None, typer.Option(help="Columns, with commas between")] = None,
     most: Annotated[int, typer.Option(min=1, help="Rows that are listed")] = 20,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="File for all rows: .csv, .jsonl, .arrows; or .zip, an archive of campaigns"),
+        typer.Option(
+            "--out",
+            "-o",
+            help="File for all rows: .csv, .jsonl, .arrows; or .zip, an archive of campaigns",
+        ),
     ] = None,
     trend: Annotated[
         str | None,
         typer.Option(
-            help="Over time: a constant of results, or frequency_hz, damping_ratio; --out takes .csv, .svg, .pdf"
+            help=(
+                "Over time: a constant of results, or frequency_hz, damping_ratio; --out takes"
+                " .csv, .svg, .pdf"
+            )
         ),
     ] = None,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
-    """Find things over all your projects by a filter, such as results of pultruded bars with Ex below 30 GPa."""
+    """Find things over all your projects by a filter, such as results of pultruded bars with Ex
+    below 30 GPa.
+    """
     if trend is not None:
         _follow(noun, {"filter": condition, "q": words, "value": trend}, out, url, as_json=as_json)
         return
@@ -89,17 +109,27 @@ def search(
         first = service.get(f"search/{noun}", limit=1, **query)
         rows = list(service.pages(f"search/{noun}", most, **query))
     if as_json:
-        print_json({"count": first["count"], "more": first["more"], "facets": first["facets"], "items": rows})
+        print_json(
+            {
+                "count": first["count"],
+                "more": first["more"],
+                "facets": first["facets"],
+                "items": rows,
+            }
+        )
         return
     columns = list(rows[0]) if rows else []
     print_table("", columns, [[row[name] for name in columns] for row in rows])
     if len(rows) < first["count"]:
         typer.echo(
-            f"{len(rows)} of {first['count']:,}{'+' if first['more'] else ''}; --most lists more, --out writes all"
+            f"{len(rows)} of {first['count']:,}{'+' if first['more'] else ''}; --most lists more,"
+            " --out writes all"
         )
 
 
-def _follow(noun: Noun, query: dict[str, Any], out: Path | None, url: str | None, *, as_json: bool) -> None:
+def _follow(
+    noun: Noun, query: dict[str, Any], out: Path | None, url: str | None, *, as_json: bool
+) -> None:
     """Show the trend of what is found, or write it to a file: its points, or the figure."""
     path = f"search/{noun}/trend"
     if noun not in ("results", "modes"):
@@ -107,7 +137,9 @@ def _follow(noun: Noun, query: dict[str, Any], out: Path | None, url: str | None
     with service_at(url) as service:
         if out is not None:
             form = format_of(out, {**FIGURES, ".csv": "csv"})
-            fetch_file(service, path if form == "csv" else f"{path}/figure", out, format=form, **query)
+            fetch_file(
+                service, path if form == "csv" else f"{path}/figure", out, format=form, **query
+            )
             typer.echo(out)
             return
         found = service.get(path, **query)
@@ -117,5 +149,7 @@ def _follow(noun: Noun, query: dict[str, Any], out: Path | None, url: str | None
     rows = rate_rows(found)
     columns = list(dict.fromkeys(name for row in rows for name in row))
     print_table("", columns, [[row.get(name) for name in columns] for row in rows])
-    for note in dict.fromkeys([*found["notes"], *(note for one in found["series"] for note in one["notes"])]):
+    for note in dict.fromkeys(
+        [*found["notes"], *(note for one in found["series"] for note in one["notes"])]
+    ):
         typer.echo(note)

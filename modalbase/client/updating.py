@@ -7,7 +7,16 @@ import typer
 
 from modalbase.client.display import print_json
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.finding import CAMPAIGN, MODE_SET, MONITOR, PROJECT, STRUCTURE, find_id, find_job, uuid_of
+from modalbase.client.finding import (
+    CAMPAIGN,
+    MODE_SET,
+    MONITOR,
+    PROJECT,
+    STRUCTURE,
+    find_id,
+    find_job,
+    uuid_of,
+)
 from modalbase.client.jobs import require_success, wait_for
 from modalbase.client.options import (
     AsJson,
@@ -29,18 +38,32 @@ from modalbase.client.results import print_result
 def update(
     campaign: Campaign = "latest",
     recipe: Annotated[
-        Path | None, typer.Option(help="JSON of the recipe; without it the defaults", exists=True, dir_okay=False)
+        Path | None,
+        typer.Option(
+            help="JSON of the recipe; without it the defaults", exists=True, dir_okay=False
+        ),
     ] = None,
-    mode_set: Annotated[str | None, typer.Option(help="Measured modes: id, name or latest of the campaign")] = None,
-    idempotency_key: Annotated[str | None, typer.Option(help="The same key again: the same job, no second one")] = None,
+    mode_set: Annotated[
+        str | None, typer.Option(help="Measured modes: id, name or latest of the campaign")
+    ] = None,
+    idempotency_key: Annotated[
+        str | None, typer.Option(help="The same key again: the same job, no second one")
+    ] = None,
     wait: Annotated[bool, typer.Option("--wait", help="Wait for the result and show it")] = False,
     confirm: Confirm = False,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
-    """Queue an update of a campaign's structure and print its id, or wait for its result. Exit 4 where it fails."""
-    if idempotency_key is not None and not (idempotency_key.isascii() and idempotency_key.isprintable()):
-        raise ClientError("--idempotency-key takes printable ASCII alone, as all that goes in a header", Exit.USAGE)
+    """Queue an update of a campaign's structure and print its id, or wait for its result. Exit 4
+    where it fails.
+    """
+    if idempotency_key is not None and not (
+        idempotency_key.isascii() and idempotency_key.isprintable()
+    ):
+        raise ClientError(
+            "--idempotency-key takes printable ASCII alone, as all that goes in a header",
+            Exit.USAGE,
+        )
     body = {} if recipe is None else json_file(recipe)
     headers = None if idempotency_key is None else {"Idempotency-Key": idempotency_key}
     with service_at(url) as service:
@@ -55,13 +78,18 @@ def update(
                 typer.echo(job["id"])
                 say_next("jobs", f"result {job['id']}")
             return
-        require_success(wait_for(service, f"update-jobs/{job['id']}", "update"), f"update {job['id']}")
+        require_success(
+            wait_for(service, f"update-jobs/{job['id']}", "update"), f"update {job['id']}"
+        )
         document = service.get(f"update-jobs/{job['id']}/result")
     if as_json:
         print_json(document)
     else:
         print_result(f"update {job['id']}", document)
-        say_next(f"figure frf {job['id']} --out frf.pdf", f"export {job['id']} --what predicted --out predicted.uff")
+        say_next(
+            f"figure frf {job['id']} --out frf.pdf",
+            f"export {job['id']} --what predicted --out predicted.uff",
+        )
 
 
 def result(job: Job = "latest", as_json: AsJson = False, url: Url = None) -> None:
@@ -81,10 +109,14 @@ def jobs(
     ] = None,
     structure: OfStructure = None,
     project: OfProject = None,
-    status: Annotated[str | None, typer.Option(help="queued, running, succeeded, failed or cancelled")] = None,
+    status: Annotated[
+        str | None, typer.Option(help="queued, running, succeeded, failed or cancelled")
+    ] = None,
     limit: Annotated[int, typer.Option(min=1, help="The newest so many")] = 20,
     cancel: Annotated[str | None, typer.Option(help="Ask for the end of this job")] = None,
-    retry: Annotated[str | None, typer.Option(help="Queue this job again, which failed or was cancelled")] = None,
+    retry: Annotated[
+        str | None, typer.Option(help="Queue this job again, which failed or was cancelled")
+    ] = None,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
@@ -95,7 +127,11 @@ def jobs(
             found = [service.call("POST", f"update-jobs/{find_job(service, str(which))}/{verb}")]
         else:
             given = {CAMPAIGN: campaign, STRUCTURE: structure, PROJECT: project}
-            narrowed = {kind.word: find_id(service, kind, text) for kind, text in given.items() if text is not None}
+            narrowed = {
+                kind.word: find_id(service, kind, text)
+                for kind, text in given.items()
+                if text is not None
+            }
             found = list(service.pages("update-jobs", limit, status=status, **narrowed))
     rows = [
         [
@@ -109,11 +145,17 @@ def jobs(
 
 def monitors(
     structure: OfStructure = None,
-    new: Annotated[str | None, typer.Option(help="Watch the structure: make a monitor of this name")] = None,
-    parameters: Annotated[str, typer.Option(help="With --new: what is watched, separated by commas")] = "Ex",
+    new: Annotated[
+        str | None, typer.Option(help="Watch the structure: make a monitor of this name")
+    ] = None,
+    parameters: Annotated[
+        str, typer.Option(help="With --new: what is watched, separated by commas")
+    ] = "Ex",
     run: Annotated[
         str | None,
-        typer.Option(help="Run this monitor on the campaigns not yet in it", autocompletion=names_of(MONITOR)),
+        typer.Option(
+            help="Run this monitor on the campaigns not yet in it", autocompletion=names_of(MONITOR)
+        ),
     ] = None,
     as_json: AsJson = False,
     url: Url = None,
@@ -124,7 +166,10 @@ def monitors(
             runs = service.post(f"monitors/{find_id(service, MONITOR, run)}/runs", {})["items"]
             show(runs, {"campaign": "campaign_id", "state": "state", "message": "message"}, as_json)
             if not runs:
-                typer.echo("no campaign waits: a monitor takes those that state when they were performed", err=True)
+                typer.echo(
+                    "no campaign waits: a monitor takes those that state when they were performed",
+                    err=True,
+                )
             return
         if new is not None:
             watched = [{"name": name.strip()} for name in parameters.split(",")]
@@ -133,15 +178,25 @@ def monitors(
             show([made], ("id", "name", "state"), as_json)
             say_next(f'monitors --run "{new}"')
             return
-        path = "monitors" if structure is None else f"structures/{find_id(service, STRUCTURE, structure)}/monitors"
+        path = (
+            "monitors"
+            if structure is None
+            else f"structures/{find_id(service, STRUCTURE, structure)}/monitors"
+        )
         found = list(service.pages(path))
     show(found, ("id", "structure_name", "name", "state", "state_since", "open_alarms"), as_json)
 
 
 def alarms(
-    state: Annotated[str | None, typer.Option(help="alarm, acknowledged, cleared or withdrawn")] = None,
-    acknowledge: Annotated[str | None, typer.Option(help="Id of an alarm that is now known")] = None,
-    note: Annotated[str | None, typer.Option(help="With --acknowledge: what is done about it")] = None,
+    state: Annotated[
+        str | None, typer.Option(help="alarm, acknowledged, cleared or withdrawn")
+    ] = None,
+    acknowledge: Annotated[
+        str | None, typer.Option(help="Id of an alarm that is now known")
+    ] = None,
+    note: Annotated[
+        str | None, typer.Option(help="With --acknowledge: what is done about it")
+    ] = None,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
@@ -150,9 +205,16 @@ def alarms(
         if acknowledge is not None:
             if (id_ := uuid_of(acknowledge)) is None or not note:
                 raise ClientError(
-                    "--acknowledge takes the id of an alarm, and --note what is done about it", Exit.USAGE
+                    "--acknowledge takes the id of an alarm, and --note what is done about it",
+                    Exit.USAGE,
                 )
-            found: list[dict[str, Any]] = [service.post(f"alarms/{id_}/acknowledge", {"note": note})]
+            found: list[dict[str, Any]] = [
+                service.post(f"alarms/{id_}/acknowledge", {"note": note})
+            ]
         else:
             found = list(service.pages("alarms", state=state))
-    show(found, ("id", "created_at", "monitor_name", "parameter", "state", "acknowledged_by", "note"), as_json)
+    show(
+        found,
+        ("id", "created_at", "monitor_name", "parameter", "state", "acknowledged_by", "note"),
+        as_json,
+    )

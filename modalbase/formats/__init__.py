@@ -1,4 +1,5 @@
-"""Measurement files: bytes to frozen dataclasses and back. Pure: no database, no web, no finite element core.
+"""Measurement files: bytes to frozen dataclasses and back. Pure: no database, no web, no finite
+element core.
 
 uff           Universal File Format, in and out
 frfs          FRFs as npz and CSV, in and out, and as Arrow, out

@@ -10,7 +10,8 @@ Kind = Literal["cartesian", "cylindrical", "spherical"]
 
 
 def cartesian(kind: Kind, points: FloatArray) -> FloatArray:
-    """(n, 3) Cartesian coordinates of (n, 3) points: r, θ, z of a cylinder; r, the angle from z and that about it of a sphere.
+    """(n, 3) Cartesian coordinates of (n, 3) points: r, θ, z of a cylinder; r, the angle from z and
+    that about it of a sphere.
 
     Angles are in degrees.
     """

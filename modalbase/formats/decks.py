@@ -1,9 +1,10 @@
 """What a deck says, the meshes that it is written on, and decks of CalculiX, Abaqus and Nastran.
 
-CalculiX and Abaqus have one language, `.inp`. An updated model has the shear correction κ = 5/6 of a rectangular section. Two
-quadratic bricks through the thickness show that shear by themselves, and Abaqus' shells know κ. CalculiX makes one brick of a
-shell, whose shear strain is the same over the thickness (κ = 1); there the transverse shear moduli of the card are 5/6 of the
-material's. Decks of Nastran have CQUAD8 shells with a MAT8, for SOL 103.
+CalculiX and Abaqus have one language, `.inp`. An updated model has the shear correction κ = 5/6 of
+a rectangular section. Two quadratic bricks through the thickness show that shear by themselves, and
+Abaqus' shells know κ. CalculiX makes one brick of a shell, whose shear strain is the same over the
+thickness (κ = 1); there the transverse shear moduli of the card are 5/6 of the material's. Decks of
+Nastran have CQUAD8 shells with a MAT8, for SOL 103.
 """
 
 from collections.abc import Iterable
@@ -14,7 +15,9 @@ import numpy as np
 from modalbase.formats.types import FloatArray, IntArray
 
 ALONG, ACROSS, THROUGH = 60, 6, 2
-"""Quadratic elements along the length of a strip, at least across its width, and through its thickness."""
+"""Quadratic elements along the length of a strip, at least across its width, and through its
+thickness.
+"""
 
 MOST_ACROSS = 30
 ON_PLANE = 1e-9
@@ -32,7 +35,9 @@ class Mass:
 
 @dataclass(frozen=True)
 class Deck:
-    """A strip with its material: x along the length from the clamped end, y from −b/2 to b/2, z out of plane; SI."""
+    """A strip with its material: x along the length from the clamped end, y from −b/2 to b/2, z out
+    of plane; SI.
+    """
 
     # length, width, thickness: m
     length: float
@@ -54,10 +59,14 @@ class Deck:
         return ALONG, int(np.clip(round(ALONG * self.width / self.length), ACROSS, MOST_ACROSS))
 
     def lines(self) -> tuple[FloatArray, FloatArray]:
-        """Coordinates of the lines of half elements along x and y; corner lines pass through the point masses."""
+        """Coordinates of the lines of half elements along x and y; corner lines pass through the
+        point masses.
+        """
         nx, ny = self.divisions
         x = _through(np.linspace(0, self.length, nx + 1), [mass.x for mass in self.masses])
-        y = _through(np.linspace(-self.width / 2, self.width / 2, ny + 1), [mass.y for mass in self.masses])
+        y = _through(
+            np.linspace(-self.width / 2, self.width / 2, ny + 1), [mass.y for mass in self.masses]
+        )
         return _halved(x), _halved(y)
 
 
@@ -94,7 +103,9 @@ def solids(deck: Deck) -> Mesh:
     return _quadratic((*deck.lines(), z), [(*one, level) for ring, level in rings for one in ring])
 
 
-def _quadratic(lines: tuple[FloatArray, FloatArray, FloatArray], places: list[tuple[int, int, int]]) -> Mesh:
+def _quadratic(
+    lines: tuple[FloatArray, FloatArray, FloatArray], places: list[tuple[int, int, int]]
+) -> Mesh:
     """Elements on a grid of lines, of which every second one passes through their corners.
 
     Args:
@@ -134,8 +145,8 @@ SHEAR_CORRECTION = 5 / 6
 def write_solids(deck: Deck) -> str:
     """A deck of C3D20R bricks.
 
-    A clamped edge holds x and y through the thickness and z on the middle surface: the section may contract there, as in
-    the theory of plates that the update used.
+    A clamped edge holds x and y through the thickness and z on the middle surface: the section may
+    contract there, as in the theory of plates that the update used.
     """
     mesh = solids(deck)
     section = ["*SOLID SECTION, ELSET=BODY, MATERIAL=UPDATED"]
@@ -151,7 +162,10 @@ def write_shells(deck: Deck, *, corrected: bool = False) -> str:
     """
     if corrected:
         Ex, Ey, Gxy, Gxz, Gyz = deck.moduli
-        remark = "G13 and G23 are 5/6 of the material's: CalculiX does not correct the shear of its shells"
+        remark = (
+            "G13 and G23 are 5/6 of the material's: CalculiX does not correct the shear of its"
+            " shells"
+        )
         moduli = (Ex, Ey, Gxy, SHEAR_CORRECTION * Gxz, SHEAR_CORRECTION * Gyz)
         deck = replace(deck, moduli=moduli, remarks=(*deck.remarks, remark))
     mesh = shells(deck)
@@ -162,7 +176,10 @@ def write_shells(deck: Deck, *, corrected: bool = False) -> str:
 def _written(deck: Deck, mesh: Mesh, element: str, section: list[str], held: list[str]) -> str:
     lines = [f"** {remark}" for remark in deck.remarks]
     lines += ["*NODE, NSET=ALL"]
-    lines += [f"{n},{x:.12g},{y:.12g},{z:.12g}" for n, (x, y, z) in enumerate(mesh.nodes.tolist(), start=1)]
+    lines += [
+        f"{n},{x:.12g},{y:.12g},{z:.12g}"
+        for n, (x, y, z) in enumerate(mesh.nodes.tolist(), start=1)
+    ]
     lines += [f"*ELEMENT, TYPE={element}, ELSET=BODY"]
     for number, nodes in enumerate(mesh.elements.tolist(), start=1):
         lines += _wrapped([number, *nodes])
@@ -179,10 +196,14 @@ def _material(deck: Deck) -> list[str]:
     Ex, Ey, Gxy, Gxz, Gyz = deck.moduli
     nu = deck.nu_xy
     lines = [
-        "** E1, E2, E3, nu12, nu13, nu23, G12, G13 and G23; E3, nu13 and nu23 are not updated and hardly matter here"
+        "** E1, E2, E3, nu12, nu13, nu23, G12, G13 and G23; E3, nu13 and nu23 are not updated and"
+        " hardly matter here"
     ]
     lines += ["*MATERIAL, NAME=UPDATED", "*ELASTIC, TYPE=ENGINEERING CONSTANTS"]
-    lines += [f"{Ex:.9g},{Ey:.9g},{Ey:.9g},{nu:.9g},{nu:.9g},{nu:.9g},{Gxy:.9g},{Gxz:.9g}", f"{Gyz:.9g}"]
+    lines += [
+        f"{Ex:.9g},{Ey:.9g},{Ey:.9g},{nu:.9g},{nu:.9g},{nu:.9g},{Gxy:.9g},{Gxz:.9g}",
+        f"{Gyz:.9g}",
+    ]
     lines += ["*DENSITY", f"{deck.density:.9g}"]
     if deck.rayleigh is not None:
         lines += [f"*DAMPING, ALPHA={deck.rayleigh[0]:.9g}, BETA={deck.rayleigh[1]:.9g}"]
@@ -231,10 +252,19 @@ def write_nastran(deck: Deck) -> str:
     """A deck for SOL 103; fields stand free between commas, long ones in 16 columns."""
     mesh = shells(deck)
     lines = [f"$ {remark}" for remark in deck.remarks]
-    lines += ["SOL 103", "CEND", "METHOD = 1", *(["SPC = 1"] if deck.boundary != "free" else []), "DISPLACEMENT = ALL"]
+    lines += [
+        "SOL 103",
+        "CEND",
+        "METHOD = 1",
+        *(["SPC = 1"] if deck.boundary != "free" else []),
+        "DISPLACEMENT = ALL",
+    ]
     lines += ["BEGIN BULK", f"EIGRL,1,,,{deck.modes}", "PARAM,AUTOSPC,YES", "PARAM,COUPMASS,1"]
     if deck.rayleigh is not None:
-        lines += [f"PARAM,ALPHA1,{_real(deck.rayleigh[0])}", f"PARAM,ALPHA2,{_real(deck.rayleigh[1])}"]
+        lines += [
+            f"PARAM,ALPHA1,{_real(deck.rayleigh[0])}",
+            f"PARAM,ALPHA2,{_real(deck.rayleigh[1])}",
+        ]
     lines += _mat8(deck)
     lines += _grids(deck, mesh)
     lines += _spc1(deck, mesh)
@@ -248,7 +278,8 @@ def _mat8(deck: Deck) -> list[str]:
     return [
         "MAT8*," + ",".join(fields[:4]),
         "*," + ",".join(fields[4:]),
-        f"PSHELL*,1,1,{_real(deck.thickness)},1",  # eight columns would round the thickness, whose cube bends
+        # eight columns would round the thickness, whose cube bends
+        f"PSHELL*,1,1,{_real(deck.thickness)},1",
         f"*,1.0,1,{SHEAR_CORRECTION:.9f}",
     ]
 
@@ -258,16 +289,28 @@ def _grids(deck: Deck, mesh: Mesh) -> list[str]:
     for number, (x, y, z) in enumerate(mesh.nodes.tolist(), start=1):
         lines += [f"GRID*,{number},,{_real(x)},{_real(y)}", f"*,{_real(z)}"]
     for number, nodes in enumerate(mesh.elements.tolist(), start=1):
-        lines += [f"CQUAD8,{number},1,{','.join(map(str, nodes[:6]))}", f",{nodes[6]},{nodes[7]},,,,,0.0"]
+        lines += [
+            f"CQUAD8,{number},1,{','.join(map(str, nodes[:6]))}",
+            f",{nodes[6]},{nodes[7]},,,,,0.0",
+        ]
     for number, mass in enumerate(deck.masses, start=len(mesh.elements) + 1):
         lines += [f"CONM2,{number},{mesh.nearest(mass.x, mass.y)},0,{_real(mass.mass)}"]
     return lines
 
 
 def _spc1(deck: Deck, mesh: Mesh) -> list[str]:
-    """A clamp holds all; a hard simple support y, z and the rotation about x. No shell resists its drilling rotation."""
-    edges = {"cantilever": [(0.0, "123456")], "simply_supported": [(0.0, "2346"), (deck.length, "2346")]}
-    return [f"SPC1,1,{dofs},{node}" for x, dofs in edges.get(deck.boundary, []) for node in mesh.at(0, x).tolist()]
+    """A clamp holds all; a hard simple support y, z and the rotation about x. No shell resists its
+    drilling rotation.
+    """
+    edges = {
+        "cantilever": [(0.0, "123456")],
+        "simply_supported": [(0.0, "2346"), (deck.length, "2346")],
+    }
+    return [
+        f"SPC1,1,{dofs},{node}"
+        for x, dofs in edges.get(deck.boundary, [])
+        for node in mesh.at(0, x).tolist()
+    ]
 
 
 def _real(value: float) -> str:

@@ -4,15 +4,18 @@ import re
 
 _AXES = {"x": 1, "y": 2, "z": 3, "rx": 4, "ry": 5, "rz": 6}
 _NAME = re.compile(
-    r"(?:p|pt|pnt|point|node|grid|dof)?[ .:_#-]*(\d{1,10})([ .:_]*)([+-]?)(r?[xyz])([+-]?)", re.IGNORECASE
+    r"(?:p|pt|pnt|point|node|grid|dof)?[ .:_#-]*(\d{1,10})([ .:_]*)([+-]?)(r?[xyz])([+-]?)",
+    re.IGNORECASE,
 )
 
 
 def dof_in_name(name: str) -> tuple[int, int] | None:
-    """Point and direction (±1 to ±3 along x, y, z, ±4 to ±6 about them) in a name; None where it says them not clearly.
+    """Point and direction (±1 to ±3 along x, y, z, ±4 to ±6 about them) in a name; None where it
+    says them not clearly.
 
-    A sign stands before the axis or behind it. A hyphen straight between number and axis may be either a sign or a
-    hyphen, and says nothing; so do names with other words, which may be those of a component.
+    A sign stands before the axis or behind it. A hyphen straight between number and axis may be
+    either a sign or a hyphen, and says nothing; so do names with other words, which may be those of
+    a component.
 
     >>> dof_in_name("1Z-"), dof_in_name(".56.Z"), dof_in_name("Point56:+Z"), dof_in_name("P12 -X"), dof_in_name("12-X")
     ((1, -3), (56, 3), (56, 3), (12, -1), None)

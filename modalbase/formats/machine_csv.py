@@ -2,11 +2,15 @@
 
 What machines do and what becomes of it:
 
-- a preamble, blank lines, remarks between or after the data: passed over, remarks are quoted in the notes;
-- encodings, separators, decimal signs, times of day: as `modalbase.formats.tables` finds them out, and said in the result;
-- a header that comes again, or time that goes back: the machine was restarted, and each run stands alone;
-- units: stated by the caller, in the header (`Load (kN)`, `Load_kN`) or in a line of units below or above it. Never guessed;
-  where two of these disagree the file is refused. A name in brackets, `Strain (Strain 1)`, is no unit;
+- a preamble, blank lines, remarks between or after the data: passed over, remarks are quoted in the
+  notes;
+- encodings, separators, decimal signs, times of day: as `modalbase.formats.tables` finds them out,
+  and said in the result;
+- a header that comes again, or time that goes back: the machine was restarted, and each run stands
+  alone;
+- units: stated by the caller, in the header (`Load (kN)`, `Load_kN`) or in a line of units below or
+  above it. Never guessed; where two of these disagree the file is refused. A name in brackets,
+  `Strain (Strain 1)`, is no unit;
 - an empty cell is NaN; a cell that is no number is refused with its line and column.
 """
 
@@ -49,7 +53,10 @@ def factor(quantity: Quantity, unit: str, field: str) -> float:
     if known is None and quantity == "strain" and factor_of("length", name) is not None:
         raise FormatError(field, f"{unit!r} is an elongation, not a strain; state the gauge length")
     if known is None:
-        raise FormatError(field, f"{unit!r} is no unit of {quantity} that is known here; use {known_units(quantity)}")
+        raise FormatError(
+            field,
+            f"{unit!r} is no unit of {quantity} that is known here; use {known_units(quantity)}",
+        )
     return known
 
 
@@ -61,7 +68,8 @@ _IN_BRACKETS = re.compile(r"^(.*?)\s*[\[({].*[\])}]\s*$")
 class Column:
     """Which column a quantity stands in."""
 
-    header: str | int  # its name in the file, capitals and unit apart; or its number, from 1, where there is no header
+    # its name in the file, capitals and unit apart; or its number, from 1, where there is no header
+    header: str | int
     quantity: Quantity  # what it is
     unit: str | None = None  # None where the file states it
 
@@ -112,19 +120,23 @@ class _Block:
 
 
 def read_machine_csv(
-    data: bytes, columns: Mapping[str, Column], delimiter: str | None = None, decimal: str | None = None
+    data: bytes,
+    columns: Mapping[str, Column],
+    delimiter: str | None = None,
+    decimal: str | None = None,
 ) -> MachineFile:
     """Read a testing machine's text file.
 
     Args:
         data: the file.
-        columns: the columns that are wanted, by the caller's names; a column named `time` also shows restarts.
+        columns: the columns that are wanted, by the caller's names; a column named `time` also
+            shows restarts.
         delimiter: tab, `;`, `,` or a blank; found out where None.
         decimal: `.` or `,`; found out where None.
 
     Raises:
-        FormatError: the file, a line or a cell cannot be read, a unit is not stated or stated twice differently; says
-            where and what to do.
+        FormatError: the file, a line or a cell cannot be read, a unit is not stated or stated twice
+            differently; says where and what to do.
     """
     if not columns:
         raise FormatError("columns", "names none, expected at least one")
@@ -134,13 +146,19 @@ def read_machine_csv(
         raise FormatError("delimiter", f"is {delimiter!r}, expected a tab, ; , or a blank")
     encoding = encoding_of(io.BytesIO(data))
     lines = re.split("\r\n|\n|\r", data.decode(encoding))
-    layout = _layout(lines, columns, tuple(SEPARATORS.values()) if delimiter is None else (delimiter,))
+    layout = _layout(
+        lines, columns, tuple(SEPARATORS.values()) if delimiter is None else (delimiter,)
+    )
     notes: list[str] = []
     blocks = _blocks(layout, columns, notes)
     cells = [cell for block in blocks for row in block.cells for cell in row]
-    symbol, parse = number_reader([cell for cell in cells if is_number(cell)], decimal, layout.delimiter)
+    symbol, parse = number_reader(
+        [cell for cell in cells if is_number(cell)], decimal, layout.delimiter
+    )
     units = _units(layout, columns, blocks)
-    factors = [factor(c.quantity, units[name], f"columns.{name}.unit") for name, c in columns.items()]
+    factors = [
+        factor(c.quantity, units[name], f"columns.{name}.unit") for name, c in columns.items()
+    ]
     tables = [(_numbers(block, parse) * factors, block.lines) for block in blocks]
     names = list(columns)
     runs = [
@@ -170,23 +188,35 @@ def _numbers(block: _Block, parse: Callable[[str], float]) -> FloatArray:
     )
 
 
-def _layout(lines: Sequence[str], columns: Mapping[str, Column], delimiters: Sequence[str]) -> _Layout:
-    """The delimiter under which the header is found and most lines hold numbers in all wanted columns."""
+def _layout(
+    lines: Sequence[str], columns: Mapping[str, Column], delimiters: Sequence[str]
+) -> _Layout:
+    """The delimiter under which the header is found and most lines hold numbers in all wanted
+    columns.
+    """
     best: tuple[int, _Layout] | None = None
     reasons: list[FormatError] = []
     for delimiter in delimiters:
-        rows = [row_of(line, i, delimiter) if line.strip() else Row(i, []) for i, line in enumerate(lines, 1)]
+        rows = [
+            row_of(line, i, delimiter) if line.strip() else Row(i, [])
+            for i, line in enumerate(lines, 1)
+        ]
         try:
             layout = _find_columns(rows, delimiter, columns)
         except FormatError as error:
             reasons.append(error)
             continue
         below = rows[layout.header_row + 1 :]
-        full = sum(all(_is_datum(row, p, columns[name]) for name, p in layout.places.items()) for row in below)
+        full = sum(
+            all(_is_datum(row, p, columns[name]) for name, p in layout.places.items())
+            for row in below
+        )
         if best is None or full > best[0]:
             best = full, layout
     if best is None:
-        reason = next((e for e in reasons if "twice" in e.message), min(reasons, key=lambda e: len(e.message)))
+        reason = next(
+            (e for e in reasons if "twice" in e.message), min(reasons, key=lambda e: len(e.message))
+        )
         raise FormatError(reason.place, reason.message + _headings("\n".join(lines)))
     if best[0] == 0:
         raise FormatError("file", "has no line with a number in each of the wanted columns")
@@ -225,7 +255,10 @@ def _find_columns(rows: list[Row], delimiter: str, columns: Mapping[str, Column]
         for name, at in places.items():
             if len(at) > 1:
                 header = wanted[name].header
-                raise FormatError(f"columns.{name}", f"{header!r} is in line {i + 1} twice; give the column's number")
+                raise FormatError(
+                    f"columns.{name}",
+                    f"{header!r} is in line {i + 1} twice; give the column's number",
+                )
         rows[i] = Row(row.line, cells)
         found = {**numbered, **{name: at[0] for name, at in places.items()}}
         return _Layout(delimiter, rows, i, {name: found[name] for name in columns})
@@ -233,10 +266,20 @@ def _find_columns(rows: list[Row], delimiter: str, columns: Mapping[str, Column]
 
 
 def _places_of(cells: Sequence[str], column: Column) -> list[int]:
-    """Where a header stands: as it is, or without its unit, or else without its brackets; capitals and blanks apart."""
+    """Where a header stands: as it is, or without its unit, or else without its brackets; capitals
+    and blanks apart.
+    """
     header = _folded(str(column.header))
-    for bare in (_folded, lambda cell: _folded(unit_in_name(cell, column.quantity)[0]), _without_brackets):
-        if at := [i for i, cell in enumerate(cells) if cell and bare(cell) in (header, bare(str(column.header)))]:
+    for bare in (
+        _folded,
+        lambda cell: _folded(unit_in_name(cell, column.quantity)[0]),
+        _without_brackets,
+    ):
+        if at := [
+            i
+            for i, cell in enumerate(cells)
+            if cell and bare(cell) in (header, bare(str(column.header)))
+        ]:
             return at
     return []
 
@@ -253,17 +296,25 @@ def _without_brackets(header: str) -> str:
 def _units_row(layout: _Layout, columns: Mapping[str, Column], index: int) -> dict[str, str] | None:
     """Units by column if this row is a line of units, else None.
 
-    It is one where no wanted cell is a number and at least one is a unit of its column's quantity. Every column is read by
-    itself: a cell that is no known unit says nothing of its column, and takes nothing from the others.
+    It is one where no wanted cell is a number and at least one is a unit of its column's quantity.
+    Every column is read by
+    itself: a cell that is no known unit says nothing of its column, and takes nothing from the
+    others.
     """
     row = layout.cells(index)
     cells = {name: plain(row[p]) for name, p in layout.places.items() if p < len(row) and row[p]}
     if any(is_number(cell) for cell in cells.values()):
         return None
-    return {name: cell for name, cell in cells.items() if factor_of(columns[name].quantity, cell) is not None} or None
+    return {
+        name: cell
+        for name, cell in cells.items()
+        if factor_of(columns[name].quantity, cell) is not None
+    } or None
 
 
-def _units(layout: _Layout, columns: Mapping[str, Column], blocks: Sequence[_Block]) -> dict[str, str]:
+def _units(
+    layout: _Layout, columns: Mapping[str, Column], blocks: Sequence[_Block]
+) -> dict[str, str]:
     at = layout.header_row
     beside: dict[str, str] = {}
     if at >= 0:
@@ -271,26 +322,38 @@ def _units(layout: _Layout, columns: Mapping[str, Column], blocks: Sequence[_Blo
     units = {}
     for i, (name, column) in enumerate(columns.items()):
         stated = [] if column.unit is None else [column.unit]
-        own = unit_in_name(layout.cells(at)[layout.places[name]], column.quantity)[1] if at >= 0 else ""
-        if own and not (own.lower() == "strain" and name in beside):  # there a name, as in "Tensile strain (Strain)"
+        own = (
+            unit_in_name(layout.cells(at)[layout.places[name]], column.quantity)[1]
+            if at >= 0
+            else ""
+        )
+        # there a name, as in "Tensile strain (Strain)"
+        if own and not (own.lower() == "strain" and name in beside):
             stated.append(own)
         stated += [beside[name]] if name in beside else []
-        if not stated and any(kind_of(row[i]) == "time" for block in blocks for row in block.cells[:1]):
+        if not stated and any(
+            kind_of(row[i]) == "time" for block in blocks for row in block.cells[:1]
+        ):
             stated = ["s"]
         if not stated:
             raise FormatError(
                 f"columns.{name}.unit",
-                f"is stated neither by you nor in the file; {column.quantity} in what?{_unread(layout, name)}",
+                f"is stated neither by you nor in the file; {column.quantity} in"
+                f" what?{_unread(layout, name)}",
             )
         values = {factor(column.quantity, unit, f"columns.{name}.unit") for unit in stated}
         if len(values) > 1:
-            raise FormatError(f"columns.{name}.unit", f"is stated as {' and as '.join(stated)}; which is right?")
+            raise FormatError(
+                f"columns.{name}.unit", f"is stated as {' and as '.join(stated)}; which is right?"
+            )
         units[name] = plain(stated[0])
     return units
 
 
 def _unread(layout: _Layout, name: str) -> str:
-    """What stands in or below the header of a column whose unit is missing, where that may have been meant as its unit."""
+    """What stands in or below the header of a column whose unit is missing, where that may have
+    been meant as its unit.
+    """
     if layout.header_row < 0:
         return ""
     row = layout.cells(layout.header_row + 1)
@@ -299,7 +362,11 @@ def _unread(layout: _Layout, name: str) -> str:
         return f" (line {layout.header_row + 2} has {cell[:20]!r} there)"
     header = layout.cells(layout.header_row)[layout.places[name]]
     in_brackets = _IN_BRACKETS.match(header)
-    return f" (the heading is {header[:40]!r}, whose brackets hold no unit that is known here)" if in_brackets else ""
+    return (
+        f" (the heading is {header[:40]!r}, whose brackets hold no unit that is known here)"
+        if in_brackets
+        else ""
+    )
 
 
 def _blocks(layout: _Layout, columns: Mapping[str, Column], notes: list[str]) -> list[_Block]:
@@ -321,7 +388,8 @@ def _blocks(layout: _Layout, columns: Mapping[str, Column], notes: list[str]) ->
             if header is not None and row.width > len(header.cells):
                 raise FormatError(
                     f"line {i + 1}",
-                    f"has {row.width} cells, the header has {len(header.cells)}; decimal commas between comma-separated cells?",
+                    f"has {row.width} cells, the header has {len(header.cells)}; decimal commas"
+                    " between comma-separated cells?",
                 )
             blocks[-1].lines.append(i + 1)
             blocks[-1].cells.append(_wanted_cells(row, layout.places, columns))
@@ -338,7 +406,8 @@ def _wanted_cells(row: Row, places: Mapping[str, int], columns: Mapping[str, Col
     for name, place in places.items():
         if place >= len(row.cells):
             raise FormatError(
-                f"line {row.line}", f"has {len(row.cells)} cells, column {name} is number {place + 1}; was it cut?"
+                f"line {row.line}",
+                f"has {len(row.cells)} cells, column {name} is number {place + 1}; was it cut?",
             )
         cell = row.cells[place]
         if kind_of(cell) != "empty" and not _is_datum(row, place, columns[name]):

@@ -1,7 +1,9 @@
-"""Meshes with motions of their nodes as files: VTU for viewers, UFF (sets 2411, 2412, 55) for programs of modal analysis.
+"""Meshes with motions of their nodes as files: VTU for viewers, UFF (sets 2411, 2412, 55) for
+programs of modal analysis.
 
-VTU is VTK's unstructured grid in XML (Kitware, The VTK User's Guide, 11th ed., 19), written as text. Its corners and middles of
-sides are ordered as ours; set 2412 goes around an element instead, a middle between two corners.
+VTU is VTK's unstructured grid in XML (Kitware, The VTK User's Guide, 11th ed., 19), written as
+text. Its corners and middles of sides are ordered as ours; set 2412 goes around an element instead,
+a middle between two corners.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -72,8 +74,8 @@ class MeshFile:
 
 
 def write_vtu(mesh: MeshFile) -> Iterator[bytes]:
-    """The bytes of a VTU file, some lines at a time: `set` of each cell counts the names in the file's comment; a shape is an
-    array of its nodes, a complex one two.
+    """The bytes of a VTU file, some lines at a time: `set` of each cell counts the names in the
+    file's comment; a shape is an array of its nodes, a complex one two.
     """
     lines = (f"{line}\n" for line in _vtu(mesh))
     while text := "".join(islice(lines, ROWS)):
@@ -82,13 +84,20 @@ def write_vtu(mesh: MeshFile) -> Iterator[bytes]:
 
 def _vtu(mesh: MeshFile) -> Iterator[str]:
     sets = list(dict.fromkeys(block.set for block in mesh.cells))
-    ends = np.cumsum(np.concatenate([np.full(len(block.nodes), block.nodes.shape[1]) for block in mesh.cells]))
+    ends = np.cumsum(
+        np.concatenate([np.full(len(block.nodes), block.nodes.shape[1]) for block in mesh.cells])
+    )
     kinds = np.concatenate([np.full(len(block.nodes), _VTK[block.kind]) for block in mesh.cells])
-    owner = np.concatenate([np.full(len(block.nodes), sets.index(block.set)) for block in mesh.cells])
+    owner = np.concatenate(
+        [np.full(len(block.nodes), sets.index(block.set)) for block in mesh.cells]
+    )
     own = np.concatenate([block.numbers for block in mesh.cells])
     yield '<?xml version="1.0"?>'
     yield from (f"<!-- set {k}: {name.replace('--', '- -')} -->" for k, name in enumerate(sets))
-    yield '<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>'
+    yield (
+        '<VTKFile type="UnstructuredGrid" version="0.1"'
+        ' byte_order="LittleEndian"><UnstructuredGrid>'
+    )
     yield f'<Piece NumberOfPoints="{len(mesh.nodes)}" NumberOfCells="{len(ends)}">'
     flat = np.concatenate([block.nodes.ravel() for block in mesh.cells])
     parts = {
@@ -130,8 +139,8 @@ def pieces(values: Values) -> Iterator[Values]:
 
 
 def uff_of(mesh: MeshFile) -> Iterator[Content]:
-    """Contents of a UFF file: grid points, elements, and the shapes. Cells that are points are grid points alone; those of the
-    k-th set have the property table k.
+    """Contents of a UFF file: grid points, elements, and the shapes. Cells that are points are grid
+    points alone; those of the k-th set have the property table k.
     """
     for labels, places in zip(pieces(mesh.numbers), pieces(mesh.nodes), strict=True):
         for number, (x, y, z) in zip(labels.tolist(), places.tolist(), strict=True):
@@ -141,7 +150,9 @@ def uff_of(mesh: MeshFile) -> Iterator[Content]:
         if block.kind in _UFF:
             order = around(block.kind)
             for labels, rows in zip(pieces(block.numbers), pieces(block.nodes), strict=True):
-                for number, row in zip(labels.tolist(), mesh.numbers[rows[:, order]].tolist(), strict=True):
+                for number, row in zip(
+                    labels.tolist(), mesh.numbers[rows[:, order]].tolist(), strict=True
+                ):
                     yield Element(number, _UFF[block.kind], tuple(row), 1 + sets.index(block.set))
     yield from mesh.shapes
 

@@ -28,8 +28,8 @@ def members_of(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
 
 
 def read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Array:
-    """Return the array of an archive's member. Its header must claim exactly the bytes that are there, since numpy
-    allocates what it claims.
+    """Return the array of an archive's member. Its header must claim exactly the bytes that are
+    there, since numpy allocates what it claims.
 
     Raises:
         FormatError: the member is damaged, cut short, or holds Python objects; names the array.
@@ -41,7 +41,9 @@ def read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Array:
             claimed = int(np.prod([int(n) for n in shape], dtype=object)) * dtype.itemsize
             present = member.file_size - stream.tell()
         if dtype.hasobject:
-            raise FormatError(name, "cannot be read: it holds Python objects, which are not unpickled")
+            raise FormatError(
+                name, "cannot be read: it holds Python objects, which are not unpickled"
+            )
         if claimed != present:
             raise FormatError(name, f"claims {claimed} bytes and has {present}")
         with archive.open(member) as stream:

@@ -27,8 +27,9 @@ _DELIMITER = re.compile(rb"\A(?:\xef\xbb\xbf)?\s*-1[ \t]*\r?(?:\n|\Z)")
 def recognise(path: Path, name: str = "") -> FormatName:
     """Return the format of a file.
 
-    Text that opens with a UFF delimiter is UFF. What has no mark, such as a .mat of version 4, is what its name says, and the
-    reader says what is wrong with it; of other names it is CSV where its first lines are columns, and else UFF.
+    Text that opens with a UFF delimiter is UFF. What has no mark, such as a .mat of version 4, is
+    what its name says, and the reader says what is wrong with it; of other names it is CSV where
+    its first lines are columns, and else UFF.
 
     Args:
         path: of the file.
@@ -42,7 +43,9 @@ def recognise(path: Path, name: str = "") -> FormatName:
             return found
     if _DELIMITER.match(head) or suffix in _UFF_NAMES:
         return "uff"
-    named: dict[str, FormatName] = {f".{form}": form for form in FORMATS} | dict.fromkeys(TEXT_NAMES, "csv")
+    named: dict[str, FormatName] = {f".{form}": form for form in FORMATS} | dict.fromkeys(
+        TEXT_NAMES, "csv"
+    )
     if suffix in TEXT_NAMES and _OPENING.search(head):  # words may stand before the first dataset
         return "uff"
     return named.get(suffix, "csv" if _is_table(head) else "uff")

@@ -1,4 +1,5 @@
-"""The formats of measured data: one table of what a file of each may hold, and of what is stated beside it.
+"""The formats of measured data: one table of what a file of each may hold, and of what is stated
+beside it.
 
 A member that a format does not take is refused by name: what is stated is used or refused.
 """
@@ -14,7 +15,9 @@ from modalbase.formats.errors import FormatError
 FormatName = Literal["uff", "npz", "mat", "csv", "wav", "tdms"]
 Kind = Literal["hits", "frfs"]
 Member = Literal["kind", "quantity", "mapping"]
-"""What may be stated beside a file: what it holds, what its FRFs are, which of its variables is what."""
+"""What may be stated beside a file: what it holds, what its FRFs are, which of its variables is
+what.
+"""
 
 MEMBERS: tuple[Member, ...] = get_args(Member)
 
@@ -30,7 +33,8 @@ class Format:
     takes: Mapping[
         Kind, tuple[Member, ...]
     ]  # what may be stated, by what a file holds; a kind that it lacks it cannot hold
-    instead: Mapping[Member, str] = field(default_factory=dict)  # in words, of what is not taken: what is meant
+    # in words, of what is not taken: what is meant
+    instead: Mapping[Member, str] = field(default_factory=dict)
 
     @property
     def kinds(self) -> tuple[Kind, ...]:
@@ -45,10 +49,13 @@ class Format:
             stated: names of what was stated.
 
         Raises:
-            FormatError: the format cannot hold such a thing, or each member that is not taken, with what is.
+            FormatError: the format cannot hold such a thing, or each member that is not taken, with
+                what is.
         """
         if kind is not None and kind not in self.takes:
-            raise FormatError("kind", f"is {kind}, and a {self.name} holds {' or '.join(self.kinds)}")
+            raise FormatError(
+                "kind", f"is {kind}, and a {self.name} holds {' or '.join(self.kinds)}"
+            )
         kinds = self.kinds if kind is None else (kind,)
         taken = [member for member in MEMBERS if any(member in self.takes[one] for one in kinds)]
         what = self.name if kind is None else f"{self.name} of {'FRFs' if kind == 'frfs' else kind}"
@@ -62,7 +69,10 @@ class Format:
             raise FormatError(faults)
 
 
-_ARRAYS: Mapping[Kind, tuple[Member, ...]] = {"frfs": ("kind", "quantity", "mapping"), "hits": ("kind", "mapping")}
+_ARRAYS: Mapping[Kind, tuple[Member, ...]] = {
+    "frfs": ("kind", "quantity", "mapping"),
+    "hits": ("kind", "mapping"),
+}
 _HITS: Mapping[Kind, tuple[Member, ...]] = {"hits": ("kind", "mapping")}
 _CHANNELS: Mapping[Member, str] = {"quantity": _BY_CHANNEL}
 
@@ -70,7 +80,10 @@ FORMATS: Mapping[FormatName, Format] = {
     "uff": Format(
         "uff",
         {"frfs": ("quantity",), "hits": ("mapping",)},
-        {"kind": "a UFF says of each dataset what it is", "mapping": "only a recording of hits has one"},
+        {
+            "kind": "a UFF says of each dataset what it is",
+            "mapping": "only a recording of hits has one",
+        },
     ),
     "npz": Format("npz", _ARRAYS, _CHANNELS),
     "mat": Format("mat", _ARRAYS, _CHANNELS),
@@ -81,6 +94,8 @@ FORMATS: Mapping[FormatName, Format] = {
 """Files, by the name of their format."""
 
 JSON = Format(
-    "JSON body", {"frfs": (), "hits": ()}, {"quantity": _IN_BODY, "mapping": _IN_BODY, "kind": "its address says it"}
+    "JSON body",
+    {"frfs": (), "hits": ()},
+    {"quantity": _IN_BODY, "mapping": _IN_BODY, "kind": "its address says it"},
 )
 """What a script sends in place of a file."""

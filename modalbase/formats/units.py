@@ -1,8 +1,8 @@
 """Units as laboratories write them, one table for time data, FRFs and coupons.
 
-A unit is read as an expression: `m/s2`, `mm/s^2`, `(1/N)*(m/s²)`, `in/s**2/lbf`, `mV/g`. It has a factor to SI and a
-dimension in powers of length, mass, time and voltage, so that N is (1, 1, -2, 0) and 1/kg is an accelerance. `g` is the
-gravity of accelerometers, never the gram.
+A unit is read as an expression: `m/s2`, `mm/s^2`, `(1/N)*(m/s²)`, `in/s**2/lbf`, `mV/g`. It has a
+factor to SI and a dimension in powers of length, mass, time and voltage, so that N is (1, 1, -2, 0)
+and 1/kg is an accelerance. `g` is the gravity of accelerometers, never the gram.
 """
 
 import re
@@ -37,8 +37,18 @@ class Dimension(NamedTuple):
         return Dimension(*(a + power * b for a, b in zip(self, other, strict=True)))
 
 
-FORCE, ACCELERATION, VELOCITY, LENGTH = Dimension(1, 1, -2), Dimension(1, 0, -2), Dimension(1, 0, -1), Dimension(1)
-VOLTAGE, TIME, FREQUENCY, NUMBER = Dimension(voltage=1), Dimension(time=1), Dimension(time=-1), Dimension()
+FORCE, ACCELERATION, VELOCITY, LENGTH = (
+    Dimension(1, 1, -2),
+    Dimension(1, 0, -2),
+    Dimension(1, 0, -1),
+    Dimension(1),
+)
+VOLTAGE, TIME, FREQUENCY, NUMBER = (
+    Dimension(voltage=1),
+    Dimension(time=1),
+    Dimension(time=-1),
+    Dimension(),
+)
 DIMENSIONS: dict[Measured, Dimension] = {
     "force": FORCE,
     "acceleration": ACCELERATION,
@@ -53,7 +63,11 @@ DIMENSIONS: dict[Measured, Dimension] = {
     "mass": Dimension(mass=1),
 }
 
-RESPONSE: dict[Quantity, Dimension] = {"accelerance": ACCELERATION, "mobility": VELOCITY, "receptance": LENGTH}
+RESPONSE: dict[Quantity, Dimension] = {
+    "accelerance": ACCELERATION,
+    "mobility": VELOCITY,
+    "receptance": LENGTH,
+}
 """Of what an FRF has above the force."""
 
 _INCH = 0.0254
@@ -105,18 +119,25 @@ class Unit(NamedTuple):
     @property
     def quantity(self) -> Measured | None:
         """What it is of; None where that is none of ours, such as N·m or mV/g."""
-        return next((name for name, dimension in DIMENSIONS.items() if dimension == self.dimension), None)
+        return next(
+            (name for name, dimension in DIMENSIONS.items() if dimension == self.dimension), None
+        )
 
 
 _BY_NAME = {name: Unit(factor, NUMBER) for name, factor in _ANGLES.items()} | {
-    name: Unit(factor, dimension) for dimension, names in _NAMES.items() for name, factor in names.items()
+    name: Unit(factor, dimension)
+    for dimension, names in _NAMES.items()
+    for name, factor in names.items()
 }
-_BY_SMALL = {name.lower(): unit for name, unit in _BY_NAME.items() if name.lower() not in _TWO_CASES}
+_BY_SMALL = {
+    name.lower(): unit for name, unit in _BY_NAME.items() if name.lower() not in _TWO_CASES
+}
 
 
 @lru_cache(maxsize=256)
 def read_unit(text: str) -> Unit | None:
-    """The meaning of a unit as programs and people write it; None where it states none or is not understood.
+    """The meaning of a unit as programs and people write it; None where it states none or is not
+    understood.
 
     >>> read_unit("mm/s²")
     Unit(factor=0.001, dimension=Dimension(length=1, mass=0, time=-2, voltage=0))
@@ -145,13 +166,16 @@ def plain(unit: str) -> str:
     'µε'
     """
     bare = unit.strip().translate(_ONE_SIGN).replace("⁻¹", "-1").replace("⁻²", "-2")
-    if bare[:1] + bare[-1:] in ("[]", "()", "{}", "<>") and not {bare[0], bare[-1]} & set(bare[1:-1]):
+    if bare[:1] + bare[-1:] in ("[]", "()", "{}", "<>") and not {bare[0], bare[-1]} & set(
+        bare[1:-1]
+    ):
         bare = bare[1:-1].strip()
     return "µε" if bare == "µe" else bare
 
 
 def factor_of(quantity: Measured, unit: str) -> float | None:
-    """The SI value of one unit of a quantity (a frequency's in Hz); None where the unit is not one of it.
+    """The SI value of one unit of a quantity (a frequency's in Hz); None where the unit is not one
+    of it.
 
     >>> factor_of("force", "kN"), factor_of("strain", "µε"), factor_of("time", "kN")
     (1000.0, 1e-06, None)
@@ -180,10 +204,12 @@ _AT_THE_END = re.compile(r"(?=(?:\s*/\s*|\s*[_,;:]\s*|\s+in\s+|\s+)(\S+)$)")
 
 
 def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]:
-    """The name of a column or channel without the unit that stands in it, and that unit; "" where none stands there.
+    """The name of a column or channel without the unit that stands in it, and that unit; "" where
+    none stands there.
 
-    A unit is what brackets hold, where it reads as one: a name in brackets is none. Without brackets, the last part of a
-    name is one where it is a unit of the quantity that the caller knows the name to be of.
+    A unit is what brackets hold, where it reads as one: a name in brackets is none. Without
+    brackets, the last part of a name is one where it is a unit of the quantity that the caller
+    knows the name to be of.
 
     >>> unit_in_name("ACC (g)"), unit_in_name("Hammer [lbf] 1"), unit_in_name("Strain 1 (left)")
     (('ACC', 'g'), ('Hammer 1', 'lbf'), ('Strain 1 (left)', ''))
@@ -191,11 +217,15 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
     (('time', 'ms'), ('time_s', ''), ('Strain 1', ''))
     """
     for match in reversed(list(_IN_BRACKETS.finditer(name))):
-        inner = unit_in_name(match[1])[1] if _NAMED_UNIT.fullmatch(match[1]) else ""  # "Strain 1 (Strain (%))"
+        # "Strain 1 (Strain (%))"
+        inner = unit_in_name(match[1])[1] if _NAMED_UNIT.fullmatch(match[1]) else ""
         if inner:
             return " ".join(name[: match.start()].split()), inner
         if match[1].strip() != "1" and read_unit(match[1]) is not None:
-            return " ".join(f"{name[: match.start()]} {name[match.end() :]}".split()), match[1].strip()
+            return (
+                " ".join(f"{name[: match.start()]} {name[match.end() :]}".split()),
+                match[1].strip(),
+            )
     for match in _AT_THE_END.finditer(name):
         unit = match[1].replace("_", "/")
         if quantity is not None and not unit.isdigit() and factor_of(quantity, unit) is not None:
@@ -203,17 +233,21 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
     return name, ""
 
 
-_BESIDE = ("quantity.label", "quantity.unit", "unit", "units", "unit_string")  # members of the structure of an array
+# members of the structure of an array
+_BESIDE = ("quantity.label", "quantity.unit", "unit", "units", "unit_string")
 
 
 def unit_beside(name: str, texts: Mapping[str, str], quantity: Measured | None = None) -> str:
-    """The unit that a file states of an array, in a text beside it or in the array's name; "" where it states none.
+    """The unit that a file states of an array, in a text beside it or in the array's name; "" where
+    it states none.
 
     >>> unit_beside("FRF.y_values.values", {"FRF.y_values.quantity.label": "g/N"}), unit_beside("H (m/N)", {})
     ('g/N', 'm/N')
     """
     parent, _, own = name.rpartition(".")
-    beside = [f"{parent}.{end}" if parent else end for end in (*_BESIDE, f"{own}_unit", f"{own}_units")]
+    beside = [
+        f"{parent}.{end}" if parent else end for end in (*_BESIDE, f"{own}_unit", f"{own}_units")
+    ]
     named = unit_in_name(own, quantity)[1]
     stated = next((texts[at].strip() for at in beside if texts.get(at, "").strip()), "")
     return stated or named
@@ -235,7 +269,9 @@ def _product(tokens: list[str]) -> tuple[Unit | None, list[str]]:
         unit, tokens = _factor(tokens)
         if unit is None:
             return None, tokens
-        total = Unit(total.factor * unit.factor**power, total.dimension.times(unit.dimension, power))
+        total = Unit(
+            total.factor * unit.factor**power, total.dimension.times(unit.dimension, power)
+        )
         expect = False
     return (None if expect else total), tokens
 

@@ -1,7 +1,9 @@
-"""The service's nouns as Python objects, for scripts and notebooks: `modalbase.connect()` gives the first one.
+"""The service's nouns as Python objects, for scripts and notebooks: `modalbase.connect()` gives the
+first one.
 
-They know the service by HTTP alone. numpy is imported by what has arrays, when it is asked for; xarray and pandas where they
-are installed and asked for by name. Each module imports those below it in this list alone:
+They know the service by HTTP alone. numpy is imported by what has arrays, when it is asked for;
+xarray and pandas where they are installed and asked for by name. Each module imports those below it
+in this list alone:
 
 laboratory    the way in, and what one may see
 projects      projects and structures

@@ -1,7 +1,8 @@
 """An archive on this machine's disk, checked before anything is taken from it.
 
-A zip can say that it is small and be large, and name files that it should not have. So nothing is unpacked by name: the
-manifest says which members there are, each with its bytes and SHA-256, and no member is read beyond what it says.
+A zip can say that it is small and be large, and name files that it should not have. So nothing is
+unpacked by name: the manifest says which members there are, each with its bytes and SHA-256, and no
+member is read beyond what it says.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ from modalbase.client.errors import ClientError, Exit
 MOST_MANIFEST, MOST_WHOLE = 64 * 1024 * 1024, 512 * 1024 * 1024
 """Bytes of the manifest, and of any other member that is read whole."""
 MOST_RATIO = 200
-"""How many times an archive may grow when it is unpacked; text of numbers grows less than tenfold."""
+"""How many times an archive may grow when it is unpacked; text of numbers grows less than
+tenfold.
+"""
 BLOCK = 1024 * 1024
 
 
@@ -68,9 +71,15 @@ class ArchiveFile:
         found = {info.filename: info.file_size for info in infos}
         if len(found) != len(infos) or found != stated:
             other = sorted(found.items() ^ stated.items())
-            raise broken(f"{path.name} has other members than its manifest: {other[0][0] if other else 'one twice'}")
+            raise broken(
+                f"{path.name} has other members than its manifest:"
+                f" {other[0][0] if other else 'one twice'}"
+            )
         if sum(found.values()) > MOST_RATIO * path.stat().st_size:
-            raise broken(f"{path.name} would grow to {sum(found.values())} bytes, over {MOST_RATIO} times its size")
+            raise broken(
+                f"{path.name} would grow to {sum(found.values())} bytes, over {MOST_RATIO} times"
+                " its size"
+            )
 
     def __enter__(self) -> ArchiveFile:
         return self
@@ -80,13 +89,17 @@ class ArchiveFile:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of what is in it: archives of the same content have the same, whenever they were written."""
+        """SHA-256 of what is in it: archives of the same content have the same, whenever they were
+        written.
+        """
         content = {name: sha for name, sha in self._digests.items() if name != CRATE}
         return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def names(self, folder: str, end: str) -> list[str]:
         """Paths of members in a folder that end so."""
-        return sorted(name for name in self._digests if name.startswith(folder) and name.endswith(end))
+        return sorted(
+            name for name in self._digests if name.startswith(folder) and name.endswith(end)
+        )
 
     def check(self) -> None:
         """Read all members once.
@@ -112,7 +125,9 @@ class ArchiveFile:
     def rows(self, name: str) -> list[dict[str, str]]:
         """A member of CSV, a row each."""
         try:
-            return list(csv.DictReader(io.StringIO(self._whole(name).decode(), newline=""), strict=True))
+            return list(
+                csv.DictReader(io.StringIO(self._whole(name).decode(), newline=""), strict=True)
+            )
         except (ValueError, csv.Error) as error:
             raise broken(f"{name} cannot be read: {error}") from None
 
@@ -127,7 +142,10 @@ class ArchiveFile:
 
     def _whole(self, name: str) -> bytes:
         if self._zip.getinfo(name).file_size > MOST_WHOLE:
-            raise broken(f"{name} has {self._zip.getinfo(name).file_size} bytes, at most {MOST_WHOLE} are read at once")
+            raise broken(
+                f"{name} has {self._zip.getinfo(name).file_size} bytes, at most {MOST_WHOLE} are"
+                " read at once"
+            )
         return b"".join(self._blocks(name))
 
     def _read(self, name: str, most: int) -> bytes:

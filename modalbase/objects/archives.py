@@ -1,7 +1,9 @@
-"""An archive read into a project of a service: everything gets new ids, and what it names is named by those.
+"""An archive read into a project of a service: everything gets new ids, and what it names is named
+by those.
 
-The first structure has a name of its own until all is there, which one client alone can take: so of several that read an
-archive at one moment one does, and what a broken line leaves is seen for what it is.
+The first structure has a name of its own until all is there, which one client alone can take: so of
+several that read an archive at one moment one does, and what a broken line leaves is seen for what
+it is.
 """
 
 from __future__ import annotations
@@ -37,7 +39,17 @@ _COUPON = (
     *("failure_code", "excluded", "exclusion_reason"),
 )
 _MONITOR = (
-    *("recipe", "modes", "priors", "boundary", "parameters", "baseline", "covariates", "false_alarm_rate", "horizon"),
+    *(
+        "recipe",
+        "modes",
+        "priors",
+        "boundary",
+        "parameters",
+        "baseline",
+        "covariates",
+        "false_alarm_rate",
+        "horizon",
+    ),
     *("pending", "chart", "expected_interval_days", "runs_on", "schedule"),
 )
 
@@ -47,9 +59,10 @@ class Imported:
     """What came of an archive.
 
     Attributes:
-        ids: of instruments, structures, coupon batches, coupons, monitors, campaigns, time blocks and mode sets: as they were,
-            to as they are.
-        results: paths in the archive of results, which stay there: a service has the results that it computed.
+        ids: of instruments, structures, coupon batches, coupons, monitors, campaigns, time blocks
+            and mode sets: as they were, to as they are.
+        results: paths in the archive of results, which stay there: a service has the results that
+            it computed.
     """
 
     ids: dict[str, str]
@@ -57,17 +70,20 @@ class Imported:
 
 
 def import_archive(project: Project, path: Path, *, again: bool = False) -> Imported:
-    """Read an archive into a project; everything gets ids of the service, and says in `meta.archive` where it came from.
+    """Read an archive into a project; everything gets ids of the service, and says in
+    `meta.archive` where it came from.
 
-    What came from an archive of the same content, in any project that one may see, is not brought in twice but with `again`.
+    What came from an archive of the same content, in any project that one may see, is not brought
+    in twice but with `again`.
 
-    Where a part of it cannot be read, or the reading is interrupted, nothing stays: what was made is purged, or where the key
-    may not do that deleted, and instruments that were there are as they were.
+    Where a part of it cannot be read, or the reading is interrupted, nothing stays: what was made
+    is purged, or where the key may not do that deleted, and instruments that were there are as they
+    were.
 
     Raises:
-        ClientError: the archive is not what was written, or its content is there already, which is known before anything is
-            sent; or another client reads it into the project now; or a part of it is none of an archive, or refused by the
-            service.
+        ClientError: the archive is not what was written, or its content is there already, which is
+            known before anything is sent; or another client reads it into the project now; or a
+            part of it is none of an archive, or refused by the service.
     """
     with ArchiveFile(path) as archive:
         archive.check()
@@ -80,9 +96,12 @@ def import_archive(project: Project, path: Path, *, again: bool = False) -> Impo
             reading.undo()
             if isinstance(error, AlreadyThere) or not isinstance(error, _OF_A_PART):
                 raise
-            said = str(error) if isinstance(error, ClientError) else f"{type(error).__name__} {error}"
+            said = (
+                str(error) if isinstance(error, ClientError) else f"{type(error).__name__} {error}"
+            )
             raise broken(
-                f"{archive.last} of {path.name} is not as an archive is: {said}; nothing of it stays"
+                f"{archive.last} of {path.name} is not as an archive is: {said}; nothing of it"
+                " stays"
             ) from error
 
 
@@ -95,14 +114,17 @@ class AlreadyThere(ClientError):  # noqa: N818  named for what happened
 
 
 def _require_new(project: Project, archive: ArchiveFile, before: str | None = None) -> None:
-    """Refuse an archive whose content is in a project already; `before` is the id of a structure, of which older ones count."""
+    """Refuse an archive whose content is in a project already; `before` is the id of a structure,
+    of which older ones count.
+    """
     same = Found(project.lab, "structures", {"filter": f"meta.archive.sha256 = '{archive.digest}'"})
     for there in same:
         if before is not None and there["id"] >= before:  # ids are in the order of creation
             continue
         name, key, day = there["project.name"], there["project.id"], there["created_at"][:10]
         raise AlreadyThere(
-            f"the project {name} ({key}) has what is in this archive since {day}; `again=True`, `--again`: have it twice"
+            f"the project {name} ({key}) has what is in this archive since {day}; `again=True`,"
+            " `--again`: have it twice"
         )
 
 
@@ -116,7 +138,9 @@ class _Import:
         self.alone, self.name = alone, ""
 
     def undo(self) -> None:
-        """Take back what was made: structures with all that is theirs, instruments, calibrations."""
+        """Take back what was made: structures with all that is theirs, instruments,
+        calibrations.
+        """
         call = self.project.lab.connection.call
         for structure in self.made:
             structure.delete()
@@ -132,7 +156,9 @@ class _Import:
                 self.project.change_instrument(key, calibrations=calibrations)
 
     def whole(self) -> Imported:
-        """All that the archive has: monitors last, since they are of a structure with its campaigns."""
+        """All that the archive has: monitors last, since they are of a structure with its
+        campaigns.
+        """
         archive = self.archive
         structures: dict[str, Structure] = {}
         for was in map(archive.json, archive.names("structures/", "/structure.json")):
@@ -143,7 +169,9 @@ class _Import:
         if self.name:
             call = self.project.lab.connection.call
             call("PATCH", self.made[0].address, json={"name": self.name}, headers={"If-Match": "*"})
-        return Imported(self.ids, [name for name in archive.names("campaigns/", ".json") if "/results/" in name])
+        return Imported(
+            self.ids, [name for name in archive.names("campaigns/", ".json") if "/results/" in name]
+        )
 
     def below(self, structures: dict[str, Structure]) -> None:
         """Campaigns and monitors of structures, which are there by the ids that they had."""
@@ -158,7 +186,9 @@ class _Import:
                 self.monitor(structure, archive.json(name)["monitor"])
 
     def instruments(self, listed: list[dict[str, Any]]) -> None:
-        """Those that the project has keep what it says of them, and get the calibrations that it does not know."""
+        """Those that the project has keep what it says of them, and get the calibrations that it
+        does not know.
+        """
         there = {(one["kind"], one["serial"]): one for one in self.project.instruments()}
         for was in listed:
             stated = {name: was[name] for name in _INSTRUMENT}
@@ -169,7 +199,9 @@ class _Import:
             self.ids[_id(was)] = known["id"]
             if more := [one for one in was["calibrations"] if one not in known["calibrations"]]:
                 self.calibrations_before[known["id"]] = known["calibrations"]
-                self.project.change_instrument(known["id"], calibrations=[*known["calibrations"], *more])
+                self.project.change_instrument(
+                    known["id"], calibrations=[*known["calibrations"], *more]
+                )
 
     def structure(self, was: Mapping[str, Any]) -> Structure:
         """A structure with its deck and its coupons."""
@@ -193,15 +225,19 @@ class _Import:
     def first(self, was: Mapping[str, Any]) -> Structure:
         """The first structure, under the name that says that the archive is being read."""
         stated = self.stated(was)
-        self.name, stated["name"] = stated["name"], f"archive {self.archive.digest[:16]}, being read"
+        self.name, stated["name"] = (
+            stated["name"],
+            f"archive {self.archive.digest[:16]}, being read",
+        )
         query = {"confirm": True, "unless_named": True}
         path = f"{self.project.address}/structures"
         answer = self.project.lab.connection.request("POST", path, params=query, json=stated)
         key = answer.json()["id"]
         if answer.status_code == OK:
             raise AlreadyThere(
-                f"the archive is being read into the project {self.project.name} now, or that was broken off: then delete its "
-                f"structure {stated['name']!r} ({key}) and read it again"
+                f"the archive is being read into the project {self.project.name} now, or that was"
+                f" broken off: then delete its structure {stated['name']!r} ({key}) and read it"
+                " again"
             )
         made = self.project.structure(key)
         self.made.append(made)
@@ -210,19 +246,39 @@ class _Import:
 
     def stated(self, was: Mapping[str, Any]) -> dict[str, Any]:
         """What a client states of a thing, with where it came from."""
-        stated = {name: value for name, value in was.items() if name not in _OF_THE_SERVICE and value is not None}
-        origin = {"id": _id(was), "created_at": was.get("created_at"), "sha256": self.archive.digest}
+        stated = {
+            name: value
+            for name, value in was.items()
+            if name not in _OF_THE_SERVICE and value is not None
+        }
+        origin = {
+            "id": _id(was),
+            "created_at": was.get("created_at"),
+            "sha256": self.archive.digest,
+        }
         return {**stated, "meta": {**stated.get("meta", {}), "archive": origin}}
 
-    def coupons(self, structure: Structure, folder: str, was: Mapping[str, Any], coupons: list[dict[str, Any]]) -> None:
+    def coupons(
+        self,
+        structure: Structure,
+        folder: str,
+        was: Mapping[str, Any],
+        coupons: list[dict[str, Any]],
+    ) -> None:
         """A batch; a raw curve is reduced anew from the testing machine's file."""
-        batch = structure.new_coupon_batch(was["name"], **{name: was[name] for name in _BATCH}, confirm=True)
+        batch = structure.new_coupon_batch(
+            was["name"], **{name: was[name] for name in _BATCH}, confirm=True
+        )
         self.ids[_id(was)] = batch.id
         for coupon in coupons:
             stated = {name: coupon[name] for name in _COUPON}
             if curve := coupon.get("curve"):
                 counted = {name: stated[name] for name in ("excluded", "exclusion_reason")}
-                about = {name: value for name, value in {**curve["request"], **counted}.items() if value is not None}
+                about = {
+                    name: value
+                    for name, value in {**curve["request"], **counted}.items()
+                    if value is not None
+                }
                 with self.archive.unpacked(
                     f"{folder}/curves/{_id(coupon)}/original", curve["file"]["filename"]
                 ) as file:
@@ -235,7 +291,11 @@ class _Import:
         """A campaign with its points, hits, FRFs with their labels, and mode sets."""
         archive, folder, stated = self.archive, f"campaigns/{_id(was)}", self.stated(was)
         rates = {row["window_rate_per_s"] for row in archive.rows(f"{folder}/frfs.csv")}
-        if (stated.get("inputs") or {}).get("window_rate_per_s") is None and len(rates) == 1 and (rate := rates.pop()):
+        if (
+            (stated.get("inputs") or {}).get("window_rate_per_s") is None
+            and len(rates) == 1
+            and (rate := rates.pop())
+        ):
             stated["inputs"] = {**(stated.get("inputs") or {}), "window_rate_per_s": float(rate)}
         campaign = structure.new_campaign(**stated, confirm=True)
         self.ids[_id(was)] = campaign.id
@@ -245,16 +305,23 @@ class _Import:
             _label(campaign, archive.rows(f"{folder}/frfs.csv"), sent.id)
         elif points := archive.rows(f"{folder}/grid-points.csv"):
             campaign.set_grid_points(
-                {"label": int(row["label"]), **{f"{a}_m": float(row[f"{a}_m"]) for a in "xyz"}} for row in points
+                {"label": int(row["label"]), **{f"{a}_m": float(row[f"{a}_m"]) for a in "xyz"}}
+                for row in points
             )
         self.hits(campaign, folder)
         for one in archive.json(f"{folder}/mode-sets.json"):
-            modes = [{name: mode[name] for name in _MODE} for mode in one["modes"] if mode["frequency_hz"] > 0]
+            modes = [
+                {name: mode[name] for name in _MODE}
+                for mode in one["modes"]
+                if mode["frequency_hz"] > 0
+            ]
             if modes:
                 self.ids[_id(one)] = campaign.new_mode_set(one["name"], modes).id
 
     def hits(self, campaign: Campaign, folder: str) -> None:
-        """The hits, and what was decided of them by hand; what is left of a hit without force or response stays."""
+        """The hits, and what was decided of them by hand; what is left of a hit without force or
+        response stays.
+        """
         archive = self.archive
         for name in archive.names(f"{folder}/hits/", ".npz"):
             mapping = archive.json(f"{name.removesuffix('.npz')}.json")
@@ -262,7 +329,9 @@ class _Import:
             if any(forces) and not all(forces):
                 with archive.unpacked(name, Path(name).name) as file:
                     form = {"mapping": json.dumps(mapping)}  # too long for an address
-                    answer = campaign.lab.connection.submit(f"{campaign.address}/records", file, form)
+                    answer = campaign.lab.connection.submit(
+                        f"{campaign.address}/records", file, form
+                    )
                 if "items" not in answer:
                     Import(campaign.lab, answer).wait().check()
         if archive.has(f"{folder}/hits.csv") and (rows := archive.rows(f"{folder}/hits.csv")):
@@ -276,7 +345,9 @@ class _Import:
                     campaign.judge(hit, good=one["good"], why=why)
 
     def monitor(self, structure: Structure, was: Mapping[str, Any]) -> None:
-        """A monitor, at rest and without the addresses of its mail: nobody has asked this service for its work yet."""
+        """A monitor, at rest and without the addresses of its mail: nobody has asked this service
+        for its work yet.
+        """
         recipe = dict(was["recipe"])
         if (batch := recipe.get("prior_from_coupon_batch")) is not None:
             recipe["prior_from_coupon_batch"] = self.ids[batch]
@@ -295,7 +366,11 @@ def _label(campaign: Campaign, rows: list[dict[str, str]], import_id: str) -> No
         tags, meta = json.loads(row["tags"]), json.loads(row["meta"])
         if tags or meta:
             which = {"point": row["response_point"], "direction": row["response_direction"]}
-            which |= {"reference": row["reference_point"], "quantity": row["quantity"], "import_id": import_id}
+            which |= {
+                "reference": row["reference_point"],
+                "quantity": row["quantity"],
+                "import_id": import_id,
+            }
             campaign.label_frfs(tags=tags, meta=meta, **which)
 
 

@@ -12,7 +12,14 @@ from modalbase.client.errors import ClientError, Exit
 from modalbase.client.files import FRF_FORMATS, save_file, send_file
 from modalbase.client.finding import CAMPAIGN, Kind
 from modalbase.client.rest import require_known
-from modalbase.objects.jobs import Identification, Import, ModeSet, Processing, UpdateJob, update_jobs
+from modalbase.objects.jobs import (
+    Identification,
+    Import,
+    ModeSet,
+    Processing,
+    UpdateJob,
+    update_jobs,
+)
 from modalbase.objects.thing import Editable, Figure, Table, Thing
 
 if TYPE_CHECKING:
@@ -34,11 +41,15 @@ class Record(Thing):
             return arrays["time_s"], arrays["samples"]
 
     def sep005(self) -> dict[str, Any]:
-        """The block as a time series of SDyPy's SEP 5, with its place and hit in fields of their own."""
+        """The block as a time series of SDyPy's SEP 5, with its place and hit in fields of their
+        own.
+        """
         from modalbase.formats.records.arrays import TimeBlock
         from modalbase.formats.records.sep005 import records_to_sep005
 
-        known = {name: self.fields[name] for name in TimeBlock.__dataclass_fields__ if name != "samples"}
+        known = {
+            name: self.fields[name] for name in TimeBlock.__dataclass_fields__ if name != "samples"
+        }
         return records_to_sep005([TimeBlock(**known, samples=self.samples()[1])])[0]
 
     def delete(self) -> None:
@@ -60,13 +71,13 @@ class Campaign(Editable):
         Args:
             file: the analyser's export; its format is recognised by its content.
             wait: for the end of the reading.
-            options: `mapping` of hits and of FRFs of a .mat, which variable is what; `kind` of an npz, .mat or CSV, `hits`
-                or `frfs`, where its arrays do not say; `quantity` of FRFs whose file does not say (`accelerance`,
-                `mobility`, `receptance`); `dry_run`.
+            options: `mapping` of hits and of FRFs of a .mat, which variable is what; `kind` of an
+                npz, .mat or CSV, `hits` or `frfs`, where its arrays do not say; `quantity` of FRFs
+                whose file does not say (`accelerance`, `mobility`, `receptance`); `dry_run`.
 
         Returns:
-            The import: `counts`, `datasets` with what became of each, `found` with the arrays and a mapping that suggests
-            itself, `warnings`.
+            The import: `counts`, `datasets` with what became of each, `found` with the arrays and a
+            mapping that suggests itself, `warnings`.
 
         Raises:
             JobFailed: the file could not be read.
@@ -75,7 +86,10 @@ class Campaign(Editable):
         require_known("start_import", options)
         if "dry_run" in options:
             options["dry_run"] = bool(options["dry_run"])
-        sent = Import(self.lab, send_file(self.lab.connection, f"{self.address}/imports", Path(file), **options))
+        sent = Import(
+            self.lab,
+            send_file(self.lab.connection, f"{self.address}/imports", Path(file), **options),
+        )
         return sent.wait().check() if wait else sent
 
     def imports(self) -> list[Import]:
@@ -92,28 +106,39 @@ class Campaign(Editable):
         Args:
             points: each as `{"label": 1, "x_m": 0.1, "y_m": 0, "z_m": 0}` or as `(1, 0.1, 0, 0)`.
         """
-        items = [dict(p) if isinstance(p, Mapping) else dict(zip(POINT, p, strict=True)) for p in points]
+        items = [
+            dict(p) if isinstance(p, Mapping) else dict(zip(POINT, p, strict=True)) for p in points
+        ]
         self.lab.connection.call("PUT", f"{self.address}/grid-points", json={"items": items})
 
     def alignment(self) -> Table:
-        """How its points lie on the structure: distance, set and normal of each, and whether an update refuses it."""
+        """How its points lie on the structure: distance, set and normal of each, and whether an
+        update refuses it.
+        """
         return Table(self.lab.rest.get_alignment(self.fields["id"])["items"], key="label")
 
     def align(self, pairs: Mapping[int, Sequence[float]] | None = None) -> dict[str, Any]:
         """Find the frame that brings its points onto the structure, and take it.
 
         Args:
-            pairs: of three grid points or more where they are on the structure, m: `{1: (0.0, 0.02, 0.06), …}`; by default
-                the closest points are found.
+            pairs: of three grid points or more where they are on the structure, m:
+                `{1: (0.0, 0.02, 0.06), …}`; by default the closest points are found.
 
         Returns:
             What was found: `frames`, the best first, and a `sentence`.
 
         Raises:
-            ClientError: several frames fit about as well, so pairs are needed; or the service refuses.
+            ClientError: several frames fit about as well, so pairs are needed; or the service
+                refuses.
         """
-        named = None if pairs is None else [dict(zip(POINT, (n, *at), strict=True)) for n, at in pairs.items()]
-        found: dict[str, Any] = self.lab.rest.find_alignment(self.fields["id"], body={"pairs": named})
+        named = (
+            None
+            if pairs is None
+            else [dict(zip(POINT, (n, *at), strict=True)) for n, at in pairs.items()]
+        )
+        found: dict[str, Any] = self.lab.rest.find_alignment(
+            self.fields["id"], body={"pairs": named}
+        )
         if len(found["frames"]) > 1:
             raise ClientError(found["sentence"], Exit.USAGE)
         self.change(frame=found["frames"][0]["frame"])
@@ -138,18 +163,22 @@ class Campaign(Editable):
             wanted: as for `list_frfs`, and `stride`.
 
         Raises:
-            ClientError: none matches, they have several axes or quantities, or there is no such filter.
+            ClientError: none matches, they have several axes or quantities, or there is no such
+                filter.
         """
         from modalbase.objects.frfs import Frfs
 
-        return Frfs.from_npz(self.lab.connection.call("GET", f"{self.address}/frfs/data", params=_npz(wanted)))
+        return Frfs.from_npz(
+            self.lab.connection.call("GET", f"{self.address}/frfs/data", params=_npz(wanted))
+        )
 
     def figure(self, name: str, **options: Any) -> Figure:
         """A figure, shown in a notebook: `frf` or `hits`.
 
         Args:
             name: which one.
-            options: `point`, `direction`; of `frf` also `reference`, `fmin`, `fmax`; of `hits` also `response`.
+            options: `point`, `direction`; of `frf` also `reference`, `fmin`, `fmax`; of `hits` also
+                `response`.
 
         Raises:
             ClientError: there is no such option.
@@ -158,11 +187,16 @@ class Campaign(Editable):
         return Figure(self.lab, f"{self.address}/figures/{name}", options)
 
     def archive(self, file: str | Path) -> Path:
-        """Write it, with its structure and instruments, to a zip that others read without this service."""
+        """Write it, with its structure and instruments, to a zip that others read without this
+        service.
+        """
         return save_file(self.lab.connection, f"{self.address}/archive", file)
 
-    def label_frfs(self, *, tags: Sequence[str] = (), meta: Mapping[str, Any] | None = None, **which: Any) -> int:
-        """Give a set of FRFs tags and metadata in place of theirs, by which a search finds them; the number of FRFs.
+    def label_frfs(
+        self, *, tags: Sequence[str] = (), meta: Mapping[str, Any] | None = None, **which: Any
+    ) -> int:
+        """Give a set of FRFs tags and metadata in place of theirs, by which a search finds them;
+        the number of FRFs.
 
         Args:
             tags: words without commas.
@@ -174,7 +208,9 @@ class Campaign(Editable):
         """
         require_known("label_frfs", which)
         body = {"tags": list(tags), "meta": dict(meta or {})}
-        answer = self.lab.connection.call("PUT", f"{self.address}/frfs/labels", params=which, json=body)
+        answer = self.lab.connection.call(
+            "PUT", f"{self.address}/frfs/labels", params=which, json=body
+        )
         return int(answer["count"])
 
     def add_frfs(self, frfs: Frfs) -> Table:
@@ -183,12 +219,16 @@ class Campaign(Editable):
         Raises:
             ClientError: the service refuses them.
         """
-        answer = self.lab.rest.create_frfs(self.fields["id"], content=frfs.to_npz(), content_type="application/x-npz")
+        answer = self.lab.rest.create_frfs(
+            self.fields["id"], content=frfs.to_npz(), content_type="application/x-npz"
+        )
         if "items" in answer:
             return Table(answer["items"], key="label")
         return self.list_frfs(import_id=Import(self.lab, answer).wait().check().fields["id"])
 
-    def add_records(self, file: str | Path, mapping: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def add_records(
+        self, file: str | Path, mapping: Mapping[str, Any] | None = None
+    ) -> dict[str, Any]:
         """Send time blocks of hits: npz, .mat, CSV or wav.
 
         Args:
@@ -198,7 +238,9 @@ class Campaign(Editable):
         Returns:
             `items`, the stored blocks, and `hits`, the judgement of each hit.
         """
-        answer = send_file(self.lab.connection, f"{self.address}/records", Path(file), mapping=mapping)
+        answer = send_file(
+            self.lab.connection, f"{self.address}/records", Path(file), mapping=mapping
+        )
         return self._judged(answer)
 
     def add_sep005(
@@ -212,7 +254,8 @@ class Campaign(Editable):
         """Send time series of SDyPy's SEP 5 as time blocks of hits.
 
         Args:
-            series: a dict with `data`, `fs` or `time`, `name` and `unit_str`, or a list of them; one measures a force.
+            series: a dict with `data`, `fs` or `time`, `name` and `unit_str`, or a list of them;
+                one measures a force.
             places: grid point of each channel by its name, or a `Place` with its direction.
             hit: number of the first hit; None counts on from those that the point has.
             sensitivities: volts per SI unit of channels in V, by name.
@@ -239,12 +282,16 @@ class Campaign(Editable):
         return self._judged(answer)
 
     def propose_mapping(self, file: str | Path) -> dict[str, Any]:
-        """What a file of time blocks holds, and a mapping in its own words; None where it says nothing. Nothing is stored."""
+        """What a file of time blocks holds, and a mapping in its own words; None where it says
+        nothing. Nothing is stored.
+        """
         found: dict[str, Any] = self.import_file(file, kind="hits", dry_run=True).fields["found"]
         return found
 
     def _judged(self, answer: dict[str, Any]) -> dict[str, Any]:
-        """Stored blocks and the judgement of their hits; waits for a file that was not read at once."""
+        """Stored blocks and the judgement of their hits; waits for a file that was not read at
+        once.
+        """
         if "items" in answer:
             return answer
         sent = Import(self.lab, answer).wait().check()
@@ -265,10 +312,12 @@ class Campaign(Editable):
     def judge(
         self, hit: Record | Mapping[str, Any] | tuple[int, int], *, good: bool | None, why: str
     ) -> dict[str, Any]:
-        """Accept or refuse a hit by hand, whatever its probability; every later processing keeps to it.
+        """Accept or refuse a hit by hand, whatever its probability; every later processing keeps to
+        it.
 
         Args:
-            hit: one of its time blocks, a judgement with `point`, `direction` and `hit`, or (point, number of the hit).
+            hit: one of its time blocks, a judgement with `point`, `direction` and `hit`, or (point,
+                number of the hit).
             good: whether it is used; None takes earlier decisions back.
             why: for those who read the FRFs.
 
@@ -279,16 +328,22 @@ class Campaign(Editable):
             ClientError: the campaign has no such hit.
         """
         if isinstance(hit, Record):
-            named = {name: hit.fields[f"force_{name}"] for name in ("point", "direction")} | {"hit": hit.fields["hit"]}
+            named = {name: hit.fields[f"force_{name}"] for name in ("point", "direction")} | {
+                "hit": hit.fields["hit"]
+            }
         elif isinstance(hit, Mapping):
             named = {name: hit[name] for name in ("point", "direction", "hit") if name in hit}
         else:
             named = dict(zip(("point", "hit"), hit, strict=True))
-        decision: dict[str, Any] = self.lab.rest.judge_hit(self.fields["id"], body={**named, "good": good, "why": why})
+        decision: dict[str, Any] = self.lab.rest.judge_hit(
+            self.fields["id"], body={**named, "good": good, "why": why}
+        )
         return decision
 
     def hit_decisions(self) -> list[dict[str, Any]]:
-        """What was decided of its hits by hand, newest first: `good`, `why`, `by` and `created_at` of each."""
+        """What was decided of its hits by hand, newest first: `good`, `why`, `by` and `created_at`
+        of each.
+        """
         return list(self.lab.connection.pages(f"{self.address}/hit-decisions"))
 
     def process(self, *, wait: bool = True, **options: Any) -> Processing:
@@ -309,7 +364,8 @@ class Campaign(Editable):
 
         Args:
             name: of the set.
-            modes: each with `frequency_hz`, and where known `damping_ratio`, `frequency_sd_hz`, `damping_sd`, `shape`.
+            modes: each with `frequency_hz`, and where known `damping_ratio`, `frequency_sd_hz`,
+                `damping_sd`, `shape`.
         """
         body = {"name": name, "modes": [dict(mode) for mode in modes]}
         return self._make(ModeSet, body)
@@ -319,16 +375,21 @@ class Campaign(Editable):
         return self._list(ModeSet)
 
     def mode_set(self, which: str = "latest", *, create: bool = False, **fields: Any) -> ModeSet:
-        """One of its mode sets by id, name or `latest`; with `create` made of `modes` where there is none of this name."""
+        """One of its mode sets by id, name or `latest`; with `create` made of `modes` where there
+        is none of this name.
+        """
         if "modes" in fields:  # the service has them in this order
-            fields["modes"] = sorted(fields["modes"], key=lambda mode: float(mode.get("frequency_hz", 0)))
+            fields["modes"] = sorted(
+                fields["modes"], key=lambda mode: float(mode.get("frequency_hz", 0))
+            )
         return self._one(ModeSet, which, create, fields)
 
     def identify(self, **options: Any) -> ModeSet:
         """Find modes in its FRFs and wait for them.
 
         Args:
-            options: `band_hz`, `highest_order`, `most_modes`, `threshold`, `include_doubtful`, `name`.
+            options: `band_hz`, `highest_order`, `most_modes`, `threshold`, `include_doubtful`,
+                `name`.
 
         Raises:
             JobFailed: no mode was found; the text says why.
@@ -336,18 +397,25 @@ class Campaign(Editable):
         job = self._make(Identification, options)
         return job.wait().mode_set()
 
-    def update(self, recipe: Mapping[str, Any] | None = None, *, confirm: bool = False, **more: Any) -> UpdateJob:
-        """Queue an update of the structure's model to this campaign; the job's `wait()` or `result()` waits for it.
+    def update(
+        self, recipe: Mapping[str, Any] | None = None, *, confirm: bool = False, **more: Any
+    ) -> UpdateJob:
+        """Queue an update of the structure's model to this campaign; the job's `wait()` or
+        `result()` waits for it.
 
         Args:
             recipe: the recipe as a dictionary; without it the defaults.
             confirm: take unusual numbers of its priors as they are.
-            more: fields of the recipe by name, such as `seed=7` or `mode_set=modes`. Things stand for their ids.
+            more: fields of the recipe by name, such as `seed=7` or `mode_set=modes`. Things stand
+                for their ids.
 
         Raises:
             ClientError: the service refuses the recipe; each fault has its pointer.
         """
-        body = {name: value.fields["id"] if isinstance(value, Thing) else value for name, value in more.items()}
+        body = {
+            name: value.fields["id"] if isinstance(value, Thing) else value
+            for name, value in more.items()
+        }
         whole = {**(recipe or {}), **body}
         return self._make(UpdateJob, whole, confirm)
 
@@ -368,7 +436,12 @@ class Campaign(Editable):
         """
         require_known("get_campaign_data", wanted)
         return save_file(
-            self.lab.connection, f"{self.address}/frfs/data", file, FRF_FORMATS, format=file_format, **wanted
+            self.lab.connection,
+            f"{self.address}/frfs/data",
+            file,
+            FRF_FORMATS,
+            format=file_format,
+            **wanted,
         )
 
 

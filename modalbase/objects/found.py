@@ -1,4 +1,6 @@
-"""What a search found, fetched as it is needed: rows, tables of pandas and polars, spectra as arrays."""
+"""What a search found, fetched as it is needed: rows, tables of pandas and polars, spectra as
+arrays.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ class Found:
 
     Attributes:
         lab: where it is searched.
-        noun: `structures`, `campaigns`, `frfs`, `modes`, `results`, `coupons`, `records` or `monitors`.
+        noun: `structures`, `campaigns`, `frfs`, `modes`, `results`, `coupons`, `records` or
+            `monitors`.
         query: what is searched for, as REST has it.
     """
 
@@ -43,7 +46,9 @@ class Found:
 
     @property
     def count(self) -> int:
-        """How many rows there are, as far as the service counts: `more` says whether there are others."""
+        """How many rows there are, as far as the service counts: `more` says whether there are
+        others.
+        """
         return int(self._head()["count"])
 
     @property
@@ -62,7 +67,10 @@ class Found:
 
     def head(self, most: int = SHOWN) -> Table:
         """The first rows as a table."""
-        return Table(list(islice(self.lab.connection.pages(self.address, most, **self.query), most)), key="id")
+        return Table(
+            list(islice(self.lab.connection.pages(self.address, most, **self.query), most)),
+            key="id",
+        )
 
     def to_pandas(self) -> Any:
         """All rows as a `pandas.DataFrame`, SI in full, times as times.
@@ -81,23 +89,30 @@ class Found:
         return library("polars").read_ipc_stream(self._file("arrow"))
 
     def archive(self, file: str | Path) -> Path:
-        """Write all campaigns that were found, with structures, modes and results, to a zip that others read.
+        """Write all campaigns that were found, with structures, modes and results, to a zip that
+        others read.
 
         Raises:
-            ClientError: it is no search for campaigns, or it finds none, or more than an archive has.
+            ClientError: it is no search for campaigns, or it finds none, or more than an archive
+                has.
         """
         if self.noun != "campaigns":
-            raise ClientError(f"an archive is of campaigns; search for those whose {self.noun} are meant", Exit.USAGE)
+            raise ClientError(
+                f"an archive is of campaigns; search for those whose {self.noun} are meant",
+                Exit.USAGE,
+            )
         return save_file(self.lab.connection, f"{self.address}/archive", file, **self._what())
 
     def arrays(self, **cut: Any) -> dict[str, Any]:
-        """The spectra of all FRFs found, as arrays by name, in one stream: `values` is (N, lines), `frequency_hz` (lines,).
+        """The spectra of all FRFs found, as arrays by name, in one stream: `values` is (N, lines),
+        `frequency_hz` (lines,).
 
         Args:
             cut: `fmin` and `fmax`, Hz; `stride`.
 
         Raises:
-            ClientError: it is no search for FRFs, or they are not of one quantity on one frequency axis.
+            ClientError: it is no search for FRFs, or they are not of one quantity on one frequency
+                axis.
         """
         import numpy as np
 
@@ -114,19 +129,23 @@ class Found:
             print(bridge.trend("Ex"))
             lab.find("modes", "frequency_hz < 20").trend().figure().save("modes.pdf")
 
-        Modes are followed from campaign to campaign by MAC and frequency. Each campaign counts once, with its newest result or
-        mode set.
+        Modes are followed from campaign to campaign by MAC and frequency. Each campaign counts
+        once, with its newest result or mode set.
 
         Args:
-            value: name of the constant, such as `Ex` or `flange.E1`; of modes `frequency_hz` or `damping_ratio`.
-            covariates: what is fitted beside time, with commas between: `temperature_c`, `humidity_percent`.
+            value: name of the constant, such as `Ex` or `flange.E1`; of modes `frequency_hz` or
+                `damping_ratio`.
+            covariates: what is fitted beside time, with commas between: `temperature_c`,
+                `humidity_percent`.
 
         Raises:
             ClientError: it is no search for results or modes, or nothing found has such a value.
         """
         self._require("trend", "results", "modes")
         query = {**self._what(), "value": value, "covariates": covariates}
-        return Trend(self.lab, f"{self.address}/trend", {k: v for k, v in query.items() if v is not None})
+        return Trend(
+            self.lab, f"{self.address}/trend", {k: v for k, v in query.items() if v is not None}
+        )
 
     def figure(self) -> Figure:
         """The results found beside one another, with 95 % intervals.
@@ -140,7 +159,9 @@ class Found:
 
     def _require(self, what: str, *nouns: str) -> None:
         if self.noun not in nouns:
-            raise ClientError(f"{self.noun} have no {what}; search for {' or '.join(nouns)}", Exit.USAGE)
+            raise ClientError(
+                f"{self.noun} have no {what}; search for {' or '.join(nouns)}", Exit.USAGE
+            )
 
     def _what(self) -> dict[str, Any]:
         """What is searched for, whatever is shown of it."""
@@ -164,12 +185,15 @@ class Found:
         return [name for name in row if name.rpartition(".")[2].endswith(("_at", "_since"))]
 
     def _file(self, form: str) -> bytes:
-        content: bytes = self.lab.connection.call("GET", self.address, params={**self.query, "format": form})
+        content: bytes = self.lab.connection.call(
+            "GET", self.address, params={**self.query, "format": form}
+        )
         return content
 
 
 class Trend:
-    """What a search found over time: a series for each structure, of modes for each mode of a structure.
+    """What a search found over time: a series for each structure, of modes for each mode of a
+    structure.
 
     Attributes:
         lab: where it is searched.
@@ -189,16 +213,21 @@ class Trend:
         return found
 
     def table(self) -> Table:
-        """A row for each series: campaigns, change a year as a share of the mean, alone and with the covariates."""
+        """A row for each series: campaigns, change a year as a share of the mean, alone and with
+        the covariates.
+        """
         return Table(rate_rows(self.fields), key="series")
 
     def to_pandas(self) -> Any:
-        """All points as a `pandas.DataFrame`, SI in full, with the value corrected for the covariates.
+        """All points as a `pandas.DataFrame`, SI in full, with the value corrected for the
+        covariates.
 
         Raises:
             ClientError: pandas is not installed.
         """
-        content = self.lab.connection.call("GET", self.address, params={**self.query, "format": "csv"})
+        content = self.lab.connection.call(
+            "GET", self.address, params={**self.query, "format": "csv"}
+        )
         return library("pandas").read_csv(io.BytesIO(content), parse_dates=["performed_at"])
 
     def figure(self) -> Figure:

@@ -39,7 +39,10 @@ class Frfs(files.Frfs):
 
     def __repr__(self) -> str:
         band = f"{self.frequency_hz[0]:g} … {self.frequency_hz[-1]:g} Hz"
-        return f"<{len(self)} FRFs ({self.quantity}, {UNITS[self.quantity]}), {self.frequency_hz.size} lines, {band}>"
+        return (
+            f"<{len(self)} FRFs ({self.quantity}, {UNITS[self.quantity]}), {self.frequency_hz.size}"
+            f" lines, {band}>"
+        )
 
     def __len__(self) -> int:
         return len(self.frfs)
@@ -81,7 +84,9 @@ class Frfs(files.Frfs):
         spectra = np.atleast_2d(np.asarray(values, dtype=np.complex128))
         frequency = np.asarray(frequency_hz, dtype=np.float64)
         if spectra.shape != (len(rows), frequency.size):
-            raise ValueError(f"values have shape {spectra.shape}, expected {(len(rows), frequency.size)}")
+            raise ValueError(
+                f"values have shape {spectra.shape}, expected {(len(rows), frequency.size)}"
+            )
         return cls(frequency, spectra, rows, quantity)  # type: ignore[arg-type]  # the service judges the quantity
 
     @classmethod
@@ -105,7 +110,8 @@ class Frfs(files.Frfs):
 
     @classmethod
     def from_pyuff(cls, datasets: Sequence[Mapping[str, Any]]) -> Self:
-        """FRFs of datasets 58 as pyuff reads them: `pyuff.UFF(file).read_sets()`. Other types are passed over.
+        """FRFs of datasets 58 as pyuff reads them: `pyuff.UFF(file).read_sets()`. Other types are
+        passed over.
 
         Raises:
             ValueError: there is no FRF among them, or they have several axes or quantities.
@@ -117,10 +123,17 @@ class Frfs(files.Frfs):
         quantities = {kinds.get(int(one.get("ordinate_spec_data_type", 12))) for one in found}
         axis = np.asarray(found[0]["x"], dtype=np.float64)
         if len(quantities) > 1 or any(not np.array_equal(axis, one["x"]) for one in found):
-            raise ValueError("the FRFs have several frequency axes or quantities; take those of one")
+            raise ValueError(
+                "the FRFs have several frequency axes or quantities; take those of one"
+            )
         rows = tuple(
             FrfRow.between(
-                (int(one["rsp_node"]), int(one["rsp_dir"]), int(one["ref_node"]), int(one["ref_dir"])),
+                (
+                    int(one["rsp_node"]),
+                    int(one["rsp_dir"]),
+                    int(one["ref_node"]),
+                    int(one["ref_dir"]),
+                ),
                 str(one.get("id1", "")).strip(),
             )
             for one in found
@@ -151,12 +164,18 @@ class Frfs(files.Frfs):
         ]  # fmt: skip
 
     def to_sdypy(self) -> dict[str, Any]:
-        """What `Model` of sdypy-EMA 0.31 takes: `EMA.Model(**frfs.to_sdypy())`; (N, L) values, (L,) Hz."""
+        """What `Model` of sdypy-EMA 0.31 takes: `EMA.Model(**frfs.to_sdypy())`; (N, L) values, (L,)
+        Hz.
+        """
         return {"frf": self.values, "freq": self.frequency_hz, "frf_form": self.quantity}
 
     @classmethod
     def from_sdypy(
-        cls, model: Any, *, response: Sequence[tuple[int, int]], reference: Sequence[tuple[int, int]]
+        cls,
+        model: Any,
+        *,
+        response: Sequence[tuple[int, int]],
+        reference: Sequence[tuple[int, int]],
     ) -> Self:
         """The FRFs of an `EMA.Model` of sdypy, in the quantity that it was given.
 
@@ -165,10 +184,13 @@ class Frfs(files.Frfs):
             response: N responses as (point, signed direction).
             reference: N references alike.
         """
-        return cls.from_arrays(model.freq, model.frf, response=response, reference=reference, quantity=model.frf_form)
+        return cls.from_arrays(
+            model.freq, model.frf, response=response, reference=reference, quantity=model.frf_form
+        )
 
     def to_xarray(self) -> Any:
-        """An `xarray.DataArray` with the dimensions `frf` and `frequency_hz`, and points and directions as coordinates.
+        """An `xarray.DataArray` with the dimensions `frf` and `frequency_hz`, and points and
+        directions as coordinates.
 
         Raises:
             ClientError: xarray is not installed.
@@ -182,7 +204,8 @@ class Frfs(files.Frfs):
         )
 
     def plot(self) -> Any:
-        """Magnitude and phase over frequency as a `matplotlib.figure.Figure`, which a notebook shows; `savefig` writes it.
+        """Magnitude and phase over frequency as a `matplotlib.figure.Figure`, which a notebook
+        shows; `savefig` writes it.
 
         Raises:
             ClientError: matplotlib is not installed.
@@ -192,7 +215,8 @@ class Frfs(files.Frfs):
         pyplot.close(figure)  # else a notebook would show it twice
         for row, values in self.spectra():
             name = (
-                f"{row.response_point}:{row.response_direction:+d} / {row.reference_point}:{row.reference_direction:+d}"
+                f"{row.response_point}:{row.response_direction:+d} /"
+                f" {row.reference_point}:{row.reference_direction:+d}"
             )
             magnitude.semilogy(self.frequency_hz, np.abs(values), label=name)
             phase.plot(self.frequency_hz, np.angle(values, deg=True))

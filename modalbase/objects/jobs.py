@@ -11,18 +11,33 @@ from typing import TYPE_CHECKING, Any, Self
 from modalbase.client.files import MESH_FORMATS, REPORTS, SOLVERS, save_file
 from modalbase.client.finding import MODE_SET, Kind
 from modalbase.client.jobs import ENDED, Watch, reason_of, require_success, wait_for
-from modalbase.client.results import beside_lines, mode_cells, mode_set_cells, parameter_cells, verdict_lines
+from modalbase.client.results import (
+    beside_lines,
+    mode_cells,
+    mode_set_cells,
+    parameter_cells,
+    verdict_lines,
+)
 from modalbase.objects.thing import Access, Figure, Table, Thing
 
 if TYPE_CHECKING:
     from modalbase.objects.frfs import Frfs
 
 
-COLUMNS = ("number", "frequency_hz", "damping_ratio", "frequency_sd_hz", "damping_sd", "probability")
+COLUMNS = (
+    "number",
+    "frequency_hz",
+    "damping_ratio",
+    "frequency_sd_hz",
+    "damping_sd",
+    "probability",
+)
 
 
 class ModeSet(Thing):
-    """Modes of a campaign that were typed in, read from a file, or identified; printing it shows all that is known of them."""
+    """Modes of a campaign that were typed in, read from a file, or identified; printing it shows
+    all that is known of them.
+    """
 
     noun = MODE_SET
 
@@ -31,13 +46,17 @@ class ModeSet(Thing):
 
     @property
     def modes(self) -> Table:
-        """Frequencies in Hz, damping ratios, their standard deviations, and the probability that each is a mode."""
+        """Frequencies in Hz, damping ratios, their standard deviations, and the probability that
+        each is a mode.
+        """
         rows = [{name: mode.get(name) for name in COLUMNS} for mode in self.fields["modes"]]
         return Table(rows, key="number", shown=mode_set_cells(rows))
 
     @property
     def doubtful(self) -> Table:
-        """Uncertain poles of an identification, each with its `probability` and `reason`; none of a set from elsewhere."""
+        """Uncertain poles of an identification, each with its `probability` and `reason`; none of a
+        set from elsewhere.
+        """
         return Table(self.fields["details"].get("doubtful", []), key="frequency_hz")
 
     @property
@@ -50,7 +69,11 @@ class ModeSet(Thing):
         return Figure(self.lab, f"{self.address}/figures/shapes", {})
 
     def edit(
-        self, *, keep: Mapping[float, str] | None = None, drop: Mapping[float, str] | None = None, name: str
+        self,
+        *,
+        keep: Mapping[float, str] | None = None,
+        drop: Mapping[float, str] | None = None,
+        name: str,
     ) -> ModeSet:
         """A new mode set with poles kept and dropped by hand; it records who decided what and why.
 
@@ -65,12 +88,20 @@ class ModeSet(Thing):
         """
         both = ((True, keep or {}), (False, drop or {}))
         if not all(isinstance(poles, Mapping) for _, poles in both):
-            raise TypeError("keep and drop take each frequency in Hz with a reason, as {25.6: 'hum of the mains'}")
+            raise TypeError(
+                "keep and drop take each frequency in Hz with a reason, as {25.6: 'hum of the"
+                " mains'}"
+            )
         decisions = [
-            {"frequency_hz": hz, "keep": which, "reason": why} for which, poles in both for hz, why in poles.items()
+            {"frequency_hz": hz, "keep": which, "reason": why}
+            for which, poles in both
+            for hz, why in poles.items()
         ]
         return ModeSet(
-            self.lab, self.lab.connection.post(f"{self.address}/edits", {"name": name, "decisions": decisions})
+            self.lab,
+            self.lab.connection.post(
+                f"{self.address}/edits", {"name": name, "decisions": decisions}
+            ),
         )
 
     @property
@@ -88,15 +119,25 @@ class ModeSet(Thing):
         return np.array([mode["damping_ratio"] for mode in self.fields["modes"]], dtype=float)
 
     def shapes(self) -> tuple[list[tuple[int, int]], Any]:
-        """N degrees of freedom as (point, direction), and the shapes, complex (M, N), NaN where a value is not known."""
+        """N degrees of freedom as (point, direction), and the shapes, complex (M, N), NaN where a
+        value is not known.
+        """
         import numpy as np
 
-        dofs = sorted({(v["point"], v["direction"]) for mode in self.fields["modes"] for v in mode["shape"] or ()})
+        dofs = sorted(
+            {
+                (v["point"], v["direction"])
+                for mode in self.fields["modes"]
+                for v in mode["shape"] or ()
+            }
+        )
         place = {dof: i for i, dof in enumerate(dofs)}
         values = np.full((len(self.fields["modes"]), len(dofs)), np.nan, dtype=complex)
         for row, mode in zip(values, self.fields["modes"], strict=True):
             for value in mode["shape"] or ():
-                row[place[value["point"], value["direction"]]] = complex(value["real"], value["imag"])
+                row[place[value["point"], value["direction"]]] = complex(
+                    value["real"], value["imag"]
+                )
         return dofs, values
 
 
@@ -138,20 +179,29 @@ class Result:
 
     @property
     def parameters(self) -> Table:
-        """Each parameter with estimate, standard deviation, interval and whether the data identify it; SI in the rows."""
+        """Each parameter with estimate, standard deviation, interval and whether the data identify
+        it; SI in the rows.
+        """
         rows = self.document["parameters"]
         return Table(rows, shown=parameter_cells(rows))
 
     @property
     def curve(self) -> Table:
-        """Constants over temperature, where they are asked for at another than the campaign's: SI, `_low` and `_high` the ends
-        of 95 % intervals; else no rows.
+        """Constants over temperature, where they are asked for at another than the campaign's: SI,
+        `_low` and `_high` the ends of 95 % intervals; else no rows.
         """
         curve = self.document.get("curve") or {"temperature_c": [], "constants": []}
         ends = {"": "estimate", "_low": "low", "_high": "high"}
-        columns = {each["name"] + end: each[of] for each in curve["constants"] for end, of in ends.items()}
+        columns = {
+            each["name"] + end: each[of] for each in curve["constants"] for end, of in ends.items()
+        }
         rows = enumerate(curve["temperature_c"])
-        return Table([{"temperature_c": at, **{name: column[k] for name, column in columns.items()}} for k, at in rows])
+        return Table(
+            [
+                {"temperature_c": at, **{name: column[k] for name, column in columns.items()}}
+                for k, at in rows
+            ]
+        )
 
     @property
     def modes(self) -> Table:
@@ -166,21 +216,26 @@ class Result:
             file: what to write.
 
         Raises:
-            ClientError: the structure is no model that was sent, or the result has no elastic constants.
+            ClientError: the structure is no model that was sent, or the result has no elastic
+                constants.
         """
         return save_file(self.lab.connection, f"update-jobs/{self.job}/deck", file)
 
     def shapes(self, file: str | Path, *, at: str = "nodes") -> Path:
-        """Write the mesh with the mode shapes of the updated model and the measured ones, for other programs.
+        """Write the mesh with the mode shapes of the updated model and the measured ones, for other
+        programs.
 
         Args:
-            file: `.vtu` for viewers, or `.uff` with sets 2411, 2412 and 55; the coordinates are the structure's.
+            file: `.vtu` for viewers, or `.uff` with sets 2411, 2412 and 55; the coordinates are the
+                structure's.
             at: `nodes` of the mesh, the measured shapes expanded; or the measured `points`.
 
         Raises:
             ClientError: the name says no format, or the result keeps no shapes.
         """
-        return save_file(self.lab.connection, f"update-jobs/{self.job}/mesh", file, MESH_FORMATS, at=at)
+        return save_file(
+            self.lab.connection, f"update-jobs/{self.job}/mesh", file, MESH_FORMATS, at=at
+        )
 
     def figure(self, name: str, **options: Any) -> Figure:
         """A figure, shown in a notebook; `figures()` lists the names.
@@ -213,7 +268,8 @@ class Job(Thing):
         return bool(self.fields["status"] == "succeeded")
 
     def wait(self, watch: Watch | None = None) -> Self:
-        """Wait until it has ended, in whatever way, with a bar in a terminal and in a notebook; returns itself.
+        """Wait until it has ended, in whatever way, with a bar in a terminal and in a notebook;
+        returns itself.
 
         Args:
             watch: called with the stage and the share that is done, for a bar of one's own.
@@ -256,13 +312,17 @@ class Import(Job):
         """What was read, what was refused and why."""
         if not self.succeeded:
             return super().summary()
-        counts = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in (self.fields["counts"] or {}).items())
+        counts = ", ".join(
+            f"{n} {name.replace('_', ' ')}" for name, n in (self.fields["counts"] or {}).items()
+        )
         refused = [
             f"dataset {one['number']} (type {one['type']}) refused: {one['reason']}"
             for one in self.fields["datasets"]
             if one["outcome"] == "refused"
         ]
-        return "\n".join([f"{self.fields['filename']}: {counts}", *refused, *self.fields["warnings"]])
+        return "\n".join(
+            [f"{self.fields['filename']}: {counts}", *refused, *self.fields["warnings"]]
+        )
 
 
 class Processing(Job):
@@ -307,7 +367,9 @@ class UpdateJob(Stoppable):
             JobFailed: the job did not succeed; the text is the reason that it states.
         """
         self.wait().check()
-        return Result(self.lab, self.fields["id"], self.lab.connection.get(f"{self.address}/result"))
+        return Result(
+            self.lab, self.fields["id"], self.lab.connection.get(f"{self.address}/result")
+        )
 
     def report(self, file: str | Path) -> Path:
         """Write its report: two pages for a customer, the rest as annex.
@@ -321,7 +383,9 @@ class UpdateJob(Stoppable):
         return save_file(self.lab.connection, f"{self.address}/report", file, REPORTS)
 
     def summary(self) -> str:
-        """Verdict, warnings and parameters of a job that has succeeded, the reason of one that failed, else its stage."""
+        """Verdict, warnings and parameters of a job that has succeeded, the reason of one that
+        failed, else its stage.
+        """
         return str(self.result()) if self.succeeded else super().summary()
 
     def retry(self) -> Self:
@@ -338,7 +402,9 @@ class UpdateJob(Stoppable):
         """
         return self.lab.connection.get(f"{self.address}/labels")
 
-    def label(self, *, tags: Sequence[str] = (), meta: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def label(
+        self, *, tags: Sequence[str] = (), meta: Mapping[str, Any] | None = None
+    ) -> dict[str, Any]:
         """Give its result tags and metadata in place of its own, by which a search finds it.
 
         Raises:
@@ -346,7 +412,9 @@ class UpdateJob(Stoppable):
         """
         tag = self.lab.connection.request("GET", f"{self.address}/labels").headers["etag"]
         body, headers = {"tags": list(tags), "meta": dict(meta or {})}, {"If-Match": tag}
-        kept: dict[str, Any] = self.lab.connection.call("PUT", f"{self.address}/labels", json=body, headers=headers)
+        kept: dict[str, Any] = self.lab.connection.call(
+            "PUT", f"{self.address}/labels", json=body, headers=headers
+        )
         return kept
 
     def events(self) -> Iterator[dict[str, Any]]:
@@ -359,7 +427,8 @@ class UpdateJob(Stoppable):
         """The FRFs that the model predicts, as numpy arrays.
 
         Args:
-            wanted: `model` (`updated` or `initial`), `point`, `direction`, `reference`, `fmin`, `fmax`, `stride`.
+            wanted: `model` (`updated` or `initial`), `point`, `direction`, `reference`, `fmin`,
+                `fmax`, `stride`.
         """
         from modalbase.objects.frfs import Frfs
 
@@ -370,16 +439,21 @@ class UpdateJob(Stoppable):
         """Write the updated model as a deck that a finite element program runs.
 
         Args:
-            file: what to write; `.inp` is CalculiX's and Abaqus', `.bdf`, `.dat` and `.nas` Nastran's.
+            file: what to write; `.inp` is CalculiX's and Abaqus', `.bdf`, `.dat` and `.nas`
+                Nastran's.
             solver: `calculix`, `abaqus` or `nastran`, where the file's name does not say.
 
         Raises:
             ClientError: the name does not say which, or the job has no result.
         """
         advice = "state the program: "
-        return save_file(self.lab.connection, f"{self.address}/cards", file, SOLVERS, advice, format=solver)
+        return save_file(
+            self.lab.connection, f"{self.address}/cards", file, SOLVERS, advice, format=solver
+        )
 
 
 def update_jobs(lab: Access, most: int | None = None, **narrowed: Any) -> list[UpdateJob]:
     """Update jobs, newest first, as `Laboratory.jobs`."""
-    return [UpdateJob(lab, fields) for fields in lab.connection.pages("update-jobs", most, **narrowed)]
+    return [
+        UpdateJob(lab, fields) for fields in lab.connection.pages("update-jobs", most, **narrowed)
+    ]

@@ -26,8 +26,9 @@ TOGETHER = 8
 def connect(url: str | None = None, key: str | None = None) -> Laboratory:
     """A laboratory: the service that is stated, or else found.
 
-    The address comes from `url`, MODALBASE_URL, the profile that `modalbase login` saved, or the `modalbase up` that runs on
-    this machine; the key from `key`, MODALBASE_API_KEY, the profile, or the data folder of that service.
+    The address comes from `url`, MODALBASE_URL, the profile that `modalbase login` saved, or the
+    `modalbase up` that runs on this machine; the key from `key`, MODALBASE_API_KEY, the profile, or
+    the data folder of that service.
 
         lab = modalbase.connect()
         campaign = lab.campaign("spring 2026")
@@ -52,7 +53,8 @@ def connect(url: str | None = None, key: str | None = None) -> Laboratory:
 class Laboratory(Access):
     """What a key may see of a service; a context manager that closes its connections.
 
-    Things are found by id, by name, by names from the project down (`"bridge/beam/March"`), or as `"latest"`.
+    Things are found by id, by name, by names from the project down (`"bridge/beam/March"`), or as
+    `"latest"`.
 
     Attributes:
         connection: HTTP to the service.
@@ -72,12 +74,17 @@ class Laboratory(Access):
         """Make a project; you are its owner.
 
         Warns:
-            UserWarning: you are in one of that name already, so that the name alone no longer says which is meant.
+            UserWarning: you are in one of that name already, so that the name alone no longer says
+            which is meant.
         """
         if any(one["name"] == name for one in self.connection.pages("projects")):
             again = f"lab.project({name!r}, create=True)"
-            warnings.warn(f"there is a project {name!r} already; {again} gives that one", stacklevel=2)
-        return Project(self, self.connection.post("projects", {"name": name, "description": description}))
+            warnings.warn(
+                f"there is a project {name!r} already; {again} gives that one", stacklevel=2
+            )
+        return Project(
+            self, self.connection.post("projects", {"name": name, "description": description})
+        )
 
     def projects(self) -> list[Project]:
         """The projects that you are a member of."""
@@ -92,7 +99,8 @@ class Laboratory(Access):
             fields: with `create`, `description` of the project.
 
         Raises:
-            ClientError: there is none, several have the name, or the one that has it is not as stated.
+            ClientError: there is none, several have the name, or the one that has it is not as
+                stated.
         """
         return Project(self, found_or_made(self.connection, PROJECT, which, None, create, fields))
 
@@ -123,10 +131,11 @@ class Laboratory(Access):
         return update_jobs(self, most, **narrowed)
 
     def results(self, jobs: Iterable[UpdateJob] | None = None, **narrowed: Any) -> Table:
-        """Results of many jobs as one table, a row a job: verdict, and each parameter with its uncertainty.
+        """Results of many jobs as one table, a row a job: verdict, and each parameter with its
+        uncertainty.
 
-        The columns of a parameter `Ex` are `Ex`, `Ex_sd`, `Ex_low`, `Ex_high` and `Ex_identifiable`, in SI. Printed it is one
-        column a parameter, in a laboratory's units.
+        The columns of a parameter `Ex` are `Ex`, `Ex_sd`, `Ex_low`, `Ex_high` and
+        `Ex_identifiable`, in SI. Printed it is one column a parameter, in a laboratory's units.
 
         Args:
             jobs: whose results; by default all that have succeeded.
@@ -141,7 +150,9 @@ class Laboratory(Access):
         read = [_read(result) for result in results]
         columns = list(dict.fromkeys(name for each in read for name in each))
         shown = columns, [[each.get(name) for name in columns] for each in read]
-        return Table([_row(*pair) for pair in zip(wanted, results, strict=True)], key="job", shown=shown)
+        return Table(
+            [_row(*pair) for pair in zip(wanted, results, strict=True)], key="job", shown=shown
+        )
 
     def find(
         self,
@@ -157,7 +168,8 @@ class Laboratory(Access):
             lab.find("results", "Ex < 30e9 AND verdict = 'usable'", sort="Ex").to_pandas()
 
         Args:
-            noun: `structures`, `campaigns`, `frfs`, `modes`, `results`, `coupons`, `records` or `monitors`.
+            noun: `structures`, `campaigns`, `frfs`, `modes`, `results`, `coupons`, `records` or
+                `monitors`.
             filter: CQL2 text, such as `campaign.temperature_c > 25`.
             words: that names, notes or instruments have.
             sort: a field; `-` in front for descending.
@@ -182,10 +194,14 @@ class Laboratory(Access):
 def _read(result: Result) -> dict[str, Any]:
     """A row of the table as people read it."""
     columns, rows = parameter_cells(result.document["parameters"])
-    name, unit, estimate, sd = (columns.index(each) for each in ("parameter", "unit", "estimate", "± sd"))
+    name, unit, estimate, sd = (
+        columns.index(each) for each in ("parameter", "unit", "estimate", "± sd")
+    )
     values = {
         f"{row[name]} [{row[unit]}]" if row[unit] not in ("", "1") else row[name]: Written(
-            row[estimate] if row[sd] is None else f"{row[estimate]} {'' if row[sd][0] == '+' else '± '}{row[sd]}"
+            row[estimate]
+            if row[sd] is None
+            else f"{row[estimate]} {'' if row[sd][0] == '+' else '± '}{row[sd]}"
         )
         for row in rows
     }

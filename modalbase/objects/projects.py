@@ -47,12 +47,15 @@ class Project(Editable):
         Args:
             name: of it.
             confirm: take numbers that are unusual in SI, such as a modulus of 33 Pa, as they are.
-            properties: nominal values, SI: `length_m`, `width_m`, `thickness_m`, `density_kg_m3`, and either `Ex_Pa`, `Ey_Pa`,
-                `Gxy_Pa`, `Gxz_Pa`, `Gyz_Pa`, `nu_xy`, or `plies`; or `geometry`, `material`, `laminate` as REST has them. A
-                body that is only to be identified needs none. How well they are known: `thickness_sd_m` and its like, 0 for
-                exactly. A profile or panel: `shape` (`i`, `box`, `channel`, `angle`, `tee`, `panel`), `length_m`, `width_m`,
-                `height_m`, of a panel `ribs_m`, of its walls `flange_thickness_m` and `web_thickness_m`, of a panel
-                `plate_thickness_m` and `rib_thickness_m`, `density_kg_m3`, and of its material `E1_Pa`, `E2_Pa`, `G12_Pa`,
+            properties: nominal values, SI: `length_m`, `width_m`, `thickness_m`, `density_kg_m3`,
+                and either `Ex_Pa`, `Ey_Pa`, `Gxy_Pa`, `Gxz_Pa`, `Gyz_Pa`, `nu_xy`, or `plies`; or
+                `geometry`, `material`, `laminate` as REST has them. A
+                body that is only to be identified needs none. How well they are known:
+                `thickness_sd_m` and its like, 0 for
+                exactly. A profile or panel: `shape` (`i`, `box`, `channel`, `angle`, `tee`,
+                `panel`), `length_m`, `width_m`, `height_m`, of a panel `ribs_m`, of its walls
+                `flange_thickness_m` and `web_thickness_m`, of a panel `plate_thickness_m` and
+                `rib_thickness_m`, `density_kg_m3`, and of its material `E1_Pa`, `E2_Pa`, `G12_Pa`,
                 `G13_Pa`, `G23_Pa`, `nu_12`; or a `shape` as REST has it.
 
         Raises:
@@ -65,42 +68,52 @@ class Project(Editable):
         """Its structures."""
         return self._list(Structure)
 
-    def structure(self, which: str, *, create: bool = False, confirm: bool = False, **properties: Any) -> Structure:
+    def structure(
+        self, which: str, *, create: bool = False, confirm: bool = False, **properties: Any
+    ) -> Structure:
         """One of its structures by name or id.
 
         Args:
             which: of them.
             create: make one of this name where there is none, so that a script can be run twice.
             confirm: with `create`, take unusual numbers as they are.
-            properties: with `create`, as `new_structure` takes them; the one that is there must be as stated.
+            properties: with `create`, as `new_structure` takes them; the one that is there must be
+                as stated.
 
         Raises:
-            ClientError: there is none, several have the name, or the one that has it is not as stated.
+            ClientError: there is none, several have the name, or the one that has it is not as
+                stated.
         """
         return self._one(Structure, which, create, _nested(properties), confirm)
 
     def archive(self, file: str | Path) -> Path:
-        """Write all of it, instruments, structures and campaigns, to a zip that others read without this service."""
+        """Write all of it, instruments, structures and campaigns, to a zip that others read without
+        this service.
+        """
         return save_file(self.lab.connection, f"{self.address}/archive", file)
 
     def import_archive(self, file: str | Path, *, again: bool = False) -> Imported:
-        """Read an archive that a service wrote, with new ids: all but results, which stay in it, and monitors at rest.
+        """Read an archive that a service wrote, with new ids: all but results, which stay in it,
+        and monitors at rest.
 
-        Each structure and campaign says in `meta.archive` which one it was, and in `sha256` of what archive.
+        Each structure and campaign says in `meta.archive` which one it was, and in `sha256` of what
+        archive.
 
         Args:
             file: the archive.
             again: read it though one of the same content was read before.
 
         Raises:
-            ClientError: the archive is broken or no longer what was written, or its content is in a project already, in which
-                case nothing is sent; or the service refuses a part of it.
+            ClientError: the archive is broken or no longer what was written, or its content is in a
+                project already, in which case nothing is sent; or the service refuses a part of it.
             JobFailed: the service cannot read its FRFs.
         """
         return import_archive(self, Path(file), again=again)
 
     def instruments(self) -> Table:
-        """Its hammers, sensors and analysers with their calibrations; campaigns name them by kind and serial number."""
+        """Its hammers, sensors and analysers with their calibrations; campaigns name them by kind
+        and serial number.
+        """
         return Table(list(self.lab.connection.pages(f"{self.address}/instruments")), key="serial")
 
     def add_instrument(self, kind: str, serial: str, **fields: Any) -> dict[str, Any]:
@@ -109,8 +122,8 @@ class Project(Editable):
         Args:
             kind: of it.
             serial: its number.
-            fields: `model`, `notes`, `calibrations`, a list of `performed_on`, `valid_until`, `sensitivity`, `unit` and
-                `certificate`.
+            fields: `model`, `notes`, `calibrations`, a list of `performed_on`, `valid_until`,
+                `sensitivity`, `unit` and `certificate`.
 
         Raises:
             ClientError: the project has it already, or the service refuses it.
@@ -119,14 +132,17 @@ class Project(Editable):
         return self.lab.connection.post(f"{self.address}/instruments", body)
 
     def change_instrument(self, instrument_id: str, **fields: Any) -> dict[str, Any]:
-        """Change an instrument's `serial`, `model`, `notes`, or with `calibrations` its whole history.
+        """Change an instrument's `serial`, `model`, `notes`, or with `calibrations` its whole
+        history.
 
         Raises:
             ClientError: the service refuses it.
         """
         address = f"instruments/{instrument_id}"
         tag = self.lab.connection.request("GET", address).headers["ETag"]
-        changed: dict[str, Any] = self.lab.connection.call("PATCH", address, json=fields, headers={"If-Match": tag})
+        changed: dict[str, Any] = self.lab.connection.call(
+            "PATCH", address, json=fields, headers={"If-Match": tag}
+        )
         return changed
 
     def members(self) -> list[dict[str, Any]]:
@@ -156,14 +172,16 @@ class Structure(Editable):
         """Send a deck or mesh; once it was read, the structure's next version is that model.
 
         Args:
-            file: of Abaqus or CalculiX (.inp) or Nastran (.bdf, .dat, .nas), or a .zip of one with what it includes; or
-                matrices of any solver (.zip, .npz); or a mesh of gmsh (.msh), VTK (.vtu, .vtk) or UFF (.unv, .uff).
-            units: that its numbers are in, length-force-mass: `m-N-kg`, `mm-N-t`, `in-lbf-slinch` and the like. A deck has
-                none; without them the error says which fit.
-            accept: answers to what is asked of it, each as the error prints it: cards that may be left out although modes
-                change by that, and unusual values that are meant so, such as `density:GAUGE`.
-            sections: of a mesh, by set: `{"skin": {"thickness_m": …, "material": {"E1_Pa": …}}}` with `isotropic` or `plies`
-                as well, SI.
+            file: of Abaqus or CalculiX (.inp) or Nastran (.bdf, .dat, .nas), or a .zip of one with
+                what it includes; or matrices of any solver (.zip, .npz); or a mesh of gmsh (.msh),
+                VTK (.vtu, .vtk) or UFF (.unv, .uff).
+            units: that its numbers are in, length-force-mass: `m-N-kg`, `mm-N-t`, `in-lbf-slinch`
+                and the like. A deck has none; without them the error says which fit.
+            accept: answers to what is asked of it, each as the error prints it: cards that may be
+                left out although modes change by that, and unusual values that are meant so, such
+                as `density:GAUGE`.
+            sections: of a mesh, by set: `{"skin": {"thickness_m": …, "material": {"E1_Pa": …}}}`
+                with `isotropic` or `plies` as well, SI.
             confirm: take sections that are unusual in SI, such as a thickness of 4 m, as they are.
             wait: for the end of the reading.
 
@@ -173,7 +191,10 @@ class Structure(Editable):
         """
         said: dict[str, Any] = {"units": units, "accept": list(accept), "confirm": confirm or None}
         sent = Model(
-            self.lab, send_file(self.lab.connection, f"{self.address}/model", Path(file), sections=sections, **said)
+            self.lab,
+            send_file(
+                self.lab.connection, f"{self.address}/model", Path(file), sections=sections, **said
+            ),
         )
         if wait:
             sent.wait().check()
@@ -184,22 +205,28 @@ class Structure(Editable):
     def model(self) -> Model | None:
         """The model that it is, or None."""
         key = self.fields["model"]
-        return None if key is None else Model(self.lab, self.lab.connection.get(f"{self.address}/model"))
+        return (
+            None
+            if key is None
+            else Model(self.lab, self.lab.connection.get(f"{self.address}/model"))
+        )
 
     def mesh(self, file: str | Path) -> Path:
         """Write its mesh: `.vtu` for viewers, `.uff` with sets 2411 and 2412, or `.json`.
 
         Raises:
-            ClientError: the name says no format, or nothing is said of the structure that has a mesh.
+            ClientError: the name says no format, or nothing is said of the structure that has a
+                mesh.
         """
         return save_file(self.lab.connection, f"{self.address}/model/mesh", file, MESH_FORMATS)
 
     def forecast(self, **asked: Any) -> Forecast:
-        """Solve its nominal model, before anything is measured: modes, where to hit, and FRFs where damping is stated.
+        """Solve its nominal model, before anything is measured: modes, where to hit, and FRFs where
+        damping is stated.
 
         Args:
-            asked: `boundary`, `modes` or `highest_hz`, `points` among which to choose, `points_to_measure`, `references`,
-                `damping_ratio`, `line_spacing_hz`.
+            asked: `boundary`, `modes` or `highest_hz`, `points` among which to choose,
+                `points_to_measure`, `references`, `damping_ratio`, `line_spacing_hz`.
 
         Raises:
             ClientError: the structure lacks what a model needs.
@@ -214,8 +241,10 @@ class Structure(Editable):
         """Which test would show most, the best first: boundaries, points to hit, coupons.
 
         Args:
-            tests: to compare: `boundary`, `highest_hz`, `points_m` and so on; none compares the boundaries.
-            asked: `coupons`, `about`, `made` so far, `points_to_hit` and the others of `POST /structures/{id}/plans`.
+            tests: to compare: `boundary`, `highest_hz`, `points_m` and so on; none compares the
+                boundaries.
+            asked: `coupons`, `about`, `made` so far, `points_to_hit` and the others of
+                `POST /structures/{id}/plans`.
 
         Raises:
             ClientError: the structure lacks what a model needs.
@@ -223,16 +252,21 @@ class Structure(Editable):
         body = {**asked, **({"tests": list(tests)} if tests else {})}
         return Table(self.lab.connection.post(f"{self.address}/plans", body)["items"])
 
-    def new_campaign(self, name: str, boundary: str, *, confirm: bool = False, **fields: Any) -> Campaign:
+    def new_campaign(
+        self, name: str, boundary: str, *, confirm: bool = False, **fields: Any
+    ) -> Campaign:
         """Make a campaign.
 
         Args:
             name: of it.
             confirm: take numbers that are unusual in SI, such as a sensor of 5 kg, as they are.
-            boundary: `cantilever`, `free` or `simply_supported`; of a model that was sent `free` or `as_modelled`.
-            fields: `performed_at`, `temperature_c`, `humidity_percent`, `notes`, `frame`, `instruments`; and `sensor_mass_kg`
-                with `sensor_point`, which belong to the instruments; and `window_rate_per_s` or `window_time_constant_s`,
-                `clamp_compliance_sd`, `sensor_mass_sd_kg`, `channel_delay_sd_s`, which belong to the inputs.
+            boundary: `cantilever`, `free` or `simply_supported`; of a model that was sent `free` or
+                `as_modelled`.
+            fields: `performed_at`, `temperature_c`, `humidity_percent`, `notes`, `frame`,
+                `instruments`; and `sensor_mass_kg` with `sensor_point`, which belong to the
+                instruments; and `window_rate_per_s` or `window_time_constant_s`,
+                `clamp_compliance_sd`, `sensor_mass_sd_kg`, `channel_delay_sd_s`, which belong to
+                the inputs.
 
         Raises:
             ClientError: the service refuses them.
@@ -244,29 +278,35 @@ class Structure(Editable):
         """Its campaigns."""
         return self._list(Campaign)
 
-    def campaign(self, which: str, *, create: bool = False, confirm: bool = False, **fields: Any) -> Campaign:
+    def campaign(
+        self, which: str, *, create: bool = False, confirm: bool = False, **fields: Any
+    ) -> Campaign:
         """One of its campaigns by name or id.
 
         Args:
             which: of them.
             create: make one of this name where there is none, so that a script can be run twice.
             confirm: with `create`, take unusual numbers as they are.
-            fields: with `create`, `boundary` and what else `new_campaign` takes; the one that is there must be as stated.
+            fields: with `create`, `boundary` and what else `new_campaign` takes; the one that is
+                there must be as stated.
 
         Raises:
-            ClientError: there is none, several have the name, or the one that has it is not as stated.
+            ClientError: there is none, several have the name, or the one that has it is not as
+                stated.
         """
         return self._one(Campaign, which, create, _nested(fields), confirm)
 
-    def new_coupon_batch(self, name: str, constants: list[str], *, confirm: bool = False, **fields: Any) -> CouponBatch:
+    def new_coupon_batch(
+        self, name: str, constants: list[str], *, confirm: bool = False, **fields: Any
+    ) -> CouponBatch:
         """Make a batch of coupon tests.
 
         Args:
             name: of it.
             constants: which of the structure's the tests measure: `Ex`, `Ey`, `Gxy`, `nu_xy`.
             confirm: take unusual numbers as they are.
-            fields: `published` means where the specimens are not at hand, `conditions` of the tests, `sets` of a body in space
-                that are of this material.
+            fields: `published` means where the specimens are not at hand, `conditions` of the
+                tests, `sets` of a body in space that are of this material.
         """
         body = {"name": name, "constants": constants, **fields}
         return self._make(CouponBatch, body, confirm)
@@ -275,8 +315,12 @@ class Structure(Editable):
         """Its coupon batches."""
         return self._list(CouponBatch)
 
-    def coupon_batch(self, which: str, *, create: bool = False, confirm: bool = False, **fields: Any) -> CouponBatch:
-        """One of its coupon batches by name or id; with `create` and `constants` made where there is none."""
+    def coupon_batch(
+        self, which: str, *, create: bool = False, confirm: bool = False, **fields: Any
+    ) -> CouponBatch:
+        """One of its coupon batches by name or id; with `create` and `constants` made where there
+        is none.
+        """
         return self._one(CouponBatch, which, create, fields, confirm)
 
     def new_monitor(self, name: str, *, confirm: bool = False, **fields: Any) -> Monitor:
@@ -294,8 +338,12 @@ class Structure(Editable):
         """Its monitors."""
         return self._list(Monitor)
 
-    def monitor(self, which: str, *, create: bool = False, confirm: bool = False, **fields: Any) -> Monitor:
-        """One of its monitors by name or id; with `create` made where there is none, of `fields`."""
+    def monitor(
+        self, which: str, *, create: bool = False, confirm: bool = False, **fields: Any
+    ) -> Monitor:
+        """One of its monitors by name or id; with `create` made where there is none, of
+        `fields`.
+        """
         return self._one(Monitor, which, create, fields, confirm)
 
     def jobs(self) -> list[UpdateJob]:
@@ -321,5 +369,7 @@ def _shaped(properties: dict[str, Any]) -> dict[str, Any]:
     if material := {name: body.pop(name) for name in PLY if name in body}:
         shape["material"] = material
     if walls := [name for name in body if name.endswith(WALL)]:
-        shape["walls"] = {name.removesuffix(WALL): {"thickness_m": body.pop(name)} for name in walls}
+        shape["walls"] = {
+            name.removesuffix(WALL): {"thickness_m": body.pop(name)} for name in walls
+        }
     return {**body, "shape": shape}

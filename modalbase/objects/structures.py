@@ -1,4 +1,6 @@
-"""What a structure has beside its campaigns: coupon tests, models that were sent, forecasts, monitors with their alarms."""
+"""What a structure has beside its campaigns: coupon tests, models that were sent, forecasts,
+monitors with their alarms.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +29,8 @@ class CouponBatch(Thing):
         Args:
             file: CSV of the machine.
             confirm: take unusual dimensions and results as they are.
-            about: `dimensions`, `columns`, and where needed `standard`, `specimen` (by default the file's name) and the
-                others of `POST /coupon-batches/{id}/coupons`.
+            about: `dimensions`, `columns`, and where needed `standard`, `specimen` (by default the
+                file's name) and the others of `POST /coupon-batches/{id}/coupons`.
 
         Raises:
             ClientError: the file cannot be read so; the text says what is missing.
@@ -36,13 +38,15 @@ class CouponBatch(Thing):
         path = Path(file)
         coupon = {"specimen": path.stem, **about}
         fields = {"coupon": json.dumps(coupon)}
-        answer = self.lab.connection.submit(f"{self.address}/coupons", path, fields, confirm=confirm or None)
+        answer = self.lab.connection.submit(
+            f"{self.address}/coupons", path, fields, confirm=confirm or None
+        )
         made: dict[str, Any] = answer["items"][0]
         return made
 
     def add_coupon(self, specimen: str, *, confirm: bool = False, **results: Any) -> dict[str, Any]:
-        """Add a specimen whose results are known: `E_Pa`, `G_Pa`, `nu`, `strength_Pa`, `standard` and so on; with `confirm`
-        unusual ones too.
+        """Add a specimen whose results are known: `E_Pa`, `G_Pa`, `nu`, `strength_Pa`, `standard`
+        and so on; with `confirm` unusual ones too.
         """
         body = {"specimen": specimen, **results}
         answer = self.lab.connection.post(f"{self.address}/coupons", body, confirm=confirm or None)
@@ -60,10 +64,14 @@ class CouponBatch(Thing):
     @property
     def statistics(self) -> Table:
         """Mean, standard deviation and coefficient of variation of each constant."""
-        return Table([{"name": name, **value} for name, value in self.summary()["constants"].items()])
+        return Table(
+            [{"name": name, **value} for name, value in self.summary()["constants"].items()]
+        )
 
     def curve(self, specimen: str) -> dict[str, Any]:
-        """The raw curve of a specimen as numpy arrays in SI: force in N, strains in m/m, time in s, where it has them."""
+        """The raw curve of a specimen as numpy arrays in SI: force in N, strains in m/m, time in s,
+        where it has them.
+        """
         import numpy as np
 
         content = self.lab.rest.get_curve_data(self.coupons()[specimen]["id"], format="npz")
@@ -84,7 +92,10 @@ class Model(Job):
     @property
     def materials(self) -> Table:
         """Its materials with their constants, SI."""
-        return Table([{"name": one["name"], **one["constants"]} for one in self._found["materials"]], key="name")
+        return Table(
+            [{"name": one["name"], **one["constants"]} for one in self._found["materials"]],
+            key="name",
+        )
 
     @property
     def junctions(self) -> Table:
@@ -98,7 +109,9 @@ class Model(Job):
 
     def save(self, file: str | Path) -> Path:
         """Write the deck as it was sent."""
-        return save_file(self.lab.connection, f"structures/{self.fields['structure_id']}/model/original", file)
+        return save_file(
+            self.lab.connection, f"structures/{self.fields['structure_id']}/model/original", file
+        )
 
     def summary(self) -> str:
         """What was read, or why it was not."""
@@ -119,7 +132,9 @@ class Forecast(Stoppable):
 
     @property
     def modes(self) -> Table:
-        """Its modes: frequency in Hz, kind, and how much of each the references and the points show."""
+        """Its modes: frequency in Hz, kind, and how much of each the references and the points
+        show.
+        """
         return Table(self._found["model_modes"], key="number")
 
     @property
@@ -147,7 +162,8 @@ class Forecast(Stoppable):
         return self._written("frfs/data", file, FRF_FORMATS)
 
     def shapes(self, file: str | Path, *, at: str = "nodes") -> Path:
-        """Write the mesh with the mode shapes: `.vtu` for viewers, or `.uff` with sets 2411, 2412 and 55.
+        """Write the mesh with the mode shapes: `.vtu` for viewers, or `.uff` with sets 2411, 2412
+        and 55.
 
         Args:
             file: what to write; the coordinates are the structure's.
@@ -169,7 +185,9 @@ class Forecast(Stoppable):
 
 
 class Monitor(Editable):
-    """A frozen recipe that runs on a structure's campaigns, with control charts of what it finds."""
+    """A frozen recipe that runs on a structure's campaigns, with control charts of what it
+    finds.
+    """
 
     noun = MONITOR
 
@@ -180,7 +198,10 @@ class Monitor(Editable):
             campaign: on this one; by default on all that are complete and not yet in the series.
             how: `rerun`, `reason`.
         """
-        body = {**({} if campaign is None else {"campaign": getattr(campaign, "id", campaign)}), **how}
+        body = {
+            **({} if campaign is None else {"campaign": getattr(campaign, "id", campaign)}),
+            **how,
+        }
         runs: list[dict[str, Any]] = self.lab.connection.post(f"{self.address}/runs", body)["items"]
         return runs
 

@@ -29,7 +29,9 @@ def library(name: str) -> Any:
         return import_module(name)
     except ModuleNotFoundError:
         package = name.partition(".")[0]
-        raise ClientError(f"{package} is not installed: pip install {package}", Exit.USAGE) from None
+        raise ClientError(
+            f"{package} is not installed: pip install {package}", Exit.USAGE
+        ) from None
 
 
 class Access:
@@ -50,7 +52,8 @@ class Thing:
 
     Attributes:
         lab: the laboratory that it is of.
-        fields: the JSON that describes it, as it was last fetched. Each field is an attribute too: `campaign.temperature_c`.
+        fields: the JSON that describes it, as it was last fetched. Each field is an attribute too:
+            `campaign.temperature_c`.
     """
 
     noun: ClassVar[Kind]
@@ -102,11 +105,16 @@ class Thing:
         path = of.noun.below.format(self.fields["id"])
         return of(self.lab, self.lab.connection.post(path, body, confirm=confirm or None))
 
-    def _one(self, of: type[T], which: str, create: bool, body: dict[str, Any], confirm: bool = False) -> T:
+    def _one(
+        self, of: type[T], which: str, create: bool, body: dict[str, Any], confirm: bool = False
+    ) -> T:
         """One of the things of a kind below it; with `create` made where there is none."""
         query = {"confirm": True} if confirm else {}
         return of(
-            self.lab, found_or_made(self.lab.connection, of.noun, which, self.fields["id"], create, body, **query)
+            self.lab,
+            found_or_made(
+                self.lab.connection, of.noun, which, self.fields["id"], create, body, **query
+            ),
         )
 
 
@@ -114,7 +122,9 @@ T = TypeVar("T", bound=Thing)
 
 
 class Editable(Thing):
-    """A thing that can be changed and deleted; a change that somebody else made in between is not overwritten."""
+    """A thing that can be changed and deleted; a change that somebody else made in between is not
+    overwritten.
+    """
 
     def change(self, *, confirm: bool = False, **fields: Any) -> Self:
         """Change fields; the others stay.
@@ -124,14 +134,18 @@ class Editable(Thing):
             fields: as REST has them.
 
         Raises:
-            ClientError: the service refuses, for example because somebody else has changed it since it was fetched.
+            ClientError: the service refuses, for example because somebody else has changed it since
+                it was fetched.
         """
         answer = self.lab.connection.request("GET", self.address)
-        same = answer.json().items() <= self.fields.items()  # what was found by name has the names above it too
+        # what was found by name has the names above it too
+        same = answer.json().items() <= self.fields.items()
         tag = answer.headers.get("etag") if same else None
         headers = {"If-Match": tag or '"changed-since"'}
         query = {"confirm": confirm or None}
-        self.fields = self.lab.connection.call("PATCH", self.address, params=query, json=fields, headers=headers)
+        self.fields = self.lab.connection.call(
+            "PATCH", self.address, params=query, json=fields, headers=headers
+        )
         return self
 
     def delete(self) -> None:
@@ -144,7 +158,13 @@ class Editable(Thing):
 
 
 def found_or_made(
-    service: Connection, kind: Kind, which: str, within: str | None, create: bool, body: dict[str, Any], **query: Any
+    service: Connection,
+    kind: Kind,
+    which: str,
+    within: str | None,
+    create: bool,
+    body: dict[str, Any],
+    **query: Any,
 ) -> dict[str, Any]:
     """What `project.structure(which, create=…, …)` and its like give.
 
@@ -169,10 +189,11 @@ def found_or_made(
 
 
 class Table(Sequence[Mapping[str, Any]]):
-    """Rows of named values, SI in full; printing shows them in a laboratory's units where the table has some.
+    """Rows of named values, SI in full; printing shows them in a laboratory's units where the table
+    has some.
 
-    `table[0]` is a row, `table["Ex"]` the row of that name, `table.column("estimate")` a column, `len(table)` the number
-    of rows, `table.to_pandas()` a DataFrame.
+    `table[0]` is a row, `table["Ex"]` the row of that name, `table.column("estimate")` a column,
+    `len(table)` the number of rows, `table.to_pandas()` a DataFrame.
 
     Attributes:
         rows: the values.
@@ -201,7 +222,9 @@ class Table(Sequence[Mapping[str, Any]]):
         for row in self.rows:
             if row.get(self.key) == which:
                 return row
-        raise KeyError(f"{which!r}; there is {', '.join(str(row.get(self.key)) for row in self.rows)}")
+        raise KeyError(
+            f"{which!r}; there is {', '.join(str(row.get(self.key)) for row in self.rows)}"
+        )
 
     def column(self, name: str) -> list[Any]:
         """The values of a column, None where a row has none."""
@@ -227,7 +250,10 @@ class Table(Sequence[Mapping[str, Any]]):
     def _repr_html_(self) -> str:
         columns, rows = self._cells()
         head = "".join(f"<th>{escape(name)}</th>" for name in columns)
-        body = "".join(f"<tr>{''.join(f'<td>{escape(cell(value))}</td>' for value in row)}</tr>" for row in rows)
+        body = "".join(
+            f"<tr>{''.join(f'<td>{escape(cell(value))}</td>' for value in row)}</tr>"
+            for row in rows
+        )
         return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
     def _cells(self) -> tuple[Sequence[str], Sequence[Sequence[Any]]]:
@@ -258,7 +284,9 @@ class Figure:
         Raises:
             ClientError: there is none of that name, or nothing to draw.
         """
-        return self.lab.connection.call("GET", self.address, params={**self.query, "format": file_format})
+        return self.lab.connection.call(
+            "GET", self.address, params={**self.query, "format": file_format}
+        )
 
     def save(self, file: str | Path) -> Path:
         """Write it to a file: `.svg`, `.png`, `.pdf`, or `.json` for Plotly.
@@ -268,7 +296,9 @@ class Figure:
         """
         path = Path(file)
         chosen = format_of(path, FIGURES)
-        self.lab.connection.download(self.address, path, lambda _done, _size: None, **{**self.query, "format": chosen})
+        self.lab.connection.download(
+            self.address, path, lambda _done, _size: None, **{**self.query, "format": chosen}
+        )
         return path
 
     def plotly(self) -> dict[str, Any]:

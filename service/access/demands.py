@@ -1,7 +1,8 @@
-"""JSON Schemas that a project demands of what is entered in it: of structures, campaigns, and the labels of FRFs and results.
+"""JSON Schemas that a project demands of what is entered in it: of structures, campaigns, and the
+labels of FRFs and results.
 
-A schema is read with patterns whose time is linear, and without references: one to another machine would be fetched, and a
-few that refer to one another can make a check last for hours.
+A schema is read with patterns whose time is linear, and without references: one to another machine
+would be fetched, and a few that refer to one another can make a check last for hours.
 """
 
 import json
@@ -60,7 +61,9 @@ Schemas = Annotated[
 ]
 
 
-def require_demanded(session: Session, project_id: Any, kind: Demanding, document: dict[str, Any]) -> None:
+def require_demanded(
+    session: Session, project_id: Any, kind: Demanding, document: dict[str, Any]
+) -> None:
     """Refuse what does not fulfil the schema that its project demands of its kind.
 
     Args:
@@ -78,7 +81,9 @@ def require_demanded(session: Session, project_id: Any, kind: Demanding, documen
     stated = {name: value for name, value in document.items() if value is not None}
     faults = [
         Fault(_pointer(error), f"{error.message[:300]}; the project demands it of each {kind}")
-        for error, _ in zip(_validator(schema).iter_errors(stated), range(MOST_FAULTS), strict=False)
+        for error, _ in zip(
+            _validator(schema).iter_errors(stated), range(MOST_FAULTS), strict=False
+        )
     ]
     if faults:
         raise Invalid(faults)
@@ -86,5 +91,8 @@ def require_demanded(session: Session, project_id: Any, kind: Demanding, documen
 
 def _pointer(error: jsonschema_rs.ValidationError) -> str:
     """Where a fault is; of a member that is missing, where it would be."""
-    path = [*error.instance_path, *([missing] if (missing := getattr(error.kind, "property", None)) else [])]
+    path = [
+        *error.instance_path,
+        *([missing] if (missing := getattr(error.kind, "property", None)) else []),
+    ]
     return pointer(path)

@@ -1,7 +1,7 @@
 """What a route asks for: the transaction, the user, the settings.
 
-Those that wait for nothing are coroutines: the framework sends any other through a thread, and each way there and back costs
-a turn of the interpreter's lock while other requests compute.
+Those that wait for nothing are coroutines: the framework sends any other through a thread, and each
+way there and back costs a turn of the interpreter's lock while other requests compute.
 """
 
 from collections.abc import AsyncIterator, Callable
@@ -31,8 +31,8 @@ async def _settings(request: Request) -> Settings:
 async def _session(request: Request) -> AsyncIterator[Session]:
     """One transaction a request: committed before the answer is sent, rolled back on any error.
 
-    To begin one asks the database nothing; to end it does, and happens in a thread whatever becomes of the request. A
-    request that only reads has nothing to end.
+    To begin one asks the database nothing; to end it does, and happens in a thread whatever becomes
+    of the request. A request that only reads has nothing to end.
     """
     if request.method in READING:
         with request.app.state.reading() as session:
@@ -74,10 +74,14 @@ async def _user(found: Annotated[tuple[ApiKey, User], Depends(_current_key)]) ->
 
 
 class Beforehand:
-    """What a request does in a transaction of its own before its route: `beforehand: Annotated[Beforehand, Depends()]`."""
+    """What a request does in a transaction of its own before its route:
+    `beforehand: Annotated[Beforehand, Depends()]`.
+    """
 
     def __init__(
-        self, request: Request, credentials: Annotated[HTTPAuthorizationCredentials, Depends(_bearer)]
+        self,
+        request: Request,
+        credentials: Annotated[HTTPAuthorizationCredentials, Depends(_bearer)],
     ) -> None:
         self._request, self._token = request, credentials.credentials
 
@@ -101,5 +105,7 @@ CurrentUser = Annotated[User, Depends(_user)]
 
 
 def token_of(request: Request) -> str:
-    """The API key or session token of a request that was let in; a session's cookie comes as its token."""
+    """The API key or session token of a request that was let in; a session's cookie comes as its
+    token.
+    """
     return request.headers["authorization"].partition(" ")[2].strip()

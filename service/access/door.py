@@ -1,8 +1,9 @@
-"""The door before the house: who asks, how often and how much is checked before a body is read, and a body is received
-whole before the request takes a slot (docs/limits.md).
+"""The door before the house: who asks, how often and how much is checked before a body is read, and
+a body is received whole before the request takes a slot (docs/limits.md).
 
-One API process remembers verdicts on keys, so that who is turned away costs neither a transaction nor a slot. A key that was
-found valid a moment ago is counted under its own name at the gate, any other under the address that it came from. Nothing is
+One API process remembers verdicts on keys, so that who is turned away costs neither a transaction
+nor a slot. A key that was found valid a moment ago is counted under its own name at the gate, any
+other under the address that it came from. Nothing is
 let in by memory alone: the transaction that answers a request asks for the key again.
 """
 
@@ -25,7 +26,14 @@ from starlette.requests import ClientDisconnect
 from starlette.routing import BaseRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.access.keys import COOKIE, HEADER, found_key, is_session_token, request_token, require_scope
+from service.access.keys import (
+    COOKIE,
+    HEADER,
+    found_key,
+    is_session_token,
+    request_token,
+    require_scope,
+)
 from service.access.lookup import Role
 from service.access.tables import User
 from service.db.engine import Sessions
@@ -43,7 +51,9 @@ LARGE_BYTES = 65536  # of a body before which key and role are checked, even of 
 SECONDS = 30.0  # for which a verdict is remembered
 MOST_KEYS = 10_000
 MISSING = "send `Authorization: Bearer KEY`; make a key with `modalbase keys create --name NAME`"
-TOO_MANY_WRONG = "too many wrong keys came from this address, and this one is wrong too; wait a minute"
+TOO_MANY_WRONG = (
+    "too many wrong keys came from this address, and this one is wrong too; wait a minute"
+)
 INVALID = "the API key is not valid; make one with `modalbase keys create --name NAME`"
 
 
@@ -51,7 +61,8 @@ INVALID = "the API key is not valid; make one with `modalbase keys create --name
 class Caller:
     """Who asks, as far as is known before the database was asked."""
 
-    name: str  # under which requests are counted: the key where it was valid a moment ago, else the address
+    # under which requests are counted: the key where it was valid a moment ago, else the address
+    name: str
     digest: bytes  # of the key
     token: str  # the key
     known: bool  # the key was valid a moment ago
@@ -81,7 +92,9 @@ class KnownKeys:
             raise Unauthorized(INVALID)
         known = verdict is True
         suspect = not known and self._failures.left(address) < 1
-        return Caller(f"key {digest.hex()}" if known else f"address {address}", digest, token, known, suspect)
+        return Caller(
+            f"key {digest.hex()}" if known else f"address {address}", digest, token, known, suspect
+        )
 
     def found(self, caller: Caller, address: str, *, valid: bool) -> None:
         """The database was asked."""
@@ -98,10 +111,11 @@ class KnownKeys:
 
 
 class SessionCookie:
-    """ASGI layer: a request that comes with a session's cookie and without `Authorization` gets the session's token.
+    """ASGI layer: a request that comes with a session's cookie and without `Authorization` gets the
+    session's token.
 
-    One that changes something is refused where it lacks the session's request token: another site may send the cookie's
-    owner here, but cannot read that token.
+    One that changes something is refused where it lacks the session's request token: another site
+    may send the cookie's owner here, but cannot read that token.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -115,7 +129,11 @@ class SessionCookie:
             return
         headers = Headers(scope=scope)
         if scope["method"] not in SAFE and not _proven(token, headers.get(HEADER, "")):
-            answer = problem_of(Forbidden(f"a request with a session's cookie needs its token in the header {HEADER}"))
+            answer = problem_of(
+                Forbidden(
+                    f"a request with a session's cookie needs its token in the header {HEADER}"
+                )
+            )
             assert answer is not None
             await answer(scope, receive, send)
             return
@@ -132,7 +150,11 @@ def session_token(scope: Scope) -> str | None:
         morsel = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
     except CookieError:  # other cookies of this host, which are not ours to judge
         return None
-    return morsel.value if morsel is not None and is_session_token(morsel.value) and morsel.value.isascii() else None
+    return (
+        morsel.value
+        if morsel is not None and is_session_token(morsel.value) and morsel.value.isascii()
+        else None
+    )
 
 
 def _proven(token: str, sent: str) -> bool:
@@ -146,19 +168,33 @@ Finder = Callable[[Session, User, UUID, Role], object]
 class Paths:
     """The routes with ids in their paths, to know what a body is for before it is read."""
 
-    def __init__(self, routes: Sequence[BaseRoute], prefix: str, finders: Mapping[str, Finder]) -> None:
+    def __init__(
+        self, routes: Sequence[BaseRoute], prefix: str, finders: Mapping[str, Finder]
+    ) -> None:
         self._finders = finders
         self._routes = [
-            route for route in routes if isinstance(route, APIRoute) and route.path.startswith(f"{prefix}/")
+            route
+            for route in routes
+            if isinstance(route, APIRoute) and route.path.startswith(f"{prefix}/")
         ]
 
     def find(self, scope: Scope) -> list[tuple[Finder, UUID]]:
-        """What the ids of a path name. The route goes into the scope, where log and metrics look for it."""
+        """What the ids of a path name. The route goes into the scope, where log and metrics look
+        for it.
+        """
         for route in self._routes:
-            if scope["method"] in (route.methods or ()) and (match := route.path_regex.match(scope["path"])):
+            if scope["method"] in (route.methods or ()) and (
+                match := route.path_regex.match(scope["path"])
+            ):
                 scope["route"] = route
-                ids = {name: _uuid(value) for name, value in match.groupdict().items() if name in self._finders}
-                return [(self._finders[name], value) for name, value in ids.items() if value is not None]
+                ids = {
+                    name: _uuid(value)
+                    for name, value in match.groupdict().items()
+                    if name in self._finders
+                }
+                return [
+                    (self._finders[name], value) for name, value in ids.items() if value is not None
+                ]
         return []
 
 
@@ -177,11 +213,18 @@ class Door:
     """ASGI layer before the API and its pages; what is not under one of its prefixes passes by."""
 
     def __init__(
-        self, app: ASGIApp, settings: Settings, sessions: Sessions, paths: Paths, prefixes: Sequence[str]
+        self,
+        app: ASGIApp,
+        settings: Settings,
+        sessions: Sessions,
+        paths: Paths,
+        prefixes: Sequence[str],
     ) -> None:
         self.app, self._settings, self._sessions = app, settings, sessions
         self._paths, self._prefixes = paths, tuple(f"{prefix}/" for prefix in prefixes)
-        self.gate = Gate(settings.database_pool, settings.request_queue, settings.request_wait_seconds)
+        self.gate = Gate(
+            settings.database_pool, settings.request_queue, settings.request_wait_seconds
+        )
         self.keys = KnownKeys(settings.key_failures_a_minute)
         self._requests = Buckets(10 * settings.key_requests_a_second, 10.0)
         self._bytes = Buckets(settings.key_bytes_an_hour, 3600.0)
@@ -213,7 +256,9 @@ class Door:
         caller = self.keys.caller(Headers(scope=scope).get("authorization"), address)
         if seconds := self._requests.take(caller.name):
             most = self._settings.key_requests_a_second
-            raise TooManyRequests(f"more than {most} requests a second of one key", retry_after=seconds)
+            raise TooManyRequests(
+                f"more than {most} requests a second of one key", retry_after=seconds
+            )
         return _Visit(scope, caller, address, Slot(self.gate, caller.name))
 
     async def _admitted(self, visit: _Visit, receive: Receive, send: Send) -> None:
@@ -238,7 +283,9 @@ class Door:
                     large = False
                 if seconds := self._bytes.take(visit.caller.name, body.size):
                     most = self._settings.key_bytes_an_hour
-                    raise TooManyRequests(f"more than {most} bytes an hour of one key", retry_after=seconds)
+                    raise TooManyRequests(
+                        f"more than {most} bytes an hour of one key", retry_after=seconds
+                    )
                 try:
                     await self._wait_for_slot(visit, receive)
                     visit.inside, scope[SLOT] = True, visit.slot
@@ -251,7 +298,9 @@ class Door:
 
     def _count_uploads(self, change: int) -> None:
         if change > 0 and self._receiving >= self._settings.uploads:
-            raise Unavailable(f"{self._receiving} uploads are being received, as many as may be; try again")
+            raise Unavailable(
+                f"{self._receiving} uploads are being received, as many as may be; try again"
+            )
         self._receiving += change
 
     async def _may_send(self, visit: _Visit, targets: Sequence[tuple[Finder, UUID]]) -> None:
@@ -279,7 +328,10 @@ class Door:
         """Take a slot, unless the client is gone before it is this one's turn."""
         if visit.slot.try_take():
             return
-        entering, leaving = asyncio.ensure_future(visit.slot.take()), asyncio.ensure_future(receive())
+        entering, leaving = (
+            asyncio.ensure_future(visit.slot.take()),
+            asyncio.ensure_future(receive()),
+        )
         try:
             await asyncio.wait({entering, leaving}, return_when=asyncio.FIRST_COMPLETED)
             if not entering.done():
@@ -290,7 +342,9 @@ class Door:
             leaving.cancel()
 
     def _watched(self, visit: _Visit, send: Send) -> Send:
-        """The slot is free when the answer begins: the transaction is over, and what follows is for the line alone."""
+        """The slot is free when the answer begins: the transaction is over, and what follows is for
+        the line alone.
+        """
 
         async def watched(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -308,7 +362,10 @@ class Door:
         if not is_json(content_type(Headers(scope=scope).get("content-type"))):
             return most, ""
         measured = scope["path"].endswith(("/frfs", "/records"))
-        better = f"; send it as a file, such as npz, to the same address or to …/imports: up to {most} bytes"
+        better = (
+            f"; send it as a file, such as npz, to the same address or to …/imports: up to {most}"
+            " bytes"
+        )
         return self._settings.json_limit_bytes, better if measured else ""
 
 
@@ -325,7 +382,9 @@ def _length(scope: Scope) -> int:
 
 
 def _reads_itself(scope: Scope) -> bool:
-    """Whether the route takes more than JSON: what it does with a body costs more than to ask for the role."""
+    """Whether the route takes more than JSON: what it does with a body costs more than to ask for
+    the role.
+    """
     return getattr(scope.get("route"), "body_field", None) is None
 
 

@@ -1,10 +1,12 @@
-"""API keys: `mb_<prefix>_<secret>`. The prefix finds the row; of the secret only its SHA-256 is kept.
+"""API keys: `mb_<prefix>_<secret>`. The prefix finds the row; of the secret only its SHA-256 is
+kept.
 
 A role says what a user may do in a project; a scope narrows that for one key.
 
-A key is shown once; in a browser the cookie of a session stands for it until it ends. The cookie's token is `mbs_<secret>`;
-of the secret only its SHA-256 is kept. A session has the rights of its key and ends with it. What changes something must
-also carry the session's request token, which a page of another origin cannot read.
+A key is shown once; in a browser the cookie of a session stands for it until it ends. The cookie's
+token is `mbs_<secret>`; of the secret only its SHA-256 is kept. A session has the rights of its key
+and ends with it. What changes something must also carry the session's request token, which a page
+of another origin cannot read.
 """
 
 from __future__ import annotations
@@ -43,8 +45,12 @@ def is_session_token(token: str) -> bool:
 
 
 def request_token(token: str) -> str:
-    """What unsafe requests of a session must carry in the header `X-CSRF-Token`: an HMAC-SHA-256 under the token."""
-    return hmac.new(token.encode("utf-8", "surrogatepass"), b"modalbase request", hashlib.sha256).hexdigest()
+    """What unsafe requests of a session must carry in the header `X-CSRF-Token`: an HMAC-SHA-256
+    under the token.
+    """
+    return hmac.new(
+        token.encode("utf-8", "surrogatepass"), b"modalbase request", hashlib.sha256
+    ).hexdigest()
 
 
 def open_session(session: Session, key: ApiKey) -> tuple[BrowserSession, str]:
@@ -55,7 +61,9 @@ def open_session(session: Session, key: ApiKey) -> tuple[BrowserSession, str]:
     """
     now = transaction_time(session)
     session.execute(
-        delete(BrowserSession).where(BrowserSession.key_id == key.id, BrowserSession.expires_at <= now),
+        delete(BrowserSession).where(
+            BrowserSession.key_id == key.id, BrowserSession.expires_at <= now
+        ),
         execution_options={"synchronize_session": False},
     )
     ends = now + LIFETIME
@@ -93,7 +101,9 @@ def key_of_session(session: Session, token: str) -> tuple[ApiKey, User] | None:
 
 
 def digest(token: str) -> bytes:
-    """SHA-256 of a token or a secret. Each has 256 random bits, so a plain digest is as good as a slow one."""
+    """SHA-256 of a token or a secret. Each has 256 random bits, so a plain digest is as good as a
+    slow one.
+    """
     return hashlib.sha256(token.encode("utf-8", "surrogatepass")).digest()
 
 
@@ -101,7 +111,16 @@ Scope = Literal["read", "write", "jobs", "admin"]
 SCOPES: tuple[Scope, ...] = get_args(Scope)
 
 _ADMIN = ("api-keys", "members", "webhooks", "purge")
-_JOBS = ("update-jobs", "identifications", "runs", "cancel", "retry", "plans", "forecasts", "processings")
+_JOBS = (
+    "update-jobs",
+    "identifications",
+    "runs",
+    "cancel",
+    "retry",
+    "plans",
+    "forecasts",
+    "processings",
+)
 
 
 def scope_of(method: str, path: str) -> Scope:
@@ -109,7 +128,8 @@ def scope_of(method: str, path: str) -> Scope:
     steps = [step for step in path.split("/") if not step.startswith("{")]
     if "users" in steps:
         return "admin"
-    if method in ("GET", "HEAD") or steps[-1] == "session":  # whoever may read may do so in a browser
+    # whoever may read may do so in a browser
+    if method in ("GET", "HEAD") or steps[-1] == "session":
         return "read"
     if any(step in _ADMIN for step in steps) or (method == "DELETE" and steps[-1] == "projects"):
         return "admin"
@@ -125,7 +145,9 @@ def require_scope(key: ApiKey, request: RequestScope) -> None:
     route: Any = request.get("route")
     wanted = scope_of(request["method"], route.path)
     if wanted not in key.scopes:
-        raise Forbidden(f"this needs a key of the scope {wanted}; this one has {', '.join(key.scopes)}")
+        raise Forbidden(
+            f"this needs a key of the scope {wanted}; this one has {', '.join(key.scopes)}"
+        )
 
 
 def create_key(
@@ -164,8 +186,8 @@ def found_key(session: Session, key: str) -> tuple[ApiKey, User]:
     """A valid key, or that of a browser's session, and the user that it belongs to.
 
     Raises:
-        Unauthorized: the key is malformed, unknown, revoked or expired, or its user is disabled; the error does not say
-            which.
+        Unauthorized: the key is malformed, unknown, revoked or expired, or its user is disabled;
+            the error does not say which.
     """
     if is_session_token(key):
         opened = key_of_session(session, key)
@@ -178,12 +200,16 @@ def found_key(session: Session, key: str) -> tuple[ApiKey, User]:
     found = None
     if scheme == SCHEME and prefix.isalnum() and prefix.isascii():
         found = session.execute(
-            select(ApiKey, User).join(User, User.id == ApiKey.user_id).where(ApiKey.prefix == prefix)
+            select(ApiKey, User)
+            .join(User, User.id == ApiKey.user_id)
+            .where(ApiKey.prefix == prefix)
         ).one_or_none()
     stored = found[0].secret_sha256 if found else b"\0" * 32
     proven = hmac.compare_digest(digest(secret), stored)
     if found is None or not proven or not _opens(*found):
-        raise Unauthorized("the API key is not valid; make one with `modalbase keys create --name NAME`")
+        raise Unauthorized(
+            "the API key is not valid; make one with `modalbase keys create --name NAME`"
+        )
     _touch(session, found[0])
     return found[0], found[1]
 
@@ -214,7 +240,9 @@ def _opens(key: ApiKey, user: User) -> bool:
 
 
 def _touch(session: Session, key: ApiKey) -> None:
-    """Note when the key was last used, to the minute, and never wait for another request that does the same."""
+    """Note when the key was last used, to the minute, and never wait for another request that does
+    the same.
+    """
     if key.last_used_at is not None and datetime.now(UTC) - key.last_used_at < USED_RESOLUTION:
         return
     row = select(ApiKey.id).where(ApiKey.id == key.id).with_for_update(skip_locked=True)

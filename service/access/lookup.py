@@ -1,5 +1,5 @@
-"""Projects and roles: what a user may see and do. Rows of one kind: found by key with the role that an act needs, hidden and
-brought back, traced to their project.
+"""Projects and roles: what a user may see and do. Rows of one kind: found by key with the role that
+an act needs, hidden and brought back, traced to their project.
 """
 
 from __future__ import annotations
@@ -54,7 +54,9 @@ def project_for(
 
 
 def role_in(session: Session, user: User, project_id: UUID) -> Role | None:
-    """The user's role in a project; None of who is no member. For what is shown: `project_for` decides what may be done."""
+    """The user's role in a project; None of who is no member. For what is shown: `project_for`
+    decides what may be done.
+    """
     query = select(Member.role).where(Member.project_id == project_id, Member.user_id == user.id)
     found: Role | None = session.scalar(query)
     return found
@@ -79,7 +81,9 @@ def require_role(project: Project, held: str | None, role: Role, *, resting: boo
     if _RANK[held] < _RANK[role]:
         raise Forbidden(f"this needs the role {role} in the project; yours is {held}")
     if project.archived_at is not None and role != "viewer" and not resting:
-        raise Conflict('the project is archived; PATCH it with {"archived": false} to change what is in it')
+        raise Conflict(
+            'the project is archived; PATCH it with {"archived": false} to change what is in it'
+        )
 
 
 def projects_at_work() -> Select[UUID]:
@@ -146,8 +150,8 @@ class Lookup(Generic[Row]):
             key: which one.
             role: what the act needs.
             deleted: find a deleted one too.
-            lock: read it again, and keep other edits off it until the transaction ends. Rows that refer to it still
-                come in.
+            lock: read it again, and keep other edits off it until the transaction ends. Rows that
+                refer to it still come in.
 
         Raises:
             NotFound: there is none, it is other people's, or it is deleted.
@@ -180,13 +184,17 @@ class Lookup(Generic[Row]):
 
     @cache  # noqa: B019 - there are few kinds, and they stay
     def _query(self) -> Select[Any]:
-        """A row with all that it belongs to and the user's role in their project, in one way to the database."""
+        """A row with all that it belongs to and the user's role in their project, in one way to the
+        database.
+        """
         chain = self._chain()
         query = select(*(link.table for link in chain), Project, Member.role).where(
             _key(self.table) == bindparam("key")
         )
         for child, owner in pairwise(chain):
-            query = query.join(owner.table, _key(owner.table) == getattr(child.table, child.owner_key))
+            query = query.join(
+                owner.table, _key(owner.table) == getattr(child.table, child.owner_key)
+            )
         query = query.join(Project, Project.id == getattr(chain[-1].table, chain[-1].owner_key))
         mine = (Member.project_id == Project.id) & (Member.user_id == bindparam("user_id"))
         return query.outerjoin(Member, mine)
@@ -209,18 +217,25 @@ class Lookup(Generic[Row]):
     def rows(self, session: Session, keys: Iterable[UUID]) -> dict[UUID, Row]:
         """Rows by key, whoever asks; keys of none are left out."""
         table: Any = self.table
-        return {row.id: row for row in session.scalars(select(table).where(table.id.in_(set(keys))))}
+        return {
+            row.id: row for row in session.scalars(select(table).where(table.id.in_(set(keys))))
+        }
 
     def all(self, session: Session, **among: Iterable[UUID]) -> Sequence[Row]:
-        """The present rows that name one of some keys in a column, such as `campaign_id`, oldest first, whoever asks."""
+        """The present rows that name one of some keys in a column, such as `campaign_id`, oldest
+        first, whoever asks.
+        """
         table: Any = self.table
         named = (getattr(table, column).in_(set(keys)) for column, keys in among.items())
-        return session.scalars(select(table).where(*named, *present(table)).order_by(table.id)).all()
+        return session.scalars(
+            select(table).where(*named, *present(table)).order_by(table.id)
+        ).all()
 
     def first_named(
         self, session: Session, owner_id: UUID, name: str, among: ColumnElement[bool] | None = None
     ) -> Row | None:
-        """The oldest row of an owner with a name, deleted ones left out; None where there is none, and until the transaction
+        """The oldest row of an owner with a name, deleted ones left out; None where there is none,
+        and until the transaction
         ends no other that asks for the same gets an answer: what asks can make one.
 
         Args:
@@ -232,7 +247,12 @@ class Lookup(Generic[Row]):
         table: Any = self.table
         one_at_a_time(session, f"{table.__tablename__} {owner_id} {name}")
         its = getattr(table, self.owner_key) == owner_id if among is None else among
-        query = select(table).where(its, table.name == name, *present(table)).order_by(table.id).limit(1)
+        query = (
+            select(table)
+            .where(its, table.name == name, *present(table))
+            .order_by(table.id)
+            .limit(1)
+        )
         found: Row | None = session.scalar(query)
         return found
 
@@ -252,13 +272,17 @@ class Lookup(Generic[Row]):
         return self.owner.project_of(session, session.get_one(self.owner.table, key))
 
     def note(self, session: Session, user: User, row: Any, act: str, **detail: Any) -> None:
-        """Record in the audit trail what was done with a row, such as `change`; or with a part of it, as `grid_points.put`."""
+        """Record in the audit trail what was done with a row, such as `change`; or with a part of
+        it, as `grid_points.put`.
+        """
         name = self.kind.replace(" ", "_")
         action = act if "." in act else f"{name}.{act}"
         audit(session, user, action, name, row.id, self.project_of(session, row), **detail)
 
     def hide(self, session: Session, user: User, row: Row) -> None:
-        """Delete a locked row so that nothing is lost: it is hidden with the moment, and can be brought back."""
+        """Delete a locked row so that nothing is lost: it is hidden with the moment, and can be
+        brought back.
+        """
         self._set_deleted(session, user, row, "delete", transaction_time(session))
 
     def bring_back(self, session: Session, user: User, row: Row) -> None:
@@ -272,23 +296,31 @@ class Lookup(Generic[Row]):
         self._set_deleted(session, user, row, "restore", None)
 
     def purge(self, session: Session, user: User, row: Any) -> None:
-        """Remove a deleted row with all that belongs to it for good. The audit trail keeps who did it, and its name.
+        """Remove a deleted row with all that belongs to it for good. The audit trail keeps who did
+        it, and its name.
 
         Raises:
             Conflict: it is not deleted.
         """
         if row.deleted_at is None:
-            raise Conflict(f"the {self.kind} is not deleted; delete it first, and purge it when nobody misses it")
+            raise Conflict(
+                f"the {self.kind} is not deleted; delete it first, and purge it when nobody"
+                " misses it"
+            )
         self.note(session, user, row, "purge", name=row.name)
         session.flush()
         session.expunge(row)
-        session.execute(text("SET CONSTRAINTS ALL DEFERRED"))  # what belongs to it goes in whatever order
+        # what belongs to it goes in whatever order
+        session.execute(text("SET CONSTRAINTS ALL DEFERRED"))
         session.execute(
-            delete(self.table).where(_key(self.table) == row.id), execution_options={"synchronize_session": False}
+            delete(self.table).where(_key(self.table) == row.id),
+            execution_options={"synchronize_session": False},
         )
         session.execute(text("SET CONSTRAINTS ALL IMMEDIATE"))
 
-    def _set_deleted(self, session: Session, user: User, row: Any, act: str, deleted_at: datetime | None) -> None:
+    def _set_deleted(
+        self, session: Session, user: User, row: Any, act: str, deleted_at: datetime | None
+    ) -> None:
         row.deleted_at, row.updated_at = deleted_at, transaction_time(session)
         self.note(session, user, row, act)
 
@@ -298,8 +330,8 @@ def _key(table: Any) -> Any:
 
 
 def present(columns: Any, *, superseded: bool = False) -> list[ColumnElement[bool]]:
-    """What lists, searches, figures, archives and computations see of a table: rows that are neither deleted nor superseded
-    by what was made anew of the same.
+    """What lists, searches, figures, archives and computations see of a table: rows that are
+    neither deleted nor superseded by what was made anew of the same.
 
     Args:
         columns: a table's class, or the columns of one in a query.

@@ -1,5 +1,5 @@
-"""Routes of a noun of the contract: make and list under what it belongs to, get, change, delete, restore. Each noun says which
-it has.
+"""Routes of a noun of the contract: make and list under what it belongs to, get, change, delete,
+restore. Each noun says which it has.
 
 What a noun does in a way of its own is a function in its room. A function here is given the name by
 which the client calls it, and a text for the documentation.
@@ -68,7 +68,12 @@ class NounRoutes(Generic[Row, Out]):
             weight: bytes of a row, as `paged` takes it.
         """
         self._router, self._find, self._model, self._describe = router, find, model, describe
-        self._address, self._id, self._path, self._weight = address, key, f"/{address}/{{{key}}}", weight
+        self._address, self._id, self._path, self._weight = (
+            address,
+            key,
+            f"/{address}/{{{key}}}",
+            weight,
+        )
 
     def all_shown(self, session: Session, rows: Sequence[Row]) -> list[Out]:
         """Rows as clients see them, in the order given."""
@@ -127,7 +132,9 @@ class NounRoutes(Generic[Row, Out]):
             query = query.where(*present(table, superseded=superseded))
         shown = partial(self.all_shown, session)
         newest_first = self.newest_first if newest_first is None else newest_first
-        return paged(session, query, cursor, limit, shown, newest_first=newest_first, weight=self._weight)
+        return paged(
+            session, query, cursor, limit, shown, newest_first=newest_first, weight=self._weight
+        )
 
     def creating(
         self,
@@ -148,7 +155,8 @@ class NounRoutes(Generic[Row, Out]):
             model: of the body.
             create: (session, user, key of the owner, body) -> the row that it stores.
             tagged: whether the answer has an ETag too.
-            measured: whether the body has numbers whose unit may be mistaken, so that unusual ones must be confirmed.
+            measured: whether the body has numbers whose unit may be mistaken, so that unusual ones
+                must be confirmed.
             status: of the answer.
         """
         owner = Path(alias=self._find.owner_key)
@@ -164,31 +172,50 @@ class NounRoutes(Generic[Row, Out]):
         ) -> Any:
             if measured:
                 require_usual(body, confirm)
-            row = self.first_named(session, user, owner_id, body.name, response) if unless_named else None
+            row = (
+                self.first_named(session, user, owner_id, body.name, response)
+                if unless_named
+                else None
+            )
             shown = self.made(session, row or create(session, user, owner_id, body), response)
             if tagged:
                 response.headers["ETag"] = etag_of(shown)
             return shown
 
         post.__annotations__["body"] = model
-        named = "name" in model.model_fields and hasattr(self._find.table, "name")  # a job's name is of what it makes
+        # a job's name is of what it makes
+        named = "name" in model.model_fields and hasattr(self._find.table, "name")
         without = {"confirm": measured, "unless_named": named}
         taken = signature(post)
         post.__signature__ = taken.replace(  # type: ignore[attr-defined]
             parameters=[one for one in taken.parameters.values() if without.get(one.name, True)]
         )
         given: dict[str, Any] = {"responses": there(self._model)} if named else {}
-        self._add(name, text, post, self._below_owner(), methods=["POST"], status_code=status, **given)
+        self._add(
+            name, text, post, self._below_owner(), methods=["POST"], status_code=status, **given
+        )
 
-    def first_named(self, session: Session, user: User, owner_id: UUID, name: str, response: Response) -> Row | None:
-        """The row of an owner that has a name, which is answered 200; None where there is none, until the transaction ends."""
+    def first_named(
+        self, session: Session, user: User, owner_id: UUID, name: str, response: Response
+    ) -> Row | None:
+        """The row of an owner that has a name, which is answered 200; None where there is none,
+        until the transaction ends.
+        """
         owner = (self._find.owner or project_for)(session, user, owner_id, "editor")
         row = self._find.first_named(session, owner.id, name)
         if row is not None:
             response.status_code = 200
         return row
 
-    def listing(self, name: str, text: str, rows: int = 100, owners: str | None = None, *, hides: bool = False) -> None:
+    def listing(
+        self,
+        name: str,
+        text: str,
+        rows: int = 100,
+        owners: str | None = None,
+        *,
+        hides: bool = False,
+    ) -> None:
         """Add `GET /{owners}/{owner_id}/{address}`.
 
         Args:
@@ -196,14 +223,21 @@ class NounRoutes(Generic[Row, Out]):
             text: for the documentation.
             rows: in a page by default.
             owners: as the path has them; default: by the key's name.
-            hides: whether rows can be deleted, so that the list is of the others, or with `deleted` of them.
+            hides: whether rows can be deleted, so that the list is of the others, or with `deleted`
+                of them.
         """
         owner = Path(alias=self._find.owner_key)
         old = Query(False, description=f"list {self._address} that were made anew since too")
-        gone = Query(False, description=f"list deleted {self._address}, which can be restored, instead")
+        gone = Query(
+            False, description=f"list deleted {self._address}, which can be restored, instead"
+        )
 
         def get_page(
-            session: SessionDep, user: CurrentUser, owner_id: UUID = owner, cursor: Cursor = None, limit: Limit = rows
+            session: SessionDep,
+            user: CurrentUser,
+            owner_id: UUID = owner,
+            cursor: Cursor = None,
+            limit: Limit = rows,
         ) -> Any:
             return self.page(session, user, owner_id, cursor, limit)
 
@@ -236,7 +270,9 @@ class NounRoutes(Generic[Row, Out]):
         """Add `GET …/{id}`; `tagged`, its answer has an ETag."""
         row_id = Path(alias=self._id)
 
-        def get(session: SessionDep, user: CurrentUser, response: Response, key: UUID = row_id) -> Any:
+        def get(
+            session: SessionDep, user: CurrentUser, response: Response, key: UUID = row_id
+        ) -> Any:
             row = self._find(session, user, key)
             return self.tagged(session, row, response) if tagged else self.shown(session, row)
 
@@ -258,7 +294,8 @@ class NounRoutes(Generic[Row, Out]):
             text: for the documentation.
             patch: model of the body.
             change: applies a patch to a locked row.
-            measured: whether the body has numbers whose unit may be mistaken, so that unusual ones must be confirmed.
+            measured: whether the body has numbers whose unit may be mistaken, so that unusual ones
+                must be confirmed.
         """
         row_id = Path(alias=self._id)
 
@@ -284,7 +321,14 @@ class NounRoutes(Generic[Row, Out]):
             return edited(session, user, request, response, body, key, confirm=confirm)
 
         def edited(
-            session: Session, user: User, request: Request, response: Response, body: Any, key: UUID, *, confirm: bool
+            session: Session,
+            user: User,
+            request: Request,
+            response: Response,
+            body: Any,
+            key: UUID,
+            *,
+            confirm: bool,
         ) -> Any:
             row = self._find(session, user, key, "editor", lock=True)
             require_match(request, etag_of(self.shown(session, row)))
@@ -302,20 +346,30 @@ class NounRoutes(Generic[Row, Out]):
         """Add `DELETE …/{id}`, which hides a row."""
         row_id = Path(alias=self._id)
 
-        def delete(session: SessionDep, user: CurrentUser, request: Request, key: UUID = row_id) -> None:
+        def delete(
+            session: SessionDep, user: CurrentUser, request: Request, key: UUID = row_id
+        ) -> None:
             row = self._find(session, user, key, "editor", lock=True)
             if "if-match" in request.headers:
                 require_match(request, etag_of(self.shown(session, row)))
             self._find.hide(session, user, row)
 
-        given: dict[str, Any] = {"status_code": 204, "openapi_extra": IF_MATCH, "response_model": None}
+        given: dict[str, Any] = {
+            "status_code": 204,
+            "openapi_extra": IF_MATCH,
+            "response_model": None,
+        }
         self._add(name, text, delete, methods=["DELETE"], **given)
 
-    def restoring(self, name: str, text: str, then: Callable[[Session, Row], None] | None = None) -> None:
+    def restoring(
+        self, name: str, text: str, then: Callable[[Session, Row], None] | None = None
+    ) -> None:
         """Add `POST …/{id}/restore`, which brings a hidden row back, and does `then` with it."""
         row_id = Path(alias=self._id)
 
-        def restore(session: SessionDep, user: CurrentUser, response: Response, key: UUID = row_id) -> Any:
+        def restore(
+            session: SessionDep, user: CurrentUser, response: Response, key: UUID = row_id
+        ) -> Any:
             row = self._find(session, user, key, "editor", deleted=True, lock=True)
             self._find.bring_back(session, user, row)
             if then is not None:
@@ -328,6 +382,10 @@ class NounRoutes(Generic[Row, Out]):
         owner_key = self._find.owner_key
         return f"/{owners or owner_key.removesuffix('_id') + 's'}/{{{owner_key}}}/{self._address}"
 
-    def _add(self, name: str, text: str, route: Callable[..., Any], path: str | None = None, **given: Any) -> None:
+    def _add(
+        self, name: str, text: str, route: Callable[..., Any], path: str | None = None, **given: Any
+    ) -> None:
         route.__name__, route.__doc__ = name, text
-        self._router.add_api_route(path or self._path, route, **({"response_model": self._model} | given))
+        self._router.add_api_route(
+            path or self._path, route, **({"response_model": self._model} | given)
+        )

@@ -1,9 +1,11 @@
 """`Idempotency-Key`: what is sent again under a key is answered again, and makes nothing twice.
 
-One row a user, operation and key holds the SHA-256 of the request and its answer, in the transaction of what the request
-made: after a rollback there is neither. `answered_once` gives an operation that creates the header and this behaviour; the
-composition of the API applies it to all of them. An answer that shows a secret (`Cache-Control: no-store`) is kept sealed
-with the API key of its request, which is stored nowhere, so that it opens to that key alone.
+One row a user, operation and key holds the SHA-256 of the request and its answer, in the
+transaction of what the request
+made: after a rollback there is neither. `answered_once` gives an operation that creates the header
+and this behaviour; the composition of the API applies it to all of them. An answer that shows a
+secret (`Cache-Control: no-store`) is kept sealed with the API key of its request, which is stored
+nowhere, so that it opens to that key alone.
 """
 
 import hashlib
@@ -33,17 +35,24 @@ KeyHeader = Annotated[
         alias="Idempotency-Key",
         min_length=1,
         max_length=255,
-        description="any string of yours: the same request with it again makes nothing new and gets the same answer",
+        description=(
+            "any string of yours: the same request with it again makes nothing new and gets the"
+            " same answer"
+        ),
     ),
 ]
 _MANNER = ("confirm", "priority")
 """Parameters that say how a request is done and not what it makes."""
 _BESIDE = (Session, Base, Request, Response, Settings)
-"""What an operation is given beside what the request states; what it states has `stated`, where it is no JSON."""
+"""What an operation is given beside what the request states; what it states has `stated`, where it
+is no JSON.
+"""
 _NONCE = 16  # bytes
 
 
-def made_before(session: Session, user: User, operation: str, key: str, sha256: bytes) -> IdempotencyKey | None:
+def made_before(
+    session: Session, user: User, operation: str, key: str, sha256: bytes
+) -> IdempotencyKey | None:
     """What came with the key before; other transactions with this key wait until this one ends.
 
     Args:
@@ -59,14 +68,20 @@ def made_before(session: Session, user: User, operation: str, key: str, sha256: 
     one_at_a_time(session, f"{user.id} {operation} {key}")
     row = session.get(IdempotencyKey, (user.id, operation, key))
     if row is not None and row.request_sha256 not in (None, sha256):
-        raise Invalid("Idempotency-Key", "was used for another request; use a new key for a new one")
+        raise Invalid(
+            "Idempotency-Key", "was used for another request; use a new key for a new one"
+        )
     return row
 
 
 def digest_of(request: Mapping[str, Any]) -> bytes:
-    """SHA-256 of what a request states. Of a model only what differs from its defaults counts, of a file its SHA-256."""
+    """SHA-256 of what a request states. Of a model only what differs from its defaults counts, of a
+    file its SHA-256.
+    """
     stated = {name: _stated(value) for name, value in request.items()}
-    text = json.dumps({name: value for name, value in stated.items() if value is not None}, sort_keys=True)
+    text = json.dumps(
+        {name: value for name, value in stated.items() if value is not None}, sort_keys=True
+    )
     return hashlib.sha256(text.encode()).digest()
 
 
@@ -88,7 +103,8 @@ class Once:
     def __init__(self, request: Request, session: Session, user: User, key: str) -> None:
         self._scope, self._session, self._user, self._key = request.scope, session, user, key
         self._operation = str(request.scope["route"].label)
-        self._later = request.scope["route"].status_code == 201  # so that 202 says that nothing is made yet
+        # so that 202 says that nothing is made yet
+        self._later = request.scope["route"].status_code == 201
         self._token = token_of(request).encode("utf-8", "surrogatepass")
 
     def answer(self, given: Mapping[str, Any]) -> Response | None:
@@ -103,16 +119,25 @@ class Once:
         if row is None:
             self._scope[AFTERWARDS] = partial(self._keep, sha256)
             return None
-        status, headers, body = json.loads(_opened(row.answer, self._token) if row.sealed else row.answer)
+        status, headers, body = json.loads(
+            _opened(row.answer, self._token) if row.sealed else row.answer
+        )
         response = Response(body, status)
-        response.raw_headers = [(name.encode("latin-1"), value.encode("latin-1")) for name, value in headers]
+        response.raw_headers = [
+            (name.encode("latin-1"), value.encode("latin-1")) for name, value in headers
+        ]
         return response
 
     def _keep(self, sha256: bytes, response: Response) -> None:
-        """Keep an answer, in the transaction of what was made; that of a request which was refused is none."""
+        """Keep an answer, in the transaction of what was made; that of a request which was refused
+        is none.
+        """
         if response.status_code >= 300 or (self._later and response.status_code == 202):
             return
-        headers = [[name.decode("latin-1"), value.decode("latin-1")] for name, value in response.raw_headers]
+        headers = [
+            [name.decode("latin-1"), value.decode("latin-1")]
+            for name, value in response.raw_headers
+        ]
         answer = json.dumps([response.status_code, headers, bytes(response.body).decode()]).encode()
         sealed = response.headers.get("cache-control") == "no-store"
         keep(
@@ -126,20 +151,33 @@ class Once:
 
 
 def keep(
-    session: Session, user: User, name: tuple[str, str], sha256: bytes, answer: bytes, *, sealed: bool = False
+    session: Session,
+    user: User,
+    name: tuple[str, str],
+    sha256: bytes,
+    answer: bytes,
+    *,
+    sealed: bool = False,
 ) -> None:
     """Keep the answer to a request under its operation and key, for `made_before`."""
     operation, key = name
     session.add(
         IdempotencyKey(
-            user_id=user.id, operation=operation, key=key, request_sha256=sha256, answer=answer, sealed=sealed
+            user_id=user.id,
+            operation=operation,
+            key=key,
+            request_sha256=sha256,
+            answer=answer,
+            sealed=sealed,
         )
     )
     session.flush()
 
 
 def _sealed(answer: bytes, token: bytes) -> bytes:
-    """An answer that only the token opens: a nonce, a mark by which the token is known, and the answer under a key stream."""
+    """An answer that only the token opens: a nonce, a mark by which the token is known, and the
+    answer under a key stream.
+    """
     nonce = secrets.token_bytes(_NONCE)
     return nonce + _mark(nonce, token) + _under_stream(answer, nonce, token)
 
@@ -148,8 +186,8 @@ def _opened(sealed: bytes, token: bytes) -> bytes:
     nonce, mark, hidden = sealed[:_NONCE], sealed[_NONCE : _NONCE + 32], sealed[_NONCE + 32 :]
     if not hmac.compare_digest(mark, _mark(nonce, token)):
         raise Conflict(
-            "the Idempotency-Key was used with another API key, and the answer shows a secret to that one alone; "
-            "use a new Idempotency-Key"
+            "the Idempotency-Key was used with another API key, and the answer shows a secret to"
+            " that one alone; use a new Idempotency-Key"
         )
     return _under_stream(hidden, nonce, token)
 
@@ -159,7 +197,9 @@ def _mark(nonce: bytes, token: bytes) -> bytes:
 
 
 def _under_stream(text: bytes, nonce: bytes, token: bytes) -> bytes:
-    """SHAKE-256 of a secret of 256 bits and a nonce gives as many bytes as the text has, to be added to it."""
+    """SHAKE-256 of a secret of 256 bits and a nonce gives as many bytes as the text has, to be
+    added to it.
+    """
     stream = hashlib.shake_256(b"stream" + nonce + token).digest(len(text))
     return bytes(one ^ other for one, other in zip(text, stream, strict=True))
 
@@ -179,6 +219,8 @@ def answered_once(operation: Callable[..., Any]) -> Callable[..., Any]:
         return operation(**given) if before is None else before
 
     signature = inspect.signature(operation)
-    key = inspect.Parameter("once", inspect.Parameter.KEYWORD_ONLY, annotation=Annotated[Once | None, Depends(_once)])
+    key = inspect.Parameter(
+        "once", inspect.Parameter.KEYWORD_ONLY, annotation=Annotated[Once | None, Depends(_once)]
+    )
     answered.__signature__ = signature.replace(parameters=[*signature.parameters.values(), key])  # type: ignore[attr-defined]
     return answered

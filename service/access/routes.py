@@ -86,23 +86,36 @@ def list_projects(
     user: CurrentUser,
     cursor: Cursor = None,
     limit: Limit = 100,
-    deleted: Annotated[bool, Query(description="list deleted projects, which can be restored, instead")] = False,
+    deleted: Annotated[
+        bool, Query(description="list deleted projects, which can be restored, instead")
+    ] = False,
 ) -> Page[ProjectOut]:
     """Projects that one is a member of, archived ones included."""
     hidden = Project.deleted_at.is_not(None) if deleted else Project.deleted_at.is_(None)
-    mine = select(Project).join(Member, Member.project_id == Project.id).where(Member.user_id == user.id, hidden)
+    mine = (
+        select(Project)
+        .join(Member, Member.project_id == Project.id)
+        .where(Member.user_id == user.id, hidden)
+    )
     return paged(session, mine, cursor, limit, partial(map, ProjectOut.model_validate))
 
 
 @router.get("/projects/{project_id}")
-def get_project(project_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> ProjectOut:
+def get_project(
+    project_id: UUID, session: SessionDep, user: CurrentUser, response: Response
+) -> ProjectOut:
     """One project."""
     return _shown(project_for(session, user, project_id), response)
 
 
 @router.patch("/projects/{project_id}", openapi_extra=IF_MATCH)
 def change_project(
-    project_id: UUID, body: ProjectPatch, session: SessionDep, user: CurrentUser, request: Request, response: Response
+    project_id: UUID,
+    body: ProjectPatch,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    response: Response,
 ) -> ProjectOut:
     """Rename or describe a project, archive it or take it out of the archive; for owners."""
     project = _locked(session, user, project_id)
@@ -115,7 +128,9 @@ def change_project(
     was = {name: getattr(project, name) for name in now if name != "archived"}
     for name, value in now.items():
         if name == "archived":
-            project.archived_at = (project.archived_at or transaction_time(session)) if value else None
+            project.archived_at = (
+                (project.archived_at or transaction_time(session)) if value else None
+            )
         else:
             setattr(project, name, value)
     project.updated_at = transaction_time(session)
@@ -125,7 +140,9 @@ def change_project(
 
 @router.delete("/projects/{project_id}", status_code=204)
 def delete_project(project_id: UUID, session: SessionDep, user: CurrentUser) -> None:
-    """Hide a project and all that is in it. It stays stored: an owner can restore it, or purge it for good."""
+    """Hide a project and all that is in it. It stays stored: an owner can restore it, or purge it
+    for good.
+    """
     project = _locked(session, user, project_id)
     if project.deleted_at is not None:
         raise NotFound("project", project_id)
@@ -133,7 +150,9 @@ def delete_project(project_id: UUID, session: SessionDep, user: CurrentUser) -> 
 
 
 @router.post("/projects/{project_id}/restore")
-def restore_project(project_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> ProjectOut:
+def restore_project(
+    project_id: UUID, session: SessionDep, user: CurrentUser, response: Response
+) -> ProjectOut:
     """Bring a deleted project back."""
     project = _locked(session, user, project_id)
     projects.bring_back(session, user, project)
@@ -141,7 +160,9 @@ def restore_project(project_id: UUID, session: SessionDep, user: CurrentUser, re
 
 
 def _locked(session: Session, user: User, project_id: UUID) -> Project:
-    """An owner's project, archived or deleted or not, that nobody else edits until the transaction ends."""
+    """An owner's project, archived or deleted or not, that nobody else edits until the transaction
+    ends.
+    """
     project = project_for(session, user, project_id, "owner", resting=True)
     session.refresh(project, with_for_update={"key_share": True})
     return project
@@ -157,7 +178,9 @@ def _shown(project: Project, response: Response) -> ProjectOut:
 def create_api_key(
     body: KeyIn, session: SessionDep, user: CurrentUser, own: CurrentKey, response: Response
 ) -> NewKeyOut:
-    """Make another key of one's own, with no more rights than the one that makes it; the answer alone shows it."""
+    """Make another key of one's own, with no more rights than the one that makes it; the answer
+    alone shows it.
+    """
     scopes = own.scopes if body.scopes is None else list(dict.fromkeys(body.scopes))
     if more := [scope for scope in scopes if scope not in own.scopes]:
         raise Invalid("/scopes", f"has {', '.join(more)}, which the key that makes it has not")
@@ -176,7 +199,9 @@ def create_api_key(
 
 
 @router.get("/api-keys")
-def list_api_keys(session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100) -> Page[KeyOut]:
+def list_api_keys(
+    session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[KeyOut]:
     """One's own keys, without their secrets."""
     return _keys_of(session, user.id, cursor, limit)
 
@@ -196,7 +221,9 @@ def list_audit_events(
     limit: Limit = 100,
 ) -> Page[AuditEventOut]:
     """What was done in one's projects and by oneself, newest first."""
-    query = select(AuditEvent).where(or_(AuditEvent.user_id == user.id, AuditEvent.project_id.in_(projects_of(user))))
+    query = select(AuditEvent).where(
+        or_(AuditEvent.user_id == user.id, AuditEvent.project_id.in_(projects_of(user)))
+    )
     if project is not None:
         query = query.where(AuditEvent.project_id == project_for(session, user, project).id)
 
@@ -213,7 +240,11 @@ MemberName = Annotated[Name, Path(description="name of a user, or id of one")]
 
 @router.get("/projects/{project_id}/members")
 def list_members(
-    project_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+    project_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    cursor: Cursor = None,
+    limit: Limit = 100,
 ) -> Page[MemberOut]:
     """Who is in a project, and in which role."""
     project = project_for(session, user, project_id)
@@ -232,8 +263,8 @@ def put_member(
 ) -> MemberOut:
     """Give a user, by name or id, a role in the project.
 
-    The answer to a name is the same whether or not there is such a user: who has no key yet is a member as soon as the
-    operator makes one (`modalbase keys create --name NAME`).
+    The answer to a name is the same whether or not there is such a user: who has no key yet is a
+    member as soon as the operator makes one (`modalbase keys create --name NAME`).
     """
     project = project_for(session, user, project_id, "owner")
     found = expected_user(session, member)
@@ -253,8 +284,11 @@ def put_member(
 def delete_member(project_id: UUID, member: str, session: SessionDep, user: CurrentUser) -> None:
     """Take a user out of the project: an owner anybody, every member themselves."""
     found = user if member in (user.name, str(user.id)) else None
-    project = project_for(session, user, project_id, "viewer" if found else "owner", resting=found is not None)
-    with not_found_as("member", member):  # whether there is a user of that name is nobody's business
+    project = project_for(
+        session, user, project_id, "viewer" if found else "owner", resting=found is not None
+    )
+    # whether there is a user of that name is nobody's business
+    with not_found_as("member", member):
         found = found or find_user(session, member)
     row = session.get(Member, (project.id, found.id))
     if row is None:
@@ -266,18 +300,26 @@ def delete_member(project_id: UUID, member: str, session: SessionDep, user: Curr
 
 def _require_place(session: Session, project_id: UUID, coming: User) -> None:
     """Refuse one member too many; the role of one who is in the project already can be changed."""
-    others = select(func.count()).where(Member.project_id == project_id, Member.user_id != coming.id)
+    others = select(func.count()).where(
+        Member.project_id == project_id, Member.user_id != coming.id
+    )
     if session.scalars(others).one() >= MOST_MEMBERS:
-        raise Conflict(f"the project has {MOST_MEMBERS} members, as many as it may; take one out first")
+        raise Conflict(
+            f"the project has {MOST_MEMBERS} members, as many as it may; take one out first"
+        )
 
 
 def _keep_an_owner(session: Session, project_id: UUID, leaving: User) -> None:
     """Refuse to take the last owner's role away."""
     owners = session.scalars(
-        select(Member.user_id).where(Member.project_id == project_id, Member.role == "owner").with_for_update()
+        select(Member.user_id)
+        .where(Member.project_id == project_id, Member.role == "owner")
+        .with_for_update()
     ).all()
     if list(owners) == [leaving.id]:
-        raise Conflict(f"{leaving.name} is the project's last owner; make another member an owner first")
+        raise Conflict(
+            f"{leaving.name} is the project's last owner; make another member an owner first"
+        )
 
 
 @router.post("/session", status_code=201)
@@ -286,8 +328,8 @@ def sign_in(
 ) -> SessionOut:
     """Begin a browser's session with the key of this request; the answer sets its cookie.
 
-    The cookie is not readable by scripts and is sent to this host alone. A request that changes something and comes with
-    the cookie needs `X-CSRF-Token` as well, which the answer holds.
+    The cookie is not readable by scripts and is sent to this host alone. A request that changes
+    something and comes with the cookie needs `X-CSRF-Token` as well, which the answer holds.
     """
     if is_session_token(token_of(request)):
         raise Conflict("this is a session already; sign in with a key")
@@ -310,7 +352,9 @@ def sign_out(session: SessionDep, user: CurrentUser, request: Request, response:
     """End the session of this request's cookie, here and for whoever has its cookie."""
     token = token_of(request)
     if not is_session_token(token):
-        raise Conflict("the request comes with a key and not with a session's cookie; revoke the key to end it")
+        raise Conflict(
+            "the request comes with a key and not with a session's cookie; revoke the key to end it"
+        )
     close_session(session, token)
     audit(session, user, "session.delete", "session", None)
     response.delete_cookie(COOKIE, httponly=True, samesite="strict")
@@ -326,12 +370,16 @@ ADMINISTRATORS = [Depends(_administrator)]
 @router.get("/users", dependencies=ADMINISTRATORS)
 def list_users(
     session: SessionDep,
-    name: Annotated[str | None, Query(max_length=200, description="only the user of this name")] = None,
+    name: Annotated[
+        str | None, Query(max_length=200, description="only the user of this name")
+    ] = None,
     cursor: Cursor = None,
     limit: Limit = 100,
 ) -> Page[UserOut]:
     """All users; for administrators, with a key of the scope `admin`."""
-    query = select(User) if name is None else select(User).where(User.name == name.replace("\0", ""))
+    query = (
+        select(User) if name is None else select(User).where(User.name == name.replace("\0", ""))
+    )
     return paged(session, query, cursor, limit, partial(_described, session))
 
 
@@ -358,13 +406,17 @@ def enable_user(user_id: UUID, session: SessionDep, user: CurrentUser) -> UserOu
 
 
 @router.get("/users/{user_id}/api-keys", dependencies=ADMINISTRATORS)
-def list_keys_of_user(user_id: UUID, session: SessionDep, cursor: Cursor = None, limit: Limit = 100) -> Page[KeyOut]:
+def list_keys_of_user(
+    user_id: UUID, session: SessionDep, cursor: Cursor = None, limit: Limit = 100
+) -> Page[KeyOut]:
     """A user's keys, without their secrets; for administrators."""
     return _keys_of(session, user_of_id(session, user_id).id, cursor, limit)
 
 
 @router.patch("/users/{user_id}/api-keys/{key_id}", dependencies=ADMINISTRATORS)
-def end_key_of_user(user_id: UUID, key_id: UUID, body: KeyEnd, session: SessionDep, user: CurrentUser) -> KeyOut:
+def end_key_of_user(
+    user_id: UUID, key_id: UUID, body: KeyEnd, session: SessionDep, user: CurrentUser
+) -> KeyOut:
     """Have a user's key expire, never later than it does already; for administrators."""
     key = locked_key(session, user_of_id(session, user_id).id, key_id)
     if key.revoked_at is not None:
@@ -372,9 +424,13 @@ def end_key_of_user(user_id: UUID, key_id: UUID, body: KeyEnd, session: SessionD
     if body.expires_at <= transaction_time(session):
         raise Invalid("/expires_at", "is over already; DELETE revokes the key at once")
     if key.expires_at is not None and body.expires_at > key.expires_at:
-        raise Invalid("/expires_at", f"is later than the key's end now, {key.expires_at.isoformat()}")
+        raise Invalid(
+            "/expires_at", f"is later than the key's end now, {key.expires_at.isoformat()}"
+        )
     key.expires_at = body.expires_at
-    audit(session, user, "api_key.expire", "api_key", key.id, expires_at=body.expires_at.isoformat())
+    audit(
+        session, user, "api_key.expire", "api_key", key.id, expires_at=body.expires_at.isoformat()
+    )
     return KeyOut.model_validate(key)
 
 
@@ -386,7 +442,11 @@ def revoke_key_of_user(user_id: UUID, key_id: UUID, session: SessionDep, user: C
 
 def _keys_of(session: Session, user_id: UUID, cursor: str | None, limit: int) -> Page[KeyOut]:
     return paged(
-        session, select(ApiKey).where(ApiKey.user_id == user_id), cursor, limit, partial(map, KeyOut.model_validate)
+        session,
+        select(ApiKey).where(ApiKey.user_id == user_id),
+        cursor,
+        limit,
+        partial(map, KeyOut.model_validate),
     )
 
 

@@ -60,7 +60,9 @@ class ProjectOut(_Out):
 
 
 class MemberIn(StrictModel):
-    """A member's role: viewers read, editors also write and start jobs, owners also manage members."""
+    """A member's role: viewers read, editors also write and start jobs, owners also manage
+    members.
+    """
 
     role: Role = "editor"
 
@@ -77,7 +79,9 @@ class MemberOut(_Out):
 class KeyIn(StrictModel):
     """A new key of one's own, with no more rights than the one that makes it."""
 
-    model_config = example(name="night script", scopes=["read", "jobs"], expires_at="2027-01-01T00:00:00Z")
+    model_config = example(
+        name="night script", scopes=["read", "jobs"], expires_at="2027-01-01T00:00:00Z"
+    )
 
     name: Name
     scopes: list[Scope] | None = Field(
@@ -111,11 +115,15 @@ class UserOut(_Out):
     """A user, as administrators see them."""
 
     id: UUID
-    created_at: datetime = Field(description="when the user, or the first membership under this name, was entered")
+    created_at: datetime = Field(
+        description="when the user, or the first membership under this name, was entered"
+    )
     name: str
     disabled_at: datetime | None = Field(description="since when no key of theirs opens anything")
     administrator: bool = Field(description="whether they may look after other users")
-    valid_keys: int = Field(description="keys that are neither revoked nor expired; 0 of who waits for a first one")
+    valid_keys: int = Field(
+        description="keys that are neither revoked nor expired; 0 of who waits for a first one"
+    )
 
 
 class NewKeyOut(KeyOut):
@@ -129,11 +137,15 @@ class SessionOut(_Out):
 
     user: str = Field(description="whose key it is")
     expires_at: datetime = Field(description="when it ends by itself, UTC")
-    csrf_token: str = Field(description="to be sent as `X-CSRF-Token` with every request that changes something")
+    csrf_token: str = Field(
+        description="to be sent as `X-CSRF-Token` with every request that changes something"
+    )
 
 
 class AuditEventOut(_Out):
-    """Who did what; no user where it was the operator at the command line, or the service itself."""
+    """Who did what; no user where it was the operator at the command line, or the service
+    itself.
+    """
 
     id: UUID
     created_at: datetime

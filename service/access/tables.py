@@ -21,7 +21,9 @@ class User(Identified, Base):
 
 
 class ApiKey(Identified, Base):
-    """An API key: its prefix finds the row, the SHA-256 of its secret proves it. The key itself is not kept."""
+    """An API key: its prefix finds the row, the SHA-256 of its secret proves it. The key itself is
+    not kept.
+    """
 
     __tablename__ = "api_keys"
 
@@ -29,7 +31,9 @@ class ApiKey(Identified, Base):
     name: Mapped[str]
     prefix: Mapped[str] = mapped_column(unique=True)
     secret_sha256: Mapped[bytes]
-    scopes: Mapped[list[Any]] = mapped_column(server_default=text("""'["read", "write", "jobs", "admin"]'"""))
+    scopes: Mapped[list[Any]] = mapped_column(
+        server_default=text("""'["read", "write", "jobs", "admin"]'""")
+    )
     last_used_at: Mapped[datetime | None]
     expires_at: Mapped[datetime | None]
     revoked_at: Mapped[datetime | None]
@@ -46,14 +50,17 @@ class BrowserSession(Identified, Base):
 
 
 class IdempotencyKey(Base):
-    """An `Idempotency-Key` of a user, and the answer to what came with it: see `service.access.once`.
+    """An `Idempotency-Key` of a user, and the answer to what came with it: see
+    `service.access.once`.
 
     Keys that came before there was this table have no SHA-256 of their request.
     """
 
     __tablename__ = "idempotency_keys"
 
-    user_id: Mapped[UUID] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), primary_key=True)
+    user_id: Mapped[UUID] = mapped_column(
+        ForeignKey("users.id", ondelete="CASCADE"), primary_key=True
+    )
     operation: Mapped[str] = mapped_column(primary_key=True)
     key: Mapped[str] = mapped_column(primary_key=True)
     request_sha256: Mapped[bytes | None]
@@ -82,14 +89,18 @@ class Member(Base):
     __tablename__ = "members"
     __table_args__ = (CheckConstraint("role IN ('viewer', 'editor', 'owner')", "role"),)
 
-    project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"), primary_key=True)
-    user_id: Mapped[UUID] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), primary_key=True, index=True)
+    project_id: Mapped[UUID] = mapped_column(
+        ForeignKey("projects.id", ondelete="CASCADE"), primary_key=True
+    )
+    user_id: Mapped[UUID] = mapped_column(
+        ForeignKey("users.id", ondelete="CASCADE"), primary_key=True, index=True
+    )
     role: Mapped[str]
 
 
 class AuditEvent(Identified, Base):
-    """Who did what to which thing, written in the transaction that did it. A trigger refuses every change; what an event
-    names may have been purged since.
+    """Who did what to which thing, written in the transaction that did it. A trigger refuses every
+    change; what an event names may have been purged since.
     """
 
     __tablename__ = "audit_events"

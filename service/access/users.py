@@ -1,4 +1,6 @@
-"""Users: found by name or key, entered under a name before they have a key, disabled; and the audit trail of what they do."""
+"""Users: found by name or key, entered under a name before they have a key, disabled; and the audit
+trail of what they do.
+"""
 
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
@@ -25,7 +27,8 @@ def audit(
     project_id: UUID | None = None,
     **detail: Any,
 ) -> None:
-    """Record an act in the caller's transaction, so that the act and its record stand or fall together.
+    """Record an act in the caller's transaction, so that the act and its record stand or fall
+    together.
 
     Args:
         session: the transaction of the act.
@@ -57,10 +60,14 @@ def first_event(
     project_id: UUID,
     members: Sequence[str] = (),
 ) -> datetime | None:
-    """When an act was first done with one of some things of a project after a moment, or changed one of these members of it;
-    None where it was not.
+    """When an act was first done with one of some things of a project after a moment, or changed
+    one of these members of it; None where it was not.
     """
-    acts = [AuditEvent.project_id == project_id, AuditEvent.action == action, AuditEvent.subject_id.in_(subjects)]
+    acts = [
+        AuditEvent.project_id == project_id,
+        AuditEvent.action == action,
+        AuditEvent.subject_id.in_(subjects),
+    ]
     if members:
         acts.append(AuditEvent.detail["now"].has_any(array(members)))
     found: datetime | None = session.scalar(
@@ -69,8 +76,12 @@ def first_event(
     return found
 
 
-_SOME_TIME_AGO = text("uuidv7(-random() * (now() - coalesce((SELECT min(created_at) FROM users), now())))")
-"""A key like that of a user who came at any time since the first one: one made now would show that the user is new."""
+_SOME_TIME_AGO = text(
+    "uuidv7(-random() * (now() - coalesce((SELECT min(created_at) FROM users), now())))"
+)
+"""A key like that of a user who came at any time since the first one: one made now would show that
+the user is new.
+"""
 
 
 def find_user(session: Session, name_or_id: str) -> User:
@@ -99,7 +110,9 @@ def expected_user(session: Session, name_or_id: str) -> User:
     with suppress(ValueError):
         UUID(name_or_id)
         return find_user(session, name_or_id)
-    session.execute(insert(User).values(name=name_or_id, id=_SOME_TIME_AGO).on_conflict_do_nothing())
+    session.execute(
+        insert(User).values(name=name_or_id, id=_SOME_TIME_AGO).on_conflict_do_nothing()
+    )
     return session.scalars(select(User).where(User.name == name_or_id)).one()
 
 
@@ -116,21 +129,28 @@ def require_administrator(user: User) -> None:
         Forbidden: the user is no administrator.
     """
     if not user.administrator:
-        raise Forbidden("this is for administrators; the operator makes one: `modalbase users promote NAME`")
+        raise Forbidden(
+            "this is for administrators; the operator makes one: `modalbase users promote NAME`"
+        )
 
 
 def set_disabled(session: Session, by: User, user: User, *, disabled: bool) -> None:
-    """Have an administrator disable a locked user, whose keys then open nothing, or enable them again.
+    """Have an administrator disable a locked user, whose keys then open nothing, or enable them
+    again.
 
     Raises:
         Conflict: administrators would disable themselves.
     """
     if disabled and by.id == user.id:
-        raise Conflict("administrators cannot disable themselves; another administrator or the operator can")
+        raise Conflict(
+            "administrators cannot disable themselves; another administrator or the operator can"
+        )
     if (user.disabled_at is not None) == disabled:
         return
     user.disabled_at = transaction_time(session) if disabled else None
-    audit(session, by, "user.disable" if disabled else "user.enable", "user", user.id, name=user.name)
+    audit(
+        session, by, "user.disable" if disabled else "user.enable", "user", user.id, name=user.name
+    )
 
 
 def user_of_id(session: Session, user_id: UUID, *, locked: bool = False) -> User:
@@ -146,7 +166,9 @@ def user_of_id(session: Session, user_id: UUID, *, locked: bool = False) -> User
 
 
 def valid_key_counts(session: Session, user_ids: Iterable[UUID]) -> dict[UUID, int]:
-    """How many keys of each user are neither revoked nor expired; users without any are left out."""
+    """How many keys of each user are neither revoked nor expired; users without any are left
+    out.
+    """
     query = (
         select(ApiKey.user_id, func.count())
         .where(ApiKey.user_id.in_(user_ids), ApiKey.revoked_at.is_(None))

@@ -1,1 +1,3 @@
-"""How a service runs: the API, the worker, their supervisor, the command line, backup and the demo."""
+"""How a service runs: the API, the worker, their supervisor, the command line, backup and the
+demo.
+"""

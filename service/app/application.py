@@ -1,4 +1,6 @@
-"""The API: everything under `/api/v1`, health, metrics, and documentation pages that need no internet."""
+"""The API: everything under `/api/v1`, health, metrics, and documentation pages that need no
+internet.
+"""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -35,8 +37,10 @@ from service.web.routing import include
 log = structlog.stdlib.get_logger("modalbase.http")
 
 PREFIX = "/api/v1"
-ASIDE = 2  # connections that no request holds: one for /readyz and /metrics, one for streams of events
-FILE_THREADS = 40  # for blocks of files on their way to or from clients; who has a slot has one of the others
+# connections that no request holds: one for /readyz and /metrics, one for streams of events
+ASIDE = 2
+# for blocks of files on their way to or from clients; who has a slot has one of the others
+FILE_THREADS = 40
 READY_SECONDS = 5.0
 DESCRIPTION = """\
 Begin with **Authorize** and a key (`modalbase keys create --name NAME`). The main job, each step with the id that the one
@@ -61,9 +65,14 @@ def create_app(settings: Settings) -> FastAPI:
         sqlalchemy.exc.OperationalError: the database does not answer.
     """
     if settings.database_url is None:
-        raise ValueError("settings.database_url is not set; `service.db.opening.open_database` gives the embedded one")
+        raise ValueError(
+            "settings.database_url is not set; `service.db.opening.open_database` gives the"
+            " embedded one"
+        )
     connections = settings.database_pool + ASIDE
-    engine = make_engine(settings.database_url, pool_size=connections, overflow=0, name="modalbase api")
+    engine = make_engine(
+        settings.database_url, pool_size=connections, overflow=0, name="modalbase api"
+    )
     try:
         require_head(engine)
     except BaseException:
@@ -90,8 +99,12 @@ def create_app(settings: Settings) -> FastAPI:
     )
     app.state.settings, app.state.engine = settings, engine
     app.state.sessions = make_sessions(engine, project_quota_bytes=settings.project_quota_bytes)
-    app.state.reading = make_sessions(for_reading(engine), project_quota_bytes=settings.project_quota_bytes)
-    app.state.changes = Changes(settings.database_url, app.state.reading, settings.event_streams, LOOKS)
+    app.state.reading = make_sessions(
+        for_reading(engine), project_quota_bytes=settings.project_quota_bytes
+    )
+    app.state.changes = Changes(
+        settings.database_url, app.state.reading, settings.event_streams, LOOKS
+    )
     for router in ROUTERS:
         include(app, router, PREFIX, creating=answered_once)
     _add_health(app)
@@ -109,7 +122,9 @@ def create_app(settings: Settings) -> FastAPI:
     describe_problems(app)
     paths = Paths(app.routes, PREFIX, FINDERS)
     prefixes = (PREFIX, PAGES) if settings.pages else (PREFIX,)
-    app.add_middleware(Door, settings=settings, sessions=app.state.sessions, paths=paths, prefixes=prefixes)
+    app.add_middleware(
+        Door, settings=settings, sessions=app.state.sessions, paths=paths, prefixes=prefixes
+    )
     app.add_middleware(SessionCookie)
     if hosts := settings.known_hosts:
         app.add_middleware(KnownHosts, allowed=hosts)
@@ -132,10 +147,13 @@ def _add_health(app: FastAPI) -> None:
         """Does the database answer, and is its schema this version's?"""
         try:
             with fail_after(READY_SECONDS):
-                await to_thread.run_sync(_ask, app.state.engine, limiter=own_thread, abandon_on_cancel=True)
+                await to_thread.run_sync(
+                    _ask, app.state.engine, limiter=own_thread, abandon_on_cancel=True
+                )
         except SchemaError as error:
             raise Unavailable(str(error)) from error
-        except (SQLAlchemyError, TimeoutError) as error:  # its words name hosts and folders, and anybody may ask
+        # its words name hosts and folders, and anybody may ask
+        except (SQLAlchemyError, TimeoutError) as error:
             log.warning("not ready", error=str(error) or f"no answer in {READY_SECONDS:g} s")
             raise Unavailable("the database does not answer") from error
         return {"status": "ok"}
@@ -149,7 +167,9 @@ def _add_metrics(app: FastAPI) -> None:
     @app.get("/metrics", include_in_schema=False)
     async def metrics() -> Response:
         """Metrics for Prometheus: of this process, and of all jobs."""
-        written = generate_latest() + await to_thread.run_sync(generate_latest, jobs, limiter=own_thread)
+        written = generate_latest() + await to_thread.run_sync(
+            generate_latest, jobs, limiter=own_thread
+        )
         return Response(written, media_type=CONTENT_TYPE_LATEST)
 
 

@@ -1,7 +1,8 @@
-"""Where the features come together for the API: their routers. Their kinds of job, for the worker, are in `service.app.kinds`.
+"""Where the features come together for the API: their routers. Their kinds of job, for the worker,
+are in `service.app.kinds`.
 
-Importing this module imports every table, which is what the comparison of models and migrations needs.
-A new feature adds its router here and nowhere else.
+Importing this module imports every table, which is what the comparison of models and migrations
+needs. A new feature adds its router here and nowhere else.
 """
 
 from functools import partial

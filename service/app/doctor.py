@@ -1,4 +1,6 @@
-"""What is wrong with a service, in words: its data folder, its database, its schema, its workers, what it stores."""
+"""What is wrong with a service, in words: its data folder, its database, its schema, its workers,
+what it stores.
+"""
 
 import os
 import pwd
@@ -33,11 +35,13 @@ class Finding:
 
 
 def examine(settings: Settings, *, stored: bool = True) -> Iterator[Finding]:
-    """Look at everything, the cheapest first; what cannot be looked at for an earlier fault is left out.
+    """Look at everything, the cheapest first; what cannot be looked at for an earlier fault is left
+    out.
 
     Args:
         settings: of the service.
-        stored: read everything stored and compare its SHA-256, which takes as long as reading the database.
+        stored: read everything stored and compare its SHA-256, which takes as long as reading the
+            database.
     """
     embedded = settings.database_url is None
     if embedded:
@@ -57,14 +61,22 @@ def examine(settings: Settings, *, stored: bool = True) -> Iterator[Finding]:
 def _folder(folder: Path) -> Finding:
     if not folder.is_dir():
         return Finding(
-            "fault", "data folder", f"{folder} does not exist; `modalbase up` makes it, --data names another"
+            "fault",
+            "data folder",
+            f"{folder} does not exist; `modalbase up` makes it, --data names another",
         )
     if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
         owner = _user(folder.stat().st_uid)
-        return Finding("fault", "data folder", f"{folder} belongs to {owner} and is closed to you; run this as {owner}")
+        return Finding(
+            "fault",
+            "data folder",
+            f"{folder} belongs to {owner} and is closed to you; run this as {owner}",
+        )
     files = folder / "postgres"
     if files.is_dir() and files.stat().st_mode & 0o077:
-        return Finding("warning", "data folder", f"other users may read {files}; close it: chmod 700 '{files}'")
+        return Finding(
+            "warning", "data folder", f"other users may read {files}; close it: chmod 700 '{files}'"
+        )
     return Finding("ok", "data folder", str(folder))
 
 
@@ -98,12 +110,17 @@ def _database(engine: Engine, settings: Settings, *, stored: bool) -> Iterator[F
 
 def _workers(connection: Connection, settings: Settings) -> Finding:
     alive = connection.scalar(
-        text("SELECT count(*) FROM procrastinate_workers WHERE last_heartbeat > now() - make_interval(secs => :lease)"),
+        text(
+            "SELECT count(*) FROM procrastinate_workers WHERE last_heartbeat > now() -"
+            " make_interval(secs => :lease)"
+        ),
         {"lease": settings.job_lease_seconds},
     )
     if not alive:
         return Finding(
-            "warning", "workers", "none is alive, so no job runs; start `modalbase worker` or `modalbase up`"
+            "warning",
+            "workers",
+            "none is alive, so no job runs; start `modalbase worker` or `modalbase up`",
         )
     return Finding("ok", "workers", f"{alive} alive")
 
@@ -113,18 +130,27 @@ def _jobs(connection: Connection) -> Iterator[Finding]:
         "SELECT count(*) FILTER (WHERE state = 'queued'), count(*) FILTER (WHERE state = 'running') FROM jobs"
     )).one()  # fmt: skip
     stuck = connection.scalar(
-        text(f"SELECT count(*) FROM jobs WHERE state = 'queued' AND queued_at < now() - interval '{WAITING}'")
+        text(
+            "SELECT count(*) FROM jobs WHERE state = 'queued' AND queued_at < now() - interval"
+            f" '{WAITING}'"
+        )
     )
     counts = f"{waiting} waiting, {running} running"
     if stuck and not running:
         yield Finding(
-            "warning", "jobs", f"{counts}; {stuck} have waited over {WAITING} while none runs: see the workers"
+            "warning",
+            "jobs",
+            f"{counts}; {stuck} have waited over {WAITING} while none runs: see the workers",
         )
     else:
         yield Finding("ok", "jobs", counts)
     lost = connection.scalar(text("SELECT count(*) FROM jobs WHERE error->>'reason' = 'lost'"))
     if lost:
-        yield Finding("warning", "jobs", f"{lost} were given up because their workers died; the workers' logs say why")
+        yield Finding(
+            "warning",
+            "jobs",
+            f"{lost} were given up because their workers died; the workers' logs say why",
+        )
 
 
 def _stored(connection: Connection) -> Finding:
@@ -132,7 +158,9 @@ def _stored(connection: Connection) -> Finding:
     if not damaged:
         return Finding("ok", "stored data", "every spectrum, curve and file has its SHA-256")
     shown = ", ".join(damaged[:SHOWN]) + (", …" if len(damaged) > SHOWN else "")
-    return Finding("fault", "stored data", f"{len(damaged)} damaged: {shown}; restore them from a backup")
+    return Finding(
+        "fault", "stored data", f"{len(damaged)} damaged: {shown}; restore them from a backup"
+    )
 
 
 def _user(number: int) -> str:

@@ -1,4 +1,5 @@
-"""Where the features come together for the worker: their kinds of job, without routes, whose making takes long at a start.
+"""Where the features come together for the worker: their kinds of job, without routes, whose making
+takes long at a start.
 
 A new feature adds its kinds here and nowhere else.
 """

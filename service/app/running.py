@@ -1,7 +1,8 @@
-"""Which services run on this machine for this user: each `modalbase up` leaves a note, which ends with it.
+"""Which services run on this machine for this user: each `modalbase up` leaves a note, which ends
+with it.
 
-The other commands read the notes, so that `modalbase keys create` reaches the service that runs without being given its
-data folder.
+The other commands read the notes, so that `modalbase keys create` reaches the service that runs
+without being given its data folder.
 """
 
 import json
@@ -16,7 +17,9 @@ import psutil
 from modalbase.client.place import notes_folder
 
 CLOCK_SECONDS = 2.0
-"""A process' start is known relative to the machine's, which moves a little where the clock is set."""
+"""A process' start is known relative to the machine's, which moves a little where the clock is
+set.
+"""
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,8 @@ class RunningService:
     """A `modalbase up` that runs."""
 
     pid: int  # its process
-    began: float  # when that started, seconds since 1970; a later process with the same id has another
+    # when that started, seconds since 1970; a later process with the same id has another
+    began: float
     url: str  # where its API is
     data: str | None  # its data folder; None where its database is a server of its own
 
@@ -35,7 +39,9 @@ def announced(url: str, data: Path | None) -> Iterator[None]:
     folder = notes_folder()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     pid = os.getpid()
-    note = RunningService(pid, psutil.Process(pid).create_time(), url, None if data is None else str(data))
+    note = RunningService(
+        pid, psutil.Process(pid).create_time(), url, None if data is None else str(data)
+    )
     file = folder / f"{pid}.json"
     new = file.with_suffix(".new")
     new.write_text(json.dumps(asdict(note)), encoding="utf-8")

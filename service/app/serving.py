@@ -1,6 +1,8 @@
-"""The two processes of a service, the API and a worker, as their commands and the supervisor run them.
+"""The two processes of a service, the API and a worker, as their commands and the supervisor run
+them.
 
-Each begins with its libraries, `loaded` so that a start is short, and goes on when the database is open.
+Each begins with its libraries, `loaded` so that a start is short, and goes on when the database is
+open.
 """
 
 from __future__ import annotations
@@ -25,7 +27,9 @@ class UnknownQueueError(Exception):
     """No kind of job has such a queue; the message says which there are."""
 
 
-def serve(settings: Callable[[], Settings], listener: int | None = None, *, attached: bool = False) -> None:
+def serve(
+    settings: Callable[[], Settings], listener: int | None = None, *, attached: bool = False
+) -> None:
     """Answer requests until SIGTERM or SIGINT.
 
     Args:
@@ -47,7 +51,11 @@ def serve(settings: Callable[[], Settings], listener: int | None = None, *, atta
     configure_logs(wanted)
     if attached:
         _follow()
-    own = listening_socket(wanted.host, wanted.port) if listener is None else socket.socket(fileno=listener)
+    own = (
+        listening_socket(wanted.host, wanted.port)
+        if listener is None
+        else socket.socket(fileno=listener)
+    )
     with own, open_database(wanted) as opened:
         api = create_app(opened)
 
@@ -98,7 +106,9 @@ def work(
 
     wanted, known = settings(), {REQUESTS, *(kind.queue for kind in KINDS)}
     if queues is not None and not known.issuperset(queues):  # it would wait for ever
-        raise UnknownQueueError(f"there is {', '.join(sorted(known))}, separated by commas where several")
+        raise UnknownQueueError(
+            f"there is {', '.join(sorted(known))}, separated by commas where several"
+        )
     configure_logs(wanted)
     if attached:
         _follow()
@@ -110,14 +120,15 @@ def work(
 def loading() -> Iterator[None]:
     """Load no more than a start needs.
 
-    - The garbage collector keeps from what is being loaded, now and later: one object in a hundred of it is garbage, and to
-      look through it takes 0.1 s at a time, in which everybody waits.
-    - Pydantic puts a model together when it is first used, FastAPI's own models too. FastAPI silences a warning that does not
-      concern it only where it is put together at once.
-    - structlog does not find rich, which it loads for tracebacks that `service.logs` writes without it.
+    - The garbage collector keeps from what is being loaded, now and later: one object in a hundred
+      of it is garbage, and to look through it takes 0.1 s at a time, in which everybody waits.
+    - Pydantic puts a model together when it is first used, FastAPI's own models too. FastAPI
+      silences a warning that does not concern it only where it is put together at once.
+    - structlog does not find rich, which it loads for tracebacks that `service.logs` writes without
+      it.
 
-    SIGTERM ends the process at once, as nothing is open yet: an error raised from the handler may be swallowed or disguised by
-    whatever is being loaded at that moment.
+    SIGTERM ends the process at once, as nothing is open yet: an error raised from the handler may
+    be swallowed or disguised by whatever is being loaded at that moment.
     """
     from pydantic import BaseModel
     from pydantic.warnings import UnsupportedFieldAttributeWarning
@@ -146,7 +157,8 @@ def _load_structlog() -> None:
 
 
 def _follow() -> None:
-    """Go on when the process that started this one has opened the database, which it says by a byte on standard input, and
+    """Go on when the process that started this one has opened the database, which it says by a byte
+    on standard input, and
     end when it is gone: the pipe closes.
     """
     if not os.read(0, 1):

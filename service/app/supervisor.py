@@ -1,14 +1,18 @@
-"""Everything on one machine: embedded PostgreSQL, API process and worker process, started and ended together.
+"""Everything on one machine: embedded PostgreSQL, API process and worker process, started and ended
+together.
 
     with LocalService(Settings(data=folder, port=0)) as service:
         key = service.new_key("me")
         httpx.get(service.url + "/api/v1/projects", headers={"Authorization": f"Bearer {key}"})
 
-`modalbase up`, the demonstration and the tests all use this. The processes that it starts end with it, also when it is
-killed: their standard input is a pipe that closes with it. The API loads its libraries while PostgreSQL starts, and waits
-for a byte on that pipe before it looks for the database: a start that fails is reported once, here. Each of them is in on
-the embedded server, so whoever leaves last stops PostgreSQL. What ends by itself is started again by `tend`; the socket
-that the API listens on is kept here, so that requests wait meanwhile instead of being refused.
+`modalbase up`, the demonstration and the tests all use this. The processes that it starts end with
+it, also when it is
+killed: their standard input is a pipe that closes with it. The API loads its libraries while
+PostgreSQL starts, and waits
+for a byte on that pipe before it looks for the database: a start that fails is reported once, here.
+Each of them is in on the embedded server, so whoever leaves last stops PostgreSQL. What ends by
+itself is started again by `tend`; the socket that the API listens on is kept here, so that requests
+wait meanwhile instead of being refused.
 """
 
 from __future__ import annotations
@@ -54,7 +58,11 @@ class Part:
     """
 
     def __init__(
-        self, name: str, start: Callable[[], None], ended: Callable[[], str | None], pauses: Sequence[float] = PAUSES
+        self,
+        name: str,
+        start: Callable[[], None],
+        ended: Callable[[], str | None],
+        pauses: Sequence[float] = PAUSES,
     ) -> None:
         """Watch a part that runs already.
 
@@ -75,7 +83,8 @@ class Part:
         return self._again_at is None and self._ended() is None
 
     def tend(self) -> str | None:
-        """Start it again where it ended and the pause is over; a line for the operator where something happened.
+        """Start it again where it ended and the pause is over; a line for the operator where
+        something happened.
 
         Raises:
             GivenUpError: it ended once more than there are pauses.
@@ -99,7 +108,9 @@ class Part:
         if self._again_at is None and now - self._began > STEADY_SECONDS:
             self._ends = 0
         if self._ends == len(self._pauses):
-            raise GivenUpError(f"{self.name} {how}, {self._ends + 1} times in a row; it is not started again")
+            raise GivenUpError(
+                f"{self.name} {how}, {self._ends + 1} times in a row; it is not started again"
+            )
         pause = self._pauses[self._ends]
         self._ends += 1
         self._again_at = now + pause
@@ -118,11 +129,12 @@ def how_it_ended(process: subprocess.Popen[bytes]) -> str | None:
     return f"ended with status {status}"
 
 
-# What reaches the database is imported where it is used, in which time the API loads too; SQLAlchemy by those alone who need
-# it after the start.
+# What reaches the database is imported where it is used, in which time the API loads too;
+# SQLAlchemy by those alone who need it after the start.
 
 START_SECONDS = 120.0
-ANSWER_SECONDS = 2.0  # the socket listens before the API answers: ask again, and see whether the API still runs
+# the socket listens before the API answers: ask again, and see whether the API still runs
+ANSWER_SECONDS = 2.0
 STOP_SECONDS = 10.0
 STANDARD_ERROR = 2
 
@@ -140,7 +152,12 @@ class LocalService:
     """
 
     def __init__(
-        self, settings: Settings, *, log_file: Path | None = None, worker: bool = True, pauses: Sequence[float] = PAUSES
+        self,
+        settings: Settings,
+        *,
+        log_file: Path | None = None,
+        worker: bool = True,
+        pauses: Sequence[float] = PAUSES,
     ) -> None:
         """Prepare; nothing runs before `with`.
 
@@ -160,12 +177,18 @@ class LocalService:
 
     def __enter__(self) -> Self:
         if os.name == "nt":
-            raise StartError("the service does not run on Windows itself; run it in WSL 2 or on a server")
+            raise StartError(
+                "the service does not run on Windows itself; run it in WSL 2 or on a server"
+            )
         with ExitStack() as stack:
             listener = stack.enter_context(listening_socket(self.given.host, self.given.port))
             self._port = listener.getsockname()[1]
             self.url = f"http://{_bracketed(self.given.host)}:{self._port}"
-            log = stack.enter_context(self.log_file.open("ab")).fileno() if self.log_file else STANDARD_ERROR
+            log = (
+                stack.enter_context(self.log_file.open("ab")).fileno()
+                if self.log_file
+                else STANDARD_ERROR
+            )
             stack.callback(self._end_processes)  # where the database does not open
             self._run("api", "serve", log, listener.fileno())
             self._open_database(stack)
@@ -181,14 +204,18 @@ class LocalService:
         return self
 
     def _open_database(self, stack: ExitStack) -> None:
-        """Have the database answer until the stack is closed, and let those who wait for that begin."""
+        """Have the database answer until the stack is closed, and let those who wait for that
+        begin.
+        """
         from service.db.opening import open_database
         from service.db.schema import require_fit, revision_at
 
         self.settings = stack.enter_context(open_database(self.given, migrate_embedded=True))
         require_fit(revision_at(self._address()))
         if self.given.database_url is None:
-            self._parts.insert(0, Part("PostgreSQL", self._start_postgresql, self._postgresql_ended, self.pauses))
+            self._parts.insert(
+                0, Part("PostgreSQL", self._start_postgresql, self._postgresql_ended, self.pauses)
+            )
         self._open = True
         for process in self.processes.values():
             _let_begin(process)
@@ -214,7 +241,9 @@ class LocalService:
         self._stack.close()
 
     def new_key(self, name: str, *, administrator: bool = False) -> str:
-        """A new API key of the user of that name, who is made when absent, and made an administrator where wanted."""
+        """A new API key of the user of that name, who is made when absent, and made an
+        administrator where wanted.
+        """
         from service.access.keys import create_key, user_named
         from service.db.engine import make_sessions
 
@@ -228,15 +257,20 @@ class LocalService:
         import psycopg
 
         with psycopg.connect(self._address(), autocommit=True) as connection:
-            row = connection.execute("SELECT EXISTS (SELECT FROM api_keys WHERE revoked_at IS NULL)").fetchone()
+            row = connection.execute(
+                "SELECT EXISTS (SELECT FROM api_keys WHERE revoked_at IS NULL)"
+            ).fetchone()
         return row is not None and bool(row[0])
 
     def ended(self) -> str | None:
         """Name of a process that ended by itself, which none should; None while all run."""
-        return next((name for name, process in self.processes.items() if process.poll() is not None), None)
+        return next(
+            (name for name, process in self.processes.items() if process.poll() is not None), None
+        )
 
     def tend(self) -> list[str]:
-        """Start again what ended by itself, after a pause; a line for the operator of each thing that happened.
+        """Start again what ended by itself, after a pause; a line for the operator of each thing
+        that happened.
 
         Raises:
             StartError: one of them ended again and again.
@@ -266,13 +300,16 @@ class LocalService:
         return None if runs(self.given.data) else "ended by itself"
 
     def _run(self, name: str, command: str, log: int, descriptor: int) -> None:
-        """Start a process that runs as long as the service does, and has this descriptor; see `service.app.attached`."""
+        """Start a process that runs as long as the service does, and has this descriptor; see
+        `service.app.attached`.
+        """
 
         def start() -> None:
             if (old := self.processes.get(name)) is not None and old.stdin is not None:
                 old.stdin.close()
             self.processes[name] = subprocess.Popen(
-                # -P and its variable, for its children: no module of the folder that it is started in is imported.
+                # -P and its variable, for its children: no module of the folder that it is started
+                # in is imported.
                 [sys.executable, "-P", "-m", "service.app.attached", command, str(descriptor)],
                 env=environment(self.given),
                 stdin=subprocess.PIPE,
@@ -285,7 +322,9 @@ class LocalService:
                 _let_begin(self.processes[name])
 
         start()
-        self._parts.append(Part(f"the {name}", start, lambda: how_it_ended(self.processes[name]), self.pauses))
+        self._parts.append(
+            Part(f"the {name}", start, lambda: how_it_ended(self.processes[name]), self.pauses)
+        )
 
     def _wait_until(self, otherwise: str, ready: Callable[[], bool]) -> None:
         deadline = time.monotonic() + START_SECONDS
@@ -336,9 +375,13 @@ def _has_come(pipe: int) -> bool:
 
 
 def environment(settings: Settings) -> dict[str, str]:
-    """The environment of a process with the same settings, which imports nothing from the folder it is started in."""
+    """The environment of a process with the same settings, which imports nothing from the folder it
+    is started in.
+    """
     values = settings.model_dump(mode="json", exclude_none=True)
-    others = {name: value for name, value in os.environ.items() if not name.startswith("MODALBASE_")}
+    others = {
+        name: value for name, value in os.environ.items() if not name.startswith("MODALBASE_")
+    }
     ours = {f"MODALBASE_{name.upper()}": str(value) for name, value in values.items()}
     return others | ours | {"PYTHONSAFEPATH": "1"}
 
@@ -350,11 +393,15 @@ def listening_socket(host: str, port: int) -> socket.socket:
         StartError: something else does already, or the address is not this machine's.
     """
     try:
-        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+        family, _, _, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
         return socket.create_server((str(address[0]), port), family=family, backlog=2048)
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
-        raise StartError(f"cannot listen on {host} port {port}: {reason}; choose another with --port") from error
+        raise StartError(
+            f"cannot listen on {host} port {port}: {reason}; choose another with --port"
+        ) from error
 
 
 def _bracketed(host: str) -> str:

@@ -1,4 +1,5 @@
-"""Reading an npz, .mat, CSV, wav or TDMS in the child process: hits or FRFs, and what its arrays are.
+"""Reading an npz, .mat, CSV, wav or TDMS in the child process: hits or FRFs, and what its arrays
+are.
 
 This module imports no database and no web, since the child imports it.
 """
@@ -41,7 +42,14 @@ from modalbase.formats.records.variables import read_named
 from modalbase.formats.registry import FORMATS, MEMBERS, FormatName, Kind
 from modalbase.formats.tables import Stated
 from service.compute.frf_rows import EncodedFrf, encoded
-from service.compute.recordings import AnyRecording, channels_of, looked_at, proposed_recording, recording_of, units_in
+from service.compute.recordings import (
+    AnyRecording,
+    channels_of,
+    looked_at,
+    proposed_recording,
+    recording_of,
+    units_in,
+)
 from service.errors import Fault, Invalid, pointer
 
 if TYPE_CHECKING:
@@ -50,8 +58,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 FREE_BYTES, RATIO, MOST_BYTES = 64 * 1024 * 1024, 100, 1024 * 1024 * 1024
-"""A file may unpack to `FREE_BYTES`, or to `RATIO` times its own size, at most to `MOST_BYTES` or its own size: what is
-measured does not compress better."""
+"""A file may unpack to `FREE_BYTES`, or to `RATIO` times its own size, at most to `MOST_BYTES` or
+its own size: what is measured does not compress better.
+"""
 
 _TEXT = 80  # characters of a text that is listed
 MOST_VARIABLES = 1000  # arrays of a file that are listed
@@ -62,26 +71,34 @@ class Found:
     """What a file is."""
 
     format: FormatName  # by its content
-    kind: Kind | None = None  # whether its arrays are hits or FRFs; None of UFF, which may hold both
-    variables: dict[str, str] = field(default_factory=dict)  # type and shape of its arrays, with their extremes
-    mapping: dict[str, Any] = field(default_factory=dict)  # one that suggests itself; empty where none is needed
+    # whether its arrays are hits or FRFs; None of UFF, which may hold both
+    kind: Kind | None = None
+    # type and shape of its arrays, with their extremes
+    variables: dict[str, str] = field(default_factory=dict)
+    # one that suggests itself; empty where none is needed
+    mapping: dict[str, Any] = field(default_factory=dict)
     blocks: int | None = None  # time blocks that the stated mapping makes
     table: dict[str, Any] | None = None  # how a table of text was read
     counted: bool = False  # hit numbers were only counted in the file
     notes: list[str] = field(default_factory=list)  # what the reader noticed
 
 
-def read_arrays(inputs: ReadingInputs, form: FormatName) -> Iterator[Found | TimeBlock | EncodedFrf]:
+def read_arrays(
+    inputs: ReadingInputs, form: FormatName
+) -> Iterator[Found | TimeBlock | EncodedFrf]:
     """What a file is, then its time blocks or FRFs.
 
     Without a mapping where one is needed, a dry run ends after what the file is.
 
     Raises:
-        Invalid: the file cannot be read, or the mapping is missing or does not fit; each fault with its pointer.
+        Invalid: the file cannot be read, or the mapping is missing or does not fit; each fault with
+            its pointer.
     """
     if isinstance(inputs.mapping, dict) and "recording" in inputs.mapping:
         if inputs.kind == "frfs":
-            raise Invalid("kind", "is frfs, and the mapping is of a recording of hits; state one of them")
+            raise Invalid(
+                "kind", "is frfs, and the mapping is of a recording of hits; state one of them"
+            )
         require_taken(inputs, form, "hits")
         yield from _recording(inputs, inputs.mapping, form)
         return
@@ -94,10 +111,15 @@ def read_arrays(inputs: ReadingInputs, form: FormatName) -> Iterator[Found | Tim
     if form in ("tdms", "wav") and inputs.mapping is None:
         file = _faults_as(_dotted, lambda: recording_of(inputs.path))
         if not inputs.dry_run:
-            why = f"is missing: a {form} holds a recording of hits, or one hit; the file has {', '.join(file.names)}"
+            why = (
+                f"is missing: a {form} holds a recording of hits, or one hit; the file has"
+                f" {', '.join(file.names)}"
+            )
             raise Invalid(_dotted("mapping.recording"), why)
         shapes = _faults_as(_dotted, lambda: looked_at(file))
-        yield Found(form, "hits", shapes, propose_recording(file.names, file.units), notes=_starts(file))
+        yield Found(
+            form, "hits", shapes, propose_recording(file.names, file.units), notes=_starts(file)
+        )
         return
     if form == "tdms":
         yield from _single_hits(inputs)
@@ -112,7 +134,11 @@ def read_arrays(inputs: ReadingInputs, form: FormatName) -> Iterator[Found | Tim
     notes = [str(warning.message) for warning in noticed]
     if kind is None:
         has_parts = propose_parts(list(variables), texts) is not None
-        kind = "frfs" if has_parts or any(array.dtype.kind == "c" for array in variables.values()) else "hits"
+        kind = (
+            "frfs"
+            if has_parts or any(array.dtype.kind == "c" for array in variables.values())
+            else "hits"
+        )
     require_taken(inputs, form, kind)
     if kind == "frfs":
         yield from _mapped_frfs(inputs, form, variables, texts, notes)
@@ -130,10 +156,14 @@ def require_taken(inputs: ReadingInputs, form: FormatName, kind: Kind | None) ->
     _faults_as(str, lambda: FORMATS[form].require_taken(kind, stated))
 
 
-def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: FormatName) -> Iterator[Found | TimeBlock]:
+def _recording(
+    inputs: ReadingInputs, mapping: dict[str, Any], form: FormatName
+) -> Iterator[Found | TimeBlock]:
     """The hits of a recording that goes on over many."""
     limit = limit_of(inputs.path)
-    channels = _faults_as(_dotted, lambda: channels_of(inputs.path, mapping, inputs.filename, limit))
+    channels = _faults_as(
+        _dotted, lambda: channels_of(inputs.path, mapping, inputs.filename, limit)
+    )
     try:
         found = _faults_as(_dotted, channels.survey)
     except InputError as error:
@@ -142,8 +172,14 @@ def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: FormatName)
     notes = _faults_as(_dotted, lambda: channels.notes(found))
     count = sum(map(found.fits, found.hits)) * len(channels.mapped)
     file = channels.file
-    table = file.table.layout.described(file.table.encoding) if isinstance(file, TextRecording) else None
-    yield Found(form, "hits", file.shapes(), mapping, blocks=count, table=table, counted=True, notes=notes)
+    table = (
+        file.table.layout.described(file.table.encoding)
+        if isinstance(file, TextRecording)
+        else None
+    )
+    yield Found(
+        form, "hits", file.shapes(), mapping, blocks=count, table=table, counted=True, notes=notes
+    )
     yield from channels.blocks(found, places)
 
 
@@ -158,7 +194,9 @@ def _table(inputs: ReadingInputs) -> Iterator[Found | TimeBlock | EncodedFrf]:
         require_taken(inputs, "csv", "frfs")
         yield from _own_frfs(inputs, "csv")
         return
-    file = _faults_as(_dotted, lambda: open_recording(inputs.path, Stated.of(stated, "mapping.table")))
+    file = _faults_as(
+        _dotted, lambda: open_recording(inputs.path, Stated.of(stated, "mapping.table"))
+    )
     kind = inputs.kind or ("frfs" if _holds_frfs(mapping, file) else "hits")
     require_taken(inputs, "csv", kind)
     variables = _faults_as(_dotted, file.arrays)
@@ -171,7 +209,11 @@ def _table(inputs: ReadingInputs) -> Iterator[Found | TimeBlock | EncodedFrf]:
     else:
         read = _hits(inputs, "csv", variables, file.units, notes)
     for item in read:
-        yield replace(item, table=described_, notes=item.notes + _lonely(item)) if isinstance(item, Found) else item
+        yield (
+            replace(item, table=described_, notes=item.notes + _lonely(item))
+            if isinstance(item, Found)
+            else item
+        )
 
 
 def _lonely(found: Found) -> list[str]:
@@ -183,7 +225,9 @@ def _lonely(found: Found) -> list[str]:
 
 
 def _holds_frfs(mapping: Any, file: TextRecording) -> bool:
-    """Whether a mapping says so, or without one a column of frequencies, or columns of parts of FRFs."""
+    """Whether a mapping says so, or without one a column of frequencies, or columns of parts of
+    FRFs.
+    """
     if mapping is not None:
         return isinstance(mapping, dict) and "frf" in mapping
     by_axis = any(is_frequency(name, file.units) for name in file.names)
@@ -203,16 +247,24 @@ def _single_hits(inputs: ReadingInputs) -> Iterator[Found | TimeBlock]:
     file = _faults_as(_dotted, lambda: read_tdms_head(inputs.path))
     stated = inputs.mapping
     listed = stated.get("channels") if isinstance(stated, dict) else None
-    named = [each.get("variable") for each in listed if isinstance(each, dict)] if isinstance(listed, list) else []
+    named = (
+        [each.get("variable") for each in listed if isinstance(each, dict)]
+        if isinstance(listed, list)
+        else []
+    )
     names = [name for name in file.names if name in named]
     variables = _faults_as(_dotted, lambda: file.arrays(names, limit_of(inputs.path)))
     axis: Any = stated.get("sample_rate_hz") if isinstance(stated, dict) else None
     if is_named(axis) and axis["variable"] in file.names:
-        variables |= _faults_as(_dotted, lambda: file.arrays([axis["variable"]], limit_of(inputs.path)))
+        variables |= _faults_as(
+            _dotted, lambda: file.arrays([axis["variable"]], limit_of(inputs.path))
+        )
     if SAMPLE_RATE in variables and isinstance(stated, dict):
         stated = {"sample_rate_hz": {"variable": SAMPLE_RATE}, **stated}
     found, blocks = hits_of(variables, stated, dry_run=inputs.dry_run, units=file.units)
-    yield replace(found, format="tdms", notes=_faults_as(_dotted, lambda: file.notes(names)) if names else [])
+    yield replace(
+        found, format="tdms", notes=_faults_as(_dotted, lambda: file.notes(names)) if names else []
+    )
     yield from blocks
 
 
@@ -223,7 +275,9 @@ def limit_of(path: Path) -> int:
 
 
 def _kind_by_names(inputs: ReadingInputs, form: FormatName) -> Kind | None:
-    """What the mapping, the format or the names of its columns or arrays say that a file holds; None where they do not."""
+    """What the mapping, the format or the names of its columns or arrays say that a file holds;
+    None where they do not.
+    """
     if inputs.mapping is not None:
         return "frfs" if isinstance(inputs.mapping, dict) and "frf" in inputs.mapping else "hits"
     if form in ("wav", "tdms"):
@@ -235,7 +289,9 @@ def _kind_by_names(inputs: ReadingInputs, form: FormatName) -> Kind | None:
 
 
 def _arrays_of(path: Path) -> set[str]:
-    """Names of the arrays of an npz; none of what is no archive, of which its reader says what is wrong."""
+    """Names of the arrays of an npz; none of what is no archive, of which its reader says what is
+    wrong.
+    """
     with suppress(zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
         return {name.removesuffix(".npy") for name in archive.namelist()}
     return set()
@@ -255,25 +311,38 @@ def _own_frfs(inputs: ReadingInputs, form: FormatName) -> Iterator[Found | Encod
     frfs, notes = _faults_as(_named, lambda: without_gap(frfs))
     rows = encoded(frfs)
     yield Found(
-        form, "frfs", _shapes({name: array for name, array in shapes.items() if array is not None}), notes=notes
+        form,
+        "frfs",
+        _shapes({name: array for name, array in shapes.items() if array is not None}),
+        notes=notes,
     )
     yield from rows
 
 
 def _mapped_frfs(
-    inputs: ReadingInputs, form: FormatName, variables: Variables, texts: dict[str, str], notes: list[str]
+    inputs: ReadingInputs,
+    form: FormatName,
+    variables: Variables,
+    texts: dict[str, str],
+    notes: list[str],
 ) -> Iterator[Found | EncodedFrf]:
     shapes = _shapes(variables) | {
         name: f"text {text[:_TEXT]!r}" for name, text in list(texts.items())[:MOST_VARIABLES]
     }
     proposed = propose_frfs(variables, texts)
-    notes = [*notes, *doubts(inputs.mapping or proposed), *left_out(variables, inputs.mapping or proposed)]
+    notes = [
+        *notes,
+        *doubts(inputs.mapping or proposed),
+        *left_out(variables, inputs.mapping or proposed),
+    ]
     found = Found(form, "frfs", shapes, proposed, notes=notes)
     if inputs.mapping is None and inputs.dry_run:
         yield found
         return
     otherwise: Quantity | None = "accelerance" if inputs.dry_run else None
-    mapped: Frfs = _faults_as(_dotted, lambda: frfs_of(variables, inputs.mapping, inputs.quantity, texts, otherwise))
+    mapped: Frfs = _faults_as(
+        _dotted, lambda: frfs_of(variables, inputs.mapping, inputs.quantity, texts, otherwise)
+    )
     frfs, gap = _faults_as(_dotted, lambda: without_gap(mapped))
     rows = encoded(frfs)
     yield replace(found, notes=[*notes, *gap])
@@ -281,7 +350,11 @@ def _mapped_frfs(
 
 
 def _hits(
-    inputs: ReadingInputs, form: FormatName, variables: Variables, units: dict[str, str], notes: list[str]
+    inputs: ReadingInputs,
+    form: FormatName,
+    variables: Variables,
+    units: dict[str, str],
+    notes: list[str],
 ) -> Iterator[Found | TimeBlock]:
     found, blocks = hits_of(variables, inputs.mapping, dry_run=inputs.dry_run, units=units)
     recording = proposed_recording(Arrays(variables, units)) if inputs.mapping is None else None
@@ -292,7 +365,8 @@ def _hits(
 def hits_of(
     variables: Variables, stated: Any, *, dry_run: bool, units: dict[str, str] | None = None
 ) -> tuple[Found, list[TimeBlock]]:
-    """What arrays of hits are, and the time blocks that a mapping makes of them; none in a dry run without one.
+    """What arrays of hits are, and the time blocks that a mapping makes of them; none in a dry run
+    without one.
 
     Args:
         variables: the arrays.
@@ -306,7 +380,10 @@ def hits_of(
     found = Found("npz", "hits", _shapes(variables), propose(variables, units))
     if stated is None:
         if not dry_run:
-            raise Invalid("mapping", f"is missing; ?dry_run=true proposes one; the file suggests {found.mapping}")
+            raise Invalid(
+                "mapping",
+                f"is missing; ?dry_run=true proposes one; the file suggests {found.mapping}",
+            )
         return found, []
     mapping = _faults_as(_dotted, lambda: read_mapping(stated, units))
     blocks = _faults_as(_dotted, lambda: blocks_of(variables, mapping, units))
@@ -315,7 +392,9 @@ def hits_of(
 
 def _quantity(inputs: ReadingInputs, form: FormatName) -> Quantity:
     if inputs.quantity is None and not inputs.dry_run:
-        raise Invalid("quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must")
+        raise Invalid(
+            "quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must"
+        )
     return inputs.quantity or "accelerance"
 
 

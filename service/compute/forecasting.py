@@ -25,7 +25,8 @@ class ForecastInputs:
 
     body: Body  # nominal
     order: ForecastOrder  # what is asked
-    # of the points among which to choose, or of the mesh's nodes; None where these have no numbers of their own
+    # of the points among which to choose, or of the mesh's nodes; None where these have no numbers
+    # of their own
     labels: tuple[int, ...] | None
 
 
@@ -49,7 +50,9 @@ def compute_forecast(inputs: ForecastInputs, report: Report) -> Iterator[Forecas
     numbers = np.arange(1, count + 1) if inputs.labels is None else np.array(inputs.labels)
     labels = numbers[found.numbers]
     nodes = numbers if inputs.order.places is None else np.arange(1, count + 1)
-    yield ForecastOutput(_document(found, labels.tolist(), inputs.order), _arrays(found, labels, nodes))
+    yield ForecastOutput(
+        _document(found, labels.tolist(), inputs.order), _arrays(found, labels, nodes)
+    )
 
 
 def _document(found: ModelForecast, labels: list[int], order: ForecastOrder) -> dict[str, Any]:
@@ -102,17 +105,21 @@ def _said(found: ModelForecast, labels: list[int]) -> str:
     least = int(np.argmin(shown))
     axes = [f"{labels[p]} along {'xyz'[found.axes[p] - 1]}" for p in references]
     said = (
-        f"a sensor or hammer at point {' and '.join(axes)} shows mode {least + 1} least, with {100 * shown[least]:.0f} % "
-        "of its largest displacement"
+        f"a sensor or hammer at point {' and '.join(axes)} shows mode {least + 1} least, with"
+        f" {100 * shown[least]:.0f} % of its largest displacement"
     )
-    hidden = [str(k + 1) for k in np.flatnonzero(found.seen[:, list(found.measured)].max(axis=1) < HARDLY)]
+    hidden = [
+        str(k + 1) for k in np.flatnonzero(found.seen[:, list(found.measured)].max(axis=1) < HARDLY)
+    ]
     if hidden:
         said += f"; no point shows mode {', '.join(hidden)} with {100 * HARDLY:.0f} % of it"
     mac = _largest_mac(found)
     return (
         said
         if mac is None
-        else f"{said}; at the {len(found.measured)} points two modes have a MAC of {mac:.2f} at most"
+        else (
+            f"{said}; at the {len(found.measured)} points two modes have a MAC of {mac:.2f} at most"
+        )
     )
 
 

@@ -32,7 +32,8 @@ class EncodedFrf:
 
     dataset: int | None  # number of the dataset of a UFF file
     label: str  # free text, the first ID line of a UFF file
-    # response_point, response_direction, reference_point, reference_direction: its degrees of freedom
+    # response_point, response_direction, reference_point, reference_direction: its degrees of
+    # freedom
     response_point: int
     response_direction: int
     reference_point: int
@@ -46,12 +47,21 @@ class EncodedFrf:
     @property
     def size(self) -> int:
         """Bytes that are stored of it."""
-        parts = (self.spectrum.data, self.axis.lines, None if self.coherence is None else self.coherence.data)
+        parts = (
+            self.spectrum.data,
+            self.axis.lines,
+            None if self.coherence is None else self.coherence.data,
+        )
         return sum(len(part) for part in parts if part is not None)
 
     def columns(self) -> dict[str, Any]:
         """The values of `COLUMNS`, and `dataset`."""
-        return {**vars(self), **self.axis.columns(), **self.spectrum.columns(), **coherence_columns(self.coherence)}
+        return {
+            **vars(self),
+            **self.axis.columns(),
+            **self.spectrum.columns(),
+            **coherence_columns(self.coherence),
+        }
 
 
 def encoded(frfs: Frfs) -> Iterator[EncodedFrf]:
@@ -61,7 +71,11 @@ def encoded(frfs: Frfs) -> Iterator[EncodedFrf]:
         Invalid: they are too many or do not hold together, before anything is yielded.
     """
     if len(frfs.frfs) > MOST_FRFS:
-        raise Invalid("", f"holds {len(frfs.frfs)} FRFs, at most {MOST_FRFS} are taken at a time; send several bodies")
+        raise Invalid(
+            "",
+            f"holds {len(frfs.frfs)} FRFs, at most {MOST_FRFS} are taken at a time; send several"
+            " bodies",
+        )
     _require_consistent(frfs)
     axis = encode_axis(frfs.frequency_hz)
     for row, values, coherence in frfs.both():
@@ -82,7 +96,11 @@ def coherence_columns(coherence: Spectrum | FloatArray | None) -> dict[str, Any]
     if coherence is None:
         return {"coherence": None, "coherence_dtype": None, "coherence_sha256": None}
     spectrum = coherence if isinstance(coherence, Spectrum) else encode(coherence)
-    return {"coherence": spectrum.data, "coherence_dtype": spectrum.dtype, "coherence_sha256": spectrum.sha256}
+    return {
+        "coherence": spectrum.data,
+        "coherence_dtype": spectrum.dtype,
+        "coherence_sha256": spectrum.sha256,
+    }
 
 
 def _require_consistent(frfs: Frfs) -> None:
@@ -99,7 +117,9 @@ def _require_consistent(frfs: Frfs) -> None:
             frequency_hz=frfs.frequency_hz,
             values=frfs.values,
             responses=tuple(Dof(row.response_point, row.response_direction) for row in frfs.frfs),
-            references=tuple(Dof(row.reference_point, row.reference_direction) for row in frfs.frfs),
+            references=tuple(
+                Dof(row.reference_point, row.reference_direction) for row in frfs.frfs
+            ),
             quantity=frfs.quantity,
         )
     except InputError as error:

@@ -40,14 +40,18 @@ class BlockRow:
 
 
 def whole(rows: Sequence[BlockRow]) -> tuple[list[BlockRow], list[str]]:
-    """The blocks of one place that make whole hits, and a sentence for each hit that lacks its force or every response,
-    which is what deleting a block leaves.
+    """The blocks of one place that make whole hits, and a sentence for each hit that lacks its
+    force or every response, which is what deleting a block leaves.
     """
     found: dict[int, list[BlockRow]] = {}
     for row in rows:
         found.setdefault(row.hit, []).append(row)
-    lacking = {number: what for number, blocks in found.items() if (what := _lacks(blocks)) is not None}
-    sentences = [f"hit {n} of point {found[n][0].force_point} has no {lacking[n]}" for n in sorted(lacking)]
+    lacking = {
+        number: what for number, blocks in found.items() if (what := _lacks(blocks)) is not None
+    }
+    sentences = [
+        f"hit {n} of point {found[n][0].force_point} has no {lacking[n]}" for n in sorted(lacking)
+    ]
     return [row for row in rows if row.hit not in lacking], sentences
 
 
@@ -57,8 +61,8 @@ def _lacks(blocks: Sequence[BlockRow]) -> str | None:
 
 
 def by_sensors(rows: Sequence[BlockRow]) -> list[list[BlockRow]]:
-    """The blocks of the whole hits of one place, parted by where the sensors stood: only hits of the same sensors are
-    compared and averaged, as where an accelerometer roves, or one was added.
+    """The blocks of the whole hits of one place, parted by where the sensors stood: only hits of
+    the same sensors are compared and averaged, as where an accelerometer roves, or one was added.
     """
     sensors: dict[int, set[tuple[int, int]]] = {}
     for row in rows:

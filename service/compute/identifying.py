@@ -1,4 +1,6 @@
-"""What the child process of an identification does: FRFs in, modes and the document about them out."""
+"""What the child process of an identification does: FRFs in, modes and the document about them
+out.
+"""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -36,16 +38,21 @@ def find_modes(inputs: IdentificationInputs, report: Report) -> Iterator[Identif
     found = identify(inputs.frfs, inputs.options, report)
     document = describe_identification(found)
     document["warnings"] = [*inputs.warnings, *document["warnings"]]
-    yield IdentificationOutput(found.chosen(include_doubtful=inputs.include_doubtful).modes, document)
+    yield IdentificationOutput(
+        found.chosen(include_doubtful=inputs.include_doubtful).modes, document
+    )
 
 
 def describe_identification(found: Identification) -> dict[str, Any]:
-    """Modes and uncertain poles (`doubtful`) with their quality and probability, refused ones, what was left out, warnings, and
-    the stabilisation diagram.
+    """Modes and uncertain poles (`doubtful`) with their quality and probability, refused ones, what
+    was left out, warnings, and the stabilisation diagram.
     """
     chosen = list(zip(_rows(found.found), found.found.doubt, strict=True))
     return {
-        "modes": [{"number": k, **row} for k, row in enumerate((row for row, why in chosen if why is None), start=1)],
+        "modes": [
+            {"number": k, **row}
+            for k, row in enumerate((row for row, why in chosen if why is None), start=1)
+        ],
         "doubtful": [{**row, "reason": why} for row, why in chosen if why is not None],
         "used": list(found.used),
         "refused": [asdict(frf) for frf in found.refused],
@@ -82,7 +89,8 @@ def _rows(found: Found) -> list[dict[str, Any]]:
 def _stabilisation(diagram: Stabilisation) -> dict[str, Any]:
     poles = {name: values.tolist() for name, values in vars(diagram).items()}
     lines = {
-        name: poles.pop(own) for name, own in (("frequency_hz", "line_hz"), ("rms", "indicator"), ("cmif", "cmif"))
+        name: poles.pop(own)
+        for name, own in (("frequency_hz", "line_hz"), ("rms", "indicator"), ("cmif", "cmif"))
     }
     return {**poles, "indicator": lines}
 
@@ -101,4 +109,7 @@ def up_to_date(document: dict[str, Any]) -> dict[str, Any]:
     document = {**said, **document}
     unknown: dict[str, Any] = {"probability": None, "features": []}
     poles = ("modes", "doubtful", "refused_poles")
-    return {**document, **{part: [{**unknown, **row} for row in document.get(part, [])] for part in poles}}
+    return {
+        **document,
+        **{part: [{**unknown, **row} for row in document.get(part, [])] for part in poles},
+    }

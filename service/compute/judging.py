@@ -1,7 +1,7 @@
 """The computation of a judgement, in the worker's child process: no database, no web.
 
-Runs in, the series document out: each watched parameter with its baseline, scores, chart, states, change point and rate,
-and the episodes of alarm, which the store turns into alarms.
+Runs in, the series document out: each watched parameter with its baseline, scores, chart, states,
+change point and rate, and the episodes of alarm, which the store turns into alarms.
 """
 
 import math
@@ -13,13 +13,25 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
-from fecore.trend import Acknowledgement, Assessment, Moment, ParameterTrend, Series, State, Watch, assess, worst
+from fecore.trend import (
+    Acknowledgement,
+    Assessment,
+    Moment,
+    ParameterTrend,
+    Series,
+    State,
+    Watch,
+    assess,
+    worst,
+)
 from fecore.trend.document import describe_change, describe_judged, describe_rate, describe_trend
 from fecore.trend.explanations import Effects, Explanation, change_of, explanations, in_words
 from fecore.trend.tracking import SAME_MODE
 from service.jobs.kinds import Report
 
-EXACT = 1e-6  # relative standard deviation where none is stated: the scatter between campaigns then is all there is
+# relative standard deviation where none is stated: the scatter between campaigns then is all there
+# is
+EXACT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -34,7 +46,9 @@ class Observation:
 
 @dataclass(frozen=True)
 class Moves:
-    """What would move the frequencies of one campaign's m modes (`fecore.updating.effects.FrequencyEffects`)."""
+    """What would move the frequencies of one campaign's m modes
+    (`fecore.updating.effects.FrequencyEffects`).
+    """
 
     campaign: str  # its id
     # stiffness, support: (m,) by name
@@ -48,7 +62,8 @@ class Moves:
 class JudgementInputs:
     """A series as it is to be judged."""
 
-    observations: tuple[Observation, ...]  # in the order in which they came in, so that late ones can be recognised
+    # in the order in which they came in, so that late ones can be recognised
+    observations: tuple[Observation, ...]
     watch: Watch  # what is watched, and how
     as_of: datetime  # now
     acknowledged: tuple[Acknowledgement, ...]  # parameter and time of acknowledgements, by time
@@ -92,13 +107,23 @@ def judge(inputs: JudgementInputs, report: Report) -> Iterator[Judgement]:
     states = [trend.state for trend in trends.values()]
     states += [State.NO_DATA] * (len(inputs.watch.directions) - len(trends))
     state = worst(tuple(states)).value
-    document = {"state": state, "notes": notes, "parameters": [describe_trend(trend) for trend in trends.values()]}
-    yield Judgement(document, tuple(e for trend in trends.values() for e in _episodes(trend, inputs)), state)
+    document = {
+        "state": state,
+        "notes": notes,
+        "parameters": [describe_trend(trend) for trend in trends.values()],
+    }
+    yield Judgement(
+        document, tuple(e for trend in trends.values() for e in _episodes(trend, inputs)), state
+    )
 
 
 def _assessment(series: Mapping[str, Series], inputs: JudgementInputs) -> Assessment:
-    """All parameters judged, with those acknowledgements that meet an alarm: one that was withdrawn since meets none."""
-    watch = replace(inputs.watch, directions={name: inputs.watch.directions[name] for name in series})
+    """All parameters judged, with those acknowledgements that meet an alarm: one that was withdrawn
+    since meets none.
+    """
+    watch = replace(
+        inputs.watch, directions={name: inputs.watch.directions[name] for name in series}
+    )
     heard: list[Acknowledgement] = []
     found = assess(series, watch, inputs.as_of)
     for seen in inputs.acknowledged:
@@ -123,17 +148,23 @@ def _series(name: str, inputs: JudgementInputs) -> tuple[Series | None, list[str
     if not there:
         return None, notes
     if any(sd is None for _, (_, sd) in there):
-        notes.append(f"{name}: some campaigns state no standard deviation; there the scatter between campaigns decides")
+        notes.append(
+            f"{name}: some campaigns state no standard deviation; there the scatter between"
+            " campaigns decides"
+        )
     estimate = np.array([v for _, (v, _) in there])
     sd = np.array([sd or max(abs(v), 1e-300) * EXACT for _, (v, sd) in there])
     covariates = {
-        c: np.array([o.covariates.get(c, math.nan) for o, _ in there], float) for c in inputs.watch.covariates
+        c: np.array([o.covariates.get(c, math.nan) for o, _ in there], float)
+        for c in inputs.watch.covariates
     }
     dates, labels = [o.performed_at for o, _ in there], [o.campaign for o, _ in there]
     return Series(name, dates, estimate, sd, covariates, labels), notes
 
 
-def _value(name: str, observation: Observation, everyone: Sequence[Observation]) -> tuple[float, float | None] | None:
+def _value(
+    name: str, observation: Observation, everyone: Sequence[Observation]
+) -> tuple[float, float | None] | None:
     kind, _, number = name.rpartition("_")
     if kind not in ("frequency", "damping_ratio"):
         found = observation.values["parameters"].get(name)
@@ -178,22 +209,32 @@ def _episode(trend: ParameterTrend, campaign: str, state: str, inputs: Judgement
     return Episode(trend.name, campaign, state, details)
 
 
-def _explained(trend: ParameterTrend, raised: int, state: str, inputs: JudgementInputs) -> dict[str, Any] | None:
-    """What may have caused an alarm that still stands: of the campaigns since its change, or since it was raised."""
+def _explained(
+    trend: ParameterTrend, raised: int, state: str, inputs: JudgementInputs
+) -> dict[str, Any] | None:
+    """What may have caused an alarm that still stands: of the campaigns since its change, or since
+    it was raised.
+    """
     if state == "cleared" or inputs.moves is None:
         return None
     assert trend.watched is not None
     assert trend.baseline is not None
     first = raised if trend.change is None else min(raised, trend.change.index)
     return explained(
-        inputs.observations, inputs.moves, trend.baseline.labels, trend.watched.labels[first:], inputs.watch.covariates
+        inputs.observations,
+        inputs.moves,
+        trend.baseline.labels,
+        trend.watched.labels[first:],
+        inputs.watch.covariates,
     )
 
 
 def same_mode(number: int, observation: Observation, everyone: Sequence[Observation]) -> int | None:
-    """Which mode of this campaign, from 0, is the n-th of the earliest one: the nearest in frequency, not further than 15 %.
+    """Which mode of this campaign, from 0, is the n-th of the earliest one: the nearest in
+    frequency, not further than 15 %.
 
-    Modes of another kind of motion, where the results say it, are others, so that bending may pass torsion.
+    Modes of another kind of motion, where the results say it, are others, so that bending may pass
+    torsion.
     """
     first = min(everyone, key=lambda o: o.performed_at)
     if number > len(first.values["modes"]):
@@ -214,7 +255,9 @@ def _alike(observation: Observation, kind: str | None) -> dict[int, float]:
 
 
 def _kind(observation: Observation, mode: int) -> str | None:
-    """Kind of motion of a mode; None where the run is of a version that kept none, or the mode has no partner."""
+    """Kind of motion of a mode; None where the run is of a version that kept none, or the mode has
+    no partner.
+    """
     kinds = observation.values.get("kinds")
     return None if kinds is None else kinds[mode]
 
@@ -230,7 +273,8 @@ def explained(
     later: Sequence[str],
     covariates: Sequence[str],
 ) -> dict[str, Any] | None:
-    """Explanations of a change, ranked, and in words; None where too few modes or campaigns say something.
+    """Explanations of a change, ranked, and in words; None where too few modes or campaigns say
+    something.
 
     Args:
         observations: of the series.
@@ -255,8 +299,13 @@ def explained(
     at = _regressors([by[name] for name in based], [by[name] for name in later], covariates)
     change, slopes = change_of(first, last, *at)
     not_given = tuple(name for name in _CLIMATE if name not in covariates)
-    ranked = explanations(change, _effects(moves, row[modes], covariates, slopes[1:, : modes.sum()], not_given))
-    return {"ranked": [_described(each, ranked[0].evidence) for each in ranked], "text": in_words(ranked, not_given)}
+    ranked = explanations(
+        change, _effects(moves, row[modes], covariates, slopes[1:, : modes.sum()], not_given)
+    )
+    return {
+        "ranked": [_described(each, ranked[0].evidence) for each in ranked],
+        "text": in_words(ranked, not_given),
+    }
 
 
 def _described(each: Explanation, most: float) -> dict[str, Any]:
@@ -274,17 +323,23 @@ def _three_digits(value: float) -> float:
 
 
 def _rows(observation: Observation, everyone: Sequence[Observation]) -> Any:
-    """(k,) the campaign's mode, from 0, that is each of the earliest campaign's; -1 where it has none."""
+    """(k,) the campaign's mode, from 0, that is each of the earliest campaign's; -1 where it has
+    none.
+    """
     count = len(min(everyone, key=lambda o: o.performed_at).values["modes"])
     found = (same_mode(number, observation, everyone) for number in range(1, count + 1))
     return np.array([-1 if at is None else at for at in found], dtype=int)
 
 
 def _numbers(observation: Observation, everyone: Sequence[Observation]) -> FloatArray:
-    """(k + 1,) logarithms of the frequencies of the earliest campaign's modes, and of the FRFs' scale; NaN where unknown."""
+    """(k + 1,) logarithms of the frequencies of the earliest campaign's modes, and of the FRFs'
+    scale; NaN where unknown.
+    """
     hz = np.array([*(row[0] for row in observation.values["modes"]), np.nan])
     scale = observation.values.get("frf_scale")
-    found: FloatArray = np.log(np.append(hz[_rows(observation, everyone)], np.nan if scale is None else scale))
+    found: FloatArray = np.log(
+        np.append(hz[_rows(observation, everyone)], np.nan if scale is None else scale)
+    )
     return found
 
 
@@ -293,7 +348,9 @@ def _regressors(
 ) -> tuple[FloatArray, FloatArray]:
     """Ones and covariates about the baseline's mean, which stands for what was not measured."""
     measured = [
-        np.array([[o.covariates.get(name, np.nan) for name in covariates] for o in group]).reshape(len(group), -1)
+        np.array([[o.covariates.get(name, np.nan) for name in covariates] for o in group]).reshape(
+            len(group), -1
+        )
         for group in (based, later)
     ]
     centre = measured[0].mean(axis=0)
@@ -302,7 +359,11 @@ def _regressors(
 
 
 def _effects(
-    moves: Moves, rows: BoolArray, covariates: Sequence[str], slopes: FloatArray, not_given: tuple[str, ...]
+    moves: Moves,
+    rows: BoolArray,
+    covariates: Sequence[str],
+    slopes: FloatArray,
+    not_given: tuple[str, ...],
 ) -> Effects:
     return Effects(
         stiffness={name: each[rows] for name, each in moves.stiffness.items()},

@@ -36,10 +36,14 @@ def compute_plan(order: PlanOrder) -> dict[str, Any]:
     campaigns = []
     for number, each in enumerate(order.made):
         with within(f"made.{number}"):
-            modes = prepare(Measurement(None, each.points, each.modes, axes=each.axes), each.body, Recipe()).modes
+            modes = prepare(
+                Measurement(None, each.points, each.modes, axes=each.axes), each.body, Recipe()
+            ).modes
         assert modes is not None, "they were handed in"
         campaigns.append(replace(each, modes=modes))
-    plan = plan_tests(order.tests, campaigns, order.parameters, order.count, order.coupons, order.about)
+    plan = plan_tests(
+        order.tests, campaigns, order.parameters, order.count, order.coupons, order.about
+    )
     return _describe(plan, order)
 
 
@@ -49,14 +53,20 @@ def _describe(plan: Plan, order: PlanOrder) -> dict[str, Any]:
     items = []
     for forecast in plan.forecasts:
         each, sent = asked[forecast.name]
-        points = [list(each.points[point]) for point in forecast.points] if isinstance(each, PlannedTest) else []
+        points = (
+            [list(each.points[point]) for point in forecast.points]
+            if isinstance(each, PlannedTest)
+            else []
+        )
         items.append(
             {
                 "name": forecast.name,
                 "test" if isinstance(each, PlannedTest) else "coupons": sent,
                 "information_nats": forecast.information,
                 "expected_sd": forecast.standard_deviations,
-                "shrinks_most": min(plan.known, key=lambda n: forecast.standard_deviations[n] / plan.known[n]),
+                "shrinks_most": min(
+                    plan.known, key=lambda n: forecast.standard_deviations[n] / plan.known[n]
+                ),
                 "frequencies_hz": forecast.frequencies_hz.tolist(),
                 "points_m": points,
                 "share_of_all_points": forecast.share,

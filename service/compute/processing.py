@@ -10,7 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from fecore.signal import Averages, Estimate, Findings, Hit, Processed, Processing, process, process_in_parts
+from fecore.signal import (
+    Averages,
+    Estimate,
+    Findings,
+    Hit,
+    Processed,
+    Processing,
+    process,
+    process_in_parts,
+)
 from service.compute.hits import BlockRow, describe_verdict, hits_of
 
 _MOST_THREADS = 4
@@ -18,8 +27,8 @@ _MOST_THREADS = 4
 
 @dataclass(frozen=True)
 class PointFile:
-    """The blocks of one place and one set of sensors: what is said of each, and the file in which their samples stand one
-    behind the other.
+    """The blocks of one place and one set of sensors: what is said of each, and the file in which
+    their samples stand one behind the other.
     """
 
     rows: tuple[BlockRow, ...]
@@ -87,17 +96,20 @@ Report = Callable[[str, float], None]
 
 
 def process_records(inputs: ProcessingInputs, report: Report) -> Iterator[Averages | str]:
-    """The FRFs of a processing in parts, and in the end the document about them as JSON, which is several times as fast on its
-    way to the worker as its many dictionaries are.
+    """The FRFs of a processing in parts, and in the end the document about them as JSON, which is
+    several times as fast on its way to the worker as its many dictionaries are.
 
-    Memory holds the hits of a few points and one part, however many points there are; and of each hit its verdict.
+    Memory holds the hits of a few points and one part, however many points there are; and of each
+    hit its verdict.
     """
     described: list[dict[str, Any]] = []
     ids = _ids(inputs.points)
     threads = min(_processors(), _MOST_THREADS)
     shelf = _DiskShelf(inputs.points)
     source = _Source(inputs.points)
-    for item in process_in_parts(source, inputs.processing, _progress(report), shelf=shelf, threads=threads):
+    for item in process_in_parts(
+        source, inputs.processing, _progress(report), shelf=shelf, threads=threads
+    ):
         if isinstance(item, Findings):
             yield json.dumps(_document(item, described, inputs.left_out))
         else:
@@ -122,7 +134,9 @@ def _processors() -> int:
 
 
 def _ids(points: Sequence[PointFile]) -> dict[Any, dict[str, str]]:
-    """Key and digest of each block, by place, hit, and whether it is the force or else its sensor."""
+    """Key and digest of each block, by place, hit, and whether it is the force or else its
+    sensor.
+    """
     return {
         (row.place, row.hit, row.quantity == "force" or (row.point, row.direction)): {
             "id": str(row.id),
@@ -148,11 +162,15 @@ def _frfs(found: Averages, ids: dict[Any, dict[str, str]]) -> list[dict[str, Any
                 for channel in (True, (response.point, response.direction))
             ],
         }
-        for response, force, used in zip(found.frfs.responses, found.frfs.references, found.used, strict=True)
+        for response, force, used in zip(
+            found.frfs.responses, found.frfs.references, found.used, strict=True
+        )
     ]
 
 
-def _document(found: Findings, frfs: list[dict[str, Any]], left_out: Sequence[str]) -> dict[str, Any]:
+def _document(
+    found: Findings, frfs: list[dict[str, Any]], left_out: Sequence[str]
+) -> dict[str, Any]:
     windows = found.processing.windows
     return {
         "processing": {

@@ -1,4 +1,5 @@
-"""Reading an uploaded file in the child process: what is kept from it, and a report on every dataset.
+"""Reading an uploaded file in the child process: what is kept from it, and a report on every
+dataset.
 
 This module imports no database and no web, since the child imports it.
 """
@@ -44,7 +45,9 @@ Kept = (
     | uff.TraceLine
     | uff.DatasetReport
 )
-"""What goes to the database; of functions that are not FRFs, ordinary coherences and time blocks."""
+"""What goes to the database; of functions that are not FRFs, ordinary coherences and time
+blocks.
+"""
 
 
 @dataclass(frozen=True)
@@ -102,11 +105,16 @@ def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
             elif isinstance(item, uff.DatasetReport) and spectra.holds(item):
                 continue
             elif isinstance(item, uff.DatasetReport):
-                if time.monotonic() >= report_at:  # each report is a commit, which waits for all that is being stored
+                # each report is a commit, which waits for all that is being stored
+                if time.monotonic() >= report_at:
                     report("reading datasets", min(1.0, item.offset / size))
                     report_at = time.monotonic() + REPORT_SECONDS
                 left_out = unused if item.outcome == "read" else None
-                yield item if left_out is None else replace(item, outcome=left_out[0], reason=left_out[1])
+                yield (
+                    item
+                    if left_out is None
+                    else replace(item, outcome=left_out[0], reason=left_out[1])
+                )
                 unused, refused = None, refused or item.outcome == "refused"
             elif isinstance(item, uff.GridPoint):
                 points.append(item)
@@ -123,13 +131,17 @@ def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
             yield _encoded(found, inputs.quantity) if isinstance(found, uff.Frf) else found
             frfs = frfs or isinstance(found, uff.Frf)
         if inputs.quantity is not None and not (frfs or refused):
-            raise Invalid("quantity", f"is {inputs.quantity}, and the file has no FRF; leave it out")
+            raise Invalid(
+                "quantity", f"is {inputs.quantity}, and the file has no FRF; leave it out"
+            )
         if (recording := recording_in_uff(inputs.path, channels)) is not None:
             if not inputs.dry_run:
                 why = "is missing: the force has several hits; ?dry_run=true proposes a mapping"
                 raise Invalid("/mapping/recording", why)
             blocks, proposed = recording
-            yield Found("uff", "hits", {name: described(array) for name, array in blocks.items()}, proposed)
+            yield Found(
+                "uff", "hits", {name: described(array) for name, array in blocks.items()}, proposed
+            )
     except uff.UffError as error:
         raise InputError("file", f"{error.reason} (byte {error.offset})") from error
 
@@ -142,7 +154,9 @@ def _encoded(frf: uff.Frf, stated: Quantity | None) -> EncodedFrf:
     """
     if stated not in (None, frf.quantity):
         own = f"dataset {frf.dataset} of the file says that it is {frf.quantity}"
-        raise Invalid("quantity", f"is {stated}, and {own}; leave quantity out, or correct the file")
+        raise Invalid(
+            "quantity", f"is {stated}, and {own}; leave quantity out, or correct the file"
+        )
     lines = frf.frequency
     even = lines.values is None and lines.count > 1
     return EncodedFrf(
@@ -159,11 +173,16 @@ def _encoded(frf: uff.Frf, stated: Quantity | None) -> EncodedFrf:
 
 
 def _why_unused(item: uff.Content) -> str | None:
-    """Why a content that could be read is not stored; None where it is, or where it only serves to read the rest."""
+    """Why a content that could be read is not stored; None where it is, or where it only serves to
+    read the rest.
+    """
     if isinstance(item, uff.Frf):
         return size_fault(item.values)
     if isinstance(item, uff.Function) and item.function_type != uff.COHERENCE:
-        return f"is a {item.name}; of functions, FRFs, coherences, time blocks and power spectra of force and motion are stored"
+        return (
+            f"is a {item.name}; of functions, FRFs, coherences, time blocks and power spectra of"
+            " force and motion are stored"
+        )
     if isinstance(item, uff.Element):
         return "holds elements of the drawing; they stay in the original file"
     return None

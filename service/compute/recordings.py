@@ -1,4 +1,5 @@
-"""A long recording of many hits, in the child process: the hits are found and their blocks cut, one at a time.
+"""A long recording of many hits, in the child process: the hits are found and their blocks cut, one
+at a time.
 
 This module imports no database and no web, since the child imports it.
 """
@@ -72,7 +73,10 @@ class Channels:
                 most = max(float(row.max()), -float(row.min()))
                 if np.isfinite(most) and most >= LARGEST * channel.sensitivity:
                     most /= channel.sensitivity
-                    why = f"reaches {most:.3g} in SI, more than any sensor gives; look at the sensitivity"
+                    why = (
+                        f"reaches {most:.3g} in SI, more than any sensor gives; look at the"
+                        " sensitivity"
+                    )
                     raise FormatError(channel.variable, why)
                 row /= channel.sensitivity
             yield part
@@ -104,14 +108,17 @@ class Channels:
         if len(places) != len(hits):
             raise FormatError(
                 "mapping.recording.order",
-                f"has {len(places)} hits, and {len(hits)} were found, at {self.times(hits)}; correct the order, or state "
-                "least_force where a pulse is none",
+                f"has {len(places)} hits, and {len(hits)} were found, at {self.times(hits)};"
+                " correct the order, or state least_force where a pulse is none",
             )
         return places
 
     def times(self, hits: tuple[Impact, ...]) -> str:
         """When hits were, in seconds, with their force."""
-        said = [f"{hit.at / self.sample_rate_hz:.2f} s ({hit.force:.3g} N)" for hit in hits[:_MOST_NAMED]]
+        said = [
+            f"{hit.at / self.sample_rate_hz:.2f} s ({hit.force:.3g} N)"
+            for hit in hits[:_MOST_NAMED]
+        ]
         return ", ".join(said) + (" …" if len(hits) > _MOST_NAMED else "")
 
     def notes(self, found: Survey) -> list[str]:
@@ -122,34 +129,46 @@ class Channels:
         """
         said = self.file.notes(self.names)
         if not self.file.declared:
-            said.append("the file declares no length: it is read to its end, and nobody knows whether it was cut off")
+            said.append(
+                "the file declares no length: it is read to its end, and nobody knows whether it"
+                " was cut off"
+            )
         if left := tuple(hit for hit in found.hits if not found.fits(hit)):
             lead, seconds = LEAD / self.sample_rate_hz, found.length / self.sample_rate_hz
             if len(left) == len(found.hits):
                 early = sum(hit.at < LEAD for hit in left)
                 reasons = (
-                    [f"{early} within the first {lead:.3g} s, which a block needs before its hit"] if early else []
+                    [f"{early} within the first {lead:.3g} s, which a block needs before its hit"]
+                    if early
+                    else []
                 )
                 if early < len(left):
                     reasons.append(
-                        f"{len(left) - early} too near to the next hit or the end for a block of {seconds:.3g} s"
+                        f"{len(left) - early} too near to the next hit or the end for a block of"
+                        f" {seconds:.3g} s"
                     )
                 raise FormatError(
                     _RECORDING,
-                    f"holds {len(left)} {'hit' if len(left) == 1 else 'hits'}, at {self.times(left)}, and none can be cut out: "
-                    f"{', '.join(reasons)}; record longer before and after each hit, or, where the file holds one hit "
-                    "alone, leave `recording` out of the mapping: the whole file is its block then",
+                    f"holds {len(left)} {'hit' if len(left) == 1 else 'hits'}, at"
+                    f" {self.times(left)}, and none can be cut out: {', '.join(reasons)}; record"
+                    " longer before and after each hit, or, where the file holds one hit alone,"
+                    " leave `recording` out of the mapping: the whole file is its block then",
                 )
             said.append(
-                f"{len(left)} of {len(found.hits)} hits are left out, since the next hit or the end of the recording comes "
-                f"before their {seconds:.3g} s are over, or the recording begins with them: {self.times(left)}"
+                f"{len(left)} of {len(found.hits)} hits are left out, since the next hit or the end"
+                f" of the recording comes before their {seconds:.3g} s are over, or the recording"
+                f" begins with them: {self.times(left)}"
             )
         for row, channel in enumerate(self.mapped):
             clipped = tuple(hit for hit in found.hits if row in hit.clipped)
-            where = f"at its full scale in {len(clipped)} of {len(found.hits)} hits: {self.times(clipped)}"
+            where = (
+                f"at its full scale in {len(clipped)} of {len(found.hits)} hits:"
+                f" {self.times(clipped)}"
+            )
             if len(clipped) == len(found.hits):
                 raise FormatError(
-                    channel.variable, f"is clipped, {where}; measure with a larger range, or correct full_scale"
+                    channel.variable,
+                    f"is clipped, {where}; measure with a larger range, or correct full_scale",
                 )
             if clipped:
                 said.append(f"{channel.variable} is clipped, {where}")
@@ -180,7 +199,9 @@ class Channels:
                 )
 
 
-def channels_of(path: Path, document: dict[str, Any], filename: str, limit_bytes: int | None = None) -> Channels:
+def channels_of(
+    path: Path, document: dict[str, Any], filename: str, limit_bytes: int | None = None
+) -> Channels:
     """A recording and what a mapping with the member `recording` says of it.
 
     Args:
@@ -198,7 +219,8 @@ def channels_of(path: Path, document: dict[str, Any], filename: str, limit_bytes
     rest = {name: value for name, value in document.items() if name not in left}
     if file.has_rate:
         rest.setdefault("sample_rate_hz", {"variable": SAMPLE_RATE})
-    if stated.order and isinstance(rest.get("channels"), list):  # the order says where the hammer hits
+    # the order says where the hammer hits
+    if stated.order and isinstance(rest.get("channels"), list):
         rest["channels"] = [_placed(channel, stated.order[0]) for channel in rest["channels"]]
     mapping = read_mapping(rest, file.units)
     if mapping.hit is not None:
@@ -206,21 +228,37 @@ def channels_of(path: Path, document: dict[str, Any], filename: str, limit_bytes
     for number, c in enumerate(mapping.channels):
         if c.variable not in file.names:
             raise FormatError(
-                f"mapping.channels.{number}.variable", f"is {c.variable!r}; the file has {', '.join(file.names)}"
+                f"mapping.channels.{number}.variable",
+                f"is {c.variable!r}; the file has {', '.join(file.names)}",
             )
         for name, least, most in (("point", 1, MOST_POINT), ("direction", -6, 6)):
             value = getattr(c, name)
-            if not (isinstance(value, float) and value == int(value) and least <= value <= most and value):
+            if not (
+                isinstance(value, float)
+                and value == int(value)
+                and least <= value <= most
+                and value
+            ):
                 expected = "±1 to ±6" if name == "direction" else f"a whole number from 1 to {most}"
-                raise FormatError(f"mapping.channels.{number}.{name}", f"is {value!r}, expected {expected}")
+                raise FormatError(
+                    f"mapping.channels.{number}.{name}", f"is {value!r}, expected {expected}"
+                )
         if c.window_rate_per_s:
-            raise FormatError(f"mapping.channels.{number}.window_rate_per_s", "is of blocks; a recording has no window")
+            raise FormatError(
+                f"mapping.channels.{number}.window_rate_per_s",
+                "is of blocks; a recording has no window",
+            )
     mapped = tuple(sorted(mapping.channels, key=lambda c: c.quantity != "force"))
-    return Channels(file, file.rate_of([c.variable for c in mapped], mapping.sample_rate_hz), mapped, stated)
+    return Channels(
+        file, file.rate_of([c.variable for c in mapped], mapping.sample_rate_hz), mapped, stated
+    )
 
 
-def recording_of(path: Path, filename: str = "", limit_bytes: int | None = None, table: Any = None) -> AnyRecording:
-    """What a recording says of itself, by its first bytes or its name; `table` is what a mapping says of one of text.
+def recording_of(
+    path: Path, filename: str = "", limit_bytes: int | None = None, table: Any = None
+) -> AnyRecording:
+    """What a recording says of itself, by its first bytes or its name; `table` is what a mapping
+    says of one of text.
 
     Raises:
         FormatError: it cannot be read.
@@ -245,7 +283,9 @@ def units_in(variables: Variables, texts: dict[str, str]) -> dict[str, str]:
 
 def _in_si(blocks: Variables) -> Arrays:
     """The blocks of a UFF file, whose reader has brought them to SI by the file's own units."""
-    return Arrays(blocks, {name: SI[name.partition("_")[0]] for name in blocks if name != SAMPLE_RATE})
+    return Arrays(
+        blocks, {name: SI[name.partition("_")[0]] for name in blocks if name != SAMPLE_RATE}
+    )
 
 
 def _blocks_of_uff(path: Path) -> Variables:
@@ -260,23 +300,35 @@ def _blocks_of_uff(path: Path) -> Variables:
             if isinstance(item, TimeResponse):
                 name = channel_of(item)
                 if found.setdefault(name, item.samples) is not item.samples:
-                    raise FormatError(name, "is in the file several times: as single hits, which need no mapping")
-                if found.setdefault(SAMPLE_RATE, np.array(item.sample_rate_hz)) != item.sample_rate_hz:
-                    raise FormatError(name, "differs in rate from another channel; those of a hit are on one clock")
+                    raise FormatError(
+                        name, "is in the file several times: as single hits, which need no mapping"
+                    )
+                if (
+                    found.setdefault(SAMPLE_RATE, np.array(item.sample_rate_hz))
+                    != item.sample_rate_hz
+                ):
+                    raise FormatError(
+                        name,
+                        "differs in rate from another channel; those of a hit are on one clock",
+                    )
     except UffError as error:
         raise FormatError("", f"{error.reason} (byte {error.offset})") from error
     return found
 
 
 def channel_of(block: TimeResponse) -> str:
-    """Name of a block's channel, by what it measures, its point and direction: `acceleration_33_3`."""
+    """Name of a block's channel, by what it measures, its point and direction:
+    `acceleration_33_3`.
+    """
     return f"{block.quantity}_{block.response_point}_{block.response_direction}"
 
 
 def recording_in_uff(path: Path, channels: Counter[str]) -> tuple[Variables, dict[str, Any]] | None:
-    """The blocks of a UFF file and the mapping of a recording that they suggest; None where they are single hits.
+    """The blocks of a UFF file and the mapping of a recording that they suggest; None where they
+    are single hits.
 
-    The blocks are read again, so that only a file with one block of one hammer and one of each sensor has them in memory.
+    The blocks are read again, so that only a file with one block of one hammer and one of each
+    sensor has them in memory.
 
     Args:
         path: of the file.
@@ -293,7 +345,9 @@ def recording_in_uff(path: Path, channels: Counter[str]) -> tuple[Variables, dic
 
 
 def proposed_recording(file: Arrays) -> dict[str, Any] | None:
-    """The mapping of a recording that arrays suggest whose force holds several hits; None where they do not."""
+    """The mapping of a recording that arrays suggest whose force holds several hits; None where
+    they do not.
+    """
     said = propose(file.variables, file.units)
     names = [channel["variable"] for channel in said["channels"]]
     if not names or said["channels"][0]["quantity"] != "force" or not set(names) <= set(file.names):
@@ -303,11 +357,16 @@ def proposed_recording(file: Arrays) -> dict[str, Any] | None:
         several = len(survey(file.chunks(names), rate, 0).hits) > 1
     except (KeyError, FormatError, InputError):  # no rate, unlike channels, no pulse: no recording
         return None
-    return {"sample_rate_hz": said["sample_rate_hz"], **propose_recording(names, file.units)} if several else None
+    return (
+        {"sample_rate_hz": said["sample_rate_hz"], **propose_recording(names, file.units)}
+        if several
+        else None
+    )
 
 
 def looked_at(file: AnyRecording) -> dict[str, str]:
-    """Type and shape of each channel, and its least and greatest sample, by which a person knows the hammer's.
+    """Type and shape of each channel, and its least and greatest sample, by which a person knows
+    the hammer's.
 
     Raises:
         FormatError: the samples cannot be read.
@@ -317,7 +376,9 @@ def looked_at(file: AnyRecording) -> dict[str, str]:
         if not (parts := [(part.min(axis=1), part.max(axis=1)) for part in file.chunks(names)]):
             raise FormatError("", "holds no samples")
         extremes = np.array(parts)
-        for name, low, high in zip(names, extremes[:, 0].min(axis=0), extremes[:, 1].max(axis=0), strict=True):
+        for name, low, high in zip(
+            names, extremes[:, 0].min(axis=0), extremes[:, 1].max(axis=0), strict=True
+        ):
             shapes[name] += f", {low:.3g} to {high:.3g}"
     return shapes
 
@@ -332,4 +393,7 @@ def _placed(channel: Any, first: tuple[int, int, int]) -> Any:
     if not isinstance(channel, dict) or channel.get("quantity") != "force":
         return channel
     stated = dict(zip(("point", "direction"), first[: 2 if first[2] else 1], strict=False))
-    return {**channel, **{name: value for name, value in stated.items() if channel.get(name) is None}}
+    return {
+        **channel,
+        **{name: value for name, value in stated.items() if channel.get(name) is None},
+    }

@@ -1,4 +1,6 @@
-"""Arrays of a result that are kept beside its document, as one npz: what its figures and its predicted FRFs are made of."""
+"""Arrays of a result that are kept beside its document, as one npz: what its figures and its
+predicted FRFs are made of.
+"""
 
 import io
 from typing import Any
@@ -17,12 +19,18 @@ _LARGEST_HALF = 60_000.0  # that half precision holds
 def as_npz(result: UpdateResult) -> bytes:
     """The arrays of a result.
 
-    Predicted FRFs (in single precision) and how sure they are (in half), CSAC and CSF of the lines of the band, shapes at the
-    measured points and on the model's mesh, samples of the posterior, what would move the frequencies. What a result has not,
-    its arrays have not either; without a prediction the FRFs' arrays are there and empty.
+    Predicted FRFs (in single precision) and how sure they are (in half), CSAC and CSF of the lines
+    of the band, shapes at the measured points and on the model's mesh, samples of the posterior,
+    what would move the frequencies. What a result has not, its arrays have not either; without a
+    prediction the FRFs' arrays are there and empty.
     """
     samples = result.posterior.samples
-    arrays = {**_frfs(result.prediction), **_agreement(result), **_shapes(result.shapes), **_effects(result.effects)}
+    arrays = {
+        **_frfs(result.prediction),
+        **_agreement(result),
+        **_shapes(result.shapes),
+        **_effects(result.effects),
+    }
     if samples is not None:
         every = -(-len(samples) // MOST_SAMPLES)
         arrays["samples"] = samples[::every].astype(np.float32)
@@ -35,7 +43,13 @@ def _frfs(prediction: Prediction | None) -> dict[str, Any]:
     if prediction is None:
         none = np.zeros((0, 2), dtype=np.int64)
         empty = np.zeros((0, 0), dtype=np.complex64)
-        return {"frequency_hz": np.zeros(0), "responses": none, "references": none, "initial": empty, "updated": empty}
+        return {
+            "frequency_hz": np.zeros(0),
+            "responses": none,
+            "references": none,
+            "initial": empty,
+            "updated": empty,
+        }
     log_magnitude, phase = prediction.spread
     return {
         "frequency_hz": prediction.frequency_hz,
@@ -57,7 +71,10 @@ def _half(values: FloatArray) -> Any:
 def _agreement(result: UpdateResult) -> dict[str, Any]:
     """CSAC and CSF, (2, L) of the lines of the band, before and after."""
     seen, band = result.prediction, result.band_hz
-    found: tuple[FrfCorrelation | None, ...] = (result.correlation.initial, result.correlation.updated)
+    found: tuple[FrfCorrelation | None, ...] = (
+        result.correlation.initial,
+        result.correlation.updated,
+    )
     if seen is None or band is None or None in found:
         return {}
     hz = seen.frequency_hz
@@ -84,13 +101,18 @@ def _shapes(shapes: ModeShapes | None) -> dict[str, Any]:
 
 
 def on_mesh(mesh: Mesh, everywhere: FloatArray) -> dict[str, Any]:
-    """The model's mesh, and its shapes at the nodes: each by its largest component, which single precision keeps."""
+    """The model's mesh, and its shapes at the nodes: each by its largest component, which single
+    precision keeps.
+    """
     largest = np.abs(everywhere).max(axis=(1, 2), initial=1e-300)
     return {
         "mesh_nodes_m": mesh.nodes.astype(np.float32),
         "mesh_kinds": np.array([block.kind for block in mesh.blocks], dtype=np.str_),
         "mesh_sets": np.array([block.set for block in mesh.blocks], dtype=np.str_),
-        **{f"mesh_elements_{k}": block.nodes.astype(np.int32) for k, block in enumerate(mesh.blocks)},
+        **{
+            f"mesh_elements_{k}": block.nodes.astype(np.int32)
+            for k, block in enumerate(mesh.blocks)
+        },
         "mesh_largest": largest.astype(np.float32),
         "mesh_shapes": (everywhere / largest[:, None, None]).astype(np.float16),
     }

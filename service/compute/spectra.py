@@ -1,4 +1,6 @@
-"""Spectra as bytes: little-endian, in the precision that the file had, with a SHA-256 that every read verifies."""
+"""Spectra as bytes: little-endian, in the precision that the file had, with a SHA-256 that every
+read verifies.
+"""
 
 import hashlib
 from dataclasses import dataclass
@@ -13,7 +15,9 @@ from service.errors import Damaged, verified
 Stored = Literal["<c8", "<c16", "<f4", "<f8"]
 
 AXIS_TOLERANCE = 1e-12
-"""Relative to the last line: an axis that strays less from even steps than this is stored as start, step, count."""
+"""Relative to the last line: an axis that strays less from even steps than this is stored as start,
+step, count.
+"""
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,8 @@ class Spectrum:
 
 
 def encode(values: NDArray[np.complexfloating] | NDArray[np.floating]) -> Spectrum:
-    """One-dimensional values as little-endian bytes with their SHA-256; the precision stays as it is.
+    """One-dimensional values as little-endian bytes with their SHA-256; the precision stays as it
+    is.
 
     Args:
         values: (L,) complex64, complex128, float32 or float64.
@@ -66,7 +71,12 @@ class Axis:
 
     def columns(self) -> dict[str, Any]:
         """The axis' columns of an FRF's row."""
-        return {"start_hz": self.start_hz, "end_hz": self._end_hz(), "step_hz": self.step_hz, "axis": self.lines}
+        return {
+            "start_hz": self.start_hz,
+            "end_hz": self._end_hz(),
+            "step_hz": self.step_hz,
+            "axis": self.lines,
+        }
 
     def frequency_hz(self) -> FloatArray:
         """(count,) frequency lines, Hz: start + k step."""
@@ -81,8 +91,8 @@ class Axis:
 
 
 def encode_axis(frequency_hz: FloatArray) -> Axis:
-    """The axis in its shortest form that gives the same lines back: start, step and count where every line is within
-    AXIS_TOLERANCE of the last one's frequency, else an array.
+    """The axis in its shortest form that gives the same lines back: start, step and count where
+    every line is within AXIS_TOLERANCE of the last one's frequency, else an array.
 
     Args:
         frequency_hz: (L,) increasing, Hz.

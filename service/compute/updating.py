@@ -1,4 +1,6 @@
-"""What an update job and a joint update compute, in the worker's child process: no database, no web."""
+"""What an update job and a joint update compute, in the worker's child process: no database, no
+web.
+"""
 
 import platform
 import time
@@ -42,7 +44,8 @@ class Hits:
     """Time blocks that become the measurement on the way."""
 
     records: ProcessingInputs  # the hits, and how to process them
-    points: Mapping[int, tuple[float, float, float]]  # label to coordinates in the specimen's frame, m
+    # label to coordinates in the specimen's frame, m
+    points: Mapping[int, tuple[float, float, float]]
     frame: Frame  # of the file in which the hits' directions are
     roving_mass: float  # of a sensor that moved with the response, kg
     inputs: Inputs  # how well the laboratory knows what else it hands in
@@ -79,9 +82,16 @@ class UpdateOutput:
 def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutput]:
     """Run the core."""
     stages = _Stopwatch(report, 0.0 if inputs.hits is None else _OF_HITS)
-    measurement, recipe, processing, warnings = inputs.measurement, inputs.recipe, None, inputs.warnings
+    measurement, recipe, processing, warnings = (
+        inputs.measurement,
+        inputs.recipe,
+        None,
+        inputs.warnings,
+    )
     if inputs.hits is not None:
-        processing = process_whole(inputs.hits.records, lambda stage, share: report(stage, _OF_HITS * share))
+        processing = process_whole(
+            inputs.hits.records, lambda stage, share: report(stage, _OF_HITS * share)
+        )
         measurement = _measured(inputs.hits, processing.processed)
         recipe, band = _within_force(recipe, processing.processed)
         warnings = (*warnings, *processing.processed.warnings, *band)
@@ -100,13 +110,15 @@ def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutpu
 
 
 def _within_force(recipe: Recipe, processed: Processed) -> tuple[Recipe, tuple[str, ...]]:
-    """The recipe with modes sought where the hammer has half of its force, unless it states a band; and a note of it."""
+    """The recipe with modes sought where the hammer has half of its force, unless it states a band;
+    and a note of it.
+    """
     if recipe.identification.band_hz is not None:
         return recipe, ()
     band = float(processed.frfs.frequency_hz[0]), processed.strong_hz
     note = (
-        f"modes were sought up to {band[1]:.0f} Hz, where the hammer has half of its largest force; identification.band_hz "
-        "states another band"
+        f"modes were sought up to {band[1]:.0f} Hz, where the hammer has half of its largest force;"
+        " identification.band_hz states another band"
     )
     return replace(recipe, identification=replace(recipe.identification, band_hz=band)), (note,)
 
@@ -120,7 +132,9 @@ def _measured(hits: Hits, processed: Processed) -> Measurement:
         references=tuple(hits.frame.dof(dof) for dof in frfs.references),
     )
     if inputs.window_rate is None:
-        inputs = replace(inputs, window_rate=processed.rate_per_s, window_rate_sd=processed.rate_sd_per_s)
+        inputs = replace(
+            inputs, window_rate=processed.rate_per_s, window_rate_sd=processed.rate_sd_per_s
+        )
     axes, warm = hits.frame.point_axes(hits.points), hits.temperature_c
     return Measurement(moved, hits.points, None, hits.roving_mass, inputs, axes, temperature_c=warm)
 
@@ -153,7 +167,9 @@ class JointInputs:
 
 @dataclass(frozen=True)
 class JointOutput:
-    """A result ready to be stored: of the core, with warnings of what was left out, and what each campaign was made of."""
+    """A result ready to be stored: of the core, with warnings of what was left out, and what each
+    campaign was made of.
+    """
 
     result: CampaignsResult
     warnings: tuple[str, ...]
@@ -170,7 +186,9 @@ def compute_joint(inputs: JointInputs, report: Report) -> Iterator[JointOutput]:
         try:
             data = prepare(each.measurement, each.body, each.recipe)
         except InputError as error:
-            raise InputError(f"jobs.{number}.{error.field}", f"{error.message} ({each.name})") from error
+            raise InputError(
+                f"jobs.{number}.{error.field}", f"{error.message} ({each.name})"
+            ) from error
         assert data.modes is not None, "they are handed in or found, else `prepare` refuses"
         points = () if data.frfs is None else fixed_points(*data.frfs.points)
         fixed = () if each.body.masses else points
@@ -189,7 +207,10 @@ def compute_joint(inputs: JointInputs, report: Report) -> Iterator[JointOutput]:
         )
         warnings += [f"campaign {each.name}: {text}" for text in (*each.warnings, *data.warnings)]
     result = update_campaigns(
-        campaigns, inputs.recipe, inputs.coupons, lambda stage, share: report(stage, 0.5 + 0.5 * share)
+        campaigns,
+        inputs.recipe,
+        inputs.coupons,
+        lambda stage, share: report(stage, 0.5 + 0.5 * share),
     )
     sources = tuple(each.provenance for each in inputs.campaigns)
     yield JointOutput(result, tuple(warnings), sources, {**inputs.provenance, **origin()})
@@ -223,7 +244,11 @@ class _Stopwatch:
 def origin() -> dict[str, Any]:
     """Versions, host and time, for the provenance of a result."""
     return {
-        "software": {"modalbase": fecore.__version__, "numpy": np.__version__, "python": platform.python_version()},
+        "software": {
+            "modalbase": fecore.__version__,
+            "numpy": np.__version__,
+            "python": platform.python_version(),
+        },
         "host": platform.node(),
         "computed_at": datetime.now(UTC).isoformat(),
     }

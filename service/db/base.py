@@ -1,4 +1,6 @@
-"""Base of all tables: names of constraints, UUIDv7 keys, creation times in UTC; and the database's clock."""
+"""Base of all tables: names of constraints, UUIDv7 keys, creation times in UTC; and the database's
+clock.
+"""
 
 from datetime import datetime
 from typing import Annotated, Any, ClassVar
@@ -33,17 +35,22 @@ class Base(DeclarativeBase):
 
 
 class Identified:
-    """A row with a UUIDv7 of the server as key, so that the order of keys is the order of creation, and that time.
+    """A row with a UUIDv7 of the server as key, so that the order of keys is the order of creation,
+    and that time.
 
     `id` and `created_at` are there after `session.flush()`.
     """
 
-    id: Mapped[UUID] = mapped_column(primary_key=True, server_default=text("uuidv7()"), sort_order=-2)
+    id: Mapped[UUID] = mapped_column(
+        primary_key=True, server_default=text("uuidv7()"), sort_order=-2
+    )
     created_at: Mapped[datetime] = mapped_column(server_default=func.now(), sort_order=-1)
 
 
 class Labelled:
-    """A row with tags and free metadata; most have none, so that indexes have only those that do."""
+    """A row with tags and free metadata; most have none, so that indexes have only those that
+    do.
+    """
 
     tags: Mapped[list[str]] = mapped_column(ARRAY(String), server_default="{}", default=list)
     meta: Mapped[dict[str, Any]] = mapped_column(server_default="{}", default=dict)
@@ -52,7 +59,12 @@ class Labelled:
 def label_indexes(table: str) -> tuple[Index, Index]:
     """The indexes by which a search finds tags and metadata of a table's rows."""
     return tuple(
-        Index(f"ix_{table}_{name}", name, postgresql_using="gin", postgresql_where=text(f"{name} <> '{{}}'"))
+        Index(
+            f"ix_{table}_{name}",
+            name,
+            postgresql_using="gin",
+            postgresql_where=text(f"{name} <> '{{}}'"),
+        )
         for name in ("tags", "meta")
     )  # type: ignore[return-value]
 
@@ -63,7 +75,7 @@ def one_at_a_time(session: Session, key: str) -> None:
 
 
 def transaction_time(session: Session) -> datetime:
-    """When the session's transaction began, by the database's clock: all rows that one transaction changes get the same
-    time.
+    """When the session's transaction began, by the database's clock: all rows that one transaction
+    changes get the same time.
     """
     return session.execute(select(func.now())).scalar_one()

@@ -1,8 +1,9 @@
-"""The database that the settings mean: a server of one's own, or the embedded PostgreSQL, a real server in a folder that every
-process which opens the folder shares.
+"""The database that the settings mean: a server of one's own, or the embedded PostgreSQL, a real
+server in a folder that every process which opens the folder shares.
 
-The first process that opens a folder starts the server, the last one that leaves stops it. Who is in is known by shared locks
-on a file, which the operating system drops when a process dies, however it dies.
+The first process that opens a folder starts the server, the last one that leaves stops it. Who is
+in is known by shared locks on a file, which the operating system drops when a process dies, however
+it dies.
 """
 
 from __future__ import annotations
@@ -36,27 +37,34 @@ def open_database(
 
     Args:
         settings: as the operator gave them.
-        migrate_embedded: bring the embedded database's schema to this version's. A server of one's own is never
+        migrate_embedded: bring the embedded database's schema to this version's. A server of one's
+            own is never
             migrated here: that is `modalbase db upgrade`'s.
         migrate_new: give a new embedded database its schema.
 
     Raises:
-        DataFolderError: the folder cannot be made or written, the disk is full, or PostgreSQL does not start there.
+        DataFolderError: the folder cannot be made or written, the disk is full, or PostgreSQL does
+            not start there.
     """
     if settings.database_url is not None:
         yield settings
         return
     if os.name == "nt":
         raise DataFolderError(
-            "the embedded PostgreSQL does not run on Windows; use WSL, or name a server in MODALBASE_DATABASE_URL"
+            "the embedded PostgreSQL does not run on Windows; use WSL, or name a server in"
+            " MODALBASE_DATABASE_URL"
         )
     with ExitStack() as stack:
         try:
             url = stack.enter_context(embedded_server(settings.data))
         except OSError as error:
-            raise DataFolderError(f"cannot use the data folder {settings.data}: {error.strerror or error}") from error
+            raise DataFolderError(
+                f"cannot use the data folder {settings.data}: {error.strerror or error}"
+            ) from error
         except PostgresError as error:
-            raise DataFolderError(f"PostgreSQL does not start in {settings.data}: {error}") from error
+            raise DataFolderError(
+                f"PostgreSQL does not start in {settings.data}: {error}"
+            ) from error
         current = revision_at(url)
         if (migrate_embedded and current != head_revision()) or (migrate_new and current is None):
             _upgrade(url)
@@ -65,7 +73,9 @@ def open_database(
 
 @contextmanager
 def opened_engine(settings: Settings, *, migrate_new: bool = True) -> Iterator[Engine]:
-    """An engine on the database that the settings mean, while the block runs; see `open_database`."""
+    """An engine on the database that the settings mean, while the block runs; see
+    `open_database`.
+    """
     from service.db.engine import make_engine
 
     with open_database(settings, migrate_new=migrate_new) as opened:
@@ -77,7 +87,8 @@ def opened_engine(settings: Settings, *, migrate_new: bool = True) -> Iterator[E
 
 
 def _upgrade(url: str) -> None:
-    from service.db.engine import make_engine  # takes longer to load than to ask whether it is needed
+    # takes longer to load than to ask whether it is needed
+    from service.db.engine import make_engine
 
     engine = make_engine(url)
     try:
@@ -94,7 +105,8 @@ def embedded_server(folder: Path) -> Iterator[str]:
     """Be in on the server of a data folder while the block runs.
 
     Args:
-        folder: the data folder; made when absent, for its user alone. The server's files are in `postgres` below it.
+        folder: the data folder; made when absent, for its user alone. The server's files are in
+            `postgres` below it.
 
     Yields:
         URL of the database `modalbase`, which is made when absent.
@@ -132,7 +144,8 @@ def runs(folder: Path) -> bool:
 
 
 def keep_running(folder: Path) -> bool:
-    """Start the server of a folder that one is in on again, where it died by itself. Whether it had.
+    """Start the server of a folder that one is in on again, where it died by itself. Whether it
+    had.
 
     Raises:
         PostgresError: it does not start, for one because the last of its processes are still dying.
@@ -151,7 +164,9 @@ def keep_running(folder: Path) -> bool:
 def _database(cluster: Cluster) -> str:
     """URL of our database on the server, made when absent; text sorts alike on every machine."""
     with psycopg.connect(cluster.url("postgres"), autocommit=True) as connection:
-        there = connection.execute("SELECT 1 FROM pg_database WHERE datname = %s", [DATABASE]).fetchone()
+        there = connection.execute(
+            "SELECT 1 FROM pg_database WHERE datname = %s", [DATABASE]
+        ).fetchone()
         if there is None:
             connection.execute(
                 "CREATE DATABASE modalbase TEMPLATE template0 ENCODING 'UTF8'"

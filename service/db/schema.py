@@ -18,22 +18,29 @@ if TYPE_CHECKING:
     from alembic.config import Config
     from sqlalchemy import Connection, Engine
 
-# Alembic is imported where a schema is changed: whether one is this version's is asked at each start, by every process.
-# SQLAlchemy is not imported here at all: who starts the others asks before it has any other use for it.
+# Alembic is imported where a schema is changed: whether one is this version's is asked at each
+# start, by every process.
+# SQLAlchemy is not imported here at all: who starts the others asks before it has any other use for
+# it.
 
-MIGRATION_LOCK = 0x6D6F_6461_6C62  # an advisory lock of our own: two upgrades at once wait for each other
+# an advisory lock of our own: two upgrades at once wait for each other
+MIGRATION_LOCK = 0x6D6F_6461_6C62
 
 POSTGRESQL = 18
 """The oldest PostgreSQL that will do: the first with `uuidv7()`."""
 
-_LINEAGE = re.compile(r'^revision = "(?P<revision>\w+)"\ndown_revision = (?:None|"(?P<parent>\w+)")$', re.MULTILINE)
+_LINEAGE = re.compile(
+    r'^revision = "(?P<revision>\w+)"\ndown_revision = (?:None|"(?P<parent>\w+)")$', re.MULTILINE
+)
 
 NO_SCHEMA = "the database has no modalbase schema yet; run `modalbase db upgrade`"
 NEWER = "a newer modalbase made; install that version or a later one"
 
 
 class SchemaError(Exception):
-    """The database's schema is not the one that this version works with; the message says which command mends it."""
+    """The database's schema is not the one that this version works with; the message says which
+    command mends it.
+    """
 
 
 def current_revision(engine: Engine) -> str | None:
@@ -47,7 +54,8 @@ def current_revision(engine: Engine) -> str | None:
 
 
 def revision_at(url: str) -> str | None:
-    """The revision of the database at an address for psycopg, on a connection of its own; None where it is empty.
+    """The revision of the database at an address for psycopg, on a connection of its own; None
+    where it is empty.
 
     Raises:
         SchemaError: the server's PostgreSQL is too old.
@@ -71,7 +79,8 @@ def _require_new(connection: psycopg.Connection[Any]) -> None:
     if version < 10_000 * POSTGRESQL:
         found = f"{version // 10_000}.{version % 10_000}"
         raise SchemaError(
-            f"the server runs PostgreSQL {found}, modalbase needs {POSTGRESQL} or newer; use such a server"
+            f"the server runs PostgreSQL {found}, modalbase needs {POSTGRESQL} or newer; use such a"
+            " server"
         )
 
 
@@ -107,13 +116,15 @@ def require_head(engine: Engine) -> None:
     """Refuse to work on another schema than this version's.
 
     Raises:
-        SchemaError: the schema is older, or newer, or missing; or the queue's library wants another one for its tables.
+        SchemaError: the schema is older, or newer, or missing; or the queue's library wants another
+            one for its tables.
     """
     require_fit(current_revision(engine))
 
 
 def require_fit(current: str | None) -> None:
-    """Refuse to work on a schema at another revision than this version's; None is that of an empty database.
+    """Refuse to work on a schema at another revision than this version's; None is that of an empty
+    database.
 
     Raises:
         SchemaError: as `require_head`.
@@ -126,7 +137,9 @@ def require_fit(current: str | None) -> None:
     if current is None:
         raise SchemaError(NO_SCHEMA)
     if current in known_revisions():
-        raise SchemaError(f"the schema is at {current}, this version needs {head}; run `modalbase db upgrade`")
+        raise SchemaError(
+            f"the schema is at {current}, this version needs {head}; run `modalbase db upgrade`"
+        )
     raise SchemaError(f"the schema is at {current}, which {NEWER}")
 
 
@@ -175,7 +188,9 @@ def _revision(connection: psycopg.Connection[Any]) -> str | None:
 
 @cache
 def _parents() -> dict[str, str | None]:
-    """The revision before each that this version knows, as the migrations state them; None before the first."""
+    """The revision before each that this version knows, as the migrations state them; None before
+    the first.
+    """
     files = Path(migrations.__file__).parent.joinpath("versions").glob("[0-9]*.py")
     return {
         found["revision"]: found["parent"]
@@ -188,7 +203,9 @@ def _config(connection: Connection | None = None) -> Config:
     from alembic.config import Config
 
     config = Config()
-    config.set_main_option("script_location", str(Path(migrations.__file__).parent).replace("%", "%%"))
+    config.set_main_option(
+        "script_location", str(Path(migrations.__file__).parent).replace("%", "%%")
+    )
     config.set_main_option("path_separator", "os")
     if connection is not None:
         config.attributes["connection"] = connection

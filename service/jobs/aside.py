@@ -1,7 +1,8 @@
 """Reading what a client sent in a child process of the API, before the request is answered.
 
-A parser that meets a hostile file must not take the API's memory or time. It runs where jobs run, in a child with a limit on
-both; the request gives its slot back meanwhile, so that a few large files do not keep everybody else waiting.
+A parser that meets a hostile file must not take the API's memory or time. It runs where jobs run,
+in a child with a limit on both; the request gives its slot back meanwhile, so that a few large
+files do not keep everybody else waiting.
 """
 
 import threading
@@ -24,7 +25,8 @@ _threads = CapacityLimiter(AT_ONCE)
 
 
 async def read_aside(function: Callable[..., Any], *arguments: Any) -> Any:
-    """What a function at the top of a module makes of its arguments, which pickle, as the result does.
+    """What a function at the top of a module makes of its arguments, which pickle, as the result
+    does.
 
     Raises:
         ServiceError, FecoreError: what the function raised.
@@ -35,13 +37,18 @@ async def read_aside(function: Callable[..., Any], *arguments: Any) -> Any:
 
 def _read(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     preload([function.__module__], threads=1)
-    order = Order(_call, (function, arguments), None, MEMORY_BYTES, niceness=0)  # a request waits for it
+    # a request waits for it
+    order = Order(_call, (function, arguments), None, MEMORY_BYTES, niceness=0)
     try:
         child = Child(order)
     except ChildEnded:  # the server that it is forked from was killed; another one is started
         preload([function.__module__], threads=1)
         child = Child(order)
-    late = Failure("time", "TimeLimit", f"reading the body takes longer than the {SECONDS:g} s that it may take")
+    late = Failure(
+        "time",
+        "TimeLimit",
+        f"reading the body takes longer than the {SECONDS:g} s that it may take",
+    )
     timer = threading.Timer(SECONDS, child.kill, [late])
     timer.start()
     try:

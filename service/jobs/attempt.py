@@ -1,4 +1,5 @@
-"""One attempt at a job: load, compute in the child, store. Runs in a thread of the worker, and lives through the database's
+"""One attempt at a job: load, compute in the child, store. Runs in a thread of the worker, and
+lives through the database's
 absence: errors pass that do so by themselves, and a result is kept so that it can be stored again.
 """
 
@@ -29,14 +30,20 @@ RECORD_SECONDS = 120.0  # for which the end of an attempt is kept in hand while 
 log = structlog.stdlib.get_logger("modalbase.jobs")
 
 PASSING = ("08", "40", "53", "57P", "55P03")
-"""SQLSTATEs of lost connections, rollbacks that ask for another try, exhausted resources, shutdowns, lock time-outs."""
+"""SQLSTATEs of lost connections, rollbacks that ask for another try, exhausted resources,
+shutdowns, lock time-outs.
+"""
 
 
 def passes(error: DBAPIError) -> bool:
-    """Is this an error of the moment, which another try later may not meet? A connection refused has no SQLSTATE."""
+    """Is this an error of the moment, which another try later may not meet? A connection refused
+    has no SQLSTATE.
+    """
     state = getattr(error.orig, "sqlstate", None)
     return error.connection_invalidated or (
-        state.startswith(PASSING) if state else type(error.orig).__name__ in ("OperationalError", "InterfaceError")
+        state.startswith(PASSING)
+        if state
+        else type(error.orig).__name__ in ("OperationalError", "InterfaceError")
     )
 
 
@@ -81,7 +88,9 @@ class Attempt:
         self._last: Progress | None = None
 
     def stop(self, why: Failure) -> None:
-        """End the attempt as soon as can be: a running child at once, else before the child is started."""
+        """End the attempt as soon as can be: a running child at once, else before the child is
+        started.
+        """
         with self._lock:
             self._stopped = self._stopped or why
             self._stop_asked.set()
@@ -96,7 +105,13 @@ class Attempt:
     def out_of_time(self) -> None:
         """End the attempt because its time is over."""
         seconds = self.kind.wall_seconds or self.settings.job_wall_seconds
-        self.stop(Failure("time", "TimeLimit", f"the job took longer than the {seconds:g} s that a job may take"))
+        self.stop(
+            Failure(
+                "time",
+                "TimeLimit",
+                f"the job took longer than the {seconds:g} s that a job may take",
+            )
+        )
 
     def run(self, workspace: Path) -> str:
         """Carry the attempt out and put its outcome in the row.
@@ -105,7 +120,8 @@ class Attempt:
             workspace: a folder of this attempt alone.
 
         Returns:
-            The outcome: `succeeded`, `failed`, `cancelled`, `queued again`, `superseded` or `abandoned`.
+            The outcome: `succeeded`, `failed`, `cancelled`, `queued again`, `superseded` or
+            `abandoned`.
         """
         try:
             self._store(self._start(*self._load(workspace)))
@@ -127,10 +143,17 @@ class Attempt:
 
     def _load(self, workspace: Path) -> tuple[Any, bytes | None]:
         with self.sessions.begin() as session:
-            return self.kind.load(session, self.job.id, workspace), queue.load_checkpoint(session, self.job.id)
+            return self.kind.load(session, self.job.id, workspace), queue.load_checkpoint(
+                session, self.job.id
+            )
 
     def _start(self, inputs: Any, restored: bytes | None) -> Child:
-        order = Order(self.kind.compute, inputs, restored, self.kind.memory_bytes or self.settings.job_memory_bytes)
+        order = Order(
+            self.kind.compute,
+            inputs,
+            restored,
+            self.kind.memory_bytes or self.settings.job_memory_bytes,
+        )
         with self._lock:
             if self._stopped is not None:
                 raise ChildEnded(self._stopped)
@@ -138,8 +161,8 @@ class Attempt:
             return self._child
 
     def _store(self, child: Child) -> None:
-        """Store what the child yields, with the state `succeeded`, in one transaction; in another one, from the first
-        item on, where the database went away in between.
+        """Store what the child yields, with the state `succeeded`, in one transaction; in another
+        one, from the first item on, where the database went away in between.
         """
         items = Replay(self._items(child))
         while True:
@@ -147,7 +170,8 @@ class Attempt:
                 with self.sessions.begin() as session:
                     stream = iter(items)
                     self.kind.store(session, self.job.id, stream)
-                    for _ in stream:  # what it left; the child must have come to its end before the job has
+                    # what it left; the child must have come to its end before the job has
+                    for _ in stream:
                         pass
                     if self._last is not None:
                         self._write(self._last)
@@ -155,7 +179,9 @@ class Attempt:
             except DBAPIError as error:
                 if not (passes(error) and items.complete):
                     raise
-                log.warning("the database does not take the result; trying again", error=str(error.orig))
+                log.warning(
+                    "the database does not take the result; trying again", error=str(error.orig)
+                )
                 self._pause()
             else:
                 return
@@ -171,21 +197,31 @@ class Attempt:
                 case Item():
                     yield message
                 case Checkpoint(data):
-                    self._aside(lambda session, data=data: queue.save_checkpoint(session, self.job, data))
+                    self._aside(
+                        lambda session, data=data: queue.save_checkpoint(session, self.job, data)
+                    )
                 case Progress():
                     self._progress(message)
 
     def _progress(self, progress: Progress) -> None:
-        if time.monotonic() >= self._write_at or self._last is None or progress.stage != self._last.stage:
+        if (
+            time.monotonic() >= self._write_at
+            or self._last is None
+            or progress.stage != self._last.stage
+        ):
             self._write(progress)
         self._last = progress
 
     def _write(self, progress: Progress) -> None:
         self._write_at = time.monotonic() + PROGRESS_SECONDS
-        self._aside(lambda session: queue.advance(session, self.job, progress.stage, progress.share))
+        self._aside(
+            lambda session: queue.advance(session, self.job, progress.stage, progress.share)
+        )
 
     def _aside(self, write: Any) -> None:
-        """Write in a transaction of its own what the work can do without, should the database be away."""
+        """Write in a transaction of its own what the work can do without, should the database be
+        away.
+        """
         try:
             with self.sessions.begin() as session:
                 write(session)
@@ -196,7 +232,9 @@ class Attempt:
             log.warning("the database does not answer; the work goes on", error=str(error.orig))
 
     def _record(self, failure: Failure) -> str:
-        """Put the end of an attempt that did not succeed in the row; one that has lost its job leaves no trace in the log."""
+        """Put the end of an attempt that did not succeed in the row; one that has lost its job
+        leaves no trace in the log.
+        """
         outcome = self._write_on(failure)
         if failure.trace and outcome != "superseded":
             log.error("internal error in a job", trace=failure.trace)
@@ -217,7 +255,8 @@ class Attempt:
             except DBAPIError as error:
                 if time.monotonic() > end or not passes(error) or failure.reason == "drained":
                     log.exception(
-                        "the job's end could not be written; it is given back when the database answers again"
+                        "the job's end could not be written; it is given back when the database"
+                        " answers again"
                     )
                     return "abandoned"
                 time.sleep(AGAIN_SECONDS)

@@ -1,6 +1,8 @@
-"""One way to run something in the background: a thread that goes round as long as a `with` block runs.
+"""One way to run something in the background: a thread that goes round as long as a `with` block
+runs.
 
-The listener hears what the database announces at commit (LISTEN/NOTIFY). A notice is a hint: who needs to be sure also looks.
+The listener hears what the database announces at commit (LISTEN/NOTIFY). A notice is a hint: who
+needs to be sure also looks.
 """
 
 import threading
@@ -20,10 +22,12 @@ log = structlog.stdlib.get_logger("modalbase.notices")
 
 
 class Background:
-    """Calls a function again and again in a thread of its own while the block runs; a context manager.
+    """Calls a function again and again in a thread of its own while the block runs; a context
+    manager.
 
     Attributes:
-        ending: set when the block ends. A long round looks at it, or waits for it in place of sleeping.
+        ending: set when the block ends. A long round looks at it, or waits for it in place of
+            sleeping.
     """
 
     def __init__(self, name: str, work: Callable[[], float]) -> None:
@@ -31,8 +35,8 @@ class Background:
 
         Args:
             name: of the thread, for the log.
-            work: one round; returns the seconds until the next, which `wake` shortens. An error ends the thread, so it
-                handles those that pass.
+            work: one round; returns the seconds until the next, which `wake` shortens. An error
+                ends the thread, so it handles those that pass.
         """
         self.ending = threading.Event()
         self._work, self._woken = work, threading.Event()
@@ -89,7 +93,9 @@ class Listener(Background):
 
     def _listen(self) -> None:
         name = "modalbase notices"
-        with psycopg.connect(self._url, autocommit=True, application_name=name, connect_timeout=5) as connection:
+        with psycopg.connect(
+            self._url, autocommit=True, application_name=name, connect_timeout=5
+        ) as connection:
             for channel in self._channels:
                 connection.execute(sql.SQL("LISTEN {}").format(sql.Identifier(channel)))
             self.connected.set()

@@ -1,8 +1,10 @@
 """The child process: where the numbers are made. This side of the pipe runs in the child.
 
-A child is forked from a server process that has the libraries loaded already, so it starts in some 20 ms. It has a
-memory limit, and it dies with its worker: the kernel kills it with the fork server, which ends when the worker does
-(Linux), and a thread of its own ends it when the worker's end of a pipe closes (everywhere).
+A child is forked from a server process that has the libraries loaded already, so it starts in some
+20 ms. It has a
+memory limit, and it dies with its worker: the kernel kills it with the fork server, which ends when
+the worker does (Linux), and a thread of its own ends it when the worker's end of a pipe closes
+(everywhere).
 """
 
 import ctypes
@@ -24,7 +26,9 @@ PR_SET_PDEATHSIG = 1
 REPORT_SECONDS = 0.05
 CHECKPOINT_BYTES = 64 * 1024 * 1024
 NICENESS = 10
-"""By how much a job gives way to whoever answers requests on the same machine: about a tenth of a core while both want it."""
+"""By how much a job gives way to whoever answers requests on the same machine: about a tenth of a
+core while both want it.
+"""
 ORPHANED = 86  # exit status of a child whose worker is gone
 
 
@@ -55,13 +59,14 @@ class Item:
 class Failure:
     """Why a job failed, as kept in `jobs.error`."""
 
-    # `refused` (the input or the data do not allow it), `memory`, `time`, `crash`, `lost` (its workers died) or
-    # `internal`; `cancelled` and `drained` are no failures of the job
+    # `refused` (the input or the data do not allow it), `memory`, `time`, `crash`, `lost` (its
+    # workers died) or `internal`; `cancelled` and `drained` are no failures of the job
     reason: str
     type: str  # name of the error
     detail: str  # what the user reads
     field: str | None = None  # the faulty field, where there is one
-    extra: dict[str, Any] | None = None  # JSON values that the error carries as `details`, such as the best iterate
+    # JSON values that the error carries as `details`, such as the best iterate
+    extra: dict[str, Any] | None = None
     trace: str | None = None  # stack trace of an internal error, for the log; not stored
 
     def shown(self) -> dict[str, Any]:
@@ -84,7 +89,9 @@ Message = Progress | Checkpoint | Item | Failure | Done
 
 
 def storable(text: str) -> str:
-    """A text that quotes a file, without what PostgreSQL cannot store: NUL characters and lone surrogates."""
+    """A text that quotes a file, without what PostgreSQL cannot store: NUL characters and lone
+    surrogates.
+    """
     return text.replace("\0", "\N{REPLACEMENT CHARACTER}").encode(errors="replace").decode()
 
 
@@ -96,13 +103,18 @@ def failure_of(error: BaseException) -> Failure:
         details = getattr(error, "details", None)
         if isinstance(error, Invalid):
             field = error.faults[0].pointer
-            faults = [{"pointer": fault.pointer, "detail": storable(fault.detail)} for fault in error.faults]
+            faults = [
+                {"pointer": fault.pointer, "detail": storable(fault.detail)}
+                for fault in error.faults
+            ]
             details = {"errors": faults, "error_count": error.count}
         return Failure("refused", name, storable(str(error)), field, details)
     if isinstance(error, MemoryError):
         return Failure("memory", name, "the job needs more memory than a job may take")
     trace = "".join(traceback.format_exception(error))
-    return Failure("internal", name, f"internal error ({name}); the worker's log has it", trace=trace)
+    return Failure(
+        "internal", name, f"internal error ({name}); the worker's log has it", trace=trace
+    )
 
 
 @dataclass(frozen=True)
@@ -119,7 +131,8 @@ class Order:
 def run_child(channel: Connection, lifeline: Connection, order: Order) -> None:
     """Compute, and send what comes of it through the channel. Entry of the child process."""
     _die_with_worker(lifeline)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the worker, which decides about its children
+    # Ctrl-C is for the worker, which decides about its children
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     _limit_memory(order.memory_bytes)
     os.nice(order.niceness)
     last: Message = Done()
@@ -149,7 +162,9 @@ class _Reporter:
 
     def checkpoint(self, data: bytes) -> None:
         if len(data) > CHECKPOINT_BYTES:
-            raise ValueError(f"a checkpoint of {len(data)} bytes, at most {CHECKPOINT_BYTES} are kept")
+            raise ValueError(
+                f"a checkpoint of {len(data)} bytes, at most {CHECKPOINT_BYTES} are kept"
+            )
         self._channel.send(Checkpoint(data))
 
 
@@ -167,7 +182,9 @@ def _die_with_worker(lifeline: Connection) -> None:
 
 
 def _limit_memory(memory_bytes: int) -> None:
-    """Limit the address space to what an idle child has mapped already plus `memory_bytes` (Linux)."""
+    """Limit the address space to what an idle child has mapped already plus `memory_bytes`
+    (Linux).
+    """
     if sys.platform != "linux":
         return
     import resource
@@ -176,4 +193,6 @@ def _limit_memory(memory_bytes: int) -> None:
         mapped = int(statm.read().split()[0]) * resource.getpagesize()
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     limit = mapped + memory_bytes
-    resource.setrlimit(resource.RLIMIT_AS, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
+    resource.setrlimit(
+        resource.RLIMIT_AS, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard)
+    )

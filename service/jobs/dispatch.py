@@ -1,12 +1,14 @@
 """The policy: which waiting job starts when a worker has a free place.
 
-Projects take turns, so that one with a thousand jobs does not keep another's one waiting: the project with the fewest
-jobs running goes first, then the one that was served longest ago; one at its limit waits. Within a project a job that
-workers have died with goes after those that none has, so that one that kills its workers does not keep the others
-waiting; then the highest priority goes first, then the oldest job. Who asks has a free place, and one asks at a time, in
-some milliseconds, so that turns and limits hold exactly, whatever the number of workers and machines.
+Projects take turns, so that one with a thousand jobs does not keep another's one waiting: the
+project with the fewest jobs running goes first, then the one that was served longest ago; one at
+its limit waits. Within a project a job that workers have died with goes after those that none has,
+so that one that kills its workers does not keep the others waiting; then the highest priority goes
+first, then the oldest job. Who asks has a free place, and one asks at a time, in some milliseconds,
+so that turns and limits hold exactly, whatever the number of workers and machines.
 
-Jobs that nobody works on any more wait again, or are given up. Every worker looks for them with each of its heartbeats.
+Jobs that nobody works on any more wait again, or are given up. Every worker looks for them with
+each of its heartbeats.
 """
 
 from collections.abc import Collection, Iterable
@@ -24,7 +26,8 @@ log = structlog.stdlib.get_logger("modalbase.worker")
 
 DISPATCH_LOCK = 0x6D6F_6461_6C63  # an advisory lock of our own
 
-_MINE = "state = 'queued' AND queue = ANY(cast(:queues AS varchar[])) IS NOT FALSE"  # all where :queues is NULL
+# all where :queues is NULL
+_MINE = "state = 'queued' AND queue = ANY(cast(:queues AS varchar[])) IS NOT FALSE"
 _WAITING = text(f"SELECT EXISTS (SELECT FROM jobs WHERE {_MINE})")
 _NEXT = text(f"""
     SELECT first.id
@@ -45,7 +48,9 @@ _NEXT = text(f"""
 """)
 
 
-def begin_next(session: Session, queues: Iterable[str] | None, worker: str, project_limit: int | None) -> Job | None:
+def begin_next(
+    session: Session, queues: Iterable[str] | None, worker: str, project_limit: int | None
+) -> Job | None:
     """Begin the next attempt of the job whose turn it is.
 
     Args:
@@ -98,7 +103,9 @@ def recover_stalled(session: Session, seconds: float) -> None:
 
 
 def recover_strays(session: Session, worker_id: int, known: Collection[int]) -> None:
-    """Recover what a worker is said to run and does not: its start or its end was lost with a connection."""
+    """Recover what a worker is said to run and does not: its start or its end was lost with a
+    connection.
+    """
     strays = [ticket for ticket in tickets.held_by(session, worker_id) if ticket.id not in known]
     _recover(session, strays, "the database went away")
 

@@ -1,10 +1,13 @@
 """Jobs' states as they change, for who watches (server-sent events).
 
-An event is a job's state and carries its version as id. A client that comes back with `Last-Event-ID` gets the state
-of now if it has changed since, and nothing that is overtaken: a state replaces all before it, so none need be kept.
+An event is a job's state and carries its version as id. A client that comes back with
+`Last-Event-ID` gets the state
+of now if it has changed since, and nothing that is overtaken: a state replaces all before it, so
+none need be kept.
 
-All streams of a process share one look at the database: at the jobs that a notice named, and now and then at all that are
-watched, since a notice may be lost. A stream itself holds neither a connection nor a thread.
+All streams of a process share one look at the database: at the jobs that a notice named, and now
+and then at all that are watched, since a notice may be lost. A stream itself holds neither a
+connection nor a thread.
 """
 
 import asyncio
@@ -41,7 +44,10 @@ PING_SECONDS = 15.0  # of silence, after which a comment shows proxies that the 
 log = structlog.stdlib.get_logger("modalbase.events")
 
 STREAM: dict[int | str, dict[str, Any]] = {
-    200: {"description": "events of the type `job`", "content": {"text/event-stream": {"schema": {"type": "string"}}}},
+    200: {
+        "description": "events of the type `job`",
+        "content": {"text/event-stream": {"schema": {"type": "string"}}},
+    },
     204: {"description": "the job has ended, and the client has seen that"},
 }
 """What the route of a stream answers, for the API's description."""
@@ -77,7 +83,8 @@ class _Watched:
     """What streams watch."""
 
     state: Shown | None  # the last one that was seen; None where it is gone
-    streams: set[asyncio.Event] = field(default_factory=set)  # of each stream what is set when it has changed
+    # of each stream what is set when it has changed
+    streams: set[asyncio.Event] = field(default_factory=set)
 
     def wake(self) -> None:
         """Have the streams look at the state."""
@@ -86,13 +93,16 @@ class _Watched:
 
 
 class Changes:
-    """Looks at the jobs that the streams of an API process watch; a context manager of its event loop.
+    """Looks at the jobs that the streams of an API process watch; a context manager of its event
+    loop.
 
     Attributes:
         closed: the process is about to end, and so are its streams.
     """
 
-    def __init__(self, url: str, sessions: Sessions, limit: int, looks: Sequence[Look] = (look_at_jobs,)) -> None:
+    def __init__(
+        self, url: str, sessions: Sessions, limit: int, looks: Sequence[Look] = (look_at_jobs,)
+    ) -> None:
         """Prepare.
 
         Args:
@@ -151,13 +161,17 @@ class Changes:
         raise TooManyRequests(f"{full}; poll the job instead", retry_after=10)
 
     @contextmanager
-    def of(self, states: Mapping[UUID, Shown], caller: str) -> Iterator[tuple[asyncio.Event, list[_Watched]]]:
-        """Watch jobs, whose last states are given and kept up to date; the event is set when one of them has changed. The
-        caller has one stream more.
+    def of(
+        self, states: Mapping[UUID, Shown], caller: str
+    ) -> Iterator[tuple[asyncio.Event, list[_Watched]]]:
+        """Watch jobs, whose last states are given and kept up to date; the event is set when one of
+        them has changed. The caller has one stream more.
         """
         changed = asyncio.Event()
         self._open[caller] += 1
-        all_watched = [self._watched.setdefault(key, _Watched(state)) for key, state in states.items()]
+        all_watched = [
+            self._watched.setdefault(key, _Watched(state)) for key, state in states.items()
+        ]
         for watched in all_watched:
             watched.streams.add(changed)
         self._due.update(states)  # they may have changed since
@@ -211,7 +225,9 @@ class Changes:
             if everything := time.monotonic() >= all_at:
                 all_at = time.monotonic() + self.patience
             due, self._due = set(self._watched if everything else self._due), set()
-            for job_id, state in (await anyio.to_thread.run_sync(self._read, due, limiter=self._thread)).items():
+            for job_id, state in (
+                await anyio.to_thread.run_sync(self._read, due, limiter=self._thread)
+            ).items():
                 watched = self._watched.get(job_id)
                 if watched is not None and watched.state != state:
                     watched.state = state
@@ -219,14 +235,18 @@ class Changes:
             await asyncio.sleep(PAUSE_SECONDS)
 
     def _read(self, due: set[UUID]) -> dict[UUID, Shown | None]:
-        """States of jobs, None of one that is gone; nothing while the database is away, for which streams wait."""
+        """States of jobs, None of one that is gone; nothing while the database is away, for which
+        streams wait.
+        """
         if not due:
             return {}
         try:
             with self._sessions() as session:
                 known = [look(session, due) for look in self._looks]
         except SQLAlchemyError as error:
-            log.warning("the database does not answer; streams wait", error=str(error).split("\n", 1)[0])
+            log.warning(
+                "the database does not answer; streams wait", error=str(error).split("\n", 1)[0]
+            )
             return {}
         return {key: next((states[key] for states in known if key in states), None) for key in due}
 
@@ -239,13 +259,17 @@ def _changes(request: Request) -> Changes:
 ChangesDep = Annotated[Changes, Depends(_changes)]
 
 
-LastEventId = Annotated[str | None, Header(max_length=100, description="id of the last event that was received")]
+LastEventId = Annotated[
+    str | None, Header(max_length=100, description="id of the last event that was received")
+]
 
 
 class Events:
     """What a route needs to answer with a stream: `events: Annotated[Events, Depends()]`."""
 
-    def __init__(self, changes: ChangesDep, key: CurrentKey, last_event_id: LastEventId = None) -> None:
+    def __init__(
+        self, changes: ChangesDep, key: CurrentKey, last_event_id: LastEventId = None
+    ) -> None:
         self._changes, self._caller = changes, str(key.id)
         known = last_event_id is not None and last_event_id.isascii() and last_event_id.isdecimal()
         self._last = int(last_event_id or 0) if known else None
@@ -253,7 +277,8 @@ class Events:
     def of(self, job: Job) -> Response:
         """The stream of a job's states: the present one at once, the last one when it has ended.
 
-        No content, which keeps a browser from coming back, where the client has seen the end already.
+        No content, which keeps a browser from coming back, where the client has seen the end
+        already.
 
         Raises:
             TooManyRequests: as many streams as the operator allows are open.
@@ -275,11 +300,17 @@ class Events:
         headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
         return EventSourceResponse(self._stream(states, dict(sent)), headers=headers)
 
-    async def _stream(self, states: Mapping[UUID, Shown], sent: dict[UUID, int | None]) -> AsyncIterator[bytes]:
+    async def _stream(
+        self, states: Mapping[UUID, Shown], sent: dict[UUID, int | None]
+    ) -> AsyncIterator[bytes]:
         with self._changes.of(states, self._caller) as (changed, all_watched):
             while not self._changes.closed:
                 changed.clear()
-                now = {key: one.state for key, one in zip(states, all_watched, strict=True) if one.state is not None}
+                now = {
+                    key: one.state
+                    for key, one in zip(states, all_watched, strict=True)
+                    if one.state is not None
+                }
                 for key, state in now.items():  # what is not there was deleted with its project
                     if state.version != sent.get(key):
                         sent[key] = state.version

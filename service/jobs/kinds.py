@@ -1,4 +1,6 @@
-"""What a kind of job is made of: load in the worker, compute in a child process, store in one transaction."""
+"""What a kind of job is made of: load in the worker, compute in a child process, store in one
+transaction.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ if TYPE_CHECKING:
 
 
 class Report(Protocol):
-    """What a computation has of the world outside: it says how far it is, and saves what a restart goes on from.
+    """What a computation has of the world outside: it says how far it is, and saves what a restart
+    goes on from.
 
     A long computation resumes like this::
 
@@ -24,8 +27,8 @@ class Report(Protocol):
             if chain.step % 100 == 0:
                 report.checkpoint(chain.to_bytes())
 
-    A checkpoint holds everything that the rest depends on, the state of the random generator included, so that a
-    resumed computation gives the same bits as one that was not interrupted.
+    A checkpoint holds everything that the rest depends on, the state of the random generator
+    included, so that a resumed computation gives the same bits as one that was not interrupted.
     """
 
     restored: bytes | None
@@ -43,7 +46,8 @@ class Report(Protocol):
         """Save a state to go on from, in place of the one before. It is gone when the job ends.
 
         Args:
-            data: what `restored` will be, 64 MiB at most. Not pickles: a worker of a later version may read it.
+            data: what `restored` will be, 64 MiB at most. Not pickles: a worker of a later version
+                may read it.
 
         Raises:
             ValueError: the state is too large.
@@ -53,14 +57,18 @@ class Report(Protocol):
 Compute = Callable[[Any, Report], Iterator[Any]]
 
 CORE_LIBRARIES = tuple(
-    f"scipy.{part}" for part in ("fft", "linalg", "ndimage", "optimize", "sparse.linalg", "special", "stats.qmc")
+    f"scipy.{part}"
+    for part in ("fft", "linalg", "ndimage", "optimize", "sparse.linalg", "special", "stats.qmc")
 )
-"""What of scipy the core uses: it loads each part when it first uses it. To load `stats`, for draws of starts, takes 0.3 s."""
+"""What of scipy the core uses: it loads each part when it first uses it. To load `stats`, for draws
+of starts, takes 0.3 s.
+"""
 
 
 JOBS, REQUESTS = "jobs", "requests"
-"""Names of the queues. In `requests` waits what a client waits for; a worker keeps one place more for it, so that a file which
-a script sends is read while an update runs."""
+"""Names of the queues. In `requests` waits what a client waits for; a worker keeps one place more
+for it, so that a file which a script sends is read while an update runs.
+"""
 
 
 @dataclass(frozen=True)
@@ -69,19 +77,24 @@ class JobKind:
 
     Attributes:
         name: as stored in `jobs.kind`.
-        load: (session, job id, workspace) -> inputs. In the worker, in a transaction of its own. The workspace is a
-            folder of this attempt, gone afterwards; large inputs go there as files. The inputs must pickle.
-        compute: (inputs, report) -> items. A generator function at the top of a module that imports no database and no
-            web (the child imports it). Runs in the child process; yields items that pickle, and is held up while
-            `store` is behind, so memory stays bounded. A `FecoreError` or `ServiceError` that it raises is the job's
-            failure, shown to the user; anything else is reported as an internal error.
-        store: (session, job id, items) -> None. In the worker; consumes the items as the child yields them, in one
-            transaction that is committed with the state `succeeded`, or not at all.
+        load: (session, job id, workspace) -> inputs. In the worker, in a transaction of its own.
+            The workspace is a folder of this attempt, gone afterwards; large inputs go there as
+            files. The inputs must pickle.
+        compute: (inputs, report) -> items. A generator function at the top of a module that imports
+            no database and no web (the child imports it). Runs in the child process; yields items
+            that pickle, and is held up while `store` is behind, so memory stays bounded. A
+            `FecoreError` or `ServiceError` that it raises is the job's failure, shown to the user;
+            anything else is reported as an internal error.
+        store: (session, job id, items) -> None. In the worker; consumes the items as the child
+            yields them, in one transaction that is committed with the state `succeeded`, or not at
+            all.
         queue: name of the queue that its jobs wait in, where nothing else is said.
         max_attempts: how many workers may die with a job before it is given up.
-        memory_bytes: memory that the child may take beyond that of an idle one; None: as the settings say.
+        memory_bytes: memory that the child may take beyond that of an idle one; None: as the
+            settings say.
         wall_seconds: time that an attempt may take; None: as the settings say.
-        libraries: what `compute` loads when it first uses it, so that it is there before children are forked.
+        libraries: what `compute` loads when it first uses it, so that it is there before children
+            are forked.
     """
 
     name: str

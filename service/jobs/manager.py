@@ -1,8 +1,9 @@
-"""The worker's end of the engine: it fetches what the policy says, and lives through any absence of the database.
+"""The worker's end of the engine: it fetches what the policy says, and lives through any absence of
+the database.
 
-The engine's worker asks its job manager for everything. This one begins the job whose turn it is in the transaction that
-fetches its ticket, and leaves the end of a ticket to the transaction that ends the job. Where the engine's own gives up
-with the first broken connection, this one tries again.
+The engine's worker asks its job manager for everything. This one begins the job whose turn it is in
+the transaction that fetches its ticket, and leaves the end of a ticket to the transaction that ends
+the job. Where the engine's own gives up with the first broken connection, this one tries again.
 """
 
 import asyncio
@@ -46,7 +47,8 @@ class Manager(JobManager):
             sessions: where the rows are.
             worker: name of the worker.
         """
-        # No pool for the engine's few needs: one that has tried in vain waits longer and longer before it tries again.
+        # No pool for the engine's few needs: one that has tried in vain waits longer and longer
+        # before it tries again.
         url = psycopg_url(settings.database_url or "")
         super().__init__(PsycopgConnector(conninfo=url, pool_factory=AsyncNullConnectionPool))
         self._sessions, self._worker = sessions, worker
@@ -61,13 +63,17 @@ class Manager(JobManager):
         try:
             await super().unregister_worker(worker_id)
         except ConnectorException as error:
-            log.warning("the database does not answer; others will miss this worker", error=str(error))
+            log.warning(
+                "the database does not answer; others will miss this worker", error=str(error)
+            )
 
     async def fetch_job(self, queues: Iterable[str] | None, worker_id: int) -> jobs.Job | None:
         """Begin the job whose turn it is, and fetch its ticket."""
         self._worker_id = worker_id
         try:
-            return None if self.draining else await asyncio.to_thread(self._fetch, queues, worker_id)
+            return (
+                None if self.draining else await asyncio.to_thread(self._fetch, queues, worker_id)
+            )
         except DBAPIError as error:
             self._outlive(error)
             return None
@@ -130,11 +136,16 @@ class Manager(JobManager):
             try:
                 await super().listen_for_jobs(on_notification=on_notification, queues=queues)
             except ConnectorException as error:
-                log.warning("notices are interrupted; connecting again", error=str(error.__cause__ or error).strip())
+                log.warning(
+                    "notices are interrupted; connecting again",
+                    error=str(error.__cause__ or error).strip(),
+                )
             await asyncio.sleep(AGAIN_SECONDS)
 
     def _outlive(self, error: DBAPIError) -> None:
-        """Let an outage pass. When the database comes back, every worker shows that it lives before any is taken for dead."""
+        """Let an outage pass. When the database comes back, every worker shows that it lives before
+        any is taken for dead.
+        """
         if not passes(error):
             raise error
         self.unsure, self._recover_at = True, time.monotonic() + self._silence

@@ -1,7 +1,8 @@
-"""Metrics of all jobs, from their table: the same whichever worker ran them, and none lost with a worker that died.
+"""Metrics of all jobs, from their table: the same whichever worker ran them, and none lost with a
+worker that died.
 
-Any API process gives the figures of the whole installation, so scrape one, or take the maximum over several. What a
-deleted project takes with it looks to Prometheus like a counter's reset.
+Any API process gives the figures of the whole installation, so scrape one, or take the maximum over
+several. What a deleted project takes with it looks to Prometheus like a counter's reset.
 """
 
 import threading
@@ -29,7 +30,10 @@ def _counts(duration: str, edges: Sequence[float]) -> str:
     return ", ".join(f"count(*) FILTER (WHERE {duration} <= {edge})" for edge in edges)
 
 
-_WAIT, _RUN = "extract(epoch FROM started_at - queued_at)", "extract(epoch FROM finished_at - started_at)"
+_WAIT, _RUN = (
+    "extract(epoch FROM started_at - queued_at)",
+    "extract(epoch FROM finished_at - started_at)",
+)
 _ENDED = text(f"""
     SELECT kind, state, count(*) AS jobs, sum(attempt) AS attempts, sum(losses) AS losses,
       coalesce(sum({_WAIT}), 0) AS waited, coalesce(sum({_RUN}), 0) AS ran, count(started_at) AS started,
@@ -44,7 +48,13 @@ _COUNTERS = (
     ("job_losses", "Attempts lost with a worker that died", "losses"),
 )
 _TIMES = (
-    ("wait", "From the queue to the start of the last attempt", WAIT_BUCKETS, "wait_counts", "waited"),
+    (
+        "wait",
+        "From the queue to the start of the last attempt",
+        WAIT_BUCKETS,
+        "wait_counts",
+        "waited",
+    ),
     ("run", "From the start of the last attempt to its end", RUN_BUCKETS, "run_counts", "ran"),
 )
 
@@ -65,7 +75,9 @@ class JobMetrics(Collector):
         yield from _ended_metrics(ended)
 
     def describe(self) -> Iterable[Any]:
-        """Nothing: the names are known when they are collected, without asking the database at registration."""
+        """Nothing: the names are known when they are collected, without asking the database at
+        registration.
+        """
         return ()
 
     def _read(self) -> tuple[Sequence[Row[Any]], Sequence[Row[Any]]]:
@@ -109,4 +121,7 @@ def _ended_metrics(rows: Sequence[Row[Any]]) -> Iterable[Any]:
 
 
 def _buckets(edges: Sequence[float], counts: Sequence[int], total: int) -> list[tuple[str, float]]:
-    return [*((str(float(edge)), count) for edge, count in zip(edges, counts, strict=True)), ("+Inf", total)]
+    return [
+        *((str(float(edge)), count) for edge, count in zip(edges, counts, strict=True)),
+        ("+Inf", total),
+    ]

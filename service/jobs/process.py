@@ -24,10 +24,17 @@ _context: Any = multiprocessing.get_context(_METHOD)  # the contexts have no com
 PRELOADED = ("numpy", "service.jobs.child")
 CHANNEL_BYTES = 1024 * 1024
 SERVER_GONE = (
-    255  # what multiprocessing gives as the status of a child whose fork server is gone; the kernel killed it too
+    # what multiprocessing gives as the status of a child whose fork server is gone; the kernel
+    # killed it too
+    255
 )
 LOST = Failure("lost", "ForkServerDied", "the process that starts computations was killed")
-THREAD_COUNTS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+THREAD_COUNTS = (
+    "OPENBLAS_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
 
 
 def prepare_children(kinds: Iterable[JobKind], threads: int) -> None:
@@ -54,7 +61,9 @@ def preload(modules: Iterable[str], threads: int) -> None:
 
 @contextmanager
 def _short_folder() -> Iterator[None]:
-    """Within this, temporary files have a folder in which a socket may be: the path of one has at most 107 bytes."""
+    """Within this, temporary files have a folder in which a socket may be: the path of one has at
+    most 107 bytes.
+    """
     usual = tempfile.gettempdir()
     if len(os.fsencode(f"{usual}/pymp-12345678/listener-12345678")) > 107:
         tempfile.tempdir = "/tmp"
@@ -100,10 +109,13 @@ class Child:
         self._channel, theirs = _context.Pipe(duplex=False)
         _widen(self._channel.fileno())
         their_lifeline, self._lifeline = _context.Pipe(duplex=False)
-        self._process = _context.Process(target=run_child, args=(theirs, their_lifeline, order), daemon=True)
+        self._process = _context.Process(
+            target=run_child, args=(theirs, their_lifeline, order), daemon=True
+        )
         try:
             self._process.start()
-        except (OSError, EOFError):  # the fork server died meanwhile; there is another for the next attempt
+        # the fork server died meanwhile; there is another for the next attempt
+        except (OSError, EOFError):
             self._channel.close()
             self._lifeline.close()
             raise ChildEnded(LOST) from None
@@ -157,7 +169,10 @@ class Child:
         if status == SERVER_GONE:
             return LOST
         if status == -signal.SIGKILL:
-            detail = "the computation was killed from outside, most likely because the machine ran out of memory"
+            detail = (
+                "the computation was killed from outside, most likely because the machine ran out"
+                " of memory"
+            )
         elif status < 0:
             detail = f"the computation crashed with {signal.Signals(-status).name}"
         else:
@@ -166,7 +181,9 @@ class Child:
 
 
 def _widen(pipe: int) -> None:
-    """Let the child run ahead of who stores by some spectra instead of by one (Linux, where a pipe holds 64 kB)."""
+    """Let the child run ahead of who stores by some spectra instead of by one (Linux, where a pipe
+    holds 64 kB).
+    """
     if sys.platform == "linux":
         import fcntl
 

@@ -1,7 +1,8 @@
-"""Every change of a job's row, with its ticket's, in one transaction: what a request asks for, and what a worker writes.
+"""Every change of a job's row, with its ticket's, in one transaction: what a request asks for, and
+what a worker writes.
 
-What a worker writes is fenced by the attempt: one that is no longer the present one hits nothing. A worker's job is its row
-as its attempt began it.
+What a worker writes is fenced by the attempt: one that is no longer the present one hits nothing. A
+worker's job is its row as its attempt began it.
 """
 
 from datetime import UTC, datetime
@@ -21,14 +22,23 @@ from service.jobs.tables import Job, JobCheckpoint
 from service.logs import current_request_id
 
 
-def enqueue(session: Session, *, kind: JobKind, project_id: UUID, priority: int = 0, queue: str | None = None) -> Job:
-    """A new queued job, in the caller's transaction: after a rollback there is neither row nor ticket.
+def enqueue(
+    session: Session,
+    *,
+    kind: JobKind,
+    project_id: UUID,
+    priority: int = 0,
+    queue: str | None = None,
+) -> Job:
+    """A new queued job, in the caller's transaction: after a rollback there is neither row nor
+    ticket.
 
     Args:
         session: the caller's transaction.
         kind: what to run.
         project_id: whose job it is.
-        priority: of the project's waiting jobs, the highest runs first; between projects it counts for nothing.
+        priority: of the project's waiting jobs, the highest runs first; between projects it counts
+            for nothing.
         queue: the queue that it waits in; default: its kind's.
 
     Returns:
@@ -50,7 +60,8 @@ def enqueue(session: Session, *, kind: JobKind, project_id: UUID, priority: int 
 
 
 def request_cancel(session: Session, job_id: UUID) -> Job:
-    """Ask for a job's end, in the caller's transaction: a waiting one is cancelled now, a running one by its worker.
+    """Ask for a job's end, in the caller's transaction: a waiting one is cancelled now, a running
+    one by its worker.
 
     A job that has ended already stays as it is; look at `state`.
     """
@@ -67,14 +78,17 @@ def request_cancel(session: Session, job_id: UUID) -> Job:
 
 
 def retry(session: Session, job_id: UUID) -> Job:
-    """Put a job that failed or was cancelled in the queue again, from its beginning, in the caller's transaction.
+    """Put a job that failed or was cancelled in the queue again, from its beginning, in the
+    caller's transaction.
 
     Raises:
         Conflict: it waits, runs or has succeeded.
     """
     job = _row(session, job_id)
     if job.state not in ("failed", "cancelled"):
-        raise Conflict(f"the job is {job.state}; only one that failed or was cancelled can be tried again")
+        raise Conflict(
+            f"the job is {job.state}; only one that failed or was cancelled can be tried again"
+        )
     job.state, job.stage, job.progress, job.message, job.error = "queued", None, 0.0, None, None
     job.worker, job.started_at, job.finished_at = None, None, None
     job.cancel_requested, job.losses = False, 0
@@ -86,12 +100,14 @@ def retry(session: Session, job_id: UUID) -> Job:
 
 
 def queue_again(session: Session) -> None:
-    """Queue every job that waited or ran, with tickets of its own: a restored database has no others, and no worker. One that
-    ran and was asked to end is cancelled.
+    """Queue every job that waited or ran, with tickets of its own: a restored database has no
+    others, and no worker. One that ran and was asked to end is cancelled.
     """
     session.execute(text("DELETE FROM procrastinate_jobs"))
     session.execute(update(Job).values(ticket=None))
-    for job in session.scalars(select(Job).where(Job.state.in_(("queued", "running"))).order_by(Job.id)):
+    for job in session.scalars(
+        select(Job).where(Job.state.in_(("queued", "running"))).order_by(Job.id)
+    ):
         job.state, job.worker, job.stage, job.progress = "queued", None, None, 0.0
         tickets.put(session, job)
         session.flush()
@@ -100,19 +116,24 @@ def queue_again(session: Session) -> None:
 
 
 def cancel_purged(session: Session, project_id: UUID) -> None:
-    """Cancel the waiting and running jobs of a project that have lost what they are for, in the transaction of its purge.
+    """Cancel the waiting and running jobs of a project that have lost what they are for, in the
+    transaction of its purge.
 
-    That is a row of a feature's table with the job's id. A worker lets go of a job whose ticket is gone.
+    That is a row of a feature's table with the job's id. A worker lets go of a job whose ticket is
+    gone.
     """
     of_features = [
         table.c.id
         for table in Base.metadata.tables.values()
-        if "id" in table.c and any(key.column is Job.__table__.c.id for key in table.c.id.foreign_keys)
+        if "id" in table.c
+        and any(key.column is Job.__table__.c.id for key in table.c.id.foreign_keys)
     ]
     at_work = (Job.project_id == project_id, Job.state.in_(("queued", "running")))
     lost = [~exists().where(key == Job.id) for key in of_features]
     ended = {"state": "cancelled", "message": PURGED.detail, "finished_at": func.now()}
-    for key in session.scalars(update(Job).where(*at_work, *lost).values(ended).returning(Job.id)).all():
+    for key in session.scalars(
+        update(Job).where(*at_work, *lost).values(ended).returning(Job.id)
+    ).all():
         forget_checkpoint(session, key)
     tickets.drop_left(session)
 
@@ -172,7 +193,8 @@ def end(session: Session, job: Job, failure: Failure) -> str:
 
 
 def lose(session: Session, job: Job, why: str) -> str:
-    """Decide about a job, locked, whose attempt is lost: it waits again, or fails when that happened too often.
+    """Decide about a job, locked, whose attempt is lost: it waits again, or fails when that
+    happened too often.
 
     Returns:
         What was done, for the log.
@@ -180,7 +202,9 @@ def lose(session: Session, job: Job, why: str) -> str:
     job.losses += 1
     if job.cancel_requested or job.losses < job.max_attempts:
         return _give_back(session, job, f"{why}; queued again")
-    detail = f"lost {job.losses} times, the last time because {why}; it is not tried again by itself"
+    detail = (
+        f"lost {job.losses} times, the last time because {why}; it is not tried again by itself"
+    )
     return _fail(session, job, Failure("lost", "WorkerDied", detail))
 
 
@@ -212,7 +236,9 @@ def _finish(session: Session, job: Job, state: str) -> str:
 
 
 def save_checkpoint(session: Session, job: Job, data: bytes) -> None:
-    """Keep a state in place of the one before; from an attempt that is no longer the present one, nothing is kept."""
+    """Keep a state in place of the one before; from an attempt that is no longer the present one,
+    nothing is kept.
+    """
     present = select(Job.id).where(*_present(job)).with_for_update(key_share=True)
     if session.scalar(present) is not None:
         values = {"attempt": job.attempt, "data": data, "saved_at": func.now()}

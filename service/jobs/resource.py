@@ -1,4 +1,6 @@
-"""A noun of the contract whose rows are jobs: how a job is shown; started, cancelled and tried again by the same operations."""
+"""A noun of the contract whose rows are jobs: how a job is shown; started, cancelled and tried
+again by the same operations.
+"""
 
 from collections.abc import Callable, Iterator
 from datetime import datetime
@@ -42,7 +44,9 @@ class JobOut(StrictModel):
 
 def job_state(job: Job) -> dict[str, Any]:
     """A job as the API shows it, the fields of `JobOut`."""
-    return {name: job.state if name == "status" else getattr(job, name) for name in JobOut.model_fields}
+    return {
+        name: job.state if name == "status" else getattr(job, name) for name in JobOut.model_fields
+    }
 
 
 class JobNoun(Generic[Row]):
@@ -64,7 +68,8 @@ class JobNoun(Generic[Row]):
         kind: str = "",
         **limits: Any,
     ) -> None:
-        """State a noun; `load` and `store` are those of its `JobKind`, given the row in place of its key.
+        """State a noun; `load` and `store` are those of its `JobKind`, given the row in place of
+        its key.
 
         Args:
             address: of the noun.
@@ -85,7 +90,14 @@ class JobNoun(Generic[Row]):
         )
 
     def start(
-        self, session: Session, user: User, row: Row, *, priority: int = 0, queue: str | None = None, **noted: Any
+        self,
+        session: Session,
+        user: User,
+        row: Row,
+        *,
+        priority: int = 0,
+        queue: str | None = None,
+        **noted: Any,
     ) -> Row:
         """Queue the job of a new row, which gets the job's key, and note it in the audit trail.
 
@@ -98,7 +110,9 @@ class JobNoun(Generic[Row]):
             noted: what else the audit trail keeps.
         """
         project_id = self.find.project_of(session, row)
-        job = enqueue(session, kind=self.kind, project_id=project_id, priority=priority, queue=queue)
+        job = enqueue(
+            session, kind=self.kind, project_id=project_id, priority=priority, queue=queue
+        )
         row.id = job.id  # type: ignore[attr-defined]  # every table of a job has its key
         session.add(row)
         session.flush()
@@ -106,13 +120,14 @@ class JobNoun(Generic[Row]):
         return row
 
     def cancel(self, session: Session, user: User, key: UUID) -> Row:
-        """Ask for a job's end: one that waits is cancelled at once, one that runs is killed by its worker, one that has ended
-        stays as it is.
+        """Ask for a job's end: one that waits is cancelled at once, one that runs is killed by its
+        worker, one that has ended stays as it is.
         """
         return self._act(session, user, key, "cancel", request_cancel)
 
     def retry(self, session: Session, user: User, key: UUID) -> Row:
-        """Queue a job again that failed or was cancelled, from its beginning, with the inputs that it had.
+        """Queue a job again that failed or was cancelled, from its beginning, with the inputs that
+        it had.
 
         Raises:
             Conflict: it waits, runs or has succeeded.
@@ -132,10 +147,14 @@ class JobNoun(Generic[Row]):
         if found is not None:
             return found
         job = self.job_of(session, row)
-        why = f": {job.message or 'see its error'}" if job.state in ENDED else "; it is not done yet"
+        why = (
+            f": {job.message or 'see its error'}" if job.state in ENDED else "; it is not done yet"
+        )
         raise Conflict(f"{self.find.kind} {job.id} has no result: it is {job.state}{why}")
 
-    def _act(self, session: Session, user: User, key: UUID, act: str, do: Callable[[Session, UUID], Job]) -> Row:
+    def _act(
+        self, session: Session, user: User, key: UUID, act: str, do: Callable[[Session, UUID], Job]
+    ) -> Row:
         row = self.find(session, user, key, "editor")
         do(session, key)
         self.find.note(session, user, row, act)

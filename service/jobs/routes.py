@@ -30,17 +30,28 @@ class JobRoutes(NounRoutes[Row, Out]):
         newest_first: bool = True,
         weight: ColumnElement[int] | None = None,
     ) -> None:
-        """State a noun; as of `NounRoutes`, but that `own` says only what is in neither a row nor its job."""
-        super().__init__(router, noun.find, model, self._with_jobs, noun.address, key, weight=weight)
+        """State a noun; as of `NounRoutes`, but that `own` says only what is in neither a row nor
+        its job.
+        """
+        super().__init__(
+            router, noun.find, model, self._with_jobs, noun.address, key, weight=weight
+        )
         self._noun, self._own, self.newest_first = noun, own, newest_first
 
     def _with_jobs(self, session: Session, rows: Sequence[Any]) -> Iterable[Out]:
-        """Rows and their jobs are read at one moment, so that a job that has succeeded never stands beside a row without its
-        result.
+        """Rows and their jobs are read at one moment, so that a job that has succeeded never stands
+        beside a row without its result.
         """
         table: Any = self._noun.find.table
-        query = select(table, Job).join(Job, Job.id == table.id).where(table.id.in_([row.id for row in rows]))
-        found = {job.id: (row, job) for row, job in session.execute(query.execution_options(populate_existing=True))}
+        query = (
+            select(table, Job)
+            .join(Job, Job.id == table.id)
+            .where(table.id.in_([row.id for row in rows]))
+        )
+        found = {
+            job.id: (row, job)
+            for row, job in session.execute(query.execution_options(populate_existing=True))
+        }
         read = [found[row.id] for row in rows]
         own = self._own(session, [row for row, _ in read])
         return [self._both(*both, **members) for both, members in zip(read, own, strict=True)]
@@ -62,12 +73,17 @@ class JobRoutes(NounRoutes[Row, Out]):
         row_id = Path(alias=self._id)
 
         def watch(
-            session: SessionDep, user: CurrentUser, events: Annotated[Events, Depends()], key: UUID = row_id
+            session: SessionDep,
+            user: CurrentUser,
+            events: Annotated[Events, Depends()],
+            key: UUID = row_id,
         ) -> Response:
             return events.of(self._noun.job_of(session, self._noun.find(session, user, key)))
 
         path = f"{self._path}/events"
-        self._add(name, text, watch, path, response_model=None, response_class=Response, responses=STREAM)
+        self._add(
+            name, text, watch, path, response_model=None, response_class=Response, responses=STREAM
+        )
 
     def _act(self, name: str, text: str, act: str, do: Callable[[Session, Any, UUID], Row]) -> None:
         row_id = Path(alias=self._id)

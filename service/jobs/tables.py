@@ -17,17 +17,22 @@ CHANGED = "modalbase_job_changed"
 class Job(Identified, Base):
     """One job. Feature tables (imports, update jobs …) have its id as their key.
 
-    `attempt` is the fence: a result is stored only by the attempt that the row names. `losses` counts the attempts whose
-    worker died. `ticket` is the engine's job that runs it, there from the first to the last moment of the states `queued`
-    and `running`. `version` grows with every change that a client can see: a trigger counts it and notifies the channel
-    above at commit, so who changes a row need not think of who watches it.
+    `attempt` is the fence: a result is stored only by the attempt that the row names. `losses`
+    counts the attempts whose worker died. `ticket` is the engine's job that runs it, there from the
+    first to the last moment of the states `queued`
+    and `running`. `version` grows with every change that a client can see: a trigger counts it and
+    notifies the channel above at commit, so who changes a row need not think of who watches it.
     """
 
     __tablename__ = "jobs"
     __table_args__ = (
-        CheckConstraint("state IN ('queued', 'running', 'succeeded', 'failed', 'cancelled')", "state"),
+        CheckConstraint(
+            "state IN ('queued', 'running', 'succeeded', 'failed', 'cancelled')", "state"
+        ),
         CheckConstraint("progress BETWEEN 0 AND 1", "progress"),
-        Index("ix_jobs_running_project_id", "project_id", postgresql_where=text("state = 'running'")),
+        Index(
+            "ix_jobs_running_project_id", "project_id", postgresql_where=text("state = 'running'")
+        ),
         Index("ix_jobs_project_id_id", "project_id", "id"),
         Index("ix_jobs_project_id_started_at", "project_id", "started_at"),
         Index(
@@ -68,7 +73,9 @@ class JobCheckpoint(Base):
 
     __tablename__ = "job_checkpoints"
 
-    job_id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
+    job_id: Mapped[UUID] = mapped_column(
+        ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True
+    )
     attempt: Mapped[int]
     saved_at: Mapped[datetime] = mapped_column(server_default=func.now())
     data: Mapped[bytes] = mapped_column(LargeBinary)

@@ -1,9 +1,11 @@
 """The worker: runs the job that a ticket names in a child, drains when it is asked to end.
 
-The event loop never computes and never waits for the database: both happen in threads, the numbers in children.
+The event loop never computes and never waits for the database: both happen in threads, the numbers
+in children.
 
-Attempts have folders below one of the worker's own; what a killed worker left is cleared away by the next one. That a worker
-lives is known by its lock on a file, which the operating system drops however the worker dies.
+Attempts have folders below one of the worker's own; what a killed worker left is cleared away by
+the next one. That a worker lives is known by its lock on a file, which the operating system drops
+however the worker dies.
 """
 
 import asyncio
@@ -47,7 +49,9 @@ log = structlog.stdlib.get_logger("modalbase.worker")
 
 @contextmanager
 def worker_folder() -> Iterator[Path]:
-    """A folder for the workspaces of this worker while the block runs; those of dead workers are removed first."""
+    """A folder for the workspaces of this worker while the block runs; those of dead workers are
+    removed first.
+    """
     everyones = Path(tempfile.gettempdir())
     with InterProcessLock(everyones / GATE.format(getpass.getuser())):
         for folder in everyones.glob(f"{PREFIX}*"):
@@ -70,7 +74,9 @@ def workspace(folder: Path) -> Iterator[Path]:
 
 
 def _clear_if_dead(folder: Path) -> None:
-    """Remove a dead worker's folder. The caller holds the gate, so no worker is between making and locking one."""
+    """Remove a dead worker's folder. The caller holds the gate, so no worker is between making and
+    locking one.
+    """
     try:
         if folder.is_symlink() or not os.access(folder, os.W_OK):
             return
@@ -79,12 +85,15 @@ def _clear_if_dead(folder: Path) -> None:
             shutil.rmtree(folder, ignore_errors=True)
             lock.release()
     except OSError as error:
-        log.warning("a dead worker's folder could not be removed", folder=str(folder), error=str(error))
+        log.warning(
+            "a dead worker's folder could not be removed", folder=str(folder), error=str(error)
+        )
 
 
 LOOK_SECONDS = 1.0  # for tickets and aborts whose notice did not come
 LEFT_SECONDS = 5.0  # for tasks that go on when the worker is done
-FORGET_SECONDS = 86400.0  # after which a dead worker's name is forgotten; its jobs are recovered long before
+# after which a dead worker's name is forgotten; its jobs are recovered long before
+FORGET_SECONDS = 86400.0
 
 
 def run_worker(
@@ -93,7 +102,8 @@ def run_worker(
     queues: Iterable[str] | None = None,
     ready: Callable[[], None] | None = None,
 ) -> None:
-    """Work until SIGTERM or SIGINT: then take no more jobs, give running ones `job_drain_seconds`, put the rest back.
+    """Work until SIGTERM or SIGINT: then take no more jobs, give running ones `job_drain_seconds`,
+    put the rest back.
 
     Args:
         settings: with `database_url`.
@@ -105,8 +115,15 @@ def run_worker(
         SchemaError: the database's schema is not this version's.
     """
     if settings.database_url is None:
-        raise ValueError("settings.database_url is not set; `service.db.opening.open_database` gives the embedded one")
-    engine = make_engine(settings.database_url, pool_size=2 * settings.worker_concurrency + 4, name="modalbase worker")
+        raise ValueError(
+            "settings.database_url is not set; `service.db.opening.open_database` gives the"
+            " embedded one"
+        )
+    engine = make_engine(
+        settings.database_url,
+        pool_size=2 * settings.worker_concurrency + 4,
+        name="modalbase worker",
+    )
     try:
         require_head(engine)
         prepare_children(kinds, settings.job_threads)
@@ -120,8 +137,8 @@ def run_worker(
 
 
 def run_to_end(work: Coroutine[Any, Any, None]) -> None:
-    """`asyncio.run`, without its endless wait for tasks that go on when cancelled, as that of a pool may which connects
-    anew while its server starts.
+    """`asyncio.run`, without its endless wait for tasks that go on when cancelled, as that of a
+    pool may which connects anew while its server starts.
     """
     loop = asyncio.new_event_loop()
     try:
@@ -137,7 +154,9 @@ def run_to_end(work: Coroutine[Any, Any, None]) -> None:
 
 
 class _Worker:
-    def __init__(self, settings: Settings, kinds: Sequence[JobKind], sessions: Sessions, folder: Path) -> None:
+    def __init__(
+        self, settings: Settings, kinds: Sequence[JobKind], sessions: Sessions, folder: Path
+    ) -> None:
         self.settings, self.sessions, self.folder = settings, sessions, folder
         self.kinds = {kind.name: kind for kind in kinds}
         self.name = f"{socket.gethostname()}:{os.getpid()}:{uuid4().hex[:8]}"
@@ -154,7 +173,9 @@ class _Worker:
             serving = asyncio.create_task(self._serve(queues))
             for name in (signal.SIGTERM, signal.SIGINT):
                 asyncio.get_running_loop().add_signal_handler(name, self._end, serving)
-            log.info("worker ready", worker=self.name, kinds=sorted(self.kinds), queues=queues or "all")
+            log.info(
+                "worker ready", worker=self.name, kinds=sorted(self.kinds), queues=queues or "all"
+            )
             if ready is not None:
                 ready()
             with suppress(asyncio.CancelledError):
@@ -177,7 +198,9 @@ class _Worker:
         )
 
     def _end(self, serving: asyncio.Task[None]) -> None:
-        """A signal to end: no new jobs. Running ones get some time, and none at the second signal."""
+        """A signal to end: no new jobs. Running ones get some time, and none at the second
+        signal.
+        """
         if self.manager.draining:
             _stop(serving)
         else:
@@ -192,11 +215,15 @@ class _Worker:
         _stop(serving)
 
     async def _job(self, ticket: JobContext, job_id: str) -> None:
-        """Run the job that a ticket names. An abort by the engine stops the attempt, whose end this waits for."""
+        """Run the job that a ticket names. An abort by the engine stops the attempt, whose end this
+        waits for.
+        """
         assert ticket.job.id is not None
         job = self.manager.running[ticket.job.id]
         assert str(job.id) == job_id
-        attempt = Attempt(self.sessions, self.settings, self.kinds.get(job.kind) or _unknown(job.kind), job)
+        attempt = Attempt(
+            self.sessions, self.settings, self.kinds.get(job.kind) or _unknown(job.kind), job
+        )
         work = asyncio.get_running_loop().run_in_executor(self.threads, self._run, attempt)
         self.work.add(work)
         while not work.done():
@@ -210,14 +237,21 @@ class _Worker:
         self.work.discard(work)
         del self.manager.running[ticket.job.id]
         if (error := work.exception()) is not None:
-            log.error("a job could not be carried out", job_id=job_id, error=str(error), exc_info=error)
+            log.error(
+                "a job could not be carried out", job_id=job_id, error=str(error), exc_info=error
+            )
         self.manager.unsure |= error is not None or work.result() == "abandoned"
 
     def _run(self, attempt: Attempt) -> str:
         """Carry an attempt out, in a thread."""
         job, began = attempt.job, time.perf_counter()
         structlog.contextvars.clear_contextvars()
-        ids = {"job_id": str(job.id), "attempt": job.attempt, "kind": job.kind, "request_id": job.request_id}
+        ids = {
+            "job_id": str(job.id),
+            "attempt": job.attempt,
+            "kind": job.kind,
+            "request_id": job.request_id,
+        }
         structlog.contextvars.bind_contextvars(**ids)
         with workspace(self.folder) as folder:
             outcome = attempt.run(folder)
@@ -229,7 +263,11 @@ def _unknown(name: str) -> JobKind:
     """A kind of job that this version does not know: its jobs fail."""
 
     def fail(*_: Any) -> Any:
-        raise ChildEnded(Failure("internal", "UnknownKind", f"this version's workers know no job of kind {name!r}"))
+        raise ChildEnded(
+            Failure(
+                "internal", "UnknownKind", f"this version's workers know no job of kind {name!r}"
+            )
+        )
 
     return JobKind(name, load=fail, compute=fail, store=fail)
 

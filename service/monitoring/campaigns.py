@@ -1,7 +1,9 @@
-"""Campaigns as monitors see them: complete or not, what they hold, and what speaks against running them.
+"""Campaigns as monitors see them: complete or not, what they hold, and what speaks against running
+them.
 
-A campaign is complete when its date is stated, no import into it is queued or running, and either somebody has said so
-(`POST /campaigns/{id}/complete`) or it has FRFs and nothing was added for a while.
+A campaign is complete when its date is stated, no import into it is queued or running, and either
+somebody has said so (`POST /campaigns/{id}/complete`) or it has FRFs and nothing was added for a
+while.
 """
 
 from __future__ import annotations
@@ -33,19 +35,26 @@ class Seen:
 
     campaign: Campaign  # its row
     measured: str | None  # digest of its FRFs and what they are between; None where there are none
-    fingerprint: str  # digest of everything that a run takes from it. Climate is not in it: a series reads that afresh.
+    # digest of everything that a run takes from it. Climate is not in it: a series reads that
+    # afresh.
+    fingerprint: str
     mode_set: UUID | None  # newest mode set that was typed in or came with a file
     complete: bool  # whether a run may begin by itself
-    objection: str | None  # why it cannot be run, whatever is done; None where nothing speaks against it
+    # why it cannot be run, whatever is done; None where nothing speaks against it
+    objection: str | None
 
 
-def seen_campaigns(session: Session, monitor: Monitor, now: datetime, settle: timedelta) -> list[Seen]:
+def seen_campaigns(
+    session: Session, monitor: Monitor, now: datetime, settle: timedelta
+) -> list[Seen]:
     """The campaigns that a monitor looks at, in time order."""
     rows = dated_campaigns(session, monitor.structure_id, monitor.since)
     facts = _Facts(session, [row.id for row in rows])
     seen: list[Seen] = []
     for row in rows:
-        mode_set = facts.mode_sets.get(row.id, (None, None))[0] if monitor.modes == "given" else None
+        mode_set = (
+            facts.mode_sets.get(row.id, (None, None))[0] if monitor.modes == "given" else None
+        )
         seen.append(
             Seen(
                 campaign=row,
@@ -66,16 +75,25 @@ def _objection(
     if row.id not in facts.frfs:
         return "the campaign has no FRFs"
     if monitor.boundary is not None and row.boundary != monitor.boundary:
-        return f"the specimen was held {row.boundary!r}; this monitor compares campaigns held {monitor.boundary!r}"
+        return (
+            f"the specimen was held {row.boundary!r}; this monitor compares campaigns held"
+            f" {monitor.boundary!r}"
+        )
     if monitor.modes == "given" and mode_set is None:
-        return "the campaign has no mode set that was typed in or came with a file, which this monitor takes its modes from"
+        return (
+            "the campaign has no mode set that was typed in or came with a file, which this monitor"
+            " takes its modes from"
+        )
     for other in earlier:
         if other.objection is not None:
             continue
         if other.measured == facts.frfs[row.id][0]:
             return f"holds the same FRFs as campaign {other.campaign.id}; a measurement counts once"
         if other.campaign.performed_at == row.performed_at:
-            return f"was performed at the same moment as campaign {other.campaign.id}; correct one of the dates"
+            return (
+                f"was performed at the same moment as campaign {other.campaign.id}; correct one of"
+                " the dates"
+            )
     return None
 
 
@@ -87,7 +105,9 @@ class _Facts:
         self.points = point_digests(session, ids)
         self.imports = import_progress(session, ids)
         self.mode_sets = newest_stated(session, ids)
-        completed = select(CampaignCompletion.campaign_id).where(CampaignCompletion.campaign_id.in_(ids))
+        completed = select(CampaignCompletion.campaign_id).where(
+            CampaignCompletion.campaign_id.in_(ids)
+        )
         self.completed = set(session.scalars(completed))
 
     def fingerprint(self, row: Campaign, mode_set: UUID | None) -> str:
@@ -112,5 +132,10 @@ class _Facts:
             return True
         if row.id not in self.frfs or (monitor.modes == "given" and row.id not in self.mode_sets):
             return False
-        times = (row.updated_at, self.frfs[row.id][1], last_import, self.mode_sets.get(row.id, (None, None))[1])
+        times = (
+            row.updated_at,
+            self.frfs[row.id][1],
+            last_import,
+            self.mode_sets.get(row.id, (None, None))[1],
+        )
         return max(time for time in times if time is not None) <= quiet_since

@@ -1,10 +1,11 @@
 """Judging a series: a job whose result, states, alarms and messages are one transaction.
 
-A series is judged when what it would be judged on differs from what it was judged on last: a new value, a corrected
-temperature, a deleted campaign, an acknowledgement, a campaign that has become late. While runs are under way it waits
-for them, so a backfill is judged once and in time order.
+A series is judged when what it would be judged on differs from what it was judged on last: a new
+value, a corrected temperature, a deleted campaign, an acknowledgement, a campaign that has become
+late. While runs are under way it waits for them, so a backfill is judged once and in time order.
 
-Alarms are raised once, acknowledged by somebody, and cleared or withdrawn by a later judgement. Each step is announced.
+Alarms are raised once, acknowledged by somebody, and cleared or withdrawn by a later judgement.
+Each step is announced.
 """
 
 from __future__ import annotations
@@ -33,7 +34,14 @@ from service.jobs.tables import Job
 from service.monitoring.campaigns import Seen, seen_campaigns
 from service.monitoring.notifications.messages import announce
 from service.monitoring.runs import counted, latest_runs, monitor_for, moves_of, unit_of
-from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
+from service.monitoring.tables import (
+    Alarm,
+    AlarmEvent,
+    Monitor,
+    MonitorJudgement,
+    MonitorRun,
+    MonitorSeries,
+)
 from service.store.structures.operations import structure_of
 
 if TYPE_CHECKING:
@@ -43,11 +51,17 @@ GRACE = 1.5
 """A campaign is late when this many expected intervals have passed since the one before."""
 
 FIRST = 10
-"""Priority of a judgement among a project's jobs: it is short, and somebody may wait for its alarm."""
+"""Priority of a judgement among a project's jobs: it is short, and somebody may wait for its
+alarm.
+"""
 
 
-def judge_if_changed(session: Session, monitor: Monitor, series: MonitorSeries, now: datetime) -> None:
-    """Queue a judgement if there is something new to judge. The transaction holds the monitor's row."""
+def judge_if_changed(
+    session: Session, monitor: Monitor, series: MonitorSeries, now: datetime
+) -> None:
+    """Queue a judgement if there is something new to judge. The transaction holds the monitor's
+    row.
+    """
     runs = latest_runs(session, series)
     if any(run.state == "running" for run in runs.values()):
         return
@@ -63,7 +77,9 @@ def judge_if_changed(session: Session, monitor: Monitor, series: MonitorSeries, 
     if state == "failed" and last_digest == digest:
         set_state(session, monitor, "no data")  # what cannot be judged is not known to be well
         return
-    job = enqueue(session, kind=JUDGE, project_id=monitor_for.project_of(session, monitor), priority=FIRST)
+    job = enqueue(
+        session, kind=JUDGE, project_id=monitor_for.project_of(session, monitor), priority=FIRST
+    )
     session.add(MonitorJudgement(id=job.id, series_id=series.id, digest=digest))
     session.flush()
 
@@ -80,7 +96,9 @@ def _last(session: Session, series: MonitorSeries) -> tuple[str | None, str | No
     return (None, None) if last is None else (last[0], last[1])
 
 
-def _digest(session: Session, monitor: Monitor, pairs: list[tuple[Seen, MonitorRun]], now: datetime) -> str:
+def _digest(
+    session: Session, monitor: Monitor, pairs: list[tuple[Seen, MonitorRun]], now: datetime
+) -> str:
     """Of everything that a judgement depends on."""
     used = {
         "runs": [
@@ -114,7 +132,11 @@ def _acknowledged(session: Session, monitor: Monitor) -> list[Alarm]:
     return list(
         session.scalars(
             select(Alarm)
-            .where(Alarm.monitor_id == monitor.id, Alarm.acknowledged_at.is_not(None), Alarm.state != "withdrawn")
+            .where(
+                Alarm.monitor_id == monitor.id,
+                Alarm.acknowledged_at.is_not(None),
+                Alarm.state != "withdrawn",
+            )
             .order_by(Alarm.acknowledged_at)
         )
     )
@@ -145,7 +167,8 @@ def watch_of(monitor: Monitor) -> Watch:
     """The recipe of the judgement as the core takes it."""
     stored = {**monitor.watch, "chart": CoreChart(**monitor.watch["chart"])}
     return Watch(
-        **{**stored, "covariates": tuple(stored["covariates"])}, expected_interval_days=monitor.expected_interval_days
+        **{**stored, "covariates": tuple(stored["covariates"])},
+        expected_interval_days=monitor.expected_interval_days,
     )
 
 
@@ -163,7 +186,10 @@ def _arrival(session: Session, series: MonitorSeries) -> dict[UUID, UUID]:
 def _observation(one: Seen, run: MonitorRun) -> Observation:
     campaign = one.campaign
     assert campaign.performed_at is not None
-    climate = {"temperature_c": campaign.temperature_c, "humidity_percent": campaign.humidity_percent}
+    climate = {
+        "temperature_c": campaign.temperature_c,
+        "humidity_percent": campaign.humidity_percent,
+    }
     return Observation(
         campaign=str(campaign.id),
         performed_at=campaign.performed_at,
@@ -173,7 +199,9 @@ def _observation(one: Seen, run: MonitorRun) -> Observation:
 
 
 def _heard(alarm: Alarm) -> Acknowledgement:
-    """An acknowledgement on the campaigns' time axis: not before the campaign that raised the alarm."""
+    """An acknowledgement on the campaigns' time axis: not before the campaign that raised the
+    alarm.
+    """
     raised = datetime.fromisoformat(alarm.details["performed_at"])
     assert alarm.acknowledged_at is not None
     return Acknowledgement(alarm.parameter, max(alarm.acknowledged_at, raised))
@@ -182,15 +210,18 @@ def _heard(alarm: Alarm) -> Acknowledgement:
 def _notes(series: MonitorSeries, pairs: list[tuple[Seen, MonitorRun]]) -> Iterator[str]:
     for one, run in pairs:
         if run.revision > 1:
-            yield f"campaign {one.campaign.id} was run again (revision {run.revision}); its earlier values no longer count"
+            yield (
+                f"campaign {one.campaign.id} was run again (revision {run.revision}); its earlier"
+                " values no longer count"
+            )
     others: dict[str, list[str]] = {}
     for one, run in pairs:
         if run.software not in (None, series.software):
             others.setdefault(str(run.software), []).append(str(one.campaign.id))
     for software, campaigns in others.items():
         yield (
-            f"version {series.software} opened this series, {software} ran campaign {', '.join(campaigns)}; "
-            "a rerun makes a uniform series"
+            f"version {series.software} opened this series, {software} ran campaign"
+            f" {', '.join(campaigns)}; a rerun makes a uniform series"
         )
 
 
@@ -199,10 +230,18 @@ def _store(session: Session, job_id: UUID, items: Iterator[Judgement]) -> None:
     (judgement,) = items
     row = session.get_one(MonitorJudgement, job_id)
     series = session.get_one(MonitorSeries, row.series_id)
-    monitor = session.get_one(Monitor, series.monitor_id, with_for_update=True, populate_existing=True)
+    monitor = session.get_one(
+        Monitor, series.monitor_id, with_for_update=True, populate_existing=True
+    )
     if series.number < monitor.series or monitor.deleted_at is not None:
-        return  # a later version of the series is judged already, or nobody wants to know; this one stays as it was
-    series.document, series.digest, series.assessed_at = judgement.document, row.digest, datetime.now(UTC)
+        # a later version of the series is judged already, or nobody wants to know; this one stays
+        # as it was
+        return
+    series.document, series.digest, series.assessed_at = (
+        judgement.document,
+        row.digest,
+        datetime.now(UTC),
+    )
     monitor.series = series.number
     update_alarms(session, monitor, series, judgement.episodes)
     set_state(session, monitor, judgement.state)
@@ -230,20 +269,27 @@ alarm_for = Lookup(Alarm, "alarm", "monitor_id", monitor_for)
 """The alarm, if the user has at least a role in its project; none of a deleted monitor."""
 
 
-def update_alarms(session: Session, monitor: Monitor, series: MonitorSeries, episodes: Sequence[Episode]) -> None:
+def update_alarms(
+    session: Session, monitor: Monitor, series: MonitorSeries, episodes: Sequence[Episode]
+) -> None:
     """Bring a monitor's alarms to what its series now says.
 
-    An episode is the alarm that its campaign raised before, whichever series said so; else the oldest one of its parameter
-    that has lost its campaign to a late or corrected one; else it is new. An alarm that no episode is left for is withdrawn.
+    An episode is the alarm that its campaign raised before, whichever series said so; else the
+    oldest one of its parameter that has lost its campaign to a late or corrected one; else it is
+    new. An alarm that no episode is left for is withdrawn.
     """
     rows = session.scalars(
-        select(Alarm).where(Alarm.monitor_id == monitor.id, Alarm.state != "withdrawn").order_by(Alarm.id)
+        select(Alarm)
+        .where(Alarm.monitor_id == monitor.id, Alarm.state != "withdrawn")
+        .order_by(Alarm.id)
     ).all()
     known = {(alarm.parameter, str(alarm.campaign_id)): alarm for alarm in rows}
     wanted = {(e.parameter, e.campaign) for e in episodes}
     orphans = [alarm for key, alarm in known.items() if key not in wanted]
     for episode in episodes:
-        alarm = known.get((episode.parameter, episode.campaign)) or _adopt(session, orphans, episode)
+        alarm = known.get((episode.parameter, episode.campaign)) or _adopt(
+            session, orphans, episode
+        )
         if alarm is None:
             _raise(session, monitor, series, episode)
         else:
@@ -252,7 +298,11 @@ def update_alarms(session: Session, monitor: Monitor, series: MonitorSeries, epi
                 _step(session, monitor, alarm, "cleared", "the parameter came back")
             elif alarm.state == "cleared" and episode.state != "cleared":
                 alarm.state = "acknowledged"
-                session.add(AlarmEvent(alarm_id=alarm.id, event="reopened", note="late or corrected campaigns"))
+                session.add(
+                    AlarmEvent(
+                        alarm_id=alarm.id, event="reopened", note="late or corrected campaigns"
+                    )
+                )
     for alarm in orphans:
         if alarm.state != "cleared":
             why = f"series {series.number} as it stands now does not confirm it"
@@ -287,23 +337,41 @@ def _raise(session: Session, monitor: Monitor, series: MonitorSeries, episode: E
     _record(session, monitor, alarm, "raised", None, f"by campaign {episode.campaign}")
 
 
-def _step(session: Session, monitor: Monitor, alarm: Alarm, state: str, note: str, user: User | None = None) -> None:
+def _step(
+    session: Session,
+    monitor: Monitor,
+    alarm: Alarm,
+    state: str,
+    note: str,
+    user: User | None = None,
+) -> None:
     alarm.state = state
     _record(session, monitor, alarm, state, user, note)
 
 
-def _record(session: Session, monitor: Monitor, alarm: Alarm, event: str, user: User | None, note: str) -> None:
+def _record(
+    session: Session, monitor: Monitor, alarm: Alarm, event: str, user: User | None, note: str
+) -> None:
     """Write a step into the history, the audit trail and the outbox."""
     structure = structure_of(session, monitor.structure_id)
     session.add(AlarmEvent(alarm_id=alarm.id, event=event, user_id=user and user.id, note=note))
     audit(
-        session, user, f"alarm.{event}", "alarm", alarm.id, structure.project_id, parameter=alarm.parameter, note=note
+        session,
+        user,
+        f"alarm.{event}",
+        "alarm",
+        alarm.id,
+        structure.project_id,
+        parameter=alarm.parameter,
+        note=note,
     )
     data = {"alarm": _summary(alarm), "note": note, "by": user and user.name}
     _announce(session, monitor, structure, f"alarm.{event}", data)
 
 
-def _announce(session: Session, monitor: Monitor, structure: Structure, event: str, data: dict[str, Any]) -> None:
+def _announce(
+    session: Session, monitor: Monitor, structure: Structure, event: str, data: dict[str, Any]
+) -> None:
     project_id = structure.project_id
     about = {
         "project_id": str(project_id),
@@ -311,7 +379,9 @@ def _announce(session: Session, monitor: Monitor, structure: Structure, event: s
         "monitor": {"id": str(monitor.id), "name": monitor.name, "state": monitor.state},
     }
     data = {**about, **data}
-    announce(session, event, data, project_id=project_id, monitor_id=monitor.id, mail_to=monitor.mail_to)
+    announce(
+        session, event, data, project_id=project_id, monitor_id=monitor.id, mail_to=monitor.mail_to
+    )
 
 
 def _summary(alarm: Alarm) -> dict[str, Any]:
@@ -341,7 +411,8 @@ def acknowledge(session: Session, user: User, alarm: Alarm, note: str) -> None:
         NotFound: its monitor has been deleted in between.
     """
     monitor = session.get_one(Monitor, alarm.monitor_id)
-    session.refresh(monitor, with_for_update=True)  # a judgement changes alarms too; first the monitor's row, always
+    # a judgement changes alarms too; first the monitor's row, always
+    session.refresh(monitor, with_for_update=True)
     if monitor.deleted_at is not None:
         raise NotFound("alarm", alarm.id)
     session.refresh(alarm, with_for_update=True)

@@ -1,4 +1,6 @@
-"""Monitors as they change, for pages that watch them beside jobs: runs that are under way, and a judgement that is to come."""
+"""Monitors as they change, for pages that watch them beside jobs: runs that are under way, and a
+judgement that is to come.
+"""
 
 import json
 import zlib
@@ -23,14 +25,18 @@ def monitors_among(session: Session, user: User, ids: set[UUID]) -> set[UUID]:
 
 
 def look_at_monitors(session: Session, ids: set[UUID]) -> dict[UUID, Shown]:
-    """States of monitors that have begun a run: `running` until all runs and judgements have ended, then `succeeded`."""
+    """States of monitors that have begun a run: `running` until all runs and judgements have ended,
+    then `succeeded`.
+    """
     among, series = MonitorSeries.monitor_id.in_(ids), MonitorSeries.id
     runs = select(MonitorSeries.monitor_id, MonitorRun.id, MonitorRun.state)
     judgements = select(MonitorSeries.monitor_id, Job.id, Job.state)
     of_series = MonitorJudgement.series_id == series
     both = union_all(
         runs.join(MonitorRun, MonitorRun.series_id == series).where(among),
-        judgements.join(MonitorJudgement, of_series).join(Job, Job.id == MonitorJudgement.id).where(among),
+        judgements.join(MonitorJudgement, of_series)
+        .join(Job, Job.id == MonitorJudgement.id)
+        .where(among),
     )
     parts: dict[UUID, list[tuple[str, str]]] = {}
     for monitor, part, state in session.execute(both):
@@ -41,5 +47,7 @@ def look_at_monitors(session: Session, ids: set[UUID]) -> dict[UUID, Shown]:
 def _shown(monitor: UUID, parts: list[tuple[str, str]]) -> Shown:
     version = zlib.crc32(json.dumps(parts).encode())
     ended = all(state in (*ENDED, "refused") for _, state in parts)
-    data = json.dumps({"id": str(monitor), "status": "succeeded" if ended else "running", "version": version})
+    data = json.dumps(
+        {"id": str(monitor), "status": "succeeded" if ended else "running", "version": version}
+    )
     return Shown(version, format_sse_event(data_str=data, event="job", id=str(version)), ended)

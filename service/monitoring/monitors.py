@@ -23,8 +23,23 @@ from service.monitoring import runs
 from service.monitoring.judgements import rank
 from service.monitoring.runs import monitor_for
 from service.monitoring.scheduler import next_time, request_check
-from service.monitoring.schemas import CONSTANT, BaselineIn, ChartIn, MonitorIn, MonitorOut, MonitorPatch, WatchedIn
-from service.monitoring.tables import AT_WORK, Alarm, CampaignCompletion, Monitor, MonitorRun, MonitorSeries
+from service.monitoring.schemas import (
+    CONSTANT,
+    BaselineIn,
+    ChartIn,
+    MonitorIn,
+    MonitorOut,
+    MonitorPatch,
+    WatchedIn,
+)
+from service.monitoring.tables import (
+    AT_WORK,
+    Alarm,
+    CampaignCompletion,
+    Monitor,
+    MonitorRun,
+    MonitorSeries,
+)
 from service.settings import Settings
 from service.store.campaigns.operations import campaign_for, campaigns_of
 from service.store.structures.operations import (
@@ -46,19 +61,23 @@ if TYPE_CHECKING:
 NOW = timedelta(0)
 
 
-def create_monitor(session: Session, user: User, structure_id: UUID, body: MonitorIn, settings: Settings) -> Monitor:
-    """Make a monitor, frozen on the structure's present version. Campaigns that are there are run in time order; the updates
-    run in the name of who asks, an editor of the project at least.
+def create_monitor(
+    session: Session, user: User, structure_id: UUID, body: MonitorIn, settings: Settings
+) -> Monitor:
+    """Make a monitor, frozen on the structure's present version. Campaigns that are there are run
+    in time order; the updates run in the name of who asks, an editor of the project at least.
 
     Raises:
-        Invalid: the recipe names what no later campaign has, a parameter is watched that it does not update, or mail is
-            wanted and no SMTP server is set.
+        Invalid: the recipe names what no later campaign has, a parameter is watched that it does
+            not update, or mail is wanted and no SMTP server is set.
         NotFound: there is no such structure, or it is other people's.
         Forbidden: the user's role is too low.
     """
     structure = structure_for(session, user, structure_id, "editor")
     version = current_version(session, structure)
-    watched, per_kelvin = _checked(session, user, structure, body, describe_version(version, structure.name))
+    watched, per_kelvin = _checked(
+        session, user, structure, body, describe_version(version, structure.name)
+    )
     _check_mail(body.mail_to, settings)
     now = datetime.now(UTC)
     monitor = Monitor(
@@ -90,7 +109,9 @@ _AS_STATED = {
 """What a monitor's row has as the body states it."""
 
 
-def _frozen_watch(body: MonitorIn, watched: Sequence[WatchedIn], per_kelvin: PerKelvin) -> dict[str, Any]:
+def _frozen_watch(
+    body: MonitorIn, watched: Sequence[WatchedIn], per_kelvin: PerKelvin
+) -> dict[str, Any]:
     watch = asdict(body.to_watch(watched, per_kelvin))
     del watch["expected_interval_days"]
     return {**watch, "covariates": list(body.covariates)}
@@ -99,18 +120,30 @@ def _frozen_watch(body: MonitorIn, watched: Sequence[WatchedIn], per_kelvin: Per
 def _checked(
     session: Session, user: User, structure: Structure, body: MonitorIn, described: Any
 ) -> tuple[list[WatchedIn], PerKelvin]:
-    """What is watched, once the recipe is one that any later campaign can have, and its changes by temperature."""
+    """What is watched, once the recipe is one that any later campaign can have, and its changes by
+    temperature.
+    """
     recipe = body.recipe
     if recipe.mode_set is not None:
         raise Invalid(
-            "/recipe/mode_set", "a mode set is of one campaign; say with `modes` where each run takes its from"
+            "/recipe/mode_set",
+            "a mode set is of one campaign; say with `modes` where each run takes its from",
         )
     if recipe.reference_temperature_c is not None:
-        why = "every campaign of a monitor is judged at its own temperature, of which `covariates` takes the effect out"
+        why = (
+            "every campaign of a monitor is judged at its own temperature, of which `covariates`"
+            " takes the effect out"
+        )
         raise Invalid("/recipe/reference_temperature_c", f"{why}: leave it out")
     for name, kind in (("weight", "ewma"), ("reference", "cusum")):
-        if body.chart.kind != kind and getattr(body.chart, name) != ChartIn.model_fields[name].default:
-            raise Invalid(f"/chart/{name}", f"is of the chart {kind}, and the chart is {body.chart.kind}: leave it out")
+        if (
+            body.chart.kind != kind
+            and getattr(body.chart, name) != ChartIn.model_fields[name].default
+        ):
+            raise Invalid(
+                f"/chart/{name}",
+                f"is of the chart {kind}, and the chart is {body.chart.kind}: leave it out",
+            )
     check_prior_batch(session, user, recipe, structure.id, "/recipe/prior_from_coupon_batch")
     recipe.inputs.to_core()
     specimen = body_for(session, described, body.boundary or usual_boundary(described), recipe)
@@ -120,21 +153,28 @@ def _checked(
     for i, each in enumerate(watched):
         if CONSTANT.fullmatch(each.name) and each.name not in free:
             raise Invalid(
-                f"/parameters/{i}/name", f"{each.name} is not updated by the recipe, which updates {', '.join(free)}"
+                f"/parameters/{i}/name",
+                f"{each.name} is not updated by the recipe, which updates {', '.join(free)}",
             )
     stated = {each.name: (each.prior_mean, each.prior_sd) for each in parameters}
     known = {each.name: usual_per_k(each.name, specimen.nominal, stated) for each in watched}
-    return watched, {name: per_kelvin for name, per_kelvin in known.items() if per_kelvin is not None}
+    return watched, {
+        name: per_kelvin for name, per_kelvin in known.items() if per_kelvin is not None
+    }
 
 
 def _check_mail(addresses: Sequence[str], settings: Settings) -> None:
     if addresses and settings.smtp_host is None:
-        raise Invalid("/mail_to", "the operator has set no SMTP server (MODALBASE_SMTP_HOST); use a webhook")
+        raise Invalid(
+            "/mail_to", "the operator has set no SMTP server (MODALBASE_SMTP_HOST); use a webhook"
+        )
 
 
-def change_monitor(session: Session, user: User, monitor: Monitor, patch: MonitorPatch, settings: Settings) -> None:
-    """Apply a patch to a locked monitor; the audit trail keeps the fields as they were and as they are now. The recipe cannot
-    change.
+def change_monitor(
+    session: Session, user: User, monitor: Monitor, patch: MonitorPatch, settings: Settings
+) -> None:
+    """Apply a patch to a locked monitor; the audit trail keeps the fields as they were and as they
+    are now. The recipe cannot change.
 
     Raises:
         Invalid: mail is wanted and no SMTP server is set.
@@ -151,8 +191,11 @@ def change_monitor(session: Session, user: User, monitor: Monitor, patch: Monito
     request_check(session, monitor.id)
 
 
-def run_by_hand(session: Session, user: User, monitor: Monitor, campaign_id: UUID | None) -> list[MonitorRun]:
-    """Run one campaign, or all that have not been run as they are now, whether they are complete or not.
+def run_by_hand(
+    session: Session, user: User, monitor: Monitor, campaign_id: UUID | None
+) -> list[MonitorRun]:
+    """Run one campaign, or all that have not been run as they are now, whether they are complete or
+    not.
 
     Returns:
         The new runs; refused ones too.
@@ -176,27 +219,40 @@ def run_by_hand(session: Session, user: User, monitor: Monitor, campaign_id: UUI
 
 def _check_campaign(session: Session, monitor: Monitor, campaign_id: UUID) -> None:
     campaign = campaigns_of(session, [campaign_id]).get(campaign_id)
-    if campaign is None or campaign.deleted_at is not None or campaign.structure_id != monitor.structure_id:
+    if (
+        campaign is None
+        or campaign.deleted_at is not None
+        or campaign.structure_id != monitor.structure_id
+    ):
         raise Invalid("/campaign", f"{campaign_id} is no campaign of this monitor's structure")
     if campaign.performed_at is None:
-        raise Invalid("/campaign", "the campaign states no performed_at, so it has no place in a series")
+        raise Invalid(
+            "/campaign", "the campaign states no performed_at, so it has no place in a series"
+        )
     if monitor.since is not None and campaign.performed_at < monitor.since:
-        raise Invalid("/campaign", f"the campaign was performed before the series begins, {monitor.since.isoformat()}")
+        raise Invalid(
+            "/campaign",
+            f"the campaign was performed before the series begins, {monitor.since.isoformat()}",
+        )
 
 
 def rerun(session: Session, user: User, monitor: Monitor, reason: str) -> list[MonitorRun]:
-    """Run all campaigns anew, as the next version of the series, with the software's version as the default reason. The one
-    before stays, and is shown until this one is judged.
+    """Run all campaigns anew, as the next version of the series, with the software's version as the
+    default reason. The one before stays, and is shown until this one is judged.
 
     Raises:
         Conflict: the monitor, which the transaction holds, is at rest.
     """
     before = runs.newest_series(session, monitor)
-    runs.next_series(session, monitor, before.number + 1, reason or f"rerun with version {__version__}")
+    runs.next_series(
+        session, monitor, before.number + 1, reason or f"rerun with version {__version__}"
+    )
     return run_by_hand(session, user, monitor, None)
 
 
-def complete_campaign(session: Session, user: User, campaign: Campaign) -> tuple[CampaignCompletion, list[MonitorRun]]:
+def complete_campaign(
+    session: Session, user: User, campaign: Campaign
+) -> tuple[CampaignCompletion, list[MonitorRun]]:
     """Note that everything of a campaign is in, and let the monitors of its structure run it.
 
     Returns:
@@ -206,7 +262,9 @@ def complete_campaign(session: Session, user: User, campaign: Campaign) -> tuple
         Conflict: the campaign states no date.
     """
     if campaign.performed_at is None:
-        raise Conflict("the campaign states no performed_at, so it has no place in a series; state it first")
+        raise Conflict(
+            "the campaign states no performed_at, so it has no place in a series; state it first"
+        )
     row = session.get(CampaignCompletion, campaign.id)
     if row is None:
         row = CampaignCompletion(campaign_id=campaign.id, user_id=user.id)
@@ -216,14 +274,18 @@ def complete_campaign(session: Session, user: User, campaign: Campaign) -> tuple
         campaign_for.note(session, user, campaign, "complete")
     monitors = session.scalars(
         select(Monitor)
-        .where(Monitor.structure_id == campaign.structure_id, AT_WORK, Monitor.runs_on == "campaign")
+        .where(
+            Monitor.structure_id == campaign.structure_id, AT_WORK, Monitor.runs_on == "campaign"
+        )
         .order_by(Monitor.id)
         .with_for_update()
     ).all()
     started: list[MonitorRun] = []
     for monitor in monitors:
         runs.collect(session, runs.newest_series(session, monitor))
-        started += runs.bring_up_to_date(session, monitor, runs.Moment(datetime.now(UTC), NOW), only=campaign.id)
+        started += runs.bring_up_to_date(
+            session, monitor, runs.Moment(datetime.now(UTC), NOW), only=campaign.id
+        )
         request_check(session, monitor.id)
     return row, started
 
@@ -242,13 +304,16 @@ def monitors_of(session: Session, structure_id: UUID) -> Sequence[Monitor]:
 def page_worst_first(
     session: Session, user: User, state: str | None, deleted: bool, cursor: str | None, limit: int
 ) -> tuple[list[Monitor], str | None]:
-    """A page of one's monitors, in this state where one is given, ordered by the attention that it asks for, then by age; and
-    the cursor of the next page, None at the end. `deleted` lists the deleted ones instead of those that are there.
+    """A page of one's monitors, in this state where one is given, ordered by the attention that it
+    asks for, then by age; and the cursor of the next page, None at the end. `deleted` lists the
+    deleted ones instead of those that are there.
 
     Raises:
         Invalid: the cursor is not one of this list.
     """
-    query = select(Monitor).where(Monitor.structure_id.in_(structures_in(projects_of(user))), hidden(deleted))
+    query = select(Monitor).where(
+        Monitor.structure_id.in_(structures_in(projects_of(user))), hidden(deleted)
+    )
     if state is not None:
         query = query.where(Monitor.state == state)
     if cursor is not None:
@@ -265,25 +330,34 @@ def _decode(cursor: str) -> tuple[int, UUID]:
         raw = base64.urlsafe_b64decode(cursor)
         return raw[0], UUID(bytes=raw[1:])
     except (ValueError, IndexError, binascii.Error):
-        raise Invalid("cursor", "is not a cursor of this list; take `next_cursor` of a page") from None
+        raise Invalid(
+            "cursor", "is not a cursor of this list; take `next_cursor` of a page"
+        ) from None
 
 
 def describe_all(session: Session, monitors: Sequence[Monitor]) -> list[MonitorOut]:
-    """Monitors as clients see them, in the order given, each with its structure, its maker and the number of its open
-    alarms; two queries for all.
+    """Monitors as clients see them, in the order given, each with its structure, its maker and the
+    number of its open alarms; two queries for all.
     """
     ids = [monitor.id for monitor in monitors]
     structures = structures_of(session, [monitor.structure_id for monitor in monitors])
     made = select(Monitor.id, User.name).join(User).where(Monitor.id.in_(ids))
     makers: dict[UUID, str] = dict(session.execute(made).all())
-    open_alarms = select(Alarm.monitor_id, func.count()).where(Alarm.monitor_id.in_(ids), Alarm.state == "alarm")
+    open_alarms = select(Alarm.monitor_id, func.count()).where(
+        Alarm.monitor_id.in_(ids), Alarm.state == "alarm"
+    )
     alarms: dict[UUID, int] = dict(session.execute(open_alarms.group_by(Alarm.monitor_id)).all())
-    return [_described(m, structures[m.structure_id], makers[m.id], alarms.get(m.id, 0)) for m in monitors]
+    return [
+        _described(m, structures[m.structure_id], makers[m.id], alarms.get(m.id, 0))
+        for m in monitors
+    ]
 
 
 def _described(monitor: Monitor, structure: Structure, maker: str, open_alarms: int) -> MonitorOut:
     watch = monitor.watch
-    frozen = {name: watch[name] for name in ("covariates", "false_alarm_rate", "horizon", "pending")}
+    frozen = {
+        name: watch[name] for name in ("covariates", "false_alarm_rate", "horizon", "pending")
+    }
     return shown_as(
         MonitorOut,
         monitor,
@@ -291,7 +365,10 @@ def _described(monitor: Monitor, structure: Structure, maker: str, open_alarms: 
         structure_name=structure.name,
         project_id=structure.project_id,
         acts_for=maker,
-        parameters=[WatchedIn(name=name, direction=direction) for name, direction in watch["directions"].items()],
+        parameters=[
+            WatchedIn(name=name, direction=direction)
+            for name, direction in watch["directions"].items()
+        ],
         baseline=BaselineIn(campaigns=watch["baseline"], since=monitor.since),
         chart=ChartIn(**watch["chart"]),
         open_alarms=open_alarms,

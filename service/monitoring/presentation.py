@@ -1,4 +1,6 @@
-"""A series as clients see it: judged values beside the campaigns they come from, the runs, and the alarms as marks."""
+"""A series as clients see it: judged values beside the campaigns they come from, the runs, and the
+alarms as marks.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,14 @@ from service.access import User
 from service.jobs.tables import Job
 from service.monitoring.runs import latest_runs, unit_of
 from service.monitoring.schemas import AlarmEventOut, AlarmOut, RunOut
-from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
+from service.monitoring.tables import (
+    Alarm,
+    AlarmEvent,
+    Monitor,
+    MonitorJudgement,
+    MonitorRun,
+    MonitorSeries,
+)
 from service.store.campaigns.operations import campaigns_of
 from service.store.structures.operations import structure_of, structures_of
 from service.web import shown_as
@@ -24,10 +33,14 @@ if TYPE_CHECKING:
 
 
 def series_document(session: Session, monitor: Monitor, series: MonitorSeries) -> dict[str, Any]:
-    """What `GET /monitors/{id}/series` answers; nothing but JSON, so that figures are made of it too."""
+    """What `GET /monitors/{id}/series` answers; nothing but JSON, so that figures are made of it
+    too.
+    """
     judged = series.document or {"state": "no data", "notes": [], "parameters": []}
     structure = structure_of(session, monitor.structure_id)
-    alarms = session.scalars(select(Alarm).where(Alarm.monitor_id == monitor.id).order_by(Alarm.id)).all()
+    alarms = session.scalars(
+        select(Alarm).where(Alarm.monitor_id == monitor.id).order_by(Alarm.id)
+    ).all()
     return {
         "monitor_id": str(monitor.id),
         "monitor_name": monitor.name,
@@ -48,7 +61,9 @@ def series_document(session: Session, monitor: Monitor, series: MonitorSeries) -
 
 def _versions(session: Session, monitor: Monitor) -> list[dict[str, Any]]:
     rows = session.scalars(
-        select(MonitorSeries).where(MonitorSeries.monitor_id == monitor.id).order_by(MonitorSeries.number)
+        select(MonitorSeries)
+        .where(MonitorSeries.monitor_id == monitor.id)
+        .order_by(MonitorSeries.number)
     )
     members = ("software", "reason", "created_at", "assessed_at")
     return [{"series": row.number, **_members(row, *members)} for row in rows]
@@ -58,11 +73,17 @@ def _members(row: object, *names: str) -> dict[str, Any]:
     """Members of a row as JSON has them."""
     found = {name: getattr(row, name) for name in names}
     plain = {name: str(value) for name, value in found.items() if isinstance(value, UUID)}
-    return found | plain | {name: at.isoformat() for name, at in found.items() if isinstance(at, datetime)}
+    return (
+        found
+        | plain
+        | {name: at.isoformat() for name, at in found.items() if isinstance(at, datetime)}
+    )
 
 
 def _last_judgement(session: Session, series: MonitorSeries) -> dict[str, Any] | None:
-    """How the latest judgement went: one that failed says why the series stands as it stood before."""
+    """How the latest judgement went: one that failed says why the series stands as it stood
+    before.
+    """
     job = session.scalars(
         select(Job)
         .join(MonitorJudgement, MonitorJudgement.id == Job.id)
@@ -104,7 +125,9 @@ def describe_runs(session: Session, rows: Sequence[MonitorRun]) -> list[RunOut]:
     """Runs as clients see them."""
     keys = {row.series_id for row in rows}
     numbers: dict[UUID, int] = dict(
-        session.execute(select(MonitorSeries.id, MonitorSeries.number).where(MonitorSeries.id.in_(keys))).all()
+        session.execute(
+            select(MonitorSeries.id, MonitorSeries.number).where(MonitorSeries.id.in_(keys))
+        ).all()
     )
     for row in rows:
         session.refresh(row)
@@ -116,17 +139,25 @@ def describe_alarms(session: Session, alarms: Sequence[Alarm]) -> list[AlarmOut]
     ids = [alarm.id for alarm in alarms]
     query = select(AlarmEvent, User.name).outerjoin(User, User.id == AlarmEvent.user_id)
     history: dict[UUID, list[AlarmEventOut]] = {key: [] for key in ids}
-    for event, name in session.execute(query.where(AlarmEvent.alarm_id.in_(ids)).order_by(AlarmEvent.id)):
+    for event, name in session.execute(
+        query.where(AlarmEvent.alarm_id.in_(ids)).order_by(AlarmEvent.id)
+    ):
         shown = AlarmEventOut(at=event.created_at, event=event.event, by=name, note=event.note)
         history[event.alarm_id].append(shown)
     watching = select(Monitor).join(Alarm, Alarm.monitor_id == Monitor.id).where(Alarm.id.in_(ids))
     monitors = {monitor.id: monitor for monitor in session.scalars(watching)}
     structures = structures_of(session, [monitor.structure_id for monitor in monitors.values()])
-    return [_described(alarm, monitors[alarm.monitor_id], structures, history[alarm.id]) for alarm in alarms]
+    return [
+        _described(alarm, monitors[alarm.monitor_id], structures, history[alarm.id])
+        for alarm in alarms
+    ]
 
 
 def _described(
-    alarm: Alarm, monitor: Monitor, structures: Mapping[UUID, Structure], history: list[AlarmEventOut]
+    alarm: Alarm,
+    monitor: Monitor,
+    structures: Mapping[UUID, Structure],
+    history: list[AlarmEventOut],
 ) -> AlarmOut:
     structure = structures[monitor.structure_id]
     by = next((step.by for step in reversed(history) if step.event == "acknowledged"), None)

@@ -49,9 +49,14 @@ from service.web.parameters import there
 router = api_router(tags=["monitoring"])
 nouns = NounRoutes(router, monitor_for, MonitorOut, monitors.describe_all, "monitors", "monitor_id")
 
-Deleted = Annotated[bool, Query(description="list deleted monitors, which can be restored, instead")]
+Deleted = Annotated[
+    bool, Query(description="list deleted monitors, which can be restored, instead")
+]
 
-Version = Annotated[int | None, Query(ge=1, le=1_000_000, description="of the series; default: the one that is judged")]
+Version = Annotated[
+    int | None,
+    Query(ge=1, le=1_000_000, description="of the series; default: the one that is judged"),
+]
 
 
 @router.post("/structures/{structure_id}/monitors", status_code=201, responses=there(MonitorOut))
@@ -65,9 +70,15 @@ def create_monitor(
     confirm: Confirm = False,
     unless_named: UnlessNamed = False,
 ) -> MonitorOut:
-    """Watch a structure: a frozen recipe, a baseline, parameters and how often it may call in vain."""
+    """Watch a structure: a frozen recipe, a baseline, parameters and how often it may call in
+    vain.
+    """
     require_usual(body, confirm)
-    present = nouns.first_named(session, user, structure_id, body.name, response) if unless_named else None
+    present = (
+        nouns.first_named(session, user, structure_id, body.name, response)
+        if unless_named
+        else None
+    )
     monitor = present or monitors.create_monitor(session, user, structure_id, body, settings)
     response.headers["Location"] = f"/api/v1/monitors/{monitor.id}"
     return nouns.tagged(session, monitor, response)
@@ -103,7 +114,9 @@ def change_monitor(
     request: Request,
     response: Response,
 ) -> MonitorOut:
-    """Change a name, a receiver, the expected interval, or put a monitor at rest. What decides is frozen."""
+    """Change a name, a receiver, the expected interval, or put a monitor at rest. What decides is
+    frozen.
+    """
     monitor = monitor_for(session, user, monitor_id, "editor", lock=True)
     require_match(request, etag_of(nouns.shown(session, monitor)))
     if not body.model_fields_set:
@@ -115,7 +128,8 @@ def change_monitor(
 # The updates of a monitor that run end as results of their own.
 nouns.deleting(
     "delete_monitor",
-    "Hide a monitor with its series and alarms, and end its work. It stays stored and can be restored.",
+    "Hide a monitor with its series and alarms, and end its work. It stays stored and can be"
+    " restored.",
 )
 
 
@@ -134,9 +148,11 @@ nouns.restoring(
 def start_runs(
     monitor_id: UUID, body: RunsIn, session: SessionDep, user: CurrentUser, response: Response
 ) -> Page[RunOut]:
-    """Run campaigns by hand: one, all that have not been run (backfill, in time order), or all anew.
+    """Run campaigns by hand: one, all that have not been run (backfill, in time order), or all
+    anew.
 
-    The answer lists the runs that are new; a campaign that has been run as it is now gets no second run: then it is 200.
+    The answer lists the runs that are new; a campaign that has been run as it is now gets no second
+    run: then it is 200.
     """
     monitor = monitor_for(session, user, monitor_id, "editor", lock=True)
     if body.rerun:
@@ -164,20 +180,30 @@ def list_runs(
     return paged(session, query, cursor, limit, partial(describe_runs, session), newest_first=True)
 
 
-@router.get("/monitors/{monitor_id}/series", response_model=None, responses={200: {"model": SeriesOut}})
-def get_series(monitor_id: UUID, session: SessionDep, user: CurrentUser, series: Version = None) -> dict[str, Any]:
-    """The series: values with their uncertainty, baseline, limits, corrected and raw, alarms and campaigns as marks."""
+@router.get(
+    "/monitors/{monitor_id}/series", response_model=None, responses={200: {"model": SeriesOut}}
+)
+def get_series(
+    monitor_id: UUID, session: SessionDep, user: CurrentUser, series: Version = None
+) -> dict[str, Any]:
+    """The series: values with their uncertainty, baseline, limits, corrected and raw, alarms and
+    campaigns as marks.
+    """
     monitor = monitor_for(session, user, monitor_id)
     return series_document(session, monitor, monitors.series_for(session, monitor, series))
 
 
 @router.post("/campaigns/{campaign_id}/complete")
 def complete_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> CompletionOut:
-    """Say that everything of a campaign is in, so that its structure's monitors need not wait. Saying it twice is fine."""
+    """Say that everything of a campaign is in, so that its structure's monitors need not wait.
+    Saying it twice is fine.
+    """
     campaign = campaign_for(session, user, campaign_id, "editor")
     row, started = monitors.complete_campaign(session, user, campaign)
     return CompletionOut(
-        campaign_id=row.campaign_id, completed_at=row.completed_at, runs=describe_runs(session, started)
+        campaign_id=row.campaign_id,
+        completed_at=row.completed_at,
+        runs=describe_runs(session, started),
     )
 
 
@@ -186,23 +212,33 @@ def list_alarms(
     session: SessionDep,
     user: CurrentUser,
     state: Annotated[
-        Literal["alarm", "acknowledged", "cleared", "withdrawn"] | None, Query(description="in this state only")
+        Literal["alarm", "acknowledged", "cleared", "withdrawn"] | None,
+        Query(description="in this state only"),
     ] = None,
     monitor: Annotated[UUID | None, Query(description="of this monitor only")] = None,
     project: Annotated[UUID | None, Query(description="of this project only")] = None,
     cursor: Cursor = None,
     limit: Limit = 100,
 ) -> Page[AlarmOut]:
-    """Alarms of one's projects, newest first, each with its history; those of deleted monitors are left out."""
-    there = (Monitor.structure_id.in_(structures_in(projects_of(user))), monitors.hidden(deleted=False))
+    """Alarms of one's projects, newest first, each with its history; those of deleted monitors are
+    left out.
+    """
+    there = (
+        Monitor.structure_id.in_(structures_in(projects_of(user))),
+        monitors.hidden(deleted=False),
+    )
     query = select(Alarm).join(Monitor).where(*there)
     if state is not None:
         query = query.where(Alarm.state == state)
     if monitor is not None:
         query = query.where(Alarm.monitor_id == monitor_for(session, user, monitor).id)
     if project is not None:
-        query = query.where(Monitor.structure_id.in_(structures_in([project_for(session, user, project).id])))
-    return paged(session, query, cursor, limit, partial(describe_alarms, session), newest_first=True)
+        query = query.where(
+            Monitor.structure_id.in_(structures_in([project_for(session, user, project).id]))
+        )
+    return paged(
+        session, query, cursor, limit, partial(describe_alarms, session), newest_first=True
+    )
 
 
 @router.get("/alarms/{alarm_id}")
@@ -212,8 +248,12 @@ def get_alarm(alarm_id: UUID, session: SessionDep, user: CurrentUser) -> AlarmOu
 
 
 @router.post("/alarms/{alarm_id}/acknowledge")
-def acknowledge_alarm(alarm_id: UUID, body: AcknowledgementIn, session: SessionDep, user: CurrentUser) -> AlarmOut:
-    """Say that you have seen an alarm, and what you make of it. The monitor is judged anew with that."""
+def acknowledge_alarm(
+    alarm_id: UUID, body: AcknowledgementIn, session: SessionDep, user: CurrentUser
+) -> AlarmOut:
+    """Say that you have seen an alarm, and what you make of it. The monitor is judged anew with
+    that.
+    """
     alarm = alarm_for(session, user, alarm_id, "editor")
     acknowledge(session, user, alarm, body.note)
     request_check(session, alarm.monitor_id)
@@ -222,7 +262,11 @@ def acknowledge_alarm(alarm_id: UUID, body: AcknowledgementIn, session: SessionD
 
 @router.get("/monitors/{monitor_id}/deliveries")
 def list_deliveries_of_monitor(
-    monitor_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+    monitor_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    cursor: Cursor = None,
+    limit: Limit = 100,
 ) -> Page[DeliveryOut]:
     """The messages of a monitor, by webhook and mail, newest first."""
     monitor = monitor_for(session, user, monitor_id)

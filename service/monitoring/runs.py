@@ -1,10 +1,12 @@
 """Runs: from campaigns that are complete to update jobs, and from their ends to values.
 
-`bring_up_to_date` compares what has been run with what should have been and starts the difference, so it may be called as
-often as one likes, by anyone, in any transaction that holds the monitor's row.
+`bring_up_to_date` compares what has been run with what should have been and starts the difference,
+so it may be called as often as one likes, by anyone, in any transaction that holds the monitor's
+row.
 
-A run takes from an update's result watched values with the part of their uncertainty that differs from one
-campaign to the next, and the laboratory's inputs, which all campaigns share, held at what was stated.
+A run takes from an update's result watched values with the part of their uncertainty that differs
+from one campaign to the next, and the laboratory's inputs, which all campaigns share, held at what
+was stated.
 """
 
 from __future__ import annotations
@@ -35,7 +37,12 @@ from service.monitoring.campaigns import Seen, seen_campaigns
 from service.monitoring.tables import Monitor, MonitorRun, MonitorSeries
 from service.store.campaigns.operations import campaign_of
 from service.store.modes.operations import modes_of
-from service.store.structures.operations import describe_version, structure_for, structure_of, version_of
+from service.store.structures.operations import (
+    describe_version,
+    structure_for,
+    structure_of,
+    version_of,
+)
 from service.store.updating.bodies import usual_boundary
 from service.store.updating.loading import body_for
 from service.store.updating.operations import arrays_of, result_documents, start_update
@@ -52,12 +59,15 @@ def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]
     """Values of a result document.
 
     Returns:
-        `parameters`: name to [estimate, noise-only standard deviation], both with the inputs held: a model error or a wrong
-        thickness that all campaigns share does not move them; `modes`: (f, sd, ζ, sd) of each measured mode, `kinds`: of
-        its motion; None where not known.
+        `parameters`: name to [estimate, noise-only standard deviation], both with the inputs held:
+            a model error or a wrong
+        thickness that all campaigns share does not move them; `modes`: (f, sd, ζ, sd) of each
+        measured mode, `kinds`: of its motion; None where not known.
     """
     compared = {row["name"]: row["comparable"] for row in document["parameters"]}
-    parameters = {name: [found["estimate"], found["standard_deviation"]] for name, found in compared.items()}
+    parameters = {
+        name: [found["estimate"], found["standard_deviation"]] for name, found in compared.items()
+    }
     stated: dict[int, Mode] = {}
     if mode_set := document["provenance"].get("mode_set"):
         key = UUID(mode_set)
@@ -67,7 +77,11 @@ def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]
         mode = stated.get(row["number"])
         sds = (None, None) if mode is None else (mode.frequency_sd_hz, mode.damping_sd)
         modes.append([row["measured_hz"], sds[0], row["measured_damping"], sds[1]])
-    return {"parameters": parameters, "modes": modes, "kinds": [row.get("kind") for row in document["modes"]]}
+    return {
+        "parameters": parameters,
+        "modes": modes,
+        "kinds": [row.get("kind") for row in document["modes"]],
+    }
 
 
 def _scale(session: Session, key: UUID) -> float | None:
@@ -87,7 +101,9 @@ def moves_of(session: Session, run: MonitorRun) -> Moves | None:
         dict(zip(arrays[f"{kind}_names"].tolist(), arrays[f"{kind}_effects"], strict=True))
         for kind in ("stiffness", "support")
     )
-    return Moves(str(run.campaign_id), stiffness, support, arrays["mass_sites_m"], arrays["mass_effects"])
+    return Moves(
+        str(run.campaign_id), stiffness, support, arrays["mass_sites_m"], arrays["mass_effects"]
+    )
 
 
 def unit_of(parameter: str) -> str | None:
@@ -114,7 +130,9 @@ class Moment:
 
 
 def newest_series(session: Session, monitor: Monitor) -> MonitorSeries:
-    """The version of the series that new runs go into; the first one is made here. The transaction holds the monitor's row."""
+    """The version of the series that new runs go into; the first one is made here. The transaction
+    holds the monitor's row.
+    """
     found = session.scalars(
         select(MonitorSeries)
         .where(MonitorSeries.monitor_id == monitor.id)
@@ -125,8 +143,8 @@ def newest_series(session: Session, monitor: Monitor) -> MonitorSeries:
 
 
 def next_series(session: Session, monitor: Monitor, number: int, reason: str) -> MonitorSeries:
-    """Open a version of the series, one more than the newest; those before it stay as they are. The transaction holds the
-    monitor's row.
+    """Open a version of the series, one more than the newest; those before it stay as they are. The
+    transaction holds the monitor's row.
     """
     row = MonitorSeries(monitor_id=monitor.id, number=number, software=__version__, reason=reason)
     session.add(row)
@@ -136,7 +154,9 @@ def next_series(session: Session, monitor: Monitor, number: int, reason: str) ->
 
 
 def latest_runs(session: Session, series: MonitorSeries) -> dict[UUID, MonitorRun]:
-    """The run that counts of each campaign, which is the one with the highest revision, by campaign."""
+    """The run that counts of each campaign, which is the one with the highest revision, by
+    campaign.
+    """
     rows = session.scalars(
         select(MonitorRun)
         .where(MonitorRun.series_id == series.id)
@@ -147,8 +167,8 @@ def latest_runs(session: Session, series: MonitorSeries) -> dict[UUID, MonitorRu
 
 
 def collect(session: Session, series: MonitorSeries) -> None:
-    """Take over the values of update jobs that have ended since: a run becomes `succeeded` with its values, or `failed`
-    with the reason.
+    """Take over the values of update jobs that have ended since: a run becomes `succeeded` with its
+    values, or `failed` with the reason.
     """
     ended = session.execute(
         select(MonitorRun, Job)
@@ -173,7 +193,12 @@ def collect(session: Session, series: MonitorSeries) -> None:
 
 
 def bring_up_to_date(
-    session: Session, monitor: Monitor, moment: Moment, *, by_hand: bool = False, only: UUID | None = None
+    session: Session,
+    monitor: Monitor,
+    moment: Moment,
+    *,
+    by_hand: bool = False,
+    only: UUID | None = None,
 ) -> list[MonitorRun]:
     """Start what should be run and is not. The transaction holds the monitor's row.
 
@@ -213,8 +238,8 @@ def bring_up_to_date(
 
 
 def counted(seen: Sequence[Seen], runs: dict[UUID, MonitorRun]) -> list[tuple[Seen, MonitorRun]]:
-    """The campaigns that make the series, in time order, each with its run: those without an objection whose latest run
-    has succeeded.
+    """The campaigns that make the series, in time order, each with its run: those without an
+    objection whose latest run has succeeded.
     """
     pairs = ((one, runs.get(one.campaign.id)) for one in seen if one.objection is None)
     return [(one, run) for one, run in pairs if run is not None and run.state == "succeeded"]
@@ -246,7 +271,10 @@ def _held_otherwise(one: Seen, monitor: Monitor) -> str | None:
     if monitor.boundary is None:
         monitor.boundary = one.campaign.boundary
     if one.campaign.boundary != monitor.boundary:
-        return f"the specimen was held {one.campaign.boundary!r}; this monitor compares campaigns held {monitor.boundary!r}"
+        return (
+            f"the specimen was held {one.campaign.boundary!r}; this monitor compares campaigns held"
+            f" {monitor.boundary!r}"
+        )
     return None
 
 
@@ -256,13 +284,15 @@ def _outdated(session: Session, monitor: Monitor) -> str | None:
     frozen = version_of(session, monitor.structure_version_id)
     if structure.version != frozen.number:
         return (
-            f"the structure is now in version {structure.version}, this monitor's series is of version {frozen.number}; "
-            "make a new monitor for the changed structure"
+            f"the structure is now in version {structure.version}, this monitor's series is of"
+            f" version {frozen.number}; make a new monitor for the changed structure"
         )
     return None
 
 
-def _run(session: Session, series: MonitorSeries, one: Seen, latest: MonitorRun | None) -> MonitorRun:
+def _run(
+    session: Session, series: MonitorSeries, one: Seen, latest: MonitorRun | None
+) -> MonitorRun:
     run = MonitorRun(
         series_id=series.id,
         campaign_id=one.campaign.id,
@@ -274,8 +304,12 @@ def _run(session: Session, series: MonitorSeries, one: Seen, latest: MonitorRun 
     return run
 
 
-def _start(session: Session, monitor: Monitor, run: MonitorRun, one: Seen, runs: dict[UUID, MonitorRun]) -> None:
-    """Queue the update in the name of the monitor's maker. A recipe that is refused makes a refused run with the reason."""
+def _start(
+    session: Session, monitor: Monitor, run: MonitorRun, one: Seen, runs: dict[UUID, MonitorRun]
+) -> None:
+    """Queue the update in the name of the monitor's maker. A recipe that is refused makes a refused
+    run with the reason.
+    """
     user = session.get_one(User, monitor.user_id)
     try:
         with session.begin_nested():
@@ -284,14 +318,26 @@ def _start(session: Session, monitor: Monitor, run: MonitorRun, one: Seen, runs:
     except (ServiceError, FecoreError) as error:
         run.state, run.message, run.finished_at = "failed", str(error), func.now()
     except ValidationError as error:
-        why = f"this version does not take the frozen recipe: {error.errors()[0]['msg']}; make a new monitor"
+        why = (
+            f"this version does not take the frozen recipe: {error.errors()[0]['msg']}; make a new"
+            " monitor"
+        )
         run.state, run.message, run.finished_at = "failed", why, func.now()
 
 
-def _recipe(session: Session, monitor: Monitor, one: Seen, runs: dict[UUID, MonitorRun]) -> RecipeIn:
-    """The monitor's recipe for a campaign. Coefficients of temperature are its regression's: a campaign has one temperature."""
-    kept = [each for each in monitor.recipe.get("parameters") or () if constant_of(each["name"]) is None]
-    own = {"mode_set": None if one.mode_set is None else str(one.mode_set), "parameters": kept or None}
+def _recipe(
+    session: Session, monitor: Monitor, one: Seen, runs: dict[UUID, MonitorRun]
+) -> RecipeIn:
+    """The monitor's recipe for a campaign. Coefficients of temperature are its regression's: a
+    campaign has one temperature.
+    """
+    kept = [
+        each for each in monitor.recipe.get("parameters") or () if constant_of(each["name"]) is None
+    ]
+    own = {
+        "mode_set": None if one.mode_set is None else str(one.mode_set),
+        "parameters": kept or None,
+    }
     recipe = RecipeIn.model_validate({**monitor.recipe, **own})
     if monitor.priors == "baseline":
         return recipe
@@ -301,14 +347,22 @@ def _recipe(session: Session, monitor: Monitor, one: Seen, runs: dict[UUID, Moni
 
 def _run_before(session: Session, one: Seen, runs: dict[UUID, MonitorRun]) -> dict[str, Any] | None:
     """Values of the last campaign before this one."""
-    done = [run for run in runs.values() if run.state == "succeeded" and run.campaign_id != one.campaign.id]
+    done = [
+        run
+        for run in runs.values()
+        if run.state == "succeeded" and run.campaign_id != one.campaign.id
+    ]
     dated = [(campaign_of(session, run.campaign_id).performed_at, run) for run in done]
     earlier = [(at, run) for at, run in dated if at is not None and at < one.campaign.performed_at]  # type: ignore[operator]
     return max(earlier, key=lambda pair: pair[0])[1].values if earlier else None
 
 
-def _with_priors(session: Session, monitor: Monitor, recipe: RecipeIn, values: dict[str, Any]) -> RecipeIn:
-    """The recipe with the last estimates as prior means; widths stay, so that a prior never narrows down on the past."""
+def _with_priors(
+    session: Session, monitor: Monitor, recipe: RecipeIn, values: dict[str, Any]
+) -> RecipeIn:
+    """The recipe with the last estimates as prior means; widths stay, so that a prior never narrows
+    down on the past.
+    """
     version = version_of(session, monitor.structure_version_id)
     structure = structure_of(session, monitor.structure_id)
     described = describe_version(version, structure.name)
@@ -322,7 +376,11 @@ def _with_priors(session: Session, monitor: Monitor, recipe: RecipeIn, values: d
         carried.append(
             ParameterIn(
                 name=parameter.name,
-                prior_mean=parameter.prior_mean if parameter.name not in widths or last is None else last[0],
+                prior_mean=(
+                    parameter.prior_mean
+                    if parameter.name not in widths or last is None
+                    else last[0]
+                ),
                 prior_sd=widths.get(parameter.name, parameter.prior_sd),
                 fixed=parameter.fixed,
                 tied_to=parameter.tied_to,

@@ -1,9 +1,10 @@
 """The scheduler starts the runs and judgements that monitors are due. Each worker process has one.
 
-It looks when a job has ended or somebody has asked for something, and at every monitor now and then, so that a lost
-notice, a late campaign or a schedule's time is seen too. It holds no state: what it finds undone, it does, under a lock on
-the monitor's row. It is a thread and not a periodic task of the queue, since a task waits for a free place in a worker,
-and a long job may hold that for an hour.
+It looks when a job has ended or somebody has asked for something, and at every monitor now and
+then, so that a lost notice, a late campaign or a schedule's time is seen too. It holds no state:
+what it finds undone, it does, under a lock on the monitor's row. It is a thread and not a periodic
+task of the queue, since a task waits for a free place in a worker, and a long job may hold that for
+an hour.
 """
 
 import contextlib
@@ -95,20 +96,30 @@ class _Scheduler:
             elif changed:
                 self._check_all(self._concerned(changed))
         except SQLAlchemyError as error:
-            log.warning("the database does not answer; trying again", error=str(error).split("\n", 1)[0])
+            log.warning(
+                "the database does not answer; trying again", error=str(error).split("\n", 1)[0]
+            )
         return max(0.0, self._sweep_at - time.monotonic())
 
     def _sweep(self) -> None:
         with self._sessions() as session:
-            everyone = session.scalars(select(Monitor.id).where(_WATCHING).order_by(Monitor.id)).all()
+            everyone = session.scalars(
+                select(Monitor.id).where(_WATCHING).order_by(Monitor.id)
+            ).all()
         self._check_all(everyone)
 
     def _concerned(self, changed: Sequence[UUID]) -> Sequence[UUID]:
         """Monitors among these ids, and those that an ended job among these belongs to."""
         with self._sessions() as session:
-            of_run = select(MonitorSeries.monitor_id).join(MonitorRun).join(Job, Job.id == MonitorRun.update_job_id)
+            of_run = (
+                select(MonitorSeries.monitor_id)
+                .join(MonitorRun)
+                .join(Job, Job.id == MonitorRun.update_job_id)
+            )
             of_judgement = (
-                select(MonitorSeries.monitor_id).join(MonitorJudgement).join(Job, Job.id == MonitorJudgement.id)
+                select(MonitorSeries.monitor_id)
+                .join(MonitorJudgement)
+                .join(Job, Job.id == MonitorJudgement.id)
             )
             ended = (Job.id.in_(changed), Job.state.in_(ENDED))
             imported_into = structures_with(campaigns_with(select(Job.id).where(*ended)))

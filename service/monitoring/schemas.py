@@ -1,5 +1,5 @@
-"""What a client sends and gets about monitors, their runs and series, and alarms. A series is shown as it was judged, not
-filtered; its models describe it in the OpenAPI document.
+"""What a client sends and gets about monitors, their runs and series, and alarms. A series is shown
+as it was judged, not filtered; its models describe it in the OpenAPI document.
 """
 
 import re
@@ -37,11 +37,16 @@ class WatchedIn(StrictModel):
 
     name: str = Field(
         pattern=r"^\w{1,60}(\.\w{1,60})?$",
-        description="`Ex Ey Gxy …`, of a body in space `web.E1 …`, `a0 a1 …`, or `frequency_2`, `damping_ratio_2` of the "
-        "campaigns' second mode",
+        description=(
+            "`Ex Ey Gxy …`, of a body in space `web.E1 …`, `a0 a1 …`, or `frequency_2`,"
+            " `damping_ratio_2` of the campaigns' second mode"
+        ),
     )
     direction: Direction | None = Field(
-        None, description="default: `rise` for damping, `fall` for elastic constants and frequencies, else `both`"
+        None,
+        description=(
+            "default: `rise` for damping, `fall` for elastic constants and frequencies, else `both`"
+        ),
     )
 
     @property
@@ -51,69 +56,113 @@ class WatchedIn(StrictModel):
             return self.direction
         if self.name.rpartition(".")[2] in ("nu_xy", "nu12", "density", "thickness", "t"):
             return "both"
-        return "fall" if CONSTANT.fullmatch(self.name) or self.name.startswith("frequency_") else "rise"
+        return (
+            "fall"
+            if CONSTANT.fullmatch(self.name) or self.name.startswith("frequency_")
+            else "rise"
+        )
 
 
 class BaselineIn(StrictModel):
-    """What later campaigns are held against: the first campaigns, from a date on if one is stated."""
+    """What later campaigns are held against: the first campaigns, from a date on if one is
+    stated.
+    """
 
-    campaigns: int = Field(12, ge=4, le=1000, description="how many; with k covariates at least 4 + k")
-    since: Time | None = Field(None, description="campaigns before this are left out, as after a repair")
+    campaigns: int = Field(
+        12, ge=4, le=1000, description="how many; with k covariates at least 4 + k"
+    )
+    since: Time | None = Field(
+        None, description="campaigns before this are left out, as after a repair"
+    )
 
 
 class ChartIn(StrictModel):
     """The control chart."""
 
     kind: Literal["ewma", "cusum", "shewhart"] = "ewma"
-    weight: float = Field(0.3, gt=0, le=1, description="λ of an EWMA: small for slow and small changes")
-    reference: float = Field(0.5, gt=0, lt=10, description="k of a CUSUM, half the change to be found, in its sd")
-    jump_share: float = Field(0.5, ge=0, lt=1, description="share of the false alarms for the limit on single scores")
+    weight: float = Field(
+        0.3, gt=0, le=1, description="λ of an EWMA: small for slow and small changes"
+    )
+    reference: float = Field(
+        0.5, gt=0, lt=10, description="k of a CUSUM, half the change to be found, in its sd"
+    )
+    jump_share: float = Field(
+        0.5, ge=0, lt=1, description="share of the false alarms for the limit on single scores"
+    )
 
 
 MOST_WATCHED = 20
 USUAL_KINDS, USUAL_COEFFICIENTS = ("Ex", "Gxy", "E1", "G12", "E"), ("a0", "a1")
-"""What is watched where nothing is said: the constants of these kinds that the recipe updates, and these coefficients."""
+"""What is watched where nothing is said: the constants of these kinds that the recipe updates, and
+these coefficients.
+"""
 
 
 class MonitorIn(StrictModel):
     """A monitor; everything but its name has a default."""
 
-    model_config = example(name="stringer 1", baseline={"campaigns": 12}, covariates=["temperature_c"])
+    model_config = example(
+        name="stringer 1", baseline={"campaigns": 12}, covariates=["temperature_c"]
+    )
 
     name: Name
     recipe: RecipeIn = Field(default_factory=lambda: RecipeIn.model_validate({}))
     modes: Literal["identify", "given"] = Field(
         "identify",
-        description="`identify`: every run identifies the modes from the FRFs; `given`: it takes the campaign's newest "
-        "mode set that was typed in or came with a file, and waits for one",
+        description=(
+            "`identify`: every run identifies the modes from the FRFs; `given`: it takes the"
+            " campaign's newest mode set that was typed in or came with a file, and waits for one"
+        ),
     )
     priors: Literal["baseline", "last"] = Field(
         "baseline",
-        description="`baseline`: each run has the recipe's priors; `last`: their means are the estimates of the campaign "
-        "before, their widths the recipe's, so that the prior follows the structure and never hides a change",
+        description=(
+            "`baseline`: each run has the recipe's priors; `last`: their means are the estimates of"
+            " the campaign before, their widths the recipe's, so that the prior follows the"
+            " structure and never hides a change"
+        ),
     )
-    boundary: Boundary | None = Field(None, description="only campaigns held like this; default: as the first one run")
+    boundary: Boundary | None = Field(
+        None, description="only campaigns held like this; default: as the first one run"
+    )
     parameters: list[WatchedIn] | None = Field(
         None,
         min_length=1,
         max_length=MOST_WATCHED,
-        description="default: of what the recipe updates Ex and Gxy, or E1 and G12 of each set (E of beams); a0 and a1",
+        description=(
+            "default: of what the recipe updates Ex and Gxy, or E1 and G12 of each set (E of"
+            " beams); a0 and a1"
+        ),
     )
     baseline: BaselineIn = Field(default_factory=lambda: BaselineIn(campaigns=12, since=None))
     covariates: list[Covariate] = Field(default_factory=list, max_length=2)
     false_alarm_rate: float = Field(
         0.01, gt=0, lt=0.5, description="false alarms a campaign, of all parameters together"
     )
-    horizon: int = Field(24, ge=1, le=1000, description="campaigns after the baseline over which that rate is held")
-    pending: int = Field(1, ge=1, le=10, description="consecutive campaigns outside that make an alarm")
-    chart: ChartIn = Field(default_factory=lambda: ChartIn(kind="ewma", weight=0.3, reference=0.5, jump_share=0.5))
+    horizon: int = Field(
+        24, ge=1, le=1000, description="campaigns after the baseline over which that rate is held"
+    )
+    pending: int = Field(
+        1, ge=1, le=10, description="consecutive campaigns outside that make an alarm"
+    )
+    chart: ChartIn = Field(
+        default_factory=lambda: ChartIn(kind="ewma", weight=0.3, reference=0.5, jump_share=0.5)
+    )
     expected_interval_days: float | None = Field(
-        None, gt=0, le=36500, description="a campaign later than 1.5 of it is `no data`; none: nothing is expected"
+        None,
+        gt=0,
+        le=36500,
+        description="a campaign later than 1.5 of it is `no data`; none: nothing is expected",
     )
     runs_on: Literal["campaign", "schedule", "hand"] = Field(
-        "campaign", description="when campaigns are run: each when it is complete, at the schedule's times, or by hand"
+        "campaign",
+        description=(
+            "when campaigns are run: each when it is complete, at the schedule's times, or by hand"
+        ),
     )
-    schedule: Text | None = Field(None, max_length=100, description="five cron fields, UTC, such as `0 3 * * 1`")
+    schedule: Text | None = Field(
+        None, max_length=100, description="five cron fields, UTC, such as `0 3 * * 1`"
+    )
     mail_to: list[Text] = Field(default_factory=list, max_length=20)
     active: bool = Field(True, description="whether it runs and judges by itself, or is at rest")
 
@@ -140,14 +189,19 @@ class MonitorIn(StrictModel):
     def _consistent(self) -> Self:
         if (self.runs_on == "schedule") != (self.schedule is not None):
             raise wrong("a schedule belongs to runs_on `schedule`, and that to a schedule")
-        if self.schedule is not None and (len(self.schedule.split()) != 5 or not croniter.is_valid(self.schedule)):
+        if self.schedule is not None and (
+            len(self.schedule.split()) != 5 or not croniter.is_valid(self.schedule)
+        ):
             raise wrong("schedule is not five cron fields, such as `0 3 * * 1`")
         if len(set(self.covariates)) < len(self.covariates):
             raise wrong("a covariate is there twice")
         if self.baseline.campaigns < 4 + len(self.covariates):
             raise wrong("baseline has too few campaigns: at least 4 and one a covariate")
         try:
-            self.to_watch(self.parameters or [WatchedIn(name=name, direction=None) for name in USUAL_COEFFICIENTS])
+            self.to_watch(
+                self.parameters
+                or [WatchedIn(name=name, direction=None) for name in USUAL_COEFFICIENTS]
+            )
         except InputError as error:
             raise wrong(str(error)) from None
         return self
@@ -163,14 +217,20 @@ class MonitorIn(StrictModel):
         names = [*(name for name in updated if kind_of(name) in USUAL_KINDS), *USUAL_COEFFICIENTS]
         if len(names) > MOST_WATCHED:
             raise Invalid(
-                "/parameters", f"are not stated, and the usual ones are {len(names)}; state {MOST_WATCHED} at most"
+                "/parameters",
+                f"are not stated, and the usual ones are {len(names)}; state {MOST_WATCHED} at"
+                " most",
             )
         return [WatchedIn(name=name, direction=None) for name in names]
 
     def to_watch(
-        self, watched: Sequence[WatchedIn], per_kelvin: Mapping[str, tuple[float, float]] | None = None
+        self,
+        watched: Sequence[WatchedIn],
+        per_kelvin: Mapping[str, tuple[float, float]] | None = None,
     ) -> Watch:
-        """The recipe of the judgement as the core takes it; with what is known of changes by temperature."""
+        """The recipe of the judgement as the core takes it; with what is known of changes by
+        temperature.
+        """
         return Watch(
             directions={p.name: p.watched_direction for p in watched},
             baseline=self.baseline.campaigns,
@@ -185,13 +245,19 @@ class MonitorIn(StrictModel):
 
 
 class MonitorPatch(StrictModel):
-    """Members to change. What decides about the series is frozen: for another recipe or baseline make another monitor."""
+    """Members to change. What decides about the series is frozen: for another recipe or baseline
+    make another monitor.
+    """
 
     model_config = example(active=False)
 
     name: Name | None = None
-    active: bool | None = Field(None, description="a monitor at rest runs nothing by itself and judges nothing")
-    expected_interval_days: float | None = Field(None, gt=0, le=36500, description="null: nothing is expected")
+    active: bool | None = Field(
+        None, description="a monitor at rest runs nothing by itself and judges nothing"
+    )
+    expected_interval_days: float | None = Field(
+        None, gt=0, le=36500, description="null: nothing is expected"
+    )
     mail_to: list[Text] | None = Field(None, max_length=20)
 
     _mail = field_validator("mail_to")(lambda addresses: addresses and MonitorIn._mail(addresses))
@@ -229,7 +295,9 @@ class MonitorOut(StrictModel):
     schedule: str | None
     next_run_at: datetime | None
     mail_to: list[str]
-    series: int = Field(description="version of the series that is judged; 0 before the first judgement")
+    series: int = Field(
+        description="version of the series that is judged; 0 before the first judgement"
+    )
     state: State
     state_since: datetime
     open_alarms: int
@@ -240,7 +308,9 @@ class RunsIn(StrictModel):
 
     model_config = example()
 
-    campaign: UUID | None = Field(None, description="this one, complete or not; one that failed is tried again")
+    campaign: UUID | None = Field(
+        None, description="this one, complete or not; one that failed is tried again"
+    )
     rerun: bool = Field(False, description="all campaigns anew, as the next version of the series")
     reason: Text = Field("", max_length=1000, description="why it is rerun")
 
@@ -300,7 +370,9 @@ class AlarmOut(StrictModel):
     acknowledged_at: datetime | None
     acknowledged_by: str | None
     note: str | None
-    details: dict[str, Any] = Field(description="value, baseline, score, change point and rate when it was last judged")
+    details: dict[str, Any] = Field(
+        description="value, baseline, score, change point and rate when it was last judged"
+    )
     history: list[AlarmEventOut]
 
 
@@ -328,7 +400,10 @@ class PointOut(_Part):
     )
     in_baseline: bool = Field(description="whether the campaign is one of the baseline's")
     judged: dict[str, Any] | None = Field(
-        description="residual and limit in its unit, score and chart in standard deviations; null in the baseline"
+        description=(
+            "residual and limit in its unit, score and chart in standard deviations; null in the"
+            " baseline"
+        )
     )
 
 
@@ -339,19 +414,30 @@ class SeriesParameterOut(_Part):
     unit: str | None = Field(description="SI unit of its values")
     direction: str = Field(description="where it must not go: fall, rise or both")
     state: str = Field(description="no data, normal, pending, alarm or acknowledged")
-    baseline: dict[str, Any] | None = Field(description="mean, its sd, scatter, slopes; null until it is full")
+    baseline: dict[str, Any] | None = Field(
+        description="mean, its sd, scatter, slopes; null until it is full"
+    )
     curve: dict[str, Any] | None = Field(
         None,
-        description="over temperature, with 95 % intervals, and `per_K`, the relative change per kelvin; null where "
-        "temperature_c is no covariate",
+        description=(
+            "over temperature, with 95 % intervals, and `per_K`, the relative change per kelvin;"
+            " null where temperature_c is no covariate"
+        ),
     )
-    limits: dict[str, float | None] | None = Field(description="of chart and single score, standard deviations")
+    limits: dict[str, float | None] | None = Field(
+        description="of chart and single score, standard deviations"
+    )
     autocorrelation: dict[str, Any] | None = Field(
         None,
-        description="`lag_1` of the baseline with `interval_95`, and the factor `limits_widened_by` for it; null without one",
+        description=(
+            "`lag_1` of the baseline with `interval_95`, and the factor `limits_widened_by` for it;"
+            " null without one"
+        ),
     )
     points: list[PointOut] = Field(description="in the order of time")
-    change_point: dict[str, Any] | None = Field(description="when and how much it changed; null without a change")
+    change_point: dict[str, Any] | None = Field(
+        description="when and how much it changed; null without a change"
+    )
     rate: dict[str, Any] | None = Field(
         description="of change, per year, `since` its onset where it is a ramp; null where unknown"
     )

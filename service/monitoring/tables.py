@@ -16,23 +16,31 @@ class CampaignCompletion(Base):
 
     __tablename__ = "campaign_completions"
 
-    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"), primary_key=True)
+    campaign_id: Mapped[UUID] = mapped_column(
+        ForeignKey("campaigns.id", ondelete="CASCADE"), primary_key=True
+    )
     user_id: Mapped[UUID] = mapped_column(ForeignKey("users.id"))
     completed_at: Mapped[datetime] = mapped_column(server_default=func.now())
 
 
 class Monitor(Identified, Base):
-    """What is watched, how and by whom. `state` is the judged series' worst; `series` is its number, 0 before any."""
+    """What is watched, how and by whom. `state` is the judged series' worst; `series` is its
+    number, 0 before any.
+    """
 
     __tablename__ = "monitors"
     __table_args__ = (
         Index(None, "structure_id", "id"),
         Index(None, "state_rank", "id"),
-        CheckConstraint("state IN ('no data', 'normal', 'pending', 'alarm', 'acknowledged')", "state"),
+        CheckConstraint(
+            "state IN ('no data', 'normal', 'pending', 'alarm', 'acknowledged')", "state"
+        ),
     )
 
     structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
-    structure_version_id: Mapped[UUID] = mapped_column(ForeignKey("structure_versions.id", deferrable=True))
+    structure_version_id: Mapped[UUID] = mapped_column(
+        ForeignKey("structure_versions.id", deferrable=True)
+    )
     user_id: Mapped[UUID] = mapped_column(ForeignKey("users.id"))
     name: Mapped[str]
     boundary: Mapped[str | None]
@@ -60,7 +68,9 @@ AT_WORK = and_(Monitor.active, Monitor.deleted_at.is_(None))
 
 
 class MonitorSeries(Identified, Base):
-    """One version of a monitor's series. A rerun makes the next one; those before it stay as they were."""
+    """One version of a monitor's series. A rerun makes the next one; those before it stay as they
+    were.
+    """
 
     __tablename__ = "monitor_series"
     __table_args__ = (UniqueConstraint("monitor_id", "number"),)
@@ -75,13 +85,17 @@ class MonitorSeries(Identified, Base):
 
 
 class MonitorRun(Identified, Base):
-    """The recipe on one campaign in one series; a corrected campaign gets another revision. The latest one counts."""
+    """The recipe on one campaign in one series; a corrected campaign gets another revision. The
+    latest one counts.
+    """
 
     __tablename__ = "monitor_runs"
     __table_args__ = (
         UniqueConstraint("series_id", "campaign_id", "revision"),
         CheckConstraint("state IN ('running', 'succeeded', 'failed', 'refused')", "state"),
-        Index("ix_monitor_runs_running", "update_job_id", postgresql_where=text("state = 'running'")),
+        Index(
+            "ix_monitor_runs_running", "update_job_id", postgresql_where=text("state = 'running'")
+        ),
     )
 
     series_id: Mapped[UUID] = mapped_column(ForeignKey("monitor_series.id", ondelete="CASCADE"))
@@ -90,7 +104,9 @@ class MonitorRun(Identified, Base):
     fingerprint: Mapped[str]
     state: Mapped[str]
     message: Mapped[str | None]
-    update_job_id: Mapped[UUID | None] = mapped_column(ForeignKey("update_jobs.id", deferrable=True))
+    update_job_id: Mapped[UUID | None] = mapped_column(
+        ForeignKey("update_jobs.id", deferrable=True)
+    )
     software: Mapped[str | None]
     values: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     finished_at: Mapped[datetime | None]

@@ -1,7 +1,7 @@
 """Figures of what a campaign measured, without any model, and what they are drawn from.
 
-They are the hits of a point, with each hit's FRF and how the hits were judged; an FRF; the shapes of a mode set; and how alike
-those of two sets are.
+They are the hits of a point, with each hit's FRF and how the hits were judged; an FRF; the shapes
+of a mode set; and how alike those of two sets are.
 """
 
 from __future__ import annotations
@@ -54,7 +54,9 @@ class Chosen:
 
 @dataclass(frozen=True)
 class PointBlocks:
-    """Blocks of the whole hits of one place, without their samples; and the processing that judged them last."""
+    """Blocks of the whole hits of one place, without their samples; and the processing that judged
+    them last.
+    """
 
     rows: list[BlockRow]
     judged: Processing | None
@@ -92,18 +94,23 @@ def point_blocks(session: Session, campaign_id: UUID, chosen: Chosen) -> PointBl
 def point_shown(session: Session, blocks: PointBlocks) -> PointShown:
     """The hits with their samples and FRFs.
 
-    They are judged as the newest processing of the campaign judged them; where it has not seen all of them, among themselves.
+    They are judged as the newest processing of the campaign judged them; where it has not seen all
+    of them, among themselves.
 
     Raises:
         NotFound: no sensor stood at the response point.
         InputError: hits are unlike one another.
         Damaged: stored bytes are not the ones that were stored.
     """
-    hits, channel = _of_sensor(hits_of(blocks.rows, samples_of(session, blocks.rows)), blocks.chosen.response)
+    hits, channel = _of_sensor(
+        hits_of(blocks.rows, samples_of(session, blocks.rows)), blocks.chosen.response
+    )
     drawn = hits[-MOST_HITS:]
     known = _known(blocks.judged, drawn)
     found = each_hit(drawn, None if known is None else [verdict.accepted for verdict in known])
-    verdicts = known or [HitOut.model_validate(describe_verdict(verdict)) for verdict in found.verdicts]
+    verdicts = known or [
+        HitOut.model_validate(describe_verdict(verdict)) for verdict in found.verdicts
+    ]
     response = drawn[0].responses[channel]
     many = f", the latest {len(drawn)} of {len(hits)}" if len(drawn) < len(hits) else ""
     return PointShown(
@@ -129,7 +136,9 @@ def _of_sensor(hits: Sequence[Hit], response: int | None) -> tuple[list[Hit], in
             if response in (None, dof.point):
                 return group, channel
     there = sorted({dof.point for hit in hits for dof in hit.pair[1]})
-    raise NotFound(f"response at point {response} of these hits; there are {', '.join(map(str, there))}")
+    raise NotFound(
+        f"response at point {response} of these hits; there are {', '.join(map(str, there))}"
+    )
 
 
 def _known(processing: Processing | None, hits: Sequence[Hit]) -> list[HitOut] | None:
@@ -177,13 +186,19 @@ def measured_frf_figure(session: Session, frf: Frf, cut: Cut) -> Figure:
     """
     (table,) = make_tables(session, [frf], cut)
     ((_, values, coherence),) = table.both()
-    ends = (frf.response_point, frf.response_direction), (frf.reference_point, frf.reference_direction)
+    ends = (
+        (frf.response_point, frf.response_direction),
+        (frf.reference_point, frf.reference_direction),
+    )
     title = " / ".join(dof_name(Dof(*each)) for each in ends)
-    return frf_figure(FrfCurves(f"FRF {title}", frf.quantity, table.frequency_hz, values, coherence))
+    return frf_figure(
+        FrfCurves(f"FRF {title}", frf.quantity, table.frequency_hz, values, coherence)
+    )
 
 
 def measured_shapes_figure(session: Session, mode_set: ModeSet) -> Figure:
-    """The shapes of a mode set along the axis in which its modes move most, at the points that were measured there.
+    """The shapes of a mode set along the axis in which its modes move most, at the points that were
+    measured there.
 
     Raises:
         Conflict: it has no shapes, or its points no coordinates.
@@ -191,14 +206,24 @@ def measured_shapes_figure(session: Session, mode_set: ModeSet) -> Figure:
     campaign, modes = campaign_of(session, mode_set.campaign_id), load_modes(session, mode_set.id)
     if modes.shapes is None:
         raise Conflict("the modes of the set have no shapes at shared degrees of freedom")
-    dofs, places = [frame_of(campaign).dof(dof) for dof in modes.dofs], specimen_points(session, campaign)
-    moved = np.sum(np.abs(modes.shapes / np.abs(modes.shapes).max(axis=1, keepdims=True)) ** 2, axis=0)
-    axis = max((dof.axis for dof in dofs), key=lambda n: sum(moved[i] for i, dof in enumerate(dofs) if dof.axis == n))
+    dofs, places = (
+        [frame_of(campaign).dof(dof) for dof in modes.dofs],
+        specimen_points(session, campaign),
+    )
+    moved = np.sum(
+        np.abs(modes.shapes / np.abs(modes.shapes).max(axis=1, keepdims=True)) ** 2, axis=0
+    )
+    axis = max(
+        (dof.axis for dof in dofs),
+        key=lambda n: sum(moved[i] for i, dof in enumerate(dofs) if dof.axis == n),
+    )
     at = {dof.point: i for i, dof in enumerate(dofs) if dof.axis == axis and dof.point in places}
     if not at:
         raise Conflict("the points of the shapes have no coordinates")
     values = modes.shapes[:, list(at.values())] * [dofs[i].sign for i in at.values()]
-    titles = [f"mode {number}: {hz:.4g} Hz" for number, hz in enumerate(modes.frequency_hz, start=1)]
+    titles = [
+        f"mode {number}: {hz:.4g} Hz" for number, hz in enumerate(modes.frequency_hz, start=1)
+    ]
     pairs = [
         ShapePair(number, title, "", shape, np.zeros(0))
         for number, (title, shape) in enumerate(zip(titles, values, strict=True), start=1)
@@ -212,7 +237,8 @@ class Likeness:
 
     hz: FloatArray  # (n,) frequencies of the first set, Hz
     other_hz: FloatArray  # (m,) those of the other one, Hz
-    # (n, m) from 0 to 1; None where a set has no shapes, or they share fewer than three degrees of freedom
+    # (n, m) from 0 to 1; None where a set has no shapes, or they share fewer than three degrees of
+    # freedom
     mac: FloatArray | None
     dofs: int  # how many they share
     # number from 0 of the other set's mode that each of the first's is, as trends follow modes
@@ -228,13 +254,19 @@ def likeness(session: Session, first: ModeSet, other: ModeSet) -> Likeness:
         other: another one, of the same campaign or of another.
 
     Raises:
-        Conflict: the frames of two campaigns differ and one lies askew, so that directions cannot be compared.
+        Conflict: the frames of two campaigns differ and one lies askew, so that directions cannot
+            be compared.
     """
     a, b = (_in_frame(session, each) for each in (first, other))
     if first.campaign_id != other.campaign_id:
         frames = [frame_of(campaign_of(session, each.campaign_id)) for each in (first, other)]
-        if any(frame.is_askew for frame in frames) and not np.allclose(frames[0].axes, frames[1].axes):
-            raise Conflict("the frames of the two campaigns differ and one lies askew: their directions are not alike")
+        if any(frame.is_askew for frame in frames) and not np.allclose(
+            frames[0].axes, frames[1].axes
+        ):
+            raise Conflict(
+                "the frames of the two campaigns differ and one lies askew: their directions are"
+                " not alike"
+            )
     values = [_by_axis(modes) for modes in (a, b)]
     shared = sorted(set(values[0]) & set(values[1]))
     sides = [_tracked(modes, each) for modes, each in zip((a, b), values, strict=True)]
@@ -247,17 +279,23 @@ def likeness(session: Session, first: ModeSet, other: ModeSet) -> Likeness:
 def _in_frame(session: Session, mode_set: ModeSet) -> MeasuredModes:
     modes = load_modes(session, mode_set.id)
     frame = frame_of(campaign_of(session, mode_set.campaign_id))
-    return MeasuredModes(modes.frequency_hz, modes.damping_ratio, modes.shapes, tuple(map(frame.dof, modes.dofs)))
+    return MeasuredModes(
+        modes.frequency_hz, modes.damping_ratio, modes.shapes, tuple(map(frame.dof, modes.dofs))
+    )
 
 
 def _by_axis(modes: MeasuredModes) -> dict[tuple[int, int], ComplexArray]:
     """(n,) values of all modes along the positive axis of each degree of freedom."""
     if modes.shapes is None:
         return {}
-    return {(dof.point, dof.axis): dof.sign * modes.shapes[:, k] for k, dof in enumerate(modes.dofs)}
+    return {
+        (dof.point, dof.axis): dof.sign * modes.shapes[:, k] for k, dof in enumerate(modes.dofs)
+    }
 
 
-def _tracked(modes: MeasuredModes, values: Mapping[tuple[int, int], ComplexArray]) -> list[TrackedMode]:
+def _tracked(
+    modes: MeasuredModes, values: Mapping[tuple[int, int], ComplexArray]
+) -> list[TrackedMode]:
     return [
         TrackedMode(float(hz), {dof: complex(each[i]) for dof, each in values.items()})
         for i, hz in enumerate(modes.frequency_hz)
@@ -273,12 +311,15 @@ def likeness_figure(session: Session, first: ModeSet, other: ModeSet) -> Figure:
     found = likeness(session, first, other)
     if found.mac is None:
         raise Conflict(
-            f"the sets have shapes at {counted(found.dofs, 'shared degree')} of freedom, and a MAC needs {FEWEST_DOFS}"
+            f"the sets have shapes at {counted(found.dofs, 'shared degree')} of freedom, and a MAC"
+            f" needs {FEWEST_DOFS}"
         )
     names = [shortened(each.name) for each in (first, other)]
     title = f"MAC of {names[0]} and {names[1]}, at {found.dofs} shared degrees of freedom"
     rows, columns = _modes(found.hz), _modes(found.other_hz)
-    return mac_figure(found.mac.tolist(), rows, columns, title, f"mode of {names[1]}", f"mode of {names[0]}")
+    return mac_figure(
+        found.mac.tolist(), rows, columns, title, f"mode of {names[1]}", f"mode of {names[0]}"
+    )
 
 
 def _modes(hz: FloatArray) -> Sequence[str]:

@@ -1,4 +1,5 @@
-"""Routes of figures: hits of a point, a stabilisation diagram, a coupon's curve, a series; of a search a trend and its results.
+"""Routes of figures: hits of a point, a stabilisation diagram, a coupon's curve, a series; of a
+search a trend and its results.
 
 Those of results are in `service.show.results`.
 """
@@ -54,7 +55,12 @@ _MODE_SET_FIGURES = {"mac": ("mode_set",), "shapes": ()}
 """Figures by name, with the parameters of the query that each uses."""
 
 
-@router.get("/campaigns/{campaign_id}/figures/{name}", response_class=Response, responses=RESPONSES, tags=["records"])
+@router.get(
+    "/campaigns/{campaign_id}/figures/{name}",
+    response_class=Response,
+    responses=RESPONSES,
+    tags=["records"],
+)
 def get_campaign_figure(
     campaign_id: UUID,
     name: FigureName,
@@ -64,30 +70,48 @@ def get_campaign_figure(
     point: Annotated[
         Whole, Query(description="where it was hit, or the response of an FRF; default: the first")
     ] = None,
-    direction: Annotated[int | None, Query(ge=-6, le=6, description="signed direction there")] = None,
-    response: Annotated[Whole, Query(description="of `hits`: where the sensor stood; default: the first one")] = None,
+    direction: Annotated[
+        int | None, Query(ge=-6, le=6, description="signed direction there")
+    ] = None,
+    response: Annotated[
+        Whole, Query(description="of `hits`: where the sensor stood; default: the first one")
+    ] = None,
     reference: Annotated[Whole, Query(description="of `frf`: reference point")] = None,
     fmin: Annotated[
-        Hertz, Query(description="lines from here on, Hz; of `hits` those that are drawn one by one")
+        Hertz,
+        Query(description="lines from here on, Hz; of `hits` those that are drawn one by one"),
     ] = None,
-    fmax: Annotated[Hertz, Query(description="lines up to here, Hz; of `hits` those that are drawn one by one")] = None,
-    tmin: Annotated[Seconds, Query(description="of `hits`: samples from here on are drawn one by one, s")] = None,
-    tmax: Annotated[Seconds, Query(description="of `hits`: samples up to here are drawn one by one, s")] = None,
+    fmax: Annotated[
+        Hertz, Query(description="lines up to here, Hz; of `hits` those that are drawn one by one")
+    ] = None,
+    tmin: Annotated[
+        Seconds, Query(description="of `hits`: samples from here on are drawn one by one, s")
+    ] = None,
+    tmax: Annotated[
+        Seconds, Query(description="of `hits`: samples up to here are drawn one by one, s")
+    ] = None,
 ) -> Response:
-    """The first `frf` that matches; or the `hits` of a point: good ones alike, bad ones with what was found against them.
+    """The first `frf` that matches; or the `hits` of a point: good ones alike, bad ones with what
+    was found against them.
 
     Hits are judged as the newest processing judged them; before one, among themselves.
     """
     campaign = campaign_for(session, user, campaign_id)
     require_figure(name, *_CAMPAIGN_FIGURES)
-    asked.require_used(name, _CAMPAIGN_FIGURES[name], {one for used in _CAMPAIGN_FIGURES.values() for one in used})
+    asked.require_used(
+        name, _CAMPAIGN_FIGURES[name], {one for used in _CAMPAIGN_FIGURES.values() for one in used}
+    )
     if name == "frf":
-        (frf,) = FrfFilter(point=point, direction=direction, reference=reference).rows(session, campaign.id, 1)
+        (frf,) = FrfFilter(point=point, direction=direction, reference=reference).rows(
+            session, campaign.id, 1
+        )
         cut, version = Cut(fmin, fmax), f"{frf.id} {frf.coherence_sha256!r}"
         return asked.answer(lambda: measured_frf_figure(session, frf, cut), name, version)
     blocks = point_blocks(session, campaign.id, Chosen(point, direction, response))
     seconds, hertz = (tmin, tmax), (fmin, fmax)
-    return asked.answer(lambda: hits_figure(point_shown(session, blocks), seconds, hertz), name, blocks.version)
+    return asked.answer(
+        lambda: hits_figure(point_shown(session, blocks), seconds, hertz), name, blocks.version
+    )
 
 
 @router.get(
@@ -99,14 +123,22 @@ def get_campaign_figure(
 def get_identification_figure(
     identification_id: UUID, name: FigureName, session: SessionDep, user: CurrentUser, asked: Asked
 ) -> Response:
-    """The figure `stabilisation` of an identification; 409 while it has found nothing, or where it failed."""
+    """The figure `stabilisation` of an identification; 409 while it has found nothing, or where it
+    failed.
+    """
     row = identification_for(session, user, identification_id)
     require_figure(name, "stabilisation")
     found = up_to_date(IDENTIFICATIONS.result(session, row, row.document))
-    return asked.answer(lambda: stabilisation_figure(found), name, str(row.id))  # what it found never changes
+    # what it found never changes
+    return asked.answer(lambda: stabilisation_figure(found), name, str(row.id))
 
 
-@router.get("/mode-sets/{mode_set_id}/figures/{name}", response_class=Response, responses=RESPONSES, tags=["mode sets"])
+@router.get(
+    "/mode-sets/{mode_set_id}/figures/{name}",
+    response_class=Response,
+    responses=RESPONSES,
+    tags=["mode sets"],
+)
 def get_mode_set_figure(
     mode_set_id: UUID,
     name: FigureName,
@@ -114,10 +146,15 @@ def get_mode_set_figure(
     user: CurrentUser,
     asked: Asked,
     mode_set: Annotated[
-        UUID | None, Query(description="of `mac`: another mode set, of this campaign or another; default: itself")
+        UUID | None,
+        Query(
+            description="of `mac`: another mode set, of this campaign or another; default: itself"
+        ),
     ] = None,
 ) -> Response:
-    """The `shapes` of a mode set at the measured points; or its `mac` with another one, where both have shapes."""
+    """The `shapes` of a mode set at the measured points; or its `mac` with another one, where both
+    have shapes.
+    """
     first = mode_set_for(session, user, mode_set_id)
     require_figure(name, *_MODE_SET_FIGURES)
     asked.require_used(name, _MODE_SET_FIGURES[name], {"mode_set"})
@@ -127,11 +164,18 @@ def get_mode_set_figure(
     return asked.answer(lambda: likeness_figure(session, first, second), name)
 
 
-@router.get("/coupons/{coupon_id}/figures/{name}", response_class=Response, responses=RESPONSES, tags=["coupons"])
+@router.get(
+    "/coupons/{coupon_id}/figures/{name}",
+    response_class=Response,
+    responses=RESPONSES,
+    tags=["coupons"],
+)
 def get_coupon_figure(
     coupon_id: UUID, name: FigureName, session: SessionDep, user: CurrentUser, asked: Asked
 ) -> Response:
-    """The figure `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039 the transverse strain."""
+    """The figure `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039
+    the transverse strain.
+    """
     coupon = coupon_for(session, user, coupon_id)
     require_figure(name, "curve")
     curve = curve_of(session, coupon)
@@ -143,16 +187,25 @@ def get_coupon_figure(
     return asked.answer(draw, name, curve.sha256.hex())
 
 
-@router.get("/monitors/{monitor_id}/series/figure", response_class=Response, responses=RESPONSES, tags=["monitoring"])
+@router.get(
+    "/monitors/{monitor_id}/series/figure",
+    response_class=Response,
+    responses=RESPONSES,
+    tags=["monitoring"],
+)
 def get_series_figure(
     monitor_id: UUID,
     session: SessionDep,
     user: CurrentUser,
     asked: Asked,
-    parameter: Annotated[str | None, Query(max_length=60, description="default: the first one that is watched")] = None,
+    parameter: Annotated[
+        str | None, Query(max_length=60, description="default: the first one that is watched")
+    ] = None,
     series: Version = None,
 ) -> Response:
-    """The series of a parameter as a figure: Plotly JSON for the browser and notebooks, or SVG, PNG, PDF for print."""
+    """The series of a parameter as a figure: Plotly JSON for the browser and notebooks, or SVG,
+    PNG, PDF for print.
+    """
     monitor = monitor_for(session, user, monitor_id)
     document = series_document(session, monitor, series_for(session, monitor, series))
     watched = list(monitor.watch["directions"])
@@ -162,30 +215,47 @@ def get_series_figure(
     return asked.answer(lambda: series_figure(document, wanted), wanted)
 
 
-@router.get("/search/results/trend/figure", response_class=Response, responses=RESPONSES, tags=["search"])
+@router.get(
+    "/search/results/trend/figure", response_class=Response, responses=RESPONSES, tags=["search"]
+)
 def get_result_trend_figure(trend: ResultTrend, asked: Asked) -> Response:
-    """A constant of the results that a search finds over time, corrected and as it is, and over temperature, with intervals."""
+    """A constant of the results that a search finds over time, corrected and as it is, and over
+    temperature, with intervals.
+    """
     return asked.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
 
 
-@router.get("/search/modes/trend/figure", response_class=Response, responses=RESPONSES, tags=["search"])
+@router.get(
+    "/search/modes/trend/figure", response_class=Response, responses=RESPONSES, tags=["search"]
+)
 def get_mode_trend_figure(trend: ModeTrend, asked: Asked) -> Response:
-    """Frequency or damping of the modes that a search finds over time and temperature, each mode in a colour of its own."""
+    """Frequency or damping of the modes that a search finds over time and temperature, each mode in
+    a colour of its own.
+    """
     return asked.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
 
 
 @router.get("/search/results/figure", response_class=Response, responses=RESPONSES, tags=["search"])
-def get_results_figure(wanted: OrderedDep, session: SessionDep, user: CurrentUser, asked: Asked) -> Response:
-    """The results that a search finds beside one another: a row each, at most 60, a panel a constant, with 95 % intervals."""
+def get_results_figure(
+    wanted: OrderedDep, session: SessionDep, user: CurrentUser, asked: Asked
+) -> Response:
+    """The results that a search finds beside one another: a row each, at most 60, a panel a
+    constant, with 95 % intervals.
+    """
     fields = (
         "structure.name",
         "campaign.name",
         *(f"{name}{end}" for name in CONSTANTS for end in ("", "_low", "_high")),
     )
     with bounded(session):
-        search = Search(user, NOUNS["result"], Wanted(wanted.filter, wanted.words, wanted.sort, fields))
+        search = Search(
+            user, NOUNS["result"], Wanted(wanted.filter, wanted.words, wanted.sort, fields)
+        )
         found, more = search.page(session, None, MOST_RESULTS)
     if more is not None:
-        raise Invalid("filter", f"finds more than {MOST_RESULTS} results, which is as many as a figure has; narrow it")
+        raise Invalid(
+            "filter",
+            f"finds more than {MOST_RESULTS} results, which is as many as a figure has; narrow it",
+        )
     rows = [dict(zip(fields, row, strict=True)) for row in found]
     return asked.answer(lambda: results_figure(rows, CONSTANTS), "results")

@@ -1,6 +1,8 @@
-"""HTTP for all features: problem documents, strict bodies, paging, conditional requests, formats, uploads, downloads.
+"""HTTP for all features: problem documents, strict bodies, paging, conditional requests, formats,
+uploads, downloads.
 
-What needs FastAPI is loaded when it is first named: a worker, which answers nobody, has bodies in common with the API alone.
+What needs FastAPI is loaded when it is first named: a worker, which answers nobody, has bodies in
+common with the API alone.
 """
 
 from __future__ import annotations
@@ -8,7 +10,18 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from service.web.bodies import Int64, Name, Page, StrictModel, Text, Time, example, not_null, shown_as, wrong
+from service.web.bodies import (
+    Int64,
+    Name,
+    Page,
+    StrictModel,
+    Text,
+    Time,
+    example,
+    not_null,
+    shown_as,
+    wrong,
+)
 
 if TYPE_CHECKING:
     from service.web.parameters import (

@@ -27,12 +27,15 @@ LONG = 1000  # items of a list beyond which its faults are not listed one by one
 
 
 class _Storable:
-    """Of a text: that PostgreSQL can store it, and its usual limit, where a member states none of its own.
+    """Of a text: that PostgreSQL can store it, and its usual limit, where a member states none of
+    its own.
 
     A `Field(max_length=10_000)` in its place would win over the member's own limit.
     """
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
         """The text's schema, whose limits a member has set by now, with what was not set."""
         text = dict(handler(source))
         text.setdefault("max_length", 10_000)
@@ -40,20 +43,30 @@ class _Storable:
 
 
 Text = Annotated[str, _Storable()]
-"""A text of at most 10,000 characters, if a member says no less, that PostgreSQL can store: no NUL, no lone surrogate."""
+"""A text of at most 10,000 characters, if a member says no less, that PostgreSQL can store: no NUL,
+no lone surrogate.
+"""
 
-Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"\S"), AfterValidator(refuse_unstorable_text)]
+Name = Annotated[
+    str, Field(min_length=1, max_length=200, pattern=r"\S"), AfterValidator(refuse_unstorable_text)
+]
 """A name given by a person: 1 to 200 characters, not all of them blank, storable."""
 
 
 def wrong(why: str) -> PydanticCustomError:
-    """What a validator raises to say in its own words what is wrong with a value, where a `ValueError` would add to them."""
+    """What a validator raises to say in its own words what is wrong with a value, where a
+    `ValueError` would add to them.
+    """
     return PydanticCustomError("wrong", "{why}", {"why": why})
 
 
 def _written_out(value: object) -> object:
-    """Refuse the numbers that pydantic takes for seconds since 1970: 20260302 would be a day of that year."""
-    if isinstance(value, int | float) or (isinstance(value, str) and not re.match(r"\s*\d{4}-", value)):
+    """Refuse the numbers that pydantic takes for seconds since 1970: 20260302 would be a day of
+    that year.
+    """
+    if isinstance(value, int | float) or (
+        isinstance(value, str) and not re.match(r"\s*\d{4}-", value)
+    ):
         raise wrong("Input should be a time with its zone, such as 2026-03-02T09:30:00Z")
     return value
 
@@ -66,10 +79,12 @@ Int64 = Annotated[int, Field(ge=-INT64_MAX - 1, le=INT64_MAX)]
 
 
 def _as_written(schema: Any, model: Any) -> None:
-    """Have every number in a schema of pydantic's core refuse text and truth values, and every truth value all but true and
+    """Have every number in a schema of pydantic's core refuse text and truth values, and every
+    truth value all but true and
     false: "no" and "off" are texts. 3.0 may stand for the integer 3.
 
-    A list that may be long stops at its first wrong item. Strict models within this one have been through here already.
+    A list that may be long stops at its first wrong item. Strict models within this one have been
+    through here already.
     """
     if isinstance(schema, list | tuple):
         for part in schema:
@@ -78,7 +93,8 @@ def _as_written(schema: Any, model: Any) -> None:
         for part in schema.values():
             _as_written(part, model)
         if schema.get("type") == "list" and schema.get("max_length", LONG + 1) > LONG:
-            schema["fail_fast"] = True  # the first wrong item says enough, and a million faults would fill the memory
+            # the first wrong item says enough, and a million faults would fill the memory
+            schema["fail_fast"] = True
         if schema.get("type") == "bool":
             schema["strict"] = True
         if schema.get("type") in ("float", "int"):
@@ -100,21 +116,27 @@ def _has_check(schema: dict[str, Any]) -> bool:
 
 
 def _number(value: object, info: ValidationInfo) -> object:
-    if isinstance(value, str | bool) and info.mode in ("python", "json"):  # in the cells of a table all is text
+    # in the cells of a table all is text
+    if isinstance(value, str | bool) and info.mode in ("python", "json"):
         raise wrong("Input should be a number")
     return value
 
 
 class StrictModel(BaseModel):
-    """A body of a request. Unknown fields, NaN, infinity, numbers given as text or as true and false, and truth values given
-    as text or numbers are refused, each with its pointer, so that a misspelt field is not ignored.
+    """A body of a request. Unknown fields, NaN, infinity, numbers given as text or as true and
+    false, and truth values given as text or numbers are refused, each with its pointer, so that a
+    misspelt field is not ignored.
     """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, str_strip_whitespace=False)
 
     @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler, /) -> CoreSchema:
-        """Pydantic's own strictness would also refuse what JSON cannot say otherwise, such as dates."""
+    def __get_pydantic_core_schema__(
+        cls, source: Any, handler: GetCoreSchemaHandler, /
+    ) -> CoreSchema:
+        """Pydantic's own strictness would also refuse what JSON cannot say otherwise, such as
+        dates.
+        """
         schema = handler(source)
         _as_written(schema, cls)
         return schema
@@ -135,10 +157,16 @@ def _once(value: list[str]) -> list[str]:
 
 MOST_DETAILS = 10_000
 Details = Annotated[
-    dict[str, JsonValue], AfterValidator(_short), Field(description=f"at most {MOST_DETAILS} characters as JSON")
+    dict[str, JsonValue],
+    AfterValidator(_short),
+    Field(description=f"at most {MOST_DETAILS} characters as JSON"),
 ]
 Tag = Annotated[str, Field(max_length=100, pattern=r"^[^\s,]([^,\x00-\x1f]*[^\s,])?$")]
-Tags = Annotated[list[Tag], AfterValidator(_once), Field(max_length=50, description="words to find it by, no commas")]
+Tags = Annotated[
+    list[Tag],
+    AfterValidator(_once),
+    Field(max_length=50, description="words to find it by, no commas"),
+]
 Meta = Annotated[
     dict[str, JsonValue],
     AfterValidator(_short),
@@ -158,8 +186,8 @@ def _not_null(value: object) -> object:
 
 
 def example(**fields: Any) -> ConfigDict:
-    """The configuration of a body with an example, which the documentation page fills in. It works as it stands, once
-    its ids are one's own; an acceptance test sends each.
+    """The configuration of a body with an example, which the documentation page fills in. It works
+    as it stands, once its ids are one's own; an acceptance test sends each.
     """
     return ConfigDict(json_schema_extra={"examples": [fields]})
 
@@ -175,7 +203,11 @@ class Labels(StrictModel):
 
 def shown_as(model: type[Shown], row: object, /, **own: Any) -> Shown:
     """A row as clients see it: what the model has in common with the row, and these members."""
-    same = {name: getattr(row, name) for name in model.model_fields if name not in own and hasattr(row, name)}
+    same = {
+        name: getattr(row, name)
+        for name in model.model_fields
+        if name not in own and hasattr(row, name)
+    }
     return model(**same, **own)
 
 

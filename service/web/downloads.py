@@ -1,4 +1,6 @@
-"""Downloads: an answer that is written while the transaction is open, to memory or disk, and sent when it is over."""
+"""Downloads: an answer that is written while the transaction is open, to memory or disk, and sent
+when it is over.
+"""
 
 import io
 import tempfile
@@ -20,7 +22,9 @@ class _File(FileResponse):
 
 
 def fits_memory(request: Request, size: int) -> bool:
-    """Whether an answer of some size need not go by way of the disk: it is small, and the client wants all of it."""
+    """Whether an answer of some size need not go by way of the disk: it is small, and the client
+    wants all of it.
+    """
     return size <= MEMORY_BYTES and "range" not in request.headers
 
 
@@ -30,17 +34,21 @@ def in_memory(
     """A small file that `write` fills, sent as a whole; what it raises is answered as a problem."""
     buffer = io.BytesIO()
     write(buffer)
-    described = {"Content-Disposition": f'attachment; filename="{filename}"', "Accept-Ranges": "bytes"}
+    described = {
+        "Content-Disposition": f'attachment; filename="{filename}"',
+        "Accept-Ranges": "bytes",
+    }
     return Response(buffer.getvalue(), media_type=media_type, headers={**headers, **described})
 
 
 def spooled(
     write: Callable[[IO[bytes]], None], media_type: str, filename: str, headers: Mapping[str, str]
 ) -> FileResponse:
-    """A file that `write` fills, sent in parts where the client asks for them, and removed afterwards.
+    """A file that `write` fills, sent in parts where the client asks for them, and removed
+    afterwards.
 
-    Memory stays bounded, a slow client holds no database connection, and a fault found while writing is still a problem
-    document, since nothing has been sent.
+    Memory stays bounded, a slow client holds no database connection, and a fault found while
+    writing is still a problem document, since nothing has been sent.
     """
     spool = tempfile.NamedTemporaryFile(prefix="modalbase-download-")  # noqa: SIM115  closed once it is sent
     try:

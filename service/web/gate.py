@@ -1,12 +1,15 @@
 """How many requests are answered at the same time, and who is next (docs/limits.md).
 
-A request that is answered holds a slot. There are as many slots as connections to the database, and a thread for each, so
-that whoever has a slot never waits for either. Waiting for a slot happens in the event loop, where it costs next to nothing;
-it is bounded in number and in time. Callers take turns: one that sends a thousand requests delays its own. Who waits already
-may take another place while at least as many are free as it has. So one caller has half of them at most, two have two thirds,
-and somebody new finds one, also beside a key that is counted under its address until it is known and then under its name.
+A request that is answered holds a slot. There are as many slots as connections to the database, and
+a thread for each, so that whoever has a slot never waits for either. Waiting for a slot happens in
+the event loop, where it costs next to nothing;
+it is bounded in number and in time. Callers take turns: one that sends a thousand requests delays
+its own. Who waits already may take another place while at least as many are free as it has. So one
+caller has half of them at most, two have two thirds, and somebody new finds one, also beside a key
+that is counted under its address until it is known and then under its name.
 
-Buckets of tokens, in this process's memory, limit how much of something one caller may have in a time.
+Buckets of tokens, in this process's memory, limit how much of something one caller may have in a
+time.
 """
 
 import asyncio
@@ -25,7 +28,9 @@ MOST_CALLERS = 10_000  # that are kept apart; the ones that were silent longest 
 class Buckets:
     """A bucket of tokens for each caller, which fills again as time goes by."""
 
-    def __init__(self, size: float, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, size: float, seconds: float, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         """Prepare.
 
         Args:
@@ -102,7 +107,8 @@ class Gate:
         mine = self._turns.get(caller)
         if mine is not None and len(mine) >= self._queue - self.waiting:
             raise TooManyRequests(
-                f"{len(mine)} requests of this key wait already, the most that one key may have; send fewer at a time",
+                f"{len(mine)} requests of this key wait already, the most that one key may have;"
+                " send fewer at a time",
                 retry_after=self.retry_after(),
             )
         if self.waiting >= self._queue:
@@ -130,7 +136,9 @@ class Gate:
         return max(1, ceil(self._took * self.waiting / self.slots))
 
     def _pass_on(self) -> None:
-        """The slot goes to the next caller's oldest request, and that caller to the end of the row."""
+        """The slot goes to the next caller's oldest request, and that caller to the end of the
+        row.
+        """
         while self._turns:
             caller, mine = self._turns.popitem(last=False)
             turn = mine.popleft()
@@ -155,13 +163,16 @@ class Gate:
 
     def _full(self, why: str) -> Unavailable:
         return Unavailable(
-            f"{self.answering} requests are being answered and {self.waiting} wait, {why}; try again",
+            f"{self.answering} requests are being answered and {self.waiting} wait, {why}; try"
+            " again",
             retry_after=self.retry_after(),
         )
 
 
 class Slot:
-    """A place in the gate that one request holds; given back once, when its answer begins or when it needs none."""
+    """A place in the gate that one request holds; given back once, when its answer begins or when
+    it needs none.
+    """
 
     def __init__(self, gate: Gate, caller: str) -> None:
         self._gate, self._caller = gate, caller
@@ -188,7 +199,9 @@ class Slot:
 
 @asynccontextmanager
 async def without_slot(scope: MutableMapping[str, Any]) -> AsyncIterator[None]:
-    """Give the request's slot back while the block runs, which needs neither thread nor connection of a request."""
+    """Give the request's slot back while the block runs, which needs neither thread nor connection
+    of a request.
+    """
     slot: Slot | None = scope.get(SLOT)
     if slot is not None:
         slot.give_back()

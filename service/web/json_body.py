@@ -1,7 +1,8 @@
 """Strict reading of JSON bodies: what RFC 8259 allows and PostgreSQL can store, and nothing else.
 
-Python's parser accepts NaN and Infinity, integers of any size, NUL characters and lone surrogates, each of which would be a
-server error later; and it keeps the last of a field that is there twice. Here each is a fault with the pointer to where it
+Python's parser accepts NaN and Infinity, integers of any size, NUL characters and lone surrogates,
+each of which would be a server error later; and it keeps the last of a field that is there twice.
+Here each is a fault with the pointer to where it
 stands, in words for a person: the nearest member that there is, a limit with its unit.
 """
 
@@ -45,13 +46,16 @@ def wording(fault: Mapping[str, Any], kind: Any, steps: Sequence[Any]) -> str:
 
 
 def _unknown(kind: Any, steps: Sequence[Any]) -> str:
-    """That a model has no such member, and the nearest, which may be within one, as `length_m` is in `geometry`."""
+    """That a model has no such member, and the nearest, which may be within one, as `length_m` is
+    in `geometry`.
+    """
     models = list(_models(kind, steps[:-1]))
     own = {name: name for model in models for name in model.model_fields}
     inner = {
         name: f"{outer}/{name}"
         for model in models
-        for outer, field in reversed(model.model_fields.items())  # of two that have it the first is named
+        # of two that have it the first is named
+        for outer, field in reversed(model.model_fields.items())
         for within in _models(field.annotation, ())
         for name in within.model_fields
     }
@@ -61,7 +65,9 @@ def _unknown(kind: Any, steps: Sequence[Any]) -> str:
 
 
 def _nearest(name: str, own: Mapping[str, str], inner: Mapping[str, str]) -> str | None:
-    """Of members by name: one that says more, as `length_m` and `prior_mean` do, or one that is spelt much the same."""
+    """Of members by name: one that says more, as `length_m` and `prior_mean` do, or one that is
+    spelt much the same.
+    """
     for known in (own, inner):
         if longer := [known[one] for one in known if f"_{name}_" in f"_{one}_"]:
             return longer[0]
@@ -106,7 +112,9 @@ class _Repeated(dict[str, Any]):
 
     def __init__(self, pairs: list[tuple[str, Any]]) -> None:
         super().__init__(pairs)
-        self.names = [name for name, count in Counter(name for name, _ in pairs).items() if count > 1]
+        self.names = [
+            name for name, count in Counter(name for name, _ in pairs).items() if count > 1
+        ]
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -134,7 +142,9 @@ def parse_parameter(name: str, text: str) -> Any:
     try:
         return parse_json(text.encode(errors="replace"))
     except Invalid as error:
-        faults = [Fault(name + one.pointer, one.detail.removeprefix("the body ")) for one in error.faults]
+        faults = [
+            Fault(name + one.pointer, one.detail.removeprefix("the body ")) for one in error.faults
+        ]
         raise Invalid(faults, count=error.count) from None
 
 
@@ -146,21 +156,28 @@ def parse_json(body: bytes, *, most_values: int = MOST_VALUES) -> Any:
         most_values: members and elements that it may have, of all depths together.
 
     Raises:
-        Invalid: the body is not JSON, is larger or deeper than a body may be, or holds a value that cannot be stored; the
-            first faults with their pointers.
+        Invalid: the body is not JSON, is larger or deeper than a body may be, or holds a value that
+            cannot be stored; the first faults with their pointers.
     """
-    if body.count(b",") + body.count(b"[") + body.count(b"{") > most_values:  # before anything is made of it
+    # before anything is made of it
+    if body.count(b",") + body.count(b"[") + body.count(b"{") > most_values:
         raise Invalid("", f"the body has more than {most_values} values, as many as are read here")
     try:
-        value = json.loads(body.decode("utf-8"), parse_constant=_Constant, object_pairs_hook=_object)
+        value = json.loads(
+            body.decode("utf-8"), parse_constant=_Constant, object_pairs_hook=_object
+        )
     except UnicodeDecodeError as error:
         raise Invalid("", f"the body is not UTF-8: {error.reason} at byte {error.start}") from None
     except json.JSONDecodeError as error:
-        raise Invalid("", f"the body is not JSON: {error.msg} at line {error.lineno}, column {error.colno}") from None
+        raise Invalid(
+            "", f"the body is not JSON: {error.msg} at line {error.lineno}, column {error.colno}"
+        ) from None
     except RecursionError:
         raise Invalid("", "the body is nested too deeply") from None
     except ValueError:  # an integer of more digits than Python converts
-        raise Invalid("", "the body holds an integer of thousands of digits; the range is that of 64 bits") from None
+        raise Invalid(
+            "", "the body holds an integer of thousands of digits; the range is that of 64 bits"
+        ) from None
     if not _sound(value, MOST_DEPTH):
         raise Invalid(list(islice(_faults(value), MOST_FAULTS + 1)))
     return value
@@ -182,7 +199,9 @@ def _sound(value: Any, depth: int) -> bool:
 
 
 def _faults(root: Any) -> Iterator[Fault]:
-    """Every value that cannot be stored, in the order of the body; a place is written out only where a fault is."""
+    """Every value that cannot be stored, in the order of the body; a place is written out only
+    where a fault is.
+    """
     steps: list[object] = []
     levels: list[Iterator[tuple[object, Any]]] = [iter([("", root)])]
     while levels:
@@ -208,7 +227,10 @@ def _own_faults(value: Any, depth: int) -> Iterator[str]:
             yield f"has {len(value)} members, at most {MOST_MEMBERS} are read"
         yield from (f"a field's name {fault}" for key in value if (fault := _text_fault(key)))
         if isinstance(value, _Repeated):
-            yield from (f"the field {name[:100]!r} is there more than once, state it once" for name in value.names)
+            yield from (
+                f"the field {name[:100]!r} is there more than once, state it once"
+                for name in value.names
+            )
     elif not isinstance(value, list) and (fault := _scalar_fault(value)):
         yield fault
 

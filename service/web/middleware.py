@@ -1,5 +1,6 @@
-"""What wraps every request: the hosts that the service answers to, its id, its log line, headers for browsers, the answer to
-the unexpected, and an end for clients that open a line and then say nothing.
+"""What wraps every request: the hosts that the service answers to, its id, its log line, headers
+for browsers, the answer to the unexpected, and an end for clients that open a line and then say
+nothing.
 """
 
 import asyncio
@@ -24,14 +25,17 @@ ANY_NAME = ("/healthz", "/readyz", "/metrics")
 
 
 class KnownHosts:
-    """ASGI layer: a request whose `Host` is none of the service's is refused, 421 (RFC 9110, 7.4)."""
+    """ASGI layer: a request whose `Host` is none of the service's is refused, 421 (RFC 9110,
+    7.4).
+    """
 
     def __init__(self, app: ASGIApp, allowed: Sequence[str]) -> None:
         """Name the hosts.
 
         Args:
             app: what is behind.
-            allowed: names and addresses, `*.name` for all below a name; those of the machine itself are always allowed.
+            allowed: names and addresses, `*.name` for all below a name; those of the machine itself
+                are always allowed.
         """
         self.app = app
         self._names = {*OWN, *(name for name in allowed if not name.startswith("*."))}
@@ -39,9 +43,15 @@ class KnownHosts:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI entry."""
-        if scope["type"] == "http" and scope["path"] not in ANY_NAME and not self._knows(Headers(scope=scope)):
+        if (
+            scope["type"] == "http"
+            and scope["path"] not in ANY_NAME
+            and not self._knows(Headers(scope=scope))
+        ):
             answer = problem(
-                421, "the service has no such name; the operator lists those it has (MODALBASE_ALLOWED_HOSTS)"
+                421,
+                "the service has no such name; the operator lists those it has"
+                " (MODALBASE_ALLOWED_HOSTS)",
             )
             await answer(scope, receive, send)
         else:
@@ -65,17 +75,24 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
 }
-"""Of every answer that does not set them itself: a browser loads nothing for it and shows it in no frame."""
+"""Of every answer that does not set them itself: a browser loads nothing for it and shows it in no
+frame.
+"""
 
-CLIENT_GONE = 499  # by custom the status, in logs and metrics alone, of a request that its client broke off
+# by custom the status, in logs and metrics alone, of a request that its client broke off
+CLIENT_GONE = 499
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")
-SECONDS = Histogram("modalbase_http_request_seconds", "Time to answer", ["method", "route", "status"])
+SECONDS = Histogram(
+    "modalbase_http_request_seconds", "Time to answer", ["method", "route", "status"]
+)
 
 log = structlog.stdlib.get_logger("modalbase.http")
 
 
 class RequestMiddleware:
-    """Around all of the service: request id, one log line, and a problem document for what nobody expected."""
+    """Around all of the service: request id, one log line, and a problem document for what nobody
+    expected.
+    """
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
@@ -114,12 +131,18 @@ class RequestMiddleware:
             await answer(scope, receive, send_with_id)
         seconds = time.perf_counter() - began
         SECONDS.labels(_method(scope), _route(scope), status).observe(seconds)
-        log.info("request", method=scope["method"], path=scope["path"], status=status, ms=round(1000 * seconds, 1))
+        log.info(
+            "request",
+            method=scope["method"],
+            path=scope["path"],
+            status=status,
+            ms=round(1000 * seconds, 1),
+        )
 
 
 def _on_this_host(location: str, path: str) -> str:
-    """An address that the framework made, relative to the one asked for: it takes the host from the request, where anybody
-    may state any, and knows no prefix of a proxy.
+    """An address that the framework made, relative to the one asked for: it takes the host from the
+    request, where anybody may state any, and knows no prefix of a proxy.
     """
     to = urlsplit(location)
     return "../" * (path.count("/") - 1) + to.path.lstrip("/") + (to.query and f"?{to.query}")
@@ -141,7 +164,9 @@ _Protocol: Any = AutoHTTPProtocol  # one of two classes, by what is installed
 
 
 class PatientProtocol(_Protocol):  # type: ignore[misc]
-    """Closes a connection on which the head of a request does not come whole within `HEAD_SECONDS`."""
+    """Closes a connection on which the head of a request does not come whole within
+    `HEAD_SECONDS`.
+    """
 
     _hurry: asyncio.TimerHandle | None = None
 

@@ -26,12 +26,15 @@ def is_json(kind: str) -> bool:
 
 
 def one_of(media_types: Mapping[str, str]) -> WithJsonSchema:
-    """What OpenAPI says of the parameter `?format=`: these names and no others. `choose_format` checks it."""
+    """What OpenAPI says of the parameter `?format=`: these names and no others. `choose_format`
+    checks it.
+    """
     return WithJsonSchema({"type": "string", "enum": list(media_types)})
 
 
 def choose_format(wanted: str | None, accept: str | None, media_types: Mapping[str, str]) -> str:
-    """The name of the format that the client wants: by `?format=`, else the one that Accept prefers, else the first.
+    """The name of the format that the client wants: by `?format=`, else the one that Accept
+    prefers, else the first.
 
     >>> formats = {"json": "application/json", "csv": "text/csv"}
     >>> choose_format(None, "text/csv, application/json;q=0.5", formats), choose_format(None, None, formats)
@@ -58,12 +61,17 @@ def choose_format(wanted: str | None, accept: str | None, media_types: Mapping[s
         if q > quality:
             best, quality = name, q
     if best is None:
-        raise NotAcceptable(f"none of {', '.join(media_types.values())} is acceptable to the client ({accept[:200]})")
+        raise NotAcceptable(
+            f"none of {', '.join(media_types.values())} is acceptable to the client"
+            f" ({accept[:200]})"
+        )
     return best
 
 
 def _quality(media_type: str, accept: str) -> float:
-    """The q value of the most specific range of Accept that matches (RFC 9110, 12.5.1); 0 where none does."""
+    """The q value of the most specific range of Accept that matches (RFC 9110, 12.5.1); 0 where
+    none does.
+    """
     specificity, quality = -1, 0.0
     for entry in accept.split(","):
         media_range, *parameters = (part.strip().lower() for part in entry.split(";"))

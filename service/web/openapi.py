@@ -1,5 +1,5 @@
-"""The OpenAPI document made complete, every name described, every error listed, headings in the order of the main job; and the
-page that shows it, from this host alone.
+"""The OpenAPI document made complete, every name described, every error listed, headings in the
+order of the main job; and the page that shows it, from this host alone.
 """
 
 import hashlib
@@ -58,7 +58,9 @@ def complete(document: Node) -> None:
 
 
 def undescribed(document: Node) -> list[str]:
-    """Properties and parameters without a description, and headings without a sentence; for the test that there are none."""
+    """Properties and parameters without a description, and headings without a sentence; for the
+    test that there are none.
+    """
     found = [
         f"{name}.{prop}"
         for name, schema in document["components"]["schemas"].items()
@@ -110,7 +112,10 @@ def _describe(schema_name: str, node: Any) -> None:
 
 def _is_open(node: Node) -> bool:
     options = [node, *node.get("anyOf", [])]
-    return any(isinstance(each, dict) and each.get("additionalProperties") not in (None, False) for each in options)
+    return any(
+        isinstance(each, dict) and each.get("additionalProperties") not in (None, False)
+        for each in options
+    )
 
 
 def _say(node: Node, text: str | None) -> None:
@@ -143,7 +148,10 @@ def _list_errors(path: str, operation: Node) -> None:
 
 RESPONSES: dict[int | str, dict[str, Any]] = {
     f"{digit}XX": {"description": text, "content": _CONTENT}
-    for digit, text in ((4, "The request cannot be answered: the body says why"), (5, "The service cannot answer now"))
+    for digit, text in (
+        (4, "The request cannot be answered: the body says why"),
+        (5, "The service cannot answer now"),
+    )
 }
 """Responses that every operation has besides its own."""
 
@@ -156,11 +164,20 @@ _PROBLEM = {
         "type": {"type": "string", "format": "uri-reference", "description": "Always about:blank."},
         "title": {"type": "string", "description": "The status in words."},
         "status": {"type": "integer", "description": "Of HTTP."},
-        "detail": {"type": "string", "description": "What was found, what was expected, what to do."},
-        "request_id": {"type": "string", "description": "Name of the request in the service's log."},
+        "detail": {
+            "type": "string",
+            "description": "What was found, what was expected, what to do.",
+        },
+        "request_id": {
+            "type": "string",
+            "description": "Name of the request in the service's log.",
+        },
         "confirmable": {
             "type": "boolean",
-            "description": "True where numbers are probably in another unit: the same with `?confirm=true` is taken.",
+            "description": (
+                "True where numbers are probably in another unit: the same with `?confirm=true` is"
+                " taken."
+            ),
         },
         "errors": {
             "type": "array",
@@ -171,9 +188,14 @@ _PROBLEM = {
                 "properties": {
                     "pointer": {
                         "type": "string",
-                        "description": "JSON pointer into the body, or name of the query parameter or header.",
+                        "description": (
+                            "JSON pointer into the body, or name of the query parameter or header."
+                        ),
                     },
-                    "detail": {"type": "string", "description": "What was found and what was expected."},
+                    "detail": {
+                        "type": "string",
+                        "description": "What was found and what was expected.",
+                    },
                 },
             },
         },
@@ -182,8 +204,8 @@ _PROBLEM = {
 
 
 def schema_of(model: type[BaseModel]) -> dict[str, Any]:
-    """The JSON schema of a body that a route reads itself, such as one field of a form. It stands alone: what it refers
-    to is put in its place.
+    """The JSON schema of a body that a route reads itself, such as one field of a form. It stands
+    alone: what it refers to is put in its place.
     """
     whole = model.model_json_schema()
     definitions = whole.pop("$defs", {})
@@ -231,7 +253,8 @@ def upload(field: str, description: str) -> dict[str, Any]:
         description: of that.
     """
     return {
-        "multipart/form-data": {  # first, since the documentation page sends the first, and this one keeps the file's name
+        # first, since the documentation page sends the first, and this one keeps the file's name
+        "multipart/form-data": {
             "type": "object",
             "required": ["file"],
             "properties": {
@@ -244,7 +267,9 @@ def upload(field: str, description: str) -> dict[str, Any]:
 
 
 def describe_problems(app: FastAPI) -> None:
-    """Complete the app's OpenAPI document: the schema that `RESPONSES` refers to, descriptions, errors, headings."""
+    """Complete the app's OpenAPI document: the schema that `RESPONSES` refers to, descriptions,
+    errors, headings.
+    """
     without = app.openapi
 
     def openapi() -> dict[str, Any]:
@@ -280,7 +305,9 @@ def add_documentation(app: FastAPI) -> None:
 
 
 def _page(app: FastAPI) -> str:
-    """Addresses in it are relative, so that it works below a prefix of a proxy; nobody else checks the document."""
+    """Addresses in it are relative, so that it works below a prefix of a proxy; nobody else checks
+    the document.
+    """
     answer = get_swagger_ui_html(
         openapi_url="openapi.json",
         title=f"{app.title}: documentation",

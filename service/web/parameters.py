@@ -1,7 +1,8 @@
-"""What routes take beside a body: pages of a list, the version that an edit is of, that unusual numbers are meant.
+"""What routes take beside a body: pages of a list, the version that an edit is of, that unusual
+numbers are meant.
 
-Lists come in pages by keyset on the UUIDv7 key: a page costs the same at any depth, and a new row moves nothing. An answer
-has an ETag, which a change of it must name (If-Match).
+Lists come in pages by keyset on the UUIDv7 key: a page costs the same at any depth, and a new row
+moves nothing. An answer has an ETag, which a change of it must name (If-Match).
 """
 
 import base64
@@ -23,7 +24,9 @@ from service.web.bodies import Page
 from service.web.negotiation import choose_format, one_of
 from service.web.quantities import beyond, unusual
 
-Cursor = Annotated[str | None, Query(max_length=100, description="`next_cursor` of the page before")]
+Cursor = Annotated[
+    str | None, Query(max_length=100, description="`next_cursor` of the page before")
+]
 Limit = Annotated[int, Query(ge=1, le=1000, description="rows in a page")]
 
 Row = TypeVar("Row")
@@ -35,7 +38,8 @@ HEAVIEST_BYTES = 1024 * 1024
 
 
 def form_of(media_types: Mapping[str, str], description: str = "default: by Accept") -> Any:
-    """The dependency of a route that is the name of the format which a request wants, by `?format=` or by Accept.
+    """The dependency of a route that is the name of the format which a request wants, by `?format=`
+    or by Accept.
 
     Args:
         media_types: name of each format to its media type; the first one is the default.
@@ -43,11 +47,14 @@ def form_of(media_types: Mapping[str, str], description: str = "default: by Acce
     """
 
     async def chosen(
-        file_format: Any = None, accept: Annotated[str | None, Header(include_in_schema=False)] = None
+        file_format: Any = None,
+        accept: Annotated[str | None, Header(include_in_schema=False)] = None,
     ) -> str:
         return choose_format(file_format, accept, media_types)
 
-    wanted = Annotated[Annotated[str, one_of(media_types)] | None, Query(alias="format", description=description)]
+    wanted = Annotated[
+        Annotated[str, one_of(media_types)] | None, Query(alias="format", description=description)
+    ]
     chosen.__annotations__["file_format"] = wanted
     return Depends(chosen)
 
@@ -73,8 +80,8 @@ def paged(
         shown: rows -> what clients see of them.
         key: the UUIDv7 column that orders them; default: the entity's `id`.
         newest_first: order of creation, reversed.
-        weight: bytes of a row, where rows may be heavy: the page ends early, after a row at least, where it would become
-            too heavy.
+        weight: bytes of a row, where rows may be heavy: the page ends early, after a row at least,
+            where it would become too heavy.
 
     Raises:
         Invalid: the cursor is not one of ours.
@@ -85,7 +92,9 @@ def paged(
         query = query.where(key < after if newest_first else key > after)
     query = query.order_by(key.desc() if newest_first else key)
     if weight is not None:
-        limit = _light(session.scalars(query.with_only_columns(func.coalesce(weight, 0)).limit(limit)), limit)
+        limit = _light(
+            session.scalars(query.with_only_columns(func.coalesce(weight, 0)).limit(limit)), limit
+        )
     rows = session.scalars(query.limit(limit + 1)).all()
     following = _encode(getattr(rows[limit - 1], key.key)) if len(rows) > limit else None
     return Page(items=list(shown(rows[:limit])), next_cursor=following)
@@ -93,7 +102,10 @@ def paged(
 
 def _light(weights: Iterable[int], limit: int) -> int:
     """How many of the first rows make a page that is not too heavy; one at least."""
-    heavy = next((number for number, total in enumerate(accumulate(weights)) if total > HEAVIEST_BYTES), limit)
+    heavy = next(
+        (number for number, total in enumerate(accumulate(weights)) if total > HEAVIEST_BYTES),
+        limit,
+    )
     return max(1, heavy)
 
 
@@ -105,7 +117,9 @@ def _decode(cursor: str) -> UUID:
     try:
         return UUID(bytes=base64.urlsafe_b64decode(cursor + "=="))
     except (ValueError, binascii.Error):
-        raise Invalid("cursor", "is not a cursor of this list; take `next_cursor` of a page") from None
+        raise Invalid(
+            "cursor", "is not a cursor of this list; take `next_cursor` of a page"
+        ) from None
 
 
 IF_MATCH: dict[str, Any] = {
@@ -122,8 +136,8 @@ IF_MATCH: dict[str, Any] = {
 
 
 def etag_of(body: BaseModel) -> str:
-    """A strong ETag of a representation: half of the SHA-256 of its JSON, in quotes. Two equal representations have the
-    same one, on any machine.
+    """A strong ETag of a representation: half of the SHA-256 of its JSON, in quotes. Two equal
+    representations have the same one, on any machine.
     """
     return '"' + hashlib.sha256(body.model_dump_json().encode()).hexdigest()[:32] + '"'
 
@@ -141,7 +155,9 @@ def require_match(request: Request, etag: str) -> None:
     if header is None:
         raise PreconditionRequired("send If-Match with the ETag of the version that you edit")
     if header.strip() != "*" and not _names(header, etag):
-        raise PreconditionFailed(f"it was changed since: its ETag is now {etag}; read it again, then edit")
+        raise PreconditionFailed(
+            f"it was changed since: its ETag is now {etag}; read it again, then edit"
+        )
 
 
 def not_modified(request: Request, headers: Mapping[str, str]) -> Response | None:
@@ -160,19 +176,32 @@ def _names(header: str, etag: str) -> bool:
 
 
 Confirm = Annotated[
-    bool, Query(description="take unusual numbers as they are: they are in the unit that the contract says")
+    bool,
+    Query(
+        description="take unusual numbers as they are: they are in the unit that the contract says"
+    ),
 ]
 
 
 UnlessNamed = Annotated[
     bool,
-    Query(description="make it only where there is none of this name; where there is, the answer is that one, and 200"),
+    Query(
+        description=(
+            "make it only where there is none of this name; where there is, the answer is that one,"
+            " and 200"
+        )
+    ),
 ]
 
 
 def there(model: type[BaseModel]) -> dict[int | str, dict[str, Any]]:
     """What a route with `UnlessNamed` says of its answers."""
-    return {200: {"model": model, "description": "With `unless_named`: the one of this name that is there"}}
+    return {
+        200: {
+            "model": model,
+            "description": "With `unless_named`: the one of this name that is there",
+        }
+    }
 
 
 HOW = "What is meant as it is, confirm (`confirm=true`, `--confirm`)"

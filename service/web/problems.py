@@ -1,4 +1,6 @@
-"""The one place where errors become HTTP: RFC 9457 problem details with a JSON pointer for each fault."""
+"""The one place where errors become HTTP: RFC 9457 problem details with a JSON pointer for each
+fault.
+"""
 
 import http
 from collections.abc import Callable, Mapping, Sequence
@@ -64,7 +66,9 @@ def problem(
         body["errors"] = [{"pointer": fault.pointer, "detail": fault.detail} for fault in faults]
     if confirmable:
         body["confirmable"] = True
-    return JSONResponse(body, status, headers=dict(headers or {}), media_type="application/problem+json")
+    return JSONResponse(
+        body, status, headers=dict(headers or {}), media_type="application/problem+json"
+    )
 
 
 def add_problem_handlers(app: FastAPI) -> None:
@@ -74,7 +78,9 @@ def add_problem_handlers(app: FastAPI) -> None:
 
 
 def problem_of(error: Exception) -> JSONResponse | None:
-    """The answer to an error that is raised before the app has the request; None where nobody expected it."""
+    """The answer to an error that is raised before the app has the request; None where nobody
+    expected it.
+    """
     handler = next((HANDLERS[kind] for kind in type(error).__mro__ if kind in HANDLERS), None)
     return None if handler is None else handler(Request({"type": "http"}), error)
 
@@ -101,11 +107,14 @@ def _validation_error(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RequestValidationError)
     found = error.errors()
     if any(fault["loc"][0] == "path" for fault in found):
-        return problem(404, "no such thing: " + "; ".join(f"{f['loc'][-1]}: {f['msg']}" for f in found))
+        return problem(
+            404, "no such thing: " + "; ".join(f"{f['loc'][-1]}: {f['msg']}" for f in found)
+        )
     body = getattr(request.scope.get("route"), "body_field", None)
     kind = None if body is None else body.field_info.annotation
     faults = [
-        e.Fault(_location(fault["loc"]), wording(fault, kind, fault["loc"][1:])) for fault in found[: e.MOST_FAULTS]
+        e.Fault(_location(fault["loc"]), wording(fault, kind, fault["loc"][1:]))
+        for fault in found[: e.MOST_FAULTS]
     ]
     invalid = e.Invalid(faults, count=len(found))
     return problem(422, str(invalid), invalid.faults)
@@ -119,19 +128,28 @@ def _http_exception(request: Request, error: Exception) -> JSONResponse:
         detail = f"no such address: {request.url.path}; /docs lists all that there are"
     elif detail == http.HTTPStatus.METHOD_NOT_ALLOWED.phrase:
         allowed = (error.headers or {}).get("Allow", "another method")
-        detail = f"{request.method} is not possible at this address, {allowed} is; /docs lists all that there are"
+        detail = (
+            f"{request.method} is not possible at this address, {allowed} is; /docs lists all that"
+            " there are"
+        )
     return problem(error.status_code, detail, headers=error.headers)
 
 
 def _data_error(_: Request, error: Exception) -> JSONResponse:
     """A value that got past the models and that PostgreSQL cannot hold."""
     log.warning("value refused by the database", error=str(error))
-    return problem(422, "a value is beyond what the database can hold: out of range, or text with a NUL character")
+    return problem(
+        422,
+        "a value is beyond what the database can hold: out of range, or text with a NUL character",
+    )
 
 
 def _integrity_error(_: Request, error: Exception) -> JSONResponse:
     log.warning("conflict in the database", error=str(error))
-    return problem(409, "the request contradicts what is stored, or what another request stored at the same moment")
+    return problem(
+        409,
+        "the request contradicts what is stored, or what another request stored at the same moment",
+    )
 
 
 def _operational_error(_: Request, error: Exception) -> JSONResponse:

@@ -1,9 +1,11 @@
-"""Physical quantities of bodies: which numbers are usual, and what was probably meant by one that is not.
+"""Physical quantities of bodies: which numbers are usual, and what was probably meant by one that
+is not.
 
-The schema of a member says what is possible. What is possible and still not usual is nearly always in another unit: 33 for a
-modulus of 33 GPa, 500 for a length of 500 mm. `unusual` names such numbers; a route refuses them until the client confirms
-them.
-The ranges are wide, so that foams (1 MPa), balsa (100 kg/m³), films (0.2 mm) and bridge decks (30 m) need no confirmation.
+The schema of a member says what is possible. What is possible and still not usual is nearly always
+in another unit: 33 for a modulus of 33 GPa, 500 for a length of 500 mm. `unusual` names such
+numbers; a route refuses them until the client confirms them.
+The ranges are wide, so that foams (1 MPa), balsa (100 kg/m³), films (0.2 mm) and bridge decks (30
+m) need no confirmation.
 """
 
 import re
@@ -31,7 +33,9 @@ UNITS = {
 
 _READ = {"Pa": ("GPa", 1e9), "m": ("mm", 1e-3), "kg": ("g", 1e-3)}
 _READABLE = 1e-2, 1e4
-"""Unit that a person reads a number in beside its SI unit, where the number in it is neither tiny nor huge."""
+"""Unit that a person reads a number in beside its SI unit, where the number in it is neither tiny
+nor huge.
+"""
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,8 @@ class Quantity:
     """What a number measures; stands in the annotation of a member."""
 
     unit: str  # of SI
-    usual: tuple[float, float]  # lowest and highest magnitude that is taken without question; 0 always is
+    # lowest and highest magnitude that is taken without question; 0 always is
+    usual: tuple[float, float]
     likely: tuple[float, float]  # magnitudes among which what was meant is looked for first
     mistaken: tuple[float, ...]  # factors from units that people write in its place to `unit`
 
@@ -49,10 +54,14 @@ class Quantity:
             return None
         meant = self._meant(value)
         guess = "." if meant is None else f"; did you mean {in_words(meant, self.unit)}?"
-        return f"is {in_words(value, self.unit)}, usual is {' to '.join(in_words(b, self.unit) for b in self.usual)}{guess}"
+        return (
+            f"is {in_words(value, self.unit)}, usual is"
+            f" {' to '.join(in_words(b, self.unit) for b in self.usual)}{guess}"
+        )
 
     def _meant(self, value: float) -> float | None:
-        factors = (*self.mistaken, *(1 / factor for factor in self.mistaken))  # the latter: converted once too often
+        # the latter: converted once too often
+        factors = (*self.mistaken, *(1 / factor for factor in self.mistaken))
         found = (
             value * factor
             for bounds in (self.likely, self.usual)
@@ -100,7 +109,13 @@ def unusual(value: object, at: str = "") -> Iterator[Fault]:
             if doubt := quantity.doubt(number):
                 yield Fault(f"{at}/{name}", doubt)
         value = dict(value)
-    members = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    members = (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list)
+        else ()
+    )
     for step, inner in members:
         if isinstance(inner, BaseModel | dict | list):
             yield from unusual(inner, f"{at}/{step}")
@@ -113,7 +128,8 @@ FREE = "meta"
 
 
 def beyond(value: object, at: str = "") -> Iterator[Fault]:
-    """Each number of a body that is possible, and too small or too large to compute with, whoever confirms it.
+    """Each number of a body that is possible, and too small or too large to compute with, whoever
+    confirms it.
 
     Args:
         value: a model, or what a model's member may be.
@@ -121,18 +137,28 @@ def beyond(value: object, at: str = "") -> Iterator[Fault]:
     """
     if isinstance(value, float) and value and not _within(value, COMPUTABLE):
         low, high = COMPUTABLE
-        yield Fault(at, f"is {_digits(value)}; expected 0, or a magnitude from {_digits(low)} to {_digits(high)}")
+        yield Fault(
+            at,
+            f"is {_digits(value)}; expected 0, or a magnitude from {_digits(low)} to"
+            f" {_digits(high)}",
+        )
     if isinstance(value, BaseModel):
         value = dict(value)
-    members = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()
+    members = (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list | tuple)
+        else ()
+    )
     for step, inner in members:
         if step != FREE:
             yield from beyond(inner, f"{at}/{step}")
 
 
 def stated(body: BaseModel) -> Iterator[tuple[str, float, Quantity]]:
-    """Numbers of a model that measure something: member, value, quantity. What a member measures is in its annotation; where
-    another member decides about it, in the model's own `measured`.
+    """Numbers of a model that measure something: member, value, quantity. What a member measures is
+    in its annotation; where another member decides about it, in the model's own `measured`.
     """
     for name, quantity in _annotated(type(body)).items():
         if (value := getattr(body, name)) is not None:
@@ -144,7 +170,9 @@ def stated(body: BaseModel) -> Iterator[tuple[str, float, Quantity]]:
 @cache
 def _annotated(model: type[BaseModel]) -> dict[str, Quantity]:
     fields = model.model_fields.items()
-    found = {name: next(_quantities((field.annotation, *field.metadata)), None) for name, field in fields}
+    found = {
+        name: next(_quantities((field.annotation, *field.metadata)), None) for name, field in fields
+    }
     return {name: quantity for name, quantity in found.items() if quantity is not None}
 
 
@@ -166,7 +194,11 @@ def in_words(value: float, unit: str) -> str:
     if unit in _READ:
         other, factor = _READ[unit]
         if factor != 1e-3 or abs(value) < 1:
-            text += f" ({_digits(value / factor)} {other})" if _within(value / factor, _READABLE) else ""
+            text += (
+                f" ({_digits(value / factor)} {other})"
+                if _within(value / factor, _READABLE)
+                else ""
+            )
     return text
 
 

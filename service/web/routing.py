@@ -1,6 +1,7 @@
 """Routes that are put together when they are first asked for, and that read JSON bodies strictly.
 
-They refuse names in a query that they do not know: a mistyped filter would answer with more than was asked for.
+They refuse names in a query that they do not know: a mistyped filter would answer with more than
+was asked for.
 """
 
 from collections.abc import Callable, Coroutine, Iterable, Set
@@ -34,8 +35,12 @@ def require_known(sent: Iterable[str], known: Set[str]) -> None:
         Invalid: each unknown name, with those that there are.
     """
     if unknown := sorted(set(sent) - known):
-        there_are = f"expected one of {', '.join(sorted(known))}" if known else "this address takes none"
-        raise Invalid([Fault(name, f"is no parameter of this query; {there_are}") for name in unknown])
+        there_are = (
+            f"expected one of {', '.join(sorted(known))}" if known else "this address takes none"
+        )
+        raise Invalid(
+            [Fault(name, f"is no parameter of this query; {there_are}") for name in unknown]
+        )
 
 
 AFTERWARDS = "modalbase.afterwards"
@@ -86,10 +91,11 @@ class Later(dict[str, Any]):
 
 
 class LateRoute(APIRoute):
-    """A route that FastAPI puts together when it is first asked for, with what its router was given.
+    """A route that FastAPI puts together when it is first asked for, with what its router was
+    given.
 
-    To read the parameters of 150 functions and to make models of what they answer takes a third of the time in which the
-    API starts, and most of these functions are not called for hours.
+    To read the parameters of 150 functions and to make models of what they answer takes a third of
+    the time in which the API starts, and most of these functions are not called for hours.
 
     Attributes:
         label: the path in its own router, by which log and metrics know it.
@@ -121,15 +127,17 @@ class LateRoute(APIRoute):
                 self._begun = True
                 if isinstance(extra := self.given.get("openapi_extra"), Later):
                     extra.update(extra.make())
-                super().__init__(self.path, self.endpoint, name=self.name, methods=self.methods, **self.given)
+                super().__init__(
+                    self.path, self.endpoint, name=self.name, methods=self.methods, **self.given
+                )
             if name not in self.__dict__:
                 raise AttributeError(f"a route has no {name}")
             return self.__dict__[name]
 
 
 class StrictRoute(LateRoute):
-    """A route that refuses parameters of the query that it does not know, and a body that cannot be stored before anything
-    else looks at it.
+    """A route that refuses parameters of the query that it does not know, and a body that cannot be
+    stored before anything else looks at it.
 
     Only routes that declare a body read one here: uploads stream theirs themselves.
 
@@ -160,20 +168,25 @@ class StrictRoute(LateRoute):
                 if len(body) > self.most_bytes:
                     raise PayloadTooLarge(too_large(self.most_bytes))
                 parse = partial(parse_json, body, most_values=self.most_values)
-                checked.strict_json = await run_in_threadpool(parse) if len(body) > LARGE else parse()
+                checked.strict_json = (
+                    await run_in_threadpool(parse) if len(body) > LARGE else parse()
+                )
             return await handle(checked)
 
         return strict
 
 
 def _require_json(headers: Headers) -> None:
-    """Refuse a body without `Content-Type: application/json`, such as `curl -d` sends by default."""
+    """Refuse a body without `Content-Type: application/json`, such as `curl -d` sends by
+    default.
+    """
     kind = content_type(headers.get("content-type"))
     if is_json(kind):
         return
     if kind or headers.get("content-length", "0") != "0" or "transfer-encoding" in headers:
         raise UnsupportedMediaType(
-            f"the body is {kind or 'of no stated type'}, expected JSON and `Content-Type: application/json`"
+            f"the body is {kind or 'of no stated type'}, expected JSON and `Content-Type:"
+            " application/json`"
         )
 
 
@@ -184,7 +197,8 @@ class BulkRoute(StrictRoute):
 
 
 def api_router(*, tags: list[str], bulk: bool = False) -> APIRouter:
-    """A router for one feature, to be listed in `service.app.composition`; paths are relative to `/api/v1`.
+    """A router for one feature, to be listed in `service.app.composition`; paths are relative to
+    `/api/v1`.
 
     Args:
         tags: headings on the documentation page.
@@ -209,8 +223,8 @@ def include(
     prefix: str = "",
     creating: Callable[[Callable[..., Any]], Callable[..., Any]] | None = None,
 ) -> None:
-    """Give an app the routes of a router. FastAPI's own `include_router` puts all of them together, once more, at the first
-    request.
+    """Give an app the routes of a router. FastAPI's own `include_router` puts all of them together,
+    once more, at the first request.
 
     Args:
         app: takes the routes.
@@ -220,7 +234,11 @@ def include(
     """
     for route in router.routes:
         assert isinstance(route, LateRoute)
-        given = {name: value for name, value in route.given.items() if name != "dependency_overrides_provider"}
+        given = {
+            name: value
+            for name, value in route.given.items()
+            if name != "dependency_overrides_provider"
+        }
         kind = type(route)
         app.router.add_api_route(
             prefix + route.path,

@@ -1,7 +1,9 @@
-"""What a name means in the contract, with its unit: the same wherever it stands, unless a schema says more.
+"""What a name means in the contract, with its unit: the same wherever it stands, unless a schema
+says more.
 
-The OpenAPI document describes every property and every id in a path. What a schema does not describe itself has its sentence
-here, by the name of the property, or of schema and property where one name has two meanings.
+The OpenAPI document describes every property and every id in a path. What a schema does not
+describe itself has its sentence here, by the name of the property, or of schema and property where
+one name has two meanings.
 """
 
 TERMS: dict[str, str] = {
@@ -36,8 +38,26 @@ TERMS: dict[str, str] = {
     **{
         f"{thing}_id": f"id of the {thing.replace('_', ' ')}"
         for thing in (
-            *("project", "structure", "campaign", "monitor", "import", "model", "forecast", "processing"),
-            *("identification", "mode_set", "webhook", "delivery", "alarm", "key", "user", "instrument"),
+            *(
+                "project",
+                "structure",
+                "campaign",
+                "monitor",
+                "import",
+                "model",
+                "forecast",
+                "processing",
+            ),
+            *(
+                "identification",
+                "mode_set",
+                "webhook",
+                "delivery",
+                "alarm",
+                "key",
+                "user",
+                "instrument",
+            ),
         )
     },
     **{f"{thing}_name": f"name of the {thing}" for thing in ("structure", "campaign", "monitor")},
@@ -73,7 +93,10 @@ TERMS: dict[str, str] = {
     "nu_12": "Poisson's ratio of contraction along 2 under tension along 1, without unit",
     "angle_deg": "from x to the fibre, towards y, degrees",
     # campaigns
-    "boundary": "how the specimen is held; a cantilever is clamped at x = 0; as_modelled: by the deck's supports",
+    "boundary": (
+        "how the specimen is held; a cantilever is clamped at x = 0; as_modelled: by the deck's"
+        " supports"
+    ),
     "performed_at": "when the test was performed, UTC; null where nobody knows",
     "temperature_c": "air temperature, °C; null where nobody knows",
     "humidity_percent": "relative humidity, %; null where nobody knows",
@@ -94,9 +117,14 @@ TERMS: dict[str, str] = {
     "size": "of the file, bytes",
     "sha256": "SHA-256 of the bytes, hexadecimal",
     "dry_run": "whether the file was only looked at, and nothing was stored",
-    "quantity": "what was measured: accelerance, mobility, receptance; of a time block force, acceleration and so on",
+    "quantity": (
+        "what was measured: accelerance, mobility, receptance; of a time block force, acceleration"
+        " and so on"
+    ),
     "datasets": "what became of each dataset of the file, in its order",
-    "outcome": "whether the dataset was read, ignored as a kind that is not needed, or refused as damaged",
+    "outcome": (
+        "whether the dataset was read, ignored as a kind that is not needed, or refused as damaged"
+    ),
     "reason": "why, in words; null where there is nothing to explain",
     "frfs": "how many FRFs",
     "grid_points": "how many grid points",
@@ -106,9 +134,13 @@ TERMS: dict[str, str] = {
     # FRFs and time blocks
     "label": "what the file or the script calls it",
     "response_point": "grid point of the response",
-    "response_direction": "of the response: ±1 … ±3 along x, y, z, ±4 … ±6 about them; 0 where the file does not say",
+    "response_direction": (
+        "of the response: ±1 … ±3 along x, y, z, ±4 … ±6 about them; 0 where the file does not say"
+    ),
     "reference_point": "grid point of the force",
-    "reference_direction": "of the force: ±1 … ±3 along x, y, z, ±4 … ±6 about them; 0 where the file does not say",
+    "reference_direction": (
+        "of the force: ±1 … ±3 along x, y, z, ±4 … ±6 about them; 0 where the file does not say"
+    ),
     "unit": "SI unit of the values",
     "Dimensions.unit": "unit of width and thickness",
     "averages": "how many hits or blocks were averaged; null where nobody says",
@@ -127,7 +159,10 @@ TERMS: dict[str, str] = {
     "sensitivity": "factor that made the file's values SI",
     "window_rate_per_s": "rate 1/τ of an exponential window that the data carry, 1/s; 0: none",
     "full_scale": "largest value that the channel can show, in its SI unit; null where nobody says",
-    "start_sample": "first sample of the block in the recording that it was cut from, from 0; null: recorded alone",
+    "start_sample": (
+        "first sample of the block in the recording that it was cut from, from 0; null: recorded"
+        " alone"
+    ),
     "accepted": "whether the hit is used",
     "findings": "what each criterion says of the hit",
     "criterion": "name of the criterion",
@@ -160,7 +195,10 @@ TERMS: dict[str, str] = {
     "prior_sd": "standard deviation of the prior, SI; default: 30 % of the mean",
     "fixed": "whether the parameter keeps its prior mean",
     "edge": "edge of the specimen that the spring holds; null for a spring at a point",
-    "weighting": "of the FRFs' lines in the damping update: by their noise, relative, logarithmic, or none (linear)",
+    "weighting": (
+        "of the FRFs' lines in the damping update: by their noise, relative, logarithmic, or none"
+        " (linear)"
+    ),
     "seed": "of the random numbers; the same seed gives the same result",
     "length_sd_m": "of the length, m",
     "width_sd_m": "of the width, m",
@@ -168,7 +206,10 @@ TERMS: dict[str, str] = {
     "thickness_sd_m": "of the thickness, m",
     "density_sd_kg_m3": "of the density, kg/m³",
     "nu_xy_sd": "of Poisson's ratio, without unit",
-    "inputs": "how well what was handed in is known: standard deviations, SI; default: a careful laboratory's",
+    "inputs": (
+        "how well what was handed in is known: standard deviations, SI; default: a careful"
+        " laboratory's"
+    ),
     "campaigns": "the campaigns, in the order in which they were named",
     "joint": "the joint update; null where the jobs are separate",
     "joint_id": "id of the joint update",
@@ -194,7 +235,10 @@ TERMS: dict[str, str] = {
     "Summary.excluded": "specimens that do not count, and why",
     "exclusion_reason": "why the specimen does not count; null where it does",
     "constants": "elastic constants that the batch gives",
-    "published": "means that are known without their specimens, by constant; Pa, a Poisson's ratio has no unit",
+    "published": (
+        "means that are known without their specimens, by constant; Pa, a Poisson's ratio has no"
+        " unit"
+    ),
     "conditions": "conditioning, speed, machine, gauge and grips, in words, by name",
     "mean": "mean, in its unit",
     "standard_deviation": "standard deviation, in its unit",
@@ -220,7 +264,9 @@ TERMS: dict[str, str] = {
     "false_alarm_rate": "false alarms a campaign, of all parameters together",
     "horizon": "campaigns after the baseline over which that rate is held",
     "pending": "consecutive campaigns outside that make an alarm",
-    "expected_interval_days": "days between campaigns; a later one is `no data`; null: nothing is expected",
+    "expected_interval_days": (
+        "days between campaigns; a later one is `no data`; null: nothing is expected"
+    ),
     "runs_on": "when campaigns are run: `campaign`, `schedule` or `hand`",
     "schedule": "five cron fields, UTC; null without a schedule",
     "next_run_at": "when the schedule runs next, UTC; null without a schedule",
@@ -269,23 +315,59 @@ OPEN: dict[str, object] = {
 """Examples of objects whose members the client names; those without one are shown empty."""
 
 TAGS: list[tuple[str, str]] = [
-    ("projects", "A project holds everything that people share. **The main job begins here**: make one."),
-    ("structures", "What is tested: geometry, density, and a laminate or a material with nominal values."),
-    ("campaigns", "One test of a structure: how it was held, when, with which instruments; its grid points."),
+    (
+        "projects",
+        "A project holds everything that people share. **The main job begins here**: make one.",
+    ),
+    (
+        "structures",
+        "What is tested: geometry, density, and a laminate or a material with nominal values.",
+    ),
+    (
+        "campaigns",
+        "One test of a structure: how it was held, when, with which instruments; its grid points.",
+    ),
     ("grid points", "Where was measured: labels and coordinates, as JSON or CSV."),
-    ("models", "Decks of Abaqus, CalculiX and Nastran, or matrices of any solver, into a structure."),
+    (
+        "models",
+        "Decks of Abaqus, CalculiX and Nastran, or matrices of any solver, into a structure.",
+    ),
     ("forecasts", "Modes of a structure before it is measured: which there are, and where to hit."),
     ("imports", "UFF files into a campaign: send one, then ask until it has succeeded."),
     ("FRFs", "What was measured: lists, spectra in six formats, and FRFs from scripts."),
     ("records", "Time blocks of hammer tests: send hits, see which are good, make FRFs of them."),
-    ("identifications", "Modes from FRFs, by a job. An update without a mode set does this by itself."),
-    ("mode sets", "Natural frequencies, damping ratios and shapes: typed in, from a file, or identified."),
+    (
+        "identifications",
+        "Modes from FRFs, by a job. An update without a mode set does this by itself.",
+    ),
+    (
+        "mode sets",
+        "Natural frequencies, damping ratios and shapes: typed in, from a file, or identified.",
+    ),
     ("coupons", "ASTM D3039 and D3518 specimens, whose statistics are priors of an update."),
-    ("update jobs", "The model updated to a campaign: start with `{}`, ask until it has succeeded, read the result."),
+    (
+        "update jobs",
+        (
+            "The model updated to a campaign: start with `{}`, ask until it has succeeded, read the"
+            " result."
+        ),
+    ),
     ("monitoring", "The same recipe as a structure ages: series, limits, alarms."),
-    ("search", "Questions to all projects at once, as CQL2 text and words: rows as JSON, CSV or Arrow, and trends."),
+    (
+        "search",
+        (
+            "Questions to all projects at once, as CQL2 text and words: rows as JSON, CSV or Arrow,"
+            " and trends."
+        ),
+    ),
     ("archives", "Projects, campaigns and what a search finds as one zip that others read."),
-    ("instruments", "Hammers, sensors and analysers with their calibrations, which campaigns name by serial number."),
+    (
+        "instruments",
+        (
+            "Hammers, sensors and analysers with their calibrations, which campaigns name by serial"
+            " number."
+        ),
+    ),
     ("webhooks", "Messages of jobs and alarms to other systems, signed."),
     ("keys", "Keys, sessions of browsers, and who did what."),
     ("purge", "Remove for good what was deleted before."),

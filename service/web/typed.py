@@ -1,8 +1,9 @@
-"""Quantities as people type them: `1850 kg/m³`, `21,5`, `70 °F`, `0.5 m`, `1.2e3`. One reader for every field of every page.
+"""Quantities as people type them: `1850 kg/m³`, `21,5`, `70 °F`, `0.5 m`, `1.2e3`. One reader for
+every field of every page.
 
-A number without a unit is in the unit of its field; with one, it is converted. A comma or a point is the decimal mark;
-groups of three digits may be parted by blanks, apostrophes, or the other mark. What could be two numbers (`1,850`) is asked
-about.
+A number without a unit is in the unit of its field; with one, it is converted. A comma or a point
+is the decimal mark; groups of three digits may be parted by blanks, apostrophes, or the other mark.
+What could be two numbers (`1,850`) is asked about.
 """
 
 import re
@@ -36,7 +37,9 @@ DIMENSIONS: tuple[dict[str, str], ...] = (
      "ue": "1e-6", "ustrain": "1e-6", "microstrain": "1e-6"},
     {"%": "1", "%rh": "1"},
 )  # fmt: skip
-"""Units of one kind, the usual ones first, each with its size; a unit of two kinds is of that of its field."""
+"""Units of one kind, the usual ones first, each with its size; a unit of two kinds is of that of
+its field.
+"""
 
 _KELVIN, _FAHRENHEIT = ("K",), ("°F", "F", "degF")
 SHOWN_AS = {"m": "mm", "Pa": "GPa", "kg": "g"}
@@ -67,7 +70,11 @@ def read(text: str, unit: str, to: str) -> float:
     number, stated = _parts(text, unit)
     kind = _kind(to)
     name = _spelled(stated, kind, text) if stated else _plain(unit)
-    value = _celsius(number, name) if "°C" in kind else number * Fraction(kind[name]) / Fraction(kind[_plain(to)])
+    value = (
+        _celsius(number, name)
+        if "°C" in kind
+        else number * Fraction(kind[name]) / Fraction(kind[_plain(to)])
+    )
     if value and not SMALLEST < abs(value) < LARGEST:
         raise UnreadableError(f"“{text.strip()[:40]}” is beyond what can be computed with")
     return float(value)
@@ -83,7 +90,9 @@ def read_whole(text: str) -> int:
     if value != int(value) or "%" in text:
         raise UnreadableError(f"“{text.strip()[:40]}” is no whole number")
     if abs(value) >= 2**53:
-        raise UnreadableError(f"“{text.strip()[:40]}” has more digits than are kept; the largest is {2**53 - 1}")
+        raise UnreadableError(
+            f"“{text.strip()[:40]}” has more digits than are kept; the largest is {2**53 - 1}"
+        )
     return int(value)
 
 
@@ -91,19 +100,27 @@ def read_numbers(text: str, unit: str, to: str) -> list[float]:
     """The numbers of a list; where only the last one has a unit, all are in it.
 
     Raises:
-        UnreadableError: one of them cannot be read, or commas without blanks part them or are in them.
+        UnreadableError: one of them cannot be read, or commas without blanks part them or are in
+            them.
 
     >>> read_numbers("−90, 0, 90 mm", "mm", "m"), read_numbers("25,02; 25,00", "", "")
     ([-0.09, 0.0, 0.09], [25.02, 25.0])
     """
     parts = split(text)
-    if len(parts) == 1 and parts[0].count(",") and not re.search(r"[^\d.,\s+−-]", parts[0].split(",")[0]):
-        raise UnreadableError(f"“{text.strip()[:40]}” is one number or several: part them with semicolons")
+    if (
+        len(parts) == 1
+        and parts[0].count(",")
+        and not re.search(r"[^\d.,\s+−-]", parts[0].split(",")[0])
+    ):
+        raise UnreadableError(
+            f"“{text.strip()[:40]}” is one number or several: part them with semicolons"
+        )
     stated = [bool(_parts(part, unit)[1]) for part in parts]
     if any(stated) and not all(stated):
         if stated.index(True) != len(parts) - 1:
             raise UnreadableError(
-                "some of the numbers have a unit and others have none: write it once, behind the last"
+                "some of the numbers have a unit and others have none: write it once, behind the"
+                " last"
             )
         last = _parts(parts[-1], unit)[1]
         parts = [*(f"{part} {last}" for part in parts[:-1]), parts[-1]]
@@ -146,7 +163,9 @@ def in_words(value: float, unit: str, to: str, digits: int = 10) -> str:
     """
     kind = _kind(to)
     shown = (
-        value if "°C" in kind else float(Fraction(value) * Fraction(kind[_plain(to)]) / Fraction(kind[_plain(unit)]))
+        value
+        if "°C" in kind
+        else float(Fraction(value) * Fraction(kind[_plain(to)]) / Fraction(kind[_plain(unit)]))
     )
     return f"{shown:.{digits}g} {unit}".strip()
 
@@ -168,8 +187,8 @@ def size_of(unit: str, to: str) -> float:
 
 
 def split(text: str) -> list[str]:
-    """The parts of a list: by semicolons, tabs or line breaks where there are some, else by commas with a blank, else by blanks
-    between numbers.
+    """The parts of a list: by semicolons, tabs or line breaks where there are some, else by commas
+    with a blank, else by blanks between numbers.
     """
     for separator in (r"[;\t\n]", r",\s+"):
         if re.search(separator, text.strip()):
@@ -177,7 +196,9 @@ def split(text: str) -> list[str]:
     return re.split(r"\s+(?=[+−-]?[.,]?\d)", text.strip())
 
 
-_MINUS = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "\u2009": " ", "\u202f": " ", "’": "'", "μ": "µ"})
+_MINUS = str.maketrans(
+    {"−": "-", "–": "-", "\u00a0": " ", "\u2009": " ", "\u202f": " ", "’": "'", "μ": "µ"}
+)
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _QUANTITY = re.compile(
     r"(?P<sign>[+-]?)\s*(?P<digits>[0-9.,](?:[0-9.,' ]*[0-9.,])?)"
@@ -192,7 +213,10 @@ def _parts(text: str, unit: str) -> tuple[Fraction, str]:
     if found is None:
         raise UnreadableError(f"“{text.strip()[:40]}” is no number{f' in {unit}' if unit else ''}")
     digits = _decimal(found["digits"], text.strip())
-    return Fraction(f"{found['sign']}{digits}e{found['e'] or found['ten'] or 0}"), (found["unit"] or "").strip()
+    return (
+        Fraction(f"{found['sign']}{digits}e{found['e'] or found['ten'] or 0}"),
+        (found["unit"] or "").strip(),
+    )
 
 
 def _decimal(digits: str, text: str) -> str:
@@ -203,8 +227,16 @@ def _decimal(digits: str, text: str) -> str:
     blanks = any(mark in digits for mark in " '")
     if len(marks) == 1 and digits.count(marks[0]) == 1:
         before, after = digits.split(marks[0])
-        if marks == [","] and not blanks and len(after) == 3 and re.fullmatch(r"[1-9]\d{0,2}", before):
-            raise UnreadableError(f"“{text[:40]}” is {before}{after} or {before}.{after}: write which, without a comma")
+        if (
+            marks == [","]
+            and not blanks
+            and len(after) == 3
+            and re.fullmatch(r"[1-9]\d{0,2}", before)
+        ):
+            raise UnreadableError(
+                f"“{text[:40]}” is {before}{after} or {before}.{after}: write which, without a"
+                " comma"
+            )
         whole, fraction = before, after
     elif len(marks) == 2 and digits.count(marks[1]) == 1:
         whole, fraction = digits.split(marks[1])
@@ -237,7 +269,9 @@ def _kind(to: str) -> dict[str, str]:
 
 
 def _spelled(stated: str, kind: dict[str, str], text: str) -> str:
-    """The name of a unit as the table has it; without regard to case where that is one unit alone."""
+    """The name of a unit as the table has it; without regard to case where that is one unit
+    alone.
+    """
     name = re.sub("^/", "1/", _plain(stated))
     alike = [one for one in kind if one.lower() == name.lower()]
     if name in kind or len({kind[one] for one in alike}) == 1:

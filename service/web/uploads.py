@@ -1,5 +1,6 @@
-"""The body of a request: received whole before anything is done with it, in memory while it is small, else on disk. An upload
-is streamed to a spool file while it is hashed, raw or as multipart field `file`.
+"""The body of a request: received whole before anything is done with it, in memory while it is
+small, else on disk. An upload is streamed to a spool file while it is hashed, raw or as multipart
+field `file`.
 """
 
 import asyncio
@@ -27,7 +28,8 @@ BLOCK_BYTES = 1024 * 1024
 IDLE_SECONDS = 30.0  # between two blocks of a body
 GRACE_SECONDS = 60.0  # before its speed counts
 SLOWEST = 16_384  # bytes a second, on average
-LINGER_SECONDS, LINGER_BYTES = 20.0, 256 * 1024 * 1024  # for which a body that was refused is let come
+# for which a body that was refused is let come
+LINGER_SECONDS, LINGER_BYTES = 20.0, 256 * 1024 * 1024
 
 _SPOOL = "modalbase.body"
 
@@ -41,7 +43,9 @@ class Body:
     sha256: bytes  # their digest
 
     def replayed(self, receive: Receive) -> Receive:
-        """What the application receives: the body block by block, then what comes from the client."""
+        """What the application receives: the body block by block, then what comes from the
+        client.
+        """
         self.file.seek(0)
         ended = False
 
@@ -67,7 +71,9 @@ def body_of(scope: Scope) -> Body | None:
 
 
 @asynccontextmanager
-async def spooled_body(scope: Scope, receive: Receive, limit: int, better: str = "") -> AsyncIterator[Body]:
+async def spooled_body(
+    scope: Scope, receive: Receive, limit: int, better: str = ""
+) -> AsyncIterator[Body]:
     """Receive a request's body, which is gone at the end of the block.
 
     Args:
@@ -93,7 +99,9 @@ async def spooled_body(scope: Scope, receive: Receive, limit: int, better: str =
             if size > limit:
                 raise PayloadTooLarge(too_large(limit, better))
             if loop.time() - began > GRACE_SECONDS + size / SLOWEST:
-                raise TooSlow(f"the body comes too slowly: {size} bytes in {loop.time() - began:.0f} s")
+                raise TooSlow(
+                    f"the body comes too slowly: {size} bytes in {loop.time() - began:.0f} s"
+                )
             if size > MEMORY_BYTES and isinstance(file, io.BytesIO):
                 file = _moved_to_disk(file)
             file.write(block)
@@ -114,12 +122,14 @@ def too_large(limit: int, better: str = "") -> str:
 
 
 async def answer_early(answer: ASGIApp, scope: Scope, receive: Receive, send: Send) -> None:
-    """Answer a request whose body is still coming, and let that come unread for a while: a client that sends all of it
-    before it listens would meet a broken connection instead of the answer.
+    """Answer a request whose body is still coming, and let that come unread for a while: a client
+    that sends all of it before it listens would meet a broken connection instead of the answer.
     """
 
     async def unfinished(message: Message) -> None:
-        await send({**message, "more_body": True} if message["type"] == "http.response.body" else message)
+        await send(
+            {**message, "more_body": True} if message["type"] == "http.response.body" else message
+        )
 
     await answer(scope, receive, unfinished)
     left = LINGER_BYTES
@@ -172,7 +182,8 @@ class Form(Generic[File]):
     fields: Mapping[str, str] = field(default_factory=dict)  # the other fields of the form, as text
 
     def text_of(self, name: str, parameter: str | None = None) -> str | None:
-        """The one text that a form may have beside its file, which may come as a parameter of the query too.
+        """The one text that a form may have beside its file, which may come as a parameter of the
+        query too.
 
         Args:
             name: of the field and of the parameter.
@@ -182,10 +193,15 @@ class Form(Generic[File]):
             Invalid: the form has another field, or the text is stated at both places.
         """
         if unknown := sorted(self.fields.keys() - {name}):
-            why = f"is no field of this form, which has `file` and `{name}`; parameters stand in the address"
+            why = (
+                f"is no field of this form, which has `file` and `{name}`; parameters stand in the"
+                " address"
+            )
             raise Invalid([Fault(pointer([one]), why) for one in unknown])
         if parameter is not None and name in self.fields:
-            raise Invalid(name, "is stated twice, in the address and as a field of the form; state it once")
+            raise Invalid(
+                name, "is stated twice, in the address and as a field of the form; state it once"
+            )
         return self.fields.get(name) if parameter is None else parameter
 
 
@@ -200,7 +216,9 @@ class Upload(Form[Spooled]):
 
 
 @asynccontextmanager
-async def multipart(request: Request, field_bytes: int = BLOCK_BYTES) -> AsyncIterator[Form[UploadFile]]:
+async def multipart(
+    request: Request, field_bytes: int = BLOCK_BYTES
+) -> AsyncIterator[Form[UploadFile]]:
     """The multipart body of a request; its parts are gone at the end of the block.
 
     Args:
@@ -229,7 +247,9 @@ async def multipart(request: Request, field_bytes: int = BLOCK_BYTES) -> AsyncIt
 
 
 async def _received(request: Request) -> AsyncIterator[Upload]:
-    """The body as a file, raw or as multipart field `file`, which is removed at the end of the block."""
+    """The body as a file, raw or as multipart field `file`, which is removed at the end of the
+    block.
+    """
     kind = content_type(request.headers.get("content-type"))
     body = body_of(request.scope)
     if kind != "multipart/form-data" and body is not None and (path := body.on_disk()):

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="module")
 def running() -> Iterator[Browser]:
-    """A browser of a module's own: one that is open keeps an event loop, which other modules' tests begin themselves."""
+    """A browser of a module's own: one that is open keeps an event loop, which other modules' tests
+    begin themselves.
+    """
     with browser() as found:
         yield found

@@ -1,4 +1,6 @@
-"""Archives as others meet them: read with pandas and pyuff alone, brought into another service, damaged in every way."""
+"""Archives as others meet them: read with pandas and pyuff alone, brought into another service,
+damaged in every way.
+"""
 
 import io
 import json
@@ -69,16 +71,30 @@ print(json.dumps({
 """
 RESULT = {
     "verdict": {"level": "usable", "sentence": "", "reasons": []},
-    "parameters": [{"name": "Ex", "estimate": 3.1e10, "standard_deviation": 2e8, "interval_95": [3.06e10, 3.14e10]}],
+    "parameters": [
+        {
+            "name": "Ex",
+            "estimate": 3.1e10,
+            "standard_deviation": 2e8,
+            "interval_95": [3.06e10, 3.14e10],
+        }
+    ],
     "version": 3,
 }
 
 
-SENSOR = {"kind": "sensor", "serial": "30517", "model": "4507", "calibrations": [{"performed_on": "2026-01-15"}]}
+SENSOR = {
+    "kind": "sensor",
+    "serial": "30517",
+    "model": "4507",
+    "calibrations": [{"performed_on": "2026-01-15"}],
+}
 
 
 def kept(api: httpx.Client, structure: str, campaign: str) -> None:
-    """Hits of three kinds of channels with a decision, two coupons, and a monitor whose prior is their batch's."""
+    """Hits of three kinds of channels with a decision, two coupons, and a monitor whose prior is
+    their batch's.
+    """
     for hit, full in ((1, None), (3, None), (4, 200.0)):
         sent = record(hit)
         sent["mapping"]["channels"][0] |= {"sensitivity": 0.5, "full_scale": full}
@@ -86,14 +102,23 @@ def kept(api: httpx.Client, structure: str, campaign: str) -> None:
     body = {"point": 1, "hit": 3, "good": False, "why": "a cable was touched"}
     ok(api.post(f"campaigns/{campaign}/hit-decisions", json=body), 201)
     batch = ok(
-        api.post(f"structures/{structure}/coupon-batches", json={"name": "0°", "constants": ["Ex", "nu_xy"]}), 201
+        api.post(
+            f"structures/{structure}/coupon-batches",
+            json={"name": "0°", "constants": ["Ex", "nu_xy"]},
+        ),
+        201,
     )
     path, file = f"coupon-batches/{batch['id']}/coupons", {"file": ("A1.csv", machine_file(CURVE))}
     curve = ok(api.post(path, files=file, data={"coupon": json.dumps(COUPON)}), 201)["items"][0]
     exclusion = {"excluded": True, "exclusion_reason": "slipped"}
     headers = {"If-Match": api.get(f"coupons/{curve['id']}").headers["ETag"]}
     ok(api.patch(f"coupons/{curve['id']}", json=exclusion, headers=headers), 200)
-    ok(api.post(path, json=[{"specimen": s, "E_Pa": E} for s, E in (("A2", 3.1e10), ("A3", 3.2e10))]), 201)
+    ok(
+        api.post(
+            path, json=[{"specimen": s, "E_Pa": E} for s, E in (("A2", 3.1e10), ("A3", 3.2e10))]
+        ),
+        201,
+    )
     recipe = {**MONITOR["recipe"], "prior_from_coupon_batch": batch["id"]}
     ok(api.post(f"structures/{structure}/monitors", json={**MONITOR, "recipe": recipe}), 201)
 
@@ -113,8 +138,17 @@ def measured(api: httpx.Client, service: LocalService) -> dict[str, str]:
     structure = ok(api.post(f"projects/{project}/structures", json=body), 201)["id"]
     for serial in ("30517", "of another test"):
         ok(api.post(f"projects/{project}/instruments", json={**SENSOR, "serial": serial}), 201)
-    body = {**paper.CAMPAIGN, "name": "cold", "temperature_c": -3.0, "meta": {"client": "ACME"}, "notes": "œ"}
-    body["instruments"] = {**body.get("instruments", {}), "sensor": {"model": "4507", "serial": "30517"}}
+    body = {
+        **paper.CAMPAIGN,
+        "name": "cold",
+        "temperature_c": -3.0,
+        "meta": {"client": "ACME"},
+        "notes": "œ",
+    }
+    body["instruments"] = {
+        **body.get("instruments", {}),
+        "sensor": {"model": "4507", "serial": "30517"},
+    }
     campaign = ok(api.post(f"structures/{structure}/campaigns", json=body), 201)["id"]
     points = [{"label": n, "x_m": 0.1 * n, "y_m": 0, "z_m": 0} for n in (1, 2, 11, 12)]
     ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": points}), 200)
@@ -125,7 +159,9 @@ def measured(api: httpx.Client, service: LocalService) -> dict[str, str]:
     ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "typed", "modes": MODES}), 201)
     kept(api, structure, campaign)
     job = ok(api.post(f"campaigns/{campaign}/update-jobs", json={}), 202)["id"]
-    row = "INSERT INTO update_results (id, campaign_id, document, prediction) VALUES (%s, %s, %s, '')"
+    row = (
+        "INSERT INTO update_results (id, campaign_id, document, prediction) VALUES (%s, %s, %s, '')"
+    )
     with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
         connection.execute(row, [job, campaign, json.dumps(RESULT)])
     return {"project": project, "structure": structure, "campaign": campaign, "job": job}
@@ -140,7 +176,9 @@ def test_others_read_an_archive_with_pandas_and_pyuff(
 ) -> None:
     (tmp_path / "script.py").write_text(SCRIPT)
     with modalbase.connect(service.url, key_of(api)) as lab:
-        found = lab.find("campaigns", f"meta.client = 'ACME' AND project.id = '{measured['project']}'")
+        found = lab.find(
+            "campaigns", f"meta.client = 'ACME' AND project.id = '{measured['project']}'"
+        )
         files = [
             lab.project(measured["project"]).archive(tmp_path / "project.zip"),
             lab.campaign(measured["campaign"]).archive(tmp_path / "campaign.zip"),
@@ -151,7 +189,12 @@ def test_others_read_an_archive_with_pandas_and_pyuff(
         with pytest.raises(ClientError, match="campaign that the search finds"):
             lab.find("campaigns", "temperature_c > 900").archive(tmp_path / "nothing.zip")
     for file in files:
-        command = [sys.executable, str(tmp_path / "script.py"), str(file), str(tmp_path / file.stem)]
+        command = [
+            sys.executable,
+            str(tmp_path / "script.py"),
+            str(file),
+            str(tmp_path / file.stem),
+        ]
         done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
         assert done.returncode == 0, done.stderr
         assert json.loads(done.stdout) == {
@@ -188,7 +231,16 @@ def test_another_service_has_what_was_measured_under_new_ids(
         )  # fmt: skip
         campaign = lab.campaign(done.ids[measured["campaign"]])
         assert campaign.fields["structure_id"] == structure.id
-        for name in ("name", "boundary", "temperature_c", "performed_at", "instruments", "frame", "inputs", "notes"):
+        for name in (
+            "name",
+            "boundary",
+            "temperature_c",
+            "performed_at",
+            "instruments",
+            "frame",
+            "inputs",
+            "notes",
+        ):
             assert campaign.fields[name] == before.fields[name], name
         assert campaign.meta == {"client": "ACME", "archive": campaign.meta["archive"]}
         assert (campaign.frfs().values == spectra.values).all()
@@ -209,10 +261,15 @@ def test_another_service_has_what_was_measured_under_new_ids(
         again = campaign.archive(tmp_path / "again.zip")
         assert frequencies(again) == frequencies(file)
         older = {"performed_on": "2024-01-15"}
-        lab.new_project("by command").add_instrument("sensor", "30517", model="own", calibrations=[older])
+        lab.new_project("by command").add_instrument(
+            "sensor", "30517", model="own", calibrations=[older]
+        )
         place = {"MODALBASE_URL": other.url, "MODALBASE_API_KEY": key}
         refused = modalbase_here("import-archive", str(file), "by command", **place)
-        assert f"the project heirloom ({project.id}) has what is in this archive since 20" in refused.stderr
+        assert (
+            f"the project heirloom ({project.id}) has what is in this archive since 20"
+            in refused.stderr
+        )
         assert lab.project("by command").structures() == []
         said = modalbase_here("import-archive", str(file), "by command", "--again", **place)
         assert "1 results stay in project.zip" in said.stdout, said.stderr
@@ -240,20 +297,34 @@ ANEW = {
 
 
 def assert_kept(before: Path, after: Path, ids: dict[str, str]) -> None:
-    """Hits, decisions, coupons, monitors and instruments of two archives are the same but for ids and times."""
+    """Hits, decisions, coupons, monitors and instruments of two archives are the same but for ids
+    and times.
+    """
     with ZipFile(before) as was, ZipFile(after) as now:
         for end in ("/hits.csv", "/coupons.csv", "/curve.csv", "/original"):
-            one, two = (file.read(next(n for n in file.namelist() if n.endswith(end))) for file in (was, now))
+            one, two = (
+                file.read(next(n for n in file.namelist() if n.endswith(end)))
+                for file in (was, now)
+            )
             if end == "/hits.csv":
                 tables = [pd.read_csv(io.BytesIO(table)) for table in (one, two)]
                 assert [ids[key] for key in tables[0]["id"]] == tables[1]["id"].tolist()
-                left, right = (table.drop(columns=["id", "filename", "created_at"]) for table in tables)
-                pd.testing.assert_frame_equal(left, right)  # with the SHA-256 of each block's samples
+                left, right = (
+                    table.drop(columns=["id", "filename", "created_at"]) for table in tables
+                )
+                # with the SHA-256 of each block's samples
+                pd.testing.assert_frame_equal(left, right)
             else:
                 assert one == two, end
-        for part in ("/hit-decisions.json", "/coupon-batches.json", "/monitors/", "instruments.json"):
+        for part in (
+            "/hit-decisions.json",
+            "/coupon-batches.json",
+            "/monitors/",
+            "instruments.json",
+        ):
             one, two = (
-                json.loads(file.read(next(n for n in file.namelist() if part in n or n == part))) for file in (was, now)
+                json.loads(file.read(next(n for n in file.namelist() if part in n or n == part)))
+                for file in (was, now)
             )
             assert plain(one, ids) == plain(two, {}), part
 
@@ -287,7 +358,9 @@ def restated(members: Members, **changed: Any) -> Members:
 
 
 def grown(members: Members) -> Members:
-    files = json.loads(members["manifest.json"])["files"] | {"a.json": {"bytes": 10**8, "sha256": "0" * 64}}
+    files = json.loads(members["manifest.json"])["files"] | {
+        "a.json": {"bytes": 10**8, "sha256": "0" * 64}
+    }
     return restated(members, files=files) | {"a.json": bytes(10**8)}
 
 
@@ -296,12 +369,28 @@ def elsewhere(members: Members) -> Members:
 
 
 DAMAGES: list[tuple[str, Callable[[Members], Members], str]] = [
-    ("a member is gone", lambda m: without(m, "/frfs.uff"), "other members than its manifest: .*frfs.uff"),
+    (
+        "a member is gone",
+        lambda m: without(m, "/frfs.uff"),
+        "other members than its manifest: .*frfs.uff",
+    ),
     ("a member is added", elsewhere, "other members than its manifest: .*evil"),
     ("the manifest is gone", lambda m: without(m, "manifest.json"), "is no archive of modalbase"),
-    ("the manifest is no JSON", lambda m: m | {"manifest.json": b"{"}, "is no archive of modalbase"),
-    ("the manifest is a list", lambda m: m | {"manifest.json": b"[]"}, "is no archive of modalbase"),
-    ("the manifest's files are none", lambda m: restated(m, files={"x": 3}), "is no archive of modalbase"),
+    (
+        "the manifest is no JSON",
+        lambda m: m | {"manifest.json": b"{"},
+        "is no archive of modalbase",
+    ),
+    (
+        "the manifest is a list",
+        lambda m: m | {"manifest.json": b"[]"},
+        "is no archive of modalbase",
+    ),
+    (
+        "the manifest's files are none",
+        lambda m: restated(m, files={"x": 3}),
+        "is no archive of modalbase",
+    ),
     ("a later format", lambda m: restated(m, format=2), "of format 2; this version reads 1"),
     ("it would grow", grown, "would grow to .* bytes"),
     (
@@ -365,7 +454,11 @@ def test_an_archive_that_contradicts_itself_is_refused(
         for name, content, said in (
             (f"{folder}/campaign.json", foreign, "a structure that the archive does not have"),
             (f"{folder}/campaign.json", b"[]", "something in the archive|is not as an archive is"),
-            (f"{folder}/frfs.csv", strange, "frfs.csv of good.zip is not as an archive is: JSONDecodeError"),
+            (
+                f"{folder}/frfs.csv",
+                strange,
+                "frfs.csv of good.zip is not as an archive is: JSONDecodeError",
+            ),
             (f"{folder}/frfs.uff", b"noise", "frfs.uff of good.zip is not as an archive is"),
         ):
             files = json.loads(members["manifest.json"])["files"]
@@ -389,11 +482,17 @@ def test_of_several_that_read_an_archive_at_once_one_does(
         with ZipFile(file) as archive:
             members = {name: archive.read(name) for name in archive.namelist()}
         folder = f"campaigns/{measured['campaign']}"
-        content = members[f"{folder}/campaign.json"].replace(b"cold", b"cool")  # else it is there already
+        # else it is there already
+        content = members[f"{folder}/campaign.json"].replace(b"cold", b"cool")
         files = json.loads(members["manifest.json"])["files"]
-        files[f"{folder}/campaign.json"] |= {"bytes": len(content), "sha256": sha256(content).hexdigest()}
+        files[f"{folder}/campaign.json"] |= {
+            "bytes": len(content),
+            "sha256": sha256(content).hexdigest(),
+        }
         with ZipFile(file, "w", ZIP_DEFLATED) as archive:
-            for path, kept in (restated(members, files=files) | {f"{folder}/campaign.json": content}).items():
+            for path, kept in (
+                restated(members, files=files) | {f"{folder}/campaign.json": content}
+            ).items():
                 archive.writestr(path, kept)
         project = lab.new_project("at once")
         names = {one.name for one in lab.project(measured["project"]).structures()}
@@ -415,9 +514,14 @@ def test_of_several_that_read_an_archive_at_once_one_does(
         assert all(one.version == 1 for one in lab.project(project.id).structures())
 
 
-def test_an_archive_has_nothing_of_others(measured: dict[str, str], new_client: Callable[[], httpx.Client]) -> None:
+def test_an_archive_has_nothing_of_others(
+    measured: dict[str, str], new_client: Callable[[], httpx.Client]
+) -> None:
     stranger = new_client()
-    for path in (f"projects/{measured['project']}/archive", f"campaigns/{measured['campaign']}/archive"):
+    for path in (
+        f"projects/{measured['project']}/archive",
+        f"campaigns/{measured['campaign']}/archive",
+    ):
         assert stranger.get(path).status_code == 404
     assert stranger.get("search/campaigns/archive").status_code == 404
     own = ok(stranger.post("projects", json={"name": "own"}), 201)["id"]

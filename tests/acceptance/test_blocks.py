@@ -1,8 +1,10 @@
-"""Every block of the documents runs as it stands: Python, the shell, JSON against the service's schemas.
+"""Every block of the documents runs as it stands: Python, the shell, JSON against the service's
+schemas.
 
-All pages share one service. The page of the command line goes first, as its commands make the project, structure and campaign
-that the others name. A block marked `text` is one that nothing can run here: a drawing, a table of requests, a command that
-installs, never ends, or needs a server of containers.
+All pages share one service. The page of the command line goes first, as its commands make the
+project, structure and campaign
+that the others name. A block marked `text` is one that nothing can run here: a drawing, a table of
+requests, a command that installs, never ends, or needs a server of containers.
 """
 
 import configparser
@@ -50,7 +52,9 @@ LANGUAGES = {"python", "sh", "json", "ini", "text"}
 
 
 def of(*languages: str) -> list[Block]:
-    return [block for block in BLOCKS if block.language in languages and block.page not in ELSEWHERE]
+    return [
+        block for block in BLOCKS if block.language in languages and block.page not in ELSEWHERE
+    ]
 
 
 class Reader:
@@ -66,7 +70,9 @@ class Reader:
         (folder / "bracket.inp").write_bytes(deck(1e-3))
         (folder / "A1.csv").write_bytes(AT_HAND["docs/coupons.md"]()["data"])
         long = recording([1.0, 4.0, 7.0, 10.0, 13.0, 16.0], [1.0, 0.5, 2.0, 1.0, 0.7, 1.5], 19.0)
-        wavfile.write(folder / "june.wav", int(RATE), np.round(long.T * 0.25 * 2**31).astype(np.int32))
+        wavfile.write(
+            folder / "june.wav", int(RATE), np.round(long.T * 0.25 * 2**31).astype(np.int32)
+        )
         self.url = service.url
         self.variables = {
             "MODALBASE_URL": service.url,
@@ -77,14 +83,25 @@ class Reader:
         }
 
     def run(self, block: Block) -> None:
-        """As a shell does; commands that need nothing of one but its words run without it and in this process."""
+        """As a shell does; commands that need nothing of one but its words run without it and in
+        this process.
+        """
         lines = block.text.replace("\\\n", " ").splitlines()
-        plain = all(line.startswith("modalbase ") and not set(line.split("#")[0]) & SHELL for line in lines)
+        plain = all(
+            line.startswith("modalbase ") and not set(line.split("#")[0]) & SHELL for line in lines
+        )
         if not plain:
-            run_as_typed(["bash", "-euo", "pipefail", "-c", STRICT + block.text], self.folder, **self.variables)
+            run_as_typed(
+                ["bash", "-euo", "pipefail", "-c", STRICT + block.text],
+                self.folder,
+                **self.variables,
+            )
             return
         for line in lines:
-            words = [Template(word).substitute(self.variables) for word in shlex.split(line, comments=True)]
+            words = [
+                Template(word).substitute(self.variables)
+                for word in shlex.split(line, comments=True)
+            ]
             modalbase_here(*words[1:], cwd=self.folder, code=0, **self.variables)
 
 
@@ -100,9 +117,16 @@ def reader(service: LocalService, tmp_path_factory: pytest.TempPathFactory) -> I
     (project,) = ok(found.api.get("projects"))["items"]
     (structure,) = ok(found.api.get(f"projects/{project['id']}/structures"))["items"]
     campaign = ok(
-        found.api.post(f"structures/{structure['id']}/campaigns", json={"name": "hits", "boundary": "cantilever"})
+        found.api.post(
+            f"structures/{structure['id']}/campaigns",
+            json={"name": "hits", "boundary": "cantilever"},
+        )
     )
-    batch = ok(found.api.post(f"structures/{structure['id']}/coupon-batches", json={"name": "0", "constants": ["Ex"]}))
+    batch = ok(
+        found.api.post(
+            f"structures/{structure['id']}/coupon-batches", json={"name": "0", "constants": ["Ex"]}
+        )
+    )
     spare = ok(found.api.post("api-keys", json={"name": "spare"}))
     found.variables |= {
         "STRUCTURE": structure["id"],
@@ -118,7 +142,9 @@ def reader(service: LocalService, tmp_path_factory: pytest.TempPathFactory) -> I
 
 def test_every_block_says_what_it_is_and_few_are_not_run() -> None:
     counts = Counter(block.language for block in BLOCKS)
-    assert set(counts) <= LANGUAGES, [str(block) for block in BLOCKS if block.language not in LANGUAGES]
+    assert set(counts) <= LANGUAGES, [
+        str(block) for block in BLOCKS if block.language not in LANGUAGES
+    ]
     assert counts["text"] <= 14, [str(block) for block in BLOCKS if block.language == "text"]
     assert counts.total() - counts["text"] >= 40
     command = re.compile(r"^    (modalbase|curl|make) ", re.MULTILINE)
@@ -149,7 +175,11 @@ def test_python_runs(page: str, reader: Reader, monkeypatch: pytest.MonkeyPatch)
         left_out = []
         for block in of("python"):
             if block.page == page:
-                if missing := [name for name, word in NEEDS.items() if word in block.text and not installed(name)]:
+                if missing := [
+                    name
+                    for name, word in NEEDS.items()
+                    if word in block.text and not installed(name)
+                ]:
                     left_out += missing
                 else:
                     code = "\n" * (block.line - 1) + block.text
@@ -225,16 +255,27 @@ LOOKED_AT: dict[str, Callable[[dict[str, Any]], Any]] = {
 
 
 def test_json_is_what_the_service_takes(reader: Reader) -> None:
-    """Recipes and coupons by their schemas; what names things is sent, and only the things are missing."""
+    """Recipes and coupons by their schemas; what names things is sent, and only the things are
+    missing.
+    """
     shown: dict[str, list[Any]] = {}
     for block in of("json"):
-        shown.setdefault(block.page, []).append(json.loads(block.text.replace('"…"', f'"{uuid4()}"')))
+        shown.setdefault(block.page, []).append(
+            json.loads(block.text.replace('"…"', f'"{uuid4()}"'))
+        )
     stated, mapping, magnitudes = shown.pop("docs/hammer.md")
     assert Stated.of(stated["table"], "mapping.table").decimal == ","
-    columns = {name: np.arange(8.0) for name in ("Frequency", "Mag 2", "Mag 3", "Phase 2", "Phase 3")}
+    columns = {
+        name: np.arange(8.0) for name in ("Frequency", "Mag 2", "Mag 3", "Phase 2", "Phase 3")
+    }
     assert len(frfs_of(columns, magnitudes, "accelerance").values) == 2
     table = np.ones((3, 8))
-    exported = {"m.f": np.arange(8.0), "m.H": table + 1j, "m.coh": table, "m.points": np.arange(1, 4)}
+    exported = {
+        "m.f": np.arange(8.0),
+        "m.H": table + 1j,
+        "m.coh": table,
+        "m.points": np.arange(1, 4),
+    }
     assert len(frfs_of(exported, mapping, "accelerance").values) == 3
     plate, recipe, pieces, added, zones = shown.pop("docs/plies.md")
     shaped, sections = shown.pop("docs/own-model.md")
@@ -276,4 +317,6 @@ def test_a_reader_of_the_guide_finds_every_command_that_exists() -> None:
             for line in re.findall(r"(?:^|/)modalbase +(.+?)(?: *#.*)?$", block.text, re.MULTILINE):
                 words = line.split()
                 options = {name for option in commands[words[0]].params for name in option.opts}
-                assert {word for word in words if word.startswith("--")} <= options, f"{block}: {line}"
+                assert {word for word in words if word.startswith("--")} <= options, (
+                    f"{block}: {line}"
+                )

@@ -1,5 +1,6 @@
-"""The main job in the system's Chromium: a key, a file, an update, its result, the report; by mouse and by keyboard, on a desk
-and on a phone. A light desk and a dark phone together show every width and every theme once.
+"""The main job in the system's Chromium: a key, a file, an update, its result, the report; by mouse
+and by keyboard, on a desk and on a phone. A light desk and a dark phone together show every width
+and every theme once.
 """
 
 from __future__ import annotations
@@ -84,7 +85,9 @@ def look_at_every_part(seen: Watched) -> None:
 
 def overflow(seen: Watched) -> int:
     """By how many pixels a page is wider than its window."""
-    return seen.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+    return seen.page.evaluate(
+        "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    )
 
 
 def spilled(seen: Watched) -> list[str]:
@@ -117,7 +120,9 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
         result = main_job(seen, key, measured)
         look_at_every_part(seen)
         a_result_opens_with_what_was_found(page)
-        with page.context.expect_event("response", lambda answer: "/report" in answer.url) as report:
+        with page.context.expect_event(
+            "response", lambda answer: "/report" in answer.url
+        ) as report:
             seen.click("[data-report] >> nth=0")
         assert report.value.status == 200
         assert report.value.headers["content-type"] == "application/pdf"
@@ -157,7 +162,9 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
 
 
 def a_result_opens_with_what_was_found(page: Page) -> None:
-    """Each parameter has a bar of its interval; at most three findings say what to do and lead there; the rest is folded."""
+    """Each parameter has a bar of its interval; at most three findings say what to do and lead
+    there; the rest is folded.
+    """
     rows = page.locator("#parameters tbody tr")
     assert rows.locator("svg.span .posterior").count() == rows.count() > 0
     steps = page.locator("#steps .step")
@@ -167,15 +174,16 @@ def a_result_opens_with_what_was_found(page: Page) -> None:
 
 
 def a_mode_zooms_and_a_cell_opens_its_shapes(page: Page) -> None:
-    """A row of the table of modes zooms the FRF, also before any is read; a cell of the MAC shows its pair of shapes. All of it
-    stands in the address, and nothing that stood there is lost.
+    """A row of the table of modes zooms the FRF, also before any is read; a cell of the MAC shows
+    its pair of shapes. All of it stands in the address, and nothing that stood there is lost.
     """
     page.locator("tr[data-zoom]").nth(1).locator("td").nth(2).click()
     until(lambda: highest_line(page) < 400, "the FRF zoomed to the mode")
     cells = page.locator("figure[data-figure$='/figures/mac'] .nsewdrag")
     cells.scroll_into_view_if_needed()
     columns = page.evaluate(
-        "document.querySelector(\"figure[data-figure$='/figures/mac'] .js-plotly-plot\").data[0].x.length"
+        "document.querySelector(\"figure[data-figure$='/figures/mac']"
+        ' .js-plotly-plot").data[0].x.length'
     )
     box = cells.bounding_box()
     # The first measured mode, the third of the model.
@@ -204,18 +212,35 @@ def highest_line(page: Page) -> float:
 
 def more_pages(api: httpx.Client, structure: str) -> list[str]:
     """A coupon with its curve, a monitor, a campaign with hits; the addresses of their pages."""
-    batch = posted(api, f"structures/{structure}/coupon-batches", {"name": "0°", "constants": ["Ex"]})["id"]
+    batch = posted(
+        api, f"structures/{structure}/coupon-batches", {"name": "0°", "constants": ["Ex"]}
+    )["id"]
     coupon = {
         "specimen": "A1",
         "dimensions": {"unit": "mm", "width": [25.0], "thickness": [2.0]},
-        "columns": {"force": {"header": "force", "unit": "N"}, "strain": {"header": "strain", "unit": "µε"}},
+        "columns": {
+            "force": {"header": "force", "unit": "N"},
+            "strain": {"header": "strain", "unit": "µε"},
+        },
     }
     rows = "".join(f"{strain},{1.6 * strain}\n" for strain in range(0, 12000, 100))
     files = {"file": ("a1.csv", f"strain,force\n{rows}".encode())}
-    ok(api.post(f"coupon-batches/{batch}/coupons", files=files, data={"coupon": json.dumps(coupon)}), 201)
-    watch = {"name": "watch", "recipe": {}, "parameters": [{"name": "Ex"}], "baseline": {"campaigns": 6}}
+    ok(
+        api.post(
+            f"coupon-batches/{batch}/coupons", files=files, data={"coupon": json.dumps(coupon)}
+        ),
+        201,
+    )
+    watch = {
+        "name": "watch",
+        "recipe": {},
+        "parameters": [{"name": "Ex"}],
+        "baseline": {"campaigns": 6},
+    }
     monitor = posted(api, f"structures/{structure}/monitors", watch)["id"]
-    hit = posted(api, f"structures/{structure}/campaigns", {"name": "hits", "boundary": "free"})["id"]
+    hit = posted(api, f"structures/{structure}/campaigns", {"name": "hits", "boundary": "free"})[
+        "id"
+    ]
     time = np.arange(2048) / 2048
     force = 200 * np.exp(-(((time - 0.05) / 0.0008) ** 2))
     ringing = np.where(time > 0.05, np.exp(-8 * (time - 0.05)) * np.sin(600 * (time - 0.05)), 0.0)
@@ -240,20 +265,25 @@ def more_pages(api: httpx.Client, structure: str) -> list[str]:
 
 
 def a_curve_and_hits_are_drawn(seen: Watched, pages: list[str]) -> None:
-    """The button of a coupon draws its curve, and the address keeps it; the hits of a point are drawn."""
+    """The button of a coupon draws its curve, and the address keeps it; the hits of a point are
+    drawn.
+    """
     seen.page.click("button:text('Curve')")
     seen.page.wait_for_selector("[data-curve-view] .main-svg")
     assert "curve=" in seen.page.evaluate("location.search")
     seen.page.goto(pages[2])
     drawn(seen.page, "figure[data-figure$='/figures/hits']")
-    assert "good hits (3)" in (seen.page.text_content("figure[data-figure$='/figures/hits'] .main-svg .legend") or "")
+    assert "good hits (3)" in (
+        seen.page.text_content("figure[data-figure$='/figures/hits'] .main-svg .legend") or ""
+    )
 
 
 def a_file_is_dropped(seen: Watched, campaign: str) -> None:
     """A file that is dropped is sent, and what was wrong with it is said in place."""
     seen.page.goto(campaign)
     dropped = seen.page.evaluate_handle(
-        "() => { const t = new DataTransfer(); t.items.add(new File(['no sets in here'], 'dropped.uff')); return t; }"
+        "() => { const t = new DataTransfer(); t.items.add(new File(['no sets in here'],"
+        " 'dropped.uff')); return t; }"
     )
     seen.page.dispatch_event(".drop", "dragover", {"dataTransfer": dropped})
     assert "over" in (seen.page.get_attribute(".drop", "class") or "")
@@ -263,7 +293,9 @@ def a_file_is_dropped(seen: Watched, campaign: str) -> None:
 
 
 def test_who_has_no_mouse_gets_everywhere(running: Browser, service: LocalService) -> None:
-    """Mistakes are said where they were made; the order of the tab key is that of the page; dialogs ask before they act."""
+    """Mistakes are said where they were made; the order of the tab key is that of the page; dialogs
+    ask before they act.
+    """
     with watched_page(running, service.url) as seen:
         page = seen.page
         page.goto("/sign-in")
@@ -298,7 +330,10 @@ def test_who_has_no_mouse_gets_everywhere(running: Browser, service: LocalServic
         page.once("dialog", lambda dialog: (doubts.append(dialog.message), dialog.dismiss()))
         page.click("button:text('Store the test')")
         page.wait_for_selector(".faults:has-text('usual is')")
-        assert "is 0.4 m (400 mm), usual is 5e-5 m (0.05 mm) to 0.3 m (300 mm); did you mean 0.0004 m" in doubts[0]
+        assert (
+            "is 0.4 m (400 mm), usual is 5e-5 m (0.05 mm) to 0.3 m (300 mm); did you mean 0.0004 m"
+            in doubts[0]
+        )
         page.once("dialog", lambda dialog: dialog.accept())
         with page.expect_navigation():
             page.click("button:text('Store the test')")
@@ -321,14 +356,27 @@ def test_who_has_no_mouse_gets_everywhere(running: Browser, service: LocalServic
         assert revoke.count() == 0
 
 
-def test_a_search_is_typed_with_suggestions_and_kept(running: Browser, service: LocalService) -> None:
-    """By keyboard from a few letters to a row; a facet narrows it down, a name keeps it, the address says all of it."""
+def test_a_search_is_typed_with_suggestions_and_kept(
+    running: Browser, service: LocalService
+) -> None:
+    """By keyboard from a few letters to a row; a facet narrows it down, a name keeps it, the
+    address says all of it.
+    """
     key = service.new_key("finder")
     with client_at(service.url, key) as api:
         project = posted(api, "projects", {"name": "footbridges"})["id"]
         structure = posted(api, f"projects/{project}/structures", {"name": "north's bridge"})["id"]
-        for name, boundary, temperature in (("warm", "free", 28.5), ("hot", "cantilever", 31), ("cold", "free", -3)):
-            body = {"name": name, "boundary": boundary, "temperature_c": temperature, "tags": [f"{name} day"]}
+        for name, boundary, temperature in (
+            ("warm", "free", 28.5),
+            ("hot", "cantilever", 31),
+            ("cold", "free", -3),
+        ):
+            body = {
+                "name": name,
+                "boundary": boundary,
+                "temperature_c": temperature,
+                "tags": [f"{name} day"],
+            }
             body["performed_at"] = f"2026-03-{abs(int(temperature)):02d}T12:00:00Z"
             campaign = posted(api, f"structures/{structure}/campaigns", body)["id"]
             modes = {"name": "typed", "modes": [{"frequency_hz": 5 - 0.01 * temperature}]}
@@ -347,7 +395,9 @@ def test_a_search_is_typed_with_suggestions_and_kept(running: Browser, service: 
         assert hindrances(page) == []
         page.click("aside a:text('cantilever')")
         page.wait_for_selector("h2:text('1 campaigns')")
-        assert page.input_value("[data-suggest]") == "temperature_c > 25 AND boundary = 'cantilever'"
+        assert (
+            page.input_value("[data-suggest]") == "temperature_c > 25 AND boundary = 'cantilever'"
+        )
         assert page.inner_text("tbody tr").split("\t")[:2] == ["hot", "north's bridge"]
         page.click("summary:text('Save this search')")
         page.fill("[name=name]", "clamped and warm")

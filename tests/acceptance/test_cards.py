@@ -19,7 +19,9 @@ from tests.support.command import modalbase_here
 from tests.support.plates import solve
 from tests.support.rest import finished, ok, posted, result_of
 
-needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
+needs_ccx = pytest.mark.skipif(
+    shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed"
+)
 
 
 def errors(found: np.ndarray[Any, Any], updated: list[float]) -> np.ndarray[Any, Any]:
@@ -32,12 +34,20 @@ def errors(found: np.ndarray[Any, Any], updated: list[float]) -> np.ndarray[Any,
 def job(api: httpx.Client, project: str) -> dict[str, Any]:
     """A finished update of the paper's beam with a sensor at a point, from modes alone."""
     structure = posted(api, f"projects/{project}/structures", {**paper.STRUCTURE})
-    fields = {"name": "sensor", "boundary": "cantilever", "instruments": {"sensor_mass_kg": 0.004, "sensor_point": 1}}
+    fields = {
+        "name": "sensor",
+        "boundary": "cantilever",
+        "instruments": {"sensor_mass_kg": 0.004, "sensor_point": 1},
+    }
     campaign = posted(api, f"structures/{structure['id']}/campaigns", fields)
     points = {"items": [{"label": 1, "x_m": 0.41, "y_m": 0.011, "z_m": 0}]}
     ok(api.put(f"campaigns/{campaign['id']}/grid-points", json=points))
-    modes = posted(api, f"campaigns/{campaign['id']}/mode-sets", {"name": "Table 3", "modes": paper.MODES})
-    made = ok(api.post(f"campaigns/{campaign['id']}/update-jobs", json={"mode_set": modes["id"]}), 202)
+    modes = posted(
+        api, f"campaigns/{campaign['id']}/mode-sets", {"name": "Table 3", "modes": paper.MODES}
+    )
+    made = ok(
+        api.post(f"campaigns/{campaign['id']}/update-jobs", json={"mode_set": modes["id"]}), 202
+    )
     state = finished(api, f"update-jobs/{made['id']}")
     assert state["status"] == "succeeded", state
     return {**made, "result": result_of(api, f"update-jobs/{made['id']}")}
@@ -81,7 +91,9 @@ def ok_text(api: httpx.Client, path: str) -> str:
     return answer.text
 
 
-def test_a_job_without_a_result_or_with_springs_has_no_deck(api: httpx.Client, campaign: str) -> None:
+def test_a_job_without_a_result_or_with_springs_has_no_deck(
+    api: httpx.Client, campaign: str
+) -> None:
     made = ok(api.post(f"campaigns/{campaign}/update-jobs", json={}), 202)
     assert finished(api, f"update-jobs/{made['id']}")["status"] == "failed"
     refused = api.get(f"update-jobs/{made['id']}/cards")
@@ -99,4 +111,9 @@ def test_a_plate_on_simple_supports_is_held_alike() -> None:
     found = solve(specimen.structure, specimen.section, 12).frequency_hz
     ours = found[found > 1.0][:6]
     deck = Deck(0.6, 0.09, 0.008, moduli, 0.2, 1900.0, "simply_supported", 14)
-    assert errors(frequencies(ccx(write_shells(deck, corrected=True).splitlines())), ours.tolist()).max() < 0.002
+    assert (
+        errors(
+            frequencies(ccx(write_shells(deck, corrected=True).splitlines())), ours.tolist()
+        ).max()
+        < 0.002
+    )

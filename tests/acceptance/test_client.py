@@ -54,12 +54,18 @@ def uff(tmp_path: Path) -> Path:
 def test_from_a_file_to_an_updated_model(
     run: Run, api: httpx.Client, structure: str, uff: Path, tmp_path: Path
 ) -> None:
-    campaign = run("campaigns", "--structure", structure, "--new", "spring", "--boundary", "cantilever").stdout.strip()
+    campaign = run(
+        "campaigns", "--structure", structure, "--new", "spring", "--boundary", "cantilever"
+    ).stdout.strip()
     listed = run("campaigns").stdout
     assert campaign in listed
     assert "FRP beam" in listed
     (imported,) = json.loads(run("import", uff, "--campaign", campaign, "--json").stdout)
-    assert (imported["status"], imported["filename"], imported["counts"]["frfs"]) == ("succeeded", uff.name, 33)
+    assert (imported["status"], imported["filename"], imported["counts"]["frfs"]) == (
+        "succeeded",
+        uff.name,
+        33,
+    )
     again = run("import", uff, "-c", campaign)
     assert again.stdout.count(imported["id"]) == 1
     assert "the campaign has this file already" in again.stderr
@@ -97,12 +103,16 @@ def predictions_are_exported(run: Run, job: str, campaign: str, folder: Path) ->
         assert np.array_equal(predicted["response_point"], measured["response_point"])
         assert predicted["values"].shape == measured["values"].shape
         # the model was fitted to these: what is left is noise and model error
-        error = np.linalg.norm(predicted["values"] - measured["values"]) / np.linalg.norm(measured["values"])
+        error = np.linalg.norm(predicted["values"] - measured["values"]) / np.linalg.norm(
+            measured["values"]
+        )
         assert error < 0.3
         values, labels = predicted["values"], predicted["reference_point"]
     run("export", job, "--what", "predicted", "--out", arrow, "--reference", labels[3])
     rows = na.ArrayStream.from_readable(arrow.read_bytes()).read_all().to_pylist()
-    assert np.array_equal(np.array([complex(r["real"], r["imag"]) for r in rows], np.complex64), values[3])
+    assert np.array_equal(
+        np.array([complex(r["real"], r["imag"]) for r in rows], np.complex64), values[3]
+    )
     run("export", job, "--what", "predicted", "--out", uff, "--fmin", "10", "--fmax", "200")
     read = [item for item in read_file(uff) if isinstance(item, Frf)]
     assert len(read) == len(values)
@@ -110,9 +120,15 @@ def predictions_are_exported(run: Run, job: str, campaign: str, folder: Path) ->
     assert read[0].values.dtype == np.complex64
 
 
-def test_values_have_the_digits_that_their_uncertainty_leaves(capsys: pytest.CaptureFixture[str]) -> None:
+def test_values_have_the_digits_that_their_uncertainty_leaves(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     common = {"initial": 33.05e9, "identifiable": True}
-    known = {"estimate": 31.7049e9, "standard_deviation": 0.1582e9, "interval_95": [31.39e9, 32.01e9]}
+    known = {
+        "estimate": 31.7049e9,
+        "standard_deviation": 0.1582e9,
+        "interval_95": [31.39e9, 32.01e9],
+    }
     near_zero = {"estimate": 23.0, "standard_deviation": 13.0, "interval_95": [-0.2, 48.0]}
     fixed = {"estimate": 2012.0, "standard_deviation": 0.0, "interval_95": [2012.0, 2012.0]}
     parameters = [
@@ -132,7 +148,19 @@ def test_values_have_the_digits_that_their_uncertainty_leaves(capsys: pytest.Cap
     said = capsys.readouterr()
     lines = [line.split() for line in said.out.splitlines()]
     assert ["Ex", "GPa", "33.05", "31.70", "0.16", "31.39", "…", "32.01", "yes", "31.66"] in lines
-    assert ["Gyz", "GPa", "33.05", "31.70", "0.16", "31.39", "…", "32.01", "as", "Gxz", "–"] in lines
+    assert [
+        "Gyz",
+        "GPa",
+        "33.05",
+        "31.70",
+        "0.16",
+        "31.39",
+        "…",
+        "32.01",
+        "as",
+        "Gxz",
+        "–",
+    ] in lines
     assert ["g_root", "1/s", "25", "23", "13", "0", "…", "48", "no", "–"] in lines
     assert ["density", "kg/m³", "–", "2012", "0", "2012", "…", "2012", "yes", "–"] in lines
     assert ["updated", "0.7500", "1.0000", "0.9900", "–"] in lines
@@ -141,19 +169,32 @@ def test_values_have_the_digits_that_their_uncertainty_leaves(capsys: pytest.Cap
 
 def test_a_size_in_metres_is_refused_until_it_is_confirmed(run: Run, project: str) -> None:
     def new(size: str, *more: str, code: int = 0) -> subprocess.CompletedProcess[str]:
-        return run("structures", "--project", project, "--new", size, "--size", size, "--json", *more, code=code)
+        return run(
+            "structures",
+            "--project",
+            project,
+            "--new",
+            size,
+            "--size",
+            size,
+            "--json",
+            *more,
+            code=code,
+        )
 
     said = one_line(new("0.5x0.04x0.01", code=REFUSED))
     assert (
-        "/geometry/length_m: is 0.0005 m (0.5 mm), usual is 0.02 m (20 mm) to 100 m; did you mean 0.5 m (500 mm)?"
-        in said
+        "/geometry/length_m: is 0.0005 m (0.5 mm), usual is 0.02 m (20 mm) to 100 m; did you mean"
+        " 0.5 m (500 mm)?" in said
     )
     assert "--confirm" in said
     assert json.loads(new("0.5x0.04x0.01", "--confirm").stdout)["geometry"]["length_m"] == 0.0005
     assert new("500x40x10").stderr == ""
 
 
-def test_structures_are_listed_for_the_commands_that_want_their_id(run: Run, structure: str, project: str) -> None:
+def test_structures_are_listed_for_the_commands_that_want_their_id(
+    run: Run, structure: str, project: str
+) -> None:
     assert structure in run("structures").stdout
     (found,) = json.loads(run("structures", "--project", project, "--json").stdout)
     assert (found["id"], found["name"], found["project_name"]) == (structure, "FRP beam", "tests")
@@ -178,7 +219,10 @@ def test_an_export_goes_through_a_pipe_and_leaves_it_there(
 
 
 def test_a_full_disk_is_one_line(campaign: str, service: LocalService, api: httpx.Client) -> None:
-    environment = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": api.headers["authorization"].split()[1]}
+    environment = {
+        "MODALBASE_URL": service.url,
+        "MODALBASE_API_KEY": api.headers["authorization"].split()[1],
+    }
     for command in (
         ["campaigns", "--json"],
         ["export", campaign, "--what", "grid-points", "--format", "csv", "--out", "-"],
@@ -191,24 +235,39 @@ def test_a_full_disk_is_one_line(campaign: str, service: LocalService, api: http
         assert (done.returncode, done.stderr) == (USAGE, "modalbase: cannot write: no space left\n")
 
 
-def test_modes_and_grid_points_are_exported(run: Run, api: httpx.Client, campaign: str, tmp_path: Path) -> None:
+def test_modes_and_grid_points_are_exported(
+    run: Run, api: httpx.Client, campaign: str, tmp_path: Path
+) -> None:
     points = {"items": [{"label": 1, "x_m": 0.25, "y_m": 0, "z_m": 0}]}
     api.put(f"campaigns/{campaign}/grid-points", json=points).raise_for_status()
     shape = [{"point": 1, "direction": 3, "real": 1.0, "imag": 0.0}]
-    body = {"name": "typed", "modes": [{"frequency_hz": 12.5, "damping_ratio": 0.01, "shape": shape}]}
+    body = {
+        "name": "typed",
+        "modes": [{"frequency_hz": 12.5, "damping_ratio": 0.01, "shape": shape}],
+    }
     modes = api.post(f"campaigns/{campaign}/mode-sets", json=body).raise_for_status().json()["id"]
     run("export", modes, "--what", "modes", "--out", tmp_path / "modes.unv")
     contents = list(read_file(tmp_path / "modes.unv"))
     assert [c.frequency_hz for c in contents if isinstance(c, ModeShape)] == [12.5]
     assert all(c.outcome == "read" for c in contents if isinstance(c, DatasetReport))
-    written = run("export", campaign, "--what", "grid-points", "--out", "-", "--format", "csv").stdout
+    written = run(
+        "export", campaign, "--what", "grid-points", "--out", "-", "--format", "csv"
+    ).stdout
     assert written.splitlines() == ["label,x_m,y_m,z_m", "1,0.25,0.0,0.0"]
-    assert "--point" in one_line(run("export", modes, "--what", "modes", "--out", "m.uff", "--point", 1, code=USAGE))
+    assert "--point" in one_line(
+        run("export", modes, "--what", "modes", "--out", "m.uff", "--point", 1, code=USAGE)
+    )
 
 
-def test_coupons_come_in_from_a_machines_files(run: Run, api: httpx.Client, structure: str, tmp_path: Path) -> None:
+def test_coupons_come_in_from_a_machines_files(
+    run: Run, api: httpx.Client, structure: str, tmp_path: Path
+) -> None:
     body = {"name": "0 degrees", "constants": ["Ex"]}
-    batch = api.post(f"structures/{structure}/coupon-batches", json=body).raise_for_status().json()["id"]
+    batch = (
+        api.post(f"structures/{structure}/coupon-batches", json=body)
+        .raise_for_status()
+        .json()["id"]
+    )
     lines = ["Load (kN),Strain (%)", *(f"{0.4 * i:.3f},{0.02 * i:.4f}" for i in range(51))]
     for name, end in (("A1", ""), ("A2", "\n")):  # two files, for one that comes twice is refused
         (tmp_path / f"{name}.csv").write_text("\n".join(lines) + end)
@@ -224,9 +283,14 @@ def test_coupons_come_in_from_a_machines_files(run: Run, api: httpx.Client, stru
     )
     assert "--about" in one_line(run("coupons", batch, tmp_path / "A1.csv", code=USAGE))
     done = json.loads(
-        run("coupons", batch, tmp_path / "A1.csv", tmp_path / "A2.csv", "--about", about, "--json").stdout
+        run(
+            "coupons", batch, tmp_path / "A1.csv", tmp_path / "A2.csv", "--about", about, "--json"
+        ).stdout
     )
-    assert [(c["specimen"], c["excluded"]) for c in done["coupons"]] == [("A1", False), ("A2", True)]
+    assert [(c["specimen"], c["excluded"]) for c in done["coupons"]] == [
+        ("A1", False),
+        ("A2", True),
+    ]
     # E = 400 N / 50 mm² / 200 µε
     assert done["summary"]["constants"]["Ex"]["mean"] == pytest.approx(40e9, rel=1e-9)
     shown = run("coupons", batch)
@@ -234,8 +298,12 @@ def test_coupons_come_in_from_a_machines_files(run: Run, api: httpx.Client, stru
     assert "D3039 asks for at least 5" in shown.stderr
     wrong = tmp_path / "wrong.json"
     wrong.write_text('{"specimens": ["A1"]}')
-    assert "specimens" in one_line(run("coupons", batch, tmp_path / "A1.csv", "--about", wrong, code=USAGE))
-    again = json.loads(run("coupons", batch, tmp_path / "A1.csv", "--about", about, "--json").stdout)
+    assert "specimens" in one_line(
+        run("coupons", batch, tmp_path / "A1.csv", "--about", wrong, code=USAGE)
+    )
+    again = json.loads(
+        run("coupons", batch, tmp_path / "A1.csv", "--about", about, "--json").stdout
+    )
     assert again == done  # sent again as it was, it is there already
     other = (tmp_path / "A1.csv").rename(tmp_path / "A3.csv")
     refused = one_line(run("coupons", batch, other, "--about", about, code=REFUSED))
@@ -243,7 +311,9 @@ def test_coupons_come_in_from_a_machines_files(run: Run, api: httpx.Client, stru
     assert "already, as specimen A1" in refused
 
 
-def test_a_file_that_cannot_be_read_fails_by_name(run: Run, campaign: str, uff: Path, tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_read_fails_by_name(
+    run: Run, campaign: str, uff: Path, tmp_path: Path
+) -> None:
     bad = tmp_path / "bad.uff"
     bad.write_bytes(uff.read_bytes()[:-1000])
     done = run("import", uff, bad, "--campaign", campaign, code=FAILED)
@@ -272,7 +342,9 @@ def test_errors_are_one_line_with_an_exit_code(run: Run, campaign: str, tmp_path
     with socket.socket() as deaf:
         deaf.bind(("127.0.0.1", 0))  # and does not listen
         url = f"http://127.0.0.1:{deaf.getsockname()[1]}"
-        assert f"no answer from {url}" in one_line(run("frfs", campaign, "--url", url, code=UNREACHABLE))
+        assert f"no answer from {url}" in one_line(
+            run("frfs", campaign, "--url", url, code=UNREACHABLE)
+        )
     recipe = tmp_path / "recipe.json"
     recipe.write_text('{"weigting": "log"}')
     assert "/weigting" in one_line(run("update", campaign, "--recipe", recipe, code=REFUSED))
@@ -289,7 +361,19 @@ def test_an_update_that_fails_says_why(run: Run, campaign: str) -> None:
 
 
 def test_the_client_starts_without_the_database_and_the_core() -> None:
-    code = "import sys, service.app.cli.command, modalbase.client.connection, modalbase.client.results; print(*sys.modules)"
+    code = (
+        "import sys, service.app.cli.command, modalbase.client.connection,"
+        " modalbase.client.results; print(*sys.modules)"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.split())
-    assert not loaded & {"numpy", "scipy", "sqlalchemy", "psycopg", "fastapi", "pydantic", "fecore", "service.settings"}
+    assert not loaded & {
+        "numpy",
+        "scipy",
+        "sqlalchemy",
+        "psycopg",
+        "fastapi",
+        "pydantic",
+        "fecore",
+        "service.settings",
+    }

@@ -1,4 +1,6 @@
-"""The command line as a person meets it: what starts and what cannot, and from an empty database to a figure."""
+"""The command line as a person meets it: what starts and what cannot, and from an empty database to
+a figure.
+"""
 
 import json
 import signal
@@ -15,7 +17,14 @@ import pytest
 from fecore import __version__
 from service.app.demo import paper
 from service.app.supervisor import LocalService
-from tests.support.command import COMMAND, environment, modalbase, modalbase_here, refusals, wait_until_gone
+from tests.support.command import (
+    COMMAND,
+    environment,
+    modalbase,
+    modalbase_here,
+    refusals,
+    wait_until_gone,
+)
 from tests.support.waiting import PATIENCE, until
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -37,23 +46,41 @@ def test_from_an_empty_database_to_a_figure(run: Run, api: httpx.Client, tmp_pat
     (tmp_path / "beam.uff").write_bytes(paper.uff_file())
     assert "next: modalbase projects --new" in run("projects").stderr
     run("projects", "--new", "bridge deck")
-    made = run("structures", "--new", "beam", "--size", "500x40x10", "--density", 2012, "--moduli", MODULI)
+    made = run(
+        "structures", "--new", "beam", "--size", "500x40x10", "--density", 2012, "--moduli", MODULI
+    )
     assert 'next: modalbase campaigns --new NAME --structure "beam"' in made.stderr
     structure = api.get(f"structures/{made.stdout.strip()}").json()
     assert structure["geometry"] == {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}
     assert structure["material"]["Gxy_Pa"] == pytest.approx(5.73e9)
-    stated = ("--temperature", 21.5, "--sensor-mass", 1.8, "--sensor-point", 3, "--boundary", "cantilever")
+    stated = (
+        "--temperature",
+        21.5,
+        "--sensor-mass",
+        1.8,
+        "--sensor-point",
+        3,
+        "--boundary",
+        "cantilever",
+    )
     made = run("campaigns", "--new", "March", "--structure", "bridge deck/beam", *stated, "--json")
     campaign = json.loads(made.stdout)
     assert campaign["temperature_c"] == 21.5
     assert campaign["instruments"]["sensor_mass_kg"] == pytest.approx(0.0018)
-    assert 'next: modalbase update "March" --wait' in run("import", "beam.uff", "--campaign", "March").stderr
+    assert (
+        'next: modalbase update "March" --wait'
+        in run("import", "beam.uff", "--campaign", "March").stderr
+    )
     identified = run("modes", "March", "--identify", "--band", "10-1000")
     assert "25.6" in identified.stdout
     first = json.loads(run("modes", "March", "--json").stdout)
     hz = first["modes"][-1]["frequency_hz"]
-    edited = json.loads(run("modes", "March", "--drop", f"{hz:.6g}", "--why", "too high", "--json").stdout)
-    assert [mode["frequency_hz"] for mode in edited["modes"]] == [m["frequency_hz"] for m in first["modes"][:-1]]
+    edited = json.loads(
+        run("modes", "March", "--drop", f"{hz:.6g}", "--why", "too high", "--json").stdout
+    )
+    assert [mode["frequency_hz"] for mode in edited["modes"]] == [
+        m["frequency_hz"] for m in first["modes"][:-1]
+    ]
     assert edited["details"]["decisions"][0]["reason"] == "too high"
     run("modes", "March", "--mode-set", edited["id"], "--keep", f"{hz:.6g}", code=2)
     queued = run("update", "latest", "--mode-set", "latest").stdout.strip()
@@ -90,7 +117,8 @@ def test_points_are_stated_where_no_uff_file_does(run: Run, tmp_path: Path) -> N
     shown = run("points", "March", "points.csv").stdout.split()
     assert shown[-8:] == ["1", "112.5", "-20", "0", "2", "500", "20", "0"]
     run("export", "March", "--what", "grid-points", "--out", "out.csv")
-    assert run("points", "March", "out.csv").stdout.split() == shown  # in place of those that are there
+    # in place of those that are there
+    assert run("points", "March", "out.csv").stdout.split() == shown
 
 
 def test_what_cannot_be_meant_is_one_line(run: Run) -> None:
@@ -99,7 +127,13 @@ def test_what_cannot_be_meant_is_one_line(run: Run) -> None:
     for words, said in {
         ("structures", "--project", "twice"): "2 projects are named 'twice'; state the id",
         ("structures", "--project", "twcie"): "there is 'twice'",
-        ("structures", "--new", "x", "--size", "500x40"): "--size '500x40' is no length x width x thickness",
+        (
+            "structures",
+            "--new",
+            "x",
+            "--size",
+            "500x40",
+        ): "--size '500x40' is no length x width x thickness",
         ("structures", "--new", "x", "--moduli", "E=3"): "there is no 'E', there is Ex",
         ("campaigns", "--new", "x"): "--new needs --boundary",
         ("campaigns", "--structure", "latest"): "there is no structure yet",
@@ -112,7 +146,9 @@ def test_what_cannot_be_meant_is_one_line(run: Run) -> None:
         assert said in line
 
 
-def test_a_profile_stands_in_for_the_environment(run: Run, service: LocalService, tmp_path: Path) -> None:
+def test_a_profile_stands_in_for_the_environment(
+    run: Run, service: LocalService, tmp_path: Path
+) -> None:
     profile = {"MODALBASE_PROFILE": str(tmp_path / "profile.json")}
     assert "(401)" in run("login", service.url, "--key", "wrong", code=1, **profile).stderr
     assert "which only you can read" in run("login", service.url, **profile).stdout
@@ -123,12 +159,14 @@ def test_a_shell_completes_names(run: Run, service: LocalService, api: httpx.Cli
     run("projects", "--new", "deck of a bridge")
     words = {"COMP_WORDS": "modalbase structures --project de", "COMP_CWORD": "3"}
     key = api.headers["authorization"].split()[1]
-    around = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key}  # completion goes by the name of a process
+    # completion goes by the name of a process
+    around = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key}
     shown = modalbase(_MODALBASE_COMPLETE="complete_bash", **words, **around).stdout
     assert shown.splitlines() == ["deck of a bridge"]
 
 
-# --- the command `modalbase` as a person meets it -----------------------------------------------------------------------
+# --- the command `modalbase` as a person meets it
+# -----------------------------------------------------------------------
 
 
 def test_version() -> None:
@@ -136,7 +174,9 @@ def test_version() -> None:
 
 
 def test_what_cannot_start_says_why(short_folder: Path, empty_database: str) -> None:
-    """A schema that is not there, a folder that is a file, another PostgreSQL's files, a port that is taken, bad words."""
+    """A schema that is not there, a folder that is a file, another PostgreSQL's files, a port that
+    is taken, bad words.
+    """
     file, postgres = short_folder / "taken", short_folder / "broken" / "postgres"
     file.write_text("")
     postgres.mkdir(parents=True)
@@ -145,8 +185,14 @@ def test_what_cannot_start_says_why(short_folder: Path, empty_database: str) -> 
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         *unmade, at_file, below_file, broken, in_use, queue, setting = refusals(
-            *((words, on_empty) for words in (["serve", "--port", "0"], ["worker"], ["up", "--port", "0"])),
-            *((["up", "--port", "0", "--data", str(data)], {}) for data in (*folders, postgres.parent)),
+            *(
+                (words, on_empty)
+                for words in (["serve", "--port", "0"], ["worker"], ["up", "--port", "0"])
+            ),
+            *(
+                (["up", "--port", "0", "--data", str(data)], {})
+                for data in (*folders, postgres.parent)
+            ),
             (["up", "--port", port, "--data", str(short_folder / "port")], {}),
             (["worker", "--queues", "jobs,imports"], {}),
             (["worker"], {"MODALBASE_JOB_WALL_SECONDS": "soon"}),
@@ -165,25 +211,33 @@ def test_what_cannot_start_says_why(short_folder: Path, empty_database: str) -> 
     assert "Traceback" not in broken.stderr
     assert f"PostgreSQL does not start in {postgres.parent}" in broken.stderr.splitlines()[-1]
     assert in_use.returncode == 1
-    assert in_use.stderr == (
-        f"modalbase: cannot listen on 127.0.0.1 port {port}: Address already in use; choose another with --port\n"
+    assert (
+        in_use.stderr
+        == f"modalbase: cannot listen on 127.0.0.1 port {port}: Address already in use; choose"
+        " another with --port\n"
     )
     assert (queue.returncode, queue.stdout) == (2, "")
     assert (
-        queue.stderr == "modalbase: --queues jobs,imports: there is jobs, requests, separated by commas where several\n"
+        queue.stderr
+        == "modalbase: --queues jobs,imports: there is jobs, requests, separated by commas where"
+        " several\n"
     )
     assert setting.returncode == 1
     assert setting.stderr.startswith("modalbase: settings: job_wall_seconds: ")
 
 
 def test_the_command_that_a_refusal_names_makes_the_schema(empty_database: str) -> None:
-    assert modalbase_here("db", "current", MODALBASE_DATABASE_URL=empty_database).stdout == "empty\n"
+    assert (
+        modalbase_here("db", "current", MODALBASE_DATABASE_URL=empty_database).stdout == "empty\n"
+    )
     modalbase_here("db", "upgrade", code=0, MODALBASE_DATABASE_URL=empty_database)
     modalbase_here("keys", "create", "--name", "x", code=0, MODALBASE_DATABASE_URL=empty_database)
 
 
 def starting(data: Path) -> tuple[subprocess.Popen[str], psutil.Process]:
-    """`modalbase up` that has just begun its API, which listens and does not answer yet; and the API."""
+    """`modalbase up` that has just begun its API, which listens and does not answer yet; and the
+    API.
+    """
     process = subprocess.Popen(
         [str(COMMAND), "up", "--port", "0", "--data", str(data)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment(),
@@ -201,7 +255,9 @@ def starting(data: Path) -> tuple[subprocess.Popen[str], psutil.Process]:
     return process, found
 
 
-def test_an_api_that_dies_while_starting_ends_up_at_once_and_so_does_a_signal(short_folder: Path) -> None:
+def test_an_api_that_dies_while_starting_ends_up_at_once_and_so_does_a_signal(
+    short_folder: Path,
+) -> None:
     data = short_folder / "dies"
     process, api = starting(data)
     api.kill()

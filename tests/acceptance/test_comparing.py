@@ -1,4 +1,6 @@
-"""Identification at work and sides compared, in the system's Chromium: a pole of the diagram dropped, sets and tests by MAC."""
+"""Identification at work and sides compared, in the system's Chromium: a pole of the diagram
+dropped, sets and tests by MAC.
+"""
 
 from __future__ import annotations
 
@@ -22,11 +24,15 @@ DIAGRAM = "figure[data-figure$='/figures/stabilisation']"
 
 def measured(api: httpx.Client, structure: str, **stated: object) -> str:
     """A campaign with FRFs and the modes that an identification found in them."""
-    campaign = str(posted(api, f"structures/{structure}/campaigns", {"boundary": "cantilever", **stated})["id"])
+    campaign = str(
+        posted(api, f"structures/{structure}/campaigns", {"boundary": "cantilever", **stated})["id"]
+    )
     file = shared_file("BLIND_OPEN", "blind-open", "paper-like.uff").read_bytes()
     sent = api.post(f"campaigns/{campaign}/imports", params={"filename": "paper.uff"}, content=file)
     finished(api, sent.headers["Location"])
-    queued = api.post(f"campaigns/{campaign}/identifications", json={"name": "found", "band_hz": [5, 500]})
+    queued = api.post(
+        f"campaigns/{campaign}/identifications", json={"name": "found", "band_hz": [5, 500]}
+    )
     finished(api, queued.headers["Location"])
     return campaign
 
@@ -63,17 +69,23 @@ def test_poles_and_campaigns_are_judged_by_eye(running: Browser, service: LocalS
 
 
 def a_pole_is_dropped_in_the_diagram(page: Page) -> None:
-    """The first of the fitted poles, which stand in a row on top; the table shows it, and a new set is made of the rest."""
+    """The first of the fitted poles, which stand in a row on top; the table shows it, and a new set
+    is made of the rest.
+    """
     page.locator("[data-space]").first.scroll_into_view_if_needed()
     page.wait_for_selector("[data-space][data-ready]")
     drawn(page, "[data-frf-viewer]")  # what comes later above would move the diagram
     page.click("summary:has-text('Stabilisation diagram')")
     drawn(page, DIAGRAM)
     page.wait_for_selector(f"{DIAGRAM} .files a")  # it listens to clicks
-    names = page.eval_on_selector(f"{DIAGRAM} .js-plotly-plot", "plot => plot.data.map(trace => trace.name)")
+    names = page.eval_on_selector(
+        f"{DIAGRAM} .js-plotly-plot", "plot => plot.data.map(trace => trace.name)"
+    )
     assert names[0] == "CMIF"
     assert names[-1] == "fitted pole"
-    marker = page.locator(f"{DIAGRAM} .scatterlayer .trace:has(.point)").last.locator(".point").first
+    marker = (
+        page.locator(f"{DIAGRAM} .scatterlayer .trace:has(.point)").last.locator(".point").first
+    )
     marker.scroll_into_view_if_needed()
     box = marker.bounding_box()
     assert box is not None
@@ -91,7 +103,9 @@ def a_pole_is_dropped_in_the_diagram(page: Page) -> None:
 
 
 def sets_are_compared(page: Page, name: str, pairs: int) -> None:
-    """Two sets of a campaign: each mode that is in both is itself, and that which was dropped has no partner."""
+    """Two sets of a campaign: each mode that is in both is itself, and that which was dropped has
+    no partner.
+    """
     form = page.locator("details[open] form[data-choose]").first
     assert "found" in form.locator("select").inner_text()
     with page.expect_navigation():
@@ -104,7 +118,9 @@ def sets_are_compared(page: Page, name: str, pairs: int) -> None:
 
 
 def as_bars(page: Page, pairs: int) -> None:
-    """The MAC as bars in space: a bar for each pair, the keys choose one, and what it is stands below."""
+    """The MAC as bars in space: a bar for each pair, the keys choose one, and what it is stands
+    below.
+    """
     page.click("summary:has-text('as bars in space')")
     page.wait_for_selector("[data-bars][data-ready=webgl]")
     listed = page.locator("[data-bars] [data-space-legend] li").all_inner_texts()
@@ -117,8 +133,8 @@ def as_bars(page: Page, pairs: int) -> None:
 
 
 def campaigns_are_compared(page: Page, structure: str) -> str:
-    """Two tests of a structure: what differs is the climate alone; the shapes are the same, the dropped mode apart. Returns the
-    address of the page.
+    """Two tests of a structure: what differs is the climate alone; the shapes are the same, the
+    dropped mode apart. Returns the address of the page.
     """
     page.goto(f"/ui/structures/{structure}")
     for box in page.locator("input[name=campaign]").all():
@@ -126,7 +142,9 @@ def campaigns_are_compared(page: Page, structure: str) -> str:
     with page.expect_navigation():
         page.click("button:has-text('Compare the chosen tests')")
     differences = page.locator("table.compare").first.locator("tbody tr")
-    assert [row.split() for row in differences.all_inner_texts()] == [["temperature", "–", "30", "°C"]]
+    assert [row.split() for row in differences.all_inner_texts()] == [
+        ["temperature", "–", "30", "°C"]
+    ]
     assert page.locator(".meter rect").count() >= 3
     drawn(page, "figure[data-figure*='/figures/mac']")
     assert hindrances(page) == []

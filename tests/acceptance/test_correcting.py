@@ -1,4 +1,6 @@
-"""Corrections in the system's Chromium: a campaign, a structure in another unit, members, a hit; deleted and restored."""
+"""Corrections in the system's Chromium: a campaign, a structure in another unit, members, a hit;
+deleted and restored.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ def saved(page: Page, button: str) -> None:
         page.click(f"button:has-text('{button}')")
 
 
-def test_what_was_typed_is_corrected_deleted_and_restored(running: Browser, service: LocalService) -> None:
+def test_what_was_typed_is_corrected_deleted_and_restored(
+    running: Browser, service: LocalService
+) -> None:
     key = service.new_key("corrector")
     service.new_key("colleague")
     with client_at(service.url, key) as api:
@@ -57,9 +61,19 @@ def test_what_was_typed_is_corrected_deleted_and_restored(running: Browser, serv
             page.fill("[name='instruments/sensor_mass_kg']", "4.8")
             saved(page, "Save what was changed")
             now = ok(api.get(f"campaigns/{campaign}"))
-            assert (now["name"], now["temperature_c"], now["inputs"]["window_rate_per_s"]) == ("first", None, 2.5)
-            assert (now["instruments"]["sensor_mass_kg"], now["instruments"]["hammer"]) == (0.0048, {"maker": "PCB"})
-            two = [{"frequency_hz": 25.6, "damping_ratio": 0.01}, {"frequency_hz": 50.0, "damping_ratio": 0.02}]
+            assert (now["name"], now["temperature_c"], now["inputs"]["window_rate_per_s"]) == (
+                "first",
+                None,
+                2.5,
+            )
+            assert (now["instruments"]["sensor_mass_kg"], now["instruments"]["hammer"]) == (
+                0.0048,
+                {"maker": "PCB"},
+            )
+            two = [
+                {"frequency_hz": 25.6, "damping_ratio": 0.01},
+                {"frequency_hz": 50.0, "damping_ratio": 0.02},
+            ]
             posted(api, f"campaigns/{campaign}/mode-sets", {"name": "typed", "modes": two})
             a_mode_is_dropped(page, campaign)
             made = ok(api.get(f"campaigns/{campaign}/mode-sets"))["items"]
@@ -72,11 +86,17 @@ def test_what_was_typed_is_corrected_deleted_and_restored(running: Browser, serv
             deleted_and_restored(page, campaign, structure)
             assert ok(api.get(f"campaigns/{campaign}"))["deleted_at"] is None
             a_member_comes_and_changes(page, project)
-            roles = {m["user"]: m["role"] for m in ok(api.get(f"projects/{project}/members"))["items"]}
+            roles = {
+                m["user"]: m["role"] for m in ok(api.get(f"projects/{project}/members"))["items"]
+            }
             assert roles == {"corrector": "owner", "colleague": "viewer"}
             a_hit_is_refused(page, hits)
             decision = ok(api.get(f"campaigns/{hits.rsplit('/', 1)[1]}/hit-decisions"))["items"][0]
-            assert (decision["good"], decision["why"], decision["by"]) == (False, "a cable was touched", "corrector")
+            assert (decision["good"], decision["why"], decision["by"]) == (
+                False,
+                "a cable was touched",
+                "corrector",
+            )
             page.goto(batch)
             page.click("summary:has-text('Exclude')")
             page.fill("[name=exclusion_reason]", "slipped in the grip")
@@ -85,7 +105,11 @@ def test_what_was_typed_is_corrected_deleted_and_restored(running: Browser, serv
             assert (seen.complaints, seen.strangers) == ([], [])
     with watched_page(running, service.url, width=390, height=844, dark=True) as seen:
         signed_in(seen, key, f"/ui/edit/projects/{project}")
-        for noun, item in (("projects", project), ("structures", structure), ("campaigns", campaign)):
+        for noun, item in (
+            ("projects", project),
+            ("structures", structure),
+            ("campaigns", campaign),
+        ):
             seen.visit(f"/ui/edit/{noun}/{item}")
             assert overflow(seen) == 0, noun
             assert hindrances(seen.page) == [], noun
@@ -104,14 +128,18 @@ def a_mode_is_dropped(page: Page, campaign: str) -> None:
 
 
 def a_structure_takes_other_units(page: Page, structure: str) -> None:
-    """What is typed with another unit is shown in the field's own; what is none is refused in place."""
+    """What is typed with another unit is shown in the field's own; what is none is refused in
+    place.
+    """
     page.goto(f"/ui/edit/structures/{structure}")
     page.wait_for_selector("button:has-text('Save what was changed'):enabled")
     assert "is version 2" in page.inner_text("form .hint")
     field = page.locator("[name='geometry/thickness_m']")
     assert field.input_value() == "10"
     field.fill("12 kg")
-    page.wait_for_selector("small.understood:has-text('“kg” is no unit of this field; there is mm')")
+    page.wait_for_selector(
+        "small.understood:has-text('“kg” is no unit of this field; there is mm')"
+    )
     assert "is no unit" in field.evaluate("input => input.validationMessage")
     field.fill("0.012 m")
     page.wait_for_selector("small.understood:text-is('= 12 mm')")
@@ -156,8 +184,12 @@ def a_hit_is_refused(page: Page, hits: str) -> None:
     page.wait_for_selector("text=refused by corrector")
 
 
-def test_pieces_masses_and_what_things_are_found_by_are_corrected(running: Browser, service: LocalService) -> None:
-    """Rows are read, added and removed; tags and metadata keep the kinds of their values; what was not touched stays."""
+def test_pieces_masses_and_what_things_are_found_by_are_corrected(
+    running: Browser, service: LocalService
+) -> None:
+    """Rows are read, added and removed; tags and metadata keep the kinds of their values; what was
+    not touched stays.
+    """
     key = service.new_key("corrector of rows")
     with (
         client_at(service.url, key) as api,
@@ -168,18 +200,36 @@ def test_pieces_masses_and_what_things_are_found_by_are_corrected(running: Brows
             {"from_m": 0.1, "to_m": 0.2, "thickness_m": 0.012},
             {"from_m": 0.3, "to_m": 0.4, "thickness_m": 0.009},
         ]
-        body = {"name": "bar", "geometry": PLATE, "density_kg_m3": 2000, "material": MATERIAL, "pieces": pieces}
+        body = {
+            "name": "bar",
+            "geometry": PLATE,
+            "density_kg_m3": 2000,
+            "material": MATERIAL,
+            "pieces": pieces,
+        }
         meta = {"client": "ACME", "order": "017", "layers": 12}
-        structure = posted(api, f"projects/{project}/structures", {**body, "tags": ["winter"], "meta": meta})["id"]
-        given = {"name": "June", "boundary": "free", "instruments": {"added_masses": [{"x_m": 0.5, "mass_kg": 0.02}]}}
+        structure = posted(
+            api, f"projects/{project}/structures", {**body, "tags": ["winter"], "meta": meta}
+        )["id"]
+        given = {
+            "name": "June",
+            "boundary": "free",
+            "instruments": {"added_masses": [{"x_m": 0.5, "mass_kg": 0.02}]},
+        }
         campaign = posted(api, f"structures/{structure}/campaigns", given)["id"]
         page = signed_in(seen, key, f"/ui/edit/structures/{structure}")
         page.wait_for_selector("button:has-text('Save what was changed'):enabled")
         assert page.input_value("[name='pieces/1/thickness_m']") == "9"
-        assert set(page.input_value("[name=meta]").split("\n")) == {"client: ACME", "order: 017", "layers: 12"}
+        assert set(page.input_value("[name=meta]").split("\n")) == {
+            "client: ACME",
+            "order: 017",
+            "layers: 12",
+        }
         assert (overflow(seen), hindrances(page)) == (0, [])
         page.fill("[name='pieces/0/end_thickness_m']", "1.5 cm")
-        page.click("[data-rows=pieces] .one:has([name='pieces/1/from_m']) button:has-text('Remove')")
+        page.click(
+            "[data-rows=pieces] .one:has([name='pieces/1/from_m']) button:has-text('Remove')"
+        )
         page.fill("[name=tags]", "winter, pultruded")
         page.fill("[name=meta]", "client: ACME\norder: 017\nlayers: 14")
         page.fill("[name='inputs/thickness_sd_m']", "0.05")
@@ -201,8 +251,12 @@ def test_pieces_masses_and_what_things_are_found_by_are_corrected(running: Brows
         assert (seen.complaints, seen.strangers) == ([], [])
 
 
-def test_raw_curves_are_reduced_and_the_next_begins_as_the_one_before(running: Browser, service: LocalService) -> None:
-    """A German machine's file: its columns are offered, unknown sizes are asked for again; the second needs its sizes alone."""
+def test_raw_curves_are_reduced_and_the_next_begins_as_the_one_before(
+    running: Browser, service: LocalService
+) -> None:
+    """A German machine's file: its columns are offered, unknown sizes are asked for again; the
+    second needs its sizes alone.
+    """
     key = service.new_key("tester")
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
         project = posted(api, "projects", {"name": "coupons"})["id"]
@@ -214,7 +268,8 @@ def test_raw_curves_are_reduced_and_the_next_begins_as_the_one_before(running: B
         for number in (1, 2):  # the second time it stands open, filled in
             data = machine_file(CURVE).replace(b"Nr. 17", f"Nr. {number}".encode())
             page.set_input_files(
-                "[data-raw-curve] [name=file]", {"name": f"A{number}.csv", "mimeType": "text/csv", "buffer": data}
+                "[data-raw-curve] [name=file]",
+                {"name": f"A{number}.csv", "mimeType": "text/csv", "buffer": data},
             )
             page.wait_for_selector("[data-raw-curve] datalist option", state="attached")
             found = [
@@ -227,7 +282,10 @@ def test_raw_curves_are_reduced_and_the_next_begins_as_the_one_before(running: B
             assert hindrances(page) == []
             saved(page, "Reduce and record it")
         data = machine_file([(row[0] + 228_000, *row[1:]) for row in CURVE])
-        page.set_input_files("[data-raw-curve] [name=file]", {"name": "A3.csv", "mimeType": "text/csv", "buffer": data})
+        page.set_input_files(
+            "[data-raw-curve] [name=file]",
+            {"name": "A3.csv", "mimeType": "text/csv", "buffer": data},
+        )
         page.fill("[name='dimensions/width']", "25.0")
         page.fill("[name='dimensions/thickness']", "2.0")
         page.click("button:has-text('Reduce and record it')")
@@ -239,5 +297,6 @@ def test_raw_curves_are_reduced_and_the_next_begins_as_the_one_before(running: B
         assert [row["specimen"] for row in specimens] == ["A1", "A2", "A3"]
         # by hand in docs/coupons.md
         assert [row["E_Pa"] for row in specimens] == pytest.approx([39.5074e9] * 3, rel=2e-6)
-        assert ["422" in complaint for complaint in seen.complaints] == [True]  # of the curve that was refused
+        # of the curve that was refused
+        assert ["422" in complaint for complaint in seen.complaints] == [True]
         assert seen.strangers == []

@@ -55,14 +55,17 @@ class Deployment:
     def environment(self, service: str) -> dict[str, str]:
         """The image's environment, then the service's; and nothing of ours."""
         image = dict(
-            word.split("=", 1) for line in re.findall(r"^ENV (.*)$", LAST_STAGE, re.M) for word in line.split()
+            word.split("=", 1)
+            for line in re.findall(r"^ENV (.*)$", LAST_STAGE, re.M)
+            for word in line.split()
         )
         variables = {**image, **SERVICES[service].get("environment", {})}
         own = {name: self.put(str(value)) for name, value in variables.items()}
         scratch = self.folder / service
         scratch.mkdir(exist_ok=True)
         path = f"{Path(sys.executable).parent}:/usr/bin:/bin"
-        ours = {"OPENBLAS_NUM_THREADS": "1", "MODALBASE_JOB_LEASE_SECONDS": "5"}  # in place of 30: a worker is killed
+        # in place of 30: a worker is killed
+        ours = {"OPENBLAS_NUM_THREADS": "1", "MODALBASE_JOB_LEASE_SECONDS": "5"}
         return own | ours | {"PATH": path, "TMPDIR": str(scratch), "HOME": str(scratch)}
 
     def command(self, service: str) -> list[str]:
@@ -74,7 +77,11 @@ class Deployment:
     def running(self, service: str, *more: str) -> Iterator[subprocess.Popen[bytes]]:
         with (self.folder / f"{service}.log").open("ab") as log:
             process = subprocess.Popen(
-                [*self.command(service), *more], env=self.environment(service), stdout=log, stderr=log, cwd=self.folder
+                [*self.command(service), *more],
+                env=self.environment(service),
+                stdout=log,
+                stderr=log,
+                cwd=self.folder,
             )
         try:
             yield process
@@ -94,10 +101,16 @@ def deployment(short_folder: Path, server: str) -> Iterator[Deployment]:
     (secrets / "database_password").write_text(password + "\n")
     with password_server(short_folder / "server", "modalbase", "placeholder", "modalbase") as port:
         with psycopg.connect(
-            host="127.0.0.1", port=port, user="modalbase", password="placeholder", dbname="modalbase"
+            host="127.0.0.1",
+            port=port,
+            user="modalbase",
+            password="placeholder",
+            dbname="modalbase",
         ) as connection:
             connection.execute(f"ALTER USER modalbase PASSWORD '{password}'")
-        yield Deployment(folder, {"@database/": f"@127.0.0.1:{port}/", "/run/secrets/": f"{secrets}/"})
+        yield Deployment(
+            folder, {"@database/": f"@127.0.0.1:{port}/", "/run/secrets/": f"{secrets}/"}
+        )
     shutil.rmtree(folder)
 
 
@@ -107,8 +120,15 @@ def free_port() -> int:
 
 
 def test_the_compose_file_s_services_do_the_main_job(deployment: Deployment) -> None:
-    """Migrate, API, two workers, proxy; the worker that runs the update is killed, and the other one ends the job."""
-    subprocess.run(deployment.command("migrate"), env=deployment.environment("migrate"), check=True, timeout=PATIENCE)
+    """Migrate, API, two workers, proxy; the worker that runs the update is killed, and the other
+    one ends the job.
+    """
+    subprocess.run(
+        deployment.command("migrate"),
+        env=deployment.environment("migrate"),
+        check=True,
+        timeout=PATIENCE,
+    )
     port = free_port()
     with ExitStack() as stack:
         stack.enter_context(deployment.running("api", "--port", str(port)))
@@ -116,8 +136,17 @@ def test_the_compose_file_s_services_do_the_main_job(deployment: Deployment) -> 
         check = json.loads(re.findall(r"HEALTHCHECK.* CMD (\[.*\])", LAST_STAGE)[0])
         check[0], check[2] = sys.executable, check[2].replace(":8000/", f":{port}/")
         until(lambda: listens(port), "an API that listens")
-        until(lambda: subprocess.run(check, capture_output=True, check=False).returncode == 0, "a healthy API")
-        create = [str(Path(sys.executable).with_name("modalbase")), "keys", "create", "--name", "me"]
+        until(
+            lambda: subprocess.run(check, capture_output=True, check=False).returncode == 0,
+            "a healthy API",
+        )
+        create = [
+            str(Path(sys.executable).with_name("modalbase")),
+            "keys",
+            "create",
+            "--name",
+            "me",
+        ]
         key = subprocess.check_output(create, env=deployment.environment("api"), text=True).strip()
         authority, base = trustme.CA(), f"http://127.0.0.1:{port}"
         if shutil.which("nginx"):
@@ -126,13 +155,19 @@ def test_the_compose_file_s_services_do_the_main_job(deployment: Deployment) -> 
         authority.configure_trust(trusted)
         client = stack.enter_context(
             httpx.Client(
-                base_url=base, headers={"Authorization": f"Bearer {key}"}, verify=trusted, timeout=60, trust_env=False
+                base_url=base,
+                headers={"Authorization": f"Bearer {key}"},
+                verify=trusted,
+                timeout=60,
+                trust_env=False,
             )
         )
         killed: list[int] = []
 
         def kill_who_updates(_stage: str, _share: float) -> None:
-            """At the first sight of the update; its worker is known by its process id in the job's row."""
+            """At the first sight of the update; its worker is known by its process id in the job's
+            row.
+            """
             if not killed and (pid := updating(deployment)) is not None:
                 next(worker for worker in workers if worker.pid == pid).kill()
                 killed.append(pid)
@@ -151,9 +186,13 @@ def listens(port: int) -> bool:
 
 def updating(deployment: Deployment) -> int | None:
     url = deployment.put(SERVICES["api"]["environment"]["MODALBASE_DATABASE_URL"])
-    password = Path(deployment.put(SERVICES["api"]["environment"]["MODALBASE_DATABASE_PASSWORD_FILE"])).read_text()
+    password = Path(
+        deployment.put(SERVICES["api"]["environment"]["MODALBASE_DATABASE_PASSWORD_FILE"])
+    ).read_text()
     with psycopg.connect(url, password=password.strip()) as connection:
-        row = connection.execute("SELECT worker FROM jobs WHERE kind = 'update' AND state = 'running'").fetchone()
+        row = connection.execute(
+            "SELECT worker FROM jobs WHERE kind = 'update' AND state = 'running'"
+        ).fetchone()
     return None if row is None else int(row[0].split(":")[1])
 
 
@@ -175,7 +214,9 @@ def proxy(deployment: Deployment, api: int, authority: trustme.CA) -> Iterator[s
         assert there in words
         words = words.replace(there, here)
     (deployment.folder / "nginx.conf").write_text(words)
-    process = subprocess.Popen(["nginx", "-c", str(deployment.folder / "nginx.conf"), "-g", "daemon off;"])
+    process = subprocess.Popen(
+        ["nginx", "-c", str(deployment.folder / "nginx.conf"), "-g", "daemon off;"]
+    )
     try:
         until(lambda: answers(f"http://127.0.0.1:{plain}/"), "the proxy")
         moved = httpx.get(f"http://127.0.0.1:{plain}/docs", trust_env=False, timeout=60)
@@ -208,7 +249,9 @@ def look_at_the_proxy(client: httpx.Client, trusted: ssl.SSLContext) -> None:
 
 
 def test_containers_are_closed_as_far_as_they_can_be() -> None:
-    """Not root, nothing to write to, no capability, no way to the database from outside, no password in the file."""
+    """Not root, nothing to write to, no capability, no way to the database from outside, no
+    password in the file.
+    """
     assert re.search(r"^USER modalbase$", LAST_STAGE, re.M)
     for name, service in SERVICES.items():
         assert service["read_only"] is True, name
@@ -218,25 +261,36 @@ def test_containers_are_closed_as_far_as_they_can_be() -> None:
         assert "ports" not in service or name == "proxy"
     assert SERVICES["database"]["user"] == "postgres"
     assert COMPOSE["networks"]["store"]["internal"] is True
-    assert {name for name, service in SERVICES.items() if "outside" in service["networks"]} == {"worker", "proxy"}
+    assert {name for name, service in SERVICES.items() if "outside" in service["networks"]} == {
+        "worker",
+        "proxy",
+    }
     for service in SERVICES.values():
         for name, value in service.get("environment", {}).items():
-            assert "PASSWORD" not in name or (name.endswith("_FILE") and str(value).startswith("/run/secrets/"))
+            assert "PASSWORD" not in name or (
+                name.endswith("_FILE") and str(value).startswith("/run/secrets/")
+            )
     assert "secrets/" in (ROOT / ".gitignore").read_text().split()
     assert "secrets" in (ROOT / ".dockerignore").read_text().split()
 
 
 @pytest.mark.parametrize(
-    ("lock", "extras"), [("requirements.lock", ("server",)), ("requirements-dev.lock", ("server", "dev"))]
+    ("lock", "extras"),
+    [("requirements.lock", ("server",)), ("requirements-dev.lock", ("server", "dev"))],
 )
-def test_what_is_installed_is_locked_by_its_digest_and_is_what_we_ask_for(lock: str, extras: tuple[str, ...]) -> None:
+def test_what_is_installed_is_locked_by_its_digest_and_is_what_we_ask_for(
+    lock: str, extras: tuple[str, ...]
+) -> None:
     """A name stands twice where one version does not serve every Python."""
     entries = re.split(r"^(?=[a-z0-9-]+==)", (ROOT / lock).read_text(), flags=re.M)
     assert entries[0] == ""
     locked = [Requirement(entry.split("\\")[0].strip()) for entry in entries[1:]]
     assert all("--hash=sha256:" in entry for entry in entries[1:])
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    asked = [*project["dependencies"], *(line for extra in extras for line in project["optional-dependencies"][extra])]
+    asked = [
+        *project["dependencies"],
+        *(line for extra in extras for line in project["optional-dependencies"][extra]),
+    ]
     for wanted in map(Requirement, asked):
         if wanted.name != "modalbase":
             pinned = [one for one in locked if one.name == wanted.name.lower()]
@@ -255,7 +309,8 @@ def test_one_resolution_serves_the_image_and_the_tests() -> None:
     assert "--no-deps" in DOCKERFILE
 
 
-# --- the wheel and the source archive -----------------------------------------------------------------------------------
+# --- the wheel and the source archive
+# -----------------------------------------------------------------------------------
 
 POISON = """import os
 open(os.environ["POISONED"], "a").write(__name__ + "\\n")
@@ -271,10 +326,15 @@ def test_the_wheel_has_four_packages_and_nothing_else(built: tuple[Path, Path]) 
     tops = {name.split("/")[0] for name in names if not name.split("/")[0].endswith(".dist-info")}
     assert tops == {"fecore", "migrations", "modalbase", "service"}
     assert {"modalbase/client/routes.json", "service/app/demo/paper_beam.uff"} <= set(names)
-    assert {"service/show/guide/pages/index.md", "service/show/guide/pages/decisions/queue.md"} <= set(names)
+    assert {
+        "service/show/guide/pages/index.md",
+        "service/show/guide/pages/decisions/queue.md",
+    } <= set(names)
     assert any(name.endswith("licenses/LICENSE") for name in names)
     required = [
-        line.split(":")[1] for line in metadata.splitlines() if line.startswith("Requires-Dist") and "extra" not in line
+        line.split(":")[1]
+        for line in metadata.splitlines()
+        if line.startswith("Requires-Dist") and "extra" not in line
     ]
     assert {line.split(">")[0].split("=")[0].split("<")[0].strip() for line in required} == LIGHT
 
@@ -294,11 +354,22 @@ def test_the_source_archive_builds_the_same_packages(built: tuple[Path, Path]) -
 def test_the_wheel_alone_runs_in_a_laboratorys_own_folder_and_leaves_nothing_running(
     unpacked: Path, tmp_path: Path
 ) -> None:
-    """The folder's `signal.py` is no reason to stop, its `service.py` nothing to run, in no process."""
+    """The folder's `signal.py` is no reason to stop, its `service.py` nothing to run, in no
+    process.
+    """
     mark = f"demo-test-{os.getpid()}"
     folder, poisoned = tmp_path / "laboratory", tmp_path / "poisoned"
     folder.mkdir()
-    for name in ("signal", "service", "numpy", "json", "fecore", "modalbase", "multiprocessing", "migrations"):
+    for name in (
+        "signal",
+        "service",
+        "numpy",
+        "json",
+        "fecore",
+        "modalbase",
+        "multiprocessing",
+        "migrations",
+    ):
         (folder / f"{name}.py").write_text(POISON)
     around = {"PYTHONPATH": str(unpacked), "HOME": str(tmp_path)}
     names = ("modalbase", "fecore", "service", "migrations")
@@ -307,12 +378,15 @@ def test_the_wheel_alone_runs_in_a_laboratorys_own_folder_and_leaves_nothing_run
         [sys.executable, "-P", "-c", code], cwd=folder, env=environment(**around), text=True
     )
     assert all(Path(file).is_relative_to(unpacked) for file in found.split())
-    ended = modalbase("demo", "--json", cwd=folder, MODALBASE_TEST_MARK=mark, POISONED=str(poisoned), **around)
+    ended = modalbase(
+        "demo", "--json", cwd=folder, MODALBASE_TEST_MARK=mark, POISONED=str(poisoned), **around
+    )
     assert ended.returncode == 0, ended.stderr
     assert not poisoned.exists()
     result = json.loads(ended.stdout)  # the document and nothing else
     rows = {row["name"]: row for row in result["parameters"]}
-    assert rows["Ex"]["estimate"] == pytest.approx(31.66e9, rel=0.005)  # the paper's; docs/results.md
+    # the paper's; docs/results.md
+    assert rows["Ex"]["estimate"] == pytest.approx(31.66e9, rel=0.005)
     assert rows["Gxy"]["estimate"] == pytest.approx(6.30e9, rel=0.02)
     assert not rows["Ey"]["identifiable"]
     assert any("rayleigh" in warning for warning in result["warnings"])
@@ -320,11 +394,17 @@ def test_the_wheel_alone_runs_in_a_laboratorys_own_folder_and_leaves_nothing_run
     assert "updated parameters" in ended.stderr
     assert "the paper's own measured damping, not its print" in " ".join(ended.stderr.split())
     assert "next: modalbase up" in ended.stderr
-    until(lambda: not _processes_with(mark), "the end of all that it started", lambda: _processes_with(mark))
+    until(
+        lambda: not _processes_with(mark),
+        "the end of all that it started",
+        lambda: _processes_with(mark),
+    )
 
 
 def _processes_with(mark: str) -> list[str]:
-    """Processes whose environment carries the mark: whatever the demonstration started and did not end."""
+    """Processes whose environment carries the mark: whatever the demonstration started and did not
+    end.
+    """
     left = []
     for process in Path("/proc").iterdir():
         if process.name.isdigit() and int(process.name) != os.getpid():

@@ -19,9 +19,9 @@ class Stranger:
         self.api, self.document, self.ids = api, document, dict[str, str]()
 
     def proposed(self, path: str, method: str) -> dict[str, Any]:
-        reference = self.document["paths"][f"/api/v1{path}"][method]["requestBody"]["content"]["application/json"][
-            "schema"
-        ]
+        reference = self.document["paths"][f"/api/v1{path}"][method]["requestBody"]["content"][
+            "application/json"
+        ]["schema"]
         schema = self.document["components"]["schemas"][reference["$ref"].rsplit("/", 1)[1]]
         return schema["examples"][0]
 
@@ -42,19 +42,26 @@ class Stranger:
 
 @pytest.fixture
 def stranger(service: LocalService, api: httpx.Client) -> Stranger:
-    return Stranger(api, httpx.get(f"{service.url}/openapi.json", trust_env=False, timeout=60).json())
+    return Stranger(
+        api, httpx.get(f"{service.url}/openapi.json", trust_env=False, timeout=60).json()
+    )
 
 
 def test_a_stranger_runs_the_main_job_from_the_documentation_page(stranger: Stranger) -> None:
     steps = re.findall(r"`(POST|GET) (/[^`]+)`", stranger.document["info"]["description"])
     assert all(  # the description names addresses that exist, with {id} for each kind of id
-        any(re.fullmatch(re.sub(r"\{\w+\}", r"[^/]+", there), f"/api/v1{path}") for there in stranger.document["paths"])
+        any(
+            re.fullmatch(re.sub(r"\{\w+\}", r"[^/]+", there), f"/api/v1{path}")
+            for there in stranger.document["paths"]
+        )
         for _, path in steps
     )
     stranger.make("/projects", project_id="id")
     stranger.make("/projects/{project_id}/structures", structure_id="id")
     stranger.make("/structures/{structure_id}/campaigns", campaign_id="id")
-    sent = stranger.send("POST", "/campaigns/{campaign_id}/imports", files={"file": ("beam.uff", paper.uff_file())})
+    sent = stranger.send(
+        "POST", "/campaigns/{campaign_id}/imports", files={"file": ("beam.uff", paper.uff_file())}
+    )
     stranger.ids["import_id"] = sent["id"]
     stranger.wait("/imports/{import_id}")
     stranger.make("/campaigns/{campaign_id}/update-jobs", job_id="id")
@@ -85,8 +92,11 @@ def test_every_other_proposal_works_too(stranger: Stranger) -> None:
     stranger.make("/structures/{structure_id}/monitors", monitor_id="id")
     stranger.make("/monitors/{monitor_id}/runs")
     for path, operations in stranger.document["paths"].items():
-        if "patch" in operations and "/users/" not in path:  # an administrator's, who ends keys earlier and never later
+        # an administrator's, who ends keys earlier and never later
+        if "patch" in operations and "/users/" not in path:
             stated = {parameter["name"] for parameter in operations["patch"]["parameters"]}
             assert "If-Match" in stated, path
             route = path.removeprefix("/api/v1")
-            stranger.send("PATCH", route, json=stranger.proposed(route, "patch"), headers={"If-Match": "*"})
+            stranger.send(
+                "PATCH", route, json=stranger.proposed(route, "patch"), headers={"If-Match": "*"}
+            )

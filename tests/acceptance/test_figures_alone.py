@@ -1,4 +1,6 @@
-"""Figures in the system's Chromium: a drawing opened alone has its colours; a zoom into hits fetches what is in view."""
+"""Figures in the system's Chromium: a drawing opened alone has its colours; a zoom into hits
+fetches what is in view.
+"""
 
 from __future__ import annotations
 
@@ -17,12 +19,17 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 HITS = "figure[data-figure$='/figures/hits']"
-X_OF_THE_RESPONSE = f"document.querySelector(\"{HITS} .js-plotly-plot\").data.find((trace) => trace.xaxis === 'x2').x"
+X_OF_THE_RESPONSE = (
+    f'document.querySelector("{HITS} .js-plotly-plot").data.find((trace) => trace.xaxis ==='
+    " 'x2').x"
+)
 STYLES = 'document.querySelectorAll("path, use")].map((one) => getComputedStyle(one))'
 COLORS = f"() => [...{STYLES}.map((style) => [style.fill, style.stroke])"
 
 
-def test_a_drawing_opened_alone_has_its_colours(running: Browser, service: LocalService, tmp_path: Path) -> None:
+def test_a_drawing_opened_alone_has_its_colours(
+    running: Browser, service: LocalService, tmp_path: Path
+) -> None:
     key = service.new_key("printer")
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
         project = posted(api, "projects", {"name": "prints"})["id"]
@@ -41,30 +48,38 @@ def test_a_drawing_opened_alone_has_its_colours(running: Browser, service: Local
 
 
 def test_what_a_zoom_brings_into_view_is_fetched(running: Browser, service: LocalService) -> None:
-    """The response of a hit of 16,384 samples: of the whole the least and greatest of each stretch, of a part all."""
+    """The response of a hit of 16,384 samples: of the whole the least and greatest of each stretch,
+    of a part all.
+    """
     key = service.new_key("zoomer")
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
         project = posted(api, "projects", {"name": "zooms"})["id"]
         body = {"name": "bar", "geometry": PLATE, "density_kg_m3": 2000, "material": MATERIAL}
         structure = posted(api, f"projects/{project}/structures", body)["id"]
-        campaign = posted(api, f"structures/{structure}/campaigns", {"name": "hits", "boundary": "free"})["id"]
+        campaign = posted(
+            api, f"structures/{structure}/campaigns", {"name": "hits", "boundary": "free"}
+        )["id"]
         posted(api, f"campaigns/{campaign}/records", long_hit(16_384, 16_384.0))
         page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
         drawn(page, HITS)
         inside = f"{X_OF_THE_RESPONSE}.filter((x) => x >= 0.5 && x <= 0.51).length"
         assert page.evaluate(inside) < 40
         page.evaluate(
-            f"document.querySelector(\"{HITS}\").addEventListener('in-view', () => document.body.dataset.inView = 'yes')"
+            f"document.querySelector(\"{HITS}\").addEventListener('in-view', () =>"
+            " document.body.dataset.inView = 'yes')"
         )
         with page.expect_response("**/figures/hits?*tmin=*") as fetched:
             page.evaluate(
-                f"Plotly.relayout(document.querySelector(\"{HITS} .js-plotly-plot\"), {{'xaxis2.range': [0.5, 0.51]}})"
+                f'Plotly.relayout(document.querySelector("{HITS} .js-plotly-plot"),'
+                " {'xaxis2.range': [0.5, 0.51]})"
             )
         asked = parse_qs(urlsplit(fetched.value.url).query)
         assert (asked["tmin"], asked["tmax"]) == (["0.5"], ["0.51"])
         page.wait_for_selector("[data-in-view=yes]")
         assert page.evaluate(inside) >= 163
-        assert page.evaluate(f'document.querySelector("{HITS} .js-plotly-plot").layout.xaxis2.range') == [0.5, 0.51]
+        assert page.evaluate(
+            f'document.querySelector("{HITS} .js-plotly-plot").layout.xaxis2.range'
+        ) == [0.5, 0.51]
         assert seen.complaints == []
 
 

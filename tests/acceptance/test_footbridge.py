@@ -1,4 +1,6 @@
-"""Three years of a footbridge, with fewer campaigns: each question has the same answer by page, library and command."""
+"""Three years of a footbridge, with fewer campaigns: each question has the same answer by page,
+library and command.
+"""
 
 import html
 import json
@@ -27,8 +29,9 @@ def expected() -> dict[str, int]:
     counts = {
         "campaigns above 25 °C": 2 * sum(stated["temperature_c"] > 25 for stated, _ in made),
         "winters of the north stringer": sum(stated["tags"] == ["winter"] for stated, _ in made),
-        "what was measured with the other hammer": 2
-        * sum(stated["instruments"]["hammer"]["model"] != HAMMERS[0] for stated, _ in made),
+        "what was measured with the other hammer": (
+            2 * sum(stated["instruments"]["hammer"]["model"] != HAMMERS[0] for stated, _ in made)
+        ),
         "what the expired calibration touched": 2 * lapsed,
         "driving-point FRFs of sensor 30517": 2 * CAMPAIGNS,
         "FRFs of 2024 with the force at point 3": 2 * sum(when.year == 2024 for _, when in made),
@@ -61,7 +64,10 @@ def test_page_library_and_command_give_one_answer(
     place = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key}
     headers = {"Authorization": f"Bearer {key}"}
     known = expected()
-    with modalbase.connect(service.url, key) as lab, session_client(new_client(), headers, service.url) as browser:
+    with (
+        modalbase.connect(service.url, key) as lab,
+        session_client(new_client(), headers, service.url) as browser,
+    ):
         for words, noun, text in QUESTIONS:
             count = lab.find(noun, text).count
             assert count == known.get(words, count), words
@@ -82,7 +88,8 @@ def test_the_trends_have_what_was_made(service: LocalService, key: str) -> None:
         beside = series["lines"][1]
         low, high = beside["relative_interval_95"]
         made = -LOSS[series["structure_name"]] * share
-        assert low - 0.001 < made < high + 0.001, series["structure_name"]  # the loss is of the stiffness when new
+        # the loss is of the stiffness when new
+        assert low - 0.001 < made < high + 0.001, series["structure_name"]
         effect, _ = beside["effects"]["temperature_c"]
         mean = sum(point["value"] for point in series["points"]) / len(series["points"])
         assert effect / mean == pytest.approx(-PER_KELVIN * share, rel=0.2)

@@ -1,4 +1,6 @@
-"""Forms in the system's Chromium: from raw hits to a printed report, structures of every kind, joint updates, plans."""
+"""Forms in the system's Chromium: from raw hits to a printed report, structures of every kind,
+joint updates, plans.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,13 @@ import httpx
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import MOST_CLICKS, overflow, signed_in
 from tests.acceptance.test_correcting import MATERIAL, PLATE, saved
-from tests.support.browser import Watched, hindrances, note_on_leaving, noted_on_leaving, watched_page
+from tests.support.browser import (
+    Watched,
+    hindrances,
+    note_on_leaving,
+    noted_on_leaving,
+    watched_page,
+)
 from tests.support.places import shared_file
 from tests.support.profiles import deck
 from tests.support.rest import client_at, ok, posted
@@ -25,7 +33,14 @@ WALLS = {
     "walls/flange/thickness_m": "6",
     "walls/web/thickness_m": "5",
 }
-CONSTANTS = {"E1_Pa": "23", "E2_Pa": "8.5", "G12_Pa": "3", "G13_Pa": "3", "G23_Pa": "2.4", "nu_12": "0.27"}
+CONSTANTS = {
+    "E1_Pa": "23",
+    "E2_Pa": "8.5",
+    "G12_Pa": "3",
+    "G13_Pa": "3",
+    "G23_Pa": "2.4",
+    "nu_12": "0.27",
+}
 
 
 def fill(page: Page, prefix: str, values: dict[str, Any]) -> None:
@@ -34,8 +49,12 @@ def fill(page: Page, prefix: str, values: dict[str, Any]) -> None:
         page.fill(f"[name='{prefix}{name}']", str(value))
 
 
-def test_raw_hits_become_a_printed_report_in_few_clicks(running: Browser, service: LocalService) -> None:
-    """A file of voltages, a structure typed in mm and GPa, where the points are: all else the service finds or proposes."""
+def test_raw_hits_become_a_printed_report_in_few_clicks(
+    running: Browser, service: LocalService
+) -> None:
+    """A file of voltages, a structure typed in mm and GPa, where the points are: all else the
+    service finds or proposes.
+    """
     file = shared_file("BLIND_OPEN", "blind-open", "hits-cantilever/hits.npz")
     truth = json.loads(file.with_name("truth.json").read_text())
     beam, known = truth["config"], truth["instruments"]
@@ -46,14 +65,36 @@ def test_raw_hits_become_a_printed_report_in_few_clicks(running: Browser, servic
         seen.click("button:text('Sign in')")
         page.wait_for_url("**/ui/")
         seen.click("a:text('New test')")
-        fill(page, "", {"project/name": "hits", "structure/name": "beam", "structure/density_kg_m3": beam["rho"]})
-        sizes = {"length_m": f"{beam['L']} m", "width_m": 1e3 * beam["b"], "thickness_m": 1e3 * beam["t"]}
+        fill(
+            page,
+            "",
+            {
+                "project/name": "hits",
+                "structure/name": "beam",
+                "structure/density_kg_m3": beam["rho"],
+            },
+        )
+        sizes = {
+            "length_m": f"{beam['L']} m",
+            "width_m": 1e3 * beam["b"],
+            "thickness_m": 1e3 * beam["t"],
+        }
         fill(page, "structure/geometry/", sizes)
-        nominal = {"Ex_Pa": 33, "Ey_Pa": 32, "Gxy_Pa": 5.7, "Gxz_Pa": 4.5, "Gyz_Pa": 4.5, "nu_xy": 0.2}
+        nominal = {
+            "Ex_Pa": 33,
+            "Ey_Pa": 32,
+            "Gxy_Pa": 5.7,
+            "Gxz_Pa": 4.5,
+            "Gyz_Pa": 4.5,
+            "nu_xy": 0.2,
+        }
         fill(page, "structure/material/", nominal)
         page.fill("[name='campaign/name']", "June")
         page.select_option("[name='campaign/boundary']", "cantilever")
-        places = [f"{n}\t{1e3 * x:.9g}\t{1e3 * y:.9g}" for n, (x, y) in enumerate(truth["points"], start=1)]
+        places = [
+            f"{n}\t{1e3 * x:.9g}\t{1e3 * y:.9g}"
+            for n, (x, y) in enumerate(truth["points"], start=1)
+        ]
         page.fill("[name=points]", "\n".join(places))
         with page.expect_file_chooser() as chooser:
             seen.click("#file")
@@ -65,7 +106,10 @@ def test_raw_hits_become_a_printed_report_in_few_clicks(running: Browser, servic
         fill(
             page,
             "channels/",
-            {"0/sensitivity": known["force_V_per_N"], "1/sensitivity": known["acceleration_V_per_m_s2"]},
+            {
+                "0/sensitivity": known["force_V_per_N"],
+                "1/sensitivity": known["acceleration_V_per_m_s2"],
+            },
         )
         page.fill("[name='channels/1/point']", str(known["sensor_point"]))
         for n in (0, 1):
@@ -77,15 +121,24 @@ def test_raw_hits_become_a_printed_report_in_few_clicks(running: Browser, servic
         seen.click("button:text('Start the update') >> nth=0")
         page.wait_for_selector("#verdict")
         assert page.locator("#parameters tbody tr:has-text('Ex')").count() > 0
-        with page.context.expect_event("response", lambda answer: "/report" in answer.url) as report:
+        with page.context.expect_event(
+            "response", lambda answer: "/report" in answer.url
+        ) as report:
             seen.click("[data-report] >> nth=0")
-        assert (report.value.status, report.value.headers["content-type"]) == (200, "application/pdf")
+        assert (report.value.status, report.value.headers["content-type"]) == (
+            200,
+            "application/pdf",
+        )
         assert seen.clicks <= MOST_CLICKS
         assert (seen.complaints, seen.strangers) == ([], [])
 
 
-def test_structures_of_every_kind_are_made_and_chosen(running: Browser, service: LocalService) -> None:
-    """A profile, plies and a deck by the form of a new test; one that is there is chosen; what is left out is not sent."""
+def test_structures_of_every_kind_are_made_and_chosen(
+    running: Browser, service: LocalService
+) -> None:
+    """A profile, plies and a deck by the form of a new test; one that is there is chosen; what is
+    left out is not sent.
+    """
     key = service.new_key("builder")
     with watched_page(running, service.url) as seen, client_at(service.url, key) as api:
         page = signed_in(seen, key, "/ui/new")
@@ -110,15 +163,24 @@ def test_structures_of_every_kind_are_made_and_chosen(running: Browser, service:
         fill(page, "structure/geometry/", {"length_m": 400, "width_m": 30, "thickness_m": 2})
         for number, angle in enumerate((0, 90)):
             page.click("button:text('Add a ply')")
-            fill(page, f"structure/laminate/plies/{number}/", {**CONSTANTS, "thickness_m": 1, "angle_deg": angle})
+            fill(
+                page,
+                f"structure/laminate/plies/{number}/",
+                {**CONSTANTS, "thickness_m": 1, "angle_deg": angle},
+            )
         stored(page, "cantilever")
         laminate = structures(api, project)[1]["laminate"]
-        assert [(ply["angle_deg"], ply["thickness_m"]) for ply in laminate["plies"]] == [(0, 0.001), (90, 0.001)]
+        assert [(ply["angle_deg"], ply["thickness_m"]) for ply in laminate["plies"]] == [
+            (0, 0.001),
+            (90, 0.001),
+        ]
 
         page.goto(f"/ui/new?project={project}")
         page.fill("[name='structure/name']", "angle")
         page.select_option("select[data-kind]", "deck")
-        page.set_input_files("[name=deck]", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck()})
+        page.set_input_files(
+            "[name=deck]", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck()}
+        )
         page.fill("[name=units]", "m-N-kg")
         stored(page, "free")
         assert structures(api, project)[2]["model"] is not None
@@ -162,7 +224,9 @@ def corrected(page: Page, path: str) -> None:
     saved(page, "Save what was changed")
 
 
-def test_campaigns_are_updated_together_and_the_next_one_planned(running: Browser, service: LocalService) -> None:
+def test_campaigns_are_updated_together_and_the_next_one_planned(
+    running: Browser, service: LocalService
+) -> None:
     key = service.new_key("planner")
     reader = service.new_key("reader")
     with client_at(service.url, key) as api:
@@ -181,10 +245,13 @@ def test_campaigns_are_updated_together_and_the_next_one_planned(running: Browse
                 page.select_option(f"[name='jobs/{number}/recipe/mode_set']", index=1)
                 page.fill(f"[name='jobs/{number}/specimen']", "one bar")
             assert hindrances(page) == []
-            note_on_leaving(page, "document.querySelector('form[data-post] [type=submit]').disabled")
+            note_on_leaving(
+                page, "document.querySelector('form[data-post] [type=submit]').disabled"
+            )
             page.click("button:text('Start the joint update')")
             page.wait_for_selector("h1:has-text('One material from 2 campaigns')")
-            assert noted_on_leaving(page)  # a second click, while the page comes, would start a second one
+            # a second click, while the page comes, would start a second one
+            assert noted_on_leaving(page)
             request = ok(api.get(f"projects/{project}/joint-updates"))["items"][0]["request"]
             assert [job["campaign_id"] for job in request["jobs"]] == campaigns
             assert {job["specimen"] for job in request["jobs"]} == {"one bar"}
@@ -211,13 +278,22 @@ def test_campaigns_are_updated_together_and_the_next_one_planned(running: Browse
     with watched_page(running, service.url) as seen:
         page = signed_in(seen, reader, "/ui/")
         who_only_reads_is_offered_no_change(
-            seen, [f"projects/{project}", f"structures/{structure}", *(f"campaigns/{c}" for c in campaigns)]
+            seen,
+            [
+                f"projects/{project}",
+                f"structures/{structure}",
+                *(f"campaigns/{c}" for c in campaigns),
+            ],
         )
 
 
 def measured(api: httpx.Client, structure: str, name: str) -> str:
     """A campaign with modes that were typed in."""
-    campaign = str(posted(api, f"structures/{structure}/campaigns", {"name": name, "boundary": "cantilever"})["id"])
+    campaign = str(
+        posted(api, f"structures/{structure}/campaigns", {"name": name, "boundary": "cantilever"})[
+            "id"
+        ]
+    )
     modes = [{"frequency_hz": hz, "frequency_sd_hz": 0.001 * hz} for hz in (24.9, 156.0)]
     posted(api, f"campaigns/{campaign}/mode-sets", {"name": "typed", "modes": modes})
     return campaign
@@ -228,6 +304,9 @@ def who_only_reads_is_offered_no_change(seen: Watched, paths: list[str]) -> None
     for path in paths:
         seen.visit(f"/ui/{path}")
         assert seen.page.locator("h1").is_visible()
-        assert seen.page.locator("a:text-is('Edit'), a:text('New'), form[data-post], form[data-upload]").count() == 0, (
-            path
-        )
+        assert (
+            seen.page.locator(
+                "a:text-is('Edit'), a:text('New'), form[data-post], form[data-upload]"
+            ).count()
+            == 0
+        ), path

@@ -1,4 +1,6 @@
-"""The FRF viewer in the system's Chromium: what is chosen, read at cursors, converted, copied, and kept in the address."""
+"""The FRF viewer in the system's Chromium: what is chosen, read at cursors, converted, copied, and
+kept in the address.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ def accelerance(factor: float) -> np.ndarray[Any, Any]:
 
 def new_campaign(api: httpx.Client, structure: str, name: str, factors: tuple[float, ...]) -> str:
     """With an FRF of each factor, hit at point 1, and a mode set with the mode."""
-    campaign: str = posted(api, f"structures/{structure}/campaigns", {"name": name, "boundary": "free"})["id"]
+    campaign: str = posted(
+        api, f"structures/{structure}/campaigns", {"name": name, "boundary": "free"}
+    )["id"]
     frfs = [
         {
             "response_point": k, "response_direction": 3, "reference_point": 1, "reference_direction": 3,
@@ -41,9 +45,17 @@ def new_campaign(api: httpx.Client, structure: str, name: str, factors: tuple[fl
         }
         for k, factor in enumerate(factors, start=1)
     ]  # fmt: skip
-    body = {"quantity": "accelerance", "frequency_hz": (STEP * np.arange(LINES)).tolist(), "frfs": frfs}
+    body = {
+        "quantity": "accelerance",
+        "frequency_hz": (STEP * np.arange(LINES)).tolist(),
+        "frfs": frfs,
+    }
     ok(
-        api.post(f"campaigns/{campaign}/frfs", content=json.dumps(body), headers={"Content-Type": "application/json"}),
+        api.post(
+            f"campaigns/{campaign}/frfs",
+            content=json.dumps(body),
+            headers={"Content-Type": "application/json"},
+        ),
         201,
     )
     modes = [{"frequency_hz": F0, "damping_ratio": ZETA}]
@@ -53,7 +65,10 @@ def new_campaign(api: httpx.Client, structure: str, name: str, factors: tuple[fl
 
 def said(page: Page) -> dict[str, str]:
     """What the address says."""
-    return {key: values[0] for key, values in parse_qs(page.evaluate("location.search.slice(1)")).items()}
+    return {
+        key: values[0]
+        for key, values in parse_qs(page.evaluate("location.search.slice(1)")).items()
+    }
 
 
 def cells(page: Page, row: int) -> list[str]:
@@ -68,7 +83,9 @@ def copied(page: Page, kind: str) -> str:
     return str(page.evaluate("navigator.clipboard.readText()"))
 
 
-def test_frfs_are_laid_over_one_another_read_and_copied(running: Browser, service: LocalService) -> None:
+def test_frfs_are_laid_over_one_another_read_and_copied(
+    running: Browser, service: LocalService
+) -> None:
     key = service.new_key("viewer")
     factors = (1.0, 0.5, -0.25)
     with client_at(service.url, key) as api:
@@ -81,7 +98,9 @@ def test_frfs_are_laid_over_one_another_read_and_copied(running: Browser, servic
         )
         body = {"name": "bar", "geometry": plate, "density_kg_m3": 2000, "material": stiff}
         structure = posted(api, f"projects/{project}/structures", body)["id"]
-        campaign, other = (new_campaign(api, structure, name, factors) for name in ("first", "second"))
+        campaign, other = (
+            new_campaign(api, structure, name, factors) for name in ("first", "second")
+        )
     path = f"/ui/campaigns/{campaign}"
     with watched_page(running, service.url) as seen:
         page = signed_in(seen, key, path)
@@ -95,7 +114,11 @@ def test_frfs_are_laid_over_one_another_read_and_copied(running: Browser, servic
         page.select_option("[data-view]", "nyquist")
         page.reload()
         drawn(page, VIEWER)
-        assert (said(page)["v"], said(page)["c"], page.input_value("[data-view]")) == ("nyquist", other, "nyquist")
+        assert (said(page)["v"], said(page)["c"], page.input_value("[data-view]")) == (
+            "nyquist",
+            other,
+            "nyquist",
+        )
         assert page.locator("[data-frfs] option").count() == 2 * len(factors)
         assert hindrances(page) == []
         assert (seen.complaints, seen.strangers) == ([], [])
@@ -109,7 +132,9 @@ def test_frfs_are_laid_over_one_another_read_and_copied(running: Browser, servic
 
 
 def cursors_read_what_was_made(page: Page) -> None:
-    """The next peak is the mode, half-power gives its damping, values carry the random error and follow the quantity."""
+    """The next peak is the mode, half-power gives its damping, values carry the random error and
+    follow the quantity.
+    """
     assert page.locator(f"{VIEWER} .uplot").count() == 3  # magnitude, phase, coherence
     page.click("[data-do=next]")
     until(lambda: said(page).get("a") == "100", "cursor A at the peak")
@@ -117,7 +142,9 @@ def cursors_read_what_was_made(page: Page) -> None:
     error = np.sqrt((1 - COHERENCE) / (2 * AVERAGES * COHERENCE)) * abs(at_peak)
     name, value, phase, *_, damping = cells(page, 0)
     assert name == "1+z/1+z"
-    assert [float(part) for part in value.split(" ± ")] == pytest.approx([abs(at_peak), error], rel=0.02)
+    assert [float(part) for part in value.split(" ± ")] == pytest.approx(
+        [abs(at_peak), error], rel=0.02
+    )
     assert float(phase.removesuffix("°")) == pytest.approx(np.degrees(np.angle(at_peak)), abs=0.1)
     assert float(damping.split(" %")[0]) == pytest.approx(100 * ZETA, rel=0.02)
     page.select_option("[data-quantity]", "receptance")
@@ -136,7 +163,10 @@ def what_is_still_read_is_copied_whole(page: Page, factors: tuple[float, ...]) -
     """A copy that is asked for while FRFs are on their way has all that were chosen."""
     with held(page, "**/data?format=npz") as waiting:
         page.select_option("[data-all]", "1+z")
-        until(lambda: said(page).get("s") == "*" and len(waiting()) == len(factors) - 1, "all, two on their way")
+        until(
+            lambda: said(page).get("s") == "*" and len(waiting()) == len(factors) - 1,
+            "all, two on their way",
+        )
         page.click("[data-do=csv]")
     page.wait_for_selector("[data-note]:has-text('CSV copied')")
     rows = str(page.evaluate("navigator.clipboard.readText()")).splitlines()
@@ -144,15 +174,21 @@ def what_is_still_read_is_copied_whole(page: Page, factors: tuple[float, ...]) -
 
 
 def singular_values_are_those_of_one_column(page: Page, factors: tuple[float, ...]) -> None:
-    """Of one reference the only singular value is the length of the column; the copy has the lines that are seen."""
+    """Of one reference the only singular value is the length of the column; the copy has the lines
+    that are seen.
+    """
     page.select_option("[data-view]", "cmif")
     page.click("[data-do=closer]")
     until(lambda: "z" in said(page), "a closer view")
     low, high = (float(end) for end in said(page)["z"].split("~"))
-    lines = np.array([[float(v) for v in row.split(",")] for row in copied(page, "csv").splitlines()[1:]])
+    lines = np.array(
+        [[float(v) for v in row.split(",")] for row in copied(page, "csv").splitlines()[1:]]
+    )
     inside = np.arange(LINES)[(STEP * np.arange(LINES) >= low) & (STEP * np.arange(LINES) <= high)]
     assert lines[:, 0] == pytest.approx(STEP * inside)
-    assert lines[:, 1] == pytest.approx(np.linalg.norm(factors) * np.abs(accelerance(1.0))[inside], rel=1e-5)
+    assert lines[:, 1] == pytest.approx(
+        np.linalg.norm(factors) * np.abs(accelerance(1.0))[inside], rel=1e-5
+    )
     page.select_option("[data-view]", "complex")
     drawing = ElementTree.fromstring(copied(page, "svg"))
     assert len(drawing.findall(".//{*}path")) == 3 * len(factors)  # real, imaginary, coherence
@@ -174,7 +210,9 @@ def a_finger_moves_the_band(seen: Watched) -> None:
     box = over.bounding_box()
     assert box is not None
     for kind, x in (("pointerdown", 200), ("pointermove", 150), ("pointerup", 150)):
-        over.dispatch_event(kind, {"pointerType": "touch", "pointerId": 7, "clientX": x, "clientY": box["y"] + 20})
+        over.dispatch_event(
+            kind, {"pointerType": "touch", "pointerId": 7, "clientX": x, "clientY": box["y"] + 20}
+        )
     until(lambda: float(said(page)["z"].split("~")[0]) > before[0], "the band moved")
     moved = float(said(page)["z"].split("~")[0]) - before[0]
     assert moved == pytest.approx(50 / box["width"] * (before[1] - before[0]), rel=0.02)

@@ -24,12 +24,15 @@ from tests.support.waiting import PATIENCE
 
 @pytest.mark.parametrize("others", [False, True], ids=["alone", "with another worker"])
 def test_worker_cut_off_from_the_database_comes_back(others: bool, database: str) -> None:
-    """Longer than its lease with another worker there, who takes over what the first one brings too late."""
+    """Longer than its lease with another worker there, who takes over what the first one brings too
+    late.
+    """
     it = outage(0.5 if others else 3, others=others, jobs=2, database_url=database)
     assert it.same_worker
     assert (it.succeeded, it.results, it.doubled) == (it.jobs, it.jobs, 0), it
     assert it.works_again
-    assert it.attempts == it.jobs + (1 if others else 0)  # nothing was done again but what was taken over
+    # nothing was done again but what was taken over
+    assert it.attempts == it.jobs + (1 if others else 0)
 
 
 def test_job_runs_although_the_api_was_killed_right_after_it_took_it(database: str) -> None:
@@ -49,7 +52,9 @@ def test_job_runs_although_the_api_was_killed_right_after_it_took_it(database: s
 
 
 def test_api_killed_while_it_takes_jobs_leaves_no_half_one(database: str) -> None:
-    """It is killed between the rows of the jobs and the tickets, where another transaction holds it up."""
+    """It is killed between the rows of the jobs and the tickets, where another transaction holds it
+    up.
+    """
     with floor(database) as here:
         with here.client("tester") as client:
             (campaign,) = campaigns_of(client, "floor")
@@ -57,7 +62,10 @@ def test_api_killed_while_it_takes_jobs_leaves_no_half_one(database: str) -> Non
             with ThreadPoolExecutor(1) as pool, here.engine.begin() as holding:
                 holding.exec_driver_sql("LOCK TABLE procrastinate_jobs IN SHARE MODE")
                 request = pool.submit(client.post, "update-jobs", json=batch)
-                here.until(lambda: sessions_of_api(here, "wait_event_type = 'Lock'"), "a request that is held up")
+                here.until(
+                    lambda: sessions_of_api(here, "wait_event_type = 'Lock'"),
+                    "a request that is held up",
+                )
                 here.kill(here.processes[0])
                 assert isinstance(request.exception(), httpx.TransportError)
         here.until(lambda: not sessions_of_api(here), "that the database notices")
@@ -78,15 +86,23 @@ def sessions_of_api(here: Floor, which: str = "true") -> int:
 
 
 def test_jobs_over_many_campaigns_give_the_single_runs_result(api: httpx.Client) -> None:
-    """The same beam in three campaigns: the results of one batch equal that of a job alone, but for where they were made."""
+    """The same beam in three campaigns: the results of one batch equal that of a job alone, but for
+    where they were made.
+    """
     project = ok(api.post("projects", json={"name": "many"}))["id"]
     structure = ok(api.post(f"projects/{project}/structures", json=paper.STRUCTURE))["id"]
     jobs = []
     for _ in range(3):
         campaign = ok(api.post(f"structures/{structure}/campaigns", json=paper.CAMPAIGN))["id"]
-        sent = api.post(f"campaigns/{campaign}/imports", params={"filename": "a.uff"}, content=paper.uff_file())
+        sent = api.post(
+            f"campaigns/{campaign}/imports", params={"filename": "a.uff"}, content=paper.uff_file()
+        )
         finished(api, sent.headers["location"])
-        modes = ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES}))["id"]
+        modes = ok(
+            api.post(
+                f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES}
+            )
+        )["id"]
         jobs.append({"campaign_id": campaign, "recipe": {**RECIPE, "mode_set": modes}})
     (single,) = results(api, jobs[:1])
     assert results(api, jobs[1:]) == [single, single]
@@ -94,11 +110,15 @@ def test_jobs_over_many_campaigns_give_the_single_runs_result(api: httpx.Client)
 
 def results(api: httpx.Client, jobs: list[dict[str, Any]]) -> list[dict[str, Any]]:
     made = ok(api.post("update-jobs", json={"jobs": jobs}))["items"]
-    found = [ok(api.get(f"update-jobs/{finished(api, 'update-jobs/' + job['id'])['id']}/result")) for job in made]
+    found = [
+        ok(api.get(f"update-jobs/{finished(api, 'update-jobs/' + job['id'])['id']}/result"))
+        for job in made
+    ]
     return [{name: value for name, value in one.items() if name != "provenance"} for one in found]
 
 
-# --- the service under kills, in short ----------------------------------------------------------------------------------
+# --- the service under kills, in short
+# ----------------------------------------------------------------------------------
 
 
 def test_kills_of_every_process_lose_nothing_and_are_no_internal_error() -> None:
@@ -108,21 +128,27 @@ def test_kills_of_every_process_lose_nothing_and_are_no_internal_error() -> None
     assert tally.lost == []
     assert tally.reasons == {}
     assert tally.states.keys() == {"succeeded"}
-    assert tally.attempts == tally.states.total() + tally.losses  # nothing was computed again but what was lost
+    # nothing was computed again but what was lost
+    assert tally.attempts == tally.states.total() + tally.losses
 
 
-# --- a purge while jobs wait and run ------------------------------------------------------------------------------------
+# --- a purge while jobs wait and run
+# ------------------------------------------------------------------------------------
 
 PRIOR = {"posterior": "mcmc"}  # takes long enough to be purged while it runs
 
 
 def busy_laboratory(here: Floor, lab: Laboratory) -> set[str]:
     """Ids of jobs of a campaign of which one runs and the others wait."""
-    modes = lab.post(f"campaigns/{lab.campaign}/mode-sets", {"name": "published", "modes": paper.MODES})["id"]
+    modes = lab.post(
+        f"campaigns/{lab.campaign}/mode-sets", {"name": "published", "modes": paper.MODES}
+    )["id"]
     first = lab.send_file(lab.campaign)
     here.until(lambda: lab.ended(first), "the import")
     lab.post(f"campaigns/{lab.campaign}/records", hits_of_a_point())
-    long = lab.post(f"campaigns/{lab.campaign}/update-jobs", {**RECIPE, **PRIOR, "mode_set": modes})["id"]
+    long = lab.post(
+        f"campaigns/{lab.campaign}/update-jobs", {**RECIPE, **PRIOR, "mode_set": modes}
+    )["id"]
     here.until(lambda: job(here, long).state == "running", "an update that runs")
     waiting = [
         lab.post(f"campaigns/{lab.campaign}/{what}", body)["id"]
@@ -148,7 +174,9 @@ def test_a_purge_ends_the_jobs_of_what_it_removes() -> None:
         lab.post(f"campaigns/{lab.campaign}/purge")
         here.until(lambda: all(job.finished_at for job in here.jobs()), "the end of every job")
         ended = {str(job.id): (job.state, job.message, job.error) for job in here.jobs()}
-        assert {key: ended[key] for key in jobs} == dict.fromkeys(jobs, ("cancelled", PURGED.detail, None))
+        assert {key: ended[key] for key in jobs} == dict.fromkeys(
+            jobs, ("cancelled", PURGED.detail, None)
+        )
 
         lab = Laboratory(client)
         jobs = busy_laboratory(here, lab)
@@ -156,7 +184,9 @@ def test_a_purge_ends_the_jobs_of_what_it_removes() -> None:
         lab.post(f"projects/{lab.project}/purge")
         assert jobs.isdisjoint(str(job.id) for job in here.jobs())
         file = kept.send_file(kept.campaign)
-        here.until(lambda: kept.ended(file), "another project's job, in the place of the purged one")
+        here.until(
+            lambda: kept.ended(file), "another project's job, in the place of the purged one"
+        )
         assert client.get(file).json()["status"] == "succeeded"
         with here.sessions() as session:
             assert session.scalar(text("SELECT count(*) FROM procrastinate_jobs")) == 0
@@ -165,7 +195,8 @@ def test_a_purge_ends_the_jobs_of_what_it_removes() -> None:
         assert "internal" not in log
 
 
-# --- a backup of a service with jobs that wait, run and were cancelled, restored by the command. `make so ---------------
+# --- a backup of a service with jobs that wait, run and were cancelled, restored by the command.
+# `make so ---------------
 
 EVERY_KIND = {kind.name for kind in KINDS}
 
@@ -179,9 +210,12 @@ def test_jobs_of_every_kind_run_to_their_end_in_a_restored_service() -> None:
 
 
 def test_the_jobs_of_a_backup_of_0_2_0_run_to_their_end(short_folder: Path) -> None:
-    """`jobs-0.2.0.modalbase` was written by that version, of the service that `keep_waiting` leaves."""
+    """`jobs-0.2.0.modalbase` was written by that version, of the service that `keep_waiting`
+    leaves.
+    """
     file = Path(__file__).parents[1] / "integration" / "files" / "jobs-0.2.0.modalbase"
     ended = Counter((job.kind, job.state) for job in restored(file, short_folder / "data"))
-    assert {kind for kind, _ in ended} == EVERY_KIND - {"model", "forecast"}  # that version knew neither
+    # that version knew neither
+    assert {kind for kind, _ in ended} == EVERY_KIND - {"model", "forecast"}
     assert ended.pop(("update", "cancelled")) == 2
     assert {state for _, state in ended} == {"succeeded"}

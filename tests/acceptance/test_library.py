@@ -41,7 +41,9 @@ def uff(tmp_path: Path) -> Path:
 def test_the_main_job_reads_well(lab: modalbase.Laboratory, uff: Path, tmp_path: Path) -> None:
     beam = lab.new_project("bridge deck").new_structure("FRP beam", **BODY)
     assert beam.geometry["thickness_m"] == 0.01012
-    campaign = beam.new_campaign("March", "cantilever", temperature_c=21.0, sensor_mass_kg=0.002, sensor_point=1)
+    campaign = beam.new_campaign(
+        "March", "cantilever", temperature_c=21.0, sensor_mass_kg=0.002, sensor_point=1
+    )
     assert campaign.instruments["sensor_mass_kg"] == 0.002
     campaign.change(temperature_c=21.5, instruments={})
     assert lab.campaign("bridge deck/FRP beam/March") == lab.campaign("latest") == campaign
@@ -50,19 +52,32 @@ def test_the_main_job_reads_well(lab: modalbase.Laboratory, uff: Path, tmp_path:
     assert read.counts["frfs"] == 33
     assert "33 frfs" in read.summary()
     for choose in (campaign.frfs, campaign.list_frfs, campaign.records):
-        with pytest.raises(modalbase.ClientError, match=r"no 'referense' to choose by; there is .*point"):
+        with pytest.raises(
+            modalbase.ClientError, match=r"no 'referense' to choose by; there is .*point"
+        ):
             choose(referense=3)
     with pytest.raises(
-        modalbase.ClientError, match=r"no 'f_max' to choose by; there is point, .*fmax, superseded, stride"
+        modalbase.ClientError,
+        match=r"no 'f_max' to choose by; there is point, .*fmax, superseded, stride",
     ):
         campaign.export(tmp_path / "part.csv", f_max=900)
 
     modes = campaign.new_mode_set("Table 3", paper.MODES)
-    np.testing.assert_array_equal(modes.frequency_hz, [mode["frequency_hz"] for mode in paper.MODES])
+    np.testing.assert_array_equal(
+        modes.frequency_hz, [mode["frequency_hz"] for mode in paper.MODES]
+    )
     job = campaign.update({"seed": 7}, mode_set=modes)
     result = job.result()
     assert lab.job() == job
-    assert [row["name"] for row in result.parameters] == ["Ex", "Ey", "Gxy", "Gxz", "Gyz", "a0", "a1"]
+    assert [row["name"] for row in result.parameters] == [
+        "Ex",
+        "Ey",
+        "Gxy",
+        "Gxz",
+        "Gyz",
+        "a0",
+        "a1",
+    ]
     low, high = result.parameters["Ex"]["interval_95"]
     assert low < result.parameters["Ex"]["estimate"] < high
     shown = job.summary()
@@ -99,7 +114,8 @@ def frfs_travel_both_ways(lab: modalbase.Laboratory, campaign: Any, folder: Path
     assert frfs.values.dtype.kind == "c"
     pyuff.UFF(str(folder / "pyuff.uff")).write_sets(frfs.to_pyuff(), "overwrite")
     back = modalbase.Frfs.from_pyuff(pyuff.UFF(str(folder / "pyuff.uff")).read_sets())
-    np.testing.assert_allclose(back.values, frfs.values, rtol=1e-4)  # pyuff writes single precision as text
+    # pyuff writes single precision as text
+    np.testing.assert_allclose(back.values, frfs.values, rtol=1e-4)
     second = lab.structure(campaign.structure_id).new_campaign("copy", "cantilever")
     assert len(second.add_frfs(frfs)) == 33
     again = second.frfs()
@@ -111,21 +127,35 @@ def frfs_travel_both_ways(lab: modalbase.Laboratory, campaign: Any, folder: Path
 
 def test_a_script_can_be_run_twice(lab: modalbase.Laboratory) -> None:
     def script(thickness: float = 0.01012) -> list[Any]:
-        beam = lab.project("twice", create=True).structure("beam", create=True, **{**BODY, "thickness_m": thickness})
+        beam = lab.project("twice", create=True).structure(
+            "beam", create=True, **{**BODY, "thickness_m": thickness}
+        )
         when = "2026-03-02T10:30:00+01:00"  # the service says 09:30Z
-        march = beam.campaign("March", create=True, boundary="free", performed_at=when, sensor_mass_kg=0.002)
+        march = beam.campaign(
+            "March", create=True, boundary="free", performed_at=when, sensor_mass_kg=0.002
+        )
         batch = beam.coupon_batch("0 degrees", create=True, constants=["Ex"])
         modes = march.mode_set("Table 3", create=True, modes=paper.MODES[::-1])
-        return [beam, march, batch, modes, beam.monitor("ageing", create=True, parameters=[{"name": "Ex"}])]
+        return [
+            beam,
+            march,
+            batch,
+            modes,
+            beam.monitor("ageing", create=True, parameters=[{"name": "Ex"}]),
+        ]
 
     assert script() == script()
     with pytest.raises(
-        modalbase.ClientError, match=r"beam' is there already.*geometry\.thickness_m is 0\.01012, not 0\.012"
+        modalbase.ClientError,
+        match=r"beam' is there already.*geometry\.thickness_m is 0\.01012, not 0\.012",
     ):
         script(0.012)
     with pytest.raises(TypeError, match="create=True"):
         lab.project("twice").structure("beam", length_m=0.5)
-    with pytest.warns(UserWarning, match=r"there is a project 'twice' already; lab\.project\('twice', create=True\)"):
+    with pytest.warns(
+        UserWarning,
+        match=r"there is a project 'twice' already; lab\.project\('twice', create=True\)",
+    ):
         lab.new_project("twice")
     with pytest.raises(modalbase.ClientError, match="2 projects are named 'twice'"):
         lab.project("twice", create=True)
@@ -170,11 +200,15 @@ def test_coupons_records_and_monitors(lab: modalbase.Laboratory, tmp_path: Path)
 
 
 def test_time_series_of_sep_5_go_in_and_come_back(lab: modalbase.Laboratory) -> None:
-    campaign = lab.new_project("series").new_structure("beam", **BODY).new_campaign("hammer", "free")
+    campaign = (
+        lab.new_project("series").new_structure("beam", **BODY).new_campaign("hammer", "free")
+    )
     time = np.arange(1024) / 2048
     noise = 1e-3 * np.random.default_rng(5).standard_normal((2, 3, 1024))
     force = 50 * np.exp(-(((time - 0.05) / 1e-3) ** 2)) + noise[0]
-    response = np.where(time > 0.05, np.exp(-20 * (time - 0.05)) * np.sin(400 * time), 0.0) + noise[1]
+    response = (
+        np.where(time > 0.05, np.exp(-20 * (time - 0.05)) * np.sin(400 * time), 0.0) + noise[1]
+    )
     series = [
         {"name": "hammer", "data": force, "fs": 2048, "unit_str": "N"},
         {"name": "acc", "data": response, "fs": 2048, "unit_str": "g"},
@@ -186,13 +220,20 @@ def test_time_series_of_sep_5_go_in_and_come_back(lab: modalbase.Laboratory) -> 
     assert {item["hit"] for item in again["items"]} == {8, 9, 10}
     back = [record.sep005() for record in campaign.records()]
     own = [one for one in back if one["name"] == "acc" and one["hit"] == 2]
-    assert [(one["point"], one["direction"], one["force_point"], one["fs"]) for one in own] == [(33, -3, 4, 2048.0)]
+    assert [(one["point"], one["direction"], one["force_point"], one["fs"]) for one in own] == [
+        (33, -3, 4, 2048.0)
+    ]
     np.testing.assert_allclose(own[0]["data"], 9.80665 * response[1], rtol=1e-12)
     with pytest.raises(modalbase.ClientError, match="hit 8 of point 4 is in the campaign already"):
         campaign.add_sep005(series, places, hit=8)
     for hit in ((4, 2), answer["hits"][1], next(r for r in campaign.records() if r.hit == 2)):
         decision = campaign.judge(hit, good=False, why="a cable was touched")
-        assert (decision["point"], decision["direction"], decision["hit"], decision["good"]) == (4, 3, 2, False)
+        assert (decision["point"], decision["direction"], decision["hit"], decision["good"]) == (
+            4,
+            3,
+            2,
+            False,
+        )
     back = campaign.judge((4, 2), good=None, why="it was another's")
     assert [one["good"] for one in campaign.hit_decisions()] == [None, False, False, False]
     assert campaign.hit_decisions()[0] == back
@@ -200,7 +241,9 @@ def test_time_series_of_sep_5_go_in_and_come_back(lab: modalbase.Laboratory) -> 
         campaign.judge((4, 7), good=True, why="x")
 
 
-def test_a_bar_in_a_notebook_needs_no_widgets(lab: modalbase.Laboratory, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bar_in_a_notebook_needs_no_widgets(
+    lab: modalbase.Laboratory, monkeypatch: pytest.MonkeyPatch
+) -> None:
     shown: list[str] = []
 
     class ZMQInteractiveShell:
@@ -215,7 +258,13 @@ def test_a_bar_in_a_notebook_needs_no_widgets(lab: modalbase.Laboratory, monkeyp
     ipython.get_ipython = ZMQInteractiveShell
     ipython.display = types.SimpleNamespace(HTML=str, display=display)
     monkeypatch.setitem(sys.modules, "IPython", ipython)
-    job = lab.new_project("bars").new_structure("beam", **BODY).new_campaign("c", "cantilever").update().wait()
+    job = (
+        lab.new_project("bars")
+        .new_structure("beam", **BODY)
+        .new_campaign("c", "cantilever")
+        .update()
+        .wait()
+    )
     assert all(text.startswith("<progress") for text in shown)
     assert shown[-1].endswith(f"update: {job.stage or job.status}")
 
@@ -238,7 +287,8 @@ def test_where_the_service_and_its_key_are_looked_for(
         modalbase.connect()
     monkeypatch.delenv("MODALBASE_API_KEY")
     monkeypatch.setenv("MODALBASE_URL", "http://elsewhere.example:1")
-    with pytest.raises(modalbase.ClientError, match="no API key"):  # the profile's is not for that address
+    # the profile's is not for that address
+    with pytest.raises(modalbase.ClientError, match="no API key"):
         find_place()
     monkeypatch.delenv("MODALBASE_URL")
     profile_file().write_text("{")
@@ -260,20 +310,30 @@ def the_service_that_runs_here(folder: Path) -> None:
     with announced("http://127.0.0.1:4711", data):
         place = find_place()
         assert (place.url, place.key) == ("http://127.0.0.1:4711", "mb_local")
-        (notes_folder() / "1.json").write_text(json.dumps({"pid": 1, "url": "http://127.0.0.1:4712", "data": None}))
+        (notes_folder() / "1.json").write_text(
+            json.dumps({"pid": 1, "url": "http://127.0.0.1:4712", "data": None})
+        )
         with pytest.raises(modalbase.ClientError, match="2 services run here"):
             find_place()
 
 
 def test_a_profile_is_stated_by_its_shape(lab: modalbase.Laboratory) -> None:
-    sizes = {"length_m": 0.4, "width_m": 0.06, "height_m": 0.08, "flange_thickness_m": 0.004, "web_thickness_m": 0.004}
+    sizes = {
+        "length_m": 0.4,
+        "width_m": 0.06,
+        "height_m": 0.08,
+        "flange_thickness_m": 0.004,
+        "web_thickness_m": 0.004,
+    }
     stated = {"shape": "angle", "density_kg_m3": 1850, **sizes, **ANGLE["shape"]["material"]}
     project = lab.new_project("profiles")
     angle = project.new_structure("angle", thickness_sd_m=5e-5, **stated)
     assert angle.shape["walls"]["web"]["thickness_m"] == 0.004
     assert angle.inputs["thickness_sd_m"] == 5e-5
     assert project.structure("angle", create=True, **stated) == angle
-    free, clamped = ({"boundary": boundary, "highest_hz": 1000} for boundary in ("free", "cantilever"))
+    free, clamped = (
+        {"boundary": boundary, "highest_hz": 1000} for boundary in ("free", "cantilever")
+    )
     plans = angle.plan([free, clamped], about="web.E1")
     assert plans[0]["expected_sd"]["web.E1"] < plans[1]["expected_sd"]["web.E1"]
     with pytest.raises(modalbase.ClientError, match="height"):
@@ -297,7 +357,9 @@ def test_a_deck_goes_in_and_comes_back(lab: modalbase.Laboratory, tmp_path: Path
     meshed = lab.project("decks").new_structure("mesh")
     with pytest.raises(modalbase.JobFailed, match=r"lack web \(80 elements\)"):
         meshed.import_model(tmp_path / "mesh.vtu", "m-N-kg", sections={"flange": wall})
-    again = meshed.import_model(tmp_path / "mesh.vtu", "m-N-kg", sections={"flange": wall, "web": wall})
+    again = meshed.import_model(
+        tmp_path / "mesh.vtu", "m-N-kg", sections={"flange": wall, "web": wall}
+    )
     assert again.sets["web"]["mass_kg"] == pytest.approx(model.sets["web"]["mass_kg"])
     assert model.save(tmp_path / "copy.inp").read_bytes() == file.read_bytes()
     uff = tmp_path / "angle.uff"
@@ -308,13 +370,21 @@ def test_a_deck_goes_in_and_comes_back(lab: modalbase.Laboratory, tmp_path: Path
     updated = read_inp(result.deck(back).read_bytes())
     assert b"measured mode 1, expanded" in result.shapes(back.with_suffix(".vtu")).read_bytes()
     (name,) = updated.sections["web"].materials
-    assert updated.materials[name].constants["E1"] == pytest.approx(result.parameters["web.E1"]["estimate"] / 1e6)
+    assert updated.materials[name].constants["E1"] == pytest.approx(
+        result.parameters["web.E1"]["estimate"] / 1e6
+    )
 
 
 def test_a_test_in_a_frame_askew_is_brought_onto_its_structure(lab: modalbase.Laboratory) -> None:
     """Directions stay the file's, and count along their own vectors in the structure's frame."""
     turn, shift = Rotation.from_rotvec([0.2, -0.4, 1.1]).as_matrix(), np.array([0.3, -0.2, 0.5])
-    sizes = {"length_m": 0.4, "width_m": 0.06, "height_m": 0.08, "flange_thickness_m": 0.004, "web_thickness_m": 0.004}
+    sizes = {
+        "length_m": 0.4,
+        "width_m": 0.06,
+        "height_m": 0.08,
+        "flange_thickness_m": 0.004,
+        "web_thickness_m": 0.004,
+    }
     angle = lab.new_project("askew").new_structure(
         "angle", shape="angle", density_kg_m3=1850, **sizes, **ANGLE["shape"]["material"]
     )

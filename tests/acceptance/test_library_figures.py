@@ -1,4 +1,6 @@
-"""Figures of what was measured, as a notebook shows them, and what a library says that is not there."""
+"""Figures of what was measured, as a notebook shows them, and what a library says that is not
+there.
+"""
 
 import sys
 from pathlib import Path
@@ -15,12 +17,18 @@ from tests.support.laboratory import BEAM
 STEADY = np.arange(1.0, 4.0)
 
 
-def test_what_was_measured_shows_itself(service: LocalService, api: httpx.Client, tmp_path: Path) -> None:
+def test_what_was_measured_shows_itself(
+    service: LocalService, api: httpx.Client, tmp_path: Path
+) -> None:
     file = tmp_path / "beam.uff"
     file.write_bytes(paper.uff_file())
     with modalbase.connect(service.url, api.headers["authorization"].split()[1]) as lab:
         body = {**BEAM["geometry"], **BEAM["material"], "density_kg_m3": 2012.0}
-        campaign = lab.new_project("drawn").new_structure("beam", **body).new_campaign("March", "cantilever")
+        campaign = (
+            lab.new_project("drawn")
+            .new_structure("beam", **body)
+            .new_campaign("March", "cantilever")
+        )
         campaign.import_file(file)
         _, values = next(iter(campaign.frfs(reference=7).spectra()))
         figure = campaign.figure("frf", reference=7, fmax=200.0)
@@ -59,11 +67,16 @@ def test_frfs_of_a_script_are_drawn_without_a_service(monkeypatch: pytest.Monkey
     magnitude, phase = frfs.plot().axes
     np.testing.assert_array_equal(magnitude.lines[1].get_ydata(), STEADY)
     np.testing.assert_allclose(phase.lines[0].get_ydata(), 90)
-    assert [text.get_text() for text in magnitude.get_legend().get_texts()] == ["1:+3 / 5:+3", "2:-3 / 5:+3"]
+    assert [text.get_text() for text in magnitude.get_legend().get_texts()] == [
+        "1:+3 / 5:+3",
+        "2:-3 / 5:+3",
+    ]
     assert magnitude.get_ylabel() == "|accelerance| [m/s²/N]"
     for package, draw in {"matplotlib": frfs.plot, "xarray": frfs.to_xarray}.items():
         for name in [name for name in sys.modules if name.partition(".")[0] == package]:
             monkeypatch.delitem(sys.modules, name)
         monkeypatch.setitem(sys.modules, package, None)  # as if it were not installed
-        with pytest.raises(modalbase.ClientError, match=f"{package} is not installed: pip install {package}$"):
+        with pytest.raises(
+            modalbase.ClientError, match=f"{package} is not installed: pip install {package}$"
+        ):
             draw()

@@ -1,4 +1,6 @@
-"""Jobs in the system's Chromium: of whatever kind, each is shown as it is, and what came of it once it has ended."""
+"""Jobs in the system's Chromium: of whatever kind, each is shown as it is, and what came of it once
+it has ended.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,10 @@ if TYPE_CHECKING:
     import httpx
     from playwright.sync_api import Browser, Page
 
-TWO = [{"frequency_hz": 25.6, "damping_ratio": 0.01}, {"frequency_hz": 160.5, "damping_ratio": 0.01}]
+TWO = [
+    {"frequency_hz": 25.6, "damping_ratio": 0.01},
+    {"frequency_hz": 160.5, "damping_ratio": 0.01},
+]
 
 
 def specimen(api: httpx.Client) -> str:
@@ -25,7 +30,9 @@ def specimen(api: httpx.Client) -> str:
 
 
 def begun(page: Page, path: str) -> None:
-    """Go to a page that shows something which waits, and mark it, so that one that was loaded anew differs."""
+    """Go to a page that shows something which waits, and mark it, so that one that was loaded anew
+    differs.
+    """
     page.goto(path)
     page.wait_for_selector("[data-job]", state="attached")
     page.evaluate("document.body.dataset.before = 'yes'")
@@ -34,10 +41,14 @@ def begun(page: Page, path: str) -> None:
 def renewed(page: Page, selector: str) -> None:
     """Wait until the page was loaded anew by itself, and shows this."""
     ended = "body:not([data-before]):not(:has([data-job]))"
-    page.wait_for_selector(", ".join(f"{ended} {one}" for one in selector.split(", ")), state="attached")
+    page.wait_for_selector(
+        ", ".join(f"{ended} {one}" for one in selector.split(", ")), state="attached"
+    )
 
 
-def test_processing_and_identification_show_themselves(running: Browser, service: LocalService) -> None:
+def test_processing_and_identification_show_themselves(
+    running: Browser, service: LocalService
+) -> None:
     key = service.new_key("watcher of hits")
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
         hits = more_pages(api, specimen(api))[2]
@@ -52,16 +63,24 @@ def test_processing_and_identification_show_themselves(running: Browser, service
             ok(api.post(f"campaigns/{campaign}/identifications", json={"name": "found"}), 202)
             begun(page, hits)
             assert page.inner_text("#modes ~ p .state[data-job]") == "queued"
-        renewed(page, "#modes ~ details summary:has-text('Stabilisation diagram of found'), #modes ~ p .state.failed")
+        renewed(
+            page,
+            "#modes ~ details summary:has-text('Stabilisation diagram of found'), #modes ~ p"
+            " .state.failed",
+        )
         assert (seen.complaints, seen.strangers) == ([], [])
 
 
-def test_updates_show_themselves_on_every_page_that_lists_them(running: Browser, service: LocalService) -> None:
+def test_updates_show_themselves_on_every_page_that_lists_them(
+    running: Browser, service: LocalService
+) -> None:
     """On its own page and in lists, one stream a page; what somebody types is not taken away."""
     key = service.new_key("watcher of updates")
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
         structure = specimen(api)
-        test = posted(api, f"structures/{structure}/campaigns", {"name": "first", "boundary": "cantilever"})["id"]
+        test = posted(
+            api, f"structures/{structure}/campaigns", {"name": "first", "boundary": "cantilever"}
+        )["id"]
         posted(api, f"campaigns/{test}/mode-sets", {"name": "typed", "modes": TWO})
         project = ok(api.get(f"structures/{structure}"))["project_id"]
         page = signed_in(seen, key, "/ui/")
@@ -91,7 +110,12 @@ def test_an_end_does_not_take_away_what_is_typed(running: Browser, service: Loca
         structure = specimen(api)
         page = signed_in(seen, key, "/ui/")
         with worker_stopped(service):
-            ok(api.post(f"structures/{structure}/forecasts", json={"boundary": "free", "modes": 4}), 202)
+            ok(
+                api.post(
+                    f"structures/{structure}/forecasts", json={"boundary": "free", "modes": 4}
+                ),
+                202,
+            )
             begun(page, f"/ui/structures/{structure}")
             page.click("summary:text('New monitor')")
             page.fill("#monitors ~ details [name=name]", "half a name")

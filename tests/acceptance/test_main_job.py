@@ -1,4 +1,6 @@
-"""The main job as a laboratory does it: over HTTP against a running service, on files of another finite element code."""
+"""The main job as a laboratory does it: over HTTP against a running service, on files of another
+finite element code.
+"""
 
 import os
 import subprocess
@@ -22,21 +24,33 @@ def test_independent_data_give_their_constants_back(api: httpx.Client) -> None:
     """Identification alone makes a mode set, and an update takes it."""
     truth = truth_of(open_file("cantilever-1pct.uff"))
     config, campaign = truth["config"], open_campaign(api, "cantilever-1pct")
-    answer = api.post(f"campaigns/{campaign}/identifications", json={"name": "first look"}).raise_for_status()
+    answer = api.post(
+        f"campaigns/{campaign}/identifications", json={"name": "first look"}
+    ).raise_for_status()
     assert answer.status_code == 202
     modes = finished(api, answer.headers["Location"])
     assert modes["status"] == "succeeded", modes
-    true_hz = [mode["f_hz"] for mode in truth["modes"] if mode["out_of_plane"] and mode["f_hz"] < config["fmax"]]
-    assert [mode["frequency_hz"] for mode in modes["result"]["modes"]] == pytest.approx(true_hz, rel=1e-3)
+    true_hz = [
+        mode["f_hz"]
+        for mode in truth["modes"]
+        if mode["out_of_plane"] and mode["f_hz"] < config["fmax"]
+    ]
+    assert [mode["frequency_hz"] for mode in modes["result"]["modes"]] == pytest.approx(
+        true_hz, rel=1e-3
+    )
     assert modes["result"]["stabilisation"]["order"]
-    answer = api.post(f"campaigns/{campaign}/update-jobs", json={"mode_set": modes["mode_set"]}).raise_for_status()
+    answer = api.post(
+        f"campaigns/{campaign}/update-jobs", json={"mode_set": modes["mode_set"]}
+    ).raise_for_status()
     assert answer.status_code == 202
     job = finished(api, answer.headers["Location"])
     assert job["status"] == "succeeded", job
     result = result_of(api, answer.headers["Location"])
     found = {row["name"]: row for row in result["parameters"]}
     for parameter, tolerance in TOLERANCE.items():
-        assert found[parameter]["estimate"] == pytest.approx(config[parameter], rel=tolerance), parameter
+        assert found[parameter]["estimate"] == pytest.approx(config[parameter], rel=tolerance), (
+            parameter
+        )
     for parameter in ("Ex", "Ey", "Gxy", "Gxz", "a0", "a1"):
         low, high = found[parameter]["interval_95"]
         assert low <= config[parameter] <= high, parameter
@@ -50,20 +64,30 @@ def test_independent_data_give_their_constants_back(api: httpx.Client) -> None:
 
 SETS = ("cantilever-1pct", "cantilever-5pct-sensor-mass", "free-1pct", "paper-like")
 TYPED = ["--modes", "typed"]
-# One set with identified modes and one with typed ones: the test above and the golden documents have the other sets.
+# One set with identified modes and one with typed ones: the test above and the golden documents
+# have the other sets.
 SHORT = [("free-1pct", []), ("paper-like", TYPED)]
 WHOLE = [(name, modes) for name in SETS for modes in ([], TYPED)]
 
 
 @pytest.mark.parametrize(("name", "modes"), WHOLE if "MODALBASE_TEST_LONG" in os.environ else SHORT)
-def test_the_laboratorys_own_script_runs_unchanged(service: LocalService, name: str, modes: list[str]) -> None:
-    """UFF in, parameters out, the default recipe; with modes that the service identifies, and with typed ones. `make soak`
-    runs every set in both ways.
+def test_the_laboratorys_own_script_runs_unchanged(
+    service: LocalService, name: str, modes: list[str]
+) -> None:
+    """UFF in, parameters out, the default recipe; with modes that the service identifies, and with
+    typed ones. `make soak` runs every set in both ways.
     """
     file = open_file(f"{name}.uff")
     if not LAB_SESSION.exists():
         pytest.skip(f"{LAB_SESSION} is not there")
-    command = [sys.executable, str(LAB_SESSION), "--url", service.url, "--key", service.new_key("laboratory")]
+    command = [
+        sys.executable,
+        str(LAB_SESSION),
+        "--url",
+        service.url,
+        "--key",
+        service.new_key("laboratory"),
+    ]
     command += [str(file), "--truth", str(file.with_suffix(".truth.json")), *modes]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert ended.returncode == 0, ended.stdout + ended.stderr

@@ -1,4 +1,6 @@
-"""Files that do not say what their arrays are, in the system's Chromium: columns are chosen, and nobody writes JSON."""
+"""Files that do not say what their arrays are, in the system's Chromium: columns are chosen, and
+nobody writes JSON.
+"""
 
 from __future__ import annotations
 
@@ -37,12 +39,16 @@ def wav(times: list[float], seconds: float) -> bytes:
 
 
 def tdms(times: list[float], seconds: float) -> bytes:
-    nptdms = pytest.importorskip("nptdms", reason="npTDMS is not installed: pip install 'modalbase[tdms]'")
+    nptdms = pytest.importorskip(
+        "nptdms", reason="npTDMS is not installed: pip install 'modalbase[tdms]'"
+    )
     file, said = io.BytesIO(), {"wf_increment": 1 / RATE}
     whole = recording(times, [1.0] * len(times), seconds)
     with nptdms.TdmsWriter(file) as written:
         both = zip(("Hammer", "Acc top"), whole, strict=True)
-        written.write_segment([nptdms.ChannelObject("daq", name, values, said) for name, values in both])
+        written.write_segment(
+            [nptdms.ChannelObject("daq", name, values, said) for name, values in both]
+        )
     return file.getvalue()
 
 
@@ -73,7 +79,9 @@ def form_of(page: Page, name: str) -> Locator:
 def read_so(page: Page, api: httpx.Client, name: str) -> None:
     """Press the button, and wait until what was sent is read and the page shows it, by itself."""
     press_so(page, api, name)
-    page.wait_for_selector("html:not([data-leaving]):not(:has([data-job], #uploaded [hx-get]))", state="attached")
+    page.wait_for_selector(
+        "html:not([data-leaving]):not(:has([data-job], #uploaded [hx-get]))", state="attached"
+    )
 
 
 def press_so(page: Page, api: httpx.Client, name: str) -> None:
@@ -91,18 +99,28 @@ def sent(api: httpx.Client, campaign: str) -> list[dict[str, Any]]:
 def counts(api: httpx.Client, campaign: str) -> list[tuple[str, str, Any]]:
     """Name, state and what came of each file that was read, not only looked at."""
     items = sent(api, campaign)
-    sums = [(f["filename"], f["status"], f["counts"] and f["counts"]["frfs"] + f["counts"]["records"]) for f in items]
+    sums = [
+        (f["filename"], f["status"], f["counts"] and f["counts"]["frfs"] + f["counts"]["records"])
+        for f in items
+    ]
     return [each for each, item in zip(sums, items, strict=True) if not item["dry_run"]]
 
 
-def test_recordings_and_mat_files_are_read_by_choosing_columns(running: Browser, service: LocalService) -> None:
-    """A TDMS whose order was wrong first, wavs of a point each read together, FRFs in two parts; what was typed is kept."""
+def test_recordings_and_mat_files_are_read_by_choosing_columns(
+    running: Browser, service: LocalService
+) -> None:
+    """A TDMS whose order was wrong first, wavs of a point each read together, FRFs in two parts;
+    what was typed is kept.
+    """
     key = service.new_key("mapper")
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
         campaign = new_campaign(api, {"name": "bar"}, boundary="free")
         page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
         files = {"june.tdms": tdms([1.0, 4.0, 7.0], 10.0), "point_4.wav": wav([1.0, 4.0], 7.0)}
-        files |= {"point_5.wav": wav([1.5, 4.5], 7.5), "frfs.mat": mat(f=FREQUENCY, Hr=VALUES.real, Hi=VALUES.imag)}
+        files |= {
+            "point_5.wav": wav([1.5, 4.5], 7.5),
+            "frfs.mat": mat(f=FREQUENCY, Hr=VALUES.real, Hi=VALUES.imag),
+        }
         dropped(page, files)
         assert page.locator("main textarea").count() == 0
         assert "{" not in page.inner_text("main")
@@ -118,13 +136,18 @@ def test_recordings_and_mat_files_are_read_by_choosing_columns(running: Browser,
         for n in (0, 1):
             june.locator(f"[name='channels/{n}/sensitivity']").fill("1")
         read_so(page, api, "june.tdms")
-        assert "has 2 hits, and 3 were found, at 1.00 s" in page.inner_text("#uploaded .faults >> nth=0")
+        assert "has 2 hits, and 3 were found, at 1.00 s" in page.inner_text(
+            "#uploaded .faults >> nth=0"
+        )
         assert form_of(page, "june.tdms").locator("[name='channels/1/point']").input_value() == "33"
         form_of(page, "june.tdms").locator("[name='recording/order/0/hits']").fill("3")
         read_so(page, api, "june.tdms")
 
         first = form_of(page, "point_4.wav")
-        assert "-0.223 to 0.241" in first.locator("[name='channels/1/variable'] option >> nth=2").inner_text()
+        assert (
+            "-0.223 to 0.241"
+            in first.locator("[name='channels/1/variable'] option >> nth=2").inner_text()
+        )
         first.locator("select[data-kind]").select_option("filename")
         for name, value in {"0/quantity": "force", "1/quantity": "acceleration"}.items():
             first.locator(f"[name='channels/{name}']").select_option(value)
@@ -158,7 +181,9 @@ def test_recordings_and_mat_files_are_read_by_choosing_columns(running: Browser,
         ]
         frf = ok(api.get(f"campaigns/{campaign}/frfs"))["items"][1]
         assert (frf["quantity"], frf["reference_point"]) == ("mobility", 5)
-        np.testing.assert_array_equal(ok(api.get(f"frfs/{frf['id']}/data"))["frfs"][0]["imag"], 2 * VALUES[1].imag)
+        np.testing.assert_array_equal(
+            ok(api.get(f"frfs/{frf['id']}/data"))["frfs"][0]["imag"], 2 * VALUES[1].imag
+        )
         assert (seen.complaints, seen.strangers) == ([], [])
 
 
@@ -172,7 +197,12 @@ def arrays(form: str, times: list[float], seconds: float) -> bytes:
         savemat(file, {"force": force, "acc": response, "fs": RATE})
     elif form == "csv":
         np.savetxt(
-            file, np.column_stack((times_s, force, response)), "%.17g", ",", header="time,force,acc", comments=""
+            file,
+            np.column_stack((times_s, force, response)),
+            "%.17g",
+            ",",
+            header="time,force,acc",
+            comments="",
         )
     else:
         file.write(time_block(13, "N", 4, force) + time_block(12, "m/s^2", 33, response))
@@ -187,7 +217,9 @@ def time_block(kind: int, unit: str, point: int, samples: np.ndarray) -> bytes:
 
 
 @pytest.mark.parametrize("form", ["mat", "csv"])
-def test_of_other_formats_the_same_recording_is_proposed(api: httpx.Client, campaign: str, form: str) -> None:
+def test_of_other_formats_the_same_recording_is_proposed(
+    api: httpx.Client, campaign: str, form: str
+) -> None:
     """So the form below asks the same of them as of an npz."""
     looked = []
     for each in ("npz", form):
@@ -204,8 +236,8 @@ def test_of_other_formats_the_same_recording_is_proposed(api: httpx.Client, camp
 def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
     running: Browser, service: LocalService, form: str
 ) -> None:
-    """Its hits are seen in the force; where the hammer was is all that is asked. A UFF is read at once, so it says first what
-    it lacks.
+    """Its hits are seen in the force; where the hammer was is all that is asked. A UFF is read at
+    once, so it says first what it lacks.
     """
     key, name = service.new_key("minutes"), f"minutes.{form}"
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
@@ -219,7 +251,9 @@ def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
             page.wait_for_selector(f"form[data-name='{name}'] select[data-kind]")
         asked = form_of(page, name)
         assert asked.locator("select[data-kind]").input_value() == "order"
-        quantities = [asked.locator(f"[name='channels/{n}/quantity']").input_value() for n in (0, 1)]
+        quantities = [
+            asked.locator(f"[name='channels/{n}/quantity']").input_value() for n in (0, 1)
+        ]
         assert quantities == ["force", "acceleration"]
         for point, hits in enumerate((2, 1)):
             asked.locator("button:text('Add a point')").click()
@@ -235,17 +269,29 @@ def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
         press_so(page, api, name)
         assert (name, "succeeded", 6) in counts(api, campaign)
         rows = ok(api.get(f"campaigns/{campaign}/records"))["items"]
-        assert sorted({(row["force_point"], row["hit"]) for row in rows}) == [(4, 1), (4, 2), (5, 1)]
+        assert sorted({(row["force_point"], row["hit"]) for row in rows}) == [
+            (4, 1),
+            (4, 2),
+            (5, 1),
+        ]
         assert (seen.complaints, seen.strangers) == ([], [])
 
 
-def test_what_is_typed_while_other_files_are_read_stays(running: Browser, service: LocalService) -> None:
-    """The last report comes with the page anew, so that nobody fills in a form that goes; a form that is filled in stays."""
+def test_what_is_typed_while_other_files_are_read_stays(
+    running: Browser, service: LocalService
+) -> None:
+    """The last report comes with the page anew, so that nobody fills in a form that goes; a form
+    that is filled in stays.
+    """
     key = service.new_key("early")
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
         campaign = new_campaign(api, {"name": "bar"}, boundary="free")
         page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
-        file = {"name": "first.mat", "mimeType": "application/octet-stream", "buffer": arrays("mat", [1.0, 4.0], 7.0)}
+        file = {
+            "name": "first.mat",
+            "mimeType": "application/octet-stream",
+            "buffer": arrays("mat", [1.0, 4.0], 7.0),
+        }
         note_on_leaving(page, "document.querySelectorAll('form[data-read]').length")
         with page.expect_navigation():
             page.set_input_files("#file", file)
@@ -253,9 +299,14 @@ def test_what_is_typed_while_other_files_are_read_stays(running: Browser, servic
         point.fill("4")
         assert noted_on_leaving(page) == 0
         with held(page, "**/ui/imports/*") as waiting:
-            page.set_input_files("#file", file | {"name": "second.mat", "buffer": arrays("mat", [1.0, 4.5], 7.5)})
+            page.set_input_files(
+                "#file", file | {"name": "second.mat", "buffer": arrays("mat", [1.0, 4.5], 7.5)}
+            )
             until(waiting, "the second report")
-            until(lambda: all(f["status"] in ENDED for f in sent(api, campaign)), "the end of all imports")
+            until(
+                lambda: all(f["status"] in ENDED for f in sent(api, campaign)),
+                "the end of all imports",
+            )
         page.wait_for_selector("#say:has-text('All files are read')")
         assert point.input_value() == "4"
         assert form_of(page, "second.mat").count() == 1

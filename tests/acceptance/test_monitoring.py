@@ -1,4 +1,6 @@
-"""A beam that works loose: nine campaigns over HTTP, one alarm, announced once, though a worker dies over it."""
+"""A beam that works loose: nine campaigns over HTTP, one alarm, announced once, though a worker
+dies over it.
+"""
 
 import json
 import os
@@ -52,7 +54,11 @@ def campaign(api: httpx.Client, structure: str, number: int) -> str:
     climate = 1 - 0.001 * ((15.0 if temperature is None else temperature) - 15.0)
     state = State(stiffness=0.96 if number >= LOOSE else 1.0, climate=climate)
     when = datetime.now(UTC) - timedelta(days=30 * (len(TEMPERATURE) - number))
-    body = {"name": f"campaign {number}", "performed_at": when.isoformat(), "temperature_c": temperature}
+    body = {
+        "name": f"campaign {number}",
+        "performed_at": when.isoformat(),
+        "temperature_c": temperature,
+    }
     return post_campaign(api, structure, body, measured_frfs(state, number))
 
 
@@ -60,7 +66,9 @@ def campaign(api: httpx.Client, structure: str, number: int) -> str:
 def another_worker(service: LocalService) -> Iterator[subprocess.Popen[bytes]]:
     """A worker in place of the one that was killed."""
     settings = service.settings
-    process = subprocess.Popen([sys.executable, "-m", "service", "worker"], env=os.environ | environment(settings))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "service", "worker"], env=os.environ | environment(settings)
+    )
     try:
         yield process
     finally:
@@ -68,12 +76,22 @@ def another_worker(service: LocalService) -> Iterator[subprocess.Popen[bytes]]:
         process.wait()
 
 
-def kill_while_it_runs(service: LocalService, worker: subprocess.Popen[bytes], kind: str, stored: str) -> None:
-    """SIGKILL to a worker in the middle of a job of this kind, whose result goes into the table `stored`."""
-    running = "SELECT count(*) FROM jobs WHERE state = 'running' AND kind = %s AND stage <> 'starting'"
+def kill_while_it_runs(
+    service: LocalService, worker: subprocess.Popen[bytes], kind: str, stored: str
+) -> None:
+    """SIGKILL to a worker in the middle of a job of this kind, whose result goes into the table
+    `stored`.
+    """
+    running = (
+        "SELECT count(*) FROM jobs WHERE state = 'running' AND kind = %s AND stage <> 'starting'"
+    )
     with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
-        connection.execute(f"LOCK TABLE {stored} IN SHARE MODE")  # its result has to wait, so it is not over
-        until(lambda: connection.execute(running, [kind]).fetchone()[0], f"a running job of kind {kind}")
+        # its result has to wait, so it is not over
+        connection.execute(f"LOCK TABLE {stored} IN SHARE MODE")
+        until(
+            lambda: connection.execute(running, [kind]).fetchone()[0],
+            f"a running job of kind {kind}",
+        )
         worker.kill()
         worker.wait()
 
@@ -82,7 +100,9 @@ def test_one_alarm_told_once_though_a_worker_dies_over_it(service: LocalService)
     with receiver() as hook, client_of(service, "laboratory") as api:
         project = ok(api.post("projects", json={"name": "bridge"}))["id"]
         structure = ok(api.post(f"projects/{project}/structures", json=structure_body()))["id"]
-        monitor = ok(api.post(f"structures/{structure}/monitors", json={**MONITOR, "runs_on": "hand"}))["id"]
+        monitor = ok(
+            api.post(f"structures/{structure}/monitors", json={**MONITOR, "runs_on": "hand"})
+        )["id"]
         secret = ok(api.post("webhooks", json={"project": project, "url": hook.url}))["secret"]
         made = [campaign(api, structure, number) for number in range(len(TEMPERATURE))]
         ok(api.post(f"monitors/{monitor}/runs", json={}))
@@ -92,7 +112,10 @@ def test_one_alarm_told_once_though_a_worker_dies_over_it(service: LocalService)
             until(lambda: hook.got, "the message")
             check_series(api, monitor, made)
             acknowledge(api, monitor)
-            until(lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "acknowledged", "the acknowledgement")
+            until(
+                lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "acknowledged",
+                "the acknowledgement",
+            )
             hook.wait_for(2)
             jobs = ok(api.get("update-jobs"))["items"]
     assert len(jobs) == len(TEMPERATURE)
@@ -103,7 +126,11 @@ def test_one_alarm_told_once_though_a_worker_dies_over_it(service: LocalService)
     assert (message["alarm"]["parameter"], message["alarm"]["campaign_id"]) == ("Ex", made[LOOSE])
     assert message["monitor"]["id"] == monitor
     explained = message["alarm"]["details"]["explanations"]
-    likely = [each["kind"] for each in explained["ranked"] if each["evidence"] > explained["ranked"][0]["evidence"] - 3]
+    likely = [
+        each["kind"]
+        for each in explained["ranked"]
+        if each["evidence"] > explained["ranked"][0]["evidence"] - 3
+    ]
     assert "stiffness" in likely  # a clamp that yields looks nearly the same
     assert set(likely) <= {"stiffness", "support"}
     assert "What decides: " in explained["text"]
@@ -114,9 +141,13 @@ def check_series(api: httpx.Client, monitor: str, made: list[str]) -> None:
     assert [c["campaign_id"] for c in series["campaigns"]] == made
     ex, a1 = series["parameters"]
     assert (ex["state"], a1["state"]) == ("alarm", "normal")
-    assert ex["baseline"]["campaign_ids"] == [c for i, c in enumerate(made[: UNKNOWN[1]]) if i != UNKNOWN[0]]
+    assert ex["baseline"]["campaign_ids"] == [
+        c for i, c in enumerate(made[: UNKNOWN[1]]) if i != UNKNOWN[0]
+    ]
     assert f"left out of the baseline, a covariate is missing: {made[UNKNOWN[0]]}" in ex["notes"]
-    assert any("a covariate was not measured" in note and made[UNKNOWN[1]] in note for note in ex["notes"])
+    assert any(
+        "a covariate was not measured" in note and made[UNKNOWN[1]] in note for note in ex["notes"]
+    )
     (slope,) = ex["baseline"]["covariates"]
     assert slope["slope"] / 33.0e9 == pytest.approx(-0.001, rel=0.02)
     last = ex["points"][-1]
@@ -125,7 +156,9 @@ def check_series(api: httpx.Client, monitor: str, made: list[str]) -> None:
     assert last["judged"]["outside"]
     assert ex["change_point"]["date"][:10] == ex["points"][LOOSE]["performed_at"][:10]
     for file_format, begin in (("plotly", b"{"), ("pdf", b"%PDF")):
-        answer = api.get(f"monitors/{monitor}/series/figure", params={"parameter": "Ex", "format": file_format})
+        answer = api.get(
+            f"monitors/{monitor}/series/figure", params={"parameter": "Ex", "format": file_format}
+        )
         assert answer.is_success, answer.text
         assert answer.content.startswith(begin)
 
@@ -133,6 +166,10 @@ def check_series(api: httpx.Client, monitor: str, made: list[str]) -> None:
 def acknowledge(api: httpx.Client, monitor: str) -> None:
     (alarm,) = ok(api.get("alarms", params={"monitor": monitor}))["items"]
     seen = ok(api.post(f"alarms/{alarm['id']}/acknowledge", json={"note": "bolt 3 was loose"}))
-    assert (seen["state"], seen["note"], seen["acknowledged_by"]) == ("acknowledged", "bolt 3 was loose", "laboratory")
+    assert (seen["state"], seen["note"], seen["acknowledged_by"]) == (
+        "acknowledged",
+        "bolt 3 was loose",
+        "laboratory",
+    )
     assert [step["event"] for step in seen["history"]] == ["raised", "acknowledged"]
     assert api.post(f"alarms/{alarm['id']}/acknowledge", json={"note": "again"}).status_code == 409

@@ -1,4 +1,6 @@
-"""Quantities typed in the system's Chromium: read with unit and decimal comma, shown as understood, sent as shown."""
+"""Quantities typed in the system's Chromium: read with unit and decimal comma, shown as understood,
+sent as shown.
+"""
 
 from __future__ import annotations
 
@@ -36,10 +38,14 @@ def typed(page: Page, name: str, text: str, understood: str) -> None:
     field = page.locator(f"[name='{name}']:enabled")
     field.fill("")
     field.press_sequentially(text)
-    field.locator(f"xpath=../small[contains(@class, 'understood')][normalize-space() = '{understood}']").wait_for()
+    field.locator(
+        f"xpath=../small[contains(@class, 'understood')][normalize-space() = '{understood}']"
+    ).wait_for()
 
 
-def test_what_is_typed_is_shown_as_understood_and_sent_so(running: Browser, service: LocalService) -> None:
+def test_what_is_typed_is_shown_as_understood_and_sent_so(
+    running: Browser, service: LocalService
+) -> None:
     key = service.new_key("typist")
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
         page = signed_in(seen, key, "/ui/")
@@ -51,7 +57,12 @@ def test_what_is_typed_is_shown_as_understood_and_sent_so(running: Browser, serv
         page.select_option("[name='campaign/boundary']", "cantilever")
         for name, (text, understood) in TYPED.items():
             typed(page, name, text, understood)
-        typed(page, "structure/density_kg_m3", "1,850", "“1,850” is 1850 or 1.850: write which, without a comma")
+        typed(
+            page,
+            "structure/density_kg_m3",
+            "1,850",
+            "“1,850” is 1850 or 1.850: write which, without a comma",
+        )
         page.click("button:text('Store the test')")
         assert page.url.endswith("/ui/new")
         typed(page, "structure/density_kg_m3", "1.85 g/cm³", "= 1850 kg/m³")
@@ -62,16 +73,23 @@ def test_what_is_typed_is_shown_as_understood_and_sent_so(running: Browser, serv
         assert structure["density_kg_m3"] == 1850
         assert structure["geometry"] == {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01012}
         constants = [33e9, 31.8e9, 5.73e9, 4.5e9, 4.5e9, 0.15]
-        assert [structure["material"][name.rsplit("/", 1)[1]] for name in TYPED if "material/" in name] == constants
+        assert [
+            structure["material"][name.rsplit("/", 1)[1]] for name in TYPED if "material/" in name
+        ] == constants
         assert campaign["temperature_c"] == 190 / 9
         assert campaign["instruments"]["sensor_mass_kg"] == 0.0048
         assert campaign["inputs"]["window_rate_per_s"] == 2.5
         points = ok(api.get(f"campaigns/{campaign['id']}/grid-points"))["items"]
-        assert [(p["label"], p["x_m"], p["y_m"]) for p in points] == [(1, 0.0005, -0.02), (2, 0.01, -0.02)]
+        assert [(p["label"], p["x_m"], p["y_m"]) for p in points] == [
+            (1, 0.0005, -0.02),
+            (2, 0.01, -0.02),
+        ]
         assert (seen.complaints, seen.strangers) == ([], [])
 
 
-def test_an_unusual_number_is_asked_about_by_its_label(running: Browser, service: LocalService) -> None:
+def test_an_unusual_number_is_asked_about_by_its_label(
+    running: Browser, service: LocalService
+) -> None:
     """18503 kg/m³ is possible and not usual; 33 in GPa is not asked about, 3300 is."""
     key = service.new_key("doubter")
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
@@ -108,11 +126,20 @@ def test_priors_are_in_the_unit_of_their_parameter(running: Browser, service: Lo
         project = posted(api, "projects", {"name": "priors"})["id"]
         body = {"name": "bar", "geometry": PLATE, "density_kg_m3": 2000, "material": MATERIAL}
         structure = posted(api, f"projects/{project}/structures", body)["id"]
-        test = posted(api, f"structures/{structure}/campaigns", {"name": "first", "boundary": "cantilever"})["id"]
-        posted(api, f"campaigns/{test}/mode-sets", {"name": "typed", "modes": [{"frequency_hz": 25.6}]})
+        test = posted(
+            api, f"structures/{structure}/campaigns", {"name": "first", "boundary": "cantilever"}
+        )["id"]
+        posted(
+            api, f"campaigns/{test}/mode-sets", {"name": "typed", "modes": [{"frequency_hz": 25.6}]}
+        )
         page = signed_in(seen, key, f"/ui/campaigns/{test}/update")
         page.click("[data-rows=parameters] [data-add-row]")
-        typed(page, "parameters/0/prior_mean", "33", "name the parameter first: the value is in its unit")
+        typed(
+            page,
+            "parameters/0/prior_mean",
+            "33",
+            "name the parameter first: the value is in its unit",
+        )
         page.fill("[name='parameters/0/name']", "Ex")
         page.wait_for_selector("small.understood:text-is('= 33 GPa')")
         typed(page, "parameters/0/prior_sd", "3300 MPa", "= 3.3 GPa")

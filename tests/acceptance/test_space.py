@@ -1,5 +1,5 @@
-"""The structure in space, in the system's Chromium: what is drawn, turned, zoomed and chosen, by mouse and by keyboard, on a
-desk and on a phone; and the still picture of a browser without WebGL.
+"""The structure in space, in the system's Chromium: what is drawn, turned, zoomed and chosen, by
+mouse and by keyboard, on a desk and on a phone; and the still picture of a browser without WebGL.
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ NO_WEBGL = """
 
 @pytest.fixture
 def bracket(service: LocalService) -> dict[str, str]:
-    """A key, and the addresses of a deck and of a test of it with FRFs at two points and one measured shape."""
+    """A key, and the addresses of a deck and of a test of it with FRFs at two points and one
+    measured shape.
+    """
     key = service.new_key("space")
     with client_at(service.url, key) as api:
         project = posted(api, "projects", {"name": "in space"})["id"]
@@ -39,17 +41,33 @@ def bracket(service: LocalService) -> dict[str, str]:
         query = {"filename": "angle.inp", "units": "m-N-kg"}
         sent = api.post(f"structures/{structure}/model", params=query, content=deck())
         finished(api, ok(sent, 202) and sent.headers["Location"])
-        return {"key": key, "structure": f"/ui/structures/{structure}", "campaign": measured(api, structure)}
+        return {
+            "key": key,
+            "structure": f"/ui/structures/{structure}",
+            "campaign": measured(api, structure),
+        }
 
 
 def measured(api: httpx.Client, structure: str) -> str:
-    campaign = posted(api, f"structures/{structure}/campaigns", {"name": "hung", "boundary": "as_modelled"})["id"]
+    campaign = posted(
+        api, f"structures/{structure}/campaigns", {"name": "hung", "boundary": "as_modelled"}
+    )["id"]
     places = {**points(), 90: (0.2, 0.0, 0.0)}  # the last lies in the air
     items = [{"label": n, "x_m": x, "y_m": y, "z_m": z} for n, (x, y, z) in places.items()]
-    ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": items}, headers={"If-Match": "*"}))
+    ok(
+        api.put(
+            f"campaigns/{campaign}/grid-points", json={"items": items}, headers={"If-Match": "*"}
+        )
+    )
     spectrum = {"real": [1.0, 2.0, 3.0], "imag": [0.0, 0.5, 1.0]}
     rows = [
-        {"response_point": point, "response_direction": 3, "reference_point": 1, "reference_direction": -2, **spectrum}
+        {
+            "response_point": point,
+            "response_direction": 3,
+            "reference_point": 1,
+            "reference_direction": -2,
+            **spectrum,
+        }
         for point in (1, 2)
     ]
     ok(
@@ -79,14 +97,20 @@ def opened(seen: Watched, path: str) -> Page:
 
 @pytest.mark.parametrize(("width", "height", "dark"), [(1400, 900, False), (390, 844, True)])
 def test_a_structure_is_turned_zoomed_and_its_points_chosen(
-    running: Browser, service: LocalService, bracket: dict[str, str], width: int, height: int, dark: bool
+    running: Browser,
+    service: LocalService,
+    bracket: dict[str, str],
+    width: int,
+    height: int,
+    dark: bool,
 ) -> None:
     with watched_page(running, service.url, width=width, height=height, dark=dark) as seen:
         signed_in(seen, bracket["key"], "/ui/")
         page = opened(seen, bracket["structure"])
         legend = page.inner_text("[data-space-legend]")
         assert all(
-            words in legend for words in ("flange, 60 elements", "web, 80 elements", "held: 15 nodes", "junctions")
+            words in legend
+            for words in ("flange, 60 elements", "web, 80 elements", "held: 15 nodes", "junctions")
         )
         assert "GFRP" in page.inner_text("[aria-label=Sets]")
         views_differ(page)
@@ -95,7 +119,10 @@ def test_a_structure_is_turned_zoomed_and_its_points_chosen(
         a_point_is_chosen(page)
         a_shape_moves(page)
         page.click("[data-space-distances]")
-        until(lambda: "1 point further than an update takes: 90" in said(page), "the distances of the points")
+        until(
+            lambda: "1 point further than an update takes: 90" in said(page),
+            "the distances of the points",
+        )
         assert "points off the structure" in page.inner_text("[data-space-legend]")
         assert (hindrances(page), overflow(seen)) == ([], 0)
         assert (seen.complaints, seen.strangers) == ([], [])
@@ -132,7 +159,11 @@ def a_point_is_chosen(page: Page) -> None:
     before = picture(page)
     page.select_option(
         "[data-space-point]",
-        label=next(o for o in page.locator("[data-space-point] option").all_inner_texts() if o.startswith("2:")),
+        label=next(
+            o
+            for o in page.locator("[data-space-point] option").all_inner_texts()
+            if o.startswith("2:")
+        ),
     )
     assert said(page).startswith("Point 2: ")
     assert "1 FRF" in said(page)
@@ -151,7 +182,9 @@ def a_point_is_chosen(page: Page) -> None:
     assert (
         page.locator("[data-frfs] option:checked").count() == 2
     )  # not those of the point alone, whichever comes first
-    place = page.eval_on_selector("[data-space-labels] span:text-is('5')", "label => label.style.transform")
+    place = page.eval_on_selector(
+        "[data-space-labels] span:text-is('5')", "label => label.style.transform"
+    )
     x, y = (float(part) for part in re.findall(r"-?[\d.]+", place))
     page.locator("[data-space-canvas]").click(position={"x": x, "y": y})
     assert said(page).startswith("Point 5: ")
@@ -187,16 +220,23 @@ def test_a_structure_is_solved_before_it_is_measured(
         card.locator("[data-space]").scroll_into_view_if_needed()
         page.wait_for_selector(f"section[aria-labelledby=forecast] {READY}")
         card.locator("[data-space-model]").select_option("2")
-        until(lambda: "model mode 2" in card.locator("[data-space-said]").inner_text(), "the second mode")
+        until(
+            lambda: "model mode 2" in card.locator("[data-space-said]").inner_text(),
+            "the second mode",
+        )
         with held(page, "**/mesh/shapes?model=1") as waiting:
             card.locator("[data-space-model]").select_option("1")
             until(waiting, "the first mode, on its way")
             card.locator("[data-space-model]").select_option("3")
-            until(lambda: "model mode 3" in card.locator("[data-space-said]").inner_text(), "the third mode")
+            until(
+                lambda: "model mode 3" in card.locator("[data-space-said]").inner_text(),
+                "the third mode",
+            )
             with page.expect_response("**/mesh/shapes?model=1") as late:
                 waiting().pop().continue_()
             late.value.finished()
-            page.evaluate("new Promise((done) => setTimeout(done))")  # what was waiting for it has gone on
+            # what was waiting for it has gone on
+            page.evaluate("new Promise((done) => setTimeout(done))")
         assert "model mode 3" in card.locator("[data-space-said]").inner_text()
         assert card.locator("[data-space-measured]").is_hidden()
         with page.expect_download() as download:
@@ -209,7 +249,10 @@ def test_a_deck_is_sent_and_is_the_next_version(running: Browser, service: Local
     key = service.new_key("sending")
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
         project = posted(api, "projects", {"name": "corrected"})["id"]
-        body = {"name": "strip", "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}}
+        body = {
+            "name": "strip",
+            "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01},
+        }
         structure = posted(api, f"projects/{project}/structures", body)["id"]
         page = signed_in(seen, key, f"/ui/structures/{structure}")
         a_deck_is_sent(page)
@@ -223,13 +266,15 @@ def a_deck_is_sent(page: Page) -> None:
     # (a click may miss it where the body above grows as it is drawn)
     page.press("summary:text('A model of your own')", "Enter")
     page.set_input_files(
-        "[data-deck] [name=deck]", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck(1e-3)}
+        "[data-deck] [name=deck]",
+        {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck(1e-3)},
     )
     page.click("button:text('Send the model')")
     page.wait_for_selector("#progress .faults:has-text('units=mm-N-t?')")
     page.fill("[data-deck] [name=units]", "mm-N-t")
     page.set_input_files(
-        "[data-deck] [name=deck]", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck(1e-3)}
+        "[data-deck] [name=deck]",
+        {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck(1e-3)},
     )
     page.click("button:text('Send the model')")
     page.wait_for_selector("[aria-label=Sets] :text('flange')")

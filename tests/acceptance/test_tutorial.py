@@ -1,4 +1,6 @@
-"""What a newcomer runs: the tutorial from the wheel alone, README's script and picture, the demonstration, a notebook."""
+"""What a newcomer runs: the tutorial from the wheel alone, README's script and picture, the
+demonstration, a notebook.
+"""
 
 import json
 import re
@@ -41,7 +43,9 @@ def blocks(language: str) -> list[str]:
 
 
 @pytest.fixture
-def printed(service: LocalService, api: httpx.Client, unpacked: Path, tmp_path: Path) -> dict[str, str]:
+def printed(
+    service: LocalService, api: httpx.Client, unpacked: Path, tmp_path: Path
+) -> dict[str, str]:
     """What each command of the page prints, in a folder with the shipped files alone."""
     folder = tmp_path / "beam"
     shutil.copytree(FILES, folder)
@@ -49,7 +53,8 @@ def printed(service: LocalService, api: httpx.Client, unpacked: Path, tmp_path: 
         "MODALBASE_URL": service.url,
         "MODALBASE_API_KEY": api.headers["authorization"].split()[1],
         "COLUMNS": "200",
-        "PYTHONPATH": f"{unpacked}:{ROOT}",  # of this tree nothing but the tests: the wheel's packages come first
+        # of this tree nothing but the tests: the wheel's packages come first
+        "PYTHONPATH": f"{unpacked}:{ROOT}",
     }
     first, *others = blocks("sh")
     lines = first.splitlines()
@@ -57,7 +62,9 @@ def printed(service: LocalService, api: httpx.Client, unpacked: Path, tmp_path: 
         run_as_typed(line, folder, **ours) for line in lines
     ]  # as a shell does; the others in one process, as each imports for a while
     more = "".join(others).splitlines()
-    shown += json.loads(run_as_typed([sys.executable, "-c", COMMANDS], folder, json.dumps([ours, more]), **ours))
+    shown += json.loads(
+        run_as_typed([sys.executable, "-c", COMMANDS], folder, json.dumps([ours, more]), **ours)
+    )
     found = {
         line.split("--")[0].removeprefix("modalbase ").strip(): out
         for line, out in zip(lines + more, shown, strict=True)
@@ -90,23 +97,33 @@ def test_the_commands_of_the_tutorial_find_the_truth(printed: dict[str, str]) ->
 
 def test_the_recipe_on_the_page_is_the_file() -> None:
     (shown,) = blocks("json")
-    assert json.loads(shown) == json.loads((FILES / "recipe.json").read_text()) == make_tutorial.RECIPE
+    assert (
+        json.loads(shown) == json.loads((FILES / "recipe.json").read_text()) == make_tutorial.RECIPE
+    )
 
 
 def test_the_script_makes_the_files(tmp_path: Path) -> None:
-    """To the round-off of single precision: another machine's linear algebra differs in the last digits."""
+    """To the round-off of single precision: another machine's linear algebra differs in the last
+    digits.
+    """
     make_tutorial.make(tmp_path)
-    assert sorted(one.name for one in tmp_path.iterdir()) == sorted(one.name for one in FILES.iterdir())
+    assert sorted(one.name for one in tmp_path.iterdir()) == sorted(
+        one.name for one in FILES.iterdir()
+    )
     made, shipped = (
-        [item for item in read_file(one / "beam.uff") if isinstance(item, Frf)] for one in (tmp_path, FILES)
+        [item for item in read_file(one / "beam.uff") if isinstance(item, Frf)]
+        for one in (tmp_path, FILES)
     )
     assert len(made) == len(shipped) == 16
     for one, other in zip(made, shipped, strict=True):
-        np.testing.assert_allclose(one.values, other.values, rtol=0, atol=1e-3 * np.abs(other.values).max())
+        np.testing.assert_allclose(
+            one.values, other.values, rtol=0, atol=1e-3 * np.abs(other.values).max()
+        )
     assert (tmp_path / "C3.csv").read_text() == (FILES / "C3.csv").read_text()
 
 
-# --- the README's script runs as it stands in a clone, and again --------------------------------------------------------
+# --- the README's script runs as it stands in a clone, and again
+# --------------------------------------------------------
 
 (SCRIPT,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)
 
@@ -119,7 +136,9 @@ def said(
     capsys: pytest.CaptureFixture[str],
     script: str,
 ) -> str:
-    """What the script prints when it is run for the second time; nothing stands in the folder but the clone."""
+    """What the script prints when it is run for the second time; nothing stands in the folder but
+    the clone.
+    """
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("MODALBASE_URL", service.url)
     monkeypatch.setenv("MODALBASE_API_KEY", api.headers["authorization"].split()[1])
@@ -131,7 +150,9 @@ def said(
     (project,) = api.get("projects").json()["items"]
     (beam,) = api.get(f"projects/{project['id']}/structures").json()["items"]
     (march,) = api.get(f"structures/{beam['id']}/campaigns").json()["items"]
-    assert len(api.get(f"campaigns/{march['id']}/imports").json()["items"]) == script.count("import_file")
+    assert len(api.get(f"campaigns/{march['id']}/imports").json()["items"]) == script.count(
+        "import_file"
+    )
     return capsys.readouterr().out
 
 
@@ -145,14 +166,17 @@ def test_the_script_of_the_readme_updates_a_beam(said: str) -> None:
     assert names == ["Ex", "Ey", "Gxy", "Gxz", "Gyz", "a0", "a1"]
 
 
-@pytest.mark.parametrize("script", [SCRIPT.replace('campaign.import_file("examples/tutorial/beam.uff")\n', "")])
+@pytest.mark.parametrize(
+    "script", [SCRIPT.replace('campaign.import_file("examples/tutorial/beam.uff")\n', "")]
+)
 def test_it_says_in_a_line_why_a_job_failed(said: str) -> None:
     (line,) = said.splitlines()
     assert line.startswith("update failed: ")
     assert "has no FRFs" in line
 
 
-# --- the README's picture is what the code draws ------------------------------------------------------------------------
+# --- the README's picture is what the code draws
+# ------------------------------------------------------------------------
 
 DRAWN = ROOT / "docs/images/beam.svg"
 
@@ -162,7 +186,8 @@ def test_the_pictures_updated_model_lies_on_the_measurement(tmp_path: Path) -> N
 
     frfs = picture.prediction()
     peak = np.abs(frfs.measured).max(axis=1, keepdims=True)
-    # 1 % noise of each record's rms is 0.5 % of its peak at the most; the initial model is off by a resonance's width.
+    # 1 % noise of each record's rms is 0.5 % of its peak at the most; the initial model is off by a
+    # resonance's width.
     assert np.abs((frfs.updated - frfs.measured) / peak).max() < 0.03
     assert np.abs((frfs.initial - frfs.measured) / peak).max() > 0.5
     picture.main(str(tmp_path / "beam.svg"))
@@ -172,7 +197,8 @@ def test_the_pictures_updated_model_lies_on_the_measurement(tmp_path: Path) -> N
         assert all(color.lower() in text.lower() for _, color, *_ in picture.CURVES)
 
 
-# --- the examples for a notebook run as they stand ----------------------------------------------------------------------
+# --- the examples for a notebook run as they stand
+# ----------------------------------------------------------------------
 
 
 def test_an_update_without_the_service() -> None:
@@ -217,23 +243,33 @@ def test_the_main_job_in_ten_lines(service: LocalService, api: httpx.Client) -> 
     assert re.search(r"^Ex +GPa", ended.stdout, flags=re.MULTILINE)
 
 
-# --- the demonstration's file and the README's commands -----------------------------------------------------------------
+# --- the demonstration's file and the README's commands
+# -----------------------------------------------------------------
 
 
 def test_the_script_makes_the_demonstrations_file(tmp_path: Path) -> None:
     """The file in the package is what the script writes, to single precision's round-off."""
     made = tmp_path / "made.uff"
-    subprocess.run([sys.executable, str(ROOT / "examples/make_paper_beam.py"), str(made)], check=True, cwd=ROOT)
-    ours, shipped = (list(read_file(file)) for file in (made, ROOT / "service/app/demo/paper_beam.uff"))
+    subprocess.run(
+        [sys.executable, str(ROOT / "examples/make_paper_beam.py"), str(made)], check=True, cwd=ROOT
+    )
+    ours, shipped = (
+        list(read_file(file)) for file in (made, ROOT / "service/app/demo/paper_beam.uff")
+    )
     points = [[item for item in file if isinstance(item, GridPoint)] for file in (ours, shipped)]
     assert points[0] == points[1]
     assert len(points[0]) == 33
     frfs = [[item for item in file if isinstance(item, Frf)] for file in (ours, shipped)]
     assert len(frfs[0]) == len(frfs[1]) == 33
     for one, other in zip(*frfs, strict=True):
-        assert (one.response_point, one.reference_point) == (other.response_point, other.reference_point)
+        assert (one.response_point, one.reference_point) == (
+            other.response_point,
+            other.reference_point,
+        )
         # A hundredth of the noise in the file: shapes of its uppermost modes are good to some 1e-5.
-        np.testing.assert_allclose(one.values, other.values, rtol=0, atol=1e-4 * np.abs(other.values).max())
+        np.testing.assert_allclose(
+            one.values, other.values, rtol=0, atol=1e-4 * np.abs(other.values).max()
+        )
 
 
 def test_readme_names_commands_that_exist() -> None:
@@ -243,6 +279,8 @@ def test_readme_names_commands_that_exist() -> None:
     named = set(re.findall(r"`?make (\w+)`?", readme))
     assert {"demo", "test"} <= named <= targets
     subcommands = set(re.findall(r"modalbase (up|demo|keys|worker|serve|db|import)\b", readme))
-    shown = subprocess.run([sys.executable, "-m", "service", "--help"], capture_output=True, text=True, check=True)
+    shown = subprocess.run(
+        [sys.executable, "-m", "service", "--help"], capture_output=True, text=True, check=True
+    )
     assert subcommands
     assert all(command in shown.stdout for command in subcommands)

@@ -1,4 +1,6 @@
-"""`modalbase up` from its first start to its end: when parts of it die, with backup and restore, verify and doctor."""
+"""`modalbase up` from its first start to its end: when parts of it die, with backup and restore,
+verify and doctor.
+"""
 
 import io
 import os
@@ -32,22 +34,36 @@ def part(up: psutil.Process, name: str) -> psutil.Process:
     return next(child for child in up.children() if name in child.cmdline())
 
 
-def test_a_service_is_begun_hurt_backed_up_restored_and_ended(short_folder: Path, empty_database: str) -> None:
-    """In the default folder of a home with a space, as on macOS: the first start makes a key and prints it, what dies is
-    started again, and no end leaves anything running. The restored service runs beside it on a server of its own: the same key
-    opens it, the same bits come out, and commands that do not say which of the two they mean are refused.
+def test_a_service_is_begun_hurt_backed_up_restored_and_ended(
+    short_folder: Path, empty_database: str
+) -> None:
+    """In the default folder of a home with a space, as on macOS: the first start makes a key and
+    prints it, what dies is
+    started again, and no end leaves anything running. The restored service runs beside it on a
+    server of its own: the same key opens it, the same bits come out, and commands that do not say
+    which of the two they mean are refused.
     """
     home = short_folder / "Prüf stand" / ("with a long name, " * 6)
     home.mkdir(parents=True)
-    around = {"HOME": str(home), "XDG_STATE_HOME": "", "XDG_DATA_HOME": "", "MODALBASE_LOG_LEVEL": "info"}
+    around = {
+        "HOME": str(home),
+        "XDG_STATE_HOME": "",
+        "XDG_DATA_HOME": "",
+        "MODALBASE_LOG_LEVEL": "info",
+    }
     data, log, file = (
         home / ".local" / "share" / "modalbase",
         short_folder / "home.log",
         short_folder / "home.modalbase",
     )
     own = {"MODALBASE_DATABASE_URL": empty_database}
-    with log.open("w") as stderr, up(None, stderr=stderr, **around) as (process, url, key), client(url, key) as api:
-        made = modalbase("keys", "create", "--name", "ada", **around)  # by another process, and nobody says where
+    with (
+        log.open("w") as stderr,
+        up(None, stderr=stderr, **around) as (process, url, key),
+        client(url, key) as api,
+    ):
+        # by another process, and nobody says where
+        made = modalbase("keys", "create", "--name", "ada", **around)
         assert re.fullmatch(r"mb_[0-9a-f]{12}_\S+\n", made.stdout), made.stderr
         assert status(url, made.stdout.strip()) == 200
         modalbase_here("db", "current", code=0, **around)
@@ -59,7 +75,10 @@ def test_a_service_is_begun_hurt_backed_up_restored_and_ended(short_folder: Path
         again = modalbase_here("backup", file, "--data", data, code=1)
         assert again.stderr == f"modalbase: {file} exists; a backup overwrites nothing\n"
         modalbase_here("restore", file, code=0, **own)
-        with up(short_folder / "no data", **own, **around) as (other, there, second), client(there, key) as restored:
+        with (
+            up(short_folder / "no data", **own, **around) as (other, there, second),
+            client(there, key) as restored,
+        ):
             assert second == ""  # there is a key already
             assert same(before, restored.get(frfs).raise_for_status().content)
             ended = modalbase_here("keys", "create", "--name", "ada", code=1, **around)
@@ -103,7 +122,9 @@ def with_frfs(api: httpx.Client) -> str:
     structure = post(f"projects/{post('projects', {'name': 'x'})}/structures", BEAM)
     campaign = post(f"structures/{structure}/campaigns", {"name": "x", "boundary": "cantilever"})
     npz = {"Content-Type": "application/x-npz"}
-    api.post(f"campaigns/{campaign}/frfs", content=measured(100, 801), headers=npz).raise_for_status()
+    api.post(
+        f"campaigns/{campaign}/frfs", content=measured(100, 801), headers=npz
+    ).raise_for_status()
     return f"campaigns/{campaign}/frfs/data?format=npz"
 
 
@@ -136,18 +157,25 @@ def the_parts_die(command: psutil.Process, data: Path, log: Path, url: str, key:
         line = f"modalbase: {said} runs again"
         until(lambda line=line: line in log.read_text(), line, log.read_text)
         assert status(url, key) == 200  # at the same address; a request in between waits
-        assert f"{said} was killed, perhaps for lack of memory; it is started again in 0.5 s" in log.read_text()
+        assert (
+            f"{said} was killed, perhaps for lack of memory; it is started again in 0.5 s"
+            in log.read_text()
+        )
     postmaster = int((data / "postgres" / "postmaster.pid").read_text().split()[0])
     psutil.Process(postmaster).kill()
     seen = {200}
-    until(lambda: "modalbase: PostgreSQL runs again" in log.read_text(), "PostgreSQL", log.read_text)
+    until(
+        lambda: "modalbase: PostgreSQL runs again" in log.read_text(), "PostgreSQL", log.read_text
+    )
     until(lambda: seen.add(answer := status(url, key)) or answer == 200, "the API's answer")
     assert seen <= {200, 503}
 
 
 def test_what_dies_again_and_again_is_given_up(database: str) -> None:
     """With one clear line, and everything ended."""
-    with LocalService(Settings(database_url=database, port=0, log_level="error"), pauses=(0.0, 0.0)) as service:
+    with LocalService(
+        Settings(database_url=database, port=0, log_level="error"), pauses=(0.0, 0.0)
+    ) as service:
         processes = list(service.processes.values())
 
         def die() -> None:
@@ -160,7 +188,9 @@ def test_what_dies_again_and_again_is_given_up(database: str) -> None:
 
         die()
         die()
-        with pytest.raises(StartError, match=r"the worker was killed.*, 3 times in a row; it is not started again"):
+        with pytest.raises(
+            StartError, match=r"the worker was killed.*, 3 times in a row; it is not started again"
+        ):
             die()
         assert service.processes["api"].poll() is None
     assert all(process.poll() is not None for process in processes)
@@ -168,7 +198,11 @@ def test_what_dies_again_and_again_is_given_up(database: str) -> None:
 
 def test_a_start_without_its_database_is_reported_once(short_folder: Path) -> None:
     """By who starts it: the API, which was loading meanwhile, says nothing and is gone."""
-    data, log, before = short_folder / "foreign", short_folder / "foreign.log", set(psutil.Process().children())
+    data, log, before = (
+        short_folder / "foreign",
+        short_folder / "foreign.log",
+        set(psutil.Process().children()),
+    )
     (data / "postgres").mkdir(parents=True)
     (data / "postgres" / "notes.txt").write_text("not PostgreSQL's")
     with (
@@ -180,7 +214,8 @@ def test_a_start_without_its_database_is_reported_once(short_folder: Path) -> No
     assert set(psutil.Process().children()) <= before
 
 
-# --- verify and doctor as an operator meets them, and servers that will not do ------------------------------------------
+# --- verify and doctor as an operator meets them, and servers that will not do
+# ------------------------------------------
 
 POSTGRESQL_15 = Path("/usr/lib/postgresql/15/bin")
 
@@ -202,9 +237,15 @@ def test_doctor_and_verify_say_what_is_wrong_and_a_backup_carries_it(
         assert "originals 00: data" in ended.stdout + ended.stderr
     file = tmp_path / "damaged.modalbase"
     written = modalbase_here("backup", file, **around)
-    assert (written.returncode, "and so is this damage of the database: originals 00" in written.stderr) == (1, True)
+    assert (
+        written.returncode,
+        "and so is this damage of the database: originals 00" in written.stderr,
+    ) == (1, True)
     restored = modalbase_here("restore", file, MODALBASE_DATABASE_URL=empty_database)
-    assert (restored.returncode, "but for this damage, which the backup already had" in restored.stderr) == (1, True)
+    assert (
+        restored.returncode,
+        "but for this damage, which the backup already had" in restored.stderr,
+    ) == (1, True)
     with psycopg.connect(psycopg_url(database)) as connection:
         connection.execute("UPDATE alembic_version SET version_num = '0009_original_rows'")
     assert "fault    schema: the schema is at 0009" in modalbase_here("doctor", **around).stdout
@@ -242,17 +283,39 @@ def old_server(short_folder: Path, server: str) -> Iterator[str]:
         shutil.chown(folder, ACCOUNT, ACCOUNT)
 
     def run(*words: str) -> None:
-        subprocess.run([str(POSTGRESQL_15 / words[0]), *words[1:]], user=user, check=True, stdout=subprocess.DEVNULL)
+        subprocess.run(
+            [str(POSTGRESQL_15 / words[0]), *words[1:]],
+            user=user,
+            check=True,
+            stdout=subprocess.DEVNULL,
+        )
 
     run("initdb", "-A", "trust", "-U", "postgres", "-D", str(folder / "d"))
-    run("pg_ctl", "-w", "-D", str(folder / "d"), "-l", str(folder / "log"), "-o", f"-h '' -k {folder}", "start")
+    run(
+        "pg_ctl",
+        "-w",
+        "-D",
+        str(folder / "d"),
+        "-l",
+        str(folder / "log"),
+        "-o",
+        f"-h '' -k {folder}",
+        "start",
+    )
     yield f"postgresql://postgres@/postgres?host={folder}"
     run("pg_ctl", "-w", "-D", str(folder / "d"), "-m", "fast", "stop")
 
 
 def test_a_server_that_is_too_old_is_refused_in_one_line(old_server: str) -> None:
-    for words in (["db", "upgrade"], ["up", "--port", "0"], ["keys", "create", "--name", "x"], ["verify"]):
-        ended = (modalbase if words[0] == "up" else modalbase_here)(*words, MODALBASE_DATABASE_URL=old_server)
+    for words in (
+        ["db", "upgrade"],
+        ["up", "--port", "0"],
+        ["keys", "create", "--name", "x"],
+        ["verify"],
+    ):
+        ended = (modalbase if words[0] == "up" else modalbase_here)(
+            *words, MODALBASE_DATABASE_URL=old_server
+        )
         assert ended.returncode == 1
         assert ended.stderr.startswith("modalbase: the server runs PostgreSQL 15.")
         assert "needs 18 or newer" in ended.stderr

@@ -1,4 +1,6 @@
-"""FRFs with the faults that measured ones have: no mode is lost, none is invented, and what may be either is uncertain."""
+"""FRFs with the faults that measured ones have: no mode is lost, none is invented, and what may be
+either is uncertain.
+"""
 
 import functools
 import json
@@ -46,15 +48,27 @@ def made(
     values = values if more is None else values + more(values, lines)
     white = np.random.default_rng(7).standard_normal((2, *values.shape)) / np.sqrt(2)
     values = values + noise * np.sqrt(np.mean(np.abs(values) ** 2)) * (white[0] + 1j * white[1])
-    return FrfSet(lines, values, tuple(Dof(i + 1, 3) for i in range(count)), (Dof(99, 3),) * count, "receptance")
+    return FrfSet(
+        lines,
+        values,
+        tuple(Dof(i + 1, 3) for i in range(count)),
+        (Dof(99, 3),) * count,
+        "receptance",
+    )
 
 
-def resonance(hz: float, zeta: float, rows: Any, size: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+def resonance(
+    hz: float, zeta: float, rows: Any, size: float
+) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     """A resonance in some rows, its peak a share of the largest value."""
 
     def add(values: np.ndarray, lines: np.ndarray) -> np.ndarray:
         peak = 2 * zeta * hz**2 / (hz**2 - lines**2 + 2j * zeta * hz * lines)
-        return size * np.abs(values).max() * np.multiply.outer(np.broadcast_to(rows, len(values)), peak)
+        return (
+            size
+            * np.abs(values).max()
+            * np.multiply.outer(np.broadcast_to(rows, len(values)), peak)
+        )
 
     return add
 
@@ -75,20 +89,30 @@ PRODUCT = np.random.default_rng(3).standard_normal((12, 2))
 
 
 def open_set(kind: str) -> tuple[FrfSet, Draw]:
-    """An open set and its truth; of the aeroplane every other of its 74 hits, each at three sensors."""
+    """An open set and its truth; of the aeroplane every other of its 74 hits, each at three
+    sensors.
+    """
     path = shared_file("BLIND_OPEN", "blind-open", f"real-like-{kind}.uff")
     modes = json.loads(path.with_suffix(".truth.json").read_text())["modes"]
     frfs = with_coherence(path)
     if kind == "aeroplane":
         frfs = frfs.select([i for i in range(222) if i // 3 % 2 == 0])
-    f, zeta, optional = (np.array([mode[key] for mode in modes]) for key in ("f_hz", "zeta_seen", "suspension"))
-    return frfs, Draw(frfs, f, zeta, residue=np.empty((f.size, 0)), optional=optional, distortions=np.empty(0))
+    f, zeta, optional = (
+        np.array([mode[key] for mode in modes]) for key in ("f_hz", "zeta_seen", "suspension")
+    )
+    return frfs, Draw(
+        frfs, f, zeta, residue=np.empty((f.size, 0)), optional=optional, distortions=np.empty(0)
+    )
 
 
 def true_to(draw: Draw, found: Identification, *, says: str = "") -> None:
-    """Every mode that must be there is a mode, f within 0.2 %, ζ within 10 % or its 95 % interval; and there is no other."""
+    """Every mode that must be there is a mode, f within 0.2 %, ζ within 10 % or its 95 % interval;
+    and there is no other.
+    """
     f, zeta, sd = found.modes.frequency_hz, found.modes.damping_ratio, found.modes.damping_sd
-    for true, ratio in zip(draw.frequency_hz[~draw.optional], draw.zeta[~draw.optional], strict=True):
+    for true, ratio in zip(
+        draw.frequency_hz[~draw.optional], draw.zeta[~draw.optional], strict=True
+    ):
         near = np.flatnonzero(np.abs(f / true - 1) < 0.002)
         assert near.size, f"{true:.2f} Hz is lost; found {f}"
         assert np.any(np.abs(zeta[near] - ratio) < np.maximum(0.1 * ratio, 1.96 * sd[near])), (
@@ -124,7 +148,9 @@ def half_of_the_numbers(part: str) -> Callable[[], Identification]:
 
 
 def measured_bridge(*band_hz: float) -> Case:
-    """The FRFs of a bridge that somebody measured, in a band that holds its six modes below 6 Hz."""
+    """The FRFs of a bridge that somebody measured, in a band that holds its six modes below 6
+    Hz.
+    """
 
     def found() -> Identification:
         frfs = with_coherence(shared_file("MEASURED", "measured", "dam0.unv"))
@@ -152,13 +178,15 @@ def drifting() -> Identification:
 
 
 def without_drift(found: Identification) -> None:
-    assert abs(found.drift / 3e-4 - 1) < 0.25  # 74 draws: ± 8 %, and drift beside the errors of the chain
+    # 74 draws: ± 8 %, and drift beside the errors of the chain
+    assert abs(found.drift / 3e-4 - 1) < 0.25
     assert any("drift" in warning for warning in found.warnings)
     draw, modes = long_record(), found.modes
     inside = np.flatnonzero((draw.frequency_hz > 40) & (draw.frequency_hz < 130))
     at = [int(np.argmin(np.abs(modes.frequency_hz - draw.frequency_hz[k]))) for k in inside]
     ratio = draw.zeta[inside]
-    assert np.all(np.abs(modes.damping_ratio[at] / ratio - 1) < 0.02)  # a drift left in makes it 2 to 10 % too large
+    # a drift left in makes it 2 to 10 % too large
+    assert np.all(np.abs(modes.damping_ratio[at] / ratio - 1) < 0.02)
     z = (modes.frequency_hz[at] - draw.frequency_hz[inside]) / modes.frequency_sd_hz[at]
     z = np.append(z, (modes.damping_ratio[at] - ratio) / modes.damping_sd[at])
     assert np.mean(np.abs(z) < 1.96) >= 0.85  # of 95 % intervals, few of them
@@ -169,7 +197,9 @@ def one_frf(threshold: float = 0.9) -> Identification:
 
 
 def modes_of_one_frf(found: Identification) -> None:
-    """At the root the first mode, of 16 % damping, is within the errors of its lines; the others are clear."""
+    """At the root the first mode, of 16 % damping, is within the errors of its lines; the others
+    are clear.
+    """
     assert np.allclose(found.found.modes.frequency_hz[-4:], PAPER_HZ[1:], rtol=0.01)
     assert len(found.chosen(include_doubtful=True).modes) == len(found.found.modes)
 
@@ -194,17 +224,25 @@ def stopped() -> None:
 
 
 def beside_the_mains(stretch: float = 1.0) -> Callable[[], Identification]:
-    """Lines 1.25 Hz apart: a hum of 100 Hz lies on one of them and has no tails, so what has tails is a mode."""
+    """Lines 1.25 Hz apart: a hum of 100 Hz lies on one of them and has no tails, so what has tails
+    is a mode.
+    """
     rng = np.random.default_rng(2)
     hz, f = np.arange(1.25, 400.0, 1.25), np.array([100.5, 180.0, 290.0])
     s, w = 2j * np.pi * hz, 2 * np.pi * f[:, None]
     values = rng.standard_normal((10, 3)) @ (s**2 / (s**2 + 0.003 * w * s + w**2))
-    values = values + 0.02 * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape))
+    values = values + 0.02 * (
+        rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape)
+    )
     frfs = FrfSet(hz * stretch, values, tuple(Dof(i + 1, 3) for i in range(10)), (Dof(99, 3),) * 10)
     return lambda: identify(frfs)
 
 
-THREE, NARROW, BETWEEN = np.array([70.0, 90.0, 160.0]), np.array([0.01, 0.0015]), 60.3 + np.arange(161.0)
+THREE, NARROW, BETWEEN = (
+    np.array([70.0, 90.0, 160.0]),
+    np.array([0.01, 0.0015]),
+    60.3 + np.arange(161.0),
+)
 OWN = np.column_stack([PRODUCT, 0.02 * np.random.default_rng(9).standard_normal(12)])
 
 
@@ -217,7 +255,12 @@ def overloads(values: np.ndarray, _: np.ndarray) -> np.ndarray:
 
 def leak(values: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """Drift of each record, as its leakage shows it."""
-    return 2 * np.abs(values).max() / lines**2 * np.random.default_rng(1).standard_normal((len(values), 1))
+    return (
+        2
+        * np.abs(values).max()
+        / lines**2
+        * np.random.default_rng(1).standard_normal((len(values), 1))
+    )
 
 
 # fmt: off

@@ -12,7 +12,9 @@ from fecore.modal import Identification
 from fecore.updating.result import UpdateResult
 
 Case = tuple[Callable[[], Any], "str | Callable[[Any], None]"]
-"""An input, as a call of a public function, and its outcome: how its error begins, or what is asserted of what it gives."""
+"""An input, as a call of a public function, and its outcome: how its error begins, or what is
+asserted of what it gives.
+"""
 
 
 def estimates(result: UpdateResult) -> np.ndarray:
@@ -32,7 +34,8 @@ class Updated:
         silent: words that no warning has.
         level: of the verdict.
         reasons: each matches the beginning of a reason of the verdict, in this order; None: any.
-        like: gives the result whose estimates it has within a tenth of their standard deviations, and these within a tenth.
+        like: gives the result whose estimates it has within a tenth of their standard deviations,
+            and these within a tenth.
         close: gives the result whose estimates it has but for a thousandth.
         no_damping: words of why the damping failed; the constants stand.
         more: a further assertion.
@@ -49,8 +52,13 @@ class Updated:
 
     def __call__(self, result: UpdateResult) -> None:
         for sentence in self.says:
-            assert any(re.match(sentence, text) for text in result.warnings), (sentence, result.warnings)
-        assert [text for text in result.warnings if any(words in text for words in self.silent)] == []
+            assert any(re.match(sentence, text) for text in result.warnings), (
+                sentence,
+                result.warnings,
+            )
+        assert [
+            text for text in result.warnings if any(words in text for words in self.silent)
+        ] == []
         assert result.verdict.level == (self.level or result.verdict.level)
         if self.reasons is not None:
             assert len(self.reasons) == len(result.verdict.reasons), result.verdict.reasons
@@ -61,7 +69,9 @@ class Updated:
             np.testing.assert_allclose(deviations(result), deviations(clean), rtol=0.1)
         if self.close is not None:
             clean = self.close()
-            np.testing.assert_allclose(estimates(result)[: len(estimates(clean))], estimates(clean), rtol=1e-3)
+            np.testing.assert_allclose(
+                estimates(result)[: len(estimates(clean))], estimates(clean), rtol=1e-3
+            )
         if self.no_damping is not None:
             self._without_damping(result)
         assert self.more is None or self.more(result) in (None, True)

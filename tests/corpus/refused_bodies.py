@@ -1,4 +1,6 @@
-"""Bodies, laws, parameters and recipes that the core refuses: each a call, and how the `InputError` begins that ends it."""
+"""Bodies, laws, parameters and recipes that the core refuses: each a call, and how the `InputError`
+begins that ends it.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -48,7 +50,9 @@ STACK = LayeredSpecimen(0.3, 0.2, 0.004, (Ply(PAPER, 0.002), Ply(PAPER, 0.002, 9
 ONE, TWO = np.ones((1, 3)), np.ones((2, 3))
 FREE = OrientedSpecimen(*STRIP, NOMINAL, "free", divisions=(16, 3))
 CAMPAIGN = Campaign("a", "s", FREE, MeasuredModes(np.array([400.0, 1100.0]), np.full(2, np.nan)))
-QUADS, FOURS = (grid(kind, 2, 2, lambda st: np.column_stack([st, 0 * st[:, 0]])) for kind in ("quad8", "quad4"))
+QUADS, FOURS = (
+    grid(kind, 2, 2, lambda st: np.column_stack([st, 0 * st[:, 0]])) for kind in ("quad8", "quad4")
+)
 K, M = matrices(plate((0.5, 0.04), (2, 1), of_boundary("cantilever")), paper_section())
 WALL = ShellSection((Ply(PAPER, 0.01),))
 TEST = PlannedTest("s", FREE, 4300.0, ((0.1, 0.0), (0.2, 0.01)), 1, specimen="s")
@@ -59,7 +63,9 @@ def material(**wrong: Any) -> OrthotropicMaterial:
     return OrthotropicMaterial(**{**right, **wrong})
 
 
-def shell(wall: ShellSection = WALL, elements: np.ndarray | None = None, name: str = "plate", **wrong: Any) -> Model:
+def shell(
+    wall: ShellSection = WALL, elements: np.ndarray | None = None, name: str = "plate", **wrong: Any
+) -> Model:
     """The model of four elements with another wall, elements or set, or whose mesh is changed."""
     block = Block("quad8", QUADS.blocks[0].nodes if elements is None else elements, name)
     return Structure(replace(QUADS, **{"blocks": (block,), **wrong}), {"plate": wall}).model

@@ -15,7 +15,9 @@ from tests.unit.formats.models.decks import GRIDS, SQUARE
 from tests.unit.formats.models.decks import PLATE as INP
 
 BAR = GRIDS + "CBAR,1,1,1,2,0.,1.,0.\nPBAR,1,1,1.-4,1.-9,1.-9,1.-9{}\nMAT1,1,7.+10,,.3,2700.\n"
-CHAIN = {f"f{k}.bdf": f"INCLUDE 'f{k + 1}.bdf'\n".encode() for k in range(3000)} | {"f3000.bdf": b""}
+CHAIN = {f"f{k}.bdf": f"INCLUDE 'f{k + 1}.bdf'\n".encode() for k in range(3000)} | {
+    "f3000.bdf": b""
+}
 LOAD = {"time": Column("Time", "time"), "load": Column("Load", "force")}
 VTK = b"""# vtk DataFile Version 3.0
 a triangle
@@ -28,7 +30,10 @@ CELLS 1 4
 CELL_TYPES 1
 5
 """
-THIN_BEAM = "*ELEMENT,TYPE=B31,ELSET=B\n9,1,2\n*BEAM SECTION,ELSET=B,MATERIAL=GFRP,SECTION=RECT\n1e-200,1e-200\n0,1,0\n"
+THIN_BEAM = (
+    "*ELEMENT,TYPE=B31,ELSET=B\n9,1,2\n*BEAM"
+    " SECTION,ELSET=B,MATERIAL=GFRP,SECTION=RECT\n1e-200,1e-200\n0,1,0\n"
+)
 ONES = np.ones(1)
 NODES = b"node,x,y,z\n10,0,0,0\n7,1,0,.5\n30,2,0,0\n"
 MARKET = b"%%MatrixMarket matrix coordinate real symmetric\n18 18 "
@@ -42,8 +47,14 @@ def bdf(text: str, included: dict[str, bytes] | None = None) -> FiniteElementMod
 
 
 def matrices(**changed: bytes) -> object:
-    whole = {"K_0_mtx": MARKET + b"1\n1 1 5\n", "M_0_mtx": MARKET + b"1\n1 1 5\n", "nodes_csv": NODES} | changed
-    return read_matrices({name[:-4] + "." + name[-3:]: content for name, content in whole.items() if content})
+    whole = {
+        "K_0_mtx": MARKET + b"1\n1 1 5\n",
+        "M_0_mtx": MARKET + b"1\n1 1 5\n",
+        "nodes_csv": NODES,
+    } | changed
+    return read_matrices(
+        {name[:-4] + "." + name[-3:]: content for name, content in whole.items() if content}
+    )
 
 
 def plate(before_step: str) -> FiniteElementModel:
@@ -51,7 +62,9 @@ def plate(before_step: str) -> FiniteElementModel:
 
 
 def folded_over() -> FiniteElementModel:
-    deck = INP.replace("5, 0.1, 0.1, 0.", "5, 0.02, 0.02, 0.").replace("1, 1, 2, 5, 4\n", "*INCLUDE, INPUT=a.inp\n")
+    deck = INP.replace("5, 0.1, 0.1, 0.", "5, 0.02, 0.02, 0.").replace(
+        "1, 1, 2, 5, 4\n", "*INCLUDE, INPUT=a.inp\n"
+    )
     return read_inp(deck.encode(), {"a.inp": b"** one\n1, 1, 2, 5, 4\n"})
 
 

@@ -1,4 +1,6 @@
-"""Measurements and what is made of them that the core refuses: each a call, and how the `InputError` begins that ends it."""
+"""Measurements and what is made of them that the core refuses: each a call, and how the
+`InputError` begins that ends it.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -42,12 +44,19 @@ Z = Dof(1, 3)
 
 
 def frfs(**wrong: Any) -> FrfSet:
-    right = {"frequency_hz": LINES, "values": np.ones((1, 4), complex), "responses": (Z,), "references": (Z,)}
+    right = {
+        "frequency_hz": LINES,
+        "values": np.ones((1, 4), complex),
+        "responses": (Z,),
+        "references": (Z,),
+    }
     return FrfSet(**{**right, **wrong})
 
 
 def modes(**wrong: Any) -> MeasuredModes:
-    return MeasuredModes(**{"frequency_hz": np.array([1.0, 2]), "damping_ratio": np.zeros(2), **wrong})
+    return MeasuredModes(
+        **{"frequency_hz": np.array([1.0, 2]), "damping_ratio": np.zeros(2), **wrong}
+    )
 
 
 def block(**wrong: Any) -> Block:
@@ -56,7 +65,9 @@ def block(**wrong: Any) -> Block:
     return Block(**{"dof": Z, "quantity": "force", "samples": made, **wrong})
 
 
-def hit(force: dict[str, Any] | None = None, quantity: str = "acceleration", **response: Any) -> Hit:
+def hit(
+    force: dict[str, Any] | None = None, quantity: str = "acceleration", **response: Any
+) -> Hit:
     return Hit(block(**(force or {})), (block(quantity=quantity, **response),), 1000.0)
 
 
@@ -76,7 +87,15 @@ def curve(**wrong: Any) -> Curve:
 
 def of_series(**wrong: Any) -> Series:
     dates = [datetime(2026, 1, day, tzinfo=UTC) for day in range(1, 7)]
-    return Series(**{"name": "Ex", "dates": dates, "estimate": np.ones(6), "standard_deviation": np.ones(6), **wrong})
+    return Series(
+        **{
+            "name": "Ex",
+            "dates": dates,
+            "estimate": np.ones(6),
+            "standard_deviation": np.ones(6),
+            **wrong,
+        }
+    )
 
 
 FALLING = np.interp(np.linspace(0, 8e-3, 200), [0, 0.9e-3, 4.8e-3, 8e-3], [0, 5, 4, 10])
@@ -219,11 +238,15 @@ def _of_strains(gamma: list[float]) -> Curve:
 
 
 def _strip_model() -> ForwardModel:
-    return ForwardModel(STRIP, parametrise(STRIP, [Parameter("Ex")]), along_z((1,)), np.array([[0.1, 0.0]]), 3)
+    return ForwardModel(
+        STRIP, parametrise(STRIP, [Parameter("Ex")]), along_z((1,)), np.array([[0.1, 0.0]]), 3
+    )
 
 
 def _two_kinds() -> Hit:
-    return Hit(block(), (block(quantity="acceleration"), block(quantity="velocity", dof=Dof(2, 3))), 1000.0)
+    return Hit(
+        block(), (block(quantity="acceleration"), block(quantity="velocity", dof=Dof(2, 3))), 1000.0
+    )
 
 
 def _change(pattern: str) -> Any:

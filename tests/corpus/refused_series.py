@@ -1,4 +1,6 @@
-"""Coupons and series that the core refuses: each a call, and how the `InputError` begins that ends it."""
+"""Coupons and series that the core refuses: each a call, and how the `InputError` begins that ends
+it.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,11 +23,20 @@ GAMMA = np.array([0, 1, 2, 3, 4, 5, 6, 8, 12]) * 1e-3
 SHEAR = Curve(450e3 * GAMMA, 0.6 * GAMMA, transverse_strain=-0.4 * GAMMA)
 DATES = [datetime(2024, 1, 1, tzinfo=UTC) + timedelta(days=30 * i) for i in range(14)]
 NOISE = np.random.default_rng(1).standard_normal(14)
-SERIES = Series("Ex", DATES, 32e9 * (1 + 0.003 * NOISE), np.full(14, 3.2e7), {}, tuple(f"c{i}" for i in range(14)))
+SERIES = Series(
+    "Ex",
+    DATES,
+    32e9 * (1 + 0.003 * NOISE),
+    np.full(14, 3.2e7),
+    {},
+    tuple(f"c{i}" for i in range(14)),
+)
 WATCH = Watch({"Ex": "fall"}, baseline=8, expected_interval_days=30)
 
 
-def reduced(force: np.ndarray = FORCE, strain: np.ndarray = STRAIN, width: Any = WIDE, **more: Any) -> object:
+def reduced(
+    force: np.ndarray = FORCE, strain: np.ndarray = STRAIN, width: Any = WIDE, **more: Any
+) -> object:
     return d3039.reduce(Curve(force, strain), width, THICK, **more)
 
 

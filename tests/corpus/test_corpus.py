@@ -15,7 +15,11 @@ from tests.corpus.refused_series import SERIES_AND_COUPONS
 from tests.corpus.updates import UPDATES
 
 REFUSED = dict(enumerate([*MEASUREMENTS, *BODIES, *SERIES_AND_COUPONS, *FILES]))
-CORPUS: dict[str, Case] = {**{f"{number} {row[1]}": row for number, row in REFUSED.items()}, **FRFS, **UPDATES}
+CORPUS: dict[str, Case] = {
+    **{f"{number} {row[1]}": row for number, row in REFUSED.items()},
+    **FRFS,
+    **UPDATES,
+}
 
 
 @pytest.mark.parametrize("name", CORPUS)

@@ -1,4 +1,6 @@
-"""What a user did wrong, in the words of the answer: each refusal of a well-formed request by its place and its sentence."""
+"""What a user did wrong, in the words of the answer: each refusal of a well-formed request by its
+place and its sentence.
+"""
 
 import json
 from collections.abc import Callable
@@ -50,7 +52,9 @@ def joint(*recipes: Any, **more: Any) -> dict[str, Any]:
 TWICE, SOFT = {"window_rate_per_s": 2.0, "window_time_constant_s": 0.5}, {"clamp_compliance_sd": 100}
 THREE = {**FRF, "real": [1, 2, 3], "imag": [0, 0, 0]}
 OF_OTHER_NAMES = [({"a/b": 1, "~c": 2}, place, "") for place in ("/a~1b", "/~0c")]
-"""RFC 6901: whoever follows the pointer comes to the member that is wrong, whatever it is called."""
+"""RFC 6901: whoever follows the pointer comes to the member that is wrong, whatever it is
+called.
+"""
 FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
     "POST projects/{project}/structures": [
         ({"name": "x", "Ex": 33e9}, "/Ex", "did you mean material/Ex_Pa?"),
@@ -282,7 +286,9 @@ def test_a_refusal_says_where_and_what(
     if status == 422:
         assert place in pointers(problem), problem
         assert "confirmable" not in problem
-        assert any(wanted in fault["detail"] for fault in problem["errors"] if fault["pointer"] == place), problem
+        assert any(
+            wanted in fault["detail"] for fault in problem["errors"] if fault["pointer"] == place
+        ), problem
     assert wanted in problem["detail"]
 
 
@@ -297,9 +303,11 @@ def test_a_webhook_that_is_deleted_gets_nothing_any_more(
         "INSERT INTO deliveries (project_id, webhook_id, message_id, event, body, due_at) "
         "SELECT project_id, id, 'm', 'test', '{}', '2999-01-01' FROM hook RETURNING id, webhook_id"
     )
-    ((waiting),) = rows(made, ids["project"])
+    (waiting,) = rows(made, ids["project"])
     hook, delivery = f"webhooks/{waiting['webhook_id']}", f"deliveries/{waiting['id']}"
-    assert [item["id"] for item in ok(api.get("webhooks", params={"project": ids["project"]}))["items"]] == [hook[9:]]
+    assert [
+        item["id"] for item in ok(api.get("webhooks", params={"project": ids["project"]}))["items"]
+    ] == [hook[9:]]
     assert "it is sent again at" in ok(api.post(f"{delivery}/replay"), 409)["detail"]
     ok(api.delete(hook), 204)
     assert ok(api.post(f"{delivery}/replay"), 409)["detail"] == "the webhook was deleted"

@@ -1,4 +1,6 @@
-"""What laboratories get wrong: each fault is left out with a warning, or refused with what to do; none is fitted in silence."""
+"""What laboratories get wrong: each fault is left out with a warning, or refused with what to do;
+none is fitted in silence.
+"""
 
 import re
 from dataclasses import replace
@@ -26,7 +28,8 @@ from tests.support import draws
 from tests.support import random_laboratories as laboratories
 from tests.support.draws import Drawn
 
-# A coarse mesh, whose bias is far below what the sets are drawn with, makes an update three times as fast.
+# A coarse mesh, whose bias is far below what the sets are drawn with, makes an update three times
+# as fast.
 BEAM = replace(draws.BEAM, divisions=(20, 2))
 RAYLEIGH_ALONE = Recipe(damping_models=("rayleigh",))
 
@@ -45,11 +48,15 @@ def clean() -> UpdateResult:
 
 @cache
 def identified() -> Measurement:
-    """The same with its modes handed in, for faults that identification does not see: the results keep their bits."""
+    """The same with its modes handed in, for faults that identification does not see: the results
+    keep their bits.
+    """
     return replace(measured(), modes=prepare(measured(), BEAM, Recipe()).modes)
 
 
-def faulty(measurement: Measurement | None = None, *, factor: float = 1.0, turned: tuple[int, ...] = ()) -> Measurement:
+def faulty(
+    measurement: Measurement | None = None, *, factor: float = 1.0, turned: tuple[int, ...] = ()
+) -> Measurement:
     """The measurement with FRFs of another height, some of them of the other sign."""
     measurement = measurement or measured()
     values = factor * measurement.frfs.values
@@ -62,7 +69,9 @@ def conjugated() -> Measurement:
 
 
 def low(measurement: Measurement, highest_hz: float) -> Measurement:
-    return replace(measurement, frfs=measurement.frfs.band(2.0, highest_hz), inputs=Inputs(window_rate=0.0))
+    return replace(
+        measurement, frfs=measurement.frfs.band(2.0, highest_hz), inputs=Inputs(window_rate=0.0)
+    )
 
 
 def hz() -> np.ndarray:
@@ -70,7 +79,9 @@ def hz() -> np.ndarray:
 
 
 def typed(frequency_hz: np.ndarray) -> Measurement:
-    return replace(measured(), modes=MeasuredModes(frequency_hz, np.full(frequency_hz.size, np.nan)))
+    return replace(
+        measured(), modes=MeasuredModes(frequency_hz, np.full(frequency_hz.size, np.nan))
+    )
 
 
 def mistyped() -> Measurement:
@@ -82,9 +93,10 @@ def mistyped() -> Measurement:
 def six_faults() -> Measurement:
     """Six faults in one campaign, each of which was once left out of the identification alone.
 
-    A dead channel (fitted in stage 2, without a SAC), an FRF and its negative copy, a hit on the clamp (its FRF is 0 in the
-    model, its static deflection was 0/0), overloads, a tone of random phase in every FRF (it doubled the standard deviation of
-    a0), and gaps (0 with an infinite variance, which stage 2 took for a stated noise).
+    A dead channel (fitted in stage 2, without a SAC), an FRF and its negative copy, a hit on the
+    clamp (its FRF is 0 in the model, its static deflection was 0/0), overloads, a tone of random
+    phase in every FRF (it doubled the standard deviation of a0), and gaps (0 with an infinite
+    variance, which stage 2 took for a stated noise).
     """
     frfs = measured().frfs
     level = np.sqrt(np.mean(np.abs(frfs.values) ** 2))
@@ -96,7 +108,9 @@ def six_faults() -> Measurement:
     values[5, 40:60] = np.nan
     values[:, 110] = np.nan
     references = (*frfs.references, frfs.references[0], Dof(40, 3))
-    holed = set_with_gaps(frfs.frequency_hz, values, (*frfs.responses, *frfs.responses[:1] * 2), references)
+    holed = set_with_gaps(
+        frfs.frequency_hz, values, (*frfs.responses, *frfs.responses[:1] * 2), references
+    )
     return replace(measured(), frfs=holed, points={**measured().points, 40: (0.0, 0.01, 0.005)})
 
 
@@ -119,11 +133,15 @@ def half(*, gapped: bool) -> Measurement:
     if gapped:
         values[5, 40:60] = np.nan
         values[:, 100] = np.nan
-    return replace(identified(), frfs=set_with_gaps(frfs.frequency_hz, values, frfs.responses, frfs.references))
+    return replace(
+        identified(), frfs=set_with_gaps(frfs.frequency_hz, values, frfs.responses, frfs.references)
+    )
 
 
 def mixed_up() -> Measurement:
-    """One FRF of the opposite sign, one twice as large, two points swapped, and all in units of a thousand times the stated."""
+    """One FRF of the opposite sign, one twice as large, two points swapped, and all in units of a
+    thousand times the stated.
+    """
     values, points = 1e-3 * measured().frfs.values, dict(measured().points)
     values[3] *= -1
     values[7] *= 2
@@ -132,34 +150,63 @@ def mixed_up() -> Measurement:
 
 
 def of_another_beam(boundary: Boundary) -> UpdateResult:
-    """Another beam, numbered along its length and not across, so that the points are not these: few modes pair, or none."""
+    """Another beam, numbered along its length and not across, so that the points are not these: few
+    modes pair, or none.
+    """
     other = replace(BEAM, length=0.32, width=0.06, thickness=0.006, boundary=boundary)
-    places = [(0.32 * (column + 1) / 11, 0.03 * side) for side in (-1, 0, 1) for column in range(11)]
+    places = [
+        (0.32 * (column + 1) / 11, 0.03 * side) for side in (-1, 0, 1) for column in range(11)
+    ]
     own = dict(zip(sorted(measured().points), places, strict=True))
     known = parametrise(other)
     state = ForwardModel(other, known, along_z(own), np.array(places), 14).solve(known.prior_mean)
-    sensor, hammer, lines = measured().frfs.responses, measured().frfs.references, measured().frfs.frequency_hz
+    sensor, hammer, lines = (
+        measured().frfs.responses,
+        measured().frfs.references,
+        measured().frfs.frequency_hz,
+    )
     model = state.frf_model(sensor, hammer)
     rate = damping_rate(RAYLEIGH, np.array([20.0, 1e-5]), model.omega)
-    values = model.synthesise(lines, rate, beyond=beyond(RAYLEIGH, np.array([20.0, 1e-5]), float(model.omega[-1])))
-    noise = 0.01 * np.sqrt(np.mean(np.abs(values) ** 2)) * np.random.default_rng(1).standard_normal(values.shape)
+    values = model.synthesise(
+        lines, rate, beyond=beyond(RAYLEIGH, np.array([20.0, 1e-5]), float(model.omega[-1]))
+    )
+    noise = (
+        0.01
+        * np.sqrt(np.mean(np.abs(values) ** 2))
+        * np.random.default_rng(1).standard_normal(values.shape)
+    )
     ratio = rate[state.modes.rigid :] / (4 * np.pi * state.frequency_hz)
     seen = np.flatnonzero(state.frequency_hz < lines[-1])
     dofs = tuple(Dof(point, 3) for point in own)
     modes = MeasuredModes(state.frequency_hz[seen], ratio[seen], state.shapes[seen] + 0j, dofs)
-    return update(replace(measured(), frfs=FrfSet(lines, values + noise, sensor, hammer), modes=modes), BEAM)
+    return update(
+        replace(measured(), frfs=FrfSet(lines, values + noise, sensor, hammer), modes=modes), BEAM
+    )
 
 
 def moved_in_the_test() -> Measurement:
-    """Temperature or a sensor that moves shifts a mode between the FRFs: it is found twice, in shapes that are not its own."""
+    """Temperature or a sensor that moves shifts a mode between the FRFs: it is found twice, in
+    shapes that are not its own.
+    """
     assert clean().shapes is not None
     ratio = np.array([mode.measured_damping for mode in clean().modes])
     points = sorted({dof.point for dof in measured().frfs.references})
     at = [clean().shapes.points.index(point) for point in points]
-    shapes = np.array([clean().shapes.updated[partner.model - 1, at] for partner in clean().pairing.partners]) + 0j
+    shapes = (
+        np.array(
+            [clean().shapes.updated[partner.model - 1, at] for partner in clean().pairing.partners]
+        )
+        + 0j
+    )
     part = shapes[1] * np.random.default_rng(5).choice([1.0, 0.1], shapes.shape[1])
-    twice = np.insert(hz(), 2, hz()[1] * 1.002), np.insert(ratio, 2, ratio[1]), np.insert(shapes, 2, part, axis=0)
-    return replace(measured(), modes=MeasuredModes(*twice, tuple(Dof(point, 3) for point in points)))
+    twice = (
+        np.insert(hz(), 2, hz()[1] * 1.002),
+        np.insert(ratio, 2, ratio[1]),
+        np.insert(shapes, 2, part, axis=0),
+    )
+    return replace(
+        measured(), modes=MeasuredModes(*twice, tuple(Dof(point, 3) for point in points))
+    )
 
 
 def gaps() -> Case:
@@ -168,7 +215,10 @@ def gaps() -> Case:
     def run(*, gapped: bool) -> UpdateResult:
         return update(half(gapped=gapped), BEAM, Recipe(weighting="log"))
 
-    alike = Updated(like=partial(run, gapped=False), more=lambda found: found.correlation.updated.sac.min() > 0.98)
+    alike = Updated(
+        like=partial(run, gapped=False),
+        more=lambda found: found.correlation.updated.sac.min() > 0.98,
+    )
     return partial(run, gapped=True), alike
 
 
@@ -185,7 +235,9 @@ def surely_wrong() -> UpdateResult:
 
 def because(words: str, result: UpdateResult) -> None:
     """What the verdict says."""
-    assert any(re.search(words, reason) for reason in result.verdict.reasons), result.verdict.reasons
+    assert any(re.search(words, reason) for reason in result.verdict.reasons), (
+        result.verdict.reasons
+    )
 
 
 def constants_stand(result: UpdateResult) -> None:
@@ -195,17 +247,23 @@ def constants_stand(result: UpdateResult) -> None:
 
 def near_the_measured_ratio(result: UpdateResult) -> None:
     assert [row.name for row in result.parameters if row.identifiable] == ["Ex", "zeta1"]
-    assert result.modes[0].predicted_damping == pytest.approx(result.modes[0].measured_damping, rel=0.02)
+    assert result.modes[0].predicted_damping == pytest.approx(
+        result.modes[0].measured_damping, rel=0.02
+    )
 
 
 def alone_in_the_band(result: UpdateResult) -> None:
-    """Each mode beyond the band had a shift and a ratio of its own of which the lines said nothing, and no fit converged."""
+    """Each mode beyond the band had a shift and a ratio of its own of which the lines said nothing,
+    and no fit converged.
+    """
     for mode, other in zip(result.modes[1:3], clean().modes[1:3], strict=True):
         assert mode.predicted_damping == pytest.approx(other.measured_damping, rel=0.01)
 
 
 def of_noise() -> MeasuredModes | None:
-    """The modes of a measurement whose FRFs support none of their own, but one was typed in: it takes its shape from them."""
+    """The modes of a measurement whose FRFs support none of their own, but one was typed in: it
+    takes its shape from them.
+    """
     white = np.random.default_rng(7).standard_normal((2, 4, 360))
     dofs = tuple(Dof(n, 3) for n in range(1, 5))
     noise = FrfSet(np.arange(41.0, 401.0), white[0] + 1j * white[1], dofs, dofs[:1] * 4)
@@ -223,11 +281,17 @@ def all_held_out() -> object:
     points = {label: (0.1 * label, 0.0, 0.0) for label in (1, 2, 3)}
     values = np.zeros((3, 200), complex)
     values[0] = np.random.default_rng(5).standard_normal((2, 200)).T.copy().view(complex)[:, 0]
-    tour = FrfSet(np.linspace(1.0, 100.0, 200), values, (Dof(3, 3),) * 3, tuple(Dof(point, 3) for point in points))
+    tour = FrfSet(
+        np.linspace(1.0, 100.0, 200),
+        values,
+        (Dof(3, 3),) * 3,
+        tuple(Dof(point, 3) for point in points),
+    )
     return update(Measurement(tour, points), BEAM, Recipe(hold_out=HoldOut(points=(1,))))
 
 
-# --- laboratories of the benchmark in which a fit once failed, or warned as numpy does --------------------------------
+# --- laboratories of the benchmark in which a fit once failed, or warned as numpy does
+# --------------------------------
 
 
 def laboratory(seed: int, step: int) -> Drawn:
@@ -236,7 +300,10 @@ def laboratory(seed: int, step: int) -> Drawn:
     frfs = drawn.measurement.frfs
     lines = slice(None, None, step)
     few = replace(
-        frfs, frequency_hz=frfs.frequency_hz[lines], values=frfs.values[:, lines], measured=frfs.measured[:, lines]
+        frfs,
+        frequency_hz=frfs.frequency_hz[lines],
+        values=frfs.values[:, lines],
+        measured=frfs.measured[:, lines],
     )
     return replace(drawn, measurement=replace(drawn.measurement, frfs=few))
 
@@ -266,7 +333,10 @@ def words_or_numbers(found: UpdateResult | UpdatingError) -> None:
     assert any(word in text for text in found.warnings for word in words)
 
 
-OPPOSITE, HEIGHT = "most FRFs have the opposite sign", "the FRFs are {} times as large as the model's"
+OPPOSITE, HEIGHT = (
+    "most FRFs have the opposite sign",
+    "the FRFs are {} times as large as the model's",
+)
 ONE = "1 measured mode cannot fix the 2 coefficients .* put `modal` first"
 
 # fmt: off
@@ -307,13 +377,15 @@ UPDATES: dict[str, Case] = {
         level="do_not_use", more=partial(because, "most FRFs disagree with the model's"))),
     "above its prior": (lambda: from_modes(Parameter("Ex", prior_mean=22e9, prior_sd=3e9)), Updated(
         [r"the data contradict .* prior of Ex as 33\.\d+ ± [\d.]+ GPa instead of 22 ± 3 GPa"])),
-    "a sure prior": (surely_wrong, Updated([r".*differ from the measured ones by [12]\.\d* %"])),  # half of 5 %, or fewer
+    # half of 5 %, or fewer
+    "a sure prior": (surely_wrong, Updated([r".*differ from the measured ones by [12]\.\d* %"])),
     # damping
     "one mode, two coefficients": (lambda: update(low(measured(), 70), BEAM, RAYLEIGH_ALONE), Updated(no_damping=ONE)),
     "one mode, any law": (lambda: update(low(measured(), 70), BEAM), Updated(
         ["one measured mode cannot fix the 2 coefficients"], more=near_the_measured_ratio)),
     "one mode, heights wrong": (lambda: update(low(faulty(factor=1.5), 70), BEAM, RAYLEIGH_ALONE), Updated(
-        [HEIGHT.format(r"1\.(49|5\d?)")], no_damping="cannot fix the 2 coefficients")),  # of one mode, to a per cent
+        # of one mode, to a per cent
+        [HEIGHT.format(r"1\.(49|5\d?)")], no_damping="cannot fix the 2 coefficients")),
     "no mode in the band": (lambda: update(identified(), BEAM, Recipe(band_hz=(60.0, 90.0))), Updated(
         no_damping="no paired mode lies in the band, 60 to 90 Hz")),
     "modes beyond the band": (lambda: update(identified(), BEAM, Recipe(

@@ -1,4 +1,6 @@
-"""Results are what they were: updates, joint updates, identifications, processed hits, plans, coupons, monitors, failures."""
+"""Results are what they were: updates, joint updates, identifications, processed hits, plans,
+coupons, monitors, failures.
+"""
 
 import json
 from collections.abc import Callable
@@ -18,7 +20,15 @@ from examples.plies import plate, simulated
 from service.app.demo.paper import MODES, STRUCTURE, uff_file
 from service.app.supervisor import LocalService
 from tests.golden import inputs, truths
-from tests.golden.inputs import hits_campaign, imported, job, modes_of, new_campaign, open_campaign, updated
+from tests.golden.inputs import (
+    hits_campaign,
+    imported,
+    job,
+    modes_of,
+    new_campaign,
+    open_campaign,
+    updated,
+)
 from tests.integration import test_coupons as curves
 from tests.integration.test_updates import ANGLES, EXACT, PLY, stored
 from tests.support.golden import check
@@ -46,7 +56,11 @@ OF_PAPER: dict[str, dict[str, Any]] = {
     "zones": {"zones_m": [0.2], "parameters": TWO, "damping_models": RAYLEIGH},
     "laws": {"damping_models": EVERY_LAW, "parameters": TWO},
     "linear": {"weighting": "linear", "damping_models": RAYLEIGH, "band_hz": [10, 500]},
-    "held-out": {"hold_out": {"points": [2, 7], "band_hz": [200, 300]}, "weighting": "log", "damping_models": RAYLEIGH},
+    "held-out": {
+        "hold_out": {"points": [2, 7], "band_hz": [200, 300]},
+        "weighting": "log",
+        "damping_models": RAYLEIGH,
+    },
     "no-damping": {"identification": {"band_hz": [2, 60]}, "damping_models": RAYLEIGH},
     "no-mode": {"identification": {"band_hz": [200, 300]}},
 }
@@ -64,7 +78,9 @@ def test_updates_of_the_papers_beam(api: httpx.Client, tmp_path: Path, name: str
         truths.has_no_spring(found["result"])
 
 
-@pytest.mark.parametrize("name", ["cantilever-1pct", "cantilever-5pct-sensor-mass", "free-1pct", "paper-like"])
+@pytest.mark.parametrize(
+    "name", ["cantilever-1pct", "cantilever-5pct-sensor-mass", "free-1pct", "paper-like"]
+)
 def test_updates_of_open_sets(api: httpx.Client, name: str) -> None:
     found = updated(api, open_campaign(api, name), {})
     check(f"update-{name}", found)
@@ -100,9 +116,17 @@ def test_identifications_of_open_sets_with_faults(api: httpx.Client, name: str) 
 
 @pytest.mark.parametrize(
     ("name", "band"),
-    [("angle", (20, 330)), ("box", (50, 500)), ("channel", (20, 320)), ("i", (10, 260)), ("panel", (5, 140))],
+    [
+        ("angle", (20, 330)),
+        ("box", (50, 500)),
+        ("channel", (20, 320)),
+        ("i", (10, 260)),
+        ("panel", (5, 140)),
+    ],
 )
-def test_identifications_of_open_structures(api: httpx.Client, name: str, band: tuple[float, float]) -> None:
+def test_identifications_of_open_structures(
+    api: httpx.Client, name: str, band: tuple[float, float]
+) -> None:
     """Their first modes: all of them take ten times as long."""
     campaign = new_campaign(api, boundary="free")
     read = imported(api, campaign, inputs.open_file(f"structures/{name}-1.uff"))
@@ -130,7 +154,10 @@ def test_an_update_of_an_unsymmetric_stack(api: httpx.Client) -> None:
     }
     campaign = new_campaign(api, described, boundary="free")
     inputs.put_points(api, campaign, points)
-    check("update-plies", updated(api, campaign, {"mode_set": modes_of(api, campaign, mode_rows(modes, 1e-4))}))
+    check(
+        "update-plies",
+        updated(api, campaign, {"mode_set": modes_of(api, campaign, mode_rows(modes, 1e-4))}),
+    )
 
 
 def test_strips_at_three_angles_are_one_material(
@@ -155,14 +182,23 @@ def test_strips_at_three_angles_are_one_material(
     found = {row["name"]: row for row in result["parameters"]}
     for name in ("Ey", "Gxy", "Gxz"):
         assert found[name]["standard_deviation"] < 0.3 * found[name]["prior_sd"], name
-    held = [row["interval_95"][0] <= TRUTH[name] <= row["interval_95"][1] for name, row in found.items()]
+    held = [
+        row["interval_95"][0] <= TRUTH[name] <= row["interval_95"][1] for name, row in found.items()
+    ]
     assert sum(held) >= 5
     assert result["odd_one_out"] is None
-    assert [part["campaign_id"] for part in result["campaigns"]] == [job["campaign_id"] for job in jobs]
+    assert [part["campaign_id"] for part in result["campaigns"]] == [
+        job["campaign_id"] for job in jobs
+    ]
     assert [part["angle_deg"] for part in result["campaigns"]] == [0, 90, 45]
     assert all(part["predictive_p"] > 0.0025 for part in result["campaigns"])
-    assert {own["name"] for own in result["campaigns"][2]["own"]} >= {"length", "thickness", "fibre_angle"}
-    # Every figure of it is drawn but that over temperature, and its page shows them with the numbers of a contradiction.
+    assert {own["name"] for own in result["campaigns"][2]["own"]} >= {
+        "length",
+        "thickness",
+        "fibre_angle",
+    }
+    # Every figure of it is drawn but that over temperature, and its page shows them with the
+    # numbers of a contradiction.
     listed = ok(api.get(api.base_url.join(f"{location}/figures")), 200)["items"]
     assert [item["name"] for item in listed if not item["available"]] == ["temperature"]
     items = [item for item in listed if item["available"]]
@@ -172,17 +208,29 @@ def test_strips_at_three_angles_are_one_material(
         drawing = api.get(api.base_url.join(item["href"]), params={"format": "svg"}).content
         assert drawing.startswith(b"<?xml")
         assert b"style" not in drawing  # which the policy refuses: it would be black
-    single = [trace for trace in figures["campaigns"]["data"] if trace["name"] != "all together, 95 %"]
+    single = [
+        trace for trace in figures["campaigns"]["data"] if trace["name"] != "all together, 95 %"
+    ]
     drawn = sorted(text for trace in single for text in trace["text"])
-    assert drawn == sorted(f"z {a['z']:+.2f}" for part in result["campaigns"] for a in part["alone"].values())
-    circles = [trace for trace in figures["frequencies"]["data"] if trace["marker"]["symbol"] == "circle"]
+    assert drawn == sorted(
+        f"z {a['z']:+.2f}" for part in result["campaigns"] for a in part["alone"].values()
+    )
+    circles = [
+        trace for trace in figures["frequencies"]["data"] if trace["marker"]["symbol"] == "circle"
+    ]
     for trace, part in zip(circles, result["campaigns"], strict=True):
-        assert trace["y"] == pytest.approx([mode["error_percent"] for mode in part["modes"]], abs=1e-6)
+        assert trace["y"] == pytest.approx(
+            [mode["error_percent"] for mode in part["modes"]], abs=1e-6
+        )
     with session_client(api, base=service.url) as browser:
         page = browser.get(f"/ui/joint-updates/{answer['joint']['id']}").text
         named = browser.get(f"/ui/projects/{project}").text
         campaign = browser.get(f"/ui/campaigns/{jobs[0]['campaign_id']}").text
-    for words in (result["verdict"]["sentence"], "strip 45", f"ui/campaigns/{jobs[2]['campaign_id']}"):
+    for words in (
+        result["verdict"]["sentence"],
+        "strip 45",
+        f"ui/campaigns/{jobs[2]['campaign_id']}",
+    ):
         assert words in page, words
     assert page.count("data-figure=") == len(items)
     assert f"ui/joint-updates/{answer['joint']['id']}" in named
@@ -200,7 +248,10 @@ def test_a_joint_update_of_the_papers_bar(api: httpx.Client) -> None:
 
 
 def test_a_joint_update_from_frfs(api: httpx.Client, project: str) -> None:
-    campaigns = [open_campaign(api, name, project) for name in ("cantilever-1pct", "cantilever-5pct-sensor-mass")]
+    campaigns = [
+        open_campaign(api, name, project)
+        for name in ("cantilever-1pct", "cantilever-5pct-sensor-mass")
+    ]
     jobs = [{"campaign_id": each, "specimen": "one"} for each in campaigns]
     address, state = job(api, "update-jobs", {"joint": True, "jobs": jobs})
     check("joint-frfs", {"job": state, "result": ok(api.get(f"{address}/result"))})
@@ -209,22 +260,38 @@ def test_a_joint_update_from_frfs(api: httpx.Client, project: str) -> None:
 def test_plans(api: httpx.Client, structure: str, new_campaign: Callable[..., str]) -> None:
     path = f"structures/{structure}/plans"
     campaign = new_campaign(boundary="free")
-    typed = modes_of(api, campaign, [{"frequency_hz": hz} for hz in (165.87, 453.39, 800.44, 886.53)])
+    typed = modes_of(
+        api, campaign, [{"frequency_hz": hz} for hz in (165.87, 453.39, 800.44, 886.53)]
+    )
     heavy = {"boundary": "cantilever", "highest_hz": 2000, "sensor": 2, "sensor_mass_kg": 0.002}
     body = {"tests": [{"boundary": "free"}, heavy], "points_to_hit": 8}
     made = [{"campaign_id": campaign, "mode_set": typed}]
-    check("plans", {"default": ok(api.post(path, json={})), "after": ok(api.post(path, json={**body, "made": made}))})
+    check(
+        "plans",
+        {
+            "default": ok(api.post(path, json={})),
+            "after": ok(api.post(path, json={**body, "made": made})),
+        },
+    )
 
 
 def test_coupons(api: httpx.Client, structure: str) -> None:
     batches = f"structures/{structure}/coupon-batches"
     found = {}
-    shear = [(0.6 * g, 100 * t, -0.4 * g) for g, t in zip(curves.SHEAR_GAMMA, curves.SHEAR_TAU, strict=True)]
-    for name, constants, rows in (("D3039", ["Ex", "nu_xy"], curves.CURVE), ("D3518", ["Gxy"], shear)):
+    shear = [
+        (0.6 * g, 100 * t, -0.4 * g)
+        for g, t in zip(curves.SHEAR_GAMMA, curves.SHEAR_TAU, strict=True)
+    ]
+    for name, constants, rows in (
+        ("D3039", ["Ex", "nu_xy"], curves.CURVE),
+        ("D3518", ["Gxy"], shear),
+    ):
         batch = posted(api, batches, {"name": name, "constants": constants})["id"]
         coupon = json.dumps({**curves.COUPON, "standard": name})
         files = {"file": ("A1.csv", curves.machine_file(rows))}
-        sent = ok(api.post(f"coupon-batches/{batch}/coupons", files=files, data={"coupon": coupon}), 201)
+        sent = ok(
+            api.post(f"coupon-batches/{batch}/coupons", files=files, data={"coupon": coupon}), 201
+        )
         for number, modulus in enumerate([38.2, 39.1, 39.9, 61.0]):
             value = {"standard": name, "E_Pa" if name == "D3039" else "G_Pa": 1e9 * modulus}
             posted(api, f"coupon-batches/{batch}/coupons", {"specimen": f"B{number}", **value})
@@ -236,7 +303,9 @@ def test_coupons(api: httpx.Client, structure: str) -> None:
             "summary": ok(api.get(f"coupon-batches/{batch}/summary")),
         }
     published = {"Ex": {"mean": 33e9}, "Ey": {"mean": 31.8e9, "standard_deviation": 1e9}}
-    batch = posted(api, batches, {"name": "Table 4", "constants": ["Ex", "Ey"], "published": published})["id"]
+    batch = posted(
+        api, batches, {"name": "Table 4", "constants": ["Ex", "Ey"], "published": published}
+    )["id"]
     check("coupons", {**found, "published": ok(api.get(f"coupon-batches/{batch}/summary"))})
 
 
@@ -260,14 +329,22 @@ def test_a_monitors_series(api: httpx.Client, project: str) -> None:
 
     def judged(count: int) -> Any:
         series = ok(api.get(f"{path}/series"))
-        return series if [len(row["points"]) for row in series["parameters"]] == [count] * 3 else None
+        return (
+            series if [len(row["points"]) for row in series["parameters"]] == [count] * 3 else None
+        )
 
     for month in range(9):
         state = State(
-            stiffness=0.97 if month > 6 else 1.0, climate=1 - 0.001 * (month * 5 % 7), damping=1 + 0.01 * (month % 3)
+            stiffness=0.97 if month > 6 else 1.0,
+            climate=1 - 0.001 * (month * 5 % 7),
+            damping=1 + 0.01 * (month % 3),
         )
         at = datetime(2024, 1, 15, 10, tzinfo=UTC) + timedelta(days=30 * month)
-        body = {"name": f"month {month}", "performed_at": at.isoformat(), "temperature_c": 15.0 + month * 5 % 7}
+        body = {
+            "name": f"month {month}",
+            "performed_at": at.isoformat(),
+            "temperature_c": 15.0 + month * 5 % 7,
+        }
         post_campaign(api, structure, body, measured_frfs(state, month))
         if month > 6:  # an alarm has a history, which is of what was known when
             series = until(lambda count=month + 1: judged(count), "the series of all campaigns")
@@ -284,7 +361,10 @@ TIP_MASS = {"x_m": 0.5, "y_m": 0.0, "mass_kg": 0.05, "rotary_inertia_kg_m2": 4e-
 FROM_MODES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "no-frfs": ({}, {}),
     "no-mode-in-band": ({}, {"modes": MODES, "band_hz": [60, 90]}),
-    "added-mass": ({"added_masses": [TIP_MASS]}, {"modes": MODES[:2], "damping_models": ["modal"], "parameters": TWO}),
+    "added-mass": (
+        {"added_masses": [TIP_MASS]},
+        {"modes": MODES[:2], "damping_models": ["modal"], "parameters": TWO},
+    ),
 }
 """Instruments and recipes for the paper's beam without FRFs, some of which fail."""
 

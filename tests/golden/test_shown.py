@@ -1,4 +1,6 @@
-"""What is shown and handed out is what it was: figures, reports, pages, exports, the OpenAPI document, the commands."""
+"""What is shown and handed out is what it was: figures, reports, pages, exports, the OpenAPI
+document, the commands.
+"""
 
 import io
 from collections.abc import Callable, Iterator
@@ -37,7 +39,9 @@ def another(service: LocalService) -> Iterator[httpx.Client]:
 @pytest.fixture(scope="module")
 def papers_test(api: httpx.Client, service: LocalService) -> dict[str, Any]:
     """The result of the main job as the demonstration does it: typed modes, priors of coupons."""
-    with httpx.Client(base_url=service.url, headers=api.headers, timeout=60, trust_env=False) as client:
+    with httpx.Client(
+        base_url=service.url, headers=api.headers, timeout=60, trust_env=False
+    ) as client:
         return Laboratory(client).update_beam()
 
 
@@ -60,16 +64,29 @@ def test_the_papers_test(papers_test: dict[str, Any]) -> None:
 
 def test_figures(api: httpx.Client, done: dict[str, Any], identified: str) -> None:
     listed = ok(api.get(f"update-jobs/{done['update_job']}/figures"))["items"]
-    drawn = {each["name"]: ok(api.get(api.base_url.join(each["href"]))) for each in listed if each["available"]}
+    drawn = {
+        each["name"]: ok(api.get(api.base_url.join(each["href"])))
+        for each in listed
+        if each["available"]
+    }
     more = {
         "identification": ok(api.get(f"{identified}/figures/stabilisation")),
-        "dark": ok(api.get(f"update-jobs/{done['update_job']}/figures/mac", params={"theme": "dark"})),
+        "dark": ok(
+            api.get(f"update-jobs/{done['update_job']}/figures/mac", params={"theme": "dark"})
+        ),
         "files": {
-            kind: answered(api.get(f"update-jobs/{done['update_job']}/figures/damping", params={"format": kind}), None)
+            kind: answered(
+                api.get(
+                    f"update-jobs/{done['update_job']}/figures/damping", params={"format": kind}
+                ),
+                None,
+            )
             for kind in ("svg", "png", "pdf")
         },
     }
-    check("figures", {"listed": listed, **drawn, **more, "shapes": without_numbers(drawn["shapes"])})
+    check(
+        "figures", {"listed": listed, **drawn, **more, "shapes": without_numbers(drawn["shapes"])}
+    )
 
 
 def without_numbers(value: Any) -> Any:
@@ -78,7 +95,9 @@ def without_numbers(value: Any) -> Any:
         return {name: without_numbers(each) for name, each in value.items()}
     if isinstance(value, list):
         return [without_numbers(each) for each in value]
-    return value.lstrip("+-") if isinstance(value, str) else 0.0 if isinstance(value, float) else value
+    return (
+        value.lstrip("+-") if isinstance(value, str) else 0.0 if isinstance(value, float) else value
+    )
 
 
 def test_figures_of_hits(another: httpx.Client) -> None:
@@ -90,13 +109,18 @@ def test_reports(api: httpx.Client, done: dict[str, Any]) -> None:
     path = f"update-jobs/{done['update_job']}/report"
     page, printed = api.get(path), api.get(path, params={"format": "pdf"})
     words = [lines(sheet.extract_text()) for sheet in PdfReader(io.BytesIO(printed.content)).pages]
-    check("report", {"html": answered(page, page_lines(page.text)), "pdf": answered(printed, words)})
+    check(
+        "report", {"html": answered(page, page_lines(page.text)), "pdf": answered(printed, words)}
+    )
 
 
 def arrays(content: bytes) -> dict[str, Any]:
     """An npz file."""
     with np.load(io.BytesIO(content)) as file:
-        return {name: file[name] if file[name].dtype.kind in "fciub" else file[name].tolist() for name in file}
+        return {
+            name: file[name] if file[name].dtype.kind in "fciub" else file[name].tolist()
+            for name in file
+        }
 
 
 def test_exports_of_what_was_measured(api: httpx.Client, done: dict[str, Any]) -> None:
@@ -110,7 +134,13 @@ def test_exports_of_what_was_measured(api: httpx.Client, done: dict[str, Any]) -
         "points json": (f"{campaign}/grid-points", {"format": "json"}, numeric),
         "original": (f"imports/{sent['id']}/original", {}, exact),
     }
-    for kind, read in {"json": numeric, "npz": arrays, "csv": exact, "arrow": exact, "uff": exact}.items():
+    for kind, read in {
+        "json": numeric,
+        "npz": arrays,
+        "csv": exact,
+        "arrow": exact,
+        "uff": exact,
+    }.items():
         wanted[f"frfs {kind}"] = f"{campaign}/frfs/data", {"format": kind}, read
         wanted[f"frf {kind}"] = f"frfs/{first}/data", {"format": kind, **part}, read
     found = {}
@@ -125,11 +155,18 @@ def test_exports_of_what_was_measured(api: httpx.Client, done: dict[str, Any]) -
 def test_exports_of_time_blocks(another: httpx.Client) -> None:
     campaign = hits_campaign(another, "hits-plate-one-point")
     row = ok(another.get(f"campaigns/{campaign}/records"))["items"][0]["id"]
-    answers = {kind: another.get(f"records/{row}/data", params={"format": kind}) for kind in ("npz", "csv")}
-    check("exports-records", {kind: answered(each, exact(each.content)) for kind, each in answers.items()})
+    answers = {
+        kind: another.get(f"records/{row}/data", params={"format": kind}) for kind in ("npz", "csv")
+    }
+    check(
+        "exports-records",
+        {kind: answered(each, exact(each.content)) for kind, each in answers.items()},
+    )
 
 
-def test_exports_of_what_was_computed(api: httpx.Client, done: dict[str, Any], identified: str) -> None:
+def test_exports_of_what_was_computed(
+    api: httpx.Client, done: dict[str, Any], identified: str
+) -> None:
     """By their numbers."""
     path = f"update-jobs/{done['update_job']}"
     found = {}
@@ -141,7 +178,12 @@ def test_exports_of_what_was_computed(api: httpx.Client, done: dict[str, Any], i
         found[kind] = answered(answer, read(answer.content))
     answer = api.get(f"mode-sets/{ok(api.get(identified))['mode_set']}", params={"format": "uff"})
     found["modes uff"] = answered(answer, numeric(answer.content))
-    for kind, element in (("calculix", "shell"), ("calculix", "solid"), ("abaqus", "shell"), ("nastran", "shell")):
+    for kind, element in (
+        ("calculix", "shell"),
+        ("calculix", "solid"),
+        ("abaqus", "shell"),
+        ("nastran", "shell"),
+    ):
         answer = api.get(f"{path}/cards", params={"format": kind, "element": element})
         found[f"{kind} {element}"] = answered(answer, numeric(answer.content))
     check("exports-computed", found)
@@ -171,7 +213,9 @@ WORDS = {"description", "summary", "title"}
 
 
 def without_words(value: Any) -> Any:
-    """An OpenAPI document without what is said in it for people; `docs/reference-rest.md` has that."""
+    """An OpenAPI document without what is said in it for people; `docs/reference-rest.md` has
+    that.
+    """
     if isinstance(value, dict):
         said = {name for name in WORDS & value.keys() if isinstance(value[name], str)}
         return {
@@ -200,6 +244,11 @@ def commands(command: Any, words: str) -> Iterator[tuple[str, Any]]:
 def parameter(one: Any) -> dict[str, Any]:
     """An argument or option of a command."""
     names = [*one.opts, *one.secondary_opts]
-    kind = {"names": names, "type": one.type.name, "required": one.required, "many": one.multiple or one.nargs != 1}
+    kind = {
+        "names": names,
+        "type": one.type.name,
+        "required": one.required,
+        "many": one.multiple or one.nargs != 1,
+    }
     default = None if callable(one.default) else str(one.default)
     return {**kind, "default": default, "help": lines(getattr(one, "help", "") or "")}

@@ -35,19 +35,30 @@ def name_of(client: httpx.Client) -> str:
 def test_who_adds_members_does_not_learn_which_users_there_are(
     new_client: NewClient, service: LocalService, rows: Callable[..., list[dict[str, Any]]]
 ) -> None:
-    """A name that nobody has is a member like any other, and is one indeed as soon as it gets a key."""
+    """A name that nobody has is a member like any other, and is one indeed as soon as it gets a
+    key.
+    """
     owner, guest = new_client(), new_client()
     key, old, new = project(owner), name_of(guest), f"tester-{uuid4().hex}"
-    answers = [owner.put(f"projects/{key}/members/{name}", json={"role": "viewer"}) for name in (old, new)]
+    answers = [
+        owner.put(f"projects/{key}/members/{name}", json={"role": "viewer"}) for name in (old, new)
+    ]
     assert [answer.status_code for answer in answers] == [200, 200]
-    shown = [{**answer.json(), "user": "", "user_id": UUID(answer.json()["user_id"]).version} for answer in answers]
+    shown = [
+        {**answer.json(), "user": "", "user_id": UUID(answer.json()["user_id"]).version}
+        for answer in answers
+    ]
     assert shown[0] == shown[1]
     listed = {m["user"]: m for m in owner.get(f"projects/{key}/members").json()["items"]}
     assert listed.keys() == {name_of(owner), old, new}
     assert listed[new].keys() == listed[old].keys()
     moment = "SELECT uuid_extract_timestamp(%s::uuid) < now() - interval '1 ms' AS past"
-    first = "SELECT uuid_extract_timestamp(%s::uuid) >= min(created_at) - interval '1 ms' AS after FROM users"
-    assert rows(moment, listed[new]["user_id"]) == [{"past": True}]  # the id does not say that it was made just now
+    first = (
+        "SELECT uuid_extract_timestamp(%s::uuid) >= min(created_at) - interval '1 ms' AS after FROM"
+        " users"
+    )
+    # the id does not say that it was made just now
+    assert rows(moment, listed[new]["user_id"]) == [{"past": True}]
     assert rows(first, listed[new]["user_id"]) == [{"after": True}]
     with client_of(service, new) as late:
         assert late.get(f"projects/{key}").status_code == 200
@@ -62,12 +73,23 @@ def test_the_last_owner_stays(new_client: NewClient) -> None:
     owner, heir = new_client(), new_client()
     key = project(owner)
     assert owner.delete(f"projects/{key}/members/{name_of(owner)}").status_code == 409
-    assert owner.put(f"projects/{key}/members/{name_of(owner)}", json={"role": "viewer"}).status_code == 409
-    assert owner.put(f"projects/{key}/members/{name_of(owner)}", json={"role": "owner"}).status_code == 200
-    assert owner.put(f"projects/{key}/members/{name_of(heir)}", json={"role": "owner"}).status_code == 200
+    assert (
+        owner.put(f"projects/{key}/members/{name_of(owner)}", json={"role": "viewer"}).status_code
+        == 409
+    )
+    assert (
+        owner.put(f"projects/{key}/members/{name_of(owner)}", json={"role": "owner"}).status_code
+        == 200
+    )
+    assert (
+        owner.put(f"projects/{key}/members/{name_of(heir)}", json={"role": "owner"}).status_code
+        == 200
+    )
     assert owner.delete(f"projects/{key}/members/{name_of(owner)}").status_code == 204
     assert heir.get(f"projects/{key}").status_code == 200
-    acts = [(event["action"], event["detail"]) for event in heir.get("audit-events").json()["items"]]
+    acts = [
+        (event["action"], event["detail"]) for event in heir.get("audit-events").json()["items"]
+    ]
     assert acts == [
         ("member.delete", {}),
         *[("member.put", {"role": "owner"})] * 2,
@@ -80,7 +102,9 @@ def test_pages_by_cursor(api: httpx.Client) -> None:
     got: list[str] = []
     cursor = None
     for size in (3, 3, 1):
-        page = api.get("projects", params={"limit": 3} | ({"cursor": cursor} if cursor else {})).json()
+        page = api.get(
+            "projects", params={"limit": 3} | ({"cursor": cursor} if cursor else {})
+        ).json()
         assert len(page["items"]) == size
         got += [item["id"] for item in page["items"]]
         cursor = page["next_cursor"]
@@ -111,7 +135,11 @@ def test_acts_are_audited_with_their_request(new_client: NewClient) -> None:
     api, other = new_client(), new_client()
     answer = api.post("projects", json={"name": "beam"}, headers={"X-Request-ID": "r-1"})
     event = api.get("audit-events").json()["items"][0]
-    assert (event["action"], event["subject_id"], event["request_id"]) == ("project.create", answer.json()["id"], "r-1")
+    assert (event["action"], event["subject_id"], event["request_id"]) == (
+        "project.create",
+        answer.json()["id"],
+        "r-1",
+    )
     assert (event["user"], event["detail"]) == (name_of(api), {"name": "beam"})
     assert other.get("audit-events").json()["items"] == []
     assert other.get("audit-events", params={"project": answer.json()["id"]}).status_code == 404
@@ -183,13 +211,16 @@ def test_the_cookie_is_kept_from_scripts_and_other_sites(api: httpx.Client) -> N
     name, _, flags = answer.headers["set-cookie"].partition(";")
     assert name.startswith(f"{COOKIE}=mbs_")
     stated = {flag.strip().lower() for flag in flags.split(";")}
-    assert stated == {"httponly", "samesite=strict", "path=/", "max-age=43200"}  # `secure` where one comes by HTTPS
+    # `secure` where one comes by HTTPS
+    assert stated == {"httponly", "samesite=strict", "path=/", "max-age=43200"}
     assert answer.headers["cache-control"] == "no-store"
     assert name.partition("=")[2] not in answer.text
 
 
 @pytest.mark.parametrize("token", [None, "", "0" * 64, "é"])
-def test_a_change_without_the_sessions_token_is_refused(signed_in: httpx.Client, token: str | None) -> None:
+def test_a_change_without_the_sessions_token_is_refused(
+    signed_in: httpx.Client, token: str | None
+) -> None:
     headers = {} if token is None else {"X-CSRF-Token": token.encode()}
     signed_in.headers.pop("X-CSRF-Token")
     answer = signed_in.post("projects", json={"name": "forged"}, headers=headers)
@@ -198,16 +229,22 @@ def test_a_change_without_the_sessions_token_is_refused(signed_in: httpx.Client,
     assert ok(signed_in.get("projects"))["items"] == []
 
 
-def test_a_session_ends_when_its_owner_signs_out(api: httpx.Client, signed_in: httpx.Client) -> None:
+def test_a_session_ends_when_its_owner_signs_out(
+    api: httpx.Client, signed_in: httpx.Client
+) -> None:
     answer = signed_in.delete("session")
     assert answer.status_code == 204
     assert answer.headers["set-cookie"].startswith(f'{COOKIE}=""; ')
-    assert {"httponly", "max-age=0"} <= {flag.strip().lower() for flag in answer.headers["set-cookie"].split(";")}
+    assert {"httponly", "max-age=0"} <= {
+        flag.strip().lower() for flag in answer.headers["set-cookie"].split(";")
+    }
     assert signed_in.get("projects").status_code == 401
     acts = [event["action"] for event in ok(api.get("audit-events"))["items"]]
     assert acts == ["session.delete", "session.create"]
 
 
-def test_a_session_makes_no_session_and_a_key_ends_none(signed_in: httpx.Client, api: httpx.Client) -> None:
+def test_a_session_makes_no_session_and_a_key_ends_none(
+    signed_in: httpx.Client, api: httpx.Client
+) -> None:
     assert signed_in.post("session").status_code == 409
     assert api.delete("session").status_code == 409

@@ -1,4 +1,6 @@
-"""Rules of access that a database holds: keys, browser's sessions, users, and rows that are found with a role."""
+"""Rules of access that a database holds: keys, browser's sessions, users, and rows that are found
+with a role.
+"""
 
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
@@ -49,7 +51,9 @@ def with_key(session: Session, name: str = "ada", **how: Any) -> tuple[ApiKey, s
     return *create_key(session, user, "k", **how), user
 
 
-def refused(kind: type[Exception], words: str, act: Callable[..., object], *given: Any, **how: Any) -> None:
+def refused(
+    kind: type[Exception], words: str, act: Callable[..., object], *given: Any, **how: Any
+) -> None:
     with pytest.raises(kind, match=words):
         act(*given, **how)
 
@@ -78,7 +82,9 @@ def test_a_key_opens_until_it_ends_is_revoked_or_its_user_disabled(sessions: Ses
             f"mb_{row.prefix[:-1]}._x",
             "mb_\udc80_x",
         ):
-            refused(Unauthorized, "the API key is not valid; make one with", found_key, session, wrong)
+            refused(
+                Unauthorized, "the API key is not valid; make one with", found_key, session, wrong
+            )
         refused(Unauthorized, "the session has ended; sign in again", found_key, session, "mbs_x")
         for place, name, value, opens in (
             (row, "expires_at", now + timedelta(hours=1), True),
@@ -121,7 +127,8 @@ def test_the_use_of_a_key_is_noted_once_a_minute_and_waits_for_nobody(sessions: 
         session.execute(update(ApiKey).values(last_used_at=None))
     with sessions.begin() as other, sessions.begin() as session:
         other.execute(select(ApiKey).with_for_update())
-        session.execute(text("SET LOCAL lock_timeout = '1ms'"))  # the lock stays for as long as `other` is open
+        # the lock stays for as long as `other` is open
+        session.execute(text("SET LOCAL lock_timeout = '1ms'"))
         assert found_key(session, key)[0].prefix == row.prefix
 
 
@@ -155,7 +162,9 @@ def test_a_session_ends_with_its_time_its_key_and_by_itself(sessions: Sessions) 
         assert kept.id, "it is stored, and the audit can name it"
         left = session.execute(select(BrowserSession.key_id, BrowserSession.expires_at)).all()
         assert (kept.key_id, kept.expires_at) in left
-        assert sorted(key_id for key_id, _ in left) == sorted([row.id, row.id, brief.id, lasting.id])
+        assert sorted(key_id for key_id, _ in left) == sorted(
+            [row.id, row.id, brief.id, lasting.id]
+        )
 
 
 def test_users_are_found_by_name_or_key_and_entered_by_name_alone(sessions: Sessions) -> None:
@@ -180,8 +189,21 @@ def test_only_administrators_and_never_themselves(sessions: Sessions) -> None:
         chief.administrator = True
         session.flush()
         require_administrator(chief)
-        refused(Forbidden, "this is for administrators; the operator makes one", require_administrator, ada)
-        refused(Conflict, "cannot disable themselves", set_disabled, session, chief, chief, disabled=True)
+        refused(
+            Forbidden,
+            "this is for administrators; the operator makes one",
+            require_administrator,
+            ada,
+        )
+        refused(
+            Conflict,
+            "cannot disable themselves",
+            set_disabled,
+            session,
+            chief,
+            chief,
+            disabled=True,
+        )
         for disabled in (False, True, True, False, False):
             set_disabled(session, chief, ada, disabled=disabled)
             assert (ada.disabled_at is not None) is disabled
@@ -212,19 +234,26 @@ def test_keys_that_open_something_are_counted(sessions: Sessions) -> None:
 
 
 CAMPAIGN: Lookup[Campaign] = Lookup(Campaign, "campaign", "structure_id", structure_for)
-LINEAGE: Lookup[Campaign] = Lookup(Campaign, "campaign", "structure_id", structure_for, deleted_owner=True)
+LINEAGE: Lookup[Campaign] = Lookup(
+    Campaign, "campaign", "structure_id", structure_for, deleted_owner=True
+)
 
 
 @pytest.fixture
 def house(sessions: Sessions) -> Iterator[tuple[Session, User, Project, Structure, Campaign]]:
-    """A campaign of a structure of a project that ada owns; her colleague cat is an editor, bob only looks on."""
+    """A campaign of a structure of a project that ada owns; her colleague cat is an editor, bob
+    only looks on.
+    """
     with sessions() as session:
         users = [user_named(session, name) for name in ("ada", "cat", "bob")]
         project = Project(name="p")
         session.add(project)
         session.flush()
         roles = ("owner", "editor", "viewer")
-        session.add_all(Member(project_id=project.id, user_id=u.id, role=r) for u, r in zip(users, roles, strict=True))
+        session.add_all(
+            Member(project_id=project.id, user_id=u.id, role=r)
+            for u, r in zip(users, roles, strict=True)
+        )
         structure = Structure(project_id=project.id, name="s")
         session.add(structure)
         session.flush()
@@ -260,15 +289,29 @@ def test_a_row_is_found_with_the_role_that_the_act_needs(house: House) -> None:
     assert CAMPAIGN.named(session, ada, campaign.id, "/c") is campaign
     with pytest.raises(Invalid) as fault:
         CAMPAIGN.named(session, ada, structure.id, "/c")
-    assert (fault.value.faults[0].pointer, str(structure.id) in fault.value.faults[0].detail) == ("/c", True)
-    assert CAMPAIGN.project_of(session, campaign) == structure_for.project_of(session, structure) == project.id
+    assert (fault.value.faults[0].pointer, str(structure.id) in fault.value.faults[0].detail) == (
+        "/c",
+        True,
+    )
+    assert (
+        CAMPAIGN.project_of(session, campaign)
+        == structure_for.project_of(session, structure)
+        == project.id
+    )
 
 
 def test_what_is_deleted_is_not_found_with_all_that_is_in_it(house: House) -> None:
     session, ada, project, structure, campaign = house
     key = campaign.id
     refused(Conflict, "the campaign is not deleted", CAMPAIGN.bring_back, session, ada, campaign)
-    refused(Conflict, "not deleted; delete it first, and purge it", CAMPAIGN.purge, session, ada, campaign)
+    refused(
+        Conflict,
+        "not deleted; delete it first, and purge it",
+        CAMPAIGN.purge,
+        session,
+        ada,
+        campaign,
+    )
     CAMPAIGN.hide(session, ada, campaign)
     now = session.execute(text("SELECT now()")).scalar_one()
     assert (campaign.deleted_at, campaign.updated_at) == (now, now)
@@ -298,10 +341,13 @@ def test_what_is_deleted_is_not_found_with_all_that_is_in_it(house: House) -> No
     assert {(event.user_id, event.project_id) for event in events} == {(ada.id, project.id)}
 
 
-def test_a_project_has_so_many_members_and_no_more(house: House, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_project_has_so_many_members_and_no_more(
+    house: House, monkeypatch: pytest.MonkeyPatch
+) -> None:
     session, ada, project, _, _ = house
     eve = user_named(session, "eve")
-    monkeypatch.setattr(routes, "MOST_MEMBERS", 3)  # as many as there are: a role of theirs can be changed
+    # as many as there are: a role of theirs can be changed
+    monkeypatch.setattr(routes, "MOST_MEMBERS", 3)
     routes._require_place(session, project.id, ada)
     refused(Conflict, "the project has 3 members", routes._require_place, session, project.id, eve)
     monkeypatch.setattr(routes, "MOST_MEMBERS", 4)
@@ -313,15 +359,22 @@ def test_a_project_goes_with_all_that_is_in_it_in_whatever_order(house: House) -
     job = Job(project_id=project.id, kind="import", queue="imports")
     session.add_all([job, Original(sha256=b"1", size=1)])
     session.flush()
-    session.add(Import(id=job.id, campaign_id=campaign.id, filename="a.uff", sha256=b"1", dry_run=False))
+    session.add(
+        Import(id=job.id, campaign_id=campaign.id, filename="a.uff", sha256=b"1", dry_run=False)
+    )
     project.deleted_at = datetime.now(UTC)
     session.flush()
     projects.purge(session, ada, project)
-    left = [session.execute(select(table.id)).all() for table in (Project, Structure, Campaign, Job, Import)]
+    left = [
+        session.execute(select(table.id)).all()
+        for table in (Project, Structure, Campaign, Job, Import)
+    ]
     assert left == [[], [], [], [], []]
 
 
-def test_a_row_is_read_again_under_its_lock(house: House, sessions: Sessions, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_row_is_read_again_under_its_lock(
+    house: House, sessions: Sessions, monkeypatch: pytest.MonkeyPatch
+) -> None:
     session, ada, _, _, campaign = house
     session.commit()
     assert CAMPAIGN(session, ada, campaign.id).name == "c"
@@ -332,13 +385,15 @@ def test_a_row_is_read_again_under_its_lock(house: House, sessions: Sessions, mo
     with sessions() as other:
         other.execute(text("SET LOCAL lock_timeout = '1ms'"))
         other.execute(select(Structure).with_for_update())  # what it belongs to is not locked
-        other.execute(text("SELECT 1 FROM campaigns FOR KEY SHARE"))  # rows that refer to it come in
+        # rows that refer to it come in
+        other.execute(text("SELECT 1 FROM campaigns FOR KEY SHARE"))
         with pytest.raises(OperationalError, match="lock timeout"):
             other.execute(select(Campaign).with_for_update(key_share=True))
     with sessions() as edits, sessions() as other:
         user_of_id(edits, ada.id, locked=True)
         other.execute(text("SET LOCAL lock_timeout = '1ms'"))
-        other.execute(text("SELECT 1 FROM users FOR KEY SHARE"))  # keys and memberships of theirs still come in
+        # keys and memberships of theirs still come in
+        other.execute(text("SELECT 1 FROM users FOR KEY SHARE"))
         with pytest.raises(OperationalError, match="lock timeout"):
             other.execute(select(User).where(User.id == ada.id).with_for_update(key_share=True))
 

@@ -1,4 +1,6 @@
-"""Attempts at jobs on a real database and the tickets that name them: what is met between the start and the end of one."""
+"""Attempts at jobs on a real database and the tickets that name them: what is met between the start
+and the end of one.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -18,7 +20,16 @@ from service.db.schema import upgrade
 from service.jobs import attempt as attempts
 from service.jobs import tickets
 from service.jobs.attempt import Attempt
-from service.jobs.child import CANCELLED, DRAINED, Checkpoint, Failure, Item, Message, Order, Progress
+from service.jobs.child import (
+    CANCELLED,
+    DRAINED,
+    Checkpoint,
+    Failure,
+    Item,
+    Message,
+    Order,
+    Progress,
+)
 from service.jobs.dispatch import begin_next, recover_stalled, recover_strays
 from service.jobs.kinds import JobKind
 from service.jobs.manager import Manager
@@ -34,7 +45,9 @@ BUG = Failure("internal", "ZeroDivisionError", "internal error", trace="where it
 
 
 class Here:
-    """What a child sends, without the child: the messages that the job's inputs are; a failure ends them."""
+    """What a child sends, without the child: the messages that the job's inputs are; a failure ends
+    them.
+    """
 
     def __init__(self, order: Order) -> None:
         self.sent: list[Message] = order.inputs
@@ -71,14 +84,16 @@ class Trial:
     folder: Path
     attempt: Attempt | None = None
 
-    def run(self, *sent: Message, load: Callable[[Session], Any] | None = None, **changed: Any) -> tuple[str, str]:
+    def run(
+        self, *sent: Message, load: Callable[[Session], Any] | None = None, **changed: Any
+    ) -> tuple[str, str]:
         """The outcome of an attempt and the job's state after it.
 
         Args:
             sent: by the child.
             load: what is done before that.
-            changed: of the kind of job; `stop` is why it is stopped before it begins, with `lose_ticket` the queue has
-                lost its ticket.
+            changed: of the kind of job; `stop` is why it is stopped before it begins, with
+                `lose_ticket` the queue has lost its ticket.
         """
         stop, lose_ticket = changed.pop("stop", None), changed.pop("lose_ticket", False)
 
@@ -93,7 +108,9 @@ class Trial:
             job = begin_next(session, ["jobs"], "a worker", None)
             if lose_ticket:
                 session.execute(text("DELETE FROM procrastinate_jobs"))
-            worker = session.scalar(text("INSERT INTO procrastinate_workers DEFAULT VALUES RETURNING id"))
+            worker = session.scalar(
+                text("INSERT INTO procrastinate_workers DEFAULT VALUES RETURNING id")
+            )
             assert tickets.take(session, job, worker).id == job.ticket
             session.expunge(job)
         self.attempt = Attempt(self.sessions, Settings(), kind, job)
@@ -110,7 +127,8 @@ class Trial:
 def trial(sessions: Sessions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Trial]:
     monkeypatch.setattr(attempts, "Child", Here)
     monkeypatch.setattr(attempts, "AGAIN_SECONDS", 0.0)
-    with capture_logs():  # to print a trace with the values of all its names takes longer than the attempt
+    # to print a trace with the values of all its names takes longer than the attempt
+    with capture_logs():
         yield Trial(sessions, tmp_path)
 
 
@@ -120,7 +138,8 @@ def lose_connection(session: Session) -> None:
 
 def test_ends_of_attempts(trial: Trial) -> None:
     assert trial.run(stop=CANCELLED) == ("cancelled", "cancelled")
-    assert trial.run(Item(1), Item(2), store=first_alone) == ("succeeded", "succeeded")  # it leaves the second
+    # it leaves the second
+    assert trial.run(Item(1), Item(2), store=first_alone) == ("succeeded", "succeeded")
     assert trial.run(Progress("half", 0.5), Checkpoint(b"x"), Item(1)) == ("succeeded", "succeeded")
     assert trial.run(LOST) == ("queued again", "queued")
     assert trial.run(LOST, lose_ticket=True) == ("queued again", "queued")
@@ -162,7 +181,9 @@ def test_an_end_waits_for_the_database(trial: Trial, sessions: Sessions) -> None
     nowhere = make_sessions(engine)
 
     class Away:
-        """Sessions on nothing for two transactions, that of the result and that of the attempt's end; then the real ones."""
+        """Sessions on nothing for two transactions, that of the result and that of the attempt's
+        end; then the real ones.
+        """
 
         def __init__(self) -> None:
             self.left = [nowhere, nowhere]
@@ -180,11 +201,13 @@ def test_an_end_waits_for_the_database(trial: Trial, sessions: Sessions) -> None
     engine.dispose()
 
 
-# --- tickets of the queue -----------------------------------------------------------------------------------------------
+# --- tickets of the queue
+# -----------------------------------------------------------------------------------------------
 
 ALL = text("SELECT id, status, args->>'job_id' AS job_id FROM procrastinate_jobs ORDER BY id")
 REGISTER = text(
-    "INSERT INTO procrastinate_workers (last_heartbeat) VALUES (now() - cast(:ago AS interval)) RETURNING id"
+    "INSERT INTO procrastinate_workers (last_heartbeat) VALUES (now() - cast(:ago AS interval))"
+    " RETURNING id"
 )
 LEASE = 30.0
 
@@ -215,7 +238,10 @@ def test_a_ticket_names_its_job_from_the_queue_to_the_end(sessions: Sessions) ->
     assert all_tickets(sessions) == [(a, "doing", str(first))]
     with sessions.begin() as session:
         retry(session, second)
-    assert [row[1:] for row in all_tickets(sessions)] == [("doing", str(first)), ("todo", str(second))]
+    assert [row[1:] for row in all_tickets(sessions)] == [
+        ("doing", str(first)),
+        ("todo", str(second)),
+    ]
 
 
 def test_a_worker_that_is_heard_of_keeps_its_job(sessions: Sessions) -> None:
@@ -233,7 +259,11 @@ def test_a_silent_workers_job_waits_again_and_its_attempt_is_fenced(sessions: Se
     with sessions.begin() as session:
         recover_stalled(session, LEASE)
     job = look(sessions, job_id)
-    assert (job.state, job.losses, job.message) == ("queued", 1, f"worker worker {worker_id} died; queued again")
+    assert (job.state, job.losses, job.message) == (
+        "queued",
+        1,
+        f"worker worker {worker_id} died; queued again",
+    )
     assert all_tickets(sessions) == [(before[0], "todo", str(job_id))]
     begin(sessions)
     with sessions.begin() as session:
@@ -280,7 +310,9 @@ def test_a_jobs_ticket_goes_with_its_row(sessions: Sessions) -> None:
     assert all_tickets(sessions) == []
 
 
-def test_a_paused_worker_lets_go_of_what_another_has_taken_over(sessions: Sessions, database: str, gate: Gate) -> None:
+def test_a_paused_worker_lets_go_of_what_another_has_taken_over(
+    sessions: Sessions, database: str, gate: Gate
+) -> None:
     (job_id,) = put(sessions, "slow")
     with worker(database, gate, job_lease_seconds=1) as first:
         held(sessions, job_id)
@@ -291,7 +323,8 @@ def test_a_paused_worker_lets_go_of_what_another_has_taken_over(sessions: Sessio
             assert wait(sessions, job_id).attempt == 2
             for process in family:
                 process.resume()
-            (busy,) = put(sessions, "stubborn")  # one worker is busy with it, so the other has to have let go
+            # one worker is busy with it, so the other has to have let go
+            (busy,) = put(sessions, "stubborn")
             wait(sessions, busy, lambda job: "factorising" in (job.stage or ""))
             assert wait(sessions, put(sessions, "echo")[0]).state == "succeeded"
     assert len(items(sessions, job_id)) == 5
@@ -305,19 +338,36 @@ def before_tickets(empty_database: str) -> Engine:
     return engine
 
 
-def test_jobs_of_the_version_before_run_after_the_upgrade(before_tickets: Engine, empty_database: str) -> None:
+def test_jobs_of_the_version_before_run_after_the_upgrade(
+    before_tickets: Engine, empty_database: str
+) -> None:
     with before_tickets.begin() as connection:
         project = connection.scalar(text("INSERT INTO projects (name) VALUES ('p') RETURNING id"))
         new = text(
             "INSERT INTO jobs (kind, project_id, queue, state, attempt, worker) "
             "VALUES ('echo', :project, 'jobs', :state, :attempt, :worker) RETURNING id"
         )
-        waits = connection.scalar(new, {"project": project, "state": "queued", "attempt": 0, "worker": None})
-        runs = connection.scalar(new, {"project": project, "state": "running", "attempt": 1, "worker": "old"})
-        ended = connection.scalar(new, {"project": project, "state": "succeeded", "attempt": 1, "worker": "old"})
-        old = "INSERT INTO procrastinate_jobs (queue_name, task_name, args, status) VALUES ('jobs', 'modalbase.run', "
-        for args, status in ((f'{{"job_id": "{waits}"}}', "todo"), ('{"job_id": null}', "todo"), ("{}", "doing")):
-            connection.execute(text(old + "cast(:args AS jsonb), :status)"), {"args": args, "status": status})
+        waits = connection.scalar(
+            new, {"project": project, "state": "queued", "attempt": 0, "worker": None}
+        )
+        runs = connection.scalar(
+            new, {"project": project, "state": "running", "attempt": 1, "worker": "old"}
+        )
+        ended = connection.scalar(
+            new, {"project": project, "state": "succeeded", "attempt": 1, "worker": "old"}
+        )
+        old = (
+            "INSERT INTO procrastinate_jobs (queue_name, task_name, args, status) VALUES ('jobs',"
+            " 'modalbase.run', "
+        )
+        for args, status in (
+            (f'{{"job_id": "{waits}"}}', "todo"),
+            ('{"job_id": null}', "todo"),
+            ("{}", "doing"),
+        ):
+            connection.execute(
+                text(old + "cast(:args AS jsonb), :status)"), {"args": args, "status": status}
+            )
     upgrade(before_tickets)
     sessions = make_sessions(before_tickets)
     assert [row[1:] for row in all_tickets(sessions)] == [("todo", str(waits)), ("todo", str(runs))]

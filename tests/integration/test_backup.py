@@ -14,7 +14,14 @@ from sqlalchemy import Engine, LargeBinary, insert, inspect, select, text
 import service.app.composition  # noqa: F401  imports every table
 from fecore import __version__
 from service.access.tables import Member, Project, User
-from service.app.backup.archive import MANIFEST, BackupError, our_tables, read_back, read_manifest, write_backup
+from service.app.backup.archive import (
+    MANIFEST,
+    BackupError,
+    our_tables,
+    read_back,
+    read_manifest,
+    write_backup,
+)
 from service.app.backup.restoring import restore_backup
 from service.app.backup.verification import CHECKED, find_damage
 from service.db.base import Base
@@ -53,18 +60,32 @@ def repair_digests(engine: Engine) -> None:
         catalogue = inspect(connection)
         tables = catalogue.get_table_names()
         for table, _, data, digest in CHECKED:
-            if table in tables and data in {column["name"] for column in catalogue.get_columns(table)}:
-                connection.execute(text(f"UPDATE {table} SET {digest} = sha256({data}) WHERE {data} IS NOT NULL"))
-        names = [name for name in ("imports", "original_chunks", "structure_models") if name in tables]
-        connection.execute(text("INSERT INTO originals SELECT sha256(data), length(data) FROM original_chunks"))
+            if table in tables and data in {
+                column["name"] for column in catalogue.get_columns(table)
+            }:
+                connection.execute(
+                    text(f"UPDATE {table} SET {digest} = sha256({data}) WHERE {data} IS NOT NULL")
+                )
+        names = [
+            name for name in ("imports", "original_chunks", "structure_models") if name in tables
+        ]
+        connection.execute(
+            text("INSERT INTO originals SELECT sha256(data), length(data) FROM original_chunks")
+        )
         for name in names:
-            connection.execute(text(f"UPDATE {name} SET sha256 = (SELECT sha256(data) FROM original_chunks)"))
-        connection.execute(text("DELETE FROM originals WHERE sha256 NOT IN (SELECT sha256 FROM original_chunks)"))
+            connection.execute(
+                text(f"UPDATE {name} SET sha256 = (SELECT sha256(data) FROM original_chunks)")
+            )
+        connection.execute(
+            text("DELETE FROM originals WHERE sha256 NOT IN (SELECT sha256 FROM original_chunks)")
+        )
         connection.execute(text("UPDATE original_chunks SET number = 0"))
 
 
 @pytest.mark.parametrize("revision", [revisions()[1], revisions()[-1]])
-def test_every_row_comes_back_from_every_schema(source: Engine, target: Engine, tmp_path: Path, revision: str) -> None:
+def test_every_row_comes_back_from_every_schema(
+    source: Engine, target: Engine, tmp_path: Path, revision: str
+) -> None:
     upgrade(source, revision)
     with source.begin() as connection:
         fill(connection)
@@ -74,7 +95,9 @@ def test_every_row_comes_back_from_every_schema(source: Engine, target: Engine, 
     assert (manifest.revision, manifest.software, manifest.damaged) == (revision, __version__, [])
     assert stat_mode(tmp_path / "backup") == 0o600
     back: list[tuple[int, int]] = []
-    assert restore_backup(target, tmp_path / "backup", lambda *bytes_: back.append(bytes_)) == manifest
+    assert (
+        restore_backup(target, tmp_path / "backup", lambda *bytes_: back.append(bytes_)) == manifest
+    )
     assert seen == sorted(seen)
     assert all(done <= total for done, total in (*seen, *back))
     assert back[-1][0] == back[-1][1]
@@ -92,7 +115,9 @@ def test_every_row_comes_back_from_every_schema(source: Engine, target: Engine, 
 
 
 def test_the_file_of_the_release_before_is_restored(target: Engine) -> None:
-    """`release-0.2.0.modalbase` was written by that release's own code: a row in each of its tables."""
+    """`release-0.2.0.modalbase` was written by that release's own code: a row in each of its
+    tables.
+    """
     file = Path(__file__).parent / "files" / "release-0.2.0.modalbase"
     manifest = restore_backup(target, file)
     assert (manifest.software, manifest.revision, manifest.damaged) == ("0.2.0", "0019_inputs", [])
@@ -105,7 +130,8 @@ def test_the_file_of_the_release_before_is_restored(target: Engine) -> None:
     assert find_damage_of(target) == []
     (frf,) = restored["frfs"]
     assert (frf["data"], frf["label"], frf["step_hz"]) == (b"\x00\xff", "µε, °", 0.5)
-    assert {row["kind"] for row in restored["stored_bytes"]} >= {"files", "frfs"}  # what the upgrade enters
+    # what the upgrade enters
+    assert {row["kind"] for row in restored["stored_bytes"]} >= {"files", "frfs"}
 
 
 def stat_mode(path: Path) -> int:
@@ -185,7 +211,8 @@ def test_half_a_restore_leaves_nothing(engine: Engine, target: Engine, tmp_path:
         "a table's name before its rows": users.header_offset + HEADER_BYTES,
         "a table's name in the list": content.rindex(users.filename.encode()),
     }
-    # A whole byte: one bit may be that of a distance within a run of zeros, and then the rows are what they were.
+    # A whole byte: one bit may be that of a distance within a run of zeros, and then the rows are
+    # what they were.
     broken = {
         name: content[:position] + bytes([content[position] ^ 0xFF]) + content[position + 1 :]
         for name, position in flipped.items()
@@ -206,7 +233,9 @@ HEADER_BYTES = 30  # of a member of a zip; its name and more fields follow
 def middle(content: bytes, member: ZipInfo) -> int:
     """Where the middle of a member's compressed bytes is in the file."""
     lengths = content[member.header_offset + HEADER_BYTES - 4 : member.header_offset + HEADER_BYTES]
-    before = HEADER_BYTES + int.from_bytes(lengths[:2], "little") + int.from_bytes(lengths[2:], "little")
+    before = (
+        HEADER_BYTES + int.from_bytes(lengths[:2], "little") + int.from_bytes(lengths[2:], "little")
+    )
     return member.header_offset + before + member.compress_size // 2
 
 
@@ -218,7 +247,10 @@ def test_a_backup_that_cannot_be_read_back_is_none(
     content = backup_of(engine, tmp_path / "sound").read_bytes()
     with ZipFile(tmp_path / "sound") as archive:
         *tables, manifest = archive.infolist()
-    place = {"a table's rows": middle(content, tables[-1]), "the manifest": middle(content, manifest)}.get(damage)
+    place = {
+        "a table's rows": middle(content, tables[-1]),
+        "the manifest": middle(content, manifest),
+    }.get(damage)
     file, flush = tmp_path / "backup", os.fsync
 
     def rot(descriptor: int) -> None:
@@ -234,7 +266,9 @@ def test_a_backup_that_cannot_be_read_back_is_none(
 
     monkeypatch.setattr(os, "fsync", rot)
     said = modalbase_here("backup", file, code=1, MODALBASE_DATABASE_URL=database).stderr
-    assert said.startswith("modalbase: the backup was written and cannot be read back; is the disk sound?"), said
+    assert said.startswith(
+        "modalbase: the backup was written and cannot be read back; is the disk sound?"
+    ), said
     assert len(said.splitlines()) == 1
     assert [path.name for path in tmp_path.iterdir()] == ["sound"]
 
@@ -257,7 +291,9 @@ def test_rows_are_counted_when_a_backup_is_read_back(
         read_back(other, expected)
 
 
-def test_a_newer_version_s_backup_is_refused(engine: Engine, target: Engine, tmp_path: Path) -> None:
+def test_a_newer_version_s_backup_is_refused(
+    engine: Engine, target: Engine, tmp_path: Path
+) -> None:
     with engine.begin() as connection:
         connection.execute(text("UPDATE alembic_version SET version_num = '9999_future'"))
     with pytest.raises(Exception, match="newer modalbase"):
@@ -305,7 +341,11 @@ def test_a_table_that_is_cut_short_in_a_sound_zip_is_named_in_one_line(
             b'"name": "people"',
             "the backup's tables are not those of its schema; the file is damaged",
         ),
-        (b'"rows": 1,', b'"rows": 2,', "the backup's table users is damaged: it is not what was written"),
+        (
+            b'"rows": 1,',
+            b'"rows": 2,',
+            "the backup's table users is damaged: it is not what was written",
+        ),
     ],
 )
 def test_a_manifest_that_does_not_fit_its_tables_is_refused(
@@ -317,13 +357,17 @@ def test_a_manifest_that_does_not_fit_its_tables_is_refused(
     assert inspect(target).get_table_names() == []
 
 
-def test_damage_of_the_database_is_named_and_carried(engine: Engine, target: Engine, tmp_path: Path) -> None:
+def test_damage_of_the_database_is_named_and_carried(
+    engine: Engine, target: Engine, tmp_path: Path
+) -> None:
     with engine.begin() as connection:
         fill(connection)
     repair_digests(engine)
     with engine.begin() as connection:
         frf = connection.scalar(text("UPDATE frfs SET data = '\\x01' RETURNING id"))
-        original = connection.scalar(text("UPDATE original_chunks SET data = '\\x02' RETURNING encode(sha256, 'hex')"))
+        original = connection.scalar(
+            text("UPDATE original_chunks SET data = '\\x02' RETURNING encode(sha256, 'hex')")
+        )
     damage = [f"frfs {frf}: data", f"originals {original}: data"]
     assert find_damage_of(engine) == damage
     assert write_backup(engine, tmp_path / "backup").damaged == damage
@@ -345,7 +389,9 @@ def test_every_column_of_bytes_is_checked() -> None:
     elsewhere = {("original_chunks", "data")}  # checked as whole files
     without_digest = {("frfs", "axis"), ("job_checkpoints", "data")}
     assert found >= checked | elsewhere
-    assert {name for name in found - checked - elsewhere - without_digest if has_digest(*name)} == set()
+    assert {
+        name for name in found - checked - elsewhere - without_digest if has_digest(*name)
+    } == set()
 
 
 def has_digest(table: str, column: str) -> bool:
@@ -353,20 +399,34 @@ def has_digest(table: str, column: str) -> bool:
 
 
 def test_jobs_that_waited_or_ran_wait_again(engine: Engine, target: Engine, tmp_path: Path) -> None:
-    """Also in a schema without rows, as `modalbase db upgrade`, which a deployment runs first, leaves it."""
+    """Also in a schema without rows, as `modalbase db upgrade`, which a deployment runs first,
+    leaves it.
+    """
     upgrade(target)
     with make_sessions(engine).begin() as session:
         project = Project(name="x")
         session.add(project)
         session.flush()
         for state in ("queued", "running", "succeeded"):
-            job = {"kind": "import", "project_id": project.id, "queue": "jobs", "state": state, "worker": "gone"}
+            job = {
+                "kind": "import",
+                "project_id": project.id,
+                "queue": "jobs",
+                "state": state,
+                "worker": "gone",
+            }
             session.execute(insert(Job).values(**job))
     write_backup(engine, tmp_path / "backup")
     restore_backup(target, tmp_path / "backup")
     with target.connect() as connection:
         jobs = connection.execute(text("SELECT state, worker FROM jobs ORDER BY id")).all()
-        assert [tuple(job) for job in jobs] == [("queued", None), ("queued", None), ("succeeded", "gone")]
-        tickets = connection.scalars(text("SELECT args->>'job_id' FROM procrastinate_jobs WHERE status = 'todo'")).all()
+        assert [tuple(job) for job in jobs] == [
+            ("queued", None),
+            ("queued", None),
+            ("succeeded", "gone"),
+        ]
+        tickets = connection.scalars(
+            text("SELECT args->>'job_id' FROM procrastinate_jobs WHERE status = 'todo'")
+        ).all()
         waiting = connection.scalars(text("SELECT id::text FROM jobs WHERE state = 'queued'")).all()
         assert sorted(tickets) == sorted(waiting)

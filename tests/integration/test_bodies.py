@@ -1,4 +1,6 @@
-"""Bodies in space over HTTP: a shape goes in, FRFs along several directions, and the constants of each wall come out."""
+"""Bodies in space over HTTP: a shape goes in, FRFs along several directions, and the constants of
+each wall come out.
+"""
 
 import tempfile
 from collections.abc import Callable
@@ -41,16 +43,22 @@ def updated(
     job = api.post(f"campaigns/{key}/update-jobs", json=recipe or {})
     done = finished(api, job.headers["Location"])
     assert done["status"] == "succeeded", done["error"]
-    return job.headers["Location"], ok(api.get(api.base_url.join(job.headers["Location"] + "/result")), 200)
+    return job.headers["Location"], ok(
+        api.get(api.base_url.join(job.headers["Location"] + "/result")), 200
+    )
 
 
 @pytest.mark.parametrize("boundary", ["free", "cantilever", "simply_supported"])
-def test_constants_of_each_wall_come_back_from_an_empty_recipe(api: httpx.Client, project: str, boundary: str) -> None:
+def test_constants_of_each_wall_come_back_from_an_empty_recipe(
+    api: httpx.Client, project: str, boundary: str
+) -> None:
     structure = made(api, project)
     address, result = updated(api, structure["id"], measured(boundary=boundary), boundary)
     assert result["verdict"]["level"] in ("usable", "with_care")
     found = {row["name"]: row for row in result["parameters"]}
-    assert list(found)[:10] == [f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")]
+    assert list(found)[:10] == [
+        f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")
+    ]
     for name, value in TRUTH.items():
         low, high = found[name]["interval_95"]
         assert low < value < high, name
@@ -61,7 +69,10 @@ def test_constants_of_each_wall_come_back_from_an_empty_recipe(api: httpx.Client
     assert {"model of the joints", "common material of the sets", "web.t", largest} <= sources
     assert min(mode["mac"] for mode in result["modes"] if mode["mac"] is not None) > 0.95
     assert len(result["provenance"]["frfs"]) == 28
-    wanted = {"filter": f"id = '{address.rpartition('/')[2]}' AND flange.E1_sd > 0", "fields": "flange.E1"}
+    wanted = {
+        "filter": f"id = '{address.rpartition('/')[2]}' AND flange.E1_sd > 0",
+        "fields": "flange.E1",
+    }
     (row,) = ok(api.get("search/results", params=wanted), 200)["items"]
     assert row["flange.E1"] == found["flange.E1"]["estimate"]
     if boundary == "cantilever":
@@ -94,7 +105,9 @@ def get_shown(api: httpx.Client, address: str) -> None:
     assert len(modes) == len(shown["model"]) + len(shown["measured"])
     assert modes[-1].label.startswith(f"measured mode {shown['measured'][-1]['number']}, expanded")
     assert len(modes[-1].points) == len(shown["nodes"]["x_m"])
-    at_points = uff_contents(api.get(f"{base}/mesh", params={"format": "uff", "at": "points"}).content)
+    at_points = uff_contents(
+        api.get(f"{base}/mesh", params={"format": "uff", "at": "points"}).content
+    )
     assert {each.number: each.xyz_m[0] for each in at_points if isinstance(each, GridPoint)} == {
         point["label"]: point["x_m"] for point in shown["points"]
     }
@@ -114,7 +127,9 @@ def test_two_campaigns_of_a_body_are_updated_together(api: httpx.Client, project
         sent = {"name": boundary, "boundary": boundary, "inputs": {"window_rate_per_s": 0}}
         keys.append(ok(api.post(f"structures/{structure}/campaigns", json=sent), 201)["id"])
         queued = api.post(
-            f"campaigns/{keys[-1]}/imports", params={"filename": "t.uff"}, content=measured(boundary=boundary)
+            f"campaigns/{keys[-1]}/imports",
+            params={"filename": "t.uff"},
+            content=measured(boundary=boundary),
         )
         assert finished(api, queued.headers["Location"])["status"] == "succeeded"
     jobs = [{"campaign_id": key} for key in keys]
@@ -131,13 +146,21 @@ def test_two_campaigns_of_a_body_are_updated_together(api: httpx.Client, project
     assert done["status"] == "succeeded", done["error"]
     result = ok(api.get(api.base_url.join(begun.headers["Location"] + "/result")), 200)
     found = {row["name"]: row for row in result["parameters"]}
-    assert list(found) == [f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")]
+    assert list(found) == [
+        f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")
+    ]
     for name, value in TRUTH.items():
         low, high = found[name]["interval_95"]
         assert low < value < high, name
-    assert {row["name"] for row in result["campaigns"][0]["own"]} >= {"flange.t", "web.density", "height", "length"}
+    assert {row["name"] for row in result["campaigns"][0]["own"]} >= {
+        "flange.t",
+        "web.density",
+        "height",
+        "length",
+    }
     assert result["conflicts"] == []
-    # The web is one more piece of the batch's material, which is known to 0.22 GPa; the modes alone know it to 0.75.
+    # The web is one more piece of the batch's material, which is known to 0.22 GPa; the modes alone
+    # know it to 0.75.
     assert 0.8 * COUPON_SD < found["web.E2"]["standard_deviation"] < 1.1 * COUPON_SD
     assert found["web.E2"]["budget"][0]["source"] == "coupons"
 
@@ -156,18 +179,24 @@ def of_web(api: httpx.Client, structure: str) -> str:
 COUPON_SD = 0.2e9
 
 
-def test_coupons_of_one_wall_are_the_prior_of_its_constants(api: httpx.Client, project: str) -> None:
+def test_coupons_of_one_wall_are_the_prior_of_its_constants(
+    api: httpx.Client, project: str
+) -> None:
     structure = made(api, project)["id"]
     unknown = {"name": "rib", "constants": ["Ex"], "sets": ["web", "rib"]}
     (fault,) = ok(api.post(f"structures/{structure}/coupon-batches", json=unknown), 422)["errors"]
-    assert (fault["pointer"], fault["detail"]) == ("/sets/1", "is rib; the structure has flange, web")
+    assert (fault["pointer"], fault["detail"]) == (
+        "/sets/1",
+        "is rib; the structure has flange, web",
+    )
     batch = of_web(api, structure)
     assert ok(api.get(f"coupon-batches/{batch}"), 200)["sets"] == ["web"]
     recipe = {"prior_from_coupon_batch": batch, "damping_models": ["rayleigh"]}
     _, result = updated(api, structure, measured(), "free", recipe)
     found = {row["name"]: row for row in result["parameters"]}
     assert found["web.E2"]["prior_mean"] == TRUTH["web.E2"]
-    assert COUPON_SD < found["web.E2"]["prior_sd"] < 1.1 * COUPON_SD  # one more piece than the twenty
+    # one more piece than the twenty
+    assert COUPON_SD < found["web.E2"]["prior_sd"] < 1.1 * COUPON_SD
     assert found["flange.E2"]["prior_mean"] == ANGLE["shape"]["material"]["E2_Pa"]
     assert found["web.E2"]["interval_95"][0] < TRUTH["web.E2"] < found["web.E2"]["interval_95"][1]
     assert found["web.E2"]["standard_deviation"] <= found["web.E2"]["prior_sd"]
@@ -207,9 +236,14 @@ def test_the_mesh_of_a_shape_as_files(api: httpx.Client, project: str) -> None:
     vtu = api.get(address, params={"format": "vtu"})
     assert f'NumberOfPoints="{len(shown["nodes"]["numbers"])}"'.encode() in vtu.content
     assert api.get(address, headers={"If-None-Match": vtu.headers["ETag"]}).status_code == 200
-    again = api.get(address, params={"format": "vtu"}, headers={"If-None-Match": vtu.headers["ETag"]})
+    again = api.get(
+        address, params={"format": "vtu"}, headers={"If-None-Match": vtu.headers["ETag"]}
+    )
     assert again.status_code == 304
-    assert "expected one of json, vtu, uff" in ok(api.get(address, params={"format": "stl"}), 422)["detail"]
+    assert (
+        "expected one of json, vtu, uff"
+        in ok(api.get(address, params={"format": "stl"}), 422)["detail"]
+    )
 
 
 WRONG: list[tuple[Callable[[dict[str, Any]], Any], str, str]] = [
@@ -223,14 +257,22 @@ WRONG: list[tuple[Callable[[dict[str, Any]], Any], str, str]] = [
     (lambda s: s["walls"].update(web={}), "/shape/walls", "web states neither"),
     (lambda s: s.pop("material"), "/shape/walls", "flange states no material"),
     (lambda s: s["material"].update(nu_12=2), "/shape/material/nu_12", "positive definite"),
-    (lambda s: s["material"].update(density_kg_m3=1.85), "/shape/material/density_kg_m3", "did you mean 1850"),
+    (
+        lambda s: s["material"].update(density_kg_m3=1.85),
+        "/shape/material/density_kg_m3",
+        "did you mean 1850",
+    ),
     (lambda s: s["walls"]["web"].update(thickness_m=4), "/shape/walls", "no room for walls"),
 ]
 
 
 @pytest.mark.parametrize(("change", "pointer", "words"), WRONG)
 def test_what_is_wrong_with_a_shape_is_said_at_its_member(
-    api: httpx.Client, project: str, change: Callable[[dict[str, Any]], Any], pointer: str, words: str
+    api: httpx.Client,
+    project: str,
+    change: Callable[[dict[str, Any]], Any],
+    pointer: str,
+    words: str,
 ) -> None:
     body = deepcopy(ANGLE)
     change(body["shape"])
@@ -241,14 +283,21 @@ def test_what_is_wrong_with_a_shape_is_said_at_its_member(
 
 def test_a_shape_leaves_no_room_for_a_strip(api: httpx.Client, project: str) -> None:
     body = {**ANGLE, "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}}
-    assert "has its own geometry" in ok(api.post(f"projects/{project}/structures", json=body), 422)["detail"]
+    assert (
+        "has its own geometry"
+        in ok(api.post(f"projects/{project}/structures", json=body), 422)["detail"]
+    )
     weightless = {name: value for name, value in ANGLE.items() if name != "density_kg_m3"}
     structure = ok(api.post(f"projects/{project}/structures", json=weightless), 201)["id"]
-    campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}), 201)["id"]
+    campaign = ok(
+        api.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}), 201
+    )["id"]
     problem = ok(api.post(f"campaigns/{campaign}/update-jobs", json={}), 422)
     assert "wall flange: a model needs it" in problem["detail"]
     heavy = made(api, project)["id"]
-    campaign = ok(api.post(f"structures/{heavy}/campaigns", json={"name": "c", "boundary": "free"}), 201)["id"]
+    campaign = ok(
+        api.post(f"structures/{heavy}/campaigns", json={"name": "c", "boundary": "free"}), 201
+    )["id"]
     along = {"springs": [{"name": "bed", "stiffness": 1e4, "direction": 3, "edge": "lower"}]}
     problem = ok(api.post(f"campaigns/{campaign}/update-jobs", json=along), 422)["errors"][0]
     assert (problem["pointer"], problem["detail"]) == (
@@ -257,21 +306,30 @@ def test_a_shape_leaves_no_room_for_a_strip(api: httpx.Client, project: str) -> 
     )
 
 
-def test_a_plan_says_which_test_or_coupons_would_find_a_wall_s_constant(api: httpx.Client, project: str) -> None:
+def test_a_plan_says_which_test_or_coupons_would_find_a_wall_s_constant(
+    api: httpx.Client, project: str
+) -> None:
     structure = made(api, project)["id"]
     plain = {"boundary": "free", "highest_hz": 1500}
     coupons = {"constants": ["Ey"], "sets": ["web"], "pieces": 5}
-    sent = {"tests": [plain, {**plain, "boundary": "cantilever"}], "coupons": [coupons], "points_to_hit": 6}
+    sent = {
+        "tests": [plain, {**plain, "boundary": "cantilever"}],
+        "coupons": [coupons],
+        "points_to_hit": 6,
+    }
     plan = ok(api.post(f"structures/{structure}/plans", json={**sent, "about": "web.E2"}), 200)
     items = {item["name"]: item for item in plan["items"]}
     assert set(items) == {"coupons 1: Ey of web", "1: angle, free", "2: angle, cantilever"}
-    scatters, probability = prior_of_scatter(0.15)  # before any test, how far walls differ is only known by its prior
+    # before any test, how far walls differ is only known by its prior
+    scatters, probability = prior_of_scatter(0.15)
     variance = np.log1p(0.3**2) + probability @ np.log1p(scatters**2)
     assert plan["known_sd"]["web.E2"] == pytest.approx(8.5e9 * variance**0.5)
     cut, free = items["coupons 1: Ey of web"], items["1: angle, free"]
     assert cut["shrinks_most"] == "web.E2"
-    assert cut["expected_sd"]["web.E2"] == pytest.approx(0.05 * 8.5e9 * 1.5518, rel=0.05)  # one more piece than five
-    # Of the same material, as far as walls of one are alike: its scatter has a prior with long tails.
+    # one more piece than five
+    assert cut["expected_sd"]["web.E2"] == pytest.approx(0.05 * 8.5e9 * 1.5518, rel=0.05)
+    # Of the same material, as far as walls of one are alike: its scatter has a prior with long
+    # tails.
     assert cut["expected_sd"]["flange.E2"] < 0.85 * plan["known_sd"]["flange.E2"]
     assert cut["expected_sd"]["flange.G12"] == pytest.approx(plan["known_sd"]["flange.G12"])
     assert len(free["points_m"]) == 6
@@ -289,14 +347,26 @@ def test_a_plan_says_which_test_or_coupons_would_find_a_wall_s_constant(api: htt
             "/coupons/0/sets",
             "name rib; the sets of this body: flange",
         ),
-        ({"tests": [{**plain, "points_m": [[0.1, 0.2, 0.3]]}]}, "/tests/0/points_m/0", "off the specimen"),
+        (
+            {"tests": [{**plain, "points_m": [[0.1, 0.2, 0.3]]}]},
+            "/tests/0/points_m/0",
+            "off the specimen",
+        ),
         (
             {"tests": [{**plain, "added_masses": [{"x_m": 9, "y_m": 0, "mass_kg": 1}]}]},
             "/tests/0/added_masses",
             "off the",
         ),
-        ({"tests": [{**plain, "highest_hz": 1}]}, "/tests/0/highest_hz", "is 1 Hz, below the first mode"),
-        ({"tests": [{**plain, "damping_ratio": 1e-300}]}, "/tests/0/damping_ratio", "expected at least 1e-6"),
+        (
+            {"tests": [{**plain, "highest_hz": 1}]},
+            "/tests/0/highest_hz",
+            "is 1 Hz, below the first mode",
+        ),
+        (
+            {"tests": [{**plain, "damping_ratio": 1e-300}]},
+            "/tests/0/damping_ratio",
+            "expected at least 1e-6",
+        ),
     ):
         error = ok(api.post(f"structures/{structure}/plans", json=wrong), 422)["errors"][0]
         assert error["pointer"] == pointer
@@ -308,7 +378,13 @@ def test_the_open_i_profile_from_its_file(api: httpx.Client, project: str) -> No
     content = shared_file("BLIND_OPEN", "blind-open", "structures/i-1.uff").read_bytes()
     wall = {"thickness_m": 0.006}
     structure = made(
-        api, project, kind="i", length_m=1.5, width_m=0.06, height_m=0.12, walls={"flange": wall, "web": wall}
+        api,
+        project,
+        kind="i",
+        length_m=1.5,
+        width_m=0.06,
+        height_m=0.12,
+        walls={"flange": wall, "web": wall},
     )
     recipe = {"identification": {"band_hz": [10, 260]}, "damping_models": ["rayleigh"]}
     _, result = updated(api, structure["id"], content, "free", recipe)
@@ -321,8 +397,12 @@ def test_a_wall_can_be_watched(api: httpx.Client, project: str) -> None:
     structure = ok(api.post(f"projects/{project}/structures", json=ANGLE), 201)["id"]
     wanted = {"name": "m", "parameters": [{"name": "web.E1"}]}
     monitor = ok(api.post(f"structures/{structure}/monitors", json=wanted), 201)
-    assert [(each["name"], each["direction"]) for each in monitor["parameters"]] == [("web.E1", "fall")]
-    usual = ok(api.post(f"structures/{structure}/monitors", json={"name": "usual"}), 201)["parameters"]
+    assert [(each["name"], each["direction"]) for each in monitor["parameters"]] == [
+        ("web.E1", "fall")
+    ]
+    usual = ok(api.post(f"structures/{structure}/monitors", json={"name": "usual"}), 201)[
+        "parameters"
+    ]
     watched = ["flange.E1", "flange.G12", "web.E1", "web.G12", "a0", "a1"]
     assert sorted(each["name"] for each in usual) == sorted(watched)
     wanted["parameters"] = [{"name": "webb.E1"}]

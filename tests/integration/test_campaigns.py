@@ -27,12 +27,17 @@ FULL: dict[str, Any] = {
         "sensors": [{"model": "352C65", "serial": "4711", "points": [1, 30]}],
         "sensor_mass_kg": 0.0048,
         "sensor_point": 30,
-        "added_masses": [{"x_m": 0.4, "y_m": 0.01, "z_m": 0.0, "mass_kg": 0.05, "rotary_inertia_kg_m2": 4e-6}],
+        "added_masses": [
+            {"x_m": 0.4, "y_m": 0.01, "z_m": 0.0, "mass_kg": 0.05, "rotary_inertia_kg_m2": 4e-6}
+        ],
     },
     "frame": {"origin_m": [0.1, 0.0, 0.0], "x_axis": [0.0, 1.0, 0.0], "y_axis": [-1.0, 0.0, 0.0]},
     "notes": "tip mass removed",
 }
-POINTS = [{"label": 1, "x_m": 0.1, "y_m": -0.02, "z_m": 0.005}, {"label": 7, "x_m": 0.2, "y_m": 0.02, "z_m": 0.005}]
+POINTS = [
+    {"label": 1, "x_m": 0.1, "y_m": -0.02, "z_m": 0.005},
+    {"label": 7, "x_m": 0.2, "y_m": 0.02, "z_m": 0.005},
+]
 
 
 def test_a_campaign_is_stored_as_it_was_sent(api: httpx.Client, structure: str) -> None:
@@ -43,7 +48,9 @@ def test_a_campaign_is_stored_as_it_was_sent(api: httpx.Client, structure: str) 
 
 
 def test_name_and_boundary_are_enough(api: httpx.Client, structure: str) -> None:
-    body = ok(api.post(f"structures/{structure}/campaigns", json={"name": "x", "boundary": "free"}), 201)
+    body = ok(
+        api.post(f"structures/{structure}/campaigns", json={"name": "x", "boundary": "free"}), 201
+    )
     assert body["frame"] == {"origin_m": [0, 0, 0], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0]}
     assert body["instruments"]["sensor_mass_kg"] is None
     assert body["performed_at"] is None
@@ -58,13 +65,17 @@ def test_a_patch_changes_what_it_names(api: httpx.Client, campaign: str) -> None
     ok(api.patch(f"campaigns/{campaign}", json={"name": "late"}, headers=etag), 412)
     ok(api.patch(f"campaigns/{campaign}", json={"name": "late"}), 428)
     newer = {"If-Match": api.get(f"campaigns/{campaign}").headers["ETag"]}
-    cleared = ok(api.patch(f"campaigns/{campaign}", json={"temperature_c": None}, headers=newer), 200)
+    cleared = ok(
+        api.patch(f"campaigns/{campaign}", json={"temperature_c": None}, headers=newer), 200
+    )
     recorded = ok(api.get("audit-events"), 200)["items"][0]
     assert recorded["detail"] == {"was": {"temperature_c": 19.0}, "now": {"temperature_c": None}}
     assert cleared["temperature_c"] is None
 
 
-def test_a_deleted_campaign_is_gone_until_it_is_restored(api: httpx.Client, structure: str, campaign: str) -> None:
+def test_a_deleted_campaign_is_gone_until_it_is_restored(
+    api: httpx.Client, structure: str, campaign: str
+) -> None:
     typed = {"name": "typed", "modes": [{"frequency_hz": 25.0}]}
     mode_set = ok(api.post(f"campaigns/{campaign}/mode-sets", json=typed), 201)["id"]
     ok(api.post(f"campaigns/{campaign}/restore"), 409)
@@ -74,7 +85,9 @@ def test_a_deleted_campaign_is_gone_until_it_is_restored(api: httpx.Client, stru
     ok(api.delete(f"campaigns/{campaign}"), 404)
     ok(api.post(f"campaigns/{campaign}/imports", content=b"x"), 404)
     assert ok(api.get(f"structures/{structure}/campaigns"), 200)["items"] == []
-    deleted = ok(api.get(f"structures/{structure}/campaigns", params={"deleted": "true"}), 200)["items"]
+    deleted = ok(api.get(f"structures/{structure}/campaigns", params={"deleted": "true"}), 200)[
+        "items"
+    ]
     assert [c["id"] for c in deleted] == [campaign]
     assert ok(api.post(f"campaigns/{campaign}/restore"), 200)["deleted_at"] is None
     ok(api.get(f"mode-sets/{mode_set}"), 200)
@@ -134,11 +147,14 @@ def test_a_broken_table_of_points_is_refused_with_its_line(
 
 
 def test_points_of_another_media_type_are_refused(api: httpx.Client, campaign: str) -> None:
-    answer = api.put(f"campaigns/{campaign}/grid-points", content=b"x", headers={"Content-Type": "text/html"})
+    answer = api.put(
+        f"campaigns/{campaign}/grid-points", content=b"x", headers={"Content-Type": "text/html"}
+    )
     ok(answer, 415)
 
 
-# --- mode sets over HTTP ------------------------------------------------------------------------------------------------
+# --- mode sets over HTTP
+# ------------------------------------------------------------------------------------------------
 
 SHAPE = [
     {"point": 1, "direction": 3, "real": 1.0, "imag": 0.5},
@@ -147,7 +163,10 @@ SHAPE = [
 
 
 def test_modes_are_stored_by_frequency(api: httpx.Client, campaign: str) -> None:
-    modes = [{"frequency_hz": 160.06, "damping_ratio": 0.0284, "shape": SHAPE}, {"frequency_hz": 25.63}]
+    modes = [
+        {"frequency_hz": 160.06, "damping_ratio": 0.0284, "shape": SHAPE},
+        {"frequency_hz": 25.63},
+    ]
     created = api.post(f"campaigns/{campaign}/mode-sets", json={"name": "paper", "modes": modes})
     body = ok(created, 201)
     assert body["origin"] == "typed"
@@ -190,7 +209,9 @@ def test_a_mode_set_goes_out_as_set_55_and_comes_back(
         {
             "frequency_hz": f,
             "damping_ratio": z,
-            "shape": [dict(zip(("point", "direction", "real", "imag"), v, strict=True)) for v in shape],
+            "shape": [
+                dict(zip(("point", "direction", "real", "imag"), v, strict=True)) for v in shape
+            ],
         }
         for f, z, shape in zip((12.5, 80.0), (0.015625, 0.03125), shapes, strict=True)
     ]
@@ -199,7 +220,12 @@ def test_a_mode_set_goes_out_as_set_55_and_comes_back(
     made = ok(api.post(f"campaigns/{first}/mode-sets", json={"name": "hand", "modes": modes}), 201)
     file = api.get(f"mode-sets/{made['id']}", params={"format": "uff"}).raise_for_status()
     assert file.headers["content-type"].startswith("text/x-uff")
-    assert imported(second, file.content)["counts"] == {"frfs": 0, "grid_points": 2, "modes": 2, "records": 0}
+    assert imported(second, file.content)["counts"] == {
+        "frfs": 0,
+        "grid_points": 2,
+        "modes": 2,
+        "records": 0,
+    }
     (back,) = ok(api.get(f"campaigns/{second}/mode-sets"), 200)["items"]
     for sent, got in zip(modes, back["modes"], strict=True):
         # a complex mode travels as its eigenvalue, in columns of 12 characters
@@ -219,19 +245,32 @@ def test_modes_without_shapes_cannot_be_a_set_55(api: httpx.Client, campaign: st
     ok(api.get(f"mode-sets/{made['id']}", params={"format": "npz"}), 422)
 
 
-def test_poles_kept_and_dropped_by_hand_are_a_new_set_that_says_who_and_why(api: httpx.Client, campaign: str) -> None:
-    modes = [{"frequency_hz": hz, "damping_ratio": 0.01, "shape": SHAPE} for hz in (25.63, 50.0, 160.06)]
-    first = ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "typed", "modes": modes}), 201)
+def test_poles_kept_and_dropped_by_hand_are_a_new_set_that_says_who_and_why(
+    api: httpx.Client, campaign: str
+) -> None:
+    modes = [
+        {"frequency_hz": hz, "damping_ratio": 0.01, "shape": SHAPE} for hz in (25.63, 50.0, 160.06)
+    ]
+    first = ok(
+        api.post(f"campaigns/{campaign}/mode-sets", json={"name": "typed", "modes": modes}), 201
+    )
     decisions = [{"frequency_hz": 50.0, "keep": False, "reason": "hum of the mains"}]
     edit = {"name": "checked", "decisions": decisions}
     created = api.post(f"mode-sets/{first['id']}/edits", json=edit)
     edited = ok(created, 201)
     assert edited["origin"] == "edited"
-    assert [(mode["number"], mode["frequency_hz"]) for mode in edited["modes"]] == [(1, 25.63), (2, 160.06)]
+    assert [(mode["number"], mode["frequency_hz"]) for mode in edited["modes"]] == [
+        (1, 25.63),
+        (2, 160.06),
+    ]
     assert edited["modes"][1]["shape"] == SHAPE
     assert edited["details"]["edited_from"] == first["id"]
     [decision] = edited["details"]["decisions"]
-    assert (decision["frequency_hz"], decision["keep"], decision["reason"]) == (50.0, False, "hum of the mains")
+    assert (decision["frequency_hz"], decision["keep"], decision["reason"]) == (
+        50.0,
+        False,
+        "hum of the mains",
+    )
     assert decision["by"]
     assert decision["at"]
     assert ok(api.get(f"mode-sets/{first['id']}"), 200) == first
@@ -239,9 +278,13 @@ def test_poles_kept_and_dropped_by_hand_are_a_new_set_that_says_who_and_why(api:
     refused = ok(api.post(f"mode-sets/{first['id']}/edits", json=nowhere), 422)
     assert "no pole of the set is there; it has 25.63, 50, 160.06 Hz" in str(refused)
     assert refused["errors"][0]["pointer"] == "/decisions/0/frequency_hz"
-    twice = edit | {"decisions": [*decisions, {"frequency_hz": 50.0, "keep": True, "reason": "a mode"}]}
+    twice = edit | {
+        "decisions": [*decisions, {"frequency_hz": 50.0, "keep": True, "reason": "a mode"}]
+    }
     refused = ok(api.post(f"mode-sets/{first['id']}/edits", json=twice), 422)
-    assert refused["errors"] == [{"pointer": "/decisions/1", "detail": "is a second one on 50 Hz; expected one"}]
+    assert refused["errors"] == [
+        {"pointer": "/decisions/1", "detail": "is a second one on 50 Hz; expected one"}
+    ]
     none = [{"frequency_hz": hz, "keep": False, "reason": "noise"} for hz in (25.63, 50.0, 160.06)]
     assert "keep at least one" in str(
         ok(api.post(f"mode-sets/{first['id']}/edits", json=edit | {"decisions": none}), 422)

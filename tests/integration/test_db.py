@@ -23,8 +23,22 @@ from migrations import procrastinate_schema
 from service.access.tables import User
 from service.app.application import create_app
 from service.db.base import Base
-from service.db.engine import Sessions, for_reading, make_engine, make_sessions, psycopg_url, sqlalchemy_url
-from service.db.schema import SchemaError, _config, current_revision, head_revision, require_head, upgrade
+from service.db.engine import (
+    Sessions,
+    for_reading,
+    make_engine,
+    make_sessions,
+    psycopg_url,
+    sqlalchemy_url,
+)
+from service.db.schema import (
+    SchemaError,
+    _config,
+    current_revision,
+    head_revision,
+    require_head,
+    upgrade,
+)
 from service.settings import Settings
 
 
@@ -75,7 +89,9 @@ def test_models_and_migrations_agree(engine: Engine) -> None:
             connection,
             opts={
                 "compare_server_default": True,
-                "include_name": lambda name, kind, _: not (kind == "table" and name.startswith("procrastinate_")),
+                "include_name": lambda name, kind, _: (
+                    not (kind == "table" and name.startswith("procrastinate_"))
+                ),
             },
         )
         assert compare_metadata(context, Base.metadata) == []
@@ -94,7 +110,8 @@ def test_keys_are_uuid7_in_order_of_creation(sessions: Sessions) -> None:
 
 
 @pytest.mark.parametrize(
-    "given", ["postgres://u:p%40@h:1/d", "postgresql://u:p%40@h:1/d", "postgresql+psycopg://u:p%40@h:1/d"]
+    "given",
+    ["postgres://u:p%40@h:1/d", "postgresql://u:p%40@h:1/d", "postgresql+psycopg://u:p%40@h:1/d"],
 )
 def test_urls(given: str) -> None:
     assert sqlalchemy_url(given) == "postgresql+psycopg://u:p%40@h:1/d"
@@ -103,7 +120,12 @@ def test_urls(given: str) -> None:
 
 def test_libpq_understands_spaces_in_passwords_and_paths() -> None:
     url = psycopg_url("postgresql://u:a b+%2F@/d?host=%2Fsrv%2Fa%20b%2B")
-    assert conninfo_to_dict(url) == {"user": "u", "password": "a b+/", "dbname": "d", "host": "/srv/a b+"}
+    assert conninfo_to_dict(url) == {
+        "user": "u",
+        "password": "a b+/",
+        "dbname": "d",
+        "host": "/srv/a b+",
+    }
 
 
 def test_other_databases_are_refused() -> None:
@@ -132,14 +154,20 @@ OWN_PID = text("SELECT pg_backend_pid()")
 
 def asked(engine: Engine, question: LiteralString, pid: int | None) -> object:
     """By a connection of its own."""
-    with psycopg.connect(psycopg_url(engine.url.render_as_string(hide_password=False))) as connection:
+    with psycopg.connect(
+        psycopg_url(engine.url.render_as_string(hide_password=False))
+    ) as connection:
         row = connection.execute(question, [pid]).fetchone()
         return row[0] if row else None
 
 
-# --- upgrades of databases that hold rows -------------------------------------------------------------------------------
+# --- upgrades of databases that hold rows
+# -------------------------------------------------------------------------------
 
-TOGETHER: dict[str, dict[str, Any]] = {"frfs": {"step_hz": 0.5}, "deliveries": {"recipient": "lab@example.org"}}
+TOGETHER: dict[str, dict[str, Any]] = {
+    "frfs": {"step_hz": 0.5},
+    "deliveries": {"recipient": "lab@example.org"},
+}
 """Values that a check on several columns wants."""
 
 DROPPED = {("jobs", "lease_until")}
@@ -167,12 +195,15 @@ def tables_of(connection: Connection) -> list[Table]:
     """Our tables as they are in the database, parents first."""
     metadata = MetaData()
     metadata.reflect(
-        connection, only=lambda name, _: not name.startswith("procrastinate_") and name != "alembic_version"
+        connection,
+        only=lambda name, _: not name.startswith("procrastinate_") and name != "alembic_version",
     )
     return metadata.sorted_tables
 
 
-def a_value(table: Table, column: Column[Any], connection: Connection, allowed: dict[str, str], number: int) -> Any:
+def a_value(
+    table: Table, column: Column[Any], connection: Connection, allowed: dict[str, str], number: int
+) -> Any:
     """One that the column takes, which its newest parent has where it has one."""
     for key in column.foreign_keys:
         return connection.scalar(select(key.column).order_by(key.column.desc()).limit(1))
@@ -188,7 +219,9 @@ def a_value(table: Table, column: Column[Any], connection: Connection, allowed: 
     return VALUES[kind] if kind in VALUES else uuid4()
 
 
-def fill(connection: Connection, number: int = 0, tables: list[Table] | None = None) -> dict[str, list[dict[str, Any]]]:
+def fill(
+    connection: Connection, number: int = 0, tables: list[Table] | None = None
+) -> dict[str, list[dict[str, Any]]]:
     """A row in every table: all that must be stated, and every reference to another table.
 
     Args:
@@ -211,13 +244,17 @@ def fill(connection: Connection, number: int = 0, tables: list[Table] | None = N
             or column.name in TOGETHER.get(table.name, {})
             or (column.foreign_keys and table.name != "deliveries")
         ]
-        connection.execute(insert(table), {c.name: a_value(table, c, connection, allowed, number) for c in needed})
+        connection.execute(
+            insert(table), {c.name: a_value(table, c, connection, allowed, number) for c in needed}
+        )
         stored[table.name] = [dict(row._mapping) for row in connection.execute(select(table))]
     return stored
 
 
 def test_an_upgrade_keeps_every_row(empty: Engine) -> None:
-    """From each revision to the next, with rows of that and of every earlier revision in every table."""
+    """From each revision to the next, with rows of that and of every earlier revision in every
+    table.
+    """
     chain, tables = revisions(), None
     upgrade(empty, chain[0])
     for number, following in enumerate(chain[1:]):
@@ -232,13 +269,19 @@ def test_an_upgrade_keeps_every_row(empty: Engine) -> None:
                 if name in GONE - after.keys():
                     continue
                 columns = [column for column in rows[0] if (name, column) not in DROPPED]
-                kept = connection.execute(select(*(after[name].c[column] for column in columns))).all()
+                kept = connection.execute(
+                    select(*(after[name].c[column] for column in columns))
+                ).all()
                 found = sorted(str(dict(row._mapping)) for row in kept)
-                assert found == sorted(str({c: row[c] for c in columns}) for row in rows), (name, following)
+                assert found == sorted(str({c: row[c] for c in columns}) for row in rows), (
+                    name,
+                    following,
+                )
     require_head(empty)
     with empty.connect() as connection:
         context = MigrationContext.configure(
-            connection, opts={"include_name": lambda name, *_: not str(name).startswith("procrastinate_")}
+            connection,
+            opts={"include_name": lambda name, *_: not str(name).startswith("procrastinate_")},
         )
         assert compare_metadata(context, Base.metadata) == []
 
@@ -250,17 +293,26 @@ def test_constants_of_results_come_into_their_rows(empty: Engine) -> None:
         (result,), (job,) = filled["update_results"], filled["update_jobs"]
         for name, low in (("Gxy", 2.5e9), ("strange", None)):
             values = {"result_id": result["id"], "name": name, "estimate": 3e9, "low": low}
-            connection.execute(insert(Table("result_constants", MetaData(), autoload_with=connection)), values)
+            connection.execute(
+                insert(Table("result_constants", MetaData(), autoload_with=connection)), values
+            )
         document = {
-            "parameters": [{"name": name, "estimate": 3e9, "interval_95": [1e9, 5e9]} for name in ("Ex", "web.E1")]
+            "parameters": [
+                {"name": name, "estimate": 3e9, "interval_95": [1e9, 5e9]}
+                for name in ("Ex", "web.E1")
+            ]
         }
-        connection.execute(text("UPDATE update_results SET document = :d"), {"d": json.dumps(document)})
+        connection.execute(
+            text("UPDATE update_results SET document = :d"), {"d": json.dumps(document)}
+        )
     upgrade(empty, "head")
     with empty.connect() as connection:
         row = connection.execute(text("SELECT * FROM update_results")).mappings().one()
         assert (row["gxy"], row["gxy_sd"], row["gxy_low"], row["ex"]) == (3e9, None, 2.5e9, None)
         assert row["campaign_id"] == job["campaign_id"]
-        assert row["constants"] == {"web.E1": {"estimate": 3e9, "sd": None, "low": 1e9, "high": 5e9}}
+        assert row["constants"] == {
+            "web.E1": {"estimate": 3e9, "sd": None, "low": 1e9, "high": 5e9}
+        }
 
 
 def test_the_revisions_are_one_chain() -> None:
@@ -279,38 +331,58 @@ def test_what_fill_makes_reaches_every_table(empty: Engine) -> None:
 def engine_schema(url: str) -> list[tuple[Any, ...]]:
     """Columns, indices, constraints, triggers and functions of the queue's engine."""
     queries = (
-        "SELECT table_name, column_name, data_type, column_default, is_nullable FROM information_schema.columns"
-        " WHERE table_name LIKE 'procrastinate%'",
+        (
+            "SELECT table_name, column_name, data_type, column_default, is_nullable FROM"
+            " information_schema.columns WHERE table_name LIKE 'procrastinate%'"
+        ),
         "SELECT indexdef FROM pg_indexes WHERE tablename LIKE 'procrastinate%'",
-        "SELECT conrelid::regclass::text, pg_get_constraintdef(oid) FROM pg_constraint"
-        " WHERE conrelid::regclass::text LIKE 'procrastinate%'",
-        "SELECT pg_get_triggerdef(oid) FROM pg_trigger WHERE NOT tgisinternal AND tgname LIKE 'procrastinate%'",
+        (
+            "SELECT conrelid::regclass::text, pg_get_constraintdef(oid) FROM pg_constraint"
+            " WHERE conrelid::regclass::text LIKE 'procrastinate%'"
+        ),
+        (
+            "SELECT pg_get_triggerdef(oid) FROM pg_trigger WHERE NOT tgisinternal AND tgname LIKE"
+            " 'procrastinate%'"
+        ),
         "SELECT pg_get_functiondef(oid) FROM pg_proc WHERE proname LIKE 'procrastinate%'",
         "SELECT enumtypid::regtype::text, enumlabel FROM pg_enum",
     )
     engine = make_engine(url)
     with engine.connect() as connection:
-        found = [tuple(row) for query in queries for row in connection.exec_driver_sql(query.replace("%", "%%"))]
+        found = [
+            tuple(row)
+            for query in queries
+            for row in connection.exec_driver_sql(query.replace("%", "%%"))
+        ]
     engine.dispose()
     return sorted(found, key=str)
 
 
-def test_the_engines_scripts_by_version_make_the_schema_that_it_brings(empty: Engine, new_database: Any) -> None:
+def test_the_engines_scripts_by_version_make_the_schema_that_it_brings(
+    empty: Engine, new_database: Any
+) -> None:
     with empty.begin() as connection:
         connection.exec_driver_sql(SchemaManager.get_schema().replace("%", "%%"))
-    assert engine_schema(new_database()) == engine_schema(empty.url.render_as_string(hide_password=False))
+    assert engine_schema(new_database()) == engine_schema(
+        empty.url.render_as_string(hide_password=False)
+    )
 
 
 @pytest.mark.parametrize(
     ("newest", "mends"),
-    [("03.11.00_01_pre_new.sql", "'procrastinate<3.11.0'"), ("03.03.00_01_pre_old.sql", "'procrastinate>=3.4.0'")],
+    [
+        ("03.11.00_01_pre_new.sql", "'procrastinate<3.11.0'"),
+        ("03.03.00_01_pre_old.sql", "'procrastinate>=3.4.0'"),
+    ],
 )
 def test_another_version_of_the_engine_is_refused(
     newest: str, mends: str, database: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A library of that version brings scripts up to it."""
     (tmp_path / newest).touch()
-    assert procrastinate_schema._scripts() == sorted(Path(SchemaManager.get_migrations_path()).glob("*.sql"))
+    assert procrastinate_schema._scripts() == sorted(
+        Path(SchemaManager.get_migrations_path()).glob("*.sql")
+    )
     monkeypatch.setattr(procrastinate_schema, "_scripts", lambda: sorted(tmp_path.glob("*.sql")))
     engine = make_engine(database)
     with pytest.raises(SchemaError, match=re.escape(f"run `pip install {mends}`")):

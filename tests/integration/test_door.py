@@ -1,4 +1,6 @@
-"""The door before the house, asked as a server asks it: who comes in, what is read of a body, and which slot is free when."""
+"""The door before the house, asked as a server asks it: who comes in, what is read of a body, and
+which slot is free when.
+"""
 
 import asyncio
 import json
@@ -93,7 +95,9 @@ class Front:
         receive: Receive | None = None,
         **headers: str,
     ) -> tuple[int, dict[str, str], dict[str, Any]]:
-        """Status, headers and body of the answer to a PUT; the blocks are counted unless `receive` is given."""
+        """Status, headers and body of the answer to a PUT; the blocks are counted unless `receive`
+        is given.
+        """
         shown = {"authorization": f"Bearer {self.key if key is None else key}", **headers}
         if blocks and "content_length" not in headers and "transfer_encoding" not in headers:
             shown["content_length"] = str(sum(map(len, blocks)))
@@ -102,7 +106,9 @@ class Front:
             "method": "PUT",
             "path": f"{PREFIX}{path}",
             "client": self.client,
-            "headers": [(name.replace("_", "-").encode(), value.encode()) for name, value in shown.items()],
+            "headers": [
+                (name.replace("_", "-").encode(), value.encode()) for name, value in shown.items()
+            ],
         }
         left = list(blocks)
 
@@ -139,7 +145,13 @@ def front(sessions: Sessions) -> Open:
                 raise refusal
 
         paths = Paths(router.routes, PREFIX, {"thing": find})
-        door = Door(house, Settings(database_url="postgresql://nowhere/x", **settings), sessions, paths, [PREFIX])
+        door = Door(
+            house,
+            Settings(database_url="postgresql://nowhere/x", **settings),
+            sessions,
+            paths,
+            [PREFIX],
+        )
         house.door = door
         for bucket in (door._requests, door._bytes, door.keys._failures):
             bucket._clock = lambda: 0.0
@@ -214,7 +226,11 @@ async def test_a_slot_is_held_until_the_answer_begins_and_never_lost(front: Open
 @awaited
 async def test_bodies_have_a_limit_by_their_kind(front: Open) -> None:
     at = front(json_limit_bytes=10, upload_limit_bytes=20)
-    for kind, limit in (("application/json", 10), ("application/merge-patch+json", 10), ("text/csv", 20)):
+    for kind, limit in (
+        ("application/json", 10),
+        ("application/merge-patch+json", 10),
+        ("text/csv", 20),
+    ):
         assert (await at.ask(b"x" * limit, content_type=kind))[0] == 200
         status, _, body = await at.ask(
             content_length=str(limit + 1), content_type=kind, receive=nothing_comes, path="/x"
@@ -228,7 +244,9 @@ async def test_bodies_have_a_limit_by_their_kind(front: Open) -> None:
 
 @awaited
 async def test_key_and_role_are_asked_before_what_costs_is_received(front: Open) -> None:
-    """The role where a body is large, where the key is new, and where a route reads its body itself; else the route asks."""
+    """The role where a body is large, where the key is new, and where a route reads its body
+    itself; else the route asks.
+    """
     for refusal, status in ((NotFound("thing", THING), 404), (Forbidden("a viewer"), 403)):
         at = front(refusal)
         for path in (f"/things/{THING}", f"/files/{FILE}/x"):
@@ -244,13 +262,16 @@ async def test_key_and_role_are_asked_before_what_costs_is_received(front: Open)
     assert at.looked == []
     assert (await at.ask(b"x" * (LARGE_BYTES + 1)))[0] == 200
     assert (await at.ask(b"x", path=f"/files/{FILE}/x"))[0] == 200
-    assert (await at.ask(b"x", path="/files/none/x"))[0] == 200  # the route says what is wrong with it
+    # the route says what is wrong with it
+    assert (await at.ask(b"x", path="/files/none/x"))[0] == 200
     assert at.looked == [("ada", THING, "editor"), ("ada", FILE, "editor")]
     assert at.house.asked[-1]["route"].path == f"{PREFIX}/files/{{thing}}/{{part}}"
 
 
 @awaited
-async def test_a_wrong_key_is_found_out_before_its_body_and_then_by_memory(front: Open, sessions: Sessions) -> None:
+async def test_a_wrong_key_is_found_out_before_its_body_and_then_by_memory(
+    front: Open, sessions: Sessions
+) -> None:
     at = front(key_failures_a_minute=1)
     wrong = f"{at.key[:-1]}{'a' if at.key[-1] != 'a' else 'b'}"
     assert (await at.ask(content_length="5", receive=nothing_comes, key=wrong))[0] == 401
@@ -277,12 +298,20 @@ async def test_requests_and_bytes_of_a_key_are_counted(front: Open) -> None:
     assert [(await at.ask())[0] for _ in range(10)] == [200] * 10  # the first as an address
     assert (await at.ask())[0] == 200
     status, headers, body = await at.ask()
-    assert (status, headers["retry-after"], "more than 1 requests a second" in body["detail"]) == (429, "1", True)
+    assert (status, headers["retry-after"], "more than 1 requests a second" in body["detail"]) == (
+        429,
+        "1",
+        True,
+    )
     at = front(key_bytes_an_hour=100)
     await at.ask()
     assert [(await at.ask(b"x" * 60))[0], (await at.ask(b"x" * 40))[0]] == [200, 200]
     status, headers, body = await at.ask(b"x")
-    assert (status, headers["retry-after"], "more than 100 bytes an hour" in body["detail"]) == (429, "36", True)
+    assert (status, headers["retry-after"], "more than 100 bytes an hour" in body["detail"]) == (
+        429,
+        "36",
+        True,
+    )
 
 
 class Slow:

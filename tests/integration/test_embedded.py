@@ -62,10 +62,13 @@ def test_any_path_will_do(folder: Path, cluster: Path, name: str) -> None:
     with embedded_server(data) as again, psycopg.connect(again):
         pass
     assert not (data / ".socket").exists()
-    assert data in socket_of(again).parents or not socket_of(again).exists()  # nothing stays in the temporary folder
+    # nothing stays in the temporary folder
+    assert data in socket_of(again).parents or not socket_of(again).exists()
 
 
-def test_files_are_made_under_any_path_and_no_folder_of_others_changes_its_mode(folder: Path) -> None:
+def test_files_are_made_under_any_path_and_no_folder_of_others_changes_its_mode(
+    folder: Path,
+) -> None:
     data = folder / 'Prüf stand $HOME"`' / "data"
     data.parent.mkdir(mode=0o700)
     watched = [folder, data.parent, programs(), *programs().parents, Path.home()]
@@ -99,22 +102,30 @@ def test_everybody_who_connects_is_asked_who_they_are(folder: Path, cluster: Pat
     filled(folder, cluster)
     (folder / "postgres" / "pg_hba.conf").write_text("local all all trust\n")
     with embedded_server(folder) as url, psycopg.connect(url) as connection:
-        methods = connection.execute("SELECT DISTINCT auth_method FROM pg_hba_file_rules").fetchall()
+        methods = connection.execute(
+            "SELECT DISTINCT auth_method FROM pg_hba_file_rules"
+        ).fetchall()
         assert methods == [("peer",)]
 
 
 def asked_by(user: str | None, url: str) -> bool:
     """Whether a user's question is answered."""
     command = [str(programs() / "psql"), "--no-password", url, "-c", "SELECT 1"]
-    done = subprocess.run(command, user=user, extra_groups=[], capture_output=True, check=False, env={}, cwd="/")
+    done = subprocess.run(
+        command, user=user, extra_groups=[], capture_output=True, check=False, env={}, cwd="/"
+    )
     return done.returncode == 0
 
 
 @pytest.mark.skipif(not ROOT, reason="needs a second user, whom root can be")
 @pytest.mark.parametrize("name", ["short", LONG])
-def test_another_local_user_does_not_reach_the_database(folder: Path, cluster: Path, name: str) -> None:
+def test_another_local_user_does_not_reach_the_database(
+    folder: Path, cluster: Path, name: str
+) -> None:
     try:
-        subprocess.run([str(programs() / "psql"), "--version"], user="nobody", check=True, capture_output=True)
+        subprocess.run(
+            [str(programs() / "psql"), "--version"], user="nobody", check=True, capture_output=True
+        )
     except PermissionError:
         pytest.skip("the installation is closed to other users")
     data = filled(folder / name, cluster)
@@ -158,7 +169,9 @@ def test_half_a_cluster_is_made_anew(folder: Path) -> None:
         ("x", "", "holds no files of PostgreSQL"),
     ],
 )
-def test_files_that_are_not_ours_are_left_alone(folder: Path, file: str, content: str, says: str) -> None:
+def test_files_that_are_not_ours_are_left_alone(
+    folder: Path, file: str, content: str, says: str
+) -> None:
     (folder / "postgres").mkdir()
     (folder / "postgres" / file).write_text(content)
     with pytest.raises(DataFolderError, match=says), open_database(Settings(data=folder)):
@@ -194,11 +207,16 @@ with embedded_server(Path(sys.argv[1])) as url:
 """
 
 
-def test_embedded_server_lives_from_the_first_to_the_last_that_is_in(folder: Path, cluster: Path) -> None:
+def test_embedded_server_lives_from_the_first_to_the_last_that_is_in(
+    folder: Path, cluster: Path
+) -> None:
     filled(folder, cluster)
     with embedded_server(folder) as url:
         other = subprocess.Popen(
-            [sys.executable, "-c", HOLD, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [sys.executable, "-c", HOLD, str(folder)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
         )
         assert other.stdin is not None
         assert other.stdout.readline() == "in\n"
@@ -213,7 +231,10 @@ def test_embedded_server_lives_from_the_first_to_the_last_that_is_in(folder: Pat
 def test_embedded_server_survives_the_death_of_its_starter(folder: Path, cluster: Path) -> None:
     filled(folder, cluster)
     with subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", HOLD, str(folder)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
     ) as starter:
         assert starter.stdout.readline() == "in\n"
         starter.kill()
@@ -224,7 +245,9 @@ def test_embedded_server_survives_the_death_of_its_starter(folder: Path, cluster
 
 
 def test_embedded_server_starts_over_a_stale_pid_file(folder: Path, cluster: Path) -> None:
-    """After a power cut the file is cut off, or names a process id that may be another program's by now: here, ours."""
+    """After a power cut the file is cut off, or names a process id that may be another program's by
+    now: here, ours.
+    """
     file = filled(folder, cluster) / "postgres" / "postmaster.pid"
     with embedded_server(folder):
         _, *rest = file.read_text().splitlines()

@@ -1,7 +1,8 @@
-"""Every operation of the OpenAPI document: who gets in where, what is drawn from the document, and junk.
+"""Every operation of the OpenAPI document: who gets in where, what is drawn from the document, and
+junk.
 
-The operations are taken from the service's own document, so a new one is tested from its first day. `make soak` asks for
-longer.
+The operations are taken from the service's own document, so a new one is tested from its first day.
+`make soak` asks for longer.
 """
 
 import os
@@ -38,7 +39,9 @@ def test_nothing_leaks_and_every_operation_is_judged(asked: access.Round) -> Non
     assert {200, 401, 403, 404} <= found.statuses.keys()
 
 
-def test_a_wrong_judgement_and_a_missing_one_are_found(asked: access.Round, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_judgement_and_a_missing_one_are_found(
+    asked: access.Round, monkeypatch: pytest.MonkeyPatch
+) -> None:
     judged = furnished.judgements()
     judged["GET /projects/{project_id}"] = ("read", "editor")
     judged["GET /structures/{structure_id}"] = ("write", "viewer")
@@ -48,9 +51,13 @@ def test_a_wrong_judgement_and_a_missing_one_are_found(asked: access.Round, monk
     leaks = asked.run(only=only).leaks
     assert any(leak.startswith("GET /alarms: nobody has judged") for leak in leaks)
     assert any(
-        leak.startswith("GET /projects/{project_id}, viewer, own id: should be 403; it is 200") for leak in leaks
+        leak.startswith("GET /projects/{project_id}, viewer, own id: should be 403; it is 200")
+        for leak in leaks
     )
-    assert any(leak.startswith("GET /structures/{structure_id}, owner, read alone, own id") for leak in leaks)
+    assert any(
+        leak.startswith("GET /structures/{structure_id}, owner, read alone, own id")
+        for leak in leaks
+    )
 
 
 def test_no_request_that_the_document_allows_or_forbids_is_an_error_or_an_undocumented_answer(

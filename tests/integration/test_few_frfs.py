@@ -1,4 +1,6 @@
-"""Campaigns of few FRFs, whose arrays are smaller than the blocks that they are read in: each figure, and the report."""
+"""Campaigns of few FRFs, whose arrays are smaller than the blocks that they are read in: each
+figure, and the report.
+"""
 
 import os
 from collections.abc import Iterator
@@ -25,7 +27,9 @@ FORMATS = ("plotly", "svg", "png", "pdf") if LONG else ("plotly",)
 
 @pytest.fixture(scope="module")
 def client(service: LocalService) -> Iterator[httpx.Client]:
-    with plain_client(service.url, {"Authorization": f"Bearer {service.new_key(f'few {uuid4()}')}"}) as client:
+    with plain_client(
+        service.url, {"Authorization": f"Bearer {service.new_key(f'few {uuid4()}')}"}
+    ) as client:
         yield client
 
 
@@ -50,12 +54,22 @@ def test_every_figure_and_the_report(
 ) -> None:
     """Of the first FRFs, every so many of their 1,000 lines; the report prints each figure."""
     frfs, rest = whole.frfs(), whole.lab.rest
-    few = structure.new_campaign(**paper.CAMPAIGN | {"name": f"{count} FRFs, every line of {stride}"})
+    few = structure.new_campaign(
+        **paper.CAMPAIGN | {"name": f"{count} FRFs, every line of {stride}"}
+    )
     rest.put_grid_points(few.fields["id"], body=rest.get_grid_points(whole.fields["id"]))
-    few.add_frfs(Frfs(frfs.frequency_hz[::stride], frfs.values[:count, ::stride], frfs.frfs[:count]))
+    few.add_frfs(
+        Frfs(frfs.frequency_hz[::stride], frfs.values[:count, ::stride], frfs.frfs[:count])
+    )
     job = few.update(mode_set=few.new_mode_set("Table 3", paper.MODES)).wait().check()
     path = f"/api/v1/update-jobs/{job.fields['id']}"
     names = [one["name"] for one in ok(client.get(f"{path}/figures"))["items"] if one["available"]]
-    asked = [*(f"figures/{name}?format={kind}" for name in names for kind in FORMATS), "report", "report?format=pdf"]
+    asked = [
+        *(f"figures/{name}?format={kind}" for name in names for kind in FORMATS),
+        "report",
+        "report?format=pdf",
+    ]
     assert {"frf", "shapes"} <= set(names)
-    assert {one: client.get(f"{path}/{one}").status_code for one in asked} == dict.fromkeys(asked, 200)
+    assert {one: client.get(f"{path}/{one}").status_code for one in asked} == dict.fromkeys(
+        asked, 200
+    )

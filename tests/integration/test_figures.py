@@ -1,4 +1,5 @@
-"""Figures of an update: what they draw is what the result says, in every format; where there is nothing to draw they say why.
+"""Figures of an update: what they draw is what the result says, in every format; where there is
+nothing to draw they say why.
 
 One job, the demonstration's, is shared by all.
 """
@@ -27,7 +28,9 @@ EXACT = dict.fromkeys((
     "length_sd_m", "width_sd_m", "thickness_sd_m", "density_sd_kg_m3", "nu_xy_sd", "fibre_angle_sd_deg",
     "clamp_compliance_sd", "sensor_mass_sd_kg", "channel_delay_sd_s", "window_rate_per_s",
 ), 0)  # fmt: skip
-"""Nothing that the laboratory states is in doubt, so that the samples are of the parameters alone."""
+"""Nothing that the laboratory states is in doubt, so that the samples are of the parameters
+alone.
+"""
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,8 @@ def test_every_figure_is_listed_and_drawn_as_json_in_print_and_in_both_themes(de
         "temperature",
         "stabilisation",
     ]  # one test, typed modes
-    prints = iter(["svg", "png", "pdf"])  # of one figure each: they are drawn alike, and the report has every figure
+    # of one figure each: they are drawn alike, and the report has every figure
+    prints = iter(["svg", "png", "pdf"])
     for item in items:
         if not item["available"]:
             refused = demo.api.get(demo.address(item))
@@ -82,19 +86,28 @@ def test_every_figure_is_listed_and_drawn_as_json_in_print_and_in_both_themes(de
             assert answer.is_success, (item["name"], answer.text)
             assert answer.content.startswith(BEGINNINGS[file_format])
             if file_format != "plotly":
-                assert answer.headers["content-disposition"] == f'inline; filename="{item["name"]}.{file_format}"'
+                assert (
+                    answer.headers["content-disposition"]
+                    == f'inline; filename="{item["name"]}.{file_format}"'
+                )
         drawn = demo.api.get(demo.address(item))
         again = demo.api.get(demo.address(item), headers={"If-None-Match": drawn.headers["etag"]})
         assert again.status_code == 304
         light, dark = ok(drawn), ok(demo.api.get(demo.address(item), params={"theme": "dark"}))
         assert light["layout"]["paper_bgcolor"] != dark["layout"]["paper_bgcolor"]
-        assert [trace.get("y") for trace in light["data"]] == [trace.get("y") for trace in dark["data"]]
+        assert [trace.get("y") for trace in light["data"]] == [
+            trace.get("y") for trace in dark["data"]
+        ]
 
 
-def test_a_prediction_is_sent_once_and_a_recipe_is_repeated(demo: Done, service: LocalService) -> None:
+def test_a_prediction_is_sent_once_and_a_recipe_is_repeated(
+    demo: Done, service: LocalService
+) -> None:
     path = f"{demo.path}/frfs/data"
     first = demo.api.get(path, params={"format": "npz"})
-    again = demo.api.get(path, params={"format": "npz"}, headers={"If-None-Match": first.headers["etag"]})
+    again = demo.api.get(
+        path, params={"format": "npz"}, headers={"If-None-Match": first.headers["etag"]}
+    )
     assert (first.status_code, again.status_code, again.content) == (200, 304, b"")
     campaign, job = (demo.result["provenance"][name] for name in ("campaign", "update_job"))
     with session_client(demo.api, base=service.url) as browser:
@@ -110,15 +123,20 @@ def test_the_frf_figure_draws_the_measured_and_the_predicted_values(demo: Done) 
     meta = figure["layout"]["meta"]
     chosen = {"point": meta["response"], "reference": meta["reference"], "format": "npz"}
     assert point in (meta["response"], meta["reference"])
-    with np.load(io.BytesIO(demo.api.get(f"{demo.path}/frfs/data", params=chosen).content)) as predicted:
+    with np.load(
+        io.BytesIO(demo.api.get(f"{demo.path}/frfs/data", params=chosen).content)
+    ) as predicted:
         updated, frequency = predicted["values"][0], predicted["frequency_hz"]
-    stored = demo.api.get(f"campaigns/{demo.result['provenance']['campaign']}/frfs/data", params=chosen)
+    stored = demo.api.get(
+        f"campaigns/{demo.result['provenance']['campaign']}/frfs/data", params=chosen
+    )
     with np.load(io.BytesIO(stored.content)) as found:
         measured = found["values"][0]
     for name, values in (("measured", measured), ("updated", updated)):
         magnitude, phase = traces(figure, name)
         np.testing.assert_allclose(magnitude["x"], frequency, rtol=1e-6)
-        np.testing.assert_allclose(magnitude["y"], np.abs(values), rtol=1e-4)  # printed to five digits
+        # printed to five digits
+        np.testing.assert_allclose(magnitude["y"], np.abs(values), rtol=1e-4)
         drawn = np.array([np.nan if y is None else y for y in phase["y"]])
         np.testing.assert_allclose(drawn[~np.isnan(drawn)], np.degrees(np.angle(values)), atol=0.06)
     low, high = demo.result["band_hz"]
@@ -138,18 +156,28 @@ def test_matrix_and_parameters_are_the_results(demo: Done) -> None:
         name: (place, low, high)
         for trace in traces(figure, "updated, 95 %") + traces(figure, "updated, not identifiable")
         for name, place, low, high in zip(
-            trace["customdata"], trace["x"], trace["error_x"]["arrayminus"], trace["error_x"]["array"], strict=True
+            trace["customdata"],
+            trace["x"],
+            trace["error_x"]["arrayminus"],
+            trace["error_x"]["array"],
+            strict=True,
         )
     }
     assert set(drawn) == {row["name"] for row in demo.result["parameters"]}
     for row in demo.result["parameters"]:
         place, low, high = drawn[row["name"]]
         share = 100 / (row["initial"] or row["estimate"])
-        expected = [row["estimate"] * share, row["interval_95"][0] * share, row["interval_95"][1] * share]
+        expected = [
+            row["estimate"] * share,
+            row["interval_95"][0] * share,
+            row["interval_95"][1] * share,
+        ]
         np.testing.assert_allclose([place, place - low, place + high], expected, rtol=1e-5)
 
 
-def test_the_interval_lies_about_the_updated_frf_and_is_wide_where_it_is_not_sure(demo: Done) -> None:
+def test_the_interval_lies_about_the_updated_frf_and_is_wide_where_it_is_not_sure(
+    demo: Done,
+) -> None:
     figure = demo.figure("frf")
     updated = np.array(traces(figure, "updated")[0]["y"])
     (high,) = traces(figure, "updated, 95 %")
@@ -159,7 +187,8 @@ def test_the_interval_lies_about_the_updated_frf_and_is_wide_where_it_is_not_sur
     assert (above >= 1).all()
     hz = np.array(high["x"])
     resonance = demo.result["modes"][4]["updated_hz"]
-    # A mode's frequency is sure to the discrepancy: next to its peak |H| is less sure than on the slope far below it.
+    # A mode's frequency is sure to the discrepancy: next to its peak |H| is less sure than on the
+    # slope far below it.
     near, far = (np.abs(hz - at).argmin() for at in (0.99 * resonance, 0.8 * resonance))
     assert above[near] - 1 > 2 * (above[far] - 1)
 
@@ -171,16 +200,22 @@ def test_correlation_by_line_and_by_point_is_the_results(demo: Done) -> None:
         low, high = demo.result["band_hz"]
         assert low <= updated["x"][0] < updated["x"][-1] <= high
         assert np.mean(updated["y"]) == pytest.approx(correlation[f"{name}_mean"], abs=1e-4)
-        assert np.mean(initial["y"]) == pytest.approx(correlation["initial"][f"{name}_mean"], abs=1e-4)
+        assert np.mean(initial["y"]) == pytest.approx(
+            correlation["initial"][f"{name}_mean"], abs=1e-4
+        )
     data = demo.figure("sac")["data"]
     drawn = {(t["yaxis"], t["marker"]["symbol"]): t for t in data}
     for axis, name in (("y", "sac"), ("y2", "frac")):
-        assert drawn[axis, "circle"]["marker"]["color"] == pytest.approx(correlation[name], abs=1e-4)
+        assert drawn[axis, "circle"]["marker"]["color"] == pytest.approx(
+            correlation[name], abs=1e-4
+        )
         held = correlation["held_out"]["frfs"]
         assert drawn[axis, "diamond"]["marker"]["color"] == pytest.approx(held[name], abs=1e-4)
         assert sorted(drawn[axis, "diamond"]["customdata"]) == held["points"]
     provenance = demo.result["provenance"]
-    places = ok(demo.api.get(f"campaigns/{provenance['campaign']}/grid-points", params={"limit": 100}))["items"]
+    places = ok(
+        demo.api.get(f"campaigns/{provenance['campaign']}/grid-points", params={"limit": 100})
+    )["items"]
     at = {point["label"]: (point["x_m"], point["y_m"]) for point in places}
     circle = drawn["y", "circle"]
     assert [at[label] for label in circle["customdata"]] == [
@@ -191,17 +226,26 @@ def test_correlation_by_line_and_by_point_is_the_results(demo: Done) -> None:
 def test_shapes_give_the_results_mac(demo: Done) -> None:
     meta = demo.figure("shapes")["layout"]["meta"]
     for mode, row in zip(meta["modes"], demo.result["modes"], strict=True):
-        pairs = [pair for pair in zip(mode["measured"], mode["updated"], strict=True) if pair[0] is not None]
+        pairs = [
+            pair
+            for pair in zip(mode["measured"], mode["updated"], strict=True)
+            if pair[0] is not None
+        ]
         measured, updated = np.array(pairs).T
         assert max(np.abs(measured)) == pytest.approx(1)
         mac = (measured @ updated) ** 2 / (measured @ measured) / (updated @ updated)
         assert mac == pytest.approx(row["mac"], abs=2e-3)  # of the real part of the measured shape
-    # A cell of the MAC is a pair of shapes, partners or not: its value is that of the shapes that are drawn.
+    # A cell of the MAC is a pair of shapes, partners or not: its value is that of the shapes that
+    # are drawn.
     (mac,) = demo.figure("mac")["data"]
     for row, column in ((0, 0), (1, 2)):
         number = dict(zip(("measured", "model"), mac["customdata"][row][column], strict=True))
         (mode,) = demo.figure("shapes", **number)["layout"]["meta"]["modes"]
-        pairs = [pair for pair in zip(mode["measured"], mode["updated"], strict=True) if pair[0] is not None]
+        pairs = [
+            pair
+            for pair in zip(mode["measured"], mode["updated"], strict=True)
+            if pair[0] is not None
+        ]
         measured, updated = np.array(pairs).T
         found = (measured @ updated) ** 2 / (measured @ measured) / (updated @ updated)
         assert found == pytest.approx(mac["z"][row][column], abs=2e-3)
@@ -212,12 +256,14 @@ def test_shapes_give_the_results_mac(demo: Done) -> None:
 
 def test_budget_posterior_damping_and_convergence_are_the_results(demo: Done) -> None:
     budget = demo.figure("budget")["data"]
-    assert np.sum([bar["x"] for bar in budget], axis=0) == pytest.approx(100, abs=0.5)  # small shares are not listed
+    # small shares are not listed
+    assert np.sum([bar["x"] for bar in budget], axis=0) == pytest.approx(100, abs=0.5)
     noise = next(bar for bar in budget if bar["name"] == "model discrepancy")
     for name, share in zip(noise["customdata"], noise["x"], strict=True):
         row = next(row for row in demo.result["parameters"] if row["name"] == name)
         assert share == pytest.approx(
-            sum(100 * e["share"] for e in row["budget"] if e["source"] == "model discrepancy"), abs=0.01
+            sum(100 * e["share"] for e in row["budget"] if e["source"] == "model discrepancy"),
+            abs=0.01,
         )
     corner = demo.figure("posterior")
     density = traces(corner, "updated")[0]
@@ -228,13 +274,19 @@ def test_budget_posterior_damping_and_convergence_are_the_results(demo: Done) ->
     )
     assert area == pytest.approx(1, abs=0.01)
     # Of 65 points, so that the sum is not the integral.
-    assert np.trapezoid(np.where(inside, density["y"], 0), density["x"]) == pytest.approx(0.95, abs=0.03)
+    assert np.trapezoid(np.where(inside, density["y"], 0), density["x"]) == pytest.approx(
+        0.95, abs=0.03
+    )
     measured = next(t for t in demo.figure("damping")["data"] if t["name"].startswith("measured"))
-    assert measured["y"] == pytest.approx([100 * mode["measured_damping"] for mode in demo.result["modes"]])
+    assert measured["y"] == pytest.approx(
+        [100 * mode["measured_damping"] for mode in demo.result["modes"]]
+    )
     law = demo.result["damping_models"][0]
     curve = next(t for t in demo.figure("damping")["data"] if t["name"].startswith("rayleigh"))
     omega = 2 * np.pi * np.array(curve["x"])
-    expected = 100 * (law["coefficients"]["a0"] / (2 * omega) + law["coefficients"]["a1"] * omega / 2)
+    expected = 100 * (
+        law["coefficients"]["a0"] / (2 * omega) + law["coefficients"]["a1"] * omega / 2
+    )
     np.testing.assert_allclose(curve["y"], expected, rtol=1e-4)
     convergence = demo.figure("convergence")["data"]
     chosen = next(t for t in convergence if t["name"].endswith("chosen"))
@@ -247,11 +299,15 @@ def test_sensitivities_say_which_mode_tells_of_which_parameter(demo: Done) -> No
     names = demo.figure("sensitivities")["layout"]["yaxis"]["ticktext"]
     rows = {name.split()[0]: np.array(row) for name, row in zip(names, cells["z"], strict=True)}
     parameters = {row["name"]: row for row in demo.result["parameters"]}
-    assert all(name.endswith("data" if parameters[name.split()[0]]["identifiable"] else "prior") for name in names)
+    assert all(
+        name.endswith("data" if parameters[name.split()[0]]["identifiable"] else "prior")
+        for name in names
+    )
     kinds = [mode["kind"] for mode in demo.result["modes"]]
     ex = parameters["Ex"]
     sd_of_log = np.sqrt(np.log1p((ex["prior_sd"] / ex["prior_mean"]) ** 2))
-    # Of a slender strip f goes with √Ex in bending; its clamp and shear take a little of the strain energy.
+    # Of a slender strip f goes with √Ex in bending; its clamp and shear take a little of the strain
+    # energy.
     bends = rows["Ex"][[kind == "bending" for kind in kinds]]
     np.testing.assert_allclose(bends, 100 * sd_of_log / 2, rtol=0.05)
     assert kinds[int(np.argmax(rows["Gxy"]))] == "torsion"
@@ -261,13 +317,29 @@ def test_sensitivities_say_which_mode_tells_of_which_parameter(demo: Done) -> No
 def test_a_job_whose_damping_failed_draws_what_it_has_and_says_why_not_the_rest(demo: Done) -> None:
     provenance = demo.result["provenance"]
     # One mode in the band cannot fix the two coefficients of Rayleigh's law.
-    recipe = {"mode_set": provenance["mode_set"], "damping_models": ["rayleigh"], "band_hz": [2, 60]}
+    recipe = {
+        "mode_set": provenance["mode_set"],
+        "damping_models": ["rayleigh"],
+        "band_hz": [2, 60],
+    }
     answer = demo.api.post(f"campaigns/{provenance['campaign']}/update-jobs", json=recipe)
     assert finished(demo.api, answer.headers["Location"])["status"] == "succeeded"
     failed = Done(demo.api, result_of(demo.api, answer.headers["Location"]))
-    assert {o["stage"]: o["status"] for o in failed.result["outcomes"]} == {"elastic": "succeeded", "damping": "failed"}
+    assert {o["stage"]: o["status"] for o in failed.result["outcomes"]} == {
+        "elastic": "succeeded",
+        "damping": "failed",
+    }
     items = {item["name"]: item for item in ok(demo.api.get(f"{failed.path}/figures"))["items"]}
-    for name in ("parameters", "sensitivities", "budget", "posterior", "shapes", "mac", "automac", "convergence"):
+    for name in (
+        "parameters",
+        "sensitivities",
+        "budget",
+        "posterior",
+        "shapes",
+        "mac",
+        "automac",
+        "convergence",
+    ):
         assert items[name]["available"], name
         assert failed.figure(name)["data"]
     report = demo.api.get(f"{failed.path}/report").text
@@ -279,7 +351,9 @@ def test_a_job_whose_damping_failed_draws_what_it_has_and_says_why_not_the_rest(
         assert "cannot fix the 2 coefficients" in refused.json()["detail"]
 
 
-def test_every_figure_of_a_sampled_posterior_is_drawn_and_the_corner_shows_the_samples(demo: Done) -> None:
+def test_every_figure_of_a_sampled_posterior_is_drawn_and_the_corner_shows_the_samples(
+    demo: Done,
+) -> None:
     provenance = demo.result["provenance"]
     recipe = {
         "mode_set": provenance["mode_set"], "damping_models": ["rayleigh"], "posterior": "mcmc", "seed": 3,
@@ -288,18 +362,31 @@ def test_every_figure_of_a_sampled_posterior_is_drawn_and_the_corner_shows_the_s
     answer = demo.api.post(f"campaigns/{provenance['campaign']}/update-jobs", json=recipe)
     assert finished(demo.api, answer.headers["Location"])["status"] == "succeeded"
     sampled = Done(demo.api, result_of(demo.api, answer.headers["Location"]))
-    items = {item["name"]: item["available"] for item in ok(demo.api.get(f"{sampled.path}/figures"))["items"]}
-    assert [name for name, available in items.items() if not available] == ["temperature", "stabilisation"]
+    items = {
+        item["name"]: item["available"]
+        for item in ok(demo.api.get(f"{sampled.path}/figures"))["items"]
+    }
+    assert [name for name, available in items.items() if not available] == [
+        "temperature",
+        "stabilisation",
+    ]
     drawn = {name: sampled.figure(name) for name, available in items.items() if available}
     assert all(figure["data"] for figure in drawn.values())
     rows = {row["name"]: row for row in sampled.result["parameters"]}
-    cloud = next(trace for trace in drawn["posterior"]["data"] if (trace["xaxis"], trace["yaxis"]) == ("x", "y2"))
+    cloud = next(
+        trace
+        for trace in drawn["posterior"]["data"]
+        if (trace["xaxis"], trace["yaxis"]) == ("x", "y2")
+    )
     for axis, name in (("x", "Ex"), ("y", "Gxy")):
         values = 1e9 * np.array(cloud[axis])
         low, high = rows[name]["interval_95"]
         assert len(values) > 200
-        # Of n independent samples 95 % lie in the interval, give or take four times their binomial standard deviation.
-        assert np.mean((values > low) & (values < high)) == pytest.approx(0.95, abs=4 * np.sqrt(0.95 * 0.05 / 200))
+        # Of n independent samples 95 % lie in the interval, give or take four times their binomial
+        # standard deviation.
+        assert np.mean((values > low) & (values < high)) == pytest.approx(
+            0.95, abs=4 * np.sqrt(0.95 * 0.05 / 200)
+        )
     described = sampled.result["posterior"]
     places = [described["names"].index(name) for name in ("Ex", "Gxy")]
     stated = described["correlation"][places[0]][places[1]]
@@ -316,9 +403,24 @@ def test_the_report_says_what_the_result_says_and_stands_alone(demo: Done) -> No
     assert "<script" not in page.text
     assert not re.findall(r'(?:src|href)="(?!data:)', page.text)
     provenance = demo.result["provenance"]
-    said = [demo.result["verdict"]["sentence"], *demo.result["verdict"]["reasons"], *demo.result["warnings"]]
-    said += [provenance["update_job"], provenance["software"]["modalbase"], provenance["frfs"][-1]["sha256"]]
-    said += ["pultruded FRP beam", "Brüel &amp; Kjær", "cantilever", "checked by", "prior_from_coupon_batch", "31.7"]
+    said = [
+        demo.result["verdict"]["sentence"],
+        *demo.result["verdict"]["reasons"],
+        *demo.result["warnings"],
+    ]
+    said += [
+        provenance["update_job"],
+        provenance["software"]["modalbase"],
+        provenance["frfs"][-1]["sha256"],
+    ]
+    said += [
+        "pultruded FRP beam",
+        "Brüel &amp; Kjær",
+        "cantilever",
+        "checked by",
+        "prior_from_coupon_batch",
+        "31.7",
+    ]
     for words in said:
         assert words.replace("'", "&#x27;") in page.text, words
     assert page.text.count("<img") == 13  # every figure but the stabilisation diagram
@@ -329,7 +431,9 @@ def test_the_report_says_what_the_result_says_and_stands_alone(demo: Done) -> No
     assert len(re.findall(rb"/Type /Page\b", printed.content)) >= 6
 
 
-def test_what_a_browser_opens_and_cannot_be_made_is_said_on_a_page(demo: Done, service: LocalService) -> None:
+def test_what_a_browser_opens_and_cannot_be_made_is_said_on_a_page(
+    demo: Done, service: LocalService
+) -> None:
     """A script gets the problem document of the same status and words, whatever went wrong."""
     looked_for = {"Accept": "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8"}
     job = demo.path.removeprefix("update-jobs/")
@@ -343,11 +447,18 @@ def test_what_a_browser_opens_and_cannot_be_made_is_said_on_a_page(demo: Done, s
         session_client(demo.api, base=service.url) as browser,
         psycopg.connect(service.settings.database_url, autocommit=True) as database,
     ):
-        (kept,) = database.execute("SELECT prediction FROM update_results WHERE id = %s", [job]).fetchone() or ()
+        (kept,) = (
+            database.execute(
+                "SELECT prediction FROM update_results WHERE id = %s", [job]
+            ).fetchone()
+            or ()
+        )
         damage = "UPDATE update_results SET prediction = %s WHERE id = %s"
         database.execute(damage, [b"no archive", job])
         try:
-            answers = [browser.get(f"/api/v1/{path}", headers=looked_for) for path, _, _ in expected]
+            answers = [
+                browser.get(f"/api/v1/{path}", headers=looked_for) for path, _, _ in expected
+            ]
             problems = [demo.api.get(path) for path, _, _ in expected]
         finally:
             database.execute(damage, [kept, job])
@@ -362,7 +473,10 @@ def test_what_a_browser_opens_and_cannot_be_made_is_said_on_a_page(demo: Done, s
     with plain_client(service.url) as nobody:
         report = f"/api/v1/{demo.path}/report?format=pdf"
         led = nobody.get(report, headers=looked_for)
-        assert (led.status_code, unquote(led.headers["location"])) == (303, f"../../../../sign-in?next={report[1:]}")
+        assert (led.status_code, unquote(led.headers["location"])) == (
+            303,
+            f"../../../../sign-in?next={report[1:]}",
+        )
         assert nobody.get(report).status_code == 401
 
 

@@ -1,4 +1,6 @@
-"""FRFs over HTTP: from scripts in, in several formats out, and stored bytes that are checked on the way."""
+"""FRFs over HTTP: from scripts in, in several formats out, and stored bytes that are checked on the
+way.
+"""
 
 import csv
 import io
@@ -52,13 +54,16 @@ def post(api: httpx.Client, campaign: str, **named: Any) -> httpx.Response:
 
 
 @pytest.mark.parametrize("dtype", ["complex64", "complex128"])
-def test_npz_goes_in_and_comes_out_bit_for_bit(api: httpx.Client, campaign: str, dtype: str) -> None:
+def test_npz_goes_in_and_comes_out_bit_for_bit(
+    api: httpx.Client, campaign: str, dtype: str
+) -> None:
     sent = arrays(dtype)
     stored = ok(post(api, campaign, **sent), 201)["items"]
     assert [f["response_point"] for f in stored] == [1, 2, 3, 4]
-    assert {(f["reference_point"], f["reference_direction"], f["quantity"], f["unit"], f["dtype"]) for f in stored} == {
-        (33, -3, "mobility", "m/s/N", dtype)
-    }
+    assert {
+        (f["reference_point"], f["reference_direction"], f["quantity"], f["unit"], f["dtype"])
+        for f in stored
+    } == {(33, -3, "mobility", "m/s/N", dtype)}
     answer = api.get(f"campaigns/{campaign}/frfs/data", headers={"Accept": "application/x-npz"})
     assert answer.headers["content-type"] == "application/x-npz"
     with np.load(io.BytesIO(answer.content)) as got:
@@ -70,7 +75,9 @@ def test_npz_goes_in_and_comes_out_bit_for_bit(api: httpx.Client, campaign: str,
         assert got["id"].tolist() == [f["id"] for f in stored]
         assert "coherence" not in got
         again = {name: got[name] for name in got.files}
-    second = ok(api.post(f"campaigns/{campaign}/frfs", content=npz(**again), headers=NPZ), 201)["items"]
+    second = ok(api.post(f"campaigns/{campaign}/frfs", content=npz(**again), headers=NPZ), 201)[
+        "items"
+    ]
     assert [f["sha256"] for f in second] == [f["sha256"] for f in stored]
 
 
@@ -97,7 +104,9 @@ def test_json_goes_in_and_comes_out(api: httpx.Client, campaign: str) -> None:
     assert data["frequency_hz"] == [1.0, 1.5, 7.25]
     assert (data["quantity"], data["unit"]) == ("receptance", "m/N")
     assert [{key: got[key] for key in frf} for got in data["frfs"]] == [frf, bare]
-    with np.load(io.BytesIO(api.get(f"campaigns/{campaign}/frfs/data", params={"format": "npz"}).content)) as got:
+    with np.load(
+        io.BytesIO(api.get(f"campaigns/{campaign}/frfs/data", params={"format": "npz"}).content)
+    ) as got:
         np.testing.assert_array_equal(got["coherence"], [[0.9, 0.8, 0.7], [np.nan] * 3])
 
 
@@ -109,18 +118,27 @@ def test_csv_has_a_line_a_value(api: httpx.Client, campaign: str) -> None:
     assert rows[0][4:7] == ["frequency_hz", "real", "imag"]
     got = [complex(float(row[5]), float(row[6])) for row in rows[1:]]
     np.testing.assert_array_equal(got, sent["values"][0])
-    assert len(api.get(f"campaigns/{campaign}/frfs/data", params={"format": "csv"}).text.splitlines()) == 1 + 2 * 3
+    assert (
+        len(api.get(f"campaigns/{campaign}/frfs/data", params={"format": "csv"}).text.splitlines())
+        == 1 + 2 * 3
+    )
 
 
 def test_an_analysers_mat_goes_in_by_its_mapping(api: httpx.Client, campaign: str) -> None:
     file, hz, values = io.BytesIO(), np.arange(1.0, 9.0), np.arange(16).reshape(2, 8) * (1 + 2j)
     savemat(file, {"f": hz, "H": values, "coh": np.full((2, 8), 0.9)})
-    mapping = {"frequency_hz": {"variable": "f"}, "frf": {"variable": "H"}, "coherence": {"variable": "coh"}}
+    mapping = {
+        "frequency_hz": {"variable": "f"},
+        "frf": {"variable": "H"},
+        "coherence": {"variable": "coh"},
+    }
     whole = {**mapping, "response_point": 33, "reference_point": [4, 5]}
     headers = {"Content-Type": "application/x-matlab-data"}
 
     def send(**params: str) -> httpx.Response:
-        return api.post(f"campaigns/{campaign}/frfs", content=file.getvalue(), headers=headers, params=params)
+        return api.post(
+            f"campaigns/{campaign}/frfs", content=file.getvalue(), headers=headers, params=params
+        )
 
     assert "the file suggests" in json.dumps(ok(send(quantity="mobility"), 422))
     ok(send(mapping=json.dumps(whole)), 422)
@@ -159,19 +177,35 @@ def test_filters_and_pages(api: httpx.Client, campaign: str) -> None:
     def count(**params: Any) -> int:
         return len(ok(api.get(path, params=params), 200)["items"])
 
-    assert [count(), count(point=1), count(point=9), count(direction=3), count(direction=-3)] == [6, 2, 0, 6, 0]
-    assert [count(reference=33), count(quantity="mobility"), count(fmin=30), count(fmax=0.1)] == [6, 4, 0, 0]
+    assert [count(), count(point=1), count(point=9), count(direction=3), count(direction=-3)] == [
+        6,
+        2,
+        0,
+        6,
+        0,
+    ]
+    assert [count(reference=33), count(quantity="mobility"), count(fmin=30), count(fmax=0.1)] == [
+        6,
+        4,
+        0,
+        0,
+    ]
     assert count(point=1, quantity="accelerance") == 1
     page = ok(api.get(path, params={"limit": 4}), 200)
     rest = ok(api.get(path, params={"limit": 4, "cursor": page["next_cursor"]}), 200)
     assert (len(page["items"]), len(rest["items"]), rest["next_cursor"]) == (4, 2, None)
-    for params in ({"point": 1e30}, {"quantity": "loudness"}, {"fmin": 5, "fmax": 1}, {"cursor": "?"}):
+    for params in (
+        {"point": 1e30},
+        {"quantity": "loudness"},
+        {"fmin": 5, "fmax": 1},
+        {"cursor": "?"},
+    ):
         ok(api.get(path, params=params), 422)
     mistyped = ok(api.get(path, params={"point": 1, "referense": 33, "foo": 1}), 422)["errors"]
     assert [fault["pointer"] for fault in mistyped] == ["foo", "referense"]
     assert (
-        "expected one of cursor, direction, fmax, fmin, import_id, limit, point, quantity, reference"
-        in mistyped[0]["detail"]
+        "expected one of cursor, direction, fmax, fmin, import_id, limit, point, quantity,"
+        " reference" in mistyped[0]["detail"]
     )
     assert "this address takes none" in ok(api.get("projects/x?y=1"), 422)["detail"]
     ok(api.get(f"campaigns/{campaign}/grid-points?limit=100"), 200)  # which come whole
@@ -225,16 +259,31 @@ def test_broken_archives_are_refused(api: httpx.Client, campaign: str) -> None:
     claims = io.BytesIO()
     with zipfile.ZipFile(claims, "w", zipfile.ZIP_DEFLATED) as archive:
         header = io.BytesIO()
-        np.lib.format.write_array_header_1_0(header, {"descr": "<c16", "fortran_order": False, "shape": (10**6, 10**6)})
+        np.lib.format.write_array_header_1_0(
+            header, {"descr": "<c16", "fortran_order": False, "shape": (10**6, 10**6)}
+        )
         archive.writestr("values.npy", header.getvalue())
     pickled = io.BytesIO()
     np.savez(pickled, values=np.array([{"a": 1}], dtype=object))
-    for content in (b"", b"PK", whole[:-40], whole[: len(whole) // 2], claims.getvalue(), pickled.getvalue(), npz()):
+    for content in (
+        b"",
+        b"PK",
+        whole[:-40],
+        whole[: len(whole) // 2],
+        claims.getvalue(),
+        pickled.getvalue(),
+        npz(),
+    ):
         ok(api.post(f"campaigns/{campaign}/frfs", content=content, headers=NPZ), 422)
     flipped = bytearray(whole)
     flipped[len(whole) // 3] ^= 0xFF
     ok(api.post(f"campaigns/{campaign}/frfs", content=bytes(flipped), headers=NPZ), 422)
-    ok(api.post(f"campaigns/{campaign}/frfs", content=whole, headers={"Content-Type": "text/plain"}), 415)
+    ok(
+        api.post(
+            f"campaigns/{campaign}/frfs", content=whole, headers={"Content-Type": "text/plain"}
+        ),
+        415,
+    )
     assert ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"] == []
 
 
@@ -243,7 +292,9 @@ def test_a_spectrum_that_was_damaged_in_the_database_is_not_handed_out(
 ) -> None:
     frf = ok(post(api, campaign, **arrays()), 201)["items"][0]["id"]
     with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
-        connection.execute("UPDATE frfs SET data = set_byte(data, 5, 255 - get_byte(data, 5)) WHERE id = %s", [frf])
+        connection.execute(
+            "UPDATE frfs SET data = set_byte(data, 5, 255 - get_byte(data, 5)) WHERE id = %s", [frf]
+        )
     path = f"campaigns/{campaign}/frfs/data"
     for format_ in FORMATS:  # the damaged one is the first of several, so its reading is broken off
         answer = api.get(path, params={"format": format_})
@@ -279,11 +330,15 @@ def test_the_core_gets_the_campaign_in_the_specimens_frame(
         frame={"origin_m": [1.0, 2.0, 0.0], "x_axis": [0.0, -1.0, 0.0], "y_axis": [1.0, 0.0, 0.0]},
         instruments={"sensor_mass_kg": 0.0048, "sensor_point": 2},
     )
-    items = [{"label": 1, "x_m": 1.0, "y_m": 1.9, "z_m": 0.005}, {"label": 2, "x_m": 1.02, "y_m": 1.5, "z_m": 0.005}]
+    items = [
+        {"label": 1, "x_m": 1.0, "y_m": 1.9, "z_m": 0.005},
+        {"label": 2, "x_m": 1.02, "y_m": 1.5, "z_m": 0.005},
+    ]
     ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": items}), 200)
     sent = {**arrays(), "response_direction": np.array([3, 2, 1, -1])}
     sent["coherence"], sent["averages"] = np.full((4, 50), 0.9), np.int64(9)
-    sent["coherence"][0, :2] = (0.0, 1.0)  # as analysers write it where nothing came, and where rounding hid the noise
+    # as analysers write it where nothing came, and where rounding hid the noise
+    sent["coherence"][0, :2] = (0.0, 1.0)
     sent["values"][0, 2] = 0
     ok(post(api, campaign, **sent), 201)
     ok(post(api, campaign, **arrays("complex64", lines=10)), 201)
@@ -293,7 +348,11 @@ def test_the_core_gets_the_campaign_in_the_specimens_frame(
     engine.dispose()
     np.testing.assert_allclose(measured.points[1], (0.1, 0.0, 0.005), atol=1e-15)
     np.testing.assert_allclose(measured.points[2], (0.5, 0.02, 0.005), atol=1e-15)
-    assert (measured.boundary, measured.sensor_mass_kg, measured.sensor_point) == ("cantilever", 0.0048, 2)
+    assert (measured.boundary, measured.sensor_mass_kg, measured.sensor_point) == (
+        "cantilever",
+        0.0048,
+        2,
+    )
     assert (measured.structure_version, measured.structure.density_kg_m3) == (1, 2012.0)
     large, small = measured.frf_sets
     assert large.frfs.responses == (Dof(1, 3), Dof(2, -1), Dof(3, 2), Dof(4, -2))
@@ -301,7 +360,11 @@ def test_the_core_gets_the_campaign_in_the_specimens_frame(
     expected = np.abs(sent["values"]) ** 2 * 0.1 / (0.9 * 9)
     expected[0, :3] = np.nan
     np.testing.assert_allclose(large.frfs.variance, expected, rtol=1e-12)
-    assert (small.frfs.values.shape, small.frfs.values.dtype, small.frfs.variance) == ((4, 10), np.complex128, None)
+    assert (small.frfs.values.shape, small.frfs.values.dtype, small.frfs.variance) == (
+        (4, 10),
+        np.complex128,
+        None,
+    )
 
 
 def test_csv_comes_back_in(api: httpx.Client, campaign: str) -> None:
@@ -310,7 +373,9 @@ def test_csv_comes_back_in(api: httpx.Client, campaign: str) -> None:
     text = api.get(f"campaigns/{campaign}/frfs/data", params={"format": "csv"}).content
     csv_type = {"Content-Type": "text/csv"}
     path = f"campaigns/{campaign}/frfs"
-    again = ok(api.post(path, content=text, headers=csv_type, params={"quantity": "mobility"}), 201)["items"]
+    again = ok(
+        api.post(path, content=text, headers=csv_type, params={"quantity": "mobility"}), 201
+    )["items"]
     assert [f["sha256"] for f in again] == [f["sha256"] for f in stored]
     assert all(f["has_coherence"] for f in again)
     for content, says in (
@@ -342,17 +407,32 @@ def test_uff_goes_out_and_comes_back_in_bit_for_bit(
     sent = arrays(dtype)
     sent["coherence"] = np.linspace(0.1, 0.9, 200).reshape(4, 50)
     ok(post(api, campaign, **sent), 201)
-    ok(post(api, campaign, **{**arrays(dtype, lines=7), "frequency_hz": np.array([1, 1.5, 3, 3.25, 4, 8, 9])}), 201)
+    ok(
+        post(
+            api,
+            campaign,
+            **{**arrays(dtype, lines=7), "frequency_hz": np.array([1, 1.5, 3, 3.25, 4, 8, 9])},
+        ),
+        201,
+    )
     answer = api.get(f"campaigns/{campaign}/frfs/data", headers={"Accept": "application/x-uff"})
     assert answer.headers["content-type"] == "application/x-uff"
     other = new_campaign(name="copy")
     done = imported(other, answer.content)
-    assert (done["status"], done["counts"]) == ("succeeded", {"frfs": 8, "grid_points": 5, "modes": 0, "records": 0}), (
-        done
-    )
+    assert (done["status"], done["counts"]) == (
+        "succeeded",
+        {"frfs": 8, "grid_points": 5, "modes": 0, "records": 0},
+    ), done
     assert ok(api.get(f"campaigns/{other}/grid-points"), 200) == {"items": points}
     was, now = (ok(api.get(f"campaigns/{c}/frfs"), 200)["items"] for c in (campaign, other))
-    same = ("response_point", "response_direction", "reference_point", "reference_direction", "quantity", "sha256")
+    same = (
+        "response_point",
+        "response_direction",
+        "reference_point",
+        "reference_direction",
+        "quantity",
+        "sha256",
+    )
     assert [[f[key] for key in (*same, "dtype", "lines", "has_coherence")] for f in was] == [
         [f[key] for key in (*same, "dtype", "lines", "has_coherence")] for f in now
     ]
@@ -369,11 +449,16 @@ def test_uff_goes_out_and_comes_back_in_bit_for_bit(
 
 
 def test_uff_as_text_keeps_thirteen_digits(
-    api: httpx.Client, campaign: str, new_campaign: Callable[..., str], imported: Callable[..., dict[str, Any]]
+    api: httpx.Client,
+    campaign: str,
+    new_campaign: Callable[..., str],
+    imported: Callable[..., dict[str, Any]],
 ) -> None:
     sent = arrays()
     ok(post(api, campaign, **sent), 201)
-    text = api.get(f"campaigns/{campaign}/frfs/data", params={"format": "uff-ascii", "fmin": 2, "stride": 2}).content
+    text = api.get(
+        f"campaigns/{campaign}/frfs/data", params={"format": "uff-ascii", "fmin": 2, "stride": 2}
+    ).content
     assert text.isascii()
     other = new_campaign(name="copy")
     assert imported(other, text)["counts"]["frfs"] == 4
@@ -393,7 +478,9 @@ def test_head_tells_without_sending(api: httpx.Client, campaign: str) -> None:
 
 
 def test_an_analysers_table_of_text_comes_in_by_a_mapping(api: httpx.Client, campaign: str) -> None:
-    rows = "".join(f"{f / 2:.1f};{0.1 * f:.4f};{10 * f % 180},0\n".replace(".", ",") for f in range(1, 60))
+    rows = "".join(
+        f"{f / 2:.1f};{0.1 * f:.4f};{10 * f % 180},0\n".replace(".", ",") for f in range(1, 60)
+    )
     content = f"Analyser;A\n\nFrequency;Magnitude;Phase\nHz;g/N;deg\n{rows}".encode()
     mapping = {
         "frequency_hz": {"variable": "Frequency"},
@@ -404,8 +491,14 @@ def test_an_analysers_table_of_text_comes_in_by_a_mapping(api: httpx.Client, cam
         "reference_direction": -3,
     }
     path, sent = f"campaigns/{campaign}/frfs", {"Content-Type": "text/csv"}
-    (frf,) = ok(api.post(path, content=content, headers=sent, params={"mapping": json.dumps(mapping)}), 201)["items"]
-    assert (frf["quantity"], frf["response_point"], frf["reference_direction"]) == ("accelerance", 2, -3)
+    (frf,) = ok(
+        api.post(path, content=content, headers=sent, params={"mapping": json.dumps(mapping)}), 201
+    )["items"]
+    assert (frf["quantity"], frf["response_point"], frf["reference_direction"]) == (
+        "accelerance",
+        2,
+        -3,
+    )
     (data,) = ok(api.get(f"campaigns/{campaign}/frfs/data", params={"format": "json"}), 200)["frfs"]
     assert abs(complex(data["real"][0], data["imag"][0])) == pytest.approx(0.1 * 9.80665)
     params = {"mapping": json.dumps(mapping), "quantity": "mobility"}

@@ -24,8 +24,12 @@ def memory(service: LocalService) -> int:
 
 @pytest.mark.parametrize("unit", [b"0,", b"[],", b'{"a":0},'])
 @pytest.mark.parametrize("header", [{}, {"Authorization": "Bearer mb_000000000000_x"}])
-def test_without_a_key_a_body_is_not_read(service: LocalService, unit: bytes, header: dict[str, str]) -> None:
-    """Nothing of it is parsed, so that it takes neither memory nor time: 16 MB of it once took 1.1 GB and 98 s."""
+def test_without_a_key_a_body_is_not_read(
+    service: LocalService, unit: bytes, header: dict[str, str]
+) -> None:
+    """Nothing of it is parsed, so that it takes neither memory nor time: 16 MB of it once took 1.1
+    GB and 98 s.
+    """
     body = b"[" + unit * (15 * MIB // len(unit)) + b"0]"
     before = memory(service)
     with plain_client(f"{service.url}/api/v1/") as client:
@@ -36,11 +40,18 @@ def test_without_a_key_a_body_is_not_read(service: LocalService, unit: bytes, he
 
 
 @pytest.mark.parametrize("unit", [b"0,", b"[],", b'{"a":0},'])
-def test_with_a_key_a_body_beyond_its_limits_is_not_parsed(service: LocalService, unit: bytes) -> None:
+def test_with_a_key_a_body_beyond_its_limits_is_not_parsed(
+    service: LocalService, unit: bytes
+) -> None:
     body = b"[" + unit * (15 * MIB // len(unit)) + b"0]"
     before = memory(service)
-    headers = {"Authorization": f"Bearer {service.new_key('k')}", "Content-Type": "application/json"}
-    answer = httpx.post(f"{service.url}/api/v1/projects", content=body, headers=headers, trust_env=False, timeout=60)
+    headers = {
+        "Authorization": f"Bearer {service.new_key('k')}",
+        "Content-Type": "application/json",
+    }
+    answer = httpx.post(
+        f"{service.url}/api/v1/projects", content=body, headers=headers, trust_env=False, timeout=60
+    )
     assert answer.status_code == 413
     assert memory(service) - before < 100 * MIB
 
@@ -86,7 +97,9 @@ def test_an_npz_that_unpacks_to_too_much_is_refused(
     body = frfs(*size)
     assert len(body) < MIB
     before = memory(service)
-    answer = api.post(f"campaigns/{campaign}/frfs", content=body, headers={"Content-Type": "application/x-npz"})
+    answer = api.post(
+        f"campaigns/{campaign}/frfs", content=body, headers={"Content-Type": "application/x-npz"}
+    )
     assert answer.status_code == 422, answer.text
     assert says in answer.json()["detail"]
     assert memory(service) - before < 50 * MIB
@@ -97,7 +110,10 @@ def test_an_array_that_claims_to_be_huge_is_refused(api: httpx.Client, campaign:
     answer = api.post(
         f"campaigns/{campaign}/frfs",
         content=npz(
-            frequency_hz=b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999,), }"
+            frequency_hz=(
+                b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape':"
+                b" (99999999999,), }"
+            )
         ),
         headers={"Content-Type": "application/x-npz"},
     )
@@ -118,7 +134,13 @@ def test_many_frfs_in_one_body_are_stored(api: httpx.Client, campaign: str) -> N
 
 POINT, VALUE = b'{"label":1,"x_m":0,"y_m":0}', b'{"point":1,"direction":3,"real":1}'
 MEASURED = {
-    "grid-points": ("put", b'{"items":[%b]}', POINT, b'{"items":[{"label":1,"x_m":%b,"y_m":0}]}', "/items/0/x_m"),
+    "grid-points": (
+        "put",
+        b'{"items":[%b]}',
+        POINT,
+        b'{"items":[{"label":1,"x_m":%b,"y_m":0}]}',
+        "/items/0/x_m",
+    ),
     "mode-sets": (
         "post",
         b'{"name":"m","modes":[{"frequency_hz":1,"shape":[%b]}]}',
@@ -127,15 +149,24 @@ MEASURED = {
         "/name",
     ),
 }
-"""Measured values in JSON: how they are sent, a list of many, one of it, and a place for something else."""
+"""Measured values in JSON: how they are sent, a list of many, one of it, and a place for something
+else.
+"""
 
 
 @pytest.mark.parametrize("kind", MEASURED)
-def test_measured_values_in_json_are_held_to_elements_depth_and_text(service: LocalService, kind: str) -> None:
-    """Elements are counted before anything is made of them; depth and text stop at what a body may have."""
+def test_measured_values_in_json_are_held_to_elements_depth_and_text(
+    service: LocalService, kind: str
+) -> None:
+    """Elements are counted before anything is made of them; depth and text stop at what a body may
+    have.
+    """
     method, many, one, place, pointer = MEASURED[kind]
     with plain_client(f"{service.url}/api/v1/") as client:
-        client.headers = {"Authorization": f"Bearer {service.new_key('k')}", "Content-Type": "application/json"}
+        client.headers = {
+            "Authorization": f"Bearer {service.new_key('k')}",
+            "Content-Type": "application/json",
+        }
         (campaign,) = campaigns_of(client, "p")
 
         def faults(body: bytes) -> list[dict[str, str]]:
@@ -151,7 +182,8 @@ def test_measured_values_in_json_are_held_to_elements_depth_and_text(service: Lo
         assert "nested more than 64 deep" in fault["detail"]
         (fault,) = faults(place % (b'"' + b"y" * 100_001 + b'"'))
         assert (fault["pointer"], "at most 100000 are read" in fault["detail"]) == (pointer, True)
-        (fault,) = faults(many % b",".join([b"0"] * 20_000))  # 20,000 faults once were 2 MB of answer
+        # 20,000 faults once were 2 MB of answer
+        (fault,) = faults(many % b",".join([b"0"] * 20_000))
         assert len(str(fault)) < 300
 
 
@@ -167,4 +199,8 @@ def test_a_body_over_its_limit_is_refused_in_words_that_its_sender_can_read(
     with pytest.raises(urllib.error.HTTPError) as refused:
         urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request, timeout=60)
     detail = json.load(refused.value)["detail"]
-    assert (refused.value.code, str(16 * MIB) in detail, "such as npz" in detail) == (413, True, True)
+    assert (refused.value.code, str(16 * MIB) in detail, "such as npz" in detail) == (
+        413,
+        True,
+        True,
+    )

@@ -1,4 +1,6 @@
-"""Imports over HTTP: a laboratory's file in, its parts in the tables, and nothing of a file that is broken."""
+"""Imports over HTTP: a laboratory's file in, its parts in the tables, and nothing of a file that is
+broken.
+"""
 
 import contextlib
 import hashlib
@@ -31,7 +33,10 @@ HEADER = """    -1
 
 def points(*labels_x: tuple[int, float]) -> str:
     """Set 2411 with points on the x axis."""
-    lines = [f"{label:10d}         0         0         1\n{x:25.16e}{0:25.16e}{0:25.16e}\n" for label, x in labels_x]
+    lines = [
+        f"{label:10d}         0         0         1\n{x:25.16e}{0:25.16e}{0:25.16e}\n"
+        for label, x in labels_x
+    ]
     return "    -1\n  2411\n" + "".join(lines) + "    -1\n"
 
 
@@ -51,10 +56,10 @@ def function(response: int, reference: int, values: list[complex], kind: int = 4
         else ("         0    0    0    0 NONE                 NONE                \n")
     )
     return (
-        "    -1\n    58\n"
-        f"FRF {response}Z/{reference}Z\nNONE\nNONE\nNONE\nNONE\n"
-        f"{kind:5d}{response:10d}{1:5d}{0:10d} {'NONE':10s}{response:10d}{3:4d} {'NONE':10s}{reference:10d}{3:4d}\n"
-        f"{6 if is_complex else 4:10d}{len(values):10d}{1:10d}{1.0:13.5e}{1.0:13.5e}{0.0:13.5e}\n"
+        "    -1\n    58\nFRF"
+        f" {response}Z/{reference}Z\nNONE\nNONE\nNONE\nNONE\n{kind:5d}{response:10d}{1:5d}{0:10d}"
+        f" {'NONE':10s}{response:10d}{3:4d}"
+        f" {'NONE':10s}{reference:10d}{3:4d}\n{6 if is_complex else 4:10d}{len(values):10d}{1:10d}{1.0:13.5e}{1.0:13.5e}{0.0:13.5e}\n"
         "        18    0    0    0 Frequency            Hz                  \n"
         + ordinate
         + denominator
@@ -75,7 +80,10 @@ def stored(rows: Rows) -> Callable[[str], dict[str, int]]:
 
     def count(campaign: str) -> dict[str, int]:
         tables = ("frfs", "grid_points", "mode_sets")
-        return {t: rows(f"SELECT count(*) AS n FROM {t} WHERE campaign_id = %s", campaign)[0]["n"] for t in tables}
+        return {
+            t: rows(f"SELECT count(*) AS n FROM {t} WHERE campaign_id = %s", campaign)[0]["n"]
+            for t in tables
+        }
 
     return count
 
@@ -97,10 +105,17 @@ def test_a_laboratorys_file_comes_in_whole(
     assert {d["outcome"] for d in done["datasets"]} == {"read"}
     assert all(content[d["offset"] :].lstrip().startswith(b"-1") for d in done["datasets"])
     frfs = ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
-    assert {f["response_point"] for f in frfs} | {f["reference_point"] for f in frfs} == set(range(1, 34))
-    assert {(f["quantity"], f["start_hz"], f["step_hz"]) for f in frfs} == {("accelerance", 1.0, 1.0)}
+    assert {f["response_point"] for f in frfs} | {f["reference_point"] for f in frfs} == set(
+        range(1, 34)
+    )
+    assert {(f["quantity"], f["start_hz"], f["step_hz"]) for f in frfs} == {
+        ("accelerance", 1.0, 1.0)
+    }
     assert len(ok(api.get(f"campaigns/{campaign}/grid-points"), 200)["items"]) == 33
-    kept = rows("SELECT data FROM original_chunks WHERE sha256 = %s ORDER BY number", bytes.fromhex(done["sha256"]))
+    kept = rows(
+        "SELECT data FROM original_chunks WHERE sha256 = %s ORDER BY number",
+        bytes.fromhex(done["sha256"]),
+    )
     assert b"".join(bytes(row["data"]) for row in kept) == content
 
 
@@ -109,7 +124,9 @@ def test_a_coherence_goes_to_an_frf_whose_line_at_0_hz_is_left_out(
 ) -> None:
     """Integration leaves 0/0 there in the FRF alone."""
     gap = set_58(f"{'NaN':>13}{'NaN':>13}{1.0:13.5e}{2.0:13.5e}", kind=5, points=2)
-    done = imported(campaign, gap + set_58(f"{0.25:13.5e}{0.75:13.5e}", kind=2, points=2, function=6))
+    done = imported(
+        campaign, gap + set_58(f"{0.25:13.5e}{0.75:13.5e}", kind=2, points=2, function=6)
+    )
     assert [d["outcome"] for d in done["datasets"]] == ["read", "read"], done["datasets"]
     (frf,) = ok(api.get(f"campaigns/{campaign}/frfs"))["items"]
     got = ok(api.get(f"frfs/{frf['id']}/data"))
@@ -149,16 +166,22 @@ def test_a_coherence_without_its_frf_is_reported(campaign: str, imported: Import
 def test_points_off_the_specimen_are_told_as_a_file_comes_in(
     api: httpx.Client, campaign: str, imported: Imported
 ) -> None:
-    """The specimen is 0.5 m long. Point 2 lies 8 mm beyond its end, which counts as on the edge; 3 and 4 lie further out."""
+    """The specimen is 0.5 m long. Point 2 lies 8 mm beyond its end, which counts as on the edge; 3
+    and 4 lie further out.
+    """
     structure = ok(api.get(f"campaigns/{campaign}"), 200)["structure_id"]
     assert ok(api.get(f"structures/{structure}"), 200)["geometry"]["length_m"] == 0.5
     frfs = "".join(function(response, 1, [1 + 2j, 3 + 4j]) for response in (2, 3, 4))
     text = HEADER + points((1, 0.1), (2, 0.508), (3, 0.512), (4, -0.1), (5, 7.0)) + frfs
     (warning,) = imported(campaign, text.encode())["warnings"]
-    assert warning.startswith("FRFs name grid points off the specimen: 3, 4; an update will refuse them: check")
+    assert warning.startswith(
+        "FRFs name grid points off the specimen: 3, 4; an update will refuse them: check"
+    )
     moved = {"frame": {"origin_m": [0, 3.0, 0]}}
     ok(api.patch(f"campaigns/{campaign}", json=moved, headers={"If-Match": "*"}), 200)
-    (warning,) = imported(campaign, (HEADER + function(2, 1, [5 + 6j, 7 + 8j])).encode())["warnings"]
+    (warning,) = imported(campaign, (HEADER + function(2, 1, [5 + 6j, 7 + 8j])).encode())[
+        "warnings"
+    ]
     assert "off the specimen: 1, 2;" in warning
 
 
@@ -168,7 +191,12 @@ def test_a_multipart_form_does_as_well(
     files = {"file": ("C:\\data\\beam.uff", small_file(), "application/octet-stream")}
     answer = api.post(f"campaigns/{campaign}/imports", files=files)
     assert ok(answer, 202)["filename"] == "beam.uff"
-    assert finished(answer.headers["Location"])["counts"] == {"frfs": 1, "grid_points": 2, "modes": 0, "records": 0}
+    assert finished(answer.headers["Location"])["counts"] == {
+        "frfs": 1,
+        "grid_points": 2,
+        "modes": 0,
+        "records": 0,
+    }
 
 
 def test_a_form_without_a_file_is_refused(api: httpx.Client, campaign: str) -> None:
@@ -176,7 +204,14 @@ def test_a_form_without_a_file_is_refused(api: httpx.Client, campaign: str) -> N
     assert problem["errors"][0]["pointer"] == "/file"
     broken = {"Content-Type": "multipart/form-data; boundary=x"}
     ok(api.post(f"campaigns/{campaign}/imports", content=b"no boundary here", headers=broken), 422)
-    ok(api.post(f"campaigns/{campaign}/imports", content=b"x", headers={"Content-Type": "multipart/form-data"}), 422)
+    ok(
+        api.post(
+            f"campaigns/{campaign}/imports",
+            content=b"x",
+            headers={"Content-Type": "multipart/form-data"},
+        ),
+        422,
+    )
 
 
 def test_the_same_bytes_are_not_imported_twice(
@@ -226,9 +261,15 @@ def damaged(blind_open: Path) -> dict[str, bytes]:
     }
 
 
-@pytest.mark.parametrize("kind", ["truncated", "stray tag", "text file", "one byte", "a line end", "a tag", "binary"])
+@pytest.mark.parametrize(
+    "kind", ["truncated", "stray tag", "text file", "one byte", "a line end", "a tag", "binary"]
+)
 def test_a_damaged_file_fails_with_the_reason_and_leaves_nothing(
-    campaign: str, imported: Imported, blind_open: Path, stored: Callable[[str], dict[str, int]], kind: str
+    campaign: str,
+    imported: Imported,
+    blind_open: Path,
+    stored: Callable[[str], dict[str, int]],
+    kind: str,
 ) -> None:
     done = imported(campaign, damaged(blind_open)[kind])
     assert done["status"] == "failed", done
@@ -245,7 +286,9 @@ def test_an_empty_body_is_refused_at_once(api: httpx.Client, campaign: str, rows
     assert rows("SELECT 1 FROM imports WHERE campaign_id = %s", campaign) == []
 
 
-def test_a_failed_import_may_be_tried_again(api: httpx.Client, campaign: str, imported: Imported) -> None:
+def test_a_failed_import_may_be_tried_again(
+    api: httpx.Client, campaign: str, imported: Imported
+) -> None:
     assert imported(campaign, b"nonsense")["status"] == "failed"
     ok(api.post(f"campaigns/{campaign}/imports", content=b"nonsense"), 202)
 
@@ -253,23 +296,32 @@ def test_a_failed_import_may_be_tried_again(api: httpx.Client, campaign: str, im
 def test_a_point_that_lies_elsewhere_stops_the_import(
     campaign: str, imported: Imported, stored: Callable[[str], dict[str, int]]
 ) -> None:
-    assert imported(campaign, (HEADER + points((1, 0.1), (2, 0.2))).encode())["status"] == "succeeded"
+    assert (
+        imported(campaign, (HEADER + points((1, 0.1), (2, 0.2))).encode())["status"] == "succeeded"
+    )
     moved = HEADER + points((3, 0.3), (2, 0.25)) + function(1, 2, [1 + 0j, 2 + 0j])
     done = imported(campaign, moved.encode())
     assert done["status"] == "failed"
-    assert "grid point 2 lies at (0.25, 0, 0) m in the file and at (0.2, 0, 0) m" in str(done["error"])
+    assert "grid point 2 lies at (0.25, 0, 0) m in the file and at (0.2, 0, 0) m" in str(
+        done["error"]
+    )
     assert stored(campaign) == {"frfs": 0, "grid_points": 2, "mode_sets": 0}
     same = HEADER + points((2, 0.2 + 1e-8), (3, 0.3))
     assert imported(campaign, same.encode())["counts"]["grid_points"] == 2
     assert stored(campaign)["grid_points"] == 3
 
 
-def test_values_that_no_structure_has_are_refused_with_their_size(campaign: str, imported: Imported) -> None:
+def test_values_that_no_structure_has_are_refused_with_their_size(
+    campaign: str, imported: Imported
+) -> None:
     wild = [function(2, 1, [1e300 + 0j] * 3), function(3, 1, [1j * 1e-300] * 3)]
     done = imported(campaign, (HEADER + function(1, 1, [1 + 1j] * 3) + "".join(wild)).encode())
     assert (done["status"], done["counts"]["frfs"]) == ("succeeded", 1)
     assert [(each["outcome"], each["reason"]) for each in done["datasets"][-2:]] == [
-        ("refused", f"reaches {size}, expected its largest between 1e-70 and 1e+70; check unit and scale")
+        (
+            "refused",
+            f"reaches {size}, expected its largest between 1e-70 and 1e+70; check unit and scale",
+        )
         for size in ("1e+300", "1e-300")
     ]
 
@@ -286,18 +338,30 @@ def test_a_file_with_nothing_to_store_says_why(
 def test_modes_of_a_file_become_a_mode_set(
     api: httpx.Client, campaign: str, imported: Imported, uff_corpus: Path
 ) -> None:
-    done = imported(campaign, (uff_corpus / "pyuff" / "uff55_translation.uff").read_bytes(), filename="shapes.uff")
+    done = imported(
+        campaign,
+        (uff_corpus / "pyuff" / "uff55_translation.uff").read_bytes(),
+        filename="shapes.uff",
+    )
     assert done["status"] == "succeeded", done
     (mode_set,) = ok(api.get(f"campaigns/{campaign}/mode-sets"), 200)["items"]
-    assert (mode_set["origin"], mode_set["name"], mode_set["import_id"]) == ("file", "shapes.uff", done["id"])
+    assert (mode_set["origin"], mode_set["name"], mode_set["import_id"]) == (
+        "file",
+        "shapes.uff",
+        done["id"],
+    )
     assert len(mode_set["modes"]) == done["counts"]["modes"] > 0
     frequencies = [mode["frequency_hz"] for mode in mode_set["modes"]]
     assert frequencies == sorted(frequencies)
     assert all(mode["shape"] for mode in mode_set["modes"])
 
 
-def test_a_real_file_of_three_frfs(api: httpx.Client, campaign: str, imported: Imported, uff_corpus: Path) -> None:
-    done = imported(campaign, (uff_corpus / "pyuff" / "measurement_v1.uff").read_bytes(), quantity="accelerance")
+def test_a_real_file_of_three_frfs(
+    api: httpx.Client, campaign: str, imported: Imported, uff_corpus: Path
+) -> None:
+    done = imported(
+        campaign, (uff_corpus / "pyuff" / "measurement_v1.uff").read_bytes(), quantity="accelerance"
+    )
     assert done["counts"]["frfs"] == 3, done
     frfs = ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
     assert [f["lines"] for f in frfs] == [1001] * 3
@@ -324,8 +388,12 @@ def test_without_a_key_no_byte_is_read(api: httpx.Client, campaign: str) -> None
         ok(anonymous.post(f"campaigns/{campaign}/imports", content=b"x"), 401)
 
 
-@pytest.mark.parametrize("params", [{"filename": "a\0b"}, {"quantity": "loudness"}, {"dry_run": "perhaps"}])
-def test_a_senseless_parameter_is_refused(api: httpx.Client, campaign: str, params: dict[str, str]) -> None:
+@pytest.mark.parametrize(
+    "params", [{"filename": "a\0b"}, {"quantity": "loudness"}, {"dry_run": "perhaps"}]
+)
+def test_a_senseless_parameter_is_refused(
+    api: httpx.Client, campaign: str, params: dict[str, str]
+) -> None:
     ok(api.post(f"campaigns/{campaign}/imports", params=params, content=small_file()), 422)
 
 
@@ -348,7 +416,8 @@ def test_an_edit_does_not_wait_for_an_import_that_is_being_stored(
 ) -> None:
     with psycopg.connect(psycopg_url(service.settings.database_url)) as storing:
         storing.execute(
-            "INSERT INTO mode_sets (campaign_id, name, origin) VALUES (%s, 'in flight', 'typed')", [campaign]
+            "INSERT INTO mode_sets (campaign_id, name, origin) VALUES (%s, 'in flight', 'typed')",
+            [campaign],
         )
         ok(api.patch(f"campaigns/{campaign}", json={"name": "x"}, headers={"If-Match": "*"}), 200)
         ok(api.post(f"campaigns/{campaign}/imports", content=small_file()), 202)

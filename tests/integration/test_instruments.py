@@ -1,4 +1,6 @@
-"""Instruments with a calibration history: campaigns name them, and a search lists what an expired calibration touched."""
+"""Instruments with a calibration history: campaigns name them, and a search lists what an expired
+calibration touched.
+"""
 
 from typing import Any
 
@@ -10,14 +12,21 @@ from tests.support.laboratory import BEAM
 from tests.support.rest import ok, pointers
 
 HISTORY = [
-    {"performed_on": "2026-02-01", "valid_until": "2027-01-31", "sensitivity": 10.1, "unit": "mV/g"},
+    {
+        "performed_on": "2026-02-01",
+        "valid_until": "2027-01-31",
+        "sensitivity": 10.1,
+        "unit": "mV/g",
+    },
     {"performed_on": "2024-02-01", "valid_until": "2025-01-31"},
 ]
 
 
 @pytest.fixture
 def tested(api: httpx.Client, project: str) -> dict[str, str]:
-    """Campaigns with sensor 4507: calibrated, expired, before any calibration, undated; and one with another sensor."""
+    """Campaigns with sensor 4507: calibrated, expired, before any calibration, undated; and one
+    with another sensor.
+    """
     ids = {"project": project}
     ids["structure"] = ok(api.post(f"projects/{project}/structures", json=BEAM), 201)["id"]
     for name, at, serial in (
@@ -29,7 +38,12 @@ def tested(api: httpx.Client, project: str) -> dict[str, str]:
         ("undated", None, "4507"),
         ("other", "2025-06-01T12:00:00Z", "352"),
     ):
-        body = {"name": name, "boundary": "free", "performed_at": at, "instruments": {"sensor": {"serial": serial}}}
+        body = {
+            "name": name,
+            "boundary": "free",
+            "performed_at": at,
+            "instruments": {"sensor": {"serial": serial}},
+        }
         ids[name] = ok(api.post(f"structures/{ids['structure']}/campaigns", json=body), 201)["id"]
     made = {"kind": "sensor", "serial": "4507", "model": "352C33", "calibrations": HISTORY}
     ids["sensor"] = ok(api.post(f"projects/{project}/instruments", json=made), 201)["id"]
@@ -40,10 +54,17 @@ def tested(api: httpx.Client, project: str) -> dict[str, str]:
 
 
 def found(api: httpx.Client, noun: str, text: str, field: str = "name") -> list[str]:
-    return [row[field] for row in ok(api.get(f"search/{noun}", params={"filter": text, "fields": field}), 200)["items"]]
+    return [
+        row[field]
+        for row in ok(api.get(f"search/{noun}", params={"filter": text, "fields": field}), 200)[
+            "items"
+        ]
+    ]
 
 
-def test_what_an_expired_calibration_touched_is_found(api: httpx.Client, tested: dict[str, str]) -> None:
+def test_what_an_expired_calibration_touched_is_found(
+    api: httpx.Client, tested: dict[str, str]
+) -> None:
     mine = f"project.id = '{tested['project']}' AND "
     for text, names in (
         ("instrument.serial = '4507'", ["good", "last day", "late", "again", "early", "undated"]),
@@ -55,16 +76,25 @@ def test_what_an_expired_calibration_touched_is_found(api: httpx.Client, tested:
     ):
         assert found(api, "campaigns", mine + text) == names, text
     ok(api.post(f"campaigns/{tested['late']}/frfs", json=frfs()), 201)
-    assert set(found(api, "frfs", mine + "instrument.calibration_expired = TRUE", "campaign.name")) == {"late"}
+    assert set(
+        found(api, "frfs", mine + "instrument.calibration_expired = TRUE", "campaign.name")
+    ) == {"late"}
     assert found(api, "structures", mine + "instrument.model = '352C33'") == ["FRP beam"]
 
 
-def test_each_frf_has_the_sensor_that_stood_at_its_point(api: httpx.Client, tested: dict[str, str]) -> None:
-    """Two sensors at stated points, the third elsewhere: by model and number, and what an expired one touched."""
+def test_each_frf_has_the_sensor_that_stood_at_its_point(
+    api: httpx.Client, tested: dict[str, str]
+) -> None:
+    """Two sensors at stated points, the third elsewhere: by model and number, and what an expired
+    one touched.
+    """
     project, late = tested["project"], tested["late"]
     expired = {"kind": "sensor", "serial": "old", "calibrations": [HISTORY[1]]}
     ok(api.post(f"projects/{project}/instruments", json=expired), 201)
-    stood = [{"model": "4507", "serial": "old", "points": [2, 5]}, {"model": "4507", "serial": "new", "points": [3]}]
+    stood = [
+        {"model": "4507", "serial": "old", "points": [2, 5]},
+        {"model": "4507", "serial": "new", "points": [3]},
+    ]
     change = {"instruments": {"sensor": {"model": "352C33", "serial": "352"}, "sensors": stood}}
     tag = api.get(f"campaigns/{late}").headers["ETag"]
     ok(api.patch(f"campaigns/{late}", json=change, headers={"If-Match": tag}), 200)
@@ -89,30 +119,44 @@ def test_each_frf_has_the_sensor_that_stood_at_its_point(api: httpx.Client, test
         body["mapping"]["channels"][1]["point"] = point
         ok(api.post(f"campaigns/{late}/records", json=body), 201)
     for serial, points in (("old", [2]), ("352", [4])):  # the hammer's blocks are of no sensor
-        assert found(api, "records", mine + f"instrument.serial = '{serial}'", "point") == points, serial
+        assert found(api, "records", mine + f"instrument.serial = '{serial}'", "point") == points, (
+            serial
+        )
     for text, names in (
         ("frf.sensor = '4507'", ["late"]),
         ("frf.sensor_serial = 'new' AND frf.response_point = 2", []),
     ):
         assert found(api, "campaigns", mine + text) == names, text
-    shown = api.get("search/frfs", params={"filter": mine + "lines = 3", "fields": "sensor_serial", "sort": "sensor"})
+    shown = api.get(
+        "search/frfs",
+        params={"filter": mine + "lines = 3", "fields": "sensor_serial", "sort": "sensor"},
+    )
     assert [row["sensor_serial"] for row in ok(shown, 200)["items"]] == ["352", "352", "old", "new"]
 
 
-def test_a_new_calibration_is_kept_in_time_order_and_counts(api: httpx.Client, tested: dict[str, str]) -> None:
+def test_a_new_calibration_is_kept_in_time_order_and_counts(
+    api: httpx.Client, tested: dict[str, str]
+) -> None:
     address = f"instruments/{tested['sensor']}"
     answer = api.get(address)
     before = ok(answer, 200)["calibrations"]
     assert [one["performed_on"] for one in before] == ["2024-02-01", "2026-02-01"]
     extended = [*before, {"performed_on": "2025-01-15", "valid_until": "2026-01-14"}]
-    change: dict[str, Any] = {"json": {"calibrations": extended}, "headers": {"If-Match": answer.headers["ETag"]}}
-    assert [one["performed_on"] for one in ok(api.patch(address, **change), 200)["calibrations"]][1] == "2025-01-15"
+    change: dict[str, Any] = {
+        "json": {"calibrations": extended},
+        "headers": {"If-Match": answer.headers["ETag"]},
+    }
+    assert [one["performed_on"] for one in ok(api.patch(address, **change), 200)["calibrations"]][
+        1
+    ] == "2025-01-15"
     mine = f"project.id = '{tested['project']}' AND "
     assert found(api, "campaigns", mine + "instrument.calibration_expired = TRUE") == []
     assert api.patch(address, **change).status_code == 412
 
 
-def test_an_instrument_is_refused_and_hidden_in_words(api: httpx.Client, tested: dict[str, str]) -> None:
+def test_an_instrument_is_refused_and_hidden_in_words(
+    api: httpx.Client, tested: dict[str, str]
+) -> None:
     path = f"projects/{tested['project']}/instruments"
     twice = api.post(path, json={"kind": "sensor", "serial": "4507"})
     assert twice.status_code == 409
@@ -125,7 +169,11 @@ def test_an_instrument_is_refused_and_hidden_in_words(api: httpx.Client, tested:
             "/calibrations/0/performed_on",
         ),
         (
-            {"kind": "hammer", "serial": "1", "calibrations": [{"performed_on": "2026-02-03", "sensitivity": 0}]},
+            {
+                "kind": "hammer",
+                "serial": "1",
+                "calibrations": [{"performed_on": "2026-02-03", "sensitivity": 0}],
+            },
             "/calibrations/0/sensitivity",
         ),
         (
@@ -144,7 +192,9 @@ def test_an_instrument_is_refused_and_hidden_in_words(api: httpx.Client, tested:
     mine = f"project.id = '{tested['project']}' AND "
     assert found(api, "campaigns", mine + "instrument.serial = '4507'") == []
     assert [one["kind"] for one in ok(api.get(path), 200)["items"]] == ["hammer"]
-    assert [one["id"] for one in ok(api.get(path, params={"deleted": True}), 200)["items"]] == [tested["sensor"]]
+    assert [one["id"] for one in ok(api.get(path, params={"deleted": True}), 200)["items"]] == [
+        tested["sensor"]
+    ]
     ok(api.post(f"instruments/{tested['sensor']}/restore"), 200)
     assert "late" in found(api, "campaigns", mine + "instrument.serial = '4507'")
     assert {one["kind"] for one in ok(api.get(path), 200)["items"]} == {"sensor", "hammer"}

@@ -38,7 +38,9 @@ def test_row_and_dispatch_are_one_transaction(sessions: Sessions) -> None:
 
 def test_computes_in_a_child_and_stores(worked: Sessions) -> None:
     job = run(worked, "echo")
-    assert (job.state, job.attempt, job.progress, job.error) == ("succeeded", 1, 1, None), job.message
+    assert (job.state, job.attempt, job.progress, job.error) == ("succeeded", 1, 1, None), (
+        job.message
+    )
     assert job.queued_at <= job.started_at <= job.finished_at
     name, where = items(worked, job.id)
     assert name == "echo"
@@ -139,7 +141,8 @@ def test_superseded_attempt_stores_nothing(works: Works) -> None:
     assert (after.state, after.attempt) == ("running", 7)
     assert items(works.sessions, job_id) == []
     with works.sessions.begin() as session:
-        session.execute(delete(Job).where(Job.id == job_id))  # or it would be taken up again some time
+        # or it would be taken up again some time
+        session.execute(delete(Job).where(Job.id == job_id))
 
 
 def test_a_worker_that_shall_end_finishes_what_runs_or_puts_it_back(
@@ -207,7 +210,10 @@ def test_fork_server_killed_while_it_starts_a_child(works: Works) -> None:
     """It is stopped, so that the worker waits for its child, or is about to, when it is killed."""
     run(works.sessions, "echo")
     server = fork_server_of(works.process.pid)
-    until(lambda: not server.children(), "the child before it to be gone, whose end the worker hears from the server")
+    until(
+        lambda: not server.children(),
+        "the child before it to be gone, whose end the worker hears from the server",
+    )
     server.suspend()
     (job_id,) = put(works.sessions, "echo")
     wait(works.sessions, job_id, lambda job: job.state == "running")
@@ -218,7 +224,9 @@ def test_fork_server_killed_while_it_starts_a_child(works: Works) -> None:
 
 def fork_server_of(worker: int) -> psutil.Process:
     (server,) = (
-        child for child in psutil.Process(worker).children() if "forkserver import" in " ".join(child.cmdline())
+        child
+        for child in psutil.Process(worker).children()
+        if "forkserver import" in " ".join(child.cmdline())
     )
     return server
 

@@ -1,4 +1,6 @@
-"""What can be asked of jobs: turns and limits, cancellation, another try, checkpoints, metrics; and clearing up."""
+"""What can be asked of jobs: turns and limits, cancellation, another try, checkpoints, metrics; and
+clearing up.
+"""
 
 import hashlib
 from collections.abc import Iterator
@@ -36,7 +38,8 @@ def queued(sessions: Sessions, **counts: int) -> dict[str, list[UUID]]:
             session.add(project := Project(name=name))
             session.flush()
             jobs[name] = [
-                enqueue(session, kind=job_kinds.KINDS["echo"], project_id=project.id).id for _ in range(count)
+                enqueue(session, kind=job_kinds.KINDS["echo"], project_id=project.id).id
+                for _ in range(count)
             ]
     return jobs
 
@@ -49,7 +52,11 @@ def take(sessions: Sessions, limit: int | None = None) -> UUID | None:
 
 def end(sessions: Sessions, job_id: UUID | None, state: str = "succeeded") -> None:
     with sessions.begin() as session:
-        session.execute(update(Job).where(Job.id == job_id).values(state=state, finished_at=func.clock_timestamp()))
+        session.execute(
+            update(Job)
+            .where(Job.id == job_id)
+            .values(state=state, finished_at=func.clock_timestamp())
+        )
 
 
 def test_projects_take_turns(sessions: Sessions) -> None:
@@ -74,7 +81,13 @@ def test_priority_counts_within_a_project_and_not_between(sessions: Sessions) ->
         session.execute(update(Job).where(Job.id == jobs["calm"][2]).values(priority=5))
         session.execute(update(Job).where(Job.id.in_(jobs["hasty"])).values(priority=100))
     taken = [take(sessions) for _ in range(5)]
-    assert taken == [jobs["calm"][2], jobs["hasty"][0], jobs["calm"][0], jobs["hasty"][1], jobs["calm"][1]]
+    assert taken == [
+        jobs["calm"][2],
+        jobs["hasty"][0],
+        jobs["calm"][0],
+        jobs["hasty"][1],
+        jobs["calm"][1],
+    ]
 
 
 def test_a_job_that_workers_died_with_goes_after_the_others(sessions: Sessions) -> None:
@@ -101,7 +114,9 @@ def worker_settings() -> dict[str, Any]:
 def test_a_job_that_the_limit_held_back_starts_when_there_is_room(worked: Sessions) -> None:
     jobs = queued(worked, many=4)["many"]
     ended = [wait(worked, job_id) for job_id in jobs]
-    spans = sorted((job.started_at, job.finished_at) for job in ended if job.started_at and job.finished_at)
+    spans = sorted(
+        (job.started_at, job.finished_at) for job in ended if job.started_at and job.finished_at
+    )
     assert len(spans) == 4
     assert all(first[1] <= second[0] for first, second in pairwise(spans))
 
@@ -118,7 +133,9 @@ def no_notice(worked: Sessions) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("notice", [True, False], ids=["notice", "looking"])
-def test_cancelled_computation_is_gone(worked: Sessions, notice: bool, request: pytest.FixtureRequest) -> None:
+def test_cancelled_computation_is_gone(
+    worked: Sessions, notice: bool, request: pytest.FixtureRequest
+) -> None:
     if not notice:
         request.getfixturevalue("no_notice")
     (job_id,) = put(worked, "stubborn")
@@ -128,7 +145,10 @@ def test_cancelled_computation_is_gone(worked: Sessions, notice: bool, request: 
         assert request_cancel(session, job_id).state == "running"
     job = wait(worked, job_id)
     assert (job.state, job.message) == ("cancelled", "cancelled on request")
-    until(lambda: not child.is_running() or child.status() == psutil.STATUS_ZOMBIE, "the end of the child")
+    until(
+        lambda: not child.is_running() or child.status() == psutil.STATUS_ZOMBIE,
+        "the end of the child",
+    )
     assert run(worked, "echo").state == "succeeded"
 
 
@@ -137,7 +157,12 @@ def test_retried_job_runs_again(worked: Sessions) -> None:
     assert wait(worked, job_id).state == "failed"
     with worked.begin() as session:
         again = retry(session, job_id)
-        assert (again.state, again.message, again.error, again.finished_at) == ("queued", None, None, None)
+        assert (again.state, again.message, again.error, again.finished_at) == (
+            "queued",
+            None,
+            None,
+            None,
+        )
     job = wait(worked, job_id)
     assert (job.state, job.attempt) == ("failed", 2)
 
@@ -202,7 +227,9 @@ def saved_step(sessions: Sessions, job_id: UUID) -> int | None:
     return None if saved is None else int.from_bytes(saved[:2])
 
 
-def test_checkpoint_of_an_attempt_that_is_no_longer_the_present_one_is_not_kept(sessions: Sessions) -> None:
+def test_checkpoint_of_an_attempt_that_is_no_longer_the_present_one_is_not_kept(
+    sessions: Sessions,
+) -> None:
     queued(sessions, one=1)
     with sessions.begin() as session:
         job = begin_next(session, ["jobs"], "a worker", None)
@@ -228,7 +255,10 @@ def test_metrics_by_kind_and_outcome(sessions: Sessions) -> None:
     assert 'modalbase_job_attempts_total{kind="refusing",outcome="failed"} 1.0' in shown
     for name in ("wait", "run"):
         assert f'modalbase_job_{name}_seconds_count{{kind="echo",outcome="succeeded"}} 2.0' in shown
-        assert f'modalbase_job_{name}_seconds_bucket{{kind="echo",le="+Inf",outcome="succeeded"}} 2.0' in shown
+        assert (
+            f'modalbase_job_{name}_seconds_bucket{{kind="echo",le="+Inf",outcome="succeeded"}} 2.0'
+            in shown
+        )
 
 
 def test_store_that_lost_its_connection_is_gone_through_again() -> None:

@@ -54,7 +54,9 @@ def watch(api: httpx.Client, job: str, last: int | None = None) -> list[tuple[in
         return events_of(answer.iter_lines())
 
 
-def test_events_tell_the_whole_story_and_end(api: httpx.Client, start: Callable[..., dict[str, Any]]) -> None:
+def test_events_tell_the_whole_story_and_end(
+    api: httpx.Client, start: Callable[..., dict[str, Any]]
+) -> None:
     job = start()
     story = watch(api, job["id"])
     ids = [number for number, _ in story]
@@ -64,10 +66,14 @@ def test_events_tell_the_whole_story_and_end(api: httpx.Client, start: Callable[
     assert [state["status"] for _, state in story][-1] == "failed"
     assert "no FRFs" in story[-1][1]["error"]["detail"]
     shown = api.get(f"update-jobs/{job['id']}").json()
-    assert all(shown[name] == value for name, value in story[-1][1].items() if not name.endswith("_at"))
+    assert all(
+        shown[name] == value for name, value in story[-1][1].items() if not name.endswith("_at")
+    )
 
 
-def test_who_comes_back_is_told_what_is_new(api: httpx.Client, start: Callable[..., dict[str, Any]]) -> None:
+def test_who_comes_back_is_told_what_is_new(
+    api: httpx.Client, start: Callable[..., dict[str, Any]]
+) -> None:
     job = start()
     story = watch(api, job["id"])
     last = story[-1][0]
@@ -91,8 +97,12 @@ def test_events_go_on_when_the_notices_are_cut_off(
     assert watch(api, start()["id"])[-1][1]["status"] == "failed"
 
 
-def events_of_a_deaf_api(api: httpx.Client, service: LocalService, job: str, streams: int) -> httpx.Response:
-    """What an API answers that hears nothing from the database, with the same rows, of so many streams."""
+def events_of_a_deaf_api(
+    api: httpx.Client, service: LocalService, job: str, streams: int
+) -> httpx.Response:
+    """What an API answers that hears nothing from the database, with the same rows, of so many
+    streams.
+    """
     app = create_app(Settings(database_url=service.settings.database_url))
     app.state.changes = Changes(NOWHERE, app.state.sessions, streams)
     assert app.state.changes.patience < 1
@@ -120,7 +130,9 @@ def test_events_come_by_looking_where_no_notice_ever_does_and_streams_beyond_the
 
 
 def test_retry_runs_the_same_job_again(
-    api: httpx.Client, start: Callable[..., dict[str, Any]], finished: Callable[[str], dict[str, Any]]
+    api: httpx.Client,
+    start: Callable[..., dict[str, Any]],
+    finished: Callable[[str], dict[str, Any]],
 ) -> None:
     path = f"update-jobs/{start()['id']}"
     first = finished(path)
@@ -132,11 +144,15 @@ def test_retry_runs_the_same_job_again(
     assert (second["status"], second["attempt"]) == ("failed", 2)
 
 
-def test_same_key_same_job_other_body_refused(start: Callable[..., dict[str, Any]], api: httpx.Client) -> None:
+def test_same_key_same_job_other_body_refused(
+    start: Callable[..., dict[str, Any]], api: httpx.Client
+) -> None:
     key = {"Idempotency-Key": str(uuid4())}
     first = start({"seed": 1}, **key)
     assert start({"seed": 1}, **key)["id"] == first["id"]
-    answer = api.post(f"campaigns/{first['campaign_id']}/update-jobs", json={"seed": 2}, headers=key)
+    answer = api.post(
+        f"campaigns/{first['campaign_id']}/update-jobs", json={"seed": 2}, headers=key
+    )
     assert answer.status_code == 422
     assert answer.json()["errors"][0]["pointer"] == "Idempotency-Key"
     assert start({"seed": 1})["id"] != first["id"]
@@ -154,7 +170,11 @@ def test_same_key_at_once_for_two_campaigns_is_one_job_and_one_refusal(
 ) -> None:
     campaigns, key = [new_campaign(), new_campaign()], {"Idempotency-Key": str(uuid4())}
     with ThreadPoolExecutor(2) as pool:
-        answers = list(pool.map(lambda c: api.post(f"campaigns/{c}/update-jobs", json={}, headers=key), campaigns))
+        answers = list(
+            pool.map(
+                lambda c: api.post(f"campaigns/{c}/update-jobs", json={}, headers=key), campaigns
+            )
+        )
     assert sorted(answer.status_code for answer in answers) == [202, 422]
 
 
@@ -169,7 +189,9 @@ def test_many_campaigns_in_one_call(
     assert [job["campaign_id"] for job in made] == campaigns
     assert [job["recipe"]["seed"] for job in made] == [3, 5, 3]
     assert {job["priority"] for job in made} == {7}
-    assert ok(api.post("update-jobs", json=body, headers=key), 202)["items"][0]["id"] == made[0]["id"]
+    assert (
+        ok(api.post("update-jobs", json=body, headers=key), 202)["items"][0]["id"] == made[0]["id"]
+    )
     shorter = {**body, "jobs": jobs[:2]}
     assert api.post("update-jobs", json=shorter, headers=key).status_code == 422
     assert {finished(f"update-jobs/{job['id']}")["status"] for job in made} == {"failed"}
@@ -179,7 +201,12 @@ def test_list_by_project_structure_campaign_and_state(
     api: httpx.Client, project: str, structure: str, new_campaign: Callable[..., str]
 ) -> None:
     first, second = new_campaign(), new_campaign()
-    made = ok(api.post("update-jobs", json={"jobs": [{"campaign_id": c} for c in (first, second, second)]}), 202)
+    made = ok(
+        api.post(
+            "update-jobs", json={"jobs": [{"campaign_id": c} for c in (first, second, second)]}
+        ),
+        202,
+    )
     ids = [job["id"] for job in made["items"]]
 
     def listed(**params: Any) -> list[str]:
@@ -196,11 +223,16 @@ def test_list_by_project_structure_campaign_and_state(
 
 @pytest.mark.parametrize("priority", ["-101", "101", "high", "1.5"])
 def test_wrong_priorities_are_refused(api: httpx.Client, campaign: str, priority: str) -> None:
-    assert api.post(f"campaigns/{campaign}/update-jobs?priority={priority}", json={}).status_code == 422
+    assert (
+        api.post(f"campaigns/{campaign}/update-jobs?priority={priority}", json={}).status_code
+        == 422
+    )
 
 
 def test_metrics_are_where_prometheus_looks(
-    start: Callable[..., dict[str, Any]], finished: Callable[[str], dict[str, Any]], service: LocalService
+    start: Callable[..., dict[str, Any]],
+    finished: Callable[[str], dict[str, Any]],
+    service: LocalService,
 ) -> None:
     finished(f"update-jobs/{start()['id']}")
     shown = httpx.get(f"{service.url}/metrics", trust_env=False, timeout=60).text
@@ -213,4 +245,6 @@ def test_job_carries_the_id_of_its_request(
 ) -> None:
     name = f"test-{uuid4()}"
     answer = api.post(f"campaigns/{campaign}/update-jobs", json={}, headers={"X-Request-ID": name})
-    assert rows("SELECT request_id FROM jobs WHERE id = %s", answer.json()["id"]) == [{"request_id": name}]
+    assert rows("SELECT request_id FROM jobs WHERE id = %s", answer.json()["id"]) == [
+        {"request_id": name}
+    ]

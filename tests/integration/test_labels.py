@@ -1,4 +1,6 @@
-"""Tags and metadata: stored with a thing, found by a search, and held against what the project demands."""
+"""Tags and metadata: stored with a thing, found by a search, and held against what the project
+demands.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -25,7 +27,8 @@ def labelled(api: httpx.Client, project: str, service: LocalService) -> dict[str
     ids = {"project": project}
     made = ok(
         api.post(
-            f"projects/{project}/structures", json={**BEAM, "tags": ["bridge"], "meta": {"span": 3, "serial": 2**60}}
+            f"projects/{project}/structures",
+            json={**BEAM, "tags": ["bridge"], "meta": {"span": 3, "serial": 2**60}},
         ),
         201,
     )
@@ -42,7 +45,10 @@ def labelled(api: httpx.Client, project: str, service: LocalService) -> dict[str
     for first in (11, 12):
         ok(api.post(f"campaigns/{ids['a']}/frfs", json=frfs(first)), 201)
     ids["job"] = ok(api.post(f"campaigns/{ids['a']}/update-jobs", json={}), 202)["id"]
-    row = "INSERT INTO update_results (id, campaign_id, document, prediction) VALUES (%s, %s, '{}', '')"
+    row = (
+        "INSERT INTO update_results (id, campaign_id, document, prediction) VALUES (%s, %s,"
+        " '{}', '')"
+    )
     with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
         connection.execute(row, [ids["job"], ids["a"]])
     return ids
@@ -75,7 +81,10 @@ QUESTIONS = [
 
 def test_a_filter_asks_for_tags_and_metadata(api: httpx.Client, labelled: dict[str, str]) -> None:
     for condition, found in QUESTIONS:
-        query = {"filter": f"({condition}) AND project.id = '{labelled['project']}'", "fields": "name"}
+        query = {
+            "filter": f"({condition}) AND project.id = '{labelled['project']}'",
+            "fields": "name",
+        }
         items = ok(api.get("search/campaigns", params=query), 200)["items"]
         assert "".join(row["name"] for row in items) == found, condition
 
@@ -103,9 +112,18 @@ def test_what_a_filter_cannot_ask_is_refused(api: httpx.Client) -> None:
 
 def test_labels_are_columns_of_every_format(api: httpx.Client, labelled: dict[str, str]) -> None:
     fields = "name,tag,meta.client,meta.wind"
-    query = {"filter": f"structure.id = '{labelled['structure']}'", "fields": fields, "sort": "name"}
+    query = {
+        "filter": f"structure.id = '{labelled['structure']}'",
+        "fields": fields,
+        "sort": "name",
+    }
     first = ok(api.get("search/campaigns", params=query), 200)["items"][0]
-    assert first == {"name": "a", "tag": ["winter", "night shift"], "meta.client": "ACME", "meta.wind": {"speed": 3.5}}
+    assert first == {
+        "name": "a",
+        "tag": ["winter", "night shift"],
+        "meta.client": "ACME",
+        "meta.wind": {"speed": 3.5},
+    }
     lines = api.get("search/campaigns", params={**query, "format": "csv"}).text.splitlines()
     assert lines[1] == 'a,"winter, night shift",ACME,"{""speed"": 3.5}"'
     assert lines[4] == "d,,,"
@@ -114,20 +132,26 @@ def test_labels_are_columns_of_every_format(api: httpx.Client, labelled: dict[st
     assert rows[2] == {"name": "c", "tag": "summer", "meta.client": "7", "meta.wind": None}
 
 
-def test_frfs_and_results_take_labels(service: LocalService, api: httpx.Client, labelled: dict[str, str]) -> None:
+def test_frfs_and_results_take_labels(
+    service: LocalService, api: httpx.Client, labelled: dict[str, str]
+) -> None:
     key = api.headers["Authorization"].removeprefix("Bearer ")
     with modalbase.connect(service.url, key) as lab:
         campaign = lab.campaign(labelled["a"])
         assert (campaign.tags, campaign.meta["client"]) == (["winter", "night shift"], "ACME")
         assert campaign.label_frfs(tags=["steel tip"], meta={"tip": "steel"}, point=12) == 1
         found = list(lab.find("frfs", "tag = 'steel tip' AND meta.tip = 'steel'"))
-        assert [row["response_point"] for row in found if row["campaign.id"] == labelled["a"]] == [12]
+        assert [row["response_point"] for row in found if row["campaign.id"] == labelled["a"]] == [
+            12
+        ]
         job = lab.job(labelled["job"])
         assert job.labels == {"tags": [], "meta": {}}
         assert job.label(tags=["approved"]) == {"tags": ["approved"], "meta": {}}
         assert [row["id"] for row in lab.find("results", "tag = 'approved'")] == [labelled["job"]]
         assert campaign.change(tags=["autumn"]).tags == ["autumn"]
-        assert lab.campaign(f"{BEAM['name']}/b").change(tags=["found by name"]).tags == ["found by name"]
+        assert lab.campaign(f"{BEAM['name']}/b").change(tags=["found by name"]).tags == [
+            "found by name"
+        ]
         structure = lab.structure(labelled["structure"]).change(meta={"span": 4})
         assert (structure.version, structure.tags, structure.meta) == (1, ["bridge"], {"span": 4})
     stale = api.put(f"update-jobs/{labelled['job']}/labels", json={}, headers={"If-Match": '"x"'})
@@ -165,7 +189,9 @@ def test_a_project_demands_what_is_stated(api: httpx.Client, labelled: dict[str,
     schemas = {
         "campaign": {
             "required": ["temperature_c", "humidity_percent"],
-            "properties": {"instruments": {"required": ["hammer"], "properties": {"hammer": hammer}}},
+            "properties": {
+                "instruments": {"required": ["hammer"], "properties": {"hammer": hammer}}
+            },
         },
         "frfs": {"properties": {"meta": {"required": ["analyst"]}}},
         "result": {"properties": {"tags": {"minItems": 1}}},
@@ -174,11 +200,22 @@ def test_a_project_demands_what_is_stated(api: httpx.Client, labelled: dict[str,
     assert ok(demand(api, labelled["project"], schemas), 200)["schemas"] == schemas
     path = f"structures/{labelled['structure']}/campaigns"
     bad = api.post(path, json={**CAMPAIGN, "name": "n", "instruments": {"hammer": {"tip": "wood"}}})
-    assert [fault["pointer"] for fault in bad.json()["errors"]] == ["/humidity_percent", "/instruments/hammer/tip"]
+    assert [fault["pointer"] for fault in bad.json()["errors"]] == [
+        "/humidity_percent",
+        "/instruments/hammer/tip",
+    ]
     assert "the project demands it of each campaign" in bad.json()["errors"][0]["detail"]
-    good = {**CAMPAIGN, "name": "n", "humidity_percent": 50, "instruments": {"hammer": {"tip": "nylon"}}}
+    good = {
+        **CAMPAIGN,
+        "name": "n",
+        "humidity_percent": 50,
+        "instruments": {"hammer": {"tip": "nylon"}},
+    }
     campaign = ok(api.post(path, json=good), 201)
-    address, tag = f"campaigns/{campaign['id']}", {"If-Match": api.get(f"campaigns/{campaign['id']}").headers["ETag"]}
+    address, tag = (
+        f"campaigns/{campaign['id']}",
+        {"If-Match": api.get(f"campaigns/{campaign['id']}").headers["ETag"]},
+    )
     cleared = api.patch(address, json={"temperature_c": None}, headers=tag)
     assert cleared.json()["errors"][0]["pointer"] == "/temperature_c"
     assert api.get(address).json()["temperature_c"] == 20.0
@@ -214,9 +251,16 @@ def test_a_schema_that_cannot_be_is_refused(api: httpx.Client, project: str) -> 
         assert answer.json()["errors"][0]["pointer"].startswith("/schemas"), one
 
 
-def test_others_learn_nothing_of_labels(labelled: dict[str, str], new_client: Callable[[], httpx.Client]) -> None:
+def test_others_learn_nothing_of_labels(
+    labelled: dict[str, str], new_client: Callable[[], httpx.Client]
+) -> None:
     stranger = new_client()
-    for condition in ("tag = 'winter'", "NOT tag = 'x'", "meta.client = 'ACME'", "structure.tag = 'bridge'"):
+    for condition in (
+        "tag = 'winter'",
+        "NOT tag = 'x'",
+        "meta.client = 'ACME'",
+        "structure.tag = 'bridge'",
+    ):
         assert ok(stranger.get("search/campaigns", params={"filter": condition}), 200)["count"] == 0
     assert stranger.put(f"campaigns/{labelled['a']}/frfs/labels", json={}).status_code == 404
     assert stranger.get(f"update-jobs/{labelled['job']}/labels").status_code == 404

@@ -1,4 +1,6 @@
-"""Many clients, streams and slow heads: the concurrency model of docs/limits.md, at ten times its size."""
+"""Many clients, streams and slow heads: the concurrency model of docs/limits.md, at ten times its
+size.
+"""
 
 import asyncio
 import socket
@@ -23,11 +25,15 @@ SLOTS, QUEUE = 4, 20
 
 @pytest.fixture(scope="module")
 def narrow(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
-    """A service that answers few requests at a time, with few streams of events; those that may wait do, however slow the
-    machine is.
+    """A service that answers few requests at a time, with few streams of events; those that may
+    wait do, however slow the machine is.
     """
     with new_service(
-        worker=False, database_pool=SLOTS, request_queue=QUEUE, request_wait_seconds=600, event_streams=4
+        worker=False,
+        database_pool=SLOTS,
+        request_queue=QUEUE,
+        request_wait_seconds=600,
+        event_streams=4,
     ) as running:
         yield running
 
@@ -37,7 +43,9 @@ def test_a_burst_of_one_key_is_answered(service: LocalService) -> None:
     assert statuses(answers) == {200: 200}
 
 
-def test_beyond_what_may_wait_the_answer_says_so_and_when_to_come_back(narrow: LocalService) -> None:
+def test_beyond_what_may_wait_the_answer_says_so_and_when_to_come_back(
+    narrow: LocalService,
+) -> None:
     key = narrow.new_key("hasty")
     answers = at_once(narrow, key, "projects?limit=5", 10 * (SLOTS + QUEUE))
     counted = statuses(answers)
@@ -67,14 +75,25 @@ def test_one_key_in_a_hurry_does_not_hold_up_another(narrow: LocalService) -> No
     assert 429 in statuses(pressed)
 
 
-def test_many_streams_of_events_hold_nothing_up(service: LocalService, api: httpx.Client, campaign: str) -> None:
-    """200 streams at once; lists and health answer beside them, and each stream sees its job's end."""
+def test_many_streams_of_events_hold_nothing_up(
+    service: LocalService, api: httpx.Client, campaign: str
+) -> None:
+    """200 streams at once; lists and health answer beside them, and each stream sees its job's
+    end.
+    """
     key = api.headers["Authorization"].removeprefix("Bearer ")
 
     async def crowd(client: httpx.AsyncClient) -> tuple[list[str], list[httpx.Response]]:
         opened = asyncio.Semaphore(0)
-        second = {"Authorization": f"Bearer {(await client.post('api-keys', json={'name': 'x'})).json()['key']}"}
-        jobs = [(await client.post(f"campaigns/{campaign}/update-jobs", json={})).json()["id"] for _ in range(5)]
+        second = {
+            "Authorization": (
+                f"Bearer {(await client.post('api-keys', json={'name': 'x'})).json()['key']}"
+            )
+        }
+        jobs = [
+            (await client.post(f"campaigns/{campaign}/update-jobs", json={})).json()["id"]
+            for _ in range(5)
+        ]
 
         async def watch(job: str, **headers: str) -> str:
             async with client.stream("GET", f"update-jobs/{job}/events", headers=headers) as answer:
@@ -82,7 +101,10 @@ def test_many_streams_of_events_hold_nothing_up(service: LocalService, api: http
                 opened.release()
                 return (await answer.aread()).decode()
 
-        watching = [asyncio.ensure_future(watch(jobs[i % len(jobs)], **(second if i % 2 else {}))) for i in range(200)]
+        watching = [
+            asyncio.ensure_future(watch(jobs[i % len(jobs)], **(second if i % 2 else {})))
+            for i in range(200)
+        ]
         lists = await asyncio.gather(*[client.get("projects?limit=5") for _ in range(30)])
         health = await client.get(f"{service.url}/healthz")
         return await asyncio.gather(*watching), [*lists, health]
@@ -96,7 +118,9 @@ def test_one_key_has_half_of_the_streams_of_events(narrow: LocalService) -> None
     with ExitStack() as stack:
         api = stack.enter_context(client_of(narrow, "ada"))
         (campaign,) = campaigns_of(api, "p")
-        path = f"update-jobs/{ok(api.post(f'campaigns/{campaign}/update-jobs', json={}))['id']}/events"
+        path = (
+            f"update-jobs/{ok(api.post(f'campaigns/{campaign}/update-jobs', json={}))['id']}/events"
+        )
         other = {"Authorization": f"Bearer {ok(api.post('api-keys', json={'name': 'b'}))['key']}"}
 
         reading: list[Iterator[bytes]] = []
@@ -115,7 +139,9 @@ def test_one_key_has_half_of_the_streams_of_events(narrow: LocalService) -> None
         assert int(refused.headers["Retry-After"]) >= 1
 
 
-def test_many_clients_and_streams_at_once_get_answers(new_service: Callable[..., LocalService]) -> None:
+def test_many_clients_and_streams_at_once_get_answers(
+    new_service: Callable[..., LocalService],
+) -> None:
     with new_service(access_log=False) as service:
         found = load(service, seconds=2, clients=40, streams=40, keys=4, pause=1)
     assert found.bare_errors == []

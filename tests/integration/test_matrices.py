@@ -1,4 +1,6 @@
-"""Matrices of a solver over HTTP: they go in, are solved before a test, and an update finds the factor of each part."""
+"""Matrices of a solver over HTTP: they go in, are solved before a test, and an update finds the
+factor of each part.
+"""
 
 import io
 import zipfile
@@ -36,12 +38,21 @@ def body(boundary: str = "free") -> Any:
 
 @cache
 def measured() -> bytes:
-    """FRFs along both walls at nodes of the mesh, of a body whose walls are stiffer and softer than stated."""
+    """FRFs along both walls at nodes of the mesh, of a body whose walls are stiffer and softer than
+    stated.
+    """
     true = body()
-    truth = {f"{wall}.{c}": true.nominal[f"{wall}.{c}"] * f for wall, f in FACTORS.items() for c in MODULI}
+    truth = {
+        f"{wall}.{c}": true.nominal[f"{wall}.{c}"] * f
+        for wall, f in FACTORS.items()
+        for c in MODULI
+    }
     nodes, places = true.mesh.nodes, {}
     for k, x in enumerate(np.linspace(0.03, 0.38, 7)):
-        for n, wanted in ((1, (x, 0.025 - 0.004 * (k % 3), -0.038)), (2, (x, -0.028, 0.034 - 0.02 * (k % 3)))):
+        for n, wanted in (
+            (1, (x, 0.025 - 0.004 * (k % 3), -0.038)),
+            (2, (x, -0.028, 0.034 - 0.02 * (k % 3))),
+        ):
             nearest = nodes[np.argmin(np.linalg.norm(nodes - wanted, axis=1))]
             places[2 * k + n] = (float(nearest[0]), float(nearest[1]), float(nearest[2]))
     return uff(true, truth, places, 0)
@@ -75,13 +86,21 @@ def test_an_update_of_matrices_finds_the_factor_of_each_part(api: httpx.Client, 
 
 
 def test_campaigns_of_matrices_update_together(api: httpx.Client, bare: str) -> None:
-    assert sent(api, bare, zipped(body()), units="m-N-kg", filename="angle.zip")["status"] == "succeeded"
-    assert "whose nodes have no walls" in ok(api.post(f"structures/{bare}/plans", json={}), 422)["errors"][0]["detail"]
+    assert (
+        sent(api, bare, zipped(body()), units="m-N-kg", filename="angle.zip")["status"]
+        == "succeeded"
+    )
+    assert (
+        "whose nodes have no walls"
+        in ok(api.post(f"structures/{bare}/plans", json={}), 422)["errors"][0]["detail"]
+    )
     content, jobs = measured(), list[dict[str, str]]()
     for name in ("before", "after"):
         asked = {"name": name, "boundary": "free", "inputs": {"window_rate_per_s": 0}}
         campaign = ok(api.post(f"structures/{bare}/campaigns", json=asked), 201)["id"]
-        finished(api, api.post(f"campaigns/{campaign}/imports", content=content).headers["Location"])
+        finished(
+            api, api.post(f"campaigns/{campaign}/imports", content=content).headers["Location"]
+        )
         jobs.append({"campaign_id": campaign})
     begun = api.post("update-jobs", json={"joint": True, "jobs": jobs})
     done = finished(api, begun.headers["Location"])
@@ -91,11 +110,17 @@ def test_campaigns_of_matrices_update_together(api: httpx.Client, bare: str) -> 
     for name, value in FACTORS.items():
         assert rows[f"{name}.factor"]["estimate"] == pytest.approx(value, rel=0.02)
     with_angle = {"joint": True, "jobs": [jobs[0], {**jobs[1], "angle_deg": 3}]}
-    assert "lies as it is stated" in ok(api.post("update-jobs", json=with_angle), 422)["errors"][0]["detail"]
+    assert (
+        "lies as it is stated"
+        in ok(api.post("update-jobs", json=with_angle), 422)["errors"][0]["detail"]
+    )
 
 
 def test_matrices_that_hold_the_body_are_as_modelled(api: httpx.Client, bare: str) -> None:
-    assert sent(api, bare, archived(body("cantilever")), units="m-N-kg", filename="a.npz")["status"] == "succeeded"
+    assert (
+        sent(api, bare, archived(body("cantilever")), units="m-N-kg", filename="a.npz")["status"]
+        == "succeeded"
+    )
     held = forecast(api, bare, modes=3, boundary="as_modelled")
     assert held["found"]["rigid_modes"] == 0
     page = api.get(str(api.base_url.copy_with(path=f"/ui/structures/{bare}"))).text
@@ -113,7 +138,11 @@ def test_what_is_wrong_with_matrices_is_said_by_file(api: httpx.Client, bare: st
     files = {}
     with zipfile.ZipFile(io.BytesIO(whole)) as archive:
         files = {name: archive.read(name) for name in archive.namelist()}
-    for lost, said in (("nodes.csv", "nodes.csv"), ("M_0.mtx", "no matrix of the mass"), ("dofs.csv", "")):
+    for lost, said in (
+        ("nodes.csv", "nodes.csv"),
+        ("M_0.mtx", "no matrix of the mass"),
+        ("dofs.csv", ""),
+    ):
         buffer = io.BytesIO()
         with zipfile.ZipFile(buffer, "w") as archive:
             for name, content in files.items():
@@ -129,15 +158,21 @@ def test_what_is_wrong_with_matrices_is_said_by_file(api: httpx.Client, bare: st
 
 @pytest.mark.skipif(which("ccx") is None, reason="CalculiX is not installed")
 def test_matrices_of_solids_that_calculix_stores(api: httpx.Client, bare: str) -> None:
-    """K of each part of 20-node bricks, as a user stores it; FRFs of CalculiX's modes with other moduli."""
+    """K of each part of 20-node bricks, as a user stores it; FRFs of CalculiX's modes with other
+    moduli.
+    """
     model = sent(api, bare, solids.stored_matrices(), units="mm-N-t", filename="solids.zip")
     assert model["status"] == "succeeded", model["message"]
     assert model["found"]["factors"] == ["plate.factor", "rib.factor"]
-    assert model["found"]["mass_kg"] == pytest.approx(1850 * 0.3 * (0.06 * 0.008 + 0.008 * 0.03), rel=1e-6)
+    assert model["found"]["mass_kg"] == pytest.approx(
+        1850 * 0.3 * (0.06 * 0.008 + 0.008 * 0.03), rel=1e-6
+    )
     seen = forecast(api, bare, modes=8)["found"]
     expected, _ = solids.solved(dict.fromkeys(solids.MODULI, 1.0), [1])
     # Of each part the other's modulus is a millionth.
-    assert [mode["frequency_hz"] for mode in seen["model_modes"]] == pytest.approx(expected[6:14], rel=2e-6)
+    assert [mode["frequency_hz"] for mode in seen["model_modes"]] == pytest.approx(
+        expected[6:14], rel=2e-6
+    )
     truth = {"plate": 1.06, "rib": 0.9}
     _, result = updated(api, bare, solids.measured(truth), "free", {"damping_models": ["rayleigh"]})
     rows = {row["name"]: row for row in result["parameters"]}

@@ -1,6 +1,7 @@
 """Every member of every request is used, or refused by name: none is accepted and ignored.
 
-The members are those of the service's own OpenAPI document; one without a row in `tests/support/member_rows.py` fails.
+The members are those of the service's own OpenAPI document; one without a row in
+`tests/support/member_rows.py` fails.
 """
 
 from collections.abc import Iterator
@@ -21,7 +22,10 @@ from tests.support.rest import client_of
 
 @pytest.fixture(scope="module")
 def lab(service: LocalService) -> Iterator[Lab]:
-    engine, (name, member) = make_engine(service.settings.database_url), (f"member {uuid4()}" for _ in range(2))
+    engine, (name, member) = (
+        make_engine(service.settings.database_url),
+        (f"member {uuid4()}" for _ in range(2)),
+    )
     with client_of(service, name) as api, client_of(service, member) as chief:
         with make_sessions(engine).begin() as session:
             user_named(session, member).administrator = True
@@ -44,16 +48,29 @@ def test_every_operation_with_members_has_its_rows(document: Node) -> None:
 
 
 @pytest.mark.parametrize("name", MEMBERS)
-def test_each_member_has_its_effect_or_is_refused_by_name(document: Node, lab: Lab, name: str) -> None:
+def test_each_member_has_its_effect_or_is_refused_by_name(
+    document: Node, lab: Lab, name: str
+) -> None:
     operation, kind, members = next(one for one in walk(document) if named(*one[:2]) == name)
-    assert faults(lab, operation, kind, members, MEMBERS[name], within(document).get((operation, kind))) == []
+    assert (
+        faults(
+            lab, operation, kind, members, MEMBERS[name], within(document).get((operation, kind))
+        )
+        == []
+    )
 
 
 def test_the_members_within_members_that_have_no_row_become_fewer(document: Node) -> None:
-    """Each is listed once, by its schema, wherever it can be sent; a row in one operation is enough."""
+    """Each is listed once, by its schema, wherever it can be sent; a row in one operation is
+    enough.
+    """
     inner = {named(*key): found for key, found in within(document).items()}
     there = {one for found in inner.values() for names in found.values() for one in names}
     with_row = {
-        one for name, found in inner.items() for path in found if path in MEMBERS[name].members for one in found[path]
+        one
+        for name, found in inner.items()
+        for path in found
+        if path in MEMBERS[name].members
+        for one in found[path]
     }
     assert there - with_row == WITHOUT_ROW

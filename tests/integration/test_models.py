@@ -1,4 +1,6 @@
-"""Users' models over HTTP: a deck goes in, the structure is it, an update finds the constants of its sets."""
+"""Users' models over HTTP: a deck goes in, the structure is it, an update finds the constants of
+its sets.
+"""
 
 import io
 import json
@@ -33,7 +35,9 @@ def bare(api: httpx.Client, project: str) -> str:
 
 def sent(api: httpx.Client, structure: str, content: bytes, **query: Any) -> dict[str, Any]:
     """A model after its reading."""
-    queued = api.post(f"structures/{structure}/model", params={"filename": "angle.inp", **query}, content=content)
+    queued = api.post(
+        f"structures/{structure}/model", params={"filename": "angle.inp", **query}, content=content
+    )
     ok(queued, 202)
     return finished(api, queued.headers["Location"])
 
@@ -43,7 +47,14 @@ def test_a_deck_is_read_and_shown(api: httpx.Client, bare: str) -> None:
     model = sent(api, bare, content, units="m-N-kg")
     assert (model["status"], model["version"]) == ("succeeded", 2)
     found = model["found"]
-    assert found["counts"] == {"nodes": 475, "elements": 140, "masses": 0, "springs": 0, "links": 0, "supports": 1}
+    assert found["counts"] == {
+        "nodes": 475,
+        "elements": 140,
+        "masses": 0,
+        "springs": 0,
+        "links": 0,
+        "supports": 1,
+    }
     sets = {each["name"]: each for each in found["sets"]}
     assert sets["flange"]["area_m2"] == pytest.approx(0.4 * 0.058)
     assert sets["flange"]["mass_kg"] == pytest.approx(0.4 * 0.058 * 0.004 * 1850)
@@ -54,12 +65,19 @@ def test_a_deck_is_read_and_shown(api: httpx.Client, bare: str) -> None:
     (material,) = found["materials"]
     assert (material["name"], material["constants"]["E1"]) == ("GFRP", 23e9)
     (junction,) = found["junctions"]
-    assert [(wall["set"], wall["passes"]) for wall in junction["walls"]] == [("flange", False), ("web", False)]
+    assert [(wall["set"], wall["passes"]) for wall in junction["walls"]] == [
+        ("flange", False),
+        ("web", False),
+    ]
     assert junction["length_m"] == pytest.approx(0.4)
     (support,) = found["supports"]
     assert support["dofs"] == [1, 2, 3, 4, 5, 6]
     structure = ok(api.get(f"structures/{bare}"), 200)
-    assert (structure["version"], structure["model"], structure["geometry"]) == (2, model["id"], None)
+    assert (structure["version"], structure["model"], structure["geometry"]) == (
+        2,
+        model["id"],
+        None,
+    )
     page = api.get(str(api.base_url.copy_with(path=f"/ui/structures/{bare}"))).text
     assert 'value="as_modelled"' in page
     assert 'value="cantilever"' not in page
@@ -74,7 +92,9 @@ def test_a_deck_is_read_and_shown(api: httpx.Client, bare: str) -> None:
     ]
     original = api.get(f"structures/{bare}/model/original")
     assert original.content == content
-    again = api.get(f"structures/{bare}/model/original", headers={"If-None-Match": original.headers["ETag"]})
+    again = api.get(
+        f"structures/{bare}/model/original", headers={"If-None-Match": original.headers["ETag"]}
+    )
     assert again.status_code == 304
 
 
@@ -103,9 +123,14 @@ def test_a_deck_and_what_it_includes_come_in_one_zip(api: httpx.Client, bare: st
         assert archive.namelist() == list(files)
         assert b"updated: E1 of" in archive.read("job/mat/gfrp.inp")
         assert b"*INCLUDE, INPUT=mat/gfrp.inp" in archive.read("job/angle.inp")
-    two = sent(api, bare, zipped(**{"a.inp": whole, "b.inp": whole}), units="m-N-kg", filename="two.zip")
+    two = sent(
+        api, bare, zipped(**{"a.inp": whole, "b.inp": whole}), units="m-N-kg", filename="two.zip"
+    )
     assert "a.inp, b.inp, expected one deck" in two["message"]
-    buffer, again = io.BytesIO(zipped(**{"a.inp": whole})), pytest.warns(UserWarning, match="Duplicate")
+    buffer, again = (
+        io.BytesIO(zipped(**{"a.inp": whole})),
+        pytest.warns(UserWarning, match="Duplicate"),
+    )
     with zipfile.ZipFile(buffer, "a") as archive, again:
         archive.writestr("a.inp", whole)
     twice = sent(api, bare, buffer.getvalue(), units="m-N-kg", filename="twice.zip")
@@ -113,15 +138,25 @@ def test_a_deck_and_what_it_includes_come_in_one_zip(api: httpx.Client, bare: st
     assert "no zip" in sent(api, bare, whole, units="m-N-kg", filename="no.zip")["message"]
 
 
-def test_a_deck_of_nastran_and_what_it_includes_come_in_one_zip(api: httpx.Client, bare: str) -> None:
+def test_a_deck_of_nastran_and_what_it_includes_come_in_one_zip(
+    api: httpx.Client, bare: str
+) -> None:
     whole = (HEAD + GRIDS + CARDS).encode()
     main = (HEAD + "include 'mesh/grids.bdf'\n" + CARDS).encode()
     plain = sent(api, bare, whole, units="m-N-kg", filename="plate.bdf")["found"]
     model = sent(
-        api, bare, zipped(**{"a/plate.bdf": main, "a/mesh/grids.bdf": GRIDS.encode()}), units="m-N-kg", filename="p.zip"
+        api,
+        bare,
+        zipped(**{"a/plate.bdf": main, "a/mesh/grids.bdf": GRIDS.encode()}),
+        units="m-N-kg",
+        filename="p.zip",
     )
     assert model["status"] == "succeeded", model["message"]
-    assert {**model["found"], "materials": None, "sets": None} == {**plain, "materials": None, "sets": None}
+    assert {**model["found"], "materials": None, "sets": None} == {
+        **plain,
+        "materials": None,
+        "sets": None,
+    }
     assert model["found"]["mass_kg"] == pytest.approx(0.2 * 0.01 * 2700)
     lacking = sent(api, bare, zipped(**{"a/plate.bdf": main}), units="m-N-kg", filename="p.zip")
     assert "mesh/grids.bdf" in lacking["message"]
@@ -166,12 +201,19 @@ def test_a_mesh_comes_with_sections_of_its_sets(api: httpx.Client, bare: str) ->
     assert "accept=CLAMP" in sent(api, bare, content, **asked, sections=json.dumps(both))["message"]
     address = f"structures/{bare}/model"
     said = {"sections": json.dumps({**both, "clamp": {"held_dofs": [1, 2, 3, 4, 5, 6]}})}
-    form = api.post(address, params={"units": "mm-N-t"}, data=said, files={"file": ("angle.msh", content)})
+    form = api.post(
+        address, params={"units": "mm-N-t"}, data=said, files={"file": ("angle.msh", content)}
+    )
     model = finished(api, form.headers["Location"])
     assert model["status"] == "succeeded", model["message"]
     assert model["sections"]["flange"]["isotropic"]["E_Pa"] == 7e10
-    assert [(each["name"], each["elements"]) for each in model["found"]["sets"]] == [("flange", 2), ("the_web", 4)]
-    assert model["found"]["supports"] == [{"nodes": 5, "dofs": [1, 2, 3, 4, 5, 6], "line": 0, "file": None}]
+    assert [(each["name"], each["elements"]) for each in model["found"]["sets"]] == [
+        ("flange", 2),
+        ("the_web", 4),
+    ]
+    assert model["found"]["supports"] == [
+        {"nodes": 5, "dofs": [1, 2, 3, 4, 5, 6], "line": 0, "file": None}
+    ]
     assert ok(api.get(f"{address}/mesh"))["blocks"][0]["set"] == "flange"
     page = api.get(str(api.base_url.copy_with(path=f"/ui/structures/{bare}"))).text
     assert "angle.msh" in page
@@ -180,7 +222,9 @@ def test_a_mesh_comes_with_sections_of_its_sets(api: httpx.Client, bare: str) ->
         ({"flange": {**metal, "thickness_m": 2}}, "did you mean"),
         ({"flange": {**wall, "material": ANGLE["shape"]["material"]}}, "density_kg_m3 is missing"),
     ]:
-        problem = ok(api.post(address, params={**asked, "sections": json.dumps(wrong)}, content=content), 422)
+        problem = ok(
+            api.post(address, params={**asked, "sections": json.dumps(wrong)}, content=content), 422
+        )
         assert problem["errors"][0]["pointer"].startswith("/flange"), problem
         assert what in problem["errors"][0]["detail"]
     deck_with = sent(api, bare, deck(), units="m-N-kg", sections=json.dumps(both))
@@ -198,7 +242,9 @@ def test_what_is_wrong_with_a_deck_is_said_by_line(api: httpx.Client, bare: str)
 
 
 @pytest.mark.parametrize("boundary", ["free", "as_modelled"])
-def test_an_update_of_a_deck_finds_the_constants_of_its_sets(api: httpx.Client, bare: str, boundary: str) -> None:
+def test_an_update_of_a_deck_finds_the_constants_of_its_sets(
+    api: httpx.Client, bare: str, boundary: str
+) -> None:
     assert sent(api, bare, deck(), units="m-N-kg")["status"] == "succeeded"
     content = measured(boundary="free" if boundary == "free" else "cantilever")
     address, result = updated(api, bare, content, boundary)
@@ -216,7 +262,9 @@ def test_an_update_of_a_deck_finds_the_constants_of_its_sets(api: httpx.Client, 
 
 
 def handed_back(api: httpx.Client, address: str, found: dict[str, Any]) -> None:
-    """The updated deck is the one that was sent, but for the numbers that were updated, and reads back."""
+    """The updated deck is the one that was sent, but for the numbers that were updated, and reads
+    back.
+    """
     answer = api.get(f"{api.base_url.join(address)}/deck")
     assert answer.headers["content-disposition"] == 'attachment; filename="updated-angle.inp"'
     assert "/deck is it" in ok(api.get(f"{api.base_url.join(address)}/cards"), 409)["detail"]
@@ -230,8 +278,11 @@ def handed_back(api: httpx.Client, address: str, found: dict[str, Any]) -> None:
     for name in ("flange", "web"):
         (material,) = (model.materials[each] for each in model.sections[name].materials)
         for constant in ("E1", "E2", "G12", "G13", "G23"):
-            assert material.constants[constant] == pytest.approx(found[f"{name}.{constant}"]["estimate"], rel=1e-6)
-    assert model.sections["flange"].materials != model.sections["web"].materials  # the one that both had was parted
+            assert material.constants[constant] == pytest.approx(
+                found[f"{name}.{constant}"]["estimate"], rel=1e-6
+            )
+    # the one that both had was parted
+    assert model.sections["flange"].materials != model.sections["web"].materials
 
 
 @pytest.mark.skipif(which("ccx") is None, reason="CalculiX is not installed")
@@ -245,7 +296,9 @@ def test_without_joints_the_decks_own_solver_agrees(api: httpx.Client, bare: str
     after = api.get(f"{api.base_url.join(address)}/deck").content
     head = [line for line in after.decode().splitlines() if line.startswith("** ")]
     assert any("without a model of the joints" in line for line in head)
-    expected = [float(line.split(" Hz")[0].split()[-1]) for line in head if line.startswith("** mode ")]
+    expected = [
+        float(line.split(" Hz")[0].split()[-1]) for line in head if line.startswith("** mode ")
+    ]
     ratios = np.divide(*(frequencies(ccx(each.decode().splitlines())) for each in (after, deck())))
     modes = [mode for mode in result["modes"] if mode["updated_hz"]]
     numbers = [int(np.argmin(np.abs(np.array(expected) - mode["own_mesh_hz"]))) for mode in modes]
@@ -256,18 +309,33 @@ def test_without_joints_the_decks_own_solver_agrees(api: httpx.Client, bare: str
 
 def test_a_strip_has_no_joints_to_leave_out(api: httpx.Client, project: str) -> None:
     flat = {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}
-    material = {"Ex_Pa": 3e10, "Ey_Pa": 9e9, "Gxy_Pa": 3e9, "Gxz_Pa": 3e9, "Gyz_Pa": 3e9, "nu_xy": 0.3}
+    material = {
+        "Ex_Pa": 3e10,
+        "Ey_Pa": 9e9,
+        "Gxy_Pa": 3e9,
+        "Gxz_Pa": 3e9,
+        "Gyz_Pa": 3e9,
+        "nu_xy": 0.3,
+    }
     strip = {"name": "strip", "geometry": flat, "density_kg_m3": 1850, "material": material}
     structure = ok(api.post(f"projects/{project}/structures", json=strip), 201)["id"]
-    campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}), 201)["id"]
+    campaign = ok(
+        api.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}), 201
+    )["id"]
     problem = ok(api.post(f"campaigns/{campaign}/update-jobs", json={"junctions": "off"}), 422)
     assert "a strip or plate has none" in problem["errors"][0]["detail"]
 
 
 def test_each_points_distance_from_the_model_is_listed(api: httpx.Client, bare: str) -> None:
     sent(api, bare, deck(), units="m-N-kg")
-    made = ok(api.post(f"structures/{bare}/campaigns", json={"name": "c", "boundary": "free"}), 201)["id"]
-    assert ok(api.get(f"campaigns/{made}/alignment"), 200) == {"rms_m": None, "off": [], "items": []}
+    made = ok(
+        api.post(f"structures/{bare}/campaigns", json={"name": "c", "boundary": "free"}), 201
+    )["id"]
+    assert ok(api.get(f"campaigns/{made}/alignment"), 200) == {
+        "rms_m": None,
+        "off": [],
+        "items": [],
+    }
     places = {**points(), 90: (0.2, 0.0, 0.0)}
     items = [{"label": n, "x_m": x, "y_m": y, "z_m": z} for n, (x, y, z) in places.items()]
     ok(api.put(f"campaigns/{made}/grid-points", json={"items": items}, headers={"If-Match": "*"}))
@@ -286,9 +354,13 @@ def test_points_off_the_model_are_listed_at_import(api: httpx.Client, bare: str)
         frame = {"origin_m": [0, shift, 0], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0]}
         body = {"name": f"{shift}", "boundary": "free", "frame": frame}
         campaign = ok(api.post(f"structures/{bare}/campaigns", json=body), 201)["id"]
-        queued = api.post(f"campaigns/{campaign}/imports", params={"filename": "a.uff"}, content=measured())
+        queued = api.post(
+            f"campaigns/{campaign}/imports", params={"filename": "a.uff"}, content=measured()
+        )
         warnings = [
-            each for each in finished(api, queued.headers["Location"])["warnings"] if "off the specimen" in each
+            each
+            for each in finished(api, queued.headers["Location"])["warnings"]
+            if "off the specimen" in each
         ]
         listed = ok(api.get(f"campaigns/{campaign}/alignment"), 200)["off"]
         assert (len(warnings), bool(listed)) == (count, bool(count))
@@ -328,7 +400,9 @@ def test_the_open_decks_are_read_as_they_are(api: httpx.Client, bare: str) -> No
         assert model["found"]["junctions"]
 
 
-def test_the_same_deck_of_several_clients_at_once_is_read_once(api: httpx.Client, bare: str) -> None:
+def test_the_same_deck_of_several_clients_at_once_is_read_once(
+    api: httpx.Client, bare: str
+) -> None:
     headers, path = {"Content-Type": "application/octet-stream"}, f"structures/{bare}/model"
     query = {"filename": "beam.inp", "units": "m-N-kg"}
 

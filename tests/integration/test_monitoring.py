@@ -1,4 +1,6 @@
-"""Monitors over real HTTP, with a real worker: what becomes of every kind of campaign, and who gets a message."""
+"""Monitors over real HTTP, with a real worker: what becomes of every kind of campaign, and who gets
+a message.
+"""
 
 import signal
 from collections.abc import Callable, Iterator
@@ -13,7 +15,13 @@ import psutil
 import pytest
 from sqlalchemy import select
 
-from examples.monitoring import State, measured_frfs, post_campaign, send_measurement, structure_body
+from examples.monitoring import (
+    State,
+    measured_frfs,
+    post_campaign,
+    send_measurement,
+    structure_body,
+)
 from service.app.supervisor import LocalService
 from service.db.engine import make_engine, make_sessions
 from service.monitoring.judgements import set_state
@@ -27,9 +35,18 @@ START = datetime(2024, 1, 15, 10, tzinfo=UTC)
 RECIPE = {
     "identification": {"band_hz": [5, 500], "highest_order": 10},
     "damping_models": ["rayleigh"],
-    "parameters": [{"name": "Ex"}, {"name": "Gxy", "tied_to": "Ex"}, {"name": "Gxz", "tied_to": "Ex"}],
+    "parameters": [
+        {"name": "Ex"},
+        {"name": "Gxy", "tied_to": "Ex"},
+        {"name": "Gxz", "tied_to": "Ex"},
+    ],
 }
-WATCH = {"name": "m", "recipe": RECIPE, "parameters": [{"name": "Ex"}], "baseline": {"campaigns": 4}}
+WATCH = {
+    "name": "m",
+    "recipe": RECIPE,
+    "parameters": [{"name": "Ex"}],
+    "baseline": {"campaigns": 4},
+}
 
 
 def frfs(stiffness: float, seed: int) -> np.ndarray:
@@ -42,7 +59,9 @@ def day(number: int) -> str:
 
 @pytest.fixture(scope="module")
 def service(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
-    """A service of its own, whose scheduler looks at every monitor every two seconds and whose webhooks may go to loopback."""
+    """A service of its own, whose scheduler looks at every monitor every two seconds and whose
+    webhooks may go to loopback.
+    """
     with new_service(
         monitor_sweep_seconds=2.0,
         campaign_settle_seconds=0.0,
@@ -60,7 +79,9 @@ class Lab:
     def __init__(self, api: httpx.Client, **monitor: Any) -> None:
         self.api = api
         self.project = ok(api.post("projects", json={"name": "lab"}), 201)["id"]
-        self.structure = ok(api.post(f"projects/{self.project}/structures", json=structure_body()), 201)["id"]
+        self.structure = ok(
+            api.post(f"projects/{self.project}/structures", json=structure_body()), 201
+        )["id"]
         self.monitor = self.watch(**monitor)
         self.baseline: list[str] = []
 
@@ -76,7 +97,9 @@ class Lab:
 
     def empty(self, number: int) -> str:
         body = {"name": "empty", "boundary": "cantilever", "performed_at": day(number)}
-        return str(ok(self.api.post(f"structures/{self.structure}/campaigns", json=body), 201)["id"])
+        return str(
+            ok(self.api.post(f"structures/{self.structure}/campaigns", json=body), 201)["id"]
+        )
 
     def series(self, **params: Any) -> Any:
         return ok(self.api.get(f"monitors/{self.monitor}/series", params=params))
@@ -120,7 +143,8 @@ def look_after(service: LocalService, monitor: str) -> None:
     """The worker's look at a monitor, which comes by itself some time, now and to its end."""
     engine = make_engine(service.settings.database_url)
     with make_sessions(engine).begin() as session:
-        session.get_one(Monitor, UUID(monitor), with_for_update=True)  # after a look that is under way
+        # after a look that is under way
+        session.get_one(Monitor, UUID(monitor), with_for_update=True)
         check(session, UUID(monitor), timedelta(0))
     engine.dispose()
 
@@ -129,13 +153,17 @@ def look_after(service: LocalService, monitor: str) -> None:
 def worker_stopped(service: LocalService) -> Iterator[None]:
     """Nothing is stored and nothing is judged in this block.
 
-    A worker that is stopped in the middle of a look at a monitor would keep its row from the API for ever.
+    A worker that is stopped in the middle of a look at a monitor would keep its row from the API
+    for ever.
     """
     worker, engine = service.processes["worker"], make_engine(service.settings.database_url)
     with make_sessions(engine).begin() as session:
         session.scalars(select(Monitor.id).with_for_update()).all()
         worker.send_signal(signal.SIGSTOP)
-        until(lambda: psutil.Process(worker.pid).status() == psutil.STATUS_STOPPED, "the worker to stop")
+        until(
+            lambda: psutil.Process(worker.pid).status() == psutil.STATUS_STOPPED,
+            "the worker to stop",
+        )
     engine.dispose()
     try:
         yield
@@ -152,10 +180,13 @@ def lab(client: httpx.Client) -> Lab:
     return lab
 
 
-def test_a_campaign_without_frfs_is_refused_and_run_when_they_come(lab: Lab, service: LocalService) -> None:
+def test_a_campaign_without_frfs_is_refused_and_run_when_they_come(
+    lab: Lab, service: LocalService
+) -> None:
     campaign = lab.empty(5)
     look_after(service, lab.monitor)
-    assert outcome(lab.series(), campaign) is None  # nobody has said that it is complete, and nothing is in it
+    # nobody has said that it is complete, and nothing is in it
+    assert outcome(lab.series(), campaign) is None
     (run,) = ok(lab.api.post(f"campaigns/{campaign}/complete"))["runs"]
     assert (run["state"], run["message"]) == ("refused", "the campaign has no FRFs")
     assert campaign not in points(lab.series())
@@ -178,19 +209,25 @@ def test_late_campaigns_reorder_the_series_and_it_says_so(lab: Lab) -> None:
     late, early = lab.campaign(20, seed=20), lab.campaign(10, seed=10)
     series = lab.judged([*lab.baseline, early, late])
     notes = series["parameters"][0]["notes"]
-    assert f"put into time order: {early} came after later campaigns; the states were judged anew" in notes
+    assert (
+        f"put into time order: {early} came after later campaigns; the states were judged anew"
+        in notes
+    )
     delete(lab, early)
     delete(lab, late)
 
 
 def test_the_same_measurement_counts_once(lab: Lab) -> None:
     again = lab.campaign(7, seed=1)
-    assert outcome(lab.series(), again)["message"] == (
-        f"holds the same FRFs as campaign {lab.baseline[1]}; a measurement counts once"
+    assert (
+        outcome(lab.series(), again)["message"]
+        == f"holds the same FRFs as campaign {lab.baseline[1]}; a measurement counts once"
     )
     same_moment = lab.campaign(2, seed=99)
-    assert outcome(lab.series(), same_moment)["message"] == (
-        f"was performed at the same moment as campaign {lab.baseline[2]}; correct one of the dates"
+    assert (
+        outcome(lab.series(), same_moment)["message"]
+        == f"was performed at the same moment as campaign {lab.baseline[2]}; correct one of the"
+        " dates"
     )
     runs = lab.runs()
     for body in ({}, {"campaign": lab.baseline[0]}, {"campaign": again}):
@@ -208,7 +245,9 @@ def test_corrections_are_judged_and_deletions_leave(lab: Lab) -> None:
     assert series["state"] == "alarm"
     runs = lab.runs()
     change(lab.api, f"campaigns/{campaign}", {"performed_at": day(9)})
-    lab.until(lambda s: campaign in points(s) and points(s)[campaign]["performed_at"][:10] == day(9)[:10])
+    lab.until(
+        lambda s: campaign in points(s) and points(s)[campaign]["performed_at"][:10] == day(9)[:10]
+    )
     assert lab.runs() == runs  # a date needs no new run
     delete(lab, campaign)
     series = lab.judged(lab.baseline)
@@ -218,7 +257,11 @@ def test_corrections_are_judged_and_deletions_leave(lab: Lab) -> None:
     lab.judged([*lab.baseline, campaign])
     instruments = {"sensor_mass_kg": 1e-6, "sensor_point": 9}
     change(lab.api, f"campaigns/{campaign}", {"instruments": instruments})
-    series = lab.until(lambda s: outcome(s, campaign)["revision"] == 2 and outcome(s, campaign)["state"] == "succeeded")
+    series = lab.until(
+        lambda s: (
+            outcome(s, campaign)["revision"] == 2 and outcome(s, campaign)["state"] == "succeeded"
+        )
+    )
     delete(lab, campaign)
     lab.judged(lab.baseline)
 
@@ -230,17 +273,24 @@ def test_a_changed_structure_ends_the_series(client: httpx.Client) -> None:
     change(client, f"structures/{lab.structure}", {"density_kg_m3": 2000.0})
     second = lab.campaign(1)
     series = lab.series()
-    assert "is now in version 2, this monitor's series is of version 1" in outcome(series, second)["message"]
+    assert (
+        "is now in version 2, this monitor's series is of version 1"
+        in outcome(series, second)["message"]
+    )
     assert outcome(series, first)["state"] == "succeeded"
     assert order(series) == [first]
 
 
-def test_a_rerun_makes_a_version_and_leaves_the_old_one(client: httpx.Client, service: LocalService) -> None:
+def test_a_rerun_makes_a_version_and_leaves_the_old_one(
+    client: httpx.Client, service: LocalService
+) -> None:
     lab = Lab(client)
     campaign = lab.campaign(0)
     old = lab.judged([campaign])
     with worker_stopped(service):
-        answer = client.post(f"monitors/{lab.monitor}/runs", json={"rerun": True, "reason": "new software"})
+        answer = client.post(
+            f"monitors/{lab.monitor}/runs", json={"rerun": True, "reason": "new software"}
+        )
         (run,) = ok(answer, 202)["items"]
         assert (run["series"], run["revision"], run["campaign_id"]) == (2, 1, campaign)
         assert lab.series()["series"] == 1  # until the new one is judged
@@ -258,7 +308,9 @@ def test_priors_follow_the_last_estimate_in_time_order(client: httpx.Client) -> 
     lab = Lab(client, priors="last")
     made = [lab.campaign(0), lab.campaign(1)]
     series = lab.judged(made)
-    recipes = [ok(client.get(f"update-jobs/{outcome(series, c)['update_job_id']}"))["recipe"] for c in made]
+    recipes = [
+        ok(client.get(f"update-jobs/{outcome(series, c)['update_job_id']}"))["recipe"] for c in made
+    ]
     first, second = ({p["name"]: p for p in recipe["parameters"]} for recipe in recipes)
     assert first["Ex"]["prior_mean"] is None
     assert second["Ex"]["prior_mean"] == points(series)[made[0]]["raw"]
@@ -267,16 +319,25 @@ def test_priors_follow_the_last_estimate_in_time_order(client: httpx.Client) -> 
 
 
 def test_modes_that_were_typed_in(client: httpx.Client) -> None:
-    lab = Lab(client, modes="given", parameters=[{"name": "Ex"}, {"name": "frequency_1"}, {"name": "damping_ratio_1"}])
+    lab = Lab(
+        client,
+        modes="given",
+        parameters=[{"name": "Ex"}, {"name": "frequency_1"}, {"name": "damping_ratio_1"}],
+    )
     campaign = lab.campaign(0)
     assert "no mode set that was typed in" in outcome(lab.series(), campaign)["message"]
     modes = [{"frequency_hz": f, "damping_ratio": 0.02} for f in (25.8, 161.6, 404.4, 452.0, 883.5)]
-    ok(client.post(f"campaigns/{campaign}/mode-sets", json={"name": "by hand", "modes": modes}), 201)
+    ok(
+        client.post(f"campaigns/{campaign}/mode-sets", json={"name": "by hand", "modes": modes}),
+        201,
+    )
     series = lab.judged([campaign])
     assert [p["points"][0]["raw"] for p in series["parameters"][1:]] == [25.8, 0.02]
 
 
-def test_a_monitor_by_hand_and_one_on_a_schedule(client: httpx.Client, service: LocalService) -> None:
+def test_a_monitor_by_hand_and_one_on_a_schedule(
+    client: httpx.Client, service: LocalService
+) -> None:
     lab = Lab(client, runs_on="hand")
     scheduled = lab.watch(runs_on="schedule", schedule="0 3 * * 1")
     campaign = lab.campaign(0)
@@ -301,7 +362,13 @@ def test_a_deleted_monitor_is_gone_until_it_is_restored(client: httpx.Client) ->
     etag = client.get(path).headers["ETag"]
     ok(client.delete(path, headers={"If-Match": '"another"'}), 412)
     ok(client.delete(path, headers={"If-Match": etag}), 204)
-    for gone in (path, f"{path}/series", f"{path}/series/figure", f"{path}/runs", f"{path}/deliveries"):
+    for gone in (
+        path,
+        f"{path}/series",
+        f"{path}/series/figure",
+        f"{path}/runs",
+        f"{path}/deliveries",
+    ):
         ok(client.get(gone), 404)
     ok(client.delete(path), 404)
     ok(client.patch(path, json={"name": "n"}, headers={"If-Match": "*"}), 404)
@@ -312,13 +379,17 @@ def test_a_deleted_monitor_is_gone_until_it_is_restored(client: httpx.Client) ->
         assert working not in ids(client, listed)
         assert working in ids(client, listed, deleted="true")
         assert lab.monitor not in ids(client, listed, deleted="true")
-    second = post_campaign(client, lab.structure, {"name": "in between", "performed_at": day(1)}, frfs(1.0, 1))
+    second = post_campaign(
+        client, lab.structure, {"name": "in between", "performed_at": day(1)}, frfs(1.0, 1)
+    )
     assert ok(client.post(f"campaigns/{second}/complete"))["runs"] == []
     shown = ok(client.post(f"{path}/restore"))
     assert (shown["deleted_at"], shown["name"]) == (None, "works")
     lab.monitor = working
     lab.judged([first, second])
-    acts = [e["action"] for e in ok(client.get("audit-events"))["items"] if e["subject_id"] == working]
+    acts = [
+        e["action"] for e in ok(client.get("audit-events"))["items"] if e["subject_id"] == working
+    ]
     assert sorted(acts) == ["monitor.create", "monitor.delete", "monitor.restore"]
 
 
@@ -326,21 +397,30 @@ def ids(client: httpx.Client, path: str, **params: str) -> list[str]:
     return [m["id"] for m in ok(client.get(path, params={"limit": 1000, **params}))["items"]]
 
 
-def test_an_undated_campaign_is_not_complete_and_a_monitor_comes_to_rest(lab: Lab, client: httpx.Client) -> None:
+def test_an_undated_campaign_is_not_complete_and_a_monitor_comes_to_rest(
+    lab: Lab, client: httpx.Client
+) -> None:
     """What else cannot be meant is in `tests/corpus/test_requests.py`."""
     body = {"name": "x", "boundary": "free"}
     undated = ok(client.post(f"structures/{lab.structure}/campaigns", json=body), 201)["id"]
     assert "no performed_at" in ok(client.post(f"campaigns/{undated}/complete"), 409)["detail"]
     ok(client.patch(f"monitors/{lab.monitor}", json={"name": "n"}), 428)
     change(client, f"monitors/{lab.watch(runs_on='hand')}", {"active": False})
-    (act, *_) = ok(client.get("audit-events"))["items"]
-    assert (act["action"], act["detail"]) == ("monitor.change", {"was": {"active": True}, "now": {"active": False}})
+    act, *_ = ok(client.get("audit-events"))["items"]
+    assert (act["action"], act["detail"]) == (
+        "monitor.change",
+        {"was": {"active": True}, "now": {"active": False}},
+    )
 
 
 def test_monitors_come_worst_first(service: LocalService) -> None:
     with client_of(service, f"other {uuid4()}") as own:
         lab = Lab(own, runs_on="hand")
-        names = {lab.monitor: "no data", lab.watch(runs_on="hand"): "normal", lab.watch(runs_on="hand"): "alarm"}
+        names = {
+            lab.monitor: "no data",
+            lab.watch(runs_on="hand"): "normal",
+            lab.watch(runs_on="hand"): "alarm",
+        }
         engine = make_engine(service.settings.database_url)
         with make_sessions(engine).begin() as session:
             for key, state in names.items():
@@ -348,9 +428,15 @@ def test_monitors_come_worst_first(service: LocalService) -> None:
         engine.dispose()
         page = ok(own.get("monitors", params={"limit": 2}))
         rest = ok(own.get("monitors", params={"limit": 2, "cursor": page["next_cursor"]}))
-        assert [m["state"] for m in (*page["items"], *rest["items"])] == ["alarm", "no data", "normal"]
+        assert [m["state"] for m in (*page["items"], *rest["items"])] == [
+            "alarm",
+            "no data",
+            "normal",
+        ]
         assert rest["next_cursor"] is None
-        assert [m["state"] for m in ok(own.get("monitors", params={"state": "alarm"}))["items"]] == ["alarm"]
+        assert [
+            m["state"] for m in ok(own.get("monitors", params={"state": "alarm"}))["items"]
+        ] == ["alarm"]
 
 
 def change(api: httpx.Client, path: str, body: Any) -> None:

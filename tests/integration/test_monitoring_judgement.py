@@ -1,4 +1,6 @@
-"""Judgements and what becomes of alarms when series change. No worker: these are pure, or one transaction."""
+"""Judgements and what becomes of alarms when series change. No worker: these are pure, or one
+transaction.
+"""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
@@ -20,7 +22,14 @@ from service.errors import Conflict, NotFound
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
 from service.monitoring.campaigns import seen_campaigns
-from service.monitoring.judgements import JUDGE, acknowledge, alarm_for, judge_if_changed, set_state, update_alarms
+from service.monitoring.judgements import (
+    JUDGE,
+    acknowledge,
+    alarm_for,
+    judge_if_changed,
+    set_state,
+    update_alarms,
+)
 from service.monitoring.monitors import create_monitor
 from service.monitoring.notifications.tables import Delivery
 from service.monitoring.runs import monitor_for, newest_series
@@ -52,7 +61,9 @@ def test_an_alarm_ends_only_when_it_was_seen() -> None:
 
 
 def test_an_open_alarm_names_its_other_explanations_and_what_decides() -> None:
-    """The second mode alone fell: a mass where the others do not move. A run of before says nothing of what moves it."""
+    """The second mode alone fell: a mass where the others do not move. A run of before says nothing
+    of what moves it.
+    """
     fallen = [MODES[0], [156.0, *MODES[1][1:]], MODES[2]]
     rng = np.random.default_rng(3)
 
@@ -90,7 +101,10 @@ def test_a_mode_is_the_same_one_though_another_was_missed() -> None:
     assert [p["campaign_id"] for p in ratio["points"]] == ["0", "1", "2", "3", "4"]
     notes = judged(missed, watch).document["notes"]
     assert "damping_ratio_2 has no value in campaign 5" in notes
-    assert any(note.startswith("damping_ratio_2: some campaigns state no standard deviation") for note in notes)
+    assert any(
+        note.startswith("damping_ratio_2: some campaigns state no standard deviation")
+        for note in notes
+    )
 
 
 def test_a_parameter_that_no_result_has_is_no_data() -> None:
@@ -110,13 +124,20 @@ class World:
         session.flush()
         session.add(Member(project_id=project.id, user_id=self.user.id, role="owner"))
         session.flush()
-        structure = create_structure(session, self.user, project.id, StructureIn.model_validate(structure_body()))
+        structure = create_structure(
+            session, self.user, project.id, StructureIn.model_validate(structure_body())
+        )
         body = MonitorIn.model_validate({"name": "m", "mail_to": ["a@b.example"]})
-        self.monitor = create_monitor(session, self.user, structure.id, body, Settings(smtp_host="mail.example"))
+        self.monitor = create_monitor(
+            session, self.user, structure.id, body, Settings(smtp_host="mail.example")
+        )
         self.series = newest_series(session, self.monitor)
         self.campaigns = [
             create_campaign(
-                session, self.user, structure.id, CampaignIn(name=str(i), boundary="free", performed_at=day(i))
+                session,
+                self.user,
+                structure.id,
+                CampaignIn(name=str(i), boundary="free", performed_at=day(i)),
             )
             for i in range(4)
         ]
@@ -130,7 +151,10 @@ class World:
 
     def alarms(self) -> list[tuple[int, str]]:
         number = {campaign.id: i for i, campaign in enumerate(self.campaigns)}
-        return [(number[a.campaign_id], a.state) for a in self.session.scalars(select(Alarm).order_by(Alarm.id))]
+        return [
+            (number[a.campaign_id], a.state)
+            for a in self.session.scalars(select(Alarm).order_by(Alarm.id))
+        ]
 
     def announced(self) -> list[str]:
         return list(self.session.scalars(select(Delivery.event).order_by(Delivery.id)))
@@ -149,7 +173,8 @@ def test_alarms_are_raised_once_and_follow_their_series(world: World) -> None:
     assert world.judge((2, "alarm")) == [(2, "alarm")]
     assert world.judge((2, "alarm")) == [(2, "alarm")]
     assert world.announced() == ["alarm.raised"]
-    assert world.judge((1, "alarm")) == [(1, "alarm")]  # a late campaign raises it earlier: the same alarm
+    # a late campaign raises it earlier: the same alarm
+    assert world.judge((1, "alarm")) == [(1, "alarm")]
     assert world.history() == ["raised", "moved"]
     alarm = world.session.scalars(select(Alarm)).one()
     acknowledge(world.session, world.user, alarm, "seen")
@@ -167,7 +192,9 @@ def test_alarms_are_raised_once_and_follow_their_series(world: World) -> None:
 
 
 def test_an_alarm_that_came_back_too_late_is_open_again(world: World) -> None:
-    """One that was cleared stays so where its campaign is no episode any more; an alarm of another parameter is not taken."""
+    """One that was cleared stays so where its campaign is no episode any more; an alarm of another
+    parameter is not taken.
+    """
     world.judge((1, "alarm"))
     alarm = world.session.scalars(select(Alarm)).one()
     acknowledge(world.session, world.user, alarm, "seen")
@@ -192,14 +219,18 @@ def test_a_series_is_judged_when_something_is_new_and_not_again(world: World) ->
     monitor.expected_interval_days = 30.0
     values = {"parameters": {}, "modes": []}
     plain_frf(session, world.campaigns[0].id)
-    run = MonitorRun(series_id=series.id, campaign_id=world.campaigns[0].id, revision=1, fingerprint="")
+    run = MonitorRun(
+        series_id=series.id, campaign_id=world.campaigns[0].id, revision=1, fingerprint=""
+    )
     run.state, run.values = "running", values
     session.add(run)
     session.flush()
 
     def queued(at: float) -> int:
         judge_if_changed(session, monitor, series, day(at))
-        waiting = session.scalars(select(Job).where(Job.kind == "judge", Job.state == "queued")).all()
+        waiting = session.scalars(
+            select(Job).where(Job.kind == "judge", Job.state == "queued")
+        ).all()
         for job in waiting:
             job.state = "failed"
         session.flush()
@@ -220,11 +251,15 @@ def test_a_series_is_judged_when_something_is_new_and_not_again(world: World) ->
 
 
 def test_a_deleted_monitor_raises_no_alarm_and_hides_those_it_has(world: World) -> None:
-    """A judgement that was under way when the monitor was deleted changes nothing and announces nothing."""
+    """A judgement that was under way when the monitor was deleted changes nothing and announces
+    nothing.
+    """
     session, monitor = world.session, world.monitor
     world.judge((2, "alarm"))
     alarm = session.scalars(select(Alarm)).one()
-    job = enqueue(session, kind=JUDGE, project_id=session.get_one(Structure, monitor.structure_id).project_id)
+    job = enqueue(
+        session, kind=JUDGE, project_id=session.get_one(Structure, monitor.structure_id).project_id
+    )
     session.add(MonitorJudgement(id=job.id, series_id=world.series.id, digest="d"))
     session.flush()
     monitor_for.hide(session, world.user, monitor)
@@ -233,13 +268,20 @@ def test_a_deleted_monitor_raises_no_alarm_and_hides_those_it_has(world: World) 
     with pytest.raises(NotFound, match=r"alarm"):
         acknowledge(session, world.user, alarm, "seen")
     details = {"performed_at": START.isoformat(), "value": 1.0}
-    result = Judgement({"state": "alarm"}, (Episode("Ex", str(world.campaigns[3].id), "alarm", details),), "alarm")
+    result = Judgement(
+        {"state": "alarm"}, (Episode("Ex", str(world.campaigns[3].id), "alarm", details),), "alarm"
+    )
     JUDGE.store(session, job.id, iter([result]))
-    assert (world.alarms(), world.announced(), monitor.state) == ([(2, "alarm")], ["alarm.raised"], "no data")
+    assert (world.alarms(), world.announced(), monitor.state) == (
+        [(2, "alarm")],
+        ["alarm.raised"],
+        "no data",
+    )
     monitor_for.bring_back(session, world.user, monitor)
     assert alarm_for(session, world.user, alarm.id) is alarm
     JUDGE.store(session, job.id, iter([result]))
-    assert (world.alarms(), monitor.state) == ([(3, "alarm")], "alarm")  # the same alarm, raised by another campaign
+    # the same alarm, raised by another campaign
+    assert (world.alarms(), monitor.state) == ([(3, "alarm")], "alarm")
 
 
 def test_a_deleted_monitor_is_not_looked_after(world: World) -> None:
@@ -254,18 +296,27 @@ def test_a_deleted_monitor_is_not_looked_after(world: World) -> None:
 
 
 def test_a_campaign_settles_before_it_counts_as_complete(world: World) -> None:
-    """Without a word that it is complete: not while something was added just now, or while an import is on its way."""
+    """Without a word that it is complete: not while something was added just now, or while an
+    import is on its way.
+    """
     session, monitor, campaign = world.session, world.monitor, world.campaigns[0]
     plain_frf(session, campaign.id)
-    now = session.scalars(select(func.now())).one()  # when its row was made, by the clock of the database
+    # when its row was made, by the clock of the database
+    now = session.scalars(select(func.now())).one()
 
     def complete(later: float) -> bool:
-        return seen_campaigns(session, monitor, now + timedelta(seconds=later), timedelta(seconds=30))[0].complete
+        return seen_campaigns(
+            session, monitor, now + timedelta(seconds=later), timedelta(seconds=30)
+        )[0].complete
 
     assert [complete(later) for later in (0, 29, 31)] == [False, False, True]
     session.add(Original(sha256=b"1", size=1))
     session.flush()
-    job = enqueue(session, kind=IMPORTS.kind, project_id=session.get_one(Structure, monitor.structure_id).project_id)
+    job = enqueue(
+        session,
+        kind=IMPORTS.kind,
+        project_id=session.get_one(Structure, monitor.structure_id).project_id,
+    )
     session.add(Import(id=job.id, campaign_id=campaign.id, filename="", sha256=b"1", dry_run=False))
     session.flush()
     assert not complete(31)
@@ -286,7 +337,20 @@ def test_a_schedule_is_kept(world: World) -> None:
 
 
 def plain_frf(session: Session, campaign: UUID) -> None:
-    points = {"response_point": 1, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
-    axis = {"start_hz": 1, "end_hz": 2, "step_hz": 1, "lines": 2, "dtype": "<c8", "sha256": b"2", "data": b""}
+    points = {
+        "response_point": 1,
+        "response_direction": 3,
+        "reference_point": 1,
+        "reference_direction": 3,
+    }
+    axis = {
+        "start_hz": 1,
+        "end_hz": 2,
+        "step_hz": 1,
+        "lines": 2,
+        "dtype": "<c8",
+        "sha256": b"2",
+        "data": b"",
+    }
     session.add(Frf(campaign_id=campaign, label="", quantity="accelerance", **points, **axis))
     session.flush()

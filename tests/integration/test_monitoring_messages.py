@@ -1,4 +1,6 @@
-"""Messages: signed, sent again until they arrive, recognised by their id; never to addresses that are not allowed."""
+"""Messages: signed, sent again until they arrive, recognised by their id; never to addresses that
+are not allowed.
+"""
 
 import asyncio
 import base64
@@ -24,10 +26,20 @@ from service.monitoring.notifications.messages import EVENTS
 from service.monitoring.notifications.sender import ATTEMPTS, Sender, new_secret, post
 from service.monitoring.notifications.tables import Delivery, Webhook
 from service.settings import Settings
-from tests.support.receivers import ACCOUNT, MailServer, Receiver, dripping, mail_server, receiver, signature_holds
+from tests.support.receivers import (
+    ACCOUNT,
+    MailServer,
+    Receiver,
+    dripping,
+    mail_server,
+    receiver,
+    signature_holds,
+)
 from tests.support.waiting import until
 
-LOOPBACK = Settings(webhook_networks="127.0.0.0/8", webhook_ports="1-65535", delivery_pause_seconds=0.05)
+LOOPBACK = Settings(
+    webhook_networks="127.0.0.0/8", webhook_ports="1-65535", delivery_pause_seconds=0.05
+)
 ALARM = {
     "type": "alarm.raised",
     "timestamp": "2026-01-02T03:04:05+00:00",
@@ -74,7 +86,12 @@ def planted(sessions: Sessions, url: str, **fields: Any) -> Delivery:
         project = Project(name="p")
         session.add(project)
         session.flush()
-        common = {"project_id": project.id, "message_id": "msg_1", "event": "alarm.raised", "body": json.dumps(ALARM)}
+        common = {
+            "project_id": project.id,
+            "message_id": "msg_1",
+            "event": "alarm.raised",
+            "body": json.dumps(ALARM),
+        }
         if "recipient" not in fields:
             row = Webhook(project_id=project.id, url=url, secret=new_secret(), events=[])
             session.add(row)
@@ -85,7 +102,9 @@ def planted(sessions: Sessions, url: str, **fields: Any) -> Delivery:
     return delivery
 
 
-def sent(sessions: Sessions, settings: Settings, far_enough: Callable[[Delivery], bool]) -> Delivery:
+def sent(
+    sessions: Sessions, settings: Settings, far_enough: Callable[[Delivery], bool]
+) -> Delivery:
     """The one message of the database, once the sender has brought it so far."""
 
     def look() -> Delivery:
@@ -96,7 +115,9 @@ def sent(sessions: Sessions, settings: Settings, far_enough: Callable[[Delivery]
         return f"{look().state} after {look().attempts} attempts: {look().last_error}"
 
     with Sender(sessions, settings):
-        return until(lambda: delivery if far_enough(delivery := look()) else None, "the message", state)
+        return until(
+            lambda: delivery if far_enough(delivery := look()) else None, "the message", state
+        )
 
 
 def test_a_message_arrives_signed_and_once(api: httpx.Client, project: str, hook: Receiver) -> None:
@@ -129,7 +150,11 @@ def test_what_fails_is_sent_again_under_the_same_id_and_can_be_replayed(
         return dict(api.get(deliveries).json()["items"][0])
 
     until(lambda: latest()["state"] != "waiting", "the note that the message was taken")
-    assert (latest()["state"], latest()["attempts"], latest()["last_status"]) == ("delivered", 3, 204)
+    assert (latest()["state"], latest()["attempts"], latest()["last_status"]) == (
+        "delivered",
+        3,
+        204,
+    )
     api.post(f"deliveries/{latest()['id']}/replay").raise_for_status()
     hook.wait_for(4)
     assert hook.got[3][0]["webhook-id"] == hook.got[0][0]["webhook-id"]
@@ -155,7 +180,9 @@ def test_a_receiver_that_never_takes_it_is_given_up(sessions: Sessions, hook: Re
 def test_a_receiver_that_drips_delays_nobody_else(
     sessions: Sessions, hook: Receiver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One that sends a line of its head now and then once held up another project's message for two minutes."""
+    """One that sends a line of its head now and then once held up another project's message for two
+    minutes.
+    """
     monkeypatch.setattr(attempts, "TOTAL_SECONDS", 4.0)
     with dripping() as (port, connected), Sender(sessions, LOOPBACK):
         slow = planted(sessions, f"http://127.0.0.1:{port}/").id
@@ -172,13 +199,18 @@ def attempted(sessions: Sessions, key: UUID) -> str | None:
         return session.get_one(Delivery, key).last_error
 
 
-def test_a_project_of_many_slow_receivers_delays_no_other(sessions: Sessions, hook: Receiver) -> None:
+def test_a_project_of_many_slow_receivers_delays_no_other(
+    sessions: Sessions, hook: Receiver
+) -> None:
     with dripping() as (port, connected), Sender(sessions, LOOPBACK):
         with sessions.begin() as session:
             first = planted(sessions, f"http://127.0.0.1:{port}/")
             for i in range(100):
                 row = Webhook(
-                    project_id=first.project_id, url=f"http://127.0.0.1:{port}/{i}", secret=new_secret(), events=[]
+                    project_id=first.project_id,
+                    url=f"http://127.0.0.1:{port}/{i}",
+                    secret=new_secret(),
+                    events=[],
                 )
                 session.add(row)
                 session.flush()
@@ -223,7 +255,8 @@ def test_a_name_that_has_come_to_stand_for_a_special_address_gets_nothing(
 ) -> None:
     """It was public when the webhook was made; each attempt looks again."""
     monkeypatch.setattr(
-        "service.monitoring.notifications.addresses.socket.getaddrinfo", lambda *_, **__: [(2, 1, 6, "", (now, 0))]
+        "service.monitoring.notifications.addresses.socket.getaddrinfo",
+        lambda *_, **__: [(2, 1, 6, "", (now, 0))],
     )
     planted(sessions, "http://receiver.example/hook")
     delivery = sent(sessions, Settings(), lambda d: d.last_error is not None)
@@ -252,7 +285,9 @@ def trusted(authority: trustme.CA, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setenv("SSL_CERT_FILE", str(tmp_path / "ca.pem"))
 
 
-def mail_settings(server: MailServer, security: str, host: str = "localhost", password: str = "secret") -> Settings:
+def mail_settings(
+    server: MailServer, security: str, host: str = "localhost", password: str = "secret"
+) -> Settings:
     return LOOPBACK.model_copy(
         update={
             "smtp_host": host,
@@ -287,7 +322,9 @@ def test_a_mail_server_that_nobody_vouches_for_gets_nothing(
 ) -> None:
     with mail_server(security, certificate) as server:
         planted(sessions, "", recipient="engineer@lab.example")
-        delivery = sent(sessions, mail_settings(server, security), lambda d: d.last_error is not None)
+        delivery = sent(
+            sessions, mail_settings(server, security), lambda d: d.last_error is not None
+        )
     assert "CERTIFICATE_VERIFY_FAILED" in (delivery.last_error or "")
     assert (delivery.state, server.mails, server.senders) == ("waiting", [], [])
 
@@ -296,18 +333,25 @@ def test_a_mail_server_that_nobody_vouches_for_gets_nothing(
 @pytest.mark.parametrize(
     ("server_security", "changes", "says"),
     [
-        ("tls", {"host": "127.0.0.1"}, "CERTIFICATE_VERIFY_FAILED"),  # the certificate is of another name
+        # the certificate is of another name
+        ("tls", {"host": "127.0.0.1"}, "CERTIFICATE_VERIFY_FAILED"),
         ("starttls", {"password": "wrong"}, "SMTPAuthenticationError"),
         ("none", {}, "STARTTLS extension not supported"),  # and nothing is sent in the clear
     ],
 )
 def test_mail_that_cannot_be_handed_over_says_why(
-    sessions: Sessions, certificate: ssl.SSLContext, server_security: str, changes: dict[str, str], says: str
+    sessions: Sessions,
+    certificate: ssl.SSLContext,
+    server_security: str,
+    changes: dict[str, str],
+    says: str,
 ) -> None:
     asked = "tls" if server_security == "tls" else "starttls"
     with mail_server(server_security, certificate) as server:
         planted(sessions, "", recipient="engineer@lab.example")
-        delivery = sent(sessions, mail_settings(server, asked, **changes), lambda d: d.last_error is not None)
+        delivery = sent(
+            sessions, mail_settings(server, asked, **changes), lambda d: d.last_error is not None
+        )
     assert says in (delivery.last_error or "")
     assert (delivery.state, server.mails) == ("waiting", [])
 

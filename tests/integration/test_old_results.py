@@ -1,6 +1,8 @@
-"""Results that earlier versions stored, as today's service shows them: REST, report, figures and pages.
+"""Results that earlier versions stored, as today's service shows them: REST, report, figures and
+pages.
 
-`files/result-0.1.0.zip` and `result-0.2.0.zip` have the document and the arrays that these versions stored of the same file.
+`files/result-0.1.0.zip` and `result-0.2.0.zip` have the document and the arrays that these versions
+stored of the same file.
 """
 
 import copy
@@ -38,7 +40,12 @@ def old_job(
 ) -> Callable[[str], str]:
     """An update job of the same file, whose result is replaced by an old one: its id."""
     assert imported(campaign, small_file())["status"] == "succeeded"
-    modes = ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES}), 201)["id"]
+    modes = ok(
+        api.post(
+            f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES}
+        ),
+        201,
+    )["id"]
     begun = api.post(f"campaigns/{campaign}/update-jobs", json={**RECIPE, "mode_set": modes})
     assert finished(api, begun.headers["Location"])["status"] == "succeeded"
     job = str(ok(begun)["id"])
@@ -46,7 +53,9 @@ def old_job(
 
     def replace(version: str) -> str:
         document, prediction = stored_by(version)
-        document["provenance"] |= {name: now[name] for name in ("update_job", "campaign", "frfs", "mode_set")}
+        document["provenance"] |= {
+            name: now[name] for name in ("update_job", "campaign", "frfs", "mode_set")
+        }
         with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
             change = "UPDATE update_results SET document = %s, prediction = %s WHERE id = %s"
             assert connection.execute(change, (Json(document), prediction, job)).rowcount == 1
@@ -63,7 +72,9 @@ def test_results_of_earlier_versions_are_shown_everywhere(
         is_shown(api, service, campaign, job, stored)
 
 
-def is_shown(api: httpx.Client, service: LocalService, campaign: str, job: str, stored: dict[str, Any]) -> None:
+def is_shown(
+    api: httpx.Client, service: LocalService, campaign: str, job: str, stored: dict[str, Any]
+) -> None:
     shown = ok(api.get(f"update-jobs/{job}/result?include=convergence,stabilisation"))
     ResultOut.model_validate(shown)
     assert shown["version"] == VERSION
@@ -78,7 +89,11 @@ def is_shown(api: httpx.Client, service: LocalService, campaign: str, job: str, 
     assert drawn >= {"frf", "parameters", "mac", "convergence", "stabilisation"}
     sentence = shown["verdict"]["sentence"]
     assert sentence in api.get(f"update-jobs/{job}/report").raise_for_status().text
-    assert api.get(f"update-jobs/{job}/report?format=pdf").raise_for_status().content.startswith(b"%PDF")
+    assert (
+        api.get(f"update-jobs/{job}/report?format=pdf")
+        .raise_for_status()
+        .content.startswith(b"%PDF")
+    )
     with session_client(api, base=service.url) as browser:
         for path in (f"update-jobs/{job}", f"campaigns/{campaign}", f"compare?job={job}"):
             page = browser.get(f"/ui/{path}")
@@ -98,13 +113,17 @@ def test_a_document_is_brought_up_to_date_once_and_stays_as_it_is(version: str) 
     assert up_to_date(shown) == shown
     assert shown.keys() >= ResultOut.model_fields.keys() - {"version"}
     assert "do not" not in shown["verdict"]["sentence"]
-    part = up_to_date({name: stored.get(name) for name in (*MARKS, "parameters", "provenance", "warnings")})
+    part = up_to_date(
+        {name: stored.get(name) for name in (*MARKS, "parameters", "provenance", "warnings")}
+    )
     assert part["parameters"] == shown["parameters"]
 
 
 def test_a_result_of_0_1_0_says_what_it_lacks() -> None:
     shown = up_to_date(stored_by("0.1.0")[0])
     assert shown["verdict"]["level"] == "with_care"
-    assert "modalbase 0.1.0, which computed this result, judged none" in shown["verdict"]["sentence"]
+    assert (
+        "modalbase 0.1.0, which computed this result, judged none" in shown["verdict"]["sentence"]
+    )
     assert shown["warnings"][0] in shown["verdict"]["sentence"]
     assert [row["budget"] for row in shown["parameters"]] == [[]] * len(shown["parameters"])

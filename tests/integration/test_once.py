@@ -39,21 +39,28 @@ class Place:
         """How many rows each table has."""
         with self.engine.connect() as connection:
             tables = Base.metadata.sorted_tables
-            return {each.name: connection.scalar(select(func.count()).select_from(each)) or 0 for each in tables}
+            return {
+                each.name: connection.scalar(select(func.count()).select_from(each)) or 0
+                for each in tables
+            }
 
 
 @pytest.fixture(scope="module")
 def place(new_service: Callable[..., LocalService]) -> Iterator[Place]:
     with new_service(worker=False, import_wait_seconds=0.2, **ASKED_FREELY) as service:
         engine = make_engine(service.settings.database_url, pool_size=2)
-        document = httpx.get(f"{service.url}/openapi.json", timeout=PATIENCE, trust_env=False).json()
+        document = httpx.get(
+            f"{service.url}/openapi.json", timeout=PATIENCE, trust_env=False
+        ).json()
         with client_of(service, "owner") as api, client_of(service, "owner") as other:
             yield Place(api, engine, furnish(api, make_sessions(engine), "once"), document, other)
         engine.dispose()
 
 
 def creating(document: dict[str, Any]) -> list[str]:
-    """The operations that create: each POST that is answered 201, or 202 while a job does the work."""
+    """The operations that create: each POST that is answered 201, or 202 while a job does the
+    work.
+    """
     return [
         name
         for name, operation in operations(document).items()
@@ -64,7 +71,11 @@ def creating(document: dict[str, Any]) -> list[str]:
 def request_of(name: str, ids: dict[str, str]) -> dict[str, Any]:
     """What an operation is sent."""
     if name.endswith(("/imports", "/model")):
-        return {"content": paper.uff_file(), "headers": RAW, "params": {"filename": f"{uuid4()}.inp"}}
+        return {
+            "content": paper.uff_file(),
+            "headers": RAW,
+            "params": {"filename": f"{uuid4()}.inp"},
+        }
     project = {"project": ids["project_id"]}
     own: dict[str, Any] = {
         "POST /update-jobs": {"jobs": [{"campaign_id": ids["campaign_id"]}]},
@@ -95,7 +106,9 @@ def test_every_operation_that_creates_takes_a_key_and_makes_one(place: Place) ->
         assert again.status_code == first.status_code, name
         assert again.content == first.content, name
         kept = ("location", "etag", "set-cookie", "content-type")
-        assert [again.headers.get(one) for one in kept] == [first.headers.get(one) for one in kept], name
+        assert [again.headers.get(one) for one in kept] == [
+            first.headers.get(one) for one in kept
+        ], name
         assert place.rows() == before, name
 
 
@@ -111,7 +124,9 @@ def test_every_operation_that_creates_takes_a_key_and_makes_one(place: Place) ->
         ("POST /campaigns/{campaign_id}/processings", {"delay_s": 0.001}),
     ],
 )
-def test_a_key_with_another_body_is_refused(place: Place, name: str, change: dict[str, Any]) -> None:
+def test_a_key_with_another_body_is_refused(
+    place: Place, name: str, change: dict[str, Any]
+) -> None:
     path, body = name.removeprefix("POST /").format(**place.ids), BODIES[name]
     if path.endswith("/records"):
         body = record(hit=8)
@@ -123,11 +138,18 @@ def test_a_key_with_another_body_is_refused(place: Place, name: str, change: dic
     assert place.rows() == before
 
 
-def test_members_in_another_order_and_defaults_that_are_stated_are_the_same_request(place: Place) -> None:
-    path, key = f"campaigns/{place.ids['campaign_id']}/update-jobs", {"Idempotency-Key": str(uuid4())}
+def test_members_in_another_order_and_defaults_that_are_stated_are_the_same_request(
+    place: Place,
+) -> None:
+    path, key = (
+        f"campaigns/{place.ids['campaign_id']}/update-jobs",
+        {"Idempotency-Key": str(uuid4())},
+    )
     typed = {**key, "Content-Type": "application/json"}
     first = ok(place.api.post(path, content=b'{"seed": 3, "band_hz": [1, 9]}', headers=typed))
-    same = place.api.post(path, content=b'{"band_hz":[1.0,9.0],"posterior":"laplace","seed":3}', headers=typed)
+    same = place.api.post(
+        path, content=b'{"band_hz":[1.0,9.0],"posterior":"laplace","seed":3}', headers=typed
+    )
     assert ok(same) == first
 
 
@@ -136,7 +158,9 @@ def test_files_are_compared_by_what_is_in_them(place: Place) -> None:
     file = paper.uff_file()
 
     def sent(content: bytes) -> httpx.Response:
-        return place.api.post(path, files={"file": ("a.uff", content)}, headers=key, params={"dry_run": True})
+        return place.api.post(
+            path, files={"file": ("a.uff", content)}, headers=key, params={"dry_run": True}
+        )
 
     first = ok(sent(file), 202)
     assert ok(sent(file), 202) == first  # in another multipart body, which has another boundary
@@ -147,7 +171,10 @@ def test_a_file_that_is_not_read_yet_is_queued_once(place: Place) -> None:
     path, key = f"campaigns/{place.ids['campaign_id']}/frfs", {"Idempotency-Key": str(uuid4())}
     headers = {**key, "Content-Type": "text/csv"}
     params = {"quantity": "accelerance"}
-    first, second = (ok(place.api.post(path, content=b"x,y\n", headers=headers, params=params), 202) for _ in "12")
+    first, second = (
+        ok(place.api.post(path, content=b"x,y\n", headers=headers, params=params), 202)
+        for _ in "12"
+    )
     assert first["id"] == second["id"]
     other = place.api.post(path, content=b"x,z\n", headers=headers, params=params)
     assert ok(other, 422)["errors"][0]["pointer"] == "Idempotency-Key"
@@ -163,7 +190,8 @@ def test_a_secret_is_answered_again_to_its_own_key_alone_and_is_not_stored(place
     key = {"Idempotency-Key": str(uuid4())}
     made = ok(place.api.post("api-keys", json={"name": "k"}, headers=key), 201)
     assert ok(place.api.post("api-keys", json={"name": "k"}, headers=key), 201) == made
-    other = place.other.post("api-keys", json={"name": "k"}, headers=key)  # another key of the same user
+    # another key of the same user
+    other = place.other.post("api-keys", json={"name": "k"}, headers=key)
     assert "another API key" in ok(other, 409)["detail"]
     with place.engine.connect() as connection:
         answers = connection.scalars(text("SELECT answer FROM idempotency_keys")).all()
@@ -173,7 +201,10 @@ def test_a_secret_is_answered_again_to_its_own_key_alone_and_is_not_stored(place
 
 
 def test_who_has_lost_the_role_gets_no_answer_from_memory(place: Place) -> None:
-    structure, key = f"structures/{place.ids['structure_id']}/campaigns", {"Idempotency-Key": str(uuid4())}
+    structure, key = (
+        f"structures/{place.ids['structure_id']}/campaigns",
+        {"Idempotency-Key": str(uuid4())},
+    )
     made = ok(place.api.post(structure, json=paper.CAMPAIGN, headers=key), 201)
     ok(place.api.post(structure, json=paper.CAMPAIGN, headers=key), 201)
     with place.engine.begin() as connection:
@@ -189,7 +220,9 @@ def test_who_has_lost_the_role_gets_no_answer_from_memory(place: Place) -> None:
 def test_eight_clients_at_once_with_one_key_make_one(place: Place) -> None:
     path, key = f"projects/{place.ids['project_id']}/structures", {"Idempotency-Key": str(uuid4())}
     with ThreadPoolExecutor(8) as pool:
-        answers = list(pool.map(lambda _: place.api.post(path, json=paper.STRUCTURE, headers=key), range(8)))
+        answers = list(
+            pool.map(lambda _: place.api.post(path, json=paper.STRUCTURE, headers=key), range(8))
+        )
     assert len({ok(answer, 201)["id"] for answer in answers}) == 1
 
 
@@ -199,7 +232,10 @@ def test_keys_of_update_jobs_come_along(empty: Engine) -> None:
         (job,) = fill(connection)["update_jobs"]
         user = connection.scalar(text("SELECT id FROM users LIMIT 1"))
         connection.execute(
-            text("UPDATE update_jobs SET idempotency_key = 'k1', recipe = '{\"seed\": 4}' WHERE id = :id"),
+            text(
+                "UPDATE update_jobs SET idempotency_key = 'k1', recipe = '{\"seed\": 4}' WHERE id"
+                " = :id"
+            ),
             {"id": job["id"]},
         )
         connection.execute(
@@ -234,7 +270,9 @@ MODE = {"frequency_hz": 25.61, "damping_ratio": 0.01}
         ("campaigns/{campaign_id}/mode-sets", {"modes": [MODE]}),
     ],
 )
-def test_eight_at_once_make_one_unless_it_is_there(place: Place, path: str, body: dict[str, Any]) -> None:
+def test_eight_at_once_make_one_unless_it_is_there(
+    place: Place, path: str, body: dict[str, Any]
+) -> None:
     name, at = str(uuid4()), path.format(**place.ids)
 
     def make(_: int) -> httpx.Response:
@@ -264,11 +302,16 @@ def test_the_librarys_create_makes_one_of_eight_at_once(place: Place) -> None:
 
 
 def test_one_file_of_eight_clients_at_once_is_imported_once(place: Place) -> None:
-    made = ok(place.api.post(f"structures/{place.ids['structure_id']}/campaigns", json=paper.CAMPAIGN), 201)["id"]
+    made = ok(
+        place.api.post(f"structures/{place.ids['structure_id']}/campaigns", json=paper.CAMPAIGN),
+        201,
+    )["id"]
     content = paper.uff_file()
 
     def send(_: int) -> httpx.Response:
-        return place.api.post(f"campaigns/{made}/imports", content=content, headers=RAW, params={"filename": "a.uff"})
+        return place.api.post(
+            f"campaigns/{made}/imports", content=content, headers=RAW, params={"filename": "a.uff"}
+        )
 
     with ThreadPoolExecutor(8) as pool:
         answers = list(pool.map(send, range(8)))

@@ -1,4 +1,6 @@
-"""One door for files: every format by `POST …/imports`, read by a job; `POST …/records` and `…/frfs` wait for it."""
+"""One door for files: every format by `POST …/imports`, read by a job; `POST …/records` and
+`…/frfs` wait for it.
+"""
 
 import io
 import json
@@ -26,7 +28,9 @@ def hits() -> dict[str, np.ndarray]:
     noise = np.random.default_rng(3).normal(0, 1e-4, (2, 3, SAMPLES))
     time = np.arange(SAMPLES) / RATE
     force = np.exp(-(((time - 0.02) / 5e-4) ** 2)) + noise[0]
-    response = np.where(time > 0.02, np.exp(-20 * (time - 0.02)) * np.sin(600 * time), 0.0) + noise[1]
+    response = (
+        np.where(time > 0.02, np.exp(-20 * (time - 0.02)) * np.sin(600 * time), 0.0) + noise[1]
+    )
     return {"force": force / 2, "acc": response / 2}
 
 
@@ -37,8 +41,16 @@ MAPPING: dict[str, Any] = {
         {"variable": "acc", "quantity": "acceleration", "point": 33},
     ],
 }
-WAV = {**MAPPING, "channels": [{**c, "variable": f"channel_{i}"} for i, c in enumerate(MAPPING["channels"], 1)]}
-FRF_MAPPING = {"frequency_hz": {"variable": "f"}, "frf": {"variable": "H"}, "response_point": 33, "reference_point": 4}
+WAV = {
+    **MAPPING,
+    "channels": [{**c, "variable": f"channel_{i}"} for i, c in enumerate(MAPPING["channels"], 1)],
+}
+FRF_MAPPING = {
+    "frequency_hz": {"variable": "f"},
+    "frf": {"variable": "H"},
+    "response_point": 33,
+    "reference_point": 4,
+}
 FREQUENCY = np.arange(1.0, 9.0)
 VALUES = FREQUENCY * (1 + 2j)
 
@@ -57,28 +69,41 @@ def written(form: str, arrays: dict[str, Any]) -> bytes:
     elif form == "csv":
         return table(list(arrays), [np.atleast_2d(a)[0] for a in arrays.values()])
     else:
-        wavfile.write(file, int(RATE), np.column_stack([a[0] for a in arrays.values()]).astype(np.float32))
+        wavfile.write(
+            file, int(RATE), np.column_stack([a[0] for a in arrays.values()]).astype(np.float32)
+        )
     return file.getvalue()
 
 
 def frfs(form: str) -> bytes:
     if form == "mat":
         return written(form, {"f": FREQUENCY, "H": VALUES})
-    dofs = {"response_point": 33, "response_direction": 3, "reference_point": 4, "reference_direction": -3}
+    dofs = {
+        "response_point": 33,
+        "response_direction": 3,
+        "reference_point": 4,
+        "reference_direction": -3,
+    }
     if form == "npz":
         return written(form, {"frequency_hz": FREQUENCY, "values": VALUES[np.newaxis], **dofs})
     same = [np.full(FREQUENCY.size, value) for value in dofs.values()]
-    return table([*dofs, "frequency_hz", "real", "imag"], [*same, FREQUENCY, VALUES.real, VALUES.imag])
+    return table(
+        [*dofs, "frequency_hz", "real", "imag"], [*same, FREQUENCY, VALUES.real, VALUES.imag]
+    )
 
 
 @pytest.fixture
 def sent(api: httpx.Client, campaign: str, finished: Finished) -> Callable[..., dict[str, Any]]:
-    """Sends bytes through the door, without a name that says what they are, and waits for the import's end."""
+    """Sends bytes through the door, without a name that says what they are, and waits for the
+    import's end.
+    """
 
     def send(content: bytes, mapping: Any = None, **query: Any) -> dict[str, Any]:
         if mapping is not None:
             query["mapping"] = json.dumps(mapping)
-        answer = api.post(f"campaigns/{campaign}/imports", content=content, params=query, headers=RAW)
+        answer = api.post(
+            f"campaigns/{campaign}/imports", content=content, params=query, headers=RAW
+        )
         ok(answer, 202)
         return finished(answer.headers["Location"])
 
@@ -99,7 +124,11 @@ def test_hits_of_each_format_go_through_the_door(
     assert (tried["found"]["blocks"], tried["counts"]["records"]) == (2 * count, 2 * count)
     assert api.get(f"campaigns/{campaign}/records").json()["items"] == []
     read = sent(content, mapping)
-    assert (read["status"], read["format"], read["counts"]["records"]) == ("succeeded", form, 2 * count), read
+    assert (read["status"], read["format"], read["counts"]["records"]) == (
+        "succeeded",
+        form,
+        2 * count,
+    ), read
     state = ok(api.get(f"imports/{read['id']}/records"), 200)
     assert [r["quantity"] for r in state["items"]] == ["force", "acceleration"] * count
     assert [h["hit"] for h in state["hits"]] == list(range(1, count + 1))
@@ -116,7 +145,9 @@ def test_frfs_of_each_format_go_through_the_door(
     read = sent(frfs(form), mapping, quantity="mobility")
     assert (read["status"], read["format"], read["kind"]) == ("succeeded", form, "frfs"), read
     assert read["counts"] == {"frfs": 1, "grid_points": 0, "modes": 0, "records": 0}
-    (frf,) = ok(api.get(f"campaigns/{campaign}/frfs", params={"import_id": read["id"]}), 200)["items"]
+    (frf,) = ok(api.get(f"campaigns/{campaign}/frfs", params={"import_id": read["id"]}), 200)[
+        "items"
+    ]
     assert (frf["response_point"], frf["reference_point"]) == (33, 4)
     assert frf["quantity"] == "mobility"
     data = ok(api.get(f"frfs/{frf['id']}/data"), 200)
@@ -126,7 +157,12 @@ def test_frfs_of_each_format_go_through_the_door(
 @pytest.mark.parametrize(
     ("content", "query", "pointer", "says"),
     [
-        (written("npz", hits()), {}, "mapping", "?dry_run=true proposes one; the file suggests {'channels'"),
+        (
+            written("npz", hits()),
+            {},
+            "mapping",
+            "?dry_run=true proposes one; the file suggests {'channels'",
+        ),
         (written("npz", hits()), {"kind": "frfs"}, "/force.npy", "is no array that is read here"),
         (frfs("npz"), {"kind": "hits"}, "mapping", "is missing"),
         (frfs("csv"), {}, "quantity", "a csv does not say what it holds"),
@@ -138,7 +174,11 @@ def test_frfs_of_each_format_go_through_the_door(
     ],
 )
 def test_a_file_that_cannot_be_read_is_said_with_its_place(
-    sent: Callable[..., dict[str, Any]], content: bytes, query: dict[str, Any], pointer: str, says: str
+    sent: Callable[..., dict[str, Any]],
+    content: bytes,
+    query: dict[str, Any],
+    pointer: str,
+    says: str,
 ) -> None:
     error = sent(content, **query)["error"]
     assert (error["reason"], error["errors"][0]["pointer"]) == ("refused", pointer), error
@@ -146,19 +186,33 @@ def test_a_file_that_cannot_be_read_is_said_with_its_place(
 
 
 @pytest.mark.parametrize("name", ["first.npz", "first.json"])
-def test_time_blocks_of_a_script_keep_the_name_that_it_states(api: httpx.Client, campaign: str, name: str) -> None:
+def test_time_blocks_of_a_script_keep_the_name_that_it_states(
+    api: httpx.Client, campaign: str, name: str
+) -> None:
     query = {"filename": name, "mapping": json.dumps(MAPPING)}
     if name.endswith("npz"):
-        answer = api.post(f"campaigns/{campaign}/records", content=written("npz", hits()), params=query, headers=RAW)
+        answer = api.post(
+            f"campaigns/{campaign}/records",
+            content=written("npz", hits()),
+            params=query,
+            headers=RAW,
+        )
     else:
-        body = {"variables": {key: array.tolist() for key, array in hits().items()}, "mapping": MAPPING}
+        body = {
+            "variables": {key: array.tolist() for key, array in hits().items()},
+            "mapping": MAPPING,
+        }
         answer = api.post(f"campaigns/{campaign}/records", json=body, params={"filename": name})
     assert {item["filename"] for item in ok(answer, 201)["items"]} == {name}
 
 
-def test_a_mapping_may_be_a_field_of_the_form(api: httpx.Client, campaign: str, finished: Finished) -> None:
+def test_a_mapping_may_be_a_field_of_the_form(
+    api: httpx.Client, campaign: str, finished: Finished
+) -> None:
     files = {"file": ("hits.bin", written("npz", hits()))}
-    answer = api.post(f"campaigns/{campaign}/imports", files=files, data={"mapping": json.dumps(MAPPING)})
+    answer = api.post(
+        f"campaigns/{campaign}/imports", files=files, data={"mapping": json.dumps(MAPPING)}
+    )
     assert ok(answer, 202)["mapping"] == MAPPING
     assert finished(answer.headers["Location"])["counts"]["records"] == 6
     broken = api.post(f"campaigns/{campaign}/imports", files=files, data={"mapping": "{"})
@@ -173,10 +227,16 @@ def test_the_same_bytes_are_read_again_by_another_mapping_or_for_a_script(
     query = {"mapping": json.dumps(MAPPING)}
     known = api.post(f"campaigns/{campaign}/imports", content=content, params=query, headers=RAW)
     assert (ok(known, 200)["already_imported"], known.json()["id"]) == (True, first["id"])
-    elsewhere = {**MAPPING, "channels": [{**MAPPING["channels"][0], "point": 5}, MAPPING["channels"][1]]}
+    elsewhere = {
+        **MAPPING,
+        "channels": [{**MAPPING["channels"][0], "point": 5}, MAPPING["channels"][1]],
+    }
     assert sent(content, elsewhere)["id"] != first["id"]
     again = api.post(
-        f"campaigns/{campaign}/records", content=content, params=query | {"filename": "a.npz"}, headers=RAW
+        f"campaigns/{campaign}/records",
+        content=content,
+        params=query | {"filename": "a.npz"},
+        headers=RAW,
     )
     assert {item["hit"] for item in ok(again, 201)["items"]} == {4, 5, 6}
     numbered = {**MAPPING, "hit": 2}
@@ -196,12 +256,18 @@ def idle(new_service: Callable[..., LocalService]) -> Iterator[Callable[..., Loc
         yield lambda **settings: stack.enter_context(new_service(worker=False, **settings))
 
 
-def test_what_nobody_reads_in_time_is_answered_with_its_import(idle: Callable[..., LocalService]) -> None:
+def test_what_nobody_reads_in_time_is_answered_with_its_import(
+    idle: Callable[..., LocalService],
+) -> None:
     with client_of(idle(import_wait_seconds=0.05), "k") as client:
         campaign = f"campaigns/{campaigns_of(client, 'p')[0]}"
-        frf = client.post(f"{campaign}/frfs", content=frfs("npz"), headers={"Content-Type": "application/x-npz"})
+        frf = client.post(
+            f"{campaign}/frfs", content=frfs("npz"), headers={"Content-Type": "application/x-npz"}
+        )
         query = {"mapping": json.dumps(MAPPING), "filename": "hits.npz"}
-        record = client.post(f"{campaign}/records", content=written("npz", hits()), params=query, headers=RAW)
+        record = client.post(
+            f"{campaign}/records", content=written("npz", hits()), params=query, headers=RAW
+        )
         for answer, kind in ((frf, "frfs"), (record, "hits")):
             state = ok(answer, 202)
             assert answer.headers["Location"] == f"/api/v1/imports/{state['id']}"
@@ -216,33 +282,47 @@ def test_who_waits_for_a_file_keeps_nobody_else_waiting(idle: Callable[..., Loca
         campaign = f"campaigns/{campaigns_of(client, 'p')[0]}"
         waits = [
             threads.submit(
-                client.post, f"{campaign}/frfs", content=frfs("npz"), headers={"Content-Type": "application/x-npz"}
+                client.post,
+                f"{campaign}/frfs",
+                content=frfs("npz"),
+                headers={"Content-Type": "application/x-npz"},
             )
             for _ in range(3)
         ]
-        until(lambda: len(ok(client.get(f"{campaign}/imports"), 200)["items"]) == 3, "three imports")
+        until(
+            lambda: len(ok(client.get(f"{campaign}/imports"), 200)["items"]) == 3, "three imports"
+        )
         assert ok(client.get("projects"), 200)["items"]
         assert not any(one.done() for one in waits)
         service.processes["api"].terminate()
-        assert {one.result().status_code for one in waits} == {202}  # whose addresses are said before it ends
+        # whose addresses are said before it ends
+        assert {one.result().status_code for one in waits} == {202}
 
 
-def test_where_no_more_may_wait_the_import_is_said_at_once(idle: Callable[..., LocalService]) -> None:
+def test_where_no_more_may_wait_the_import_is_said_at_once(
+    idle: Callable[..., LocalService],
+) -> None:
     """A wait counts as a stream of events, of which a key may have half."""
     service = idle(event_streams=2, import_wait_seconds=600)
     headers = {"Content-Type": "application/x-npz"}
     with client_of(service, "k") as client, ThreadPoolExecutor(1) as threads:
         campaign = f"campaigns/{campaigns_of(client, 'p')[0]}"
-        waits = threads.submit(client.post, f"{campaign}/frfs", content=frfs("npz"), headers=headers)
+        waits = threads.submit(
+            client.post, f"{campaign}/frfs", content=frfs("npz"), headers=headers
+        )
         until(lambda: ok(client.get(f"{campaign}/imports"), 200)["items"], "the import")
-        answers = [client.post(f"{campaign}/frfs", content=frfs("npz"), headers=headers) for _ in range(2)]
+        answers = [
+            client.post(f"{campaign}/frfs", content=frfs("npz"), headers=headers) for _ in range(2)
+        ]
         assert [answer.status_code for answer in answers] == [202, 202]
         assert not waits.done()
         service.processes["api"].terminate()
         assert waits.result().status_code == 202
 
 
-def test_bombs_of_every_format_are_refused_in_words_and_the_api_holds_none(service: LocalService) -> None:
+def test_bombs_of_every_format_are_refused_in_words_and_the_api_holds_none(
+    service: LocalService,
+) -> None:
     found = throw(service, count=1, mib=72)
     assert not found.faults
     assert found.growth < MOST_GROWTH

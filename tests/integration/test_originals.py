@@ -63,7 +63,11 @@ def shape(points: int) -> ModeShape:
     [
         ({"FREE_BYTES": 4000}, [frf(n, 100) for n in range(11)], "unpacks to more than 8 times"),
         ({"HELD_BYTES": 4000}, [shape(20), shape(20)], "more than 4000 bytes; import it in parts"),
-        ({"MOST_POINTS": 100}, [[GridPoint(n, (0.0, 0.0, 0.0)) for n in range(101, 202)]], "more than 100 grid points"),
+        (
+            {"MOST_POINTS": 100},
+            [[GridPoint(n, (0.0, 0.0, 0.0)) for n in range(101, 202)]],
+            "more than 100 grid points",
+        ),
     ],
     ids=["ratio", "held", "points"],
 )
@@ -81,13 +85,21 @@ def test_a_file_that_unpacks_to_too_much_is_refused(
 
 
 def test_what_is_within_the_limits_is_stored(stored: Callable[[list[Kept]], Import]) -> None:
-    row = stored([[GridPoint(n, (0.0, 0.0, 0.0)) for n in range(10, 50)], *(frf(n, 100) for n in range(20)), shape(20)])
+    row = stored(
+        [
+            [GridPoint(n, (0.0, 0.0, 0.0)) for n in range(10, 50)],
+            *(frf(n, 100) for n in range(20)),
+            shape(20),
+        ]
+    )
     assert row.counts == {"frfs": 20, "grid_points": 40, "modes": 1, "records": 0}
 
 
 def test_reports_on_very_many_datasets_are_counted(stored: Callable[[list[Kept]], Import]) -> None:
     """4 MB of empty datasets once were 30 MB of answer, and a list of such imports had no end."""
-    reports: list[Any] = [DatasetReport(n, "151", 21 * n, "refused", "ends inside") for n in range(1, 20_501)]
+    reports: list[Any] = [
+        DatasetReport(n, "151", 21 * n, "refused", "ends inside") for n in range(1, 20_501)
+    ]
     row = stored([frf(1, 10), DatasetReport(0, "58", 0, "read"), *reports])
     assert len(row.datasets or []) == intake.LISTED
     assert "501 datasets after the first 20000 are not listed: 501 refused" in (row.warnings or [])
@@ -112,7 +124,9 @@ def test_a_page_of_heavy_rows_is_shorter(sessions: Sessions) -> None:
         assert alone.items == ["0"]  # one at least, else there would be no way on
 
 
-IN_OTHER_PAGES = text("SELECT count(*) FROM original_chunks WHERE pg_column_toast_chunk_id(data) IS NOT NULL")
+IN_OTHER_PAGES = text(
+    "SELECT count(*) FROM original_chunks WHERE pg_column_toast_chunk_id(data) IS NOT NULL"
+)
 
 
 def some_bytes(size: int) -> bytes:
@@ -127,7 +141,9 @@ def keep(session: Session, folder: Path, content: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("size", [1, CHUNK_BYTES, CHUNK_BYTES + 1, READ_BYTES, 2 * READ_BYTES + 17])
-def test_a_file_comes_back_whole_from_rows_that_fill_a_page_each(sessions: Sessions, tmp_path: Path, size: int) -> None:
+def test_a_file_comes_back_whole_from_rows_that_fill_a_page_each(
+    sessions: Sessions, tmp_path: Path, size: int
+) -> None:
     content = some_bytes(size)
     with sessions.begin() as session:
         sha256 = keep(session, tmp_path, content)
@@ -141,20 +157,30 @@ def test_a_file_in_the_large_chunks_of_earlier_versions_is_read(sessions: Sessio
     content, megabyte = some_bytes(2_500_000), 1024 * 1024
     sha256 = hashlib.sha256(content).digest()
     with sessions.begin() as session:
-        session.execute(text("INSERT INTO originals (sha256, size) VALUES (:s, :n)"), {"s": sha256, "n": len(content)})
+        session.execute(
+            text("INSERT INTO originals (sha256, size) VALUES (:s, :n)"),
+            {"s": sha256, "n": len(content)},
+        )
         for number, start in enumerate(range(0, len(content), megabyte)):
             session.execute(
                 text("INSERT INTO original_chunks (sha256, number, data) VALUES (:s, :i, :d)"),
                 {"s": sha256, "i": number, "d": content[start : start + megabyte]},
             )
-        assert [len(block) for block in original_chunks(session, sha256)] == [megabyte, megabyte, 402_848]
+        assert [len(block) for block in original_chunks(session, sha256)] == [
+            megabyte,
+            megabyte,
+            402_848,
+        ]
         assert b"".join(original_chunks(session, sha256)) == content
 
 
 @pytest.mark.parametrize(
-    "lost", ["number = 0", "number = 7", "number >= 129 AND number < 258", "number >= 258", "number >= 0"]
+    "lost",
+    ["number = 0", "number = 7", "number >= 129 AND number < 258", "number >= 258", "number >= 0"],
 )
-def test_a_file_of_which_chunks_are_lost_is_damaged(sessions: Sessions, tmp_path: Path, lost: str) -> None:
+def test_a_file_of_which_chunks_are_lost_is_damaged(
+    sessions: Sessions, tmp_path: Path, lost: str
+) -> None:
     with sessions.begin() as session:
         sha256 = keep(session, tmp_path, some_bytes(3_000_000))
         session.execute(text(f"DELETE FROM original_chunks WHERE {lost}"))

@@ -1,4 +1,6 @@
-"""Pages at addresses that nobody meant: the page or an error page says what is wrong, never that the service is at fault."""
+"""Pages at addresses that nobody meant: the page or an error page says what is wrong, never that
+the service is at fault.
+"""
 
 from collections.abc import Callable, Iterator
 from itertools import product
@@ -47,26 +49,51 @@ MUTATED = (
 """What stands in the place of a parameter of an address."""
 
 
-def test_no_page_fails_at_a_mutated_address(browser: httpx.Client, project: str, structure: str, campaign: str) -> None:
-    """Every page, each parameter of its query and of its path in turn replaced: below 500, and a page."""
-    ids = {"project_id": project, "structure_id": structure, "campaign_id": campaign, "item_id": project}
+def test_no_page_fails_at_a_mutated_address(
+    browser: httpx.Client, project: str, structure: str, campaign: str
+) -> None:
+    """Every page, each parameter of its query and of its path in turn replaced: below 500, and a
+    page.
+    """
+    ids = {
+        "project_id": project,
+        "structure_id": structure,
+        "campaign_id": campaign,
+        "item_id": project,
+    }
     failed, asked = [], 0
     pages = FastAPI()
     add_pages(pages)
     for route in pages.routes:
-        if not isinstance(route, LateRoute) or "GET" not in route.methods or not route.path.startswith(PREFIX):
+        if (
+            not isinstance(route, LateRoute)
+            or "GET" not in route.methods
+            or not route.path.startswith(PREFIX)
+        ):
             continue
-        usual = {name: ids.get(name, str(uuid4())) for name in route.param_convertors} | {"noun": "projects"}
+        usual = {name: ids.get(name, str(uuid4())) for name in route.param_convertors} | {
+            "noun": "projects"
+        }
         queries = product(sorted(query_names(route.dependant)), MUTATED)
         addresses = [
             route.path.format(**usual),
-            *(f"{route.path.format(**usual)}?{urlencode({name: value})}" for name, value in queries),
-            *(route.path.format(**(usual | {name: quote(v, safe="")})) for name in usual for v in MUTATED if v),
+            *(
+                f"{route.path.format(**usual)}?{urlencode({name: value})}"
+                for name, value in queries
+            ),
+            *(
+                route.path.format(**(usual | {name: quote(v, safe="")}))
+                for name in usual
+                for v in MUTATED
+                if v
+            ),
         ]
         for address in dict.fromkeys(addresses):
             answer = browser.get(address)
             asked += 1
-            if answer.status_code >= 500 or (answer.status_code < 300 and "<!DOCTYPE html>" not in answer.text[:20]):
+            if answer.status_code >= 500 or (
+                answer.status_code < 300 and "<!DOCTYPE html>" not in answer.text[:20]
+            ):
                 failed.append((answer.status_code, address[:120]))
     assert not failed
     assert asked > 500
@@ -85,7 +112,9 @@ def test_no_page_fails_at_a_mutated_address(browser: httpx.Client, project: str,
     ],
 )
 @pytest.mark.parametrize("noun", ["campaigns", "results"])
-def test_what_is_refused_stands_beside_its_field(browser: httpx.Client, noun: str, query: str, beside: str) -> None:
+def test_what_is_refused_stands_beside_its_field(
+    browser: httpx.Client, noun: str, query: str, beside: str
+) -> None:
     answer = browser.get(f"/ui/search?noun={noun}&{query}")
     assert answer.status_code == 422
     assert beside in answer.text

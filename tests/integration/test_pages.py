@@ -1,4 +1,6 @@
-"""Pages as a browser without scripts gets them: who sees what, what the policy allows, what an error looks like; the guide."""
+"""Pages as a browser without scripts gets them: who sees what, what the policy allows, what an
+error looks like; the guide.
+"""
 
 import gzip
 import json
@@ -39,10 +41,13 @@ def test_pages_show_what_is_there(
     imported: Imported,
 ) -> None:
     points = imported(
-        new_campaign(name="with a file"), dataset("15", f"{1:10d}{0:10d}{0:10d}{0:10d}" + 3 * f"{1:13.5e}")
+        new_campaign(name="with a file"),
+        dataset("15", f"{1:10d}{0:10d}{0:10d}{0:10d}" + 3 * f"{1:13.5e}"),
     )
     campaign = new_campaign()
-    never_calibrated = api.post(f"projects/{project}/instruments", json={"kind": "hammer", "serial": "30517"})
+    never_calibrated = api.post(
+        f"projects/{project}/instruments", json={"kind": "hammer", "serial": "30517"}
+    )
     assert never_calibrated.status_code == 201, never_calibrated.text
     places = {
         "/ui/": "tests",
@@ -65,7 +70,9 @@ def test_pages_show_what_is_there(
         answer = browser.get(path)
         assert answer.status_code == 200, f"{path}: {answer.text}"
         assert words in answer.text, path
-        assert not re.search(r"\sstyle=|\son\w+=|<style|<script>", answer.text), f"{path} has what the policy forbids"
+        assert not re.search(r"\sstyle=|\son\w+=|<style|<script>", answer.text), (
+            f"{path} has what the policy forbids"
+        )
         named = re.findall(r'(?:src|href)="([^"#]+)', answer.text)
         assert not [name for name in named if "://" in name or name.startswith("//")], path
 
@@ -80,9 +87,16 @@ def test_a_page_shows_one_moment(
         holding.execute("LOCK TABLE processings IN ACCESS EXCLUSIVE MODE")
         asked = beside.submit(browser.get, path)
         until(
-            lambda: holding.execute(waits).fetchone(), "the page waits for the processings, in the middle of its parts"
+            lambda: holding.execute(waits).fetchone(),
+            "the page waits for the processings, in the middle of its parts",
         )
-        ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "later", "modes": [{"frequency_hz": 10.0}]}), 201)
+        ok(
+            api.post(
+                f"campaigns/{campaign}/mode-sets",
+                json={"name": "later", "modes": [{"frequency_hz": 10.0}]},
+            ),
+            201,
+        )
         holding.rollback()
         assert "No mode set yet" in asked.result().text
     then = browser.get(path).text
@@ -91,11 +105,16 @@ def test_a_page_shows_one_moment(
 
 
 def test_the_policy_lets_a_page_ask_nobody_else(browser: httpx.Client) -> None:
-    policy = dict(rule.split(" ", 1) for rule in browser.get("/ui/").headers["content-security-policy"].split("; "))
+    policy = dict(
+        rule.split(" ", 1)
+        for rule in browser.get("/ui/").headers["content-security-policy"].split("; ")
+    )
     assert policy["default-src"] == policy["form-action"] == policy["frame-ancestors"] == "'none'"
     assert policy["script-src"] == policy["connect-src"] == "'self'"
     words = {word for rule in policy.values() for word in rule.split()}
-    assert not [word for word in words if "unsafe" in word or "*" in word or ":" in word.removesuffix(":")]
+    assert not [
+        word for word in words if "unsafe" in word or "*" in word or ":" in word.removesuffix(":")
+    ]
 
 
 def test_who_has_no_session_is_led_to_the_sign_in_and_back(service: LocalService) -> None:
@@ -109,10 +128,18 @@ def test_who_has_no_session_is_led_to_the_sign_in_and_back(service: LocalService
 
 
 def test_what_is_not_ones_own_is_not_found_on_a_page(
-    browser: httpx.Client, new_client: Callable[[], httpx.Client], service: LocalService, campaign: str
+    browser: httpx.Client,
+    new_client: Callable[[], httpx.Client],
+    service: LocalService,
+    campaign: str,
 ) -> None:
     with session_client(new_client(), base=service.url) as other:
-        for path in (f"/ui/campaigns/{campaign}", f"/ui/campaigns/{uuid4()}", "/ui/campaigns/x", "/ui/nowhere"):
+        for path in (
+            f"/ui/campaigns/{campaign}",
+            f"/ui/campaigns/{uuid4()}",
+            "/ui/campaigns/x",
+            "/ui/nowhere",
+        ):
             answer = other.get(path)
             assert answer.status_code == 404, path
             assert answer.headers["content-type"].startswith("text/html"), path
@@ -125,9 +152,13 @@ def test_what_is_not_ones_own_is_not_found_on_a_page(
     assert "names 51 results, at most 50 are compared at a time" in many.text
 
 
-def test_names_are_shown_and_not_run(api: httpx.Client, browser: httpx.Client, structure: str) -> None:
+def test_names_are_shown_and_not_run(
+    api: httpx.Client, browser: httpx.Client, structure: str
+) -> None:
     name = "<script>alert(1)</script>"
-    campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": name, "boundary": "free"}), 201)["id"]
+    campaign = ok(
+        api.post(f"structures/{structure}/campaigns", json={"name": name, "boundary": "free"}), 201
+    )["id"]
     text = browser.get(f"/ui/campaigns/{campaign}").text
     assert name not in text
     assert "&lt;script&gt;alert(1)" in text
@@ -140,12 +171,20 @@ def test_files_of_pages_are_kept_by_browsers_and_sent_compressed(browser: httpx.
     assert "immutable" in answer.headers["cache-control"]
     assert answer.headers["content-encoding"] == "gzip"
     assert int(answer.headers["content-length"]) < len(gzip.compress(answer.content)) + 100
-    assert browser.get(f"/{found}", headers={"If-None-Match": answer.headers["etag"]}).status_code == 304
-    for wrong in ("/static/0/pages.js", "/static/0/../../settings.py", "/static/0/%2e%2e/%2e%2e/settings.py"):
+    assert (
+        browser.get(f"/{found}", headers={"If-None-Match": answer.headers["etag"]}).status_code
+        == 304
+    )
+    for wrong in (
+        "/static/0/pages.js",
+        "/static/0/../../settings.py",
+        "/static/0/%2e%2e/%2e%2e/settings.py",
+    ):
         assert browser.get(wrong).status_code == 404
 
 
-# --- the guide as the service gives it ----------------------------------------------------------------------------------
+# --- the guide as the service gives it
+# ----------------------------------------------------------------------------------
 
 
 def test_every_page_of_the_guide_is_served_to_anybody(service: LocalService) -> None:
@@ -162,7 +201,14 @@ def test_every_page_of_the_guide_is_served_to_anybody(service: LocalService) -> 
         assert anybody.get("images/beam.svg").headers["content-type"] == "image/svg+xml"
         assert anybody.get("", headers={"if-none-match": front.headers["etag"]}).status_code == 304
         assert anybody.get(f"{service.url}/guide").headers["location"] == "guide/"
-        for wrong in ("nowhere.html", "index.md", "../app.py", "%2e%2e/app.py", "decisions/", "x" * 5000):
+        for wrong in (
+            "nowhere.html",
+            "index.md",
+            "../app.py",
+            "%2e%2e/app.py",
+            "decisions/",
+            "x" * 5000,
+        ):
             assert anybody.get(wrong).status_code == 404, wrong
         style = front.text.partition('rel="stylesheet" href="')[2].partition('"')[0]
         assert anybody.get(style).headers["content-type"].startswith("text/css")
@@ -172,10 +218,18 @@ def test_points_are_joined_along_the_files_trace_lines(
     browser: httpx.Client, new_campaign: Callable[..., str], imported: Imported
 ) -> None:
     campaign = new_campaign()
-    rows = [f"{n:10d}{0:10d}{0:10d}{0:10d}{x:13.5e}{y:13.5e}{0:13.5e}" for n, x, y in ((1, 0, 0), (2, 1, 0), (3, 0, 1))]
-    line = dataset("82", f"{1:10d}{4:10d}{0:10d}", "edge", "".join(f"{point:10d}" for point in (2, 3, 0, 1)))
+    rows = [
+        f"{n:10d}{0:10d}{0:10d}{0:10d}{x:13.5e}{y:13.5e}{0:13.5e}"
+        for n, x, y in ((1, 0, 0), (2, 1, 0), (3, 0, 1))
+    ]
+    line = dataset(
+        "82", f"{1:10d}{4:10d}{0:10d}", "edge", "".join(f"{point:10d}" for point in (2, 3, 0, 1))
+    )
     read = imported(campaign, dataset("15", *rows) + line)
-    assert [(each["type"], each["outcome"]) for each in read["datasets"]] == [("15", "read"), ("82", "read")]
+    assert [(each["type"], each["outcome"]) for each in read["datasets"]] == [
+        ("15", "read"),
+        ("82", "read"),
+    ]
     page = browser.get(f"/ui/campaigns/{campaign}").text
     found = re.search(r'id="in-space">(.*?)</script>', page)
     assert found

@@ -26,13 +26,20 @@ ORDER = [{"point": 4, "hits": 3}, {"point": 5, "hits": 3}]
 
 @pytest.fixture
 def sent(api: httpx.Client, campaign: str, finished: Finished) -> Callable[..., dict[str, Any]]:
-    def send(said: Any, filename: str = "long.wav", channels: Any = CHANNELS, **query: Any) -> dict[str, Any]:
+    def send(
+        said: Any, filename: str = "long.wav", channels: Any = CHANNELS, **query: Any
+    ) -> dict[str, Any]:
         whole = recording(TIMES, [1.0, 0.5, 2.0, 1.0, 0.7, 1.5], 19.0)
         file = io.BytesIO()
         wavfile.write(file, int(RATE), np.round(whole.T * 0.25 * 2**31).astype(np.int32))
-        query |= {"mapping": json.dumps({"channels": channels, "recording": said}), "filename": filename}
+        query |= {
+            "mapping": json.dumps({"channels": channels, "recording": said}),
+            "filename": filename,
+        }
         raw = {"Content-Type": "application/octet-stream"}
-        answer = api.post(f"campaigns/{campaign}/imports", content=file.getvalue(), params=query, headers=raw)
+        answer = api.post(
+            f"campaigns/{campaign}/imports", content=file.getvalue(), params=query, headers=raw
+        )
         ok(answer, 202)
         return finished(answer.headers["Location"])
 
@@ -43,9 +50,18 @@ def test_a_recording_becomes_hits_of_its_points_and_frfs(
     api: httpx.Client, campaign: str, finished: Finished, sent: Callable[..., dict[str, Any]]
 ) -> None:
     read = sent({"order": ORDER})
-    assert (read["status"], read["counts"]["records"], read["warnings"]) == ("succeeded", 12, []), read
+    assert (read["status"], read["counts"]["records"], read["warnings"]) == ("succeeded", 12, []), (
+        read
+    )
     items = ok(api.get(f"imports/{read['id']}/records"), 200)["items"]
-    assert [(r["force_point"], r["hit"]) for r in items[::2]] == [(4, 1), (4, 2), (4, 3), (5, 1), (5, 2), (5, 3)]
+    assert [(r["force_point"], r["hit"]) for r in items[::2]] == [
+        (4, 1),
+        (4, 2),
+        (4, 3),
+        (5, 1),
+        (5, 2),
+        (5, 3),
+    ]
     begins = [r["start_sample"] for r in items[::2]]
     assert begins == [r["start_sample"] for r in items[1::2]]
     np.testing.assert_allclose(begins, np.array(TIMES) * RATE - 256, atol=1)
@@ -59,7 +75,9 @@ def test_a_recording_becomes_hits_of_its_points_and_frfs(
     assert abs(lines[np.argmax(size)] - 251 / (2 * np.pi)) < 1.0
 
 
-def test_the_name_of_a_file_is_its_point(api: httpx.Client, sent: Callable[..., dict[str, Any]]) -> None:
+def test_the_name_of_a_file_is_its_point(
+    api: httpx.Client, sent: Callable[..., dict[str, Any]]
+) -> None:
     read = sent({"order": "filename"}, "beam_2_point_7.wav")
     items = ok(api.get(f"imports/{read['id']}/records"), 200)["items"]
     assert {r["force_point"] for r in items} == {7}
@@ -68,38 +86,56 @@ def test_the_name_of_a_file_is_its_point(api: httpx.Client, sent: Callable[..., 
 @pytest.mark.parametrize(
     ("said", "pointer", "says"),
     [
-        ({"order": [{"point": 4, "hits": 5}]}, "/mapping/recording/order", r"has 5 hits, and 6 were found, at 1\.00 s"),
+        (
+            {"order": [{"point": 4, "hits": 5}]},
+            "/mapping/recording/order",
+            r"has 5 hits, and 6 were found, at 1\.00 s",
+        ),
         ({"order": [{"point": 4}]}, "/mapping/recording/order/0", r"is not \{point, hits\}"),
         ({"order": ORDER, "least_force": 9}, "", "has no hit"),
         ({"level": 1}, "/mapping/recording/level", "is unknown"),
         ({}, "/mapping/channels/0/point", "is missing"),
     ],
 )
-def test_what_does_not_fit_is_named(sent: Callable[..., dict[str, Any]], said: Any, pointer: str, says: str) -> None:
+def test_what_does_not_fit_is_named(
+    sent: Callable[..., dict[str, Any]], said: Any, pointer: str, says: str
+) -> None:
     error = sent(said)["error"]
     (fault,) = error["errors"]
     assert fault["pointer"] == pointer
     assert re.search(says, fault["detail"])
 
 
-def test_values_that_no_sensor_gives_are_refused_by_the_channel(sent: Callable[..., dict[str, Any]]) -> None:
-    error = sent({"order": ORDER}, channels=[CHANNELS[0], {**CHANNELS[1], "sensitivity": 1e-20}])["error"]
+def test_values_that_no_sensor_gives_are_refused_by_the_channel(
+    sent: Callable[..., dict[str, Any]],
+) -> None:
+    error = sent({"order": ORDER}, channels=[CHANNELS[0], {**CHANNELS[1], "sensitivity": 1e-20}])[
+        "error"
+    ]
     (fault,) = error["errors"]
     assert fault["pointer"] == "/channel_2"
     assert "more than any sensor gives" in fault["detail"]
 
 
-def test_a_tdms_lists_its_channels_and_gives_its_hits(api: httpx.Client, campaign: str, finished: Finished) -> None:
-    nptdms = pytest.importorskip("nptdms", reason="npTDMS is not installed: pip install 'modalbase[tdms]'")
+def test_a_tdms_lists_its_channels_and_gives_its_hits(
+    api: httpx.Client, campaign: str, finished: Finished
+) -> None:
+    nptdms = pytest.importorskip(
+        "nptdms", reason="npTDMS is not installed: pip install 'modalbase[tdms]'"
+    )
     file, said = io.BytesIO(), {"wf_increment": 1 / RATE}
     force, response = recording(TIMES, [1.0, 0.5, 2.0, 1.0, 0.7, 1.5], 19.0)
     with nptdms.TdmsWriter(file) as written:
         both = (("force", force), ("acc", response))
-        written.write_segment([nptdms.ChannelObject("daq", name, values, said) for name, values in both])
+        written.write_segment(
+            [nptdms.ChannelObject("daq", name, values, said) for name, values in both]
+        )
 
     def send(**query: str) -> dict[str, Any]:
         raw = {"Content-Type": "application/octet-stream"}
-        answer = api.post(f"campaigns/{campaign}/imports", content=file.getvalue(), params=query, headers=raw)
+        answer = api.post(
+            f"campaigns/{campaign}/imports", content=file.getvalue(), params=query, headers=raw
+        )
         ok(answer, 202)
         return finished(answer.headers["Location"])
 
@@ -113,4 +149,6 @@ def test_a_tdms_lists_its_channels_and_gives_its_hits(api: httpx.Client, campaig
     assert fault["pointer"] == "/mapping/recording"
     channels = [{**CHANNELS[0], "variable": "daq/force"}, {**CHANNELS[1], "variable": "daq/acc"}]
     read = send(mapping=json.dumps({"recording": {"order": ORDER}, "channels": channels}))
-    assert (read["status"], read["counts"]["records"], read["warnings"]) == ("succeeded", 12, []), read
+    assert (read["status"], read["counts"]["records"], read["warnings"]) == ("succeeded", 12, []), (
+        read
+    )

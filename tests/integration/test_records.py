@@ -21,7 +21,12 @@ MAPPING: dict[str, Any] = {
     "sample_rate_hz": {"variable": "fs"},
     "hit": {"variable": "hit"},
     "channels": [
-        {"variable": "force", "quantity": "force", "point": {"variable": "point"}, "sensitivity": 0.002},
+        {
+            "variable": "force",
+            "quantity": "force",
+            "point": {"variable": "point"},
+            "sensitivity": 0.002,
+        },
         {"variable": "acceleration", "quantity": "acceleration", "point": 99, "sensitivity": 0.01},
     ],
 }
@@ -48,7 +53,9 @@ def npz(hits: list[Simulated]) -> bytes:
     return file.getvalue()
 
 
-def post(api: httpx.Client, campaign: str, data: bytes, name: str = "hits.npz", **query: Any) -> httpx.Response:
+def post(
+    api: httpx.Client, campaign: str, data: bytes, name: str = "hits.npz", **query: Any
+) -> httpx.Response:
     params = {"filename": name, "mapping": json.dumps(MAPPING), **query}
     headers = {"Content-Type": "application/octet-stream"}
     return api.post(f"campaigns/{campaign}/records", content=data, params=params, headers=headers)
@@ -64,7 +71,9 @@ def processed(api: httpx.Client, campaign: str, body: dict[str, Any]) -> dict[st
     return until(ended, "the processing")
 
 
-def test_records_become_frfs_and_each_names_its_hits(api: httpx.Client, campaign: str, hits: list[Simulated]) -> None:
+def test_records_become_frfs_and_each_names_its_hits(
+    api: httpx.Client, campaign: str, hits: list[Simulated]
+) -> None:
     stored = ok(post(api, campaign, npz(hits)), 201)["items"]
     assert len(stored) == 2 * len(hits)
     listed = ok(api.get(f"campaigns/{campaign}/records", params={"point": 1}), 200)["items"]
@@ -72,18 +81,26 @@ def test_records_become_frfs_and_each_names_its_hits(api: httpx.Client, campaign
     row = next(r for r in stored if r["quantity"] == "force")
     samples = ok(api.get(f"records/{row['id']}/data"), 200)["samples"]
     np.testing.assert_allclose(samples, hits[0].hit.force.samples, rtol=1e-12, atol=1e-12)
-    with np.load(io.BytesIO(api.get(f"records/{row['id']}/data", params={"format": "npz"}).content)) as file:
+    with np.load(
+        io.BytesIO(api.get(f"records/{row['id']}/data", params={"format": "npz"}).content)
+    ) as file:
         np.testing.assert_array_equal(file["samples"], samples)
         time = file["time_s"]
     table = api.get(f"records/{row['id']}/data", params={"format": "csv"}).text
     assert table.startswith("time_s,force\n")
-    np.testing.assert_allclose(np.loadtxt(io.StringIO(table), delimiter=",", skiprows=1).T, [time, samples], rtol=1e-8)
+    np.testing.assert_allclose(
+        np.loadtxt(io.StringIO(table), delimiter=",", skiprows=1).T, [time, samples], rtol=1e-8
+    )
 
     done = processed(api, campaign, {})
     assert done["status"] == "succeeded", done
     result = done["result"]
     judged = {(h["point"], h["hit"]): h["accepted"] for h in result["hits"]}
-    truth = {(s.hit.force.dof.point, s.hit.number): s.fault is None for s in hits if s.fault != "off_place"}
+    truth = {
+        (s.hit.force.dof.point, s.hit.number): s.fault is None
+        for s in hits
+        if s.fault != "off_place"
+    }
     assert {key: judged[key] for key in truth} == truth
     frfs = ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
     assert {f["id"] for f in frfs} == {f["id"] for f in result["frfs"]}
@@ -101,7 +118,9 @@ def test_frfs_say_how_well_the_window_is_known_that_their_hits_showed(
 ) -> None:
     rng = np.random.default_rng(4)
     body = random_body(rng, "free")
-    bench = Bench(body, random_laboratory(rng, 1.0), (0.96 * body.length_m, 0.45 * body.width_m), rng)
+    bench = Bench(
+        body, random_laboratory(rng, 1.0), (0.96 * body.length_m, 0.45 * body.width_m), rng
+    )
     made = [bench.hit(1, (0.7 * body.length_m, 0.3 * body.width_m), n) for n in range(1, count + 1)]
     ok(post(api, campaign, npz(made)), 201)  # the mapping states no window
     assert processed(api, campaign, {"windows": {}})["status"] == "succeeded"
@@ -125,7 +144,11 @@ def test_the_figure_of_a_point_shows_every_hit_and_what_is_wrong_with_it(
     figure = ok(answer, 200)
     panels = [t for t in figure["data"] if t["yaxis"] == "y2"]  # the responses, one a hit
     good = [t for t in panels if t["legendgroup"] == "good"]
-    bad = {t["legendgroup"]: t for t in figure["data"] if t.get("legendgroup", "good") != "good" and t["name"]}
+    bad = {
+        t["legendgroup"]: t
+        for t in figure["data"]
+        if t.get("legendgroup", "good") != "good" and t["name"]
+    }
     assert len(panels) == len(mine)
     assert f"hit {wrong.hit.number}" in bad
     assert bad[f"hit {wrong.hit.number}"]["name"].startswith(f"hit {wrong.hit.number}: ")
@@ -140,11 +163,17 @@ def test_the_figure_of_a_point_shows_every_hit_and_what_is_wrong_with_it(
     lines = np.fft.rfftfreq(first.samples, 1 / first.sample_rate_hz)
     quotient = np.abs(np.fft.rfft(first.responses[0].samples) / np.fft.rfft(first.force.samples))
     if mine[0].fault is None:
-        assert frfs[0]["y"][line] == pytest.approx(quotient[np.abs(lines - frfs[0]["x"][line]).argmin()], rel=0.2)
+        assert frfs[0]["y"][line] == pytest.approx(
+            quotient[np.abs(lines - frfs[0]["x"][line]).argmin()], rel=0.2
+        )
     unchanged = {"If-None-Match": answer.headers["etag"]}
-    again = api.get(f"campaigns/{campaign}/figures/hits", params={"point": point}, headers=unchanged)
+    again = api.get(
+        f"campaigns/{campaign}/figures/hits", params={"point": point}, headers=unchanged
+    )
     assert again.status_code == 304
-    assert api.get(f"campaigns/{campaign}/figures/hits", params={"format": "pdf"}).content.startswith(b"%PDF")
+    assert api.get(
+        f"campaigns/{campaign}/figures/hits", params={"format": "pdf"}
+    ).content.startswith(b"%PDF")
     refused = ok(api.get(f"campaigns/{campaign}/figures/hits", params={"point": 77}), 404)
     assert "there are hits at 1+z" in refused["detail"]
     refused = ok(api.get(f"campaigns/{campaign}/figures/hits", params={"response": 77}), 404)
@@ -165,7 +194,12 @@ def test_a_script_beside_the_hammer_knows_after_each_hit(
         sent = {name: values.tolist() for name, values in arrays([one]).items() if name != "hit"}
         body = {"variables": sent, "mapping": mapping}
         answers.append(ok(api.post(f"campaigns/{campaign}/records", json=body), 201))
-    assert [[h["hit"] for h in a["hits"]] for a in answers] == [[1], [1, 2], [1, 2, 3], [1, 2, 3, 4]]
+    assert [[h["hit"] for h in a["hits"]] for a in answers] == [
+        [1],
+        [1, 2],
+        [1, 2, 3],
+        [1, 2, 3, 4],
+    ]
     last = {h["hit"]: h for h in answers[-1]["hits"]}
     for one in hits[:4]:
         if one.fault != "off_place":
@@ -176,7 +210,9 @@ def test_a_script_beside_the_hammer_knows_after_each_hit(
 def test_an_accelerometer_that_roves_gives_an_frf_for_each_place(
     api: httpx.Client, campaign: str, hits: list[Simulated]
 ) -> None:
-    """By reciprocity the hits of a hammer that roves are those of a sensor that does: all at one place, counted on."""
+    """By reciprocity the hits of a hammer that roves are those of a sensor that does: all at one
+    place, counted on.
+    """
     force, response = MAPPING["channels"]
     swapped = [{**force, "point": 99}, {**response, "point": {"variable": "point"}}]
     mapping = {"sample_rate_hz": {"variable": "fs"}, "channels": swapped}
@@ -190,13 +226,19 @@ def test_an_accelerometer_that_roves_gives_an_frf_for_each_place(
     assert done["status"] == "succeeded", done
     frfs = {frf["response_point"]: frf for frf in done["result"]["frfs"]}
     assert len(frfs) == len(done["result"]["frfs"]) == len({s.hit.force.dof.point for s in hits})
-    sensor = {r["id"]: r["point"] for a in (answer, first) for r in a["items"] if r["quantity"] == "acceleration"}
+    sensor = {
+        r["id"]: r["point"]
+        for a in (answer, first)
+        for r in a["items"]
+        if r["quantity"] == "acceleration"
+    }
     for point, frf in frfs.items():
         assert frf["reference_point"] == 99
         assert {sensor[r["id"]] for r in frf["records"] if r["id"] in sensor} == {point}
     rows = ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
     assert [row["has_coherence"] for row in rows] == [True] * len(frfs)
-    alone = inspect(by_point([s.hit for s in hits])).coherence  # of each place by itself, whoever roves
+    # of each place by itself, whoever roves
+    alone = inspect(by_point([s.hit for s in hits])).coherence
     for said, at in ((answer, hits[-1]), (first, hits[0])):  # that of the place which was hit last
         assert said["coherence"] == {"99": pytest.approx(alone[at.hit.force.dof], rel=0.05)}
 
@@ -205,11 +247,18 @@ def test_a_sensor_that_was_added_between_two_sessions_has_frfs_of_its_own(
     api: httpx.Client, campaign: str, hits: list[Simulated]
 ) -> None:
     file = io.BytesIO()
-    np.savez(file, **{k: v for k, v in arrays(hits).items() if k != "hit"}, second=-arrays(hits)["acceleration"])
+    np.savez(
+        file,
+        **{k: v for k, v in arrays(hits).items() if k != "hit"},
+        second=-arrays(hits)["acceleration"],
+    )
     counted = {k: v for k, v in MAPPING.items() if k != "hit"}
     both = {
         **counted,
-        "channels": [*counted["channels"], {**counted["channels"][1], "variable": "second", "point": 98}],
+        "channels": [
+            *counted["channels"],
+            {**counted["channels"][1], "variable": "second", "point": 98},
+        ],
     }
     ok(post(api, campaign, npz(hits), mapping=json.dumps(counted)), 201)
     ok(post(api, campaign, file.getvalue(), mapping=json.dumps(both)), 201)
@@ -220,7 +269,9 @@ def test_a_sensor_that_was_added_between_two_sessions_has_frfs_of_its_own(
     assert sorted(pairs) == sorted([(p, 99) for p in points] * 2 + [(p, 98) for p in points])
 
 
-def test_a_user_overrules_and_the_document_says_so(api: httpx.Client, campaign: str, hits: list[Simulated]) -> None:
+def test_a_user_overrules_and_the_document_says_so(
+    api: httpx.Client, campaign: str, hits: list[Simulated]
+) -> None:
     ok(post(api, campaign, npz(hits)), 201)
     good = next(s for s in hits if s.fault is None)
     point, number = good.hit.force.dof.point, good.hit.number
@@ -229,7 +280,8 @@ def test_a_user_overrules_and_the_document_says_so(api: httpx.Client, campaign: 
     hit = next(h for h in result["hits"] if (h["point"], h["hit"]) == (point, number))
     assert (hit["accepted"], hit["overruled"]) == (False, False)
 
-    # A decision that means no hit, or two decisions about one hit, are refused before anything is queued.
+    # A decision that means no hit, or two decisions about one hit, are refused before anything is
+    # queued.
     decision = body["overrules"][0]
     for wrong, text in (
         (
@@ -245,17 +297,26 @@ def test_a_user_overrules_and_the_document_says_so(api: httpx.Client, campaign: 
         assert refused["errors"][0]["pointer"] == f"/overrules/{len(wrong) - 1}"
 
 
-def test_an_upload_shows_who_decided_what_of_its_hits(api: httpx.Client, campaign: str, hits: list[Simulated]) -> None:
+def test_an_upload_shows_who_decided_what_of_its_hits(
+    api: httpx.Client, campaign: str, hits: list[Simulated]
+) -> None:
     point = next(s.hit.force.dof.point for s in hits if s.fault is None)
     sent = ok(post(api, campaign, npz([s for s in hits if s.hit.force.dof.point == point])), 201)
     url = f"imports/{ok(api.get(f'campaigns/{campaign}/imports'), 200)['items'][0]['id']}/records"
     assert {hit["decision"] for hit in sent["hits"]} == {None}
     named = {"point": point, "hit": next(hit["hit"] for hit in sent["hits"] if hit["accepted"])}
     decisions = f"campaigns/{campaign}/hit-decisions"
-    decision = ok(api.post(decisions, json={**named, "good": False, "why": "a cable was touched"}), 201)
+    decision = ok(
+        api.post(decisions, json={**named, "good": False, "why": "a cable was touched"}), 201
+    )
     before = {hit["hit"]: hit for hit in sent["hits"]}
     after = {hit["hit"]: hit for hit in ok(api.get(url), 200)["hits"]}
-    overruled = {**before[named["hit"]], "accepted": False, "overruled": False, "decision": decision}
+    overruled = {
+        **before[named["hit"]],
+        "accepted": False,
+        "overruled": False,
+        "decision": decision,
+    }
     assert after == {**before, named["hit"]: overruled}
     ok(api.post(decisions, json={**named, "good": None, "why": "it was another's"}), 201)
     assert {hit["hit"]: hit for hit in ok(api.get(url), 200)["hits"]} == before
@@ -275,7 +336,11 @@ def test_a_decision_by_hand_is_kept_with_who_and_when_and_later_processings_keep
         return hit["accepted"], hit["overruled"]
 
     decision = ok(api.post(url, json={**named, "good": False, "why": "a cable was touched"}), 201)
-    assert (decision["direction"], decision["good"], decision["why"]) == (3, False, "a cable was touched")
+    assert (decision["direction"], decision["good"], decision["why"]) == (
+        3,
+        False,
+        "a cable was touched",
+    )
     assert decision["by"]
     assert decision["created_at"] > stored[-1]["created_at"]
     assert used() == (False, False)
@@ -296,8 +361,14 @@ def test_a_decision_by_hand_is_kept_with_who_and_when_and_later_processings_keep
     assert used() == (True, None)
 
     for wrong, text in (
-        ({"point": 99}, f"means hit {number} of point 99, which does not exist; there are no hits at all"),
-        ({"direction": -3}, "in direction -3, which does not exist; there are point 1, direction 3"),
+        (
+            {"point": 99},
+            f"means hit {number} of point 99, which does not exist; there are no hits at all",
+        ),
+        (
+            {"direction": -3},
+            "in direction -3, which does not exist; there are point 1, direction 3",
+        ),
         ({"why": ""}, "at least 1 character"),
     ):
         refused = ok(api.post(url, json={**named, "good": True, "why": "y", **wrong}), 422)
@@ -330,25 +401,43 @@ def test_the_rest_of_a_hit_whose_force_is_deleted_is_left_out(
     assert api.delete(f"records/{force['id']}").status_code == 204
     ok(api.get(f"records/{force['id']}"), 404)
     later = ok(post(api, campaign, npz(hits[3:4])), 201)  # it does not keep later hits out
-    assert later["incomplete"] == [f"hit {force['hit']} of point {force['force_point']} has no force"]
+    assert later["incomplete"] == [
+        f"hit {force['hit']} of point {force['force_point']} has no force"
+    ]
     assert len(later["hits"]) == 3
     done = processed(api, campaign, {})
     assert done["status"] == "succeeded", done
-    assert f"hit {force['hit']} of point {force['point']} has no force; it was left out" in done["result"]["warnings"]
-    assert (force["point"], force["hit"]) not in {(h["point"], h["hit"]) for h in done["result"]["hits"]}
+    assert (
+        f"hit {force['hit']} of point {force['point']} has no force; it was left out"
+        in done["result"]["warnings"]
+    )
+    assert (force["point"], force["hit"]) not in {
+        (h["point"], h["hit"]) for h in done["result"]["hits"]
+    }
 
 
-def test_a_uff_file_of_time_blocks_becomes_records(api: httpx.Client, campaign: str, hits: list[Simulated]) -> None:
+def test_a_uff_file_of_time_blocks_becomes_records(
+    api: httpx.Client, campaign: str, hits: list[Simulated]
+) -> None:
     def block(samples: np.ndarray[Any, Any], kind: int, unit: str, point: int, force: int) -> bytes:
-        rows = ["".join(f"{v:20.12e}" for v in samples[i : i + 4]) for i in range(0, samples.size, 4)]
-        header = {"kind": 4, "points": samples.size, "function": 1, "step": f"{1 / hits[0].hit.sample_rate_hz:13.5e}"}
+        rows = [
+            "".join(f"{v:20.12e}" for v in samples[i : i + 4]) for i in range(0, samples.size, 4)
+        ]
+        header = {
+            "kind": 4,
+            "points": samples.size,
+            "function": 1,
+            "step": f"{1 / hits[0].hit.sample_rate_hz:13.5e}",
+        }
         place = {"response": (point, 3), "reference": (force, 3)}
         return set_58(*rows, abscissa=axis(17, "s"), ordinate=axis(kind, unit), **header, **place)
 
     data = b""
     for one in hits[:2]:
         at = one.hit.force.dof.point
-        data += block(one.hit.force.samples, 13, "N", at, at) + block(one.hit.responses[0].samples, 12, "m/s2", 99, at)
+        data += block(one.hit.force.samples, 13, "N", at, at) + block(
+            one.hit.responses[0].samples, 12, "m/s2", 99, at
+        )
     lonely = block(hits[2].hit.responses[0].samples, 12, "m/s2", 99, hits[2].hit.force.dof.point)
     sent = api.post(f"campaigns/{campaign}/imports", files={"file": ("hits.uff", data + lonely)})
     job = ok(sent, 202)["id"]
@@ -382,7 +471,9 @@ def test_what_cannot_be_right_is_refused_with_its_place(
     assert (fault["pointer"], fault["detail"].split(":")[0]) == ("mapping", "is not JSON")
     ok(post(api, campaign, b"no archive"), 422)
     assert "the body is empty" in ok(post(api, campaign, b""), 422)["detail"]
-    unmapped = api.post(f"campaigns/{campaign}/records", content=npz(hits[:1]), params={"filename": "hits.npz"})
+    unmapped = api.post(
+        f"campaigns/{campaign}/records", content=npz(hits[:1]), params={"filename": "hits.npz"}
+    )
     assert "dry_run=true proposes one" in ok(unmapped, 422)["detail"]
     ok(post(api, campaign, npz(hits[:1]), "hits.tdms"), 422)
     ok(api.post(f"campaigns/{campaign}/processings", json={"estimator": "H9"}), 422)

@@ -1,4 +1,6 @@
-"""Search over HTTP: filters over several nouns, order and pages, words, files; what others have is not even counted."""
+"""Search over HTTP: filters over several nouns, order and pages, words, files; what others have is
+not even counted.
+"""
 
 import csv
 import io
@@ -29,23 +31,45 @@ assert composition.ROUTERS  # so that every table is known
 
 @pytest.fixture
 def bridge(api: httpx.Client, project: str) -> dict[str, str]:
-    """Two structures: campaigns of the first are warm and free, or cold and clamped; the second's one is warm and clamped."""
+    """Two structures: campaigns of the first are warm and free, or cold and clamped; the second's
+    one is warm and clamped.
+    """
     ids = {"project": project}
     for name in ("bridge north", "panel"):
-        ids[name] = ok(api.post(f"projects/{project}/structures", json={**BEAM, "name": name}), 201)["id"]
+        ids[name] = ok(
+            api.post(f"projects/{project}/structures", json={**BEAM, "name": name}), 201
+        )["id"]
     stated = [
         ("bridge north", "warm", "free", 28.0, "2026-03-02T09:30:00Z", "8206-002", [25.0, 60.0]),
-        ("bridge north", "cold", "cantilever", -3.5, "2026-03-31T23:59:59Z", "086C03", [26.5, 70.0]),
+        (
+            "bridge north",
+            "cold",
+            "cantilever",
+            -3.5,
+            "2026-03-31T23:59:59Z",
+            "086C03",
+            [26.5, 70.0],
+        ),
         ("panel", "late", "cantilever", 31.0, "2026-04-01T00:00:00Z", "086C03", [80.0]),
         ("panel", "unknown", "free", None, None, "086C03", []),
     ]
     for structure, name, boundary, temperature, at, hammer, frequencies in stated:
-        body = {"name": name, "boundary": boundary, "temperature_c": temperature, "performed_at": at}
+        body = {
+            "name": name,
+            "boundary": boundary,
+            "temperature_c": temperature,
+            "performed_at": at,
+        }
         body["instruments"] = {"hammer": {"model": hammer}}
         ids[name] = ok(api.post(f"structures/{ids[structure]}/campaigns", json=body), 201)["id"]
         modes = [{"frequency_hz": f, "damping_ratio": f / 500} for f in frequencies]
         if modes:
-            ok(api.post(f"campaigns/{ids[name]}/mode-sets", json={"name": "typed", "modes": modes}), 201)
+            ok(
+                api.post(
+                    f"campaigns/{ids[name]}/mode-sets", json={"name": "typed", "modes": modes}
+                ),
+                201,
+            )
     return ids
 
 
@@ -60,7 +84,9 @@ def test_every_field_is_a_column() -> None:
         table = noun.rows()
         for field in noun.fields:
             assert field.of(table) is not None
-            assert field.nullable or field.value or not table.c[field.column or field.name].nullable, field.name
+            assert (
+                field.nullable or field.value or not table.c[field.column or field.name].nullable
+            ), field.name
         assert all(name in table.c for name in noun.key)
 
 
@@ -76,7 +102,11 @@ QUESTIONS = [
     ("campaigns", "boundary NOT IN ('free')", ["cold", "late"]),
     ("campaigns", "CASEI(boundary) = 'FREE'", ["warm", "unknown"]),
     ("campaigns", "boundary LIKE 'f%'", ["warm", "unknown"]),
-    ("campaigns", "(boundary = 'free' OR temperature_c > 30) AND performed_at IS NOT NULL", ["warm", "late"]),
+    (
+        "campaigns",
+        "(boundary = 'free' OR temperature_c > 30) AND performed_at IS NOT NULL",
+        ["warm", "late"],
+    ),
     ("campaigns", "performed_at = DATE('2026-03-31')", ["cold"]),
     ("campaigns", "performed_at > DATE('2026-03-31')", ["late"]),
     ("campaigns", "performed_at <= DATE('2026-03-31')", ["warm", "cold"]),
@@ -90,8 +120,13 @@ QUESTIONS = [
     ("campaigns", "mode.frequency_hz < 26 AND mode.damping_ratio > 0.1", []),  # two modes, not one
     ("structures", "campaign.temperature_c > 25 AND campaign.boundary = 'free'", ["bridge north"]),
     ("structures", "campaign.temperature_c > 25 AND campaign.boundary = 'cantilever'", ["panel"]),
-    ("structures", "campaign.temperature_c < 0 AND mode.frequency_hz < 26", []),  # the mode is the warm campaign's
-    ("structures", "campaign.temperature_c > 30 OR mode.frequency_hz < 26", ["bridge north", "panel"]),
+    # the mode is the warm campaign's
+    ("structures", "campaign.temperature_c < 0 AND mode.frequency_hz < 26", []),
+    (
+        "structures",
+        "campaign.temperature_c > 30 OR mode.frequency_hz < 26",
+        ["bridge north", "panel"],
+    ),
     ("modes", "frequency_hz < 30 AND campaign.temperature_c < 0", ["cold"]),
 ]
 
@@ -146,12 +181,22 @@ def ok_problem(answer: httpx.Response) -> dict[str, Any]:
 
 
 def test_pages_in_any_order_hold_each_row_once(api: httpx.Client, bridge: dict[str, str]) -> None:
-    for sort in ("name", "-name", "temperature_c", "-temperature_c", "-performed_at", "structure.name", None):
+    for sort in (
+        "name",
+        "-name",
+        "temperature_c",
+        "-temperature_c",
+        "-performed_at",
+        "structure.name",
+        None,
+    ):
         require_pages(api, bridge, sort)
 
 
 def require_pages(api: httpx.Client, bridge: dict[str, str], sort: str | None) -> None:
-    query: dict[str, Any] = {"filter": f"project.id = '{bridge['project']}'"} | ({"sort": sort} if sort else {})
+    query: dict[str, Any] = {"filter": f"project.id = '{bridge['project']}'"} | (
+        {"sort": sort} if sort else {}
+    )
     whole = ok(api.get("search/campaigns", params=query), 200)
     assert (whole["count"], whole["more"], whole["next_cursor"]) == (4, False, None)
     assert whole["facets"] == {
@@ -168,19 +213,32 @@ def require_pages(api: httpx.Client, bridge: dict[str, str], sort: str | None) -
 
 
 def test_a_strange_cursor_is_refused(api: httpx.Client) -> None:
-    cursors = ("x", "W10", "WzFd", "WyIyMDI2LTAzLTAxIiwgbnVsbF0", "e30", "/" * 30, "WyJcdWQ4MDAiLCAieCJd")
+    cursors = (
+        "x",
+        "W10",
+        "WzFd",
+        "WyIyMDI2LTAzLTAxIiwgbnVsbF0",
+        "e30",
+        "/" * 30,
+        "WyJcdWQ4MDAiLCAieCJd",
+    )
     for sort, cursor in product(("performed_at", "name"), cursors):
         ok_problem(api.get("search/campaigns", params={"cursor": cursor, "sort": sort}))
 
 
-def test_words_are_looked_for_in_names_notes_and_instruments(api: httpx.Client, bridge: dict[str, str]) -> None:
+def test_words_are_looked_for_in_names_notes_and_instruments(
+    api: httpx.Client, bridge: dict[str, str]
+) -> None:
     mine = f"project.id = '{bridge['project']}'"
     assert names(api, "campaigns", mine, q="086c03") == ["cold", "late", "unknown"]
     assert names(api, "campaigns", mine, q="Bridge 086C03") == ["cold"]
     assert names(api, "structures", mine, q="north") == ["bridge north"]
     assert names(api, "modes", mine, q="warm") == ["warm", "warm"]
     assert names(api, "campaigns", mine, q="' & | !( :*") == []
-    assert "21 words" in ok_problem(api.get("search/campaigns", params={"q": "a " * 21}))["errors"][0]["detail"]
+    assert (
+        "21 words"
+        in ok_problem(api.get("search/campaigns", params={"q": "a " * 21}))["errors"][0]["detail"]
+    )
 
 
 def test_files_have_all_rows(api: httpx.Client, bridge: dict[str, str]) -> None:
@@ -192,10 +250,14 @@ def test_files_have_all_rows(api: httpx.Client, bridge: dict[str, str]) -> None:
     ]
     lines = api.get("search/campaigns", params={**query, "format": "jsonl"}).text.splitlines()
     assert [json.loads(line) for line in lines] == rows
-    answer = api.get("search/campaigns", params=query, headers={"Accept": "application/vnd.apache.arrow.stream"})
+    answer = api.get(
+        "search/campaigns", params=query, headers={"Accept": "application/vnd.apache.arrow.stream"}
+    )
     table = na.ArrayStream.from_readable(io.BytesIO(answer.content)).read_all()
     assert [row["name"] for row in table.to_pylist()] == [row["name"] for row in rows]
-    assert [row["temperature_c"] for row in table.to_pylist()] == [row["temperature_c"] for row in rows]
+    assert [row["temperature_c"] for row in table.to_pylist()] == [
+        row["temperature_c"] for row in rows
+    ]
     assert table.to_pylist()[0]["performed_at"].isoformat() == "2026-04-01T00:00:00+00:00"
 
 
@@ -210,7 +272,10 @@ def test_what_others_have_is_neither_found_nor_counted(
         assert ok(stranger.get(f"search/{noun}", params={"q": "bridge"}), 200)["count"] == 0
     own = ok(stranger.post("projects", json={"name": "own"}), 201)["id"]
     ok(stranger.post(f"projects/{own}/structures", json=BEAM), 201)
-    assert names(stranger, "structures", "campaign.temperature_c > -300 OR mode.frequency_hz > 0") == []
+    assert (
+        names(stranger, "structures", "campaign.temperature_c > -300 OR mode.frequency_hz > 0")
+        == []
+    )
     assert names(stranger, "structures", f"project.id = '{bridge['project']}'") == []
 
 
@@ -218,15 +283,21 @@ def test_what_is_deleted_is_not_found(api: httpx.Client, bridge: dict[str, str])
     mine = f" AND project.id = '{bridge['project']}'"
     etag = api.get(f"campaigns/{bridge['warm']}").headers["ETag"]
     ok(api.delete(f"campaigns/{bridge['warm']}", headers={"If-Match": etag}), 204)
-    assert names(api, "structures", "campaign.boundary = 'free' AND name LIKE 'bridge%'" + mine) == []
+    assert (
+        names(api, "structures", "campaign.boundary = 'free' AND name LIKE 'bridge%'" + mine) == []
+    )
     assert names(api, "modes", "frequency_hz < 26" + mine) == []
 
 
 _NAMES = [f"{noun.name}.{field.name}" for noun in NOUNS.values() for field in noun.fields]
 _NAMES += ["tag", "meta.client", "frf.meta.a.b", "campaign.meta.a"]
-_OPERATORS = "AND OR NOT IN LIKE BETWEEN IS NULL ( ) , = <> < <= > >= + - * / ^ % DIV T_DURING( CASEI( A_CONTAINS("
+_OPERATORS = (
+    "AND OR NOT IN LIKE BETWEEN IS NULL ( ) , = <> < <= > >= + - * / ^ % DIV T_DURING( CASEI("
+    " A_CONTAINS("
+)
 _VALUES = (
-    "'a%' '\\' '' 12 -1.5 1e308 99999999999999999999 TRUE DATE('2026-03-01') DATE('9999-12-31') INTERVAL('..','..')"
+    "'a%' '\\' '' 12 -1.5 1e308 99999999999999999999 TRUE DATE('2026-03-01') DATE('9999-12-31')"
+    " INTERVAL('..','..')"
 )
 _STRANGE = ["nothing", '"', "'", "ü", "\x00", "POINT(1 2)", "TIMESTAMP('9999-12-31T23:59:59Z')"]
 _WORDS = st.sampled_from([*_NAMES, *_OPERATORS.split(), *_VALUES.split(), *_STRANGE])
@@ -235,7 +306,17 @@ _LEAVES = st.builds(
     st.sampled_from(_NAMES),
     st.sampled_from(["=", "<>", "<", ">=", "LIKE", "IN", "NOT IN"]),
     st.sampled_from(
-        ["1", "'a'", "('a', 'b')", "(1, 2)", "DATE('2026-03-01')", "TRUE", "-1e300", "'%'", "('2026-03-01')"]
+        [
+            "1",
+            "'a'",
+            "('a', 'b')",
+            "(1, 2)",
+            "DATE('2026-03-01')",
+            "TRUE",
+            "-1e300",
+            "'%'",
+            "('2026-03-01')",
+        ]
     ),
 )
 _FILTERS = st.recursive(
@@ -249,7 +330,9 @@ _FILTERS = st.recursive(
 )
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     noun=st.sampled_from(sorted(SEARCHED)),
     text=st.one_of(_FILTERS, st.lists(_WORDS, max_size=25).map(" ".join), st.text(max_size=60)),
@@ -258,7 +341,9 @@ def test_no_filter_is_an_error_of_the_service(api: httpx.Client, noun: str, text
     assert api.get(f"search/{noun}", params={"filter": text, "limit": 1}).status_code in (200, 422)
 
 
-def test_spectra_of_one_campaign_are_written_as_uff(api: httpx.Client, bridge: dict[str, str]) -> None:
+def test_spectra_of_one_campaign_are_written_as_uff(
+    api: httpx.Client, bridge: dict[str, str]
+) -> None:
     for name in ("warm", "cold"):
         ok(api.post(f"campaigns/{bridge[name]}/frfs", json=frfs(12)), 201)
     one = {"filter": f"campaign.id = '{bridge['warm']}'", "format": "uff"}
@@ -269,7 +354,10 @@ def test_spectra_of_one_campaign_are_written_as_uff(api: httpx.Client, bridge: d
 
 
 def test_any_field_can_be_a_facet(api: httpx.Client, bridge: dict[str, str]) -> None:
-    query = {"filter": f"project.id = '{bridge['project']}'", "facets": "hammer,temperature_c,structure.tag"}
+    query = {
+        "filter": f"project.id = '{bridge['project']}'",
+        "facets": "hammer,temperature_c,structure.tag",
+    }
     facets = ok(api.get("search/campaigns", params=query), 200)["facets"]
     assert facets["hammer"] == {"086C03": 3, "8206-002": 1}
     assert facets["temperature_c"] == {"": 1, "-3.5": 1, "28.0": 1, "31.0": 1}
@@ -282,7 +370,12 @@ def test_any_field_can_be_a_facet(api: httpx.Client, bridge: dict[str, str]) -> 
 def test_a_search_is_kept_for_a_project(
     api: httpx.Client, bridge: dict[str, str], new_client: Callable[[], httpx.Client]
 ) -> None:
-    body = {"project": bridge["project"], "name": "warm", "noun": "campaigns", "filter": "temperature_c > 25"}
+    body = {
+        "project": bridge["project"],
+        "name": "warm",
+        "noun": "campaigns",
+        "filter": "temperature_c > 25",
+    }
     kept = ok(api.post("searches", json={**body, "sort": "-temperature_c"}), 201)
     assert kept["query"] == {"filter": "temperature_c > 25", "sort": "-temperature_c"}
     assert kept in ok(api.get("searches", params={"limit": 1000}), 200)["items"]
@@ -293,7 +386,9 @@ def test_a_search_is_kept_for_a_project(
         ({"fields": "x"}, "/fields"),
         ({"project": bridge["warm"]}, "/project"),
     ):
-        assert ok_problem(api.post("searches", json=body | wrong))["errors"][0]["pointer"] == pointer
+        assert (
+            ok_problem(api.post("searches", json=body | wrong))["errors"][0]["pointer"] == pointer
+        )
     stranger = new_client()
     assert ok(stranger.get("searches"), 200)["items"] == []
     assert stranger.delete(f"searches/{kept['id']}").status_code == 404
@@ -309,7 +404,11 @@ def test_the_library_fetches_what_is_asked_for(
         ok(api.post(f"campaigns/{bridge[name]}/frfs", json=frfs(12)), 201)
     with modalbase.connect(service.url, key) as lab:
         found = lab.find("campaigns", f"project.id = '{bridge['project']}'", sort="-temperature_c")
-        assert (found.count, found.more, found.facets["boundary"]) == (4, False, {"cantilever": 2, "free": 2})
+        assert (found.count, found.more, found.facets["boundary"]) == (
+            4,
+            False,
+            {"cantilever": 2, "free": 2},
+        )
         assert [row["name"] for row in found] == ["late", "warm", "cold", "unknown"]
         assert found.head(1)[0]["name"] == "late"
         assert "4 campaigns" in repr(found)
@@ -330,7 +429,10 @@ def test_the_library_fetches_what_is_asked_for(
 def test_the_command_lists_and_writes(
     service: LocalService, api: httpx.Client, bridge: dict[str, str], tmp_path: Path
 ) -> None:
-    place = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": api.headers["Authorization"].removeprefix("Bearer ")}
+    place = {
+        "MODALBASE_URL": service.url,
+        "MODALBASE_API_KEY": api.headers["Authorization"].removeprefix("Bearer "),
+    }
 
     def run(*words: str) -> str:
         done = modalbase_here(*words, **place)
@@ -338,7 +440,9 @@ def test_the_command_lists_and_writes(
         return done.stdout
 
     mine = f"project.id = '{bridge['project']}'"
-    listed = run("find", "campaigns", mine, "--fields", "name,temperature_c", "--sort", "name", "--most", "3")
+    listed = run(
+        "find", "campaigns", mine, "--fields", "name,temperature_c", "--sort", "name", "--most", "3"
+    )
     assert "cold" in listed
     assert "3 of 4" in listed
     assert json.loads(run("find", "campaigns", mine, "--json"))["count"] == 4

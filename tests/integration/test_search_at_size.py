@@ -1,4 +1,6 @@
-"""The questions of `docs/search.md` at some 10⁵ rows: an index answers each, and one that takes too long is ended in words."""
+"""The questions of `docs/search.md` at some 10⁵ rows: an index answers each, and one that takes too
+long is ended in words.
+"""
 
 from typing import Any
 
@@ -26,17 +28,28 @@ def user(engine: Engine, sessions: Sessions) -> User:
     with sessions.begin() as session:
         found = user_named(session, "asker")
         session.flush()
-        project = session.execute(text("INSERT INTO projects (name) VALUES ('all') RETURNING id")).scalar_one()
+        project = session.execute(
+            text("INSERT INTO projects (name) VALUES ('all') RETURNING id")
+        ).scalar_one()
         values = {"project": project, "user": found.id}
         session.execute(
-            text("INSERT INTO members (project_id, user_id, role) VALUES (:project, :user, 'viewer')"), values
+            text(
+                "INSERT INTO members (project_id, user_id, role) VALUES (:project, :user, 'viewer')"
+            ),
+            values,
         )
-        rows = filling(project, 200, 0.995, campaigns=20, frfs=30, modes=25, results=15, spectrum="''")
+        rows = filling(
+            project, 200, 0.995, campaigns=20, frfs=30, modes=25, results=15, spectrum="''"
+        )
         for statement in rows:
             session.connection().connection.driver_connection.execute(statement)  # type: ignore[union-attr]
         for table in ("frfs", "update_results"):
             some = "WHERE get_byte(uuid_send(id), 15) = 7"
-            session.execute(text(f"""UPDATE {table} SET tags = '{{winter}}', meta = '{{"tip" \\: "steel"}}' {some}"""))
+            session.execute(
+                text(
+                    f"""UPDATE {table} SET tags = '{{winter}}', meta = '{{"tip" \\: "steel"}}' {some}"""
+                )
+            )
     with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
         connection.exec_driver_sql("VACUUM ANALYZE")
     return found
@@ -65,7 +78,11 @@ def _whole(node: dict[str, Any]) -> Any:
 
 def test_an_index_answers_every_question_of_the_documents(sessions: Sessions, user: User) -> None:
     assert len(QUESTIONS) == 11
-    labels = [(noun, text) for noun in ("frfs", "results") for text in ("tag = 'winter'", "meta.tip = 'steel'")]
+    labels = [
+        (noun, text)
+        for noun in ("frfs", "results")
+        for text in ("tag = 'winter'", "meta.tip = 'steel'")
+    ]
     with sessions() as session, bounded(session):
         for noun, question in [*QUESTIONS, *labels]:
             search = Search(user, SEARCHED[noun], Wanted(question))

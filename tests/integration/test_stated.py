@@ -1,4 +1,6 @@
-"""What is stated beside a file is used or refused by name; where file and request contradict, both values are named."""
+"""What is stated beside a file is used or refused by name; where file and request contradict, both
+values are named.
+"""
 
 import json
 from collections.abc import Callable
@@ -11,7 +13,16 @@ import pytest
 from examples.monitoring import State, measured_frfs, send_measurement, structure_body
 from modalbase.formats.registry import FORMATS, JSON
 from tests.support.furnished import frfs, record
-from tests.support.member_lab import FRFS_CSV, FRFS_MAT, FRFS_NPZ, HITS_CSV, MAPPING, OF_CSV, OF_MAT, RECIPE
+from tests.support.member_lab import (
+    FRFS_CSV,
+    FRFS_MAT,
+    FRFS_NPZ,
+    HITS_CSV,
+    MAPPING,
+    OF_CSV,
+    OF_MAT,
+    RECIPE,
+)
 from tests.support.rest import RAW, finished, ok, pointers, posted
 
 NPZ = {"Content-Type": "application/x-npz"}
@@ -35,7 +46,9 @@ def uff(api: httpx.Client, new_campaign: Callable[..., str]) -> Callable[..., by
         ok(api.post(f"campaigns/{campaign}/frfs", json=frfs()), 201)
         text = api.get(f"campaigns/{campaign}/frfs/data", params={"format": "uff-ascii"}).text
         lines = text.splitlines()
-        (place,) = (i for i, line in enumerate(lines) if line.split()[:1] == ["12"] and "ration" in line)
+        (place,) = (
+            i for i, line in enumerate(lines) if line.split()[:1] == ["12"] and "ration" in line
+        )
         lines[place] = lines[place].replace("12", data_type.rjust(2), 1)
         (at,) = (i for i in (place,) if lines[i])
         words = lines[at].split()
@@ -61,7 +74,10 @@ def test_a_uff_that_says_its_quantity_and_another_one_beside_it(
     assert "is mobility" in error["detail"]
     assert "says that it is accelerance" in error["detail"]
     assert "leave quantity out" in error["detail"]
-    assert finished(api, send(stated, quantity="accelerance").headers["Location"])["status"] == "succeeded"
+    assert (
+        finished(api, send(stated, quantity="accelerance").headers["Location"])["status"]
+        == "succeeded"
+    )
     assert "says whether it is" in failed(api, send(silent))["detail"]
     read = finished(api, send(silent, quantity="receptance").headers["Location"])
     assert ok(api.get(f"campaigns/{read['campaign_id']}/frfs", params={"import_id": read["id"]}))["items"][0][
@@ -93,10 +109,15 @@ def test_an_npz_is_what_it_says_or_what_the_request_says(api: httpx.Client, camp
     address = f"campaigns/{campaign}/frfs"
     problem = ok(api.post(address, content=FRFS_NPZ, headers=NPZ), 422)
     assert pointers(problem) == {"quantity"}
-    (frf,) = ok(api.post(address, content=FRFS_NPZ, headers=NPZ, params={"quantity": "mobility"}), 201)["items"]
+    (frf,) = ok(
+        api.post(address, content=FRFS_NPZ, headers=NPZ, params={"quantity": "mobility"}), 201
+    )["items"]
     assert frf["quantity"] == "mobility"
-    own = api.get(f"frfs/{frf['id']}/data", params={"format": "npz"}).content  # which says what it is
-    problem = ok(api.post(address, content=own, headers=NPZ, params={"quantity": "receptance"}), 422)
+    # which says what it is
+    own = api.get(f"frfs/{frf['id']}/data", params={"format": "npz"}).content
+    problem = ok(
+        api.post(address, content=own, headers=NPZ, params={"quantity": "receptance"}), 422
+    )
     assert "is mobility in the file and receptance beside it" in problem["detail"]
     ok(api.post(address, content=own, headers=NPZ, params={"quantity": "mobility"}), 201)
 
@@ -114,11 +135,21 @@ def test_the_same_bytes_as_something_else_are_a_conflict_until_the_import_is_del
     problem = ok(send(FRFS_CSV, filename="f.csv", kind="hits"), 409)
     assert "kind is hits" in problem["detail"]
     assert "as frfs" in problem["detail"]
-    ok(api.post(f"campaigns/{campaign}/frfs", content=FRFS_CSV, headers=CSV, params={"quantity": "receptance"}), 409)
+    ok(
+        api.post(
+            f"campaigns/{campaign}/frfs",
+            content=FRFS_CSV,
+            headers=CSV,
+            params={"quantity": "receptance"},
+        ),
+        409,
+    )
     ok(api.delete(f"imports/{first['id']}"), 204)
     ok(api.get(f"imports/{first['id']}"), 404)
     assert ok(api.get(f"campaigns/{campaign}/frfs"))["items"] == []
-    again = finished(api, send(FRFS_CSV, filename="f.csv", quantity="receptance").headers["Location"])
+    again = finished(
+        api, send(FRFS_CSV, filename="f.csv", quantity="receptance").headers["Location"]
+    )
     assert again["counts"]["frfs"] == 1
     (frf,) = ok(api.get(f"campaigns/{campaign}/frfs"))["items"]
     assert frf["quantity"] == "receptance"
@@ -137,7 +168,9 @@ def test_a_deleted_import_takes_its_hits_and_its_bytes_with_it(
 
 def test_an_import_that_an_update_rests_on_stays(api: httpx.Client, project: str) -> None:
     structure = posted(api, f"projects/{project}/structures", structure_body())["id"]
-    campaign = posted(api, f"structures/{structure}/campaigns", {"name": "c", "boundary": "cantilever"})["id"]
+    campaign = posted(
+        api, f"structures/{structure}/campaigns", {"name": "c", "boundary": "cantilever"}
+    )["id"]
     send_measurement(api, campaign, measured_frfs(State(), 0))
     (read,) = ok(api.get(f"campaigns/{campaign}/imports"))["items"]
     job = posted(api, f"campaigns/{campaign}/update-jobs", RECIPE)["id"]
@@ -166,7 +199,9 @@ def test_json_states_all_of_itself(api: httpx.Client, campaign: str) -> None:
     problem = ok(api.post(f"campaigns/{campaign}/frfs", json=frfs(), params=stated), 422)
     assert pointers(problem) == {"quantity", "mapping"}
     assert "it is a member of the body itself" in problem["detail"]
-    problem = ok(api.post(f"campaigns/{campaign}/records", json=record(), params={"mapping": "{}"}), 422)
+    problem = ok(
+        api.post(f"campaigns/{campaign}/records", json=record(), params={"mapping": "{}"}), 422
+    )
     assert pointers(problem) == {"mapping"}
 
 
@@ -181,7 +216,10 @@ def test_what_a_conflict_advises_exists(api: httpx.Client, campaign: str) -> Non
     problem = ok(api.get(f"campaigns/{campaign}/frfs/data"), 409)
     assert "?quantity=" in problem["detail"]
     assert (
-        ok(api.get(f"campaigns/{campaign}/frfs/data", params={"quantity": "mobility"}), 200)["quantity"] == "mobility"
+        ok(api.get(f"campaigns/{campaign}/frfs/data", params={"quantity": "mobility"}), 200)[
+            "quantity"
+        ]
+        == "mobility"
     )
 
 
@@ -199,5 +237,7 @@ def test_a_unit_in_the_mapping_says_the_quantity(
     api: httpx.Client, campaign: str, content: bytes, kind: str, mapping: dict[str, Any]
 ) -> None:
     query = {"mapping": json.dumps({**mapping, "unit": "m/N"})}
-    sent = api.post(f"campaigns/{campaign}/frfs", content=content, params=query, headers={"Content-Type": kind})
+    sent = api.post(
+        f"campaigns/{campaign}/frfs", content=content, params=query, headers={"Content-Type": kind}
+    )
     assert [frf["quantity"] for frf in ok(sent, 201)["items"]] == ["receptance"]

@@ -1,4 +1,6 @@
-"""Structures over HTTP: what goes in, what is refused, that versions never change; how much a project stores."""
+"""Structures over HTTP: what goes in, what is refused, that versions never change; how much a
+project stores.
+"""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -32,7 +34,9 @@ PLY = {
 }
 
 
-def test_a_structure_is_stored_as_it_was_sent(api: httpx.Client, project: str, beam: dict[str, Any]) -> None:
+def test_a_structure_is_stored_as_it_was_sent(
+    api: httpx.Client, project: str, beam: dict[str, Any]
+) -> None:
     created = api.post(f"projects/{project}/structures", json=beam)
     body = ok(created, 201)
     assert {key: body[key] for key in beam} == beam
@@ -42,7 +46,9 @@ def test_a_structure_is_stored_as_it_was_sent(api: httpx.Client, project: str, b
     assert read.headers["ETag"] == created.headers["ETag"]
 
 
-def test_a_laminate_is_stored_as_it_was_sent(api: httpx.Client, project: str, beam: dict[str, Any]) -> None:
+def test_a_laminate_is_stored_as_it_was_sent(
+    api: httpx.Client, project: str, beam: dict[str, Any]
+) -> None:
     del beam["material"]
     plies = [{**PLY, "angle_deg": angle} for angle in (0.0, 45.0, -45.0, 90.0)]
     beam["laminate"] = {"plies": plies}
@@ -51,7 +57,9 @@ def test_a_laminate_is_stored_as_it_was_sent(api: httpx.Client, project: str, be
     assert body["material"] is None
 
 
-def test_any_body_can_be_a_structure_and_an_update_names_what_it_lacks(api: httpx.Client, project: str) -> None:
+def test_any_body_can_be_a_structure_and_an_update_names_what_it_lacks(
+    api: httpx.Client, project: str
+) -> None:
     bridge = ok(api.post(f"projects/{project}/structures", json={"name": "bridge"}), 201)
     assert (bridge["geometry"], bridge["density_kg_m3"], bridge["material"]) == (None, None, None)
     sent = {"name": "tour", "boundary": "free"}
@@ -61,7 +69,9 @@ def test_any_body_can_be_a_structure_and_an_update_names_what_it_lacks(api: http
         assert lacking in str(problem)
     seen = api.get(f"structures/{bridge['id']}")
     edit = {"If-Match": seen.headers["ETag"]}
-    changed = ok(api.patch(f"structures/{bridge['id']}", json={"density_kg_m3": 2500}, headers=edit), 200)
+    changed = ok(
+        api.patch(f"structures/{bridge['id']}", json={"density_kg_m3": 2500}, headers=edit), 200
+    )
     assert (changed["version"], changed["geometry"], changed["density_kg_m3"]) == (2, None, 2500)
 
 
@@ -88,12 +98,16 @@ def test_a_physical_change_makes_a_version_and_the_old_one_stays(
     ok(api.get(f"structures/{structure}/versions/99999999999999999999"), 404)
 
 
-def test_a_version_cannot_be_changed_even_in_the_database(service: LocalService, structure: str) -> None:
+def test_a_version_cannot_be_changed_even_in_the_database(
+    service: LocalService, structure: str
+) -> None:
     with (
         psycopg.connect(psycopg_url(service.settings.database_url)) as connection,
         pytest.raises(psycopg.errors.RaiseException, match="never change"),
     ):
-        connection.execute("UPDATE structure_versions SET length_m = 1 WHERE structure_id = %s", [structure])
+        connection.execute(
+            "UPDATE structure_versions SET length_m = 1 WHERE structure_id = %s", [structure]
+        )
 
 
 def test_an_edit_needs_the_version_that_it_edits(api: httpx.Client, structure: str) -> None:
@@ -104,13 +118,20 @@ def test_an_edit_needs_the_version_that_it_edits(api: httpx.Client, structure: s
     assert api.get(f"structures/{structure}").json()["name"] == "mine"
 
 
-def test_structures_are_listed_in_pages(api: httpx.Client, project: str, beam: dict[str, Any]) -> None:
-    made = [ok(api.post(f"projects/{project}/structures", json={**beam, "name": n}), 201) for n in "abcde"]
+def test_structures_are_listed_in_pages(
+    api: httpx.Client, project: str, beam: dict[str, Any]
+) -> None:
+    made = [
+        ok(api.post(f"projects/{project}/structures", json={**beam, "name": n}), 201)
+        for n in "abcde"
+    ]
     assert every_page(api, f"projects/{project}/structures", {"limit": 2}) == made
 
 
 def test_what_was_removed_since_it_was_found_is_not_found(sessions: Sessions) -> None:
-    """A purge between the look and the lock of another request, which once would have been an error of the service."""
+    """A purge between the look and the lock of another request, which once would have been an error
+    of the service.
+    """
     with sessions.begin() as session:
         user, project = User(name="ada"), Project(name="p")
         session.add_all([user, project])
@@ -127,7 +148,8 @@ def test_what_was_removed_since_it_was_found_is_not_found(sessions: Sessions) ->
             structure_for(session, user, structure.id, "editor", lock=True)
 
 
-# --- how much a project stores, and what happens beyond what it may -----------------------------------------------------
+# --- how much a project stores, and what happens beyond what it may
+# -----------------------------------------------------
 
 QUOTA = 800_000
 
@@ -164,7 +186,9 @@ def test_what_is_stored_is_counted_and_beyond_the_quota_refused(small: LocalServ
         sent = upload(client, campaign, file)
         assert finished(client, sent.headers["Location"])["status"] == "succeeded"
         listed = ok(client.get(f"campaigns/{campaign}/frfs"), 200)["items"]
-        spectra = sum(frf["lines"] * int(frf["dtype"].removeprefix("complex")) // 8 for frf in listed)
+        spectra = sum(
+            frf["lines"] * int(frf["dtype"].removeprefix("complex")) // 8 for frf in listed
+        )
         assert storage()["parts"] == {"files": len(file), "frfs": spectra}
 
         stored = ok(client.post(f"campaigns/{campaign}/records", json=record()), 201)["items"]
@@ -194,7 +218,9 @@ def test_what_is_stored_is_counted_and_beyond_the_quota_refused(small: LocalServ
             (f"campaigns/{campaign}/records", record(hit=9)),
             (f"campaigns/{campaign}/mode-sets", {"name": "m", "modes": MODES}),
         ):
-            assert "purge what nobody needs" in ok(client.post(path, json=body), 413)["detail"], path
+            assert "purge what nobody needs" in ok(client.post(path, json=body), 413)["detail"], (
+                path
+            )
 
         ok(client.delete(f"structures/{structure}"), 204)
         assert storage()["used_bytes"] == QUOTA  # hidden, not gone
@@ -204,14 +230,20 @@ def test_what_is_stored_is_counted_and_beyond_the_quota_refused(small: LocalServ
 
 
 def test_an_import_whose_frfs_have_no_room_ends_with_the_reason(small: LocalService) -> None:
-    """The file has room, what is in it has not: nothing of it stays, and the job is refused, not broken."""
+    """The file has room, what is in it has not: nothing of it stays, and the job is refused, not
+    broken.
+    """
     with client_of(small, "ben") as client:
         project = ok(client.post("projects", json={"name": "p"}), 201)["id"]
         _, campaign = campaign_in(client, project)
         filler = upload(client, campaign, b" " * (QUOTA - len(paper.uff_file())), dry_run=True)
         sent = upload(client, campaign, paper.uff_file())
         ended = finished(client, sent.headers["Location"])
-        assert (filler.status_code, ended["status"], ended["error"]["reason"]) == (202, "failed", "refused")
+        assert (filler.status_code, ended["status"], ended["error"]["reason"]) == (
+            202,
+            "failed",
+            "refused",
+        )
         assert "MODALBASE_PROJECT_QUOTA_BYTES" in ended["message"]
         assert ok(client.get(f"campaigns/{campaign}/frfs"), 200)["items"] == []
 
@@ -220,20 +252,28 @@ def test_uploads_at_the_same_moment_do_not_pass_the_quota_together(small: LocalS
     """Four files of which two have room, all found to have room before any is committed."""
     with client_of(small, "eve") as client, ThreadPoolExecutor(4) as pool:
         project = ok(client.post("projects", json={"name": "p"}), 201)["id"]
-        campaigns = [campaign_in(client, project)[1] for _ in range(4)]  # uploads into one follow each other
+        # uploads into one follow each other
+        campaigns = [campaign_in(client, project)[1] for _ in range(4)]
         with psycopg.connect(psycopg_url(small.settings.database_url or "")) as held:
-            held.execute("SELECT pg_advisory_xact_lock(hashtextextended(%s, 0))", [f"storage {project}"])
+            held.execute(
+                "SELECT pg_advisory_xact_lock(hashtextextended(%s, 0))", [f"storage {project}"]
+            )
             sent = [
                 pool.submit(upload, client, campaign, b"%d" % number * 300_000, dry_run=True)
                 for number, campaign in enumerate(campaigns)
             ]
-            waiting = "SELECT count(*) = 4 FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
+            waiting = (
+                "SELECT count(*) = 4 FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
+            )
             until(lambda: _asked(small, waiting), "the four uploads wait to be committed")
             held.rollback()
         statuses = [answer.result().status_code for answer in sent]
         assert sorted(statuses) == [202, 202, 413, 413]
         assert ok(client.get(f"projects/{project}/storage"), 200)["used_bytes"] == 600_000
-        stored = [len(ok(client.get(f"campaigns/{campaign}/imports"), 200)["items"]) for campaign in campaigns]
+        stored = [
+            len(ok(client.get(f"campaigns/{campaign}/imports"), 200)["items"])
+            for campaign in campaigns
+        ]
         assert sorted(stored) == [0, 0, 1, 1]
 
 

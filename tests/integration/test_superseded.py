@@ -1,4 +1,6 @@
-"""What is made anew replaces what was made before of the same records, wherever it is listed or computed with."""
+"""What is made anew replaces what was made before of the same records, wherever it is listed or
+computed with.
+"""
 
 import io
 import json
@@ -56,17 +58,33 @@ def test_frfs_of_a_second_processing_take_the_place_of_the_first(
     assert ids(ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]) == present
     both = ok(api.get(f"campaigns/{campaign}/frfs", params={"superseded": True}), 200)["items"]
     assert ids(both) == first + present
-    assert [one["superseded_by"] for one in both] == len(first) * [second["id"]] + len(present) * [None]
+    assert [one["superseded_by"] for one in both] == len(first) * [second["id"]] + len(present) * [
+        None
+    ]
     assert ok(api.get(f"frfs/{first[0]}"), 200)["superseded_by"] == second["id"]
     assert api.get(f"frfs/{first[0]}/data").status_code == 200
 
     # All that is computed, drawn, exported and found sees the same set.
     query = {"filter": f"campaign.id = '{campaign}'"}
-    assert sorted(row["id"] for row in ok(api.get("search/frfs", params=query), 200)["items"]) == sorted(present)
-    with np.load(io.BytesIO(api.get(f"campaigns/{campaign}/frfs/data", params={"format": "npz"}).content)) as file:
+    assert sorted(
+        row["id"] for row in ok(api.get("search/frfs", params=query), 200)["items"]
+    ) == sorted(present)
+    with np.load(
+        io.BytesIO(api.get(f"campaigns/{campaign}/frfs/data", params={"format": "npz"}).content)
+    ) as file:
         assert len(file["response_point"]) == len(present)
-    assert api.get("search/campaigns", params={"filter": f"frf.id = '{first[0]}'"}).json()["items"] == []
-    assert len(api.get("search/campaigns", params={"filter": f"frf.id = '{present[0]}'"}).json()["items"]) == 1
+    assert (
+        api.get("search/campaigns", params={"filter": f"frf.id = '{first[0]}'"}).json()["items"]
+        == []
+    )
+    assert (
+        len(
+            api.get("search/campaigns", params={"filter": f"frf.id = '{present[0]}'"}).json()[
+                "items"
+            ]
+        )
+        == 1
+    )
     with ZipFile(io.BytesIO(api.get(f"campaigns/{campaign}/archive").content)) as archive:
         rows = archive.read(f"campaigns/{campaign}/frfs.csv").decode().splitlines()
     assert len(rows) == 1 + len(present)
@@ -78,13 +96,19 @@ def test_an_frf_none_of_whose_hits_is_good_any_more_leaves_too(
     ok(post(api, campaign, npz(hits)), 201)
     first = processed(api, campaign, {})["result"]["frfs"]
     point = first[0]["reference_point"]
-    bad = [{"point": point, "hit": s.hit.number, "use": False} for s in hits if s.hit.force.dof.point == point]
+    bad = [
+        {"point": point, "hit": s.hit.number, "use": False}
+        for s in hits
+        if s.hit.force.dof.point == point
+    ]
     second = processed(api, campaign, {"overrules": bad})["result"]["frfs"]
     assert len(second) == len(first) - 1
     assert ids(ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]) == ids(second)
 
 
-def test_an_frf_whose_blocks_are_gone_stays(api: httpx.Client, campaign: str, hits: list[Simulated]) -> None:
+def test_an_frf_whose_blocks_are_gone_stays(
+    api: httpx.Client, campaign: str, hits: list[Simulated]
+) -> None:
     stored = ok(post(api, campaign, npz(hits)), 201)["items"]
     first = processed(api, campaign, {})["result"]["frfs"]
     point = first[0]["reference_point"]
@@ -92,7 +116,10 @@ def test_an_frf_whose_blocks_are_gone_stays(api: httpx.Client, campaign: str, hi
         if block["force_point"] == point:
             ok(api.delete(f"records/{block['id']}"), 204)
     second = processed(api, campaign, {})["result"]["frfs"]
-    assert ids(ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]) == [first[0]["id"], *ids(second)]
+    assert ids(ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]) == [
+        first[0]["id"],
+        *ids(second),
+    ]
 
 
 def test_a_mode_set_of_the_same_settings_takes_the_place_of_the_first(
@@ -101,7 +128,8 @@ def test_a_mode_set_of_the_same_settings_takes_the_place_of_the_first(
     ok(post(api, campaign, npz(hits)), 201)
     processed(api, campaign, {})
     first, other, second = (
-        identified(api, campaign, **options) for options in ({}, {"highest_order": 20}, {"most_modes": 100})
+        identified(api, campaign, **options)
+        for options in ({}, {"highest_order": 20}, {"most_modes": 100})
     )
     present = [other["mode_set"], second["mode_set"]]
     path = f"campaigns/{campaign}/mode-sets"
@@ -109,11 +137,15 @@ def test_a_mode_set_of_the_same_settings_takes_the_place_of_the_first(
     listed = ok(api.get(path, params={"superseded": True}), 200)["items"]
     assert ids(listed) == [first["mode_set"], *present]
     assert [one["superseded_by"] for one in listed] == [second["mode_set"], None, None]
-    found = ok(api.get("search/modes", params={"filter": f"campaign.id = '{campaign}'"}), 200)["items"]
+    found = ok(api.get("search/modes", params={"filter": f"campaign.id = '{campaign}'"}), 200)[
+        "items"
+    ]
     assert {row["mode_set.id"] for row in found} <= set(present)
     # Who names it has it.
     assert ok(api.get(f"mode-sets/{first['mode_set']}"), 200)["superseded_by"] == second["mode_set"]
-    job = ok(api.post(f"campaigns/{campaign}/update-jobs", json={"mode_set": first["mode_set"]}), 202)
+    job = ok(
+        api.post(f"campaigns/{campaign}/update-jobs", json={"mode_set": first["mode_set"]}), 202
+    )
     assert job["recipe"]["mode_set"] == first["mode_set"]
     edit = {"name": "by hand", "decisions": [{**_of(listed[0]), "keep": True, "reason": "seen"}]}
     edited = ok(api.post(f"mode-sets/{first['mode_set']}/edits", json=edit), 201)
@@ -132,7 +164,12 @@ def test_a_result_says_what_changed_since(
     service: LocalService,
 ) -> None:
     assert imported(campaign, small_file())["status"] == "succeeded"
-    modes = ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES}), 201)["id"]
+    modes = ok(
+        api.post(
+            f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES}
+        ),
+        201,
+    )["id"]
     begun = api.post(f"campaigns/{campaign}/update-jobs", json={**RECIPE, "mode_set": modes})
     assert finished(api, begun.headers["Location"])["status"] == "succeeded"
     job = ok(begun)["id"]
@@ -152,13 +189,23 @@ def test_a_result_says_what_changed_since(
     assert outdated() is None  # they are the same
     points[0]["x_m"] += 0.001
     tag = api.get(f"campaigns/{campaign}/grid-points").headers["etag"]
-    ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": points}, headers={"If-Match": tag}), 200)
+    ok(
+        api.put(
+            f"campaigns/{campaign}/grid-points", json={"items": points}, headers={"If-Match": tag}
+        ),
+        200,
+    )
     found = outdated()
     assert found is not None
     assert found["what"] == ["points"]
     ok(api.post(f"campaigns/{campaign}/frfs", json=frfs(1)), 201)
     tag = api.get(f"structures/{structure}").headers["etag"]
-    ok(api.patch(f"structures/{structure}", json={"density_kg_m3": 1999.0}, headers={"If-Match": tag}), 200)
+    ok(
+        api.patch(
+            f"structures/{structure}", json={"density_kg_m3": 1999.0}, headers={"If-Match": tag}
+        ),
+        200,
+    )
     for changes in ({"notes": "nothing that an update reads"}, {"boundary": "free"}):
         tag = api.get(f"campaigns/{campaign}").headers["etag"]
         ok(api.patch(f"campaigns/{campaign}", json=changes, headers={"If-Match": tag}), 200)
@@ -178,8 +225,14 @@ def test_a_result_of_hits_says_that_a_hit_was_judged_since(
     made = processed(api, campaign, {})["result"]["frfs"]
     begun = api.post(f"campaigns/{campaign}/update-jobs", json={})
     job = finished(api, begun.headers["Location"])["id"]
-    document = {"provenance": {"frfs": [{"id": one["id"]} for one in made]}, "parameters": [], "version": VERSION}
-    row = "INSERT INTO update_results (id, campaign_id, document, prediction) VALUES (%s, %s, %s, '')"
+    document = {
+        "provenance": {"frfs": [{"id": one["id"]} for one in made]},
+        "parameters": [],
+        "version": VERSION,
+    }
+    row = (
+        "INSERT INTO update_results (id, campaign_id, document, prediction) VALUES (%s, %s, %s, '')"
+    )
     with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
         connection.execute("DELETE FROM update_results WHERE id = %s", [job])
         connection.execute(row, [job, campaign, json.dumps(document)])
@@ -191,9 +244,19 @@ def test_a_result_of_hits_says_that_a_hit_was_judged_since(
     assert what() == []
     good = next(s for s in hits if s.fault is None)
     named = {"point": good.hit.force.dof.point, "hit": good.hit.number}
-    ok(api.post(f"campaigns/{campaign}/hit-decisions", json={**named, "good": False, "why": "a cable"}), 201)
+    ok(
+        api.post(
+            f"campaigns/{campaign}/hit-decisions", json={**named, "good": False, "why": "a cable"}
+        ),
+        201,
+    )
     assert what() == ["hits"]
-    ok(api.post(f"campaigns/{campaign}/hit-decisions", json={**named, "good": None, "why": "not it"}), 201)
+    ok(
+        api.post(
+            f"campaigns/{campaign}/hit-decisions", json={**named, "good": None, "why": "not it"}
+        ),
+        201,
+    )
     ok(api.delete(f"records/{stored[0]['id']}"), 204)
     processed(api, campaign, {})
     assert what() == ["hits", "frfs"]
@@ -208,17 +271,26 @@ def test_what_was_made_anew_before_there_was_a_mark_is_marked(empty: Engine) -> 
             """A row like another, with a newer key."""
             new: UUID = connection.scalar(text("SELECT uuidv7()"))
             values = json.dumps({"id": str(new), **changed})
-            copied = f"SELECT (jsonb_populate_record(t, CAST(:values AS jsonb))).* FROM {table} t WHERE id = :key"
-            connection.execute(text(f"INSERT INTO {table} {copied}"), {"values": values, "key": key})
+            copied = (
+                f"SELECT (jsonb_populate_record(t, CAST(:values AS jsonb))).* FROM {table} t WHERE"
+                " id = :key"
+            )
+            connection.execute(
+                text(f"INSERT INTO {table} {copied}"), {"values": values, "key": key}
+            )
             return new
 
         of_processing = frf["processing_id"]
         again_made = again("jobs", of_processing, ticket=None)
         connection.execute(
-            text("INSERT INTO processings (id, campaign_id, options) VALUES (:id, :campaign, '{}')"),
+            text(
+                "INSERT INTO processings (id, campaign_id, options) VALUES (:id, :campaign, '{}')"
+            ),
             {"id": again_made, "campaign": frf["campaign_id"]},
         )
-        newer = again("frfs", frf["id"], processing_id=str(again_made), import_id=None, dataset=None)
+        newer = again(
+            "frfs", frf["id"], processing_id=str(again_made), import_id=None, dataset=None
+        )
         elsewhere = again("frfs", frf["id"], response_point=77, import_id=None, dataset=None)
     upgrade(empty, "head")
     with empty.connect() as connection:

@@ -1,4 +1,6 @@
-"""Campaigns at several temperatures over HTTP: their constants at one, the curve, its figure and its page."""
+"""Campaigns at several temperatures over HTTP: their constants at one, the curve, its figure and
+its page.
+"""
 
 from typing import Any
 
@@ -10,7 +12,12 @@ from service.app.supervisor import LocalService
 from tests.support.rest import finished, mode_rows, ok, posted, session_client
 from tests.support.warm import SIZE, STATED, campaign, constants
 
-PARAMETERS = [{"name": "Ex"}, {"name": "Gxy"}, {"name": "Gxz"}, {"name": "a1.per_K", "prior_sd": 0.02}]
+PARAMETERS = [
+    {"name": "Ex"},
+    {"name": "Gxy"},
+    {"name": "Gxz"},
+    {"name": "a1.per_K", "prior_sd": 0.02},
+]
 
 
 @pytest.fixture
@@ -23,16 +30,26 @@ def jobs(api: httpx.Client, project: str) -> list[dict[str, Any]]:
         "density_kg_m3": STATED.density,
         "material": {**moduli, "nu_xy": STATED.nu_xy},
     }
-    structure, random, found = posted(api, f"projects/{project}/structures", body)["id"], np.random.default_rng(4), []
+    structure, random, found = (
+        posted(api, f"projects/{project}/structures", body)["id"],
+        np.random.default_rng(4),
+        [],
+    )
     for temperature in (20.0, 50.0):
         test = campaign(temperature, random)
         about = {"name": test.name, "boundary": "free", "temperature_c": temperature}
         key = posted(api, f"structures/{structure}/campaigns", about)["id"]
-        points = [{"label": label, "x_m": x, "y_m": y, "z_m": z} for label, (x, y, z) in test.points.items()]
+        points = [
+            {"label": label, "x_m": x, "y_m": y, "z_m": z}
+            for label, (x, y, z) in test.points.items()
+        ]
         ok(api.put(f"campaigns/{key}/grid-points", json={"items": points}))
         sent = {"name": "measured", "modes": mode_rows(test.modes, 3e-4)}
         found.append(
-            {"campaign_id": key, "recipe": {"mode_set": posted(api, f"campaigns/{key}/mode-sets", sent)["id"]}}
+            {
+                "campaign_id": key,
+                "recipe": {"mode_set": posted(api, f"campaigns/{key}/mode-sets", sent)["id"]},
+            }
         )
     return found
 
@@ -40,9 +57,14 @@ def jobs(api: httpx.Client, project: str) -> list[dict[str, Any]]:
 def test_one_strip_at_two_temperatures_is_one_material_with_a_curve(
     api: httpx.Client, jobs: list[dict[str, Any]], service: LocalService
 ) -> None:
-    begun = api.post("update-jobs", json={"joint": True, "jobs": jobs, "recipe": {"parameters": PARAMETERS}})
+    begun = api.post(
+        "update-jobs", json={"joint": True, "jobs": jobs, "recipe": {"parameters": PARAMETERS}}
+    )
     ok(begun, 202)
-    job, at = finished(api, begun.headers["Location"]), str(api.base_url.join(begun.headers["Location"]))
+    job, at = (
+        finished(api, begun.headers["Location"]),
+        str(api.base_url.join(begun.headers["Location"])),
+    )
     assert job["status"] == "succeeded", job
     result = ok(api.get(f"{at}/result"))
     assert (result["verdict"]["level"], result["reference_temperature_c"]) == ("usable", 23.0)
@@ -83,8 +105,15 @@ def test_a_reference_where_nobody_states_a_temperature_is_refused(
     key = jobs[0]["campaign_id"]
     known = {"If-Match": api.get(f"campaigns/{key}").headers["ETag"]}
     ok(api.patch(f"campaigns/{key}", json={"temperature_c": None}, headers=known))
-    refused = api.post(f"campaigns/{key}/update-jobs", json={**jobs[0]["recipe"], "reference_temperature_c": 23.0})
+    refused = api.post(
+        f"campaigns/{key}/update-jobs", json={**jobs[0]["recipe"], "reference_temperature_c": 23.0}
+    )
     ok(refused, 422)
     assert "temperature_c" in refused.text
-    of_one = {"jobs": [{**jobs[1], "recipe": {**jobs[1]["recipe"], "reference_temperature_c": 23.0}}, jobs[0]]}
+    of_one = {
+        "jobs": [
+            {**jobs[1], "recipe": {**jobs[1]["recipe"], "reference_temperature_c": 23.0}},
+            jobs[0],
+        ]
+    }
     assert "common `recipe`" in api.post("update-jobs", json={"joint": True, **of_one}).text

@@ -1,4 +1,6 @@
-"""Trends of what a search found: constants and tracked modes over time and temperature; figures, files, page, command."""
+"""Trends of what a search found: constants and tracked modes over time and temperature; figures,
+files, page, command.
+"""
 
 import csv
 import io
@@ -38,7 +40,10 @@ def factor(month: int) -> float:
 
 
 def shape(order: int) -> list[dict[str, Any]]:
-    return [{"point": n, "direction": 3, "real": sin(order * pi * n / 10), "imag": 0.0} for n in range(1, 10)]
+    return [
+        {"point": n, "direction": 3, "real": sin(order * pi * n / 10), "imag": 0.0}
+        for n in range(1, 10)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +55,9 @@ def api(service: LocalService) -> Iterator[httpx.Client]:
 
 @pytest.fixture(scope="module")
 def bridge(api: httpx.Client) -> str:
-    """A structure with monthly campaigns: two modes that cross as the second falls, in ascending order of frequency."""
+    """A structure with monthly campaigns: two modes that cross as the second falls, in ascending
+    order of frequency.
+    """
     project = ok(api.post("projects", json={"name": "bridges"}), 201)["id"]
     made = ok(api.post(f"projects/{project}/structures", json={**BEAM, "name": "footbridge"}), 201)
     for month in range(MONTHS):
@@ -64,7 +71,12 @@ def bridge(api: httpx.Client) -> str:
         campaign = ok(api.post(f"structures/{made['id']}/campaigns", json=body), 201)["id"]
         hz = factor(month) ** 0.5
         modes = [
-            {"frequency_hz": 5.0 * hz, "damping_ratio": 0.01, "frequency_sd_hz": 0.002, "shape": shape(1)},
+            {
+                "frequency_hz": 5.0 * hz,
+                "damping_ratio": 0.01,
+                "frequency_sd_hz": 0.002,
+                "shape": shape(1),
+            },
             {
                 "frequency_hz": 5.2 * hz - 0.01 * month,
                 "damping_ratio": 0.012,
@@ -94,17 +106,23 @@ def test_modes_are_tracked_through_a_crossing(api: httpx.Client, bridge: str) ->
 
 def test_a_trend_is_a_table_and_a_figure(api: httpx.Client, bridge: str) -> None:
     wanted = {"filter": f"structure.id = '{bridge}' AND frequency_hz < 5.05"}
-    answer = api.get("search/modes/trend", params={**wanted, "format": "csv", "value": "damping_ratio"})
+    answer = api.get(
+        "search/modes/trend", params={**wanted, "format": "csv", "value": "damping_ratio"}
+    )
     rows = list(csv.DictReader(io.StringIO(answer.text)))
     assert answer.headers["content-type"].startswith("text/csv")
-    assert {"structure", "series", "performed_at", "temperature_c", "value", "corrected"} <= rows[0].keys()
+    assert {"structure", "series", "performed_at", "temperature_c", "value", "corrected"} <= rows[
+        0
+    ].keys()
     assert {row["structure"] for row in rows} == {"footbridge"}
     figure = ok(api.get("search/modes/trend/figure", params=wanted), 200)
     assert "footbridge" in json.dumps(figure["layout"]["title"])
     assert len(figure["data"]) >= 4
     over, below = (figure["layout"][axis]["domain"] for axis in ("yaxis", "yaxis2"))
     assert over[0] > below[1]
-    assert api.get("search/modes/trend/figure", params={**wanted, "format": "svg"}).content.startswith(b"<?xml")
+    assert api.get(
+        "search/modes/trend/figure", params={**wanted, "format": "svg"}
+    ).content.startswith(b"<?xml")
 
 
 REFUSED = [
@@ -116,7 +134,9 @@ REFUSED = [
 
 def test_what_cannot_be_followed_is_refused_in_words(api: httpx.Client, bridge: str) -> None:
     for noun, query, pointer, said in REFUSED:
-        answer = api.get(f"search/{noun}/trend", params={"filter": f"structure.id = '{bridge}'", **query})
+        answer = api.get(
+            f"search/{noun}/trend", params={"filter": f"structure.id = '{bridge}'", **query}
+        )
         assert answer.status_code == 422
         fault = answer.json()["errors"][0]
         assert (fault["pointer"], said in fault["detail"]) == (pointer, True), fault
@@ -124,8 +144,16 @@ def test_what_cannot_be_followed_is_refused_in_words(api: httpx.Client, bridge: 
 
 def test_nothing_found_is_no_fault(api: httpx.Client, project: str) -> None:
     for noun in ("results", "modes"):
-        assert ok(api.get(f"search/{noun}/trend", params={"filter": f"project.id = '{project}'"}), 200)["series"] == []
-        figure = ok(api.get(f"search/{noun}/trend/figure", params={"filter": f"project.id = '{project}'"}), 200)
+        assert (
+            ok(
+                api.get(f"search/{noun}/trend", params={"filter": f"project.id = '{project}'"}), 200
+            )["series"]
+            == []
+        )
+        figure = ok(
+            api.get(f"search/{noun}/trend/figure", params={"filter": f"project.id = '{project}'"}),
+            200,
+        )
         assert "nothing was found" in json.dumps(figure)
 
 
@@ -138,19 +166,39 @@ def read_page(service: LocalService, api: httpx.Client, path: str) -> str:
 
 @pytest.fixture(scope="module")
 def aged(api: httpx.Client, service: LocalService, bridge: str) -> str:
-    """The same with a result for each month, the last has two: `flange.E1` ages, `Ex` is of the last alone."""
+    """The same with a result for each month, the last has two: `flange.E1` ages, `Ex` is of the
+    last alone.
+    """
     campaigns = ok(api.get(f"structures/{bridge}/campaigns", params={"limit": 100}), 200)["items"]
     with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
         for month, campaign in [*enumerate(campaigns), (MONTHS - 1, campaigns[-1])]:
             job = ok(api.post(f"campaigns/{campaign['id']}/update-jobs", json={}), 202)["id"]
             ok(api.post(f"update-jobs/{job}/cancel"))
             row = parameter("flange.E1", 30e9 * factor(month))
-            document = {"version": 99, "parameters": [row, *([parameter("Ex", 33e9)] if month == MONTHS - 1 else [])]}
-            found = {"flange.E1": {"estimate": row["estimate"], "sd": 1e9, "low": 0.9 * row["estimate"], "high": None}}
-            values = [job, campaign["id"], json.dumps(document), json.dumps(found), 33e9, 32e9, 34e9]
+            document = {
+                "version": 99,
+                "parameters": [row, *([parameter("Ex", 33e9)] if month == MONTHS - 1 else [])],
+            }
+            found = {
+                "flange.E1": {
+                    "estimate": row["estimate"],
+                    "sd": 1e9,
+                    "low": 0.9 * row["estimate"],
+                    "high": None,
+                }
+            }
+            values = [
+                job,
+                campaign["id"],
+                json.dumps(document),
+                json.dumps(found),
+                33e9,
+                32e9,
+                34e9,
+            ]
             connection.execute(
-                "INSERT INTO update_results (id, campaign_id, document, constants, prediction, ex, ex_low, ex_high)"
-                " VALUES (%s, %s, %s, %s, '', %s, %s, %s)",
+                "INSERT INTO update_results (id, campaign_id, document, constants, prediction, ex,"
+                " ex_low, ex_high) VALUES (%s, %s, %s, %s, '', %s, %s, %s)",
                 values,
             )
     return bridge
@@ -167,10 +215,16 @@ def parameter(name: str, value: float) -> dict[str, Any]:
 
 
 def test_a_constant_of_a_set_is_followed_over_results(
-    api: httpx.Client, service: LocalService, aged: str, tmp_path: Path, new_client: Callable[[], httpx.Client]
+    api: httpx.Client,
+    service: LocalService,
+    aged: str,
+    tmp_path: Path,
+    new_client: Callable[[], httpx.Client],
 ) -> None:
     wanted = f"structure.id = '{aged}'"
-    trend = ok(api.get("search/results/trend", params={"filter": wanted, "value": "flange.E1"}), 200)
+    trend = ok(
+        api.get("search/results/trend", params={"filter": wanted, "value": "flange.E1"}), 200
+    )
     (series,) = trend["series"]
     assert (trend["unit"], len(series["points"])) == ("Pa", MONTHS)
     assert trend["notes"] == ["1 left out, as the campaign has a newer one that is found"]
@@ -203,7 +257,16 @@ def test_a_constant_of_a_set_is_followed_over_results(
     place = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key}
     shown = modalbase_here("find", "results", wanted, "--trend", "flange.E1", **place)
     assert "beside temperature" in shown.stdout, shown.stderr
-    modalbase_here("find", "results", wanted, "--trend", "flange.E1", "--out", str(tmp_path / "trend.csv"), **place)
+    modalbase_here(
+        "find",
+        "results",
+        wanted,
+        "--trend",
+        "flange.E1",
+        "--out",
+        str(tmp_path / "trend.csv"),
+        **place,
+    )
     assert len((tmp_path / "trend.csv").read_text(encoding="utf-8").splitlines()) == MONTHS + 1
 
 
@@ -218,7 +281,11 @@ def test_a_constant_of_a_set_is_searched(api: httpx.Client, aged: str) -> None:
     assert count(f"flange.E1 > {softest + 1}") == MONTHS - 1
     assert count("result.flange.E1_sd = 1e9 AND flange.E1_high IS NULL") == MONTHS + 1
     assert count("web.E1 IS NULL AND NOT web.E1 > 0") == 0
-    shown = {"filter": mine + "flange.E1 > 0", "fields": "flange.E1,flange.E1_sd", "sort": "-flange.E1"}
+    shown = {
+        "filter": mine + "flange.E1 > 0",
+        "fields": "flange.E1,flange.E1_sd",
+        "sort": "-flange.E1",
+    }
     rows = ok(api.get("search/results", params=shown), 200)["items"]
     assert rows == sorted(rows, key=lambda row: -row["flange.E1"])
     answer = api.get("search/results", params={"filter": "flange.strength > 0"})
@@ -231,29 +298,43 @@ def newcomer(new_client: Callable[[], httpx.Client]) -> httpx.Client:
     return new_client()
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     noun=st.sampled_from(["results", "modes"]),
-    value=st.one_of(st.sampled_from(["Ex", "frequency_hz", "damping_ratio", "flange.E1"]), st.text(max_size=20)),
+    value=st.one_of(
+        st.sampled_from(["Ex", "frequency_hz", "damping_ratio", "flange.E1"]), st.text(max_size=20)
+    ),
     covariates=st.one_of(
-        st.sampled_from(["", "temperature_c,humidity_percent", "humidity_percent"]), st.text(max_size=20)
+        st.sampled_from(["", "temperature_c,humidity_percent", "humidity_percent"]),
+        st.text(max_size=20),
     ),
     suffix=st.sampled_from(["", "/figure"]),
 )
 def test_no_trend_is_an_error_of_the_service(
     newcomer: httpx.Client, noun: str, value: str, covariates: str, suffix: str
 ) -> None:
-    answer = newcomer.get(f"search/{noun}/trend{suffix}", params={"value": value, "covariates": covariates})
+    answer = newcomer.get(
+        f"search/{noun}/trend{suffix}", params={"value": value, "covariates": covariates}
+    )
     assert answer.status_code in (200, 422), answer.text
 
 
 def test_unusual_modes_are_followed(api: httpx.Client, project: str) -> None:
-    """Extreme frequencies, shapes of nothing, campaigns of one moment, unknown climate: lines or notes, and no error."""
+    """Extreme frequencies, shapes of nothing, campaigns of one moment, unknown climate: lines or
+    notes, and no error.
+    """
     structure = ok(api.post(f"projects/{project}/structures", json=BEAM), 201)["id"]
     nothing = [{"point": n, "direction": 3, "real": 0.0, "imag": 0.0} for n in range(1, 10)]
-    nothing.append({**nothing[0], "point": 99, "real": 1.0})  # at a point that the other shapes do not have
+    # at a point that the other shapes do not have
+    nothing.append({**nothing[0], "point": 99, "real": 1.0})
     for number, hz in enumerate([1e-3, 1e-3, 5.0, 5.0, 1e5, 1e5, 5.0, 5.0, 5.0]):
-        body: dict[str, Any] = {"name": str(number), "boundary": "free", "performed_at": "2025-01-01T00:00:00Z"}
+        body: dict[str, Any] = {
+            "name": str(number),
+            "boundary": "free",
+            "performed_at": "2025-01-01T00:00:00Z",
+        }
         body["temperature_c"] = None if number % 2 else 20.0
         campaign = ok(api.post(f"structures/{structure}/campaigns", json=body), 201)["id"]
         mode = {
@@ -263,7 +344,10 @@ def test_unusual_modes_are_followed(api: httpx.Client, project: str) -> None:
             "shape": nothing if number % 2 else shape(1),
         }
         ok(
-            api.post(f"campaigns/{campaign}/mode-sets", json={"name": "typed", "modes": [mode, {"frequency_hz": hz}]}),
+            api.post(
+                f"campaigns/{campaign}/mode-sets",
+                json={"name": "typed", "modes": [mode, {"frequency_hz": hz}]},
+            ),
             201,
         )
     wanted = {"filter": f"project.id = '{project}'"}
@@ -272,4 +356,6 @@ def test_unusual_modes_are_followed(api: httpx.Client, project: str) -> None:
         assert sum(len(one["points"]) for one in series) == (18 if value == "frequency_hz" else 9)
         assert all(one["notes"] for one in series)
         ok(api.get("search/modes/trend/figure", params={**wanted, "value": value}), 200)
-        assert api.get("search/modes/trend/figure", params={**wanted, "value": value, "format": "png"}).is_success
+        assert api.get(
+            "search/modes/trend/figure", params={**wanted, "value": value, "format": "png"}
+        ).is_success

@@ -1,4 +1,6 @@
-"""Updates over HTTP: what structure, campaign and recipe state; stepped strips; several tests of one material."""
+"""Updates over HTTP: what structure, campaign and recipe state; stepped strips; several tests of
+one material.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,18 +29,28 @@ from tests.support.rest import finished, mode_rows, ok, posted, result_of, sessi
 from tests.support.strips import NOMINAL, STRIP, measured
 
 A0, A1, TAU = 30.0, 1e-5, 0.5
-NO_DOUBT = {"length_sd_m": 0, "width_sd_m": 0, "density_sd_kg_m3": 0, "nu_xy_sd": 0, "fibre_angle_sd_deg": 0}
+NO_DOUBT = {
+    "length_sd_m": 0,
+    "width_sd_m": 0,
+    "density_sd_kg_m3": 0,
+    "nu_xy_sd": 0,
+    "fibre_angle_sd_deg": 0,
+}
 
 
 def modes_under_a_window(api: httpx.Client, campaign: str) -> str:
-    """Typed modes of a Rayleigh body, whose decay an exponential window of 0.5 s has made faster."""
+    """Typed modes of a Rayleigh body, whose decay an exponential window of 0.5 s has made
+    faster.
+    """
     omega = 2 * np.pi * MEASURED_HZ
     ratio = (A0 / omega + A1 * omega) / 2 + 1 / (TAU * omega)
     rows = [
         {"frequency_hz": hz, "damping_ratio": zeta}
         for hz, zeta in zip(MEASURED_HZ.tolist(), ratio.tolist(), strict=True)
     ]
-    return str(posted(api, f"campaigns/{campaign}/mode-sets", {"name": "typed", "modes": rows})["id"])
+    return str(
+        posted(api, f"campaigns/{campaign}/mode-sets", {"name": "typed", "modes": rows})["id"]
+    )
 
 
 def updated(api: httpx.Client, campaign: str, recipe: dict[str, Any]) -> dict[str, Any]:
@@ -60,7 +72,11 @@ def test_what_structure_and_campaign_state_reaches_the_result_of_typed_modes(
     """A campaign without FRFs is updated from its modes alone; the recipe has the last word."""
     stated = {**beam, "inputs": {**NO_DOUBT, "thickness_sd_m": 0.3e-3}}
     structure = posted(api, f"projects/{project}/structures", stated)
-    assert structure["inputs"] == {**stated["inputs"], "ply_angle_sd_deg": None, "height_sd_m": None}
+    assert structure["inputs"] == {
+        **stated["inputs"],
+        "ply_angle_sd_deg": None,
+        "height_sd_m": None,
+    }
     body = {
         "name": "typed",
         "boundary": "cantilever",
@@ -82,7 +98,10 @@ def test_what_structure_and_campaign_state_reaches_the_result_of_typed_modes(
     assert found["a0"] == pytest.approx(A0, rel=1e-6)  # the window's 2/τ is taken off exactly
     assert found["a1"] == pytest.approx(A1, rel=1e-6)
     assert result["provenance"]["inputs"]["thickness_sd_m"] == 0.3e-3
-    wanted = {"filter": f"campaign.id = '{campaign['id']}' AND Ex > 1e9", "fields": "verdict,Ex,Ex_sd,Ex_low,Ex_high"}
+    wanted = {
+        "filter": f"campaign.id = '{campaign['id']}' AND Ex > 1e9",
+        "fields": "verdict,Ex,Ex_sd,Ex_low,Ex_high",
+    }
     (row,) = ok(api.get("search/results", params=wanted))["items"]
     (ex,) = (one for one in result["parameters"] if one["name"] == "Ex")
     assert row == {
@@ -111,36 +130,60 @@ def test_a_change_of_inputs_is_a_version(api: httpx.Client, structure: str) -> N
 def test_a_clamp_that_is_none_is_shown_as_an_earlier_version_took_it_and_refused_by_its_update(
     api: httpx.Client, campaign: str, rows: Callable[..., list[dict[str, Any]]]
 ) -> None:
-    rows("""UPDATE campaigns SET inputs = '{"clamp_compliance_sd": 100}' WHERE id = %s RETURNING id""", campaign)
+    rows(
+        """UPDATE campaigns SET inputs = '{"clamp_compliance_sd": 100}' WHERE id = %s RETURNING id""",
+        campaign,
+    )
     assert ok(api.get(f"campaigns/{campaign}"))["inputs"]["clamp_compliance_sd"] == 100
-    begun = api.post(f"campaigns/{campaign}/update-jobs", json={"mode_set": modes_under_a_window(api, campaign)})
+    begun = api.post(
+        f"campaigns/{campaign}/update-jobs", json={"mode_set": modes_under_a_window(api, campaign)}
+    )
     job = finished(api, begun.headers["Location"])
     assert (job["status"], job["error"]["reason"]) == ("failed", "refused")
-    assert "expected at most 1: there the clamp turns as easily as the specimen bends" in job["message"]
+    assert (
+        "expected at most 1: there the clamp turns as easily as the specimen bends"
+        in job["message"]
+    )
 
 
 def test_what_a_sensor_of_unknown_mass_leaves_open_ends_at_the_prior(
     api: httpx.Client, campaign: str, imported: Callable[..., dict[str, Any]]
 ) -> None:
-    """A sensor whose mass is known to within 1,000 t: no interval is wider than what was known before."""
+    """A sensor whose mass is known to within 1,000 t: no interval is wider than what was known
+    before.
+    """
     assert imported(campaign, paper.uff_file())["status"] == "succeeded"
-    modes = posted(api, f"campaigns/{campaign}/mode-sets", {"name": "published", "modes": paper.MODES})["id"]
-    recipe = {"mode_set": modes, "inputs": {"sensor_mass_sd_kg": 1e6}, "damping_models": ["rayleigh"]}
-    job = finished(api, api.post(f"campaigns/{campaign}/update-jobs", json=recipe).headers["Location"])
+    modes = posted(
+        api, f"campaigns/{campaign}/mode-sets", {"name": "published", "modes": paper.MODES}
+    )["id"]
+    recipe = {
+        "mode_set": modes,
+        "inputs": {"sensor_mass_sd_kg": 1e6},
+        "damping_models": ["rayleigh"],
+    }
+    job = finished(
+        api, api.post(f"campaigns/{campaign}/update-jobs", json=recipe).headers["Location"]
+    )
     assert job["status"] == "succeeded", job["error"]
     result = ok(api.get(f"update-jobs/{job['id']}/result"), 200)
     for row in result["parameters"]:
         if row["prior_sd"] is not None:
             relative = row["prior_sd"] / row["prior_mean"]  # priors are even in the logarithm
-            # each input's pull is bounded by itself, so what clamp, sensor and the rest add together may be a little more
+            # each input's pull is bounded by itself, so what clamp, sensor and the rest add
+            # together may be a little more
             assert row["standard_deviation"] / row["estimate"] <= 1.3 * relative, row["name"]
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
-def test_no_column_of_the_database_takes_a_number_that_json_lacks(engine: Engine, number: float) -> None:
+def test_no_column_of_the_database_takes_a_number_that_json_lacks(
+    engine: Engine, number: float
+) -> None:
     """Whichever kind of job stores it: of every table the columns that hold documents."""
     columns = [
-        column for table in Base.metadata.tables.values() for column in table.columns if isinstance(column.type, JSON)
+        column
+        for table in Base.metadata.tables.values()
+        for column in table.columns
+        if isinstance(column.type, JSON)
     ]
     assert {column.table.name for column in columns} >= {
         "update_results",
@@ -152,11 +195,15 @@ def test_no_column_of_the_database_takes_a_number_that_json_lacks(engine: Engine
         "monitor_runs",
     }
     for column in columns:
-        with pytest.raises(NotFinite, match="no finite number at /a/1;"), engine.connect() as connection:
+        with (
+            pytest.raises(NotFinite, match="no finite number at /a/1;"),
+            engine.connect() as connection,
+        ):
             connection.execute(update(column.table).values({column: {"a": [1.0, float(number)]}}))
 
 
-# --- updates over REST of what is no plain strip ------------------------------------------------------------------------
+# --- updates over REST of what is no plain strip
+# ------------------------------------------------------------------------
 
 ANGLES = (45, -45, 45, -45)
 PLY = {
@@ -182,17 +229,33 @@ EXACT = {
 }
 
 
-def test_a_stepped_strip_with_a_tip_mass_is_updated_as_it_stood(api: httpx.Client, project: str) -> None:
+def test_a_stepped_strip_with_a_tip_mass_is_updated_as_it_stood(
+    api: httpx.Client, project: str
+) -> None:
     nominal = OrthotropicMaterial(30e9, 30e9, 5e9, 5e9, 5e9, 0.15, 2000.0)
-    pieces, masses = (Piece(0.0, 0.12, 0.008, 0.006),), (PointMass(0.4, 0.0, 0.05, 4e-6, weighed=True),)
-    truth = Specimen(0.4, 0.04, 0.005, replace(nominal, Ex=33e9), divisions=(24, 4), pieces=pieces, masses=masses)
-    forward = ForwardModel(truth, parametrise(truth, (Parameter("Ex"),)), (), np.zeros((0, 2)), 4, reduced=False)
+    pieces, masses = (
+        (Piece(0.0, 0.12, 0.008, 0.006),),
+        (PointMass(0.4, 0.0, 0.05, 4e-6, weighed=True),),
+    )
+    truth = Specimen(
+        0.4, 0.04, 0.005, replace(nominal, Ex=33e9), divisions=(24, 4), pieces=pieces, masses=masses
+    )
+    forward = ForwardModel(
+        truth, parametrise(truth, (Parameter("Ex"),)), (), np.zeros((0, 2)), 4, reduced=False
+    )
     hz = forward.solve(np.array([33e9])).frequency_hz[:3]
     described: dict[str, Any] = {
         "name": "stepped",
         "geometry": {"length_m": 0.4, "width_m": 0.04, "thickness_m": 0.005},
         "density_kg_m3": 2000,
-        "material": {"Ex_Pa": 30e9, "Ey_Pa": 30e9, "Gxy_Pa": 5e9, "Gxz_Pa": 5e9, "Gyz_Pa": 5e9, "nu_xy": 0.15},
+        "material": {
+            "Ex_Pa": 30e9,
+            "Ey_Pa": 30e9,
+            "Gxy_Pa": 5e9,
+            "Gxz_Pa": 5e9,
+            "Gyz_Pa": 5e9,
+            "nu_xy": 0.15,
+        },
         "pieces": [{"from_m": 0.0, "to_m": 0.12, "thickness_m": 0.008, "end_thickness_m": 0.006}],
         "inputs": {name: sd for name, sd in EXACT.items() if name != "ply_angle_sd_deg"},
     }
@@ -216,15 +279,22 @@ def test_a_stepped_strip_with_a_tip_mass_is_updated_as_it_stood(api: httpx.Clien
     )
     assert campaign["instruments"]["added_masses"] == [tip]
     rows = [{"frequency_hz": float(each), "frequency_sd_hz": 1e-4 * float(each)} for each in hz]
-    mode_set = ok(api.post(f"campaigns/{campaign['id']}/mode-sets", json={"name": "typed", "modes": rows}), 201)["id"]
+    mode_set = ok(
+        api.post(f"campaigns/{campaign['id']}/mode-sets", json={"name": "typed", "modes": rows}),
+        201,
+    )["id"]
     recipe = {"mode_set": mode_set, "parameters": [{"name": "Ex"}]}
     jobs = f"campaigns/{campaign['id']}/update-jobs"
-    assert ok(api.post(jobs, json={**recipe, "zones_m": [0.5]}), 422)["errors"][0]["pointer"] == "/zones_m"
+    assert (
+        ok(api.post(jobs, json={**recipe, "zones_m": [0.5]}), 422)["errors"][0]["pointer"]
+        == "/zones_m"
+    )
     begun = api.post(jobs, json={**recipe, "zones_m": [0.2]})
     ok(begun, 202)
     assert finished(api, begun.headers["Location"])["status"] == "succeeded"
     result = ok(api.get(api.base_url.join(begun.headers["Location"] + "/result")), 200)
-    # 0.5 %: the frequencies' noise is 0.01 %, the prior of the model's own error 0.2 % of a frequency.
+    # 0.5 %: the frequencies' noise is 0.01 %, the prior of the model's own error 0.2 % of a
+    # frequency.
     assert result["parameters"][0]["estimate"] == pytest.approx(33e9, rel=0.005)
     # Without pieces the strip is of one thickness, in a new version.
     address = f"structures/{structure['id']}"
@@ -234,7 +304,8 @@ def test_a_stepped_strip_with_a_tip_mass_is_updated_as_it_stood(api: httpx.Clien
     assert not changed["pieces"]
 
 
-# --- joint updates over HTTP --------------------------------------------------------------------------------------------
+# --- joint updates over HTTP
+# --------------------------------------------------------------------------------------------
 
 PLY_OF_STRIPS = {
     "E1_Pa": NOMINAL.Ex,
@@ -255,20 +326,33 @@ def stored(api: httpx.Client, project: str, test: Campaign) -> dict[str, Any]:
             f"projects/{project}/structures",
             json={
                 "name": test.specimen,
-                "geometry": {"length_m": body.length, "width_m": body.width, "thickness_m": body.thickness},
+                "geometry": {
+                    "length_m": body.length,
+                    "width_m": body.width,
+                    "thickness_m": body.thickness,
+                },
                 "density_kg_m3": NOMINAL.density,
-                "laminate": {"plies": [{**PLY_OF_STRIPS, "thickness_m": body.thickness, "angle_deg": angle}]},
+                "laminate": {
+                    "plies": [{**PLY_OF_STRIPS, "thickness_m": body.thickness, "angle_deg": angle}]
+                },
             },
         ),
         201,
     )["id"]
-    campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "tour", "boundary": body.boundary}), 201)[
-        "id"
+    campaign = ok(
+        api.post(
+            f"structures/{structure}/campaigns", json={"name": "tour", "boundary": body.boundary}
+        ),
+        201,
+    )["id"]
+    points = [
+        {"label": label, "x_m": x, "y_m": y, "z_m": z} for label, (x, y, z) in test.points.items()
     ]
-    points = [{"label": label, "x_m": x, "y_m": y, "z_m": z} for label, (x, y, z) in test.points.items()]
     ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": points}))
     rows = mode_rows(modes, 3e-4)
-    mode_set = ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "measured", "modes": rows}), 201)["id"]
+    mode_set = ok(
+        api.post(f"campaigns/{campaign}/mode-sets", json={"name": "measured", "modes": rows}), 201
+    )["id"]
     return {"campaign_id": campaign, "recipe": {"mode_set": mode_set}}
 
 
@@ -279,7 +363,9 @@ def jobs(api: httpx.Client, project: str) -> list[dict[str, Any]]:
     return [stored(api, project, measured(random, name, STRIP, angle)) for name, angle in cuts]
 
 
-def test_an_update_from_nine_modes_has_its_report_on_paper(api: httpx.Client, jobs: list[dict[str, Any]]) -> None:
+def test_an_update_from_nine_modes_has_its_report_on_paper(
+    api: httpx.Client, jobs: list[dict[str, Any]]
+) -> None:
     """All nine pairs of shapes in one figure are higher than a page."""
     begun = api.post(f"campaigns/{jobs[0]['campaign_id']}/update-jobs", json=jobs[0]["recipe"])
     location = api.base_url.join(begun.headers["Location"])

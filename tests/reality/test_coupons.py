@@ -1,4 +1,6 @@
-"""Testing machines' exports as laboratories send them, each with the modulus that is right, and variants of them."""
+"""Testing machines' exports as laboratories send them, each with the modulus that is right, and
+variants of them.
+"""
 
 import json
 from pathlib import Path
@@ -17,7 +19,9 @@ DIMENSIONS = {"unit": "mm", "width": [20.04], "thickness": [1.55]}
 EXTENSION = DIMENSIONS | {"gauge_length": 80.0}
 
 
-def reduced(path: Path, columns: dict[str, Any], dimensions: dict[str, Any] = EXTENSION, **about: Any) -> Reduced:
+def reduced(
+    path: Path, columns: dict[str, Any], dimensions: dict[str, Any] = EXTENSION, **about: Any
+) -> Reduced:
     request = {"specimen": "A1", "dimensions": dimensions, "columns": columns, **about}
     return reduce_curve(path, CurveCouponIn.model_validate_json(json.dumps(request)))
 
@@ -38,8 +42,18 @@ FILES = [
         {},
     ),
     ("coupon_strain1_heading.csv", {"force": "Load", "strain": "Tensile strain"}, DIMENSIONS, {}),
-    ("coupon_untared.csv", {"force": "Load", "strain": "Extension"}, EXTENSION, {"zero": {"strain": "first"}}),
-    ("coupon_untared.csv", {"force": "Load", "strain": "Extension"}, EXTENSION, {"zero": {"strain": 18.25}}),
+    (
+        "coupon_untared.csv",
+        {"force": "Load", "strain": "Extension"},
+        EXTENSION,
+        {"zero": {"strain": "first"}},
+    ),
+    (
+        "coupon_untared.csv",
+        {"force": "Load", "strain": "Extension"},
+        EXTENSION,
+        {"zero": {"strain": 18.25}},
+    ),
 ]
 
 
@@ -48,19 +62,24 @@ def test_the_modulus_and_strength_of_a_file(
     name: str, columns: dict[str, Any], dimensions: dict[str, Any], about: dict[str, Any]
 ) -> None:
     found = reduced(shared_file("REALITY", "reality", name), columns, dimensions, **about)
-    assert found.coupon.E_Pa == pytest.approx(70.0e9, rel=3e-3)  # the chord's ends are the nearest points
+    # the chord's ends are the nearest points
+    assert found.coupon.E_Pa == pytest.approx(70.0e9, rel=3e-3)
     assert found.coupon.strength_Pa == pytest.approx(560e6, rel=1e-6)
     assert not found.reading["notes"]
 
 
 def test_an_extension_that_was_not_tared_is_refused_with_the_way() -> None:
     path = shared_file("REALITY", "reality", "coupon_untared.csv")
-    with pytest.raises(InputError, match=r'begins at .*m/m \(mm in the file\).*"zero": \{"strain": "first"\}'):
+    with pytest.raises(
+        InputError, match=r'begins at .*m/m \(mm in the file\).*"zero": \{"strain": "first"\}'
+    ):
         reduced(path, {"force": "Load", "strain": "Extension"})
 
 
 def rows(decimals: int = 4) -> list[tuple[str, ...]]:
-    """Time s, extension mm and force N of a bar of 70 GPa, 20 x 1.5 mm, gauge 80 mm, to 1 % strain."""
+    """Time s, extension mm and force N of a bar of 70 GPa, 20 x 1.5 mm, gauge 80 mm, to 1 %
+    strain.
+    """
     strains = [i * 1e-4 for i in range(101)]
     return [tuple(f"{v:.{decimals}f}" for v in (1e4 * s, 80 * s, 70e3 * s * 30)) for s in strains]
 
@@ -76,11 +95,16 @@ NAMES = {"time": "Zeit", "strain": "Weg", "force": "Kraft"}
 
 @pytest.mark.parametrize("separator", [";", "\t"])
 @pytest.mark.parametrize(
-    ("mark", "decimal"), [("'", "."), ("’", "."), ("\u202f", ","), ("\xa0", ","), (" ", ","), (".", ","), (",", ".")]
+    ("mark", "decimal"),
+    [("'", "."), ("’", "."), ("\u202f", ","), ("\xa0", ","), (" ", ","), (".", ","), (",", ".")],
 )
-def test_thousands_of_every_country(tmp_path: Path, separator: str, mark: str, decimal: str) -> None:
+def test_thousands_of_every_country(
+    tmp_path: Path, separator: str, mark: str, decimal: str
+) -> None:
     lines = ["Prüfung;5", "", separator.join(("Zeit (s)", "Weg [mm]", "Kraft_N"))]
-    lines += [separator.join(grouped(cell, mark, decimal) for cell in row) + separator for row in rows()]
+    lines += [
+        separator.join(grouped(cell, mark, decimal) for cell in row) + separator for row in rows()
+    ]
     path = tmp_path / "bar.txt"
     path.write_text("\r\n".join([*lines, "", "Ende der Prüfung"]), "utf-8")
     found = reduced(path, NAMES, BAR)
@@ -91,7 +115,9 @@ def test_thousands_of_every_country(tmp_path: Path, separator: str, mark: str, d
 def test_a_number_that_may_be_two_is_asked_for(tmp_path: Path) -> None:
     path = tmp_path / "bar.csv"
     path.write_text("Weg (mm);Kraft (N)\n" + "".join(f"{i};{i},{i:03d}\n" for i in range(100, 201)))
-    with pytest.raises(InputError, match="may be a decimal comma or grouped thousands; state decimal"):
+    with pytest.raises(
+        InputError, match="may be a decimal comma or grouped thousands; state decimal"
+    ):
         reduced(path, {"strain": "Weg", "force": "Kraft"}, BAR)
 
 
@@ -114,14 +140,17 @@ def test_a_name_in_brackets_is_no_unit(heading: str, below: str, unit: str) -> N
 def test_an_extension_beside_a_name_in_brackets_is_asked_for_its_unit() -> None:
     text = "Load (N);Extension (Crosshead)\n1;0.1\n2;0.2\n"
     columns = {"force": Column("Load", "force"), "x": Column("Extension", "length")}
-    with pytest.raises(FormatError, match=r"columns.x.unit: is stated neither by you nor in the file"):
+    with pytest.raises(
+        FormatError, match=r"columns.x.unit: is stated neither by you nor in the file"
+    ):
         read_machine_csv(text.encode(), columns)
 
 
 def test_times_of_day_are_seconds_over_midnight() -> None:
     text = "Time,Load (N),Strain (%)\n23:59:59.5,1,0.1\n00:00:00.5,2,0.2\n00:00:01.5,3,0.3\n"
     columns = {
-        n: Column(h, q) for n, h, q in (("time", "Time", "time"), ("f", "Load", "force"), ("s", "Strain", "strain"))
+        n: Column(h, q)
+        for n, h, q in (("time", "Time", "time"), ("f", "Load", "force"), ("s", "Strain", "strain"))
     }  # type: ignore[arg-type]
     found = read_machine_csv(text.encode(), columns)
     assert found.runs[0].columns["time"].tolist() == [0.0, 1.0, 2.0]
@@ -145,7 +174,9 @@ def test_units_above_the_names_count_and_two_that_differ_are_refused() -> None:
 def test_a_zero_that_says_nothing_is_refused(zero: dict[str, Any], why: str) -> None:
     columns = {"force": "Load", "strain": "Extension", "time": "Time"}
     with pytest.raises(ValueError, match=why):
-        CurveCouponIn.model_validate({"specimen": "A", "dimensions": EXTENSION, "columns": columns, "zero": zero})
+        CurveCouponIn.model_validate(
+            {"specimen": "A", "dimensions": EXTENSION, "columns": columns, "zero": zero}
+        )
 
 
 def test_a_small_offset_is_noted(tmp_path: Path) -> None:
@@ -154,7 +185,9 @@ def test_a_small_offset_is_noted(tmp_path: Path) -> None:
     path.write_text(f"Weg (mm);Kraft (N)\n{body}\n")
     found = reduced(path, {"strain": "Weg", "force": "Kraft"}, BAR)
     assert "was not tared" in found.reading["notes"][0]
-    assert not reduced(path, {"strain": "Weg", "force": "Kraft"}, BAR, zero={"strain": "first"}).reading["notes"]
+    assert not reduced(
+        path, {"strain": "Weg", "force": "Kraft"}, BAR, zero={"strain": "first"}
+    ).reading["notes"]
 
 
 def test_a_force_that_was_not_tared_is_noted(tmp_path: Path) -> None:
@@ -162,7 +195,10 @@ def test_a_force_that_was_not_tared_is_noted(tmp_path: Path) -> None:
     body = "\n".join(f"{w};{float(f) + 500:.4f}" for _, w, f in rows())
     path.write_text(f"Weg (mm);Kraft (N)\n{body}\n")
     columns = {"strain": "Weg", "force": "Kraft"}
-    assert "force begins at 500 N with hardly any strain, and counts" in reduced(path, columns, BAR).reading["notes"][0]
+    assert (
+        "force begins at 500 N with hardly any strain, and counts"
+        in reduced(path, columns, BAR).reading["notes"][0]
+    )
     tared = reduced(path, columns, BAR, zero={"force": "first"})
     assert tared.coupon.strength_Pa == pytest.approx(700e6)
     assert not tared.reading["notes"]

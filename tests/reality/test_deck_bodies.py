@@ -1,4 +1,6 @@
-"""Decks whose geometry was read wrongly: closed sections, offsets, sharp edges, layers; and tubes of flat facets."""
+"""Decks whose geometry was read wrongly: closed sections, offsets, sharp edges, layers; and tubes
+of flat facets.
+"""
 
 import json
 from dataclasses import replace
@@ -16,7 +18,9 @@ from tests.support.bodies import hz
 from tests.support.places import shared_file
 
 
-def body_of(content: bytes, name: str, units: str = "mm-N-t", boundary: str = "as_modelled") -> Structure:
+def body_of(
+    content: bytes, name: str, units: str = "mm-N-t", boundary: str = "as_modelled"
+) -> Structure:
     """The body of a deck as the service makes it."""
     return body_of_model(in_si(parsed(content, name), units), boundary)
 
@@ -30,7 +34,9 @@ def forecasts_find_their_points(body: Structure) -> None:
     own = forecast(body, ForecastOrder(modes=3))
     stated = forecast(body, ForecastOrder(modes=3, places=own.places))
     np.testing.assert_allclose(stated.frequency_hz, own.frequency_hz)
-    np.testing.assert_allclose(np.abs(stated.seen.max(axis=1)), np.abs(own.seen.max(axis=1)), rtol=0.2)
+    np.testing.assert_allclose(
+        np.abs(stated.seen.max(axis=1)), np.abs(own.seen.max(axis=1)), rtol=0.2
+    )
 
 
 def test_a_channel_stated_as_a_box() -> None:
@@ -56,7 +62,9 @@ def test_flats_with_offsets_in_their_own_thickness() -> None:
     forecasts_find_their_points(body)
 
 
-@pytest.mark.parametrize("name", ["deck_stiffener_cquad4_zoffs.bdf", "deck_stiffener_pshell_zoffs.bdf"])
+@pytest.mark.parametrize(
+    "name", ["deck_stiffener_cquad4_zoffs.bdf", "deck_stiffener_pshell_zoffs.bdf"]
+)
 def test_a_plate_that_stands_beside_its_nodes(name: str) -> None:
     body = body_of(deck(name), name)
     assert hz(body, 1)[0] == pytest.approx(37.13, rel=0.005)
@@ -64,13 +72,19 @@ def test_a_plate_that_stands_beside_its_nodes(name: str) -> None:
 
 
 @pytest.mark.parametrize("offset", ["-8. ", "-4.5", "1.  ", "10. "])
-@pytest.mark.parametrize("name", ["deck_stiffener_cquad4_zoffs.bdf", "deck_stiffener_pshell_zoffs.bdf"])
+@pytest.mark.parametrize(
+    "name", ["deck_stiffener_cquad4_zoffs.bdf", "deck_stiffener_pshell_zoffs.bdf"]
+)
 def test_points_on_either_side_of_an_offset(name: str, offset: str) -> None:
-    """On the nodes, on both faces of the wall, and no further than 2 mm beyond what lies between."""
+    """On the nodes, on both faces of the wall, and no further than 2 mm beyond what lies
+    between.
+    """
     body = body_of(deck(name).replace(b"4.5 ", offset.encode()), name, boundary="free")
     x, reach = np.array([0.21, 0.013]), 0.002
     heights = 1e-3 * np.array([0.0, *(float(offset) + beside for beside in (-1.5, 0, 1.5))])
-    seen = body.model.observe(np.column_stack([np.tile(x, (4, 1)), heights]), np.tile([1.0, 0, 0], (4, 1)))
+    seen = body.model.observe(
+        np.column_stack([np.tile(x, (4, 1)), heights]), np.tile([1.0, 0, 0], (4, 1))
+    )
     turned = np.array(seen @ body.model.motions[:, 4])  # about y
     np.testing.assert_allclose(np.diff(turned), np.diff(heights), atol=1e-12)
     for height in (heights.min() - 1.1 * reach, max(heights.max(), 0.006) + 1.1 * reach):
@@ -83,7 +97,8 @@ def test_a_trailing_edge() -> None:
     plain = hz(replace(body, with_joints=False), 2)
     np.testing.assert_allclose(plain, (149.3, 595.9), rtol=0.01)
     np.testing.assert_allclose(hz(body, 2) / plain, (1.0098, 1.003), atol=2e-3)
-    # A turn of 170° is 11.4 right angles' worth, of which little is left: stated is as much of the joints' own error.
+    # A turn of 170° is 11.4 right angles' worth, of which little is left: stated is as much of the
+    # joints' own error.
     assert body.model_error == pytest.approx(0.0045 * np.tan(np.radians(85)), rel=0.01)
     forecasts_find_their_points(body)
 
@@ -109,7 +124,11 @@ def test_layers_of_which_one_is_of_triangles_and_a_third() -> None:
     at = lines.index("*ELEMENT, TYPE=S4, ELSET=L2")
     quads = [[int(n) for n in line.split(",")] for line in lines[at + 1 : at + 17]]
     third = [f"{100 + n}, {a}, {b}, {c}, {d}" for n, a, b, c, d in quads]
-    halves = [row for n, a, b, c, d in quads for row in (f"{n}, {a}, {b}, {c}", f"{n + 200}, {a}, {c}, {d}")]
+    halves = [
+        row
+        for n, a, b, c, d in quads
+        for row in (f"{n}, {a}, {b}, {c}", f"{n + 200}, {a}, {c}, {d}")
+    ]
     section = ["*SHELL SECTION, ELSET=L3, MATERIAL=AL", "1.0"]
     elements = ["*ELEMENT, TYPE=S3, ELSET=L2", *halves, "*ELEMENT, TYPE=S4, ELSET=L3", *third]
     split = [*lines[:at], *elements, *lines[at + 17 :]]
@@ -118,7 +137,9 @@ def test_layers_of_which_one_is_of_triangles_and_a_third() -> None:
     body = body_of("\n".join(more).encode(), "a.inp")
     two = hz(body_of("\n".join(lines).encode(), "a.inp"), 1)[0]
     assert body.junctions == ()
-    assert hz(body, 1)[0] / two == pytest.approx(np.sqrt((64 + 8 + 1) / 7 / ((64 + 8) / 6)), rel=0.02)
+    assert hz(body, 1)[0] / two == pytest.approx(
+        np.sqrt((64 + 8 + 1) / 7 / ((64 + 8) / 6)), rel=0.02
+    )
 
 
 def test_a_wedge_of_three_walls() -> None:

@@ -1,4 +1,6 @@
-"""Nastran decks as laboratories send them: text, dummy materials, massless sticks, cards that are not read."""
+"""Nastran decks as laboratories send them: text, dummy materials, massless sticks, cards that are
+not read.
+"""
 
 import re
 
@@ -34,18 +36,24 @@ def test_text_of_nastran(name: str, noted: tuple[str, list[int]] | None) -> None
         assert model.notes()[noted[0]] == (noted[1], False)
 
 
-def stick(*, pbar: str = "", more: str = "", control: str = "", end: str = "ENDDATA\n", rho: str = "2.7-9") -> str:
+def stick(
+    *, pbar: str = "", more: str = "", control: str = "", end: str = "ENDDATA\n", rho: str = "2.7-9"
+) -> str:
     """A beam of ten elements with a mass of 2 kg at its tip, mm-N-t."""
     grids = "".join(f"GRID,{k + 1},,{100.0 * k},0.,0.\n" for k in range(11))
     bars = "".join(f"CBAR,{k},1,{k},{k + 1},0.,1.,0.\n" for k in range(1, 11))
     plain = "PBAR           1       1    400. 13333.3 13333.3  22500.\n"
     return (
-        f"SOL 103\nCEND\nSPC = 1\n{control}METHOD = 1\nBEGIN BULK\nEIGRL,1,,,6\n{grids}{bars}{pbar or plain}"
+        f"SOL 103\nCEND\nSPC = 1\n{control}METHOD = 1\nBEGIN"
+        f" BULK\nEIGRL,1,,,6\n{grids}{bars}{pbar or plain}"
         f"MAT1,1,70000.,,.33,{rho}\nCONM2,101,11,,2.0-3\nSPC1,1,123456,1\n{more}{end}"
     )
 
 
-PBAR = "PBAR           1       1    400. 13333.3 13333.3  22500.                {:8}\n{:8}     10.     10.\n"
+PBAR = (
+    "PBAR           1       1    400. 13333.3 13333.3  22500.                {:8}\n{:8}     10.    "
+    " 10.\n"
+)
 
 
 @pytest.mark.parametrize(
@@ -66,13 +74,18 @@ def test_a_continuation_far_from_its_card_has_its_name() -> None:
         "PBAR*                  1               1            400.         13333.3QB1\n"
         "*B1              13333.3          22500.\n"
     )
-    np.testing.assert_allclose(imported("a.bdf", stick(pbar=large)).frequencies(3)[0], FIRST_HZ, rtol=1e-4)
+    np.testing.assert_allclose(
+        imported("a.bdf", stick(pbar=large)).frequencies(3)[0], FIRST_HZ, rtol=1e-4
+    )
 
 
 @pytest.mark.parametrize(
     "text",
     [
-        "DEQATN  8       F(A,B,C)=A+B;\n        G=A**2,\n+       H=1,2,3,4,5,6,7,8,9,10,11,12\nGRID,60,,0.,0.,0.\n",
+        (
+            "DEQATN  8       F(A,B,C)=A+B;\n        G=A**2,\n+      "
+            " H=1,2,3,4,5,6,7,8,9,10,11,12\nGRID,60,,0.,0.,0.\n"
+        ),
         "DEQATN,8,F(A,B,C,D,E,F,G,H,I,J,K)=A\n",
         "DEQATN  9       f(a,b)=a+b,\n",
     ],
@@ -84,7 +97,12 @@ def test_equations_are_no_fields(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "held", ["SPC1           1  12 456       1\nSPC1,1,3,1\n", "SPC1,1,1 2 3 4 5 6,1\n", "SPC,1,1,12 3456\n"]
+    "held",
+    [
+        "SPC1           1  12 456       1\nSPC1,1,3,1\n",
+        "SPC1,1,1 2 3 4 5 6,1\n",
+        "SPC,1,1,12 3456\n",
+    ],
 )
 def test_components_with_blanks(held: str) -> None:
     model = imported("a.bdf", stick().replace("SPC1,1,123456,1\n", held))
@@ -99,29 +117,39 @@ def test_a_grid_that_repeats_another() -> None:
 
 
 def test_a_deck_that_ends_within_a_line_may_be_cut() -> None:
-    with pytest.raises(Invalid, match=r"within a line and without ENDDATA; it seems to be cut\. Add the line ENDDATA"):
+    with pytest.raises(
+        Invalid,
+        match=r"within a line and without ENDDATA; it seems to be cut\. Add the line ENDDATA",
+    ):
         imported("a.bdf", stick(end="").rstrip())
 
 
 def test_a_dummy_material_is_asked_about() -> None:
     deck = reality("deck_dummy_density.bdf")
-    with pytest.raises(Invalid, match=r"set pbarl_2 .*density 0.1 kg/m³, usual is 10 to 25000; accept=") as caught:
+    with pytest.raises(
+        Invalid, match=r"set pbarl_2 .*density 0.1 kg/m³, usual is 10 to 25000; accept="
+    ) as caught:
         imported("a.bdf", deck)
     (answer,) = re.findall(r"accept=(\S+)", str(caught.value))
     assert answer == "density:pbarl_2"
     for name in (answer, "density:2", "DENSITY:PBARL_2"):
-        assert imported("a.bdf", deck, accept=[name]).frequencies(3)[0] == pytest.approx(15.42, rel=0.015)
+        assert imported("a.bdf", deck, accept=[name]).frequencies(3)[0] == pytest.approx(
+            15.42, rel=0.015
+        )
     with pytest.raises(Invalid, match="accept: 'density:pshell_1' answers nothing"):
         imported("a.bdf", deck, accept=[answer, "density:pshell_1"])
 
 
 def test_a_massless_stick() -> None:
     model = imported("a.bdf", reality("deck_massless_stick.bdf"))
-    np.testing.assert_allclose(model.frequencies()[:2], 5.9550, rtol=2e-3)  # its ten elements are 0.13 % stiff
+    # its ten elements are 0.13 % stiff
+    np.testing.assert_allclose(model.frequencies()[:2], 5.9550, rtol=2e-3)
     assert model.notes()["density"] == ([29], False)
     assert model.document["mass_kg"] == pytest.approx(2.0)
     for rho in ("", "0.", "0.0"):
-        np.testing.assert_allclose(imported("a.bdf", stick(rho=rho)).frequencies()[:2], 5.9550, rtol=2e-3)
+        np.testing.assert_allclose(
+            imported("a.bdf", stick(rho=rho)).frequencies()[:2], 5.9550, rtol=2e-3
+        )
     with pytest.raises(Invalid, match="no density, and nothing else has a mass"):
         imported("a.bdf", stick(rho="").replace("CONM2,101,11,,2.0-3\n", ""))
 
@@ -129,7 +157,9 @@ def test_a_massless_stick() -> None:
 def test_sticks_of_soft_and_stiff_material_are_asked_about() -> None:
     for modulus, said in (("7.+12", "7e+18 Pa"), ("0.5", "5e+05 Pa")):
         deck = stick().replace("70000.", modulus)
-        with pytest.raises(Invalid, match=re.escape(f"has the modulus {said}, usual is 1e+06 to 2e+12")):
+        with pytest.raises(
+            Invalid, match=re.escape(f"has the modulus {said}, usual is 1e+06 to 2e+12")
+        ):
             imported("a.bdf", deck)
         assert imported("a.bdf", deck, accept=["modulus:pbar_1"]).frequencies(3)[0] > 0
 
@@ -144,7 +174,9 @@ def test_what_was_not_read_is_told_first() -> None:
     scalar = stick(more="SPOINT,99\nCELAS2,98,1.,11,1,99,0\n")
     with pytest.raises(Invalid, match=r"SPOINT: not used: scalar points; .*there is no GRID 99"):
         imported("a.bdf", scalar)
-    apart = stick(more="CFAST,88,1,PROP,1,2,3\nGRID,70,,0.,5.,0.\nGRID,71,,9.,5.,0.\nCBAR,70,1,70,71,0.,0.,1.\n")
+    apart = stick(
+        more="CFAST,88,1,PROP,1,2,3\nGRID,70,,0.,5.,0.\nGRID,71,,9.,5.,0.\nCBAR,70,1,70,71,0.,0.,1.\n"
+    )
     with pytest.raises(Invalid, match=r"CFAST: not used: fasteners.*the model falls into 2 parts"):
         imported("a.bdf", apart)
     with pytest.raises(Invalid) as plain:
@@ -188,7 +220,9 @@ P-2.1, 1, 6
 {more}"""
 
 
-@pytest.mark.parametrize(("units", "value", "mass"), [("MASS PER AREA", "1.e-9", 0.01), ("TOTAL MASS", "1.e-6", 0.002)])
+@pytest.mark.parametrize(
+    ("units", "value", "mass"), [("MASS PER AREA", "1.e-9", 0.01), ("TOTAL MASS", "1.e-6", 0.002)]
+)
 def test_spread_mass_of_two_instances(units: str, value: str, mass: float) -> None:
     deck = TWICE.format(units=units, value=value, more="")
     model = imported("a.inp", deck)
@@ -211,7 +245,11 @@ def test_a_mass_on_springs_without_turns() -> None:
     np.testing.assert_allclose(imported("a.bdf", deck).frequencies(2), 5.492, rtol=1e-3)
     for inertia, more, said in [
         ("\n,1.,,1.,,,1.", springs, r"nothing resists a turn of 1 of 12 nodes.*\(1, 0, 0\) m"),
-        ("", springs[: len(springs) // 3], r"nothing resists a motion of 1 of 12 nodes.*\(1, 0, 0\) m"),
+        (
+            "",
+            springs[: len(springs) // 3],
+            r"nothing resists a motion of 1 of 12 nodes.*\(1, 0, 0\) m",
+        ),
     ]:
         model = imported("a.bdf", stick(more=MASS_ASIDE.format(z="0.", inertia=inertia) + more))
         with pytest.raises(ModelError, match=said):
@@ -224,13 +262,17 @@ def test_connectors_beyond_all_digits_are_named() -> None:
     for digits in (9, 12):
         found = imported("a.bdf", stick(more=more.format(digits))).frequencies(1)
         assert found[0] == pytest.approx(5.491, rel=1e-3)
-    with pytest.raises(ModelError, match=r"stiffnesses from .* N/m stand side by side.*or join it rigidly"):
+    with pytest.raises(
+        ModelError, match=r"stiffnesses from .* N/m stand side by side.*or join it rigidly"
+    ):
         imported("a.bdf", stick(more=more.format(17))).frequencies(1)
 
 
 def test_a_straight_stick_twists_without_displacements() -> None:
     """A torsion mode of a stick is forecast, and no point is said to show it."""
-    inertia = stick(rho="").replace("CONM2,101,11,,2.0-3\n", "CONM2,101,11,,2.0-3\n,10.,,10.,,,10.\n")
+    inertia = stick(rho="").replace(
+        "CONM2,101,11,,2.0-3\n", "CONM2,101,11,,2.0-3\n,10.,,10.,,,10.\n"
+    )
     found = forecast(imported("a.bdf", inertia).body, ForecastOrder())
     torsion = np.sqrt(70000 / 2.66 * 22500 / 1000 / 10) / (2 * np.pi)
     np.testing.assert_allclose(found.frequency_hz[2], torsion, rtol=1e-3)
@@ -243,7 +285,9 @@ def test_a_straight_stick_twists_without_displacements() -> None:
     [("+BA1         10.     10.\n", PBAR.format("QBA1", "").splitlines(keepends=True)[0])],
 )
 def test_a_continuation_before_its_card(before: str, after: str) -> None:
-    assert imported("a.bdf", stick(pbar=before + after)).frequencies(1)[0] == pytest.approx(FIRST_HZ, rel=1e-4)
+    assert imported("a.bdf", stick(pbar=before + after)).frequencies(1)[0] == pytest.approx(
+        FIRST_HZ, rel=1e-4
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,6 @@
-"""FRFs that analysers write as text: magnitude and phase, or real and imaginary parts, with what their headings say."""
+"""FRFs that analysers write as text: magnitude and phase, or real and imaginary parts, with what
+their headings say.
+"""
 
 import json
 from pathlib import Path
@@ -18,13 +20,23 @@ from tests.support.places import shared_file
 HZ = np.arange(1, 201) * 0.5
 H = np.exp(0.4j) * HZ**2 / (31.0**2 - HZ**2 + 0.6j * HZ)  # m/s²/N
 GRAVITY = 9.80665
-DOFS = {"response_point": 2, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
+DOFS = {
+    "response_point": 2,
+    "response_direction": 3,
+    "reference_point": 1,
+    "reference_direction": 3,
+}
 
 
-def read(path: Path, mapping: Any = None, *, dry_run: bool = True, quantity: Any = None) -> list[Any]:
+def read(
+    path: Path, mapping: Any = None, *, dry_run: bool = True, quantity: Any = None
+) -> list[Any]:
     mapping = json.loads(json.dumps(mapping))
     return list(
-        read_upload(ReadingInputs(path, quantity, path.name, mapping=mapping, dry_run=dry_run), lambda *_: None)
+        read_upload(
+            ReadingInputs(path, quantity, path.name, mapping=mapping, dry_run=dry_run),
+            lambda *_: None,
+        )
     )
 
 
@@ -70,8 +82,16 @@ def columns(kind: str) -> tuple[list[str], list[str], list[np.ndarray]]:
             ["Hz", "dB re 1 g/N", "rad"],
             [HZ, 20 * np.log10(magnitude / GRAVITY), phase],
         ),
-        "radians": (["Frequenz", "Betrag", "Phase"], ["kHz", "m/s²/N", "rad"], [HZ / 1000, magnitude, phase]),
-        "real, imaginary": (["Hz", "Real", "Imag"], ["Hz", "g/N", "g/N"], [HZ, H.real / GRAVITY, H.imag / GRAVITY]),
+        "radians": (
+            ["Frequenz", "Betrag", "Phase"],
+            ["kHz", "m/s²/N", "rad"],
+            [HZ / 1000, magnitude, phase],
+        ),
+        "real, imaginary": (
+            ["Hz", "Real", "Imag"],
+            ["Hz", "g/N", "g/N"],
+            [HZ, H.real / GRAVITY, H.imag / GRAVITY],
+        ),
         "mm": (
             ["Phase", "Fréquence", "Amplitude"],
             ["°", "Hz", "(mm/s^2)/N"],
@@ -88,9 +108,14 @@ def test_what_analysers_write_is_the_same_frf(
     tmp_path: Path, kind: str, separator: str, decimal: str, in_brackets: bool
 ) -> None:
     names, units, table = columns(kind)
-    rows = [separator.join(f"{v:.9e}" for v in row).replace(".", decimal) for row in zip(*table, strict=True)]
+    rows = [
+        separator.join(f"{v:.9e}" for v in row).replace(".", decimal)
+        for row in zip(*table, strict=True)
+    ]
     if in_brackets:
-        heading = [separator.join(f"{name} [{unit}]" for name, unit in zip(names, units, strict=True))]
+        heading = [
+            separator.join(f"{name} [{unit}]" for name, unit in zip(names, units, strict=True))
+        ]
     else:
         heading = [separator.join(names), separator.join(units)]
     path = tmp_path / "H.txt"
@@ -105,7 +130,10 @@ def test_what_analysers_write_is_the_same_frf(
 def test_several_columns_are_several_frfs_whose_points_are_asked_for(tmp_path: Path) -> None:
     path = tmp_path / "H.csv"
     heading = "Frequency (Hz);Mag 1 (g/N);Phase 1 (deg);Mag 2 (g/N);Phase 2 (deg)"
-    rows = [f"{f};{abs(h)};{np.degrees(np.angle(h))};{2 * abs(h)};0" for f, h in zip(HZ.tolist(), H, strict=True)]
+    rows = [
+        f"{f};{abs(h)};{np.degrees(np.angle(h))};{2 * abs(h)};0"
+        for f, h in zip(HZ.tolist(), H, strict=True)
+    ]
     path.write_text("\n".join([heading, *rows]))
     (found,) = read(path)
     assert found.mapping["frf"]["magnitude"] == ["Mag 1 (g/N)", "Mag 2 (g/N)"]
@@ -137,13 +165,20 @@ def test_the_columns_name_their_degrees_of_freedom(tmp_path: Path) -> None:
 )
 def test_parts_of_frfs_are_no_hits(tmp_path: Path, heading: list[str]) -> None:
     path = tmp_path / "H.csv"
-    path.write_text("\n".join([*heading, *(f"{f};{h.real};{h.imag}" for f, h in zip(HZ.tolist(), H, strict=True))]))
+    path.write_text(
+        "\n".join(
+            [*heading, *(f"{f};{h.real};{h.imag}" for f, h in zip(HZ.tolist(), H, strict=True))]
+        )
+    )
     (frf,) = imported(path, unit="m/s²/N")
     np.testing.assert_allclose(decode(frf.spectrum), H, rtol=1e-6)
 
 
 def test_decibels_of_zero_stay_in_the_table(tmp_path: Path) -> None:
-    rows = [f"{f};{20 * np.log10(abs(h))};{np.degrees(np.angle(h))}" for f, h in zip(HZ.tolist(), H, strict=True)]
+    rows = [
+        f"{f};{20 * np.log10(abs(h))};{np.degrees(np.angle(h))}"
+        for f, h in zip(HZ.tolist(), H, strict=True)
+    ]
     path = tmp_path / "H.csv"
     path.write_text("\n".join(["Frequency (Hz);Magnitude (dB);Phase (deg)", "0;-inf;0", *rows]))
     (frf,) = imported(path, unit="m/s²/N")
@@ -167,9 +202,14 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("change", "why"), REFUSED)
-def test_what_contradicts_or_is_missing_is_named(tmp_path: Path, change: dict[str, Any], why: str) -> None:
+def test_what_contradicts_or_is_missing_is_named(
+    tmp_path: Path, change: dict[str, Any], why: str
+) -> None:
     path = tmp_path / "H.csv"
-    rows = [f"{f};{abs(h)};{np.log10(abs(h))};{abs(h)};0.1;0.1" for f, h in zip(HZ.tolist(), H, strict=True)]
+    rows = [
+        f"{f};{abs(h)};{np.log10(abs(h))};{abs(h)};0.1;0.1"
+        for f, h in zip(HZ.tolist(), H, strict=True)
+    ]
     path.write_text("\n".join(["f (Hz);M;L;M (g/N);P;A (rad)", *rows]))
     mapping = {"frequency_hz": {"variable": "f (Hz)"}, **DOFS, **change}
     with pytest.raises(Invalid, match=why):
@@ -178,9 +218,13 @@ def test_what_contradicts_or_is_missing_is_named(tmp_path: Path, change: dict[st
 
 def test_a_unit_of_mobility_is_no_accelerance(tmp_path: Path) -> None:
     path = tmp_path / "H.csv"
-    path.write_text("\n".join(["f (Hz);Re (m/s/N);Im (m/s/N)", *(f"{f};1.5;0.5" for f in HZ.tolist())]))
+    path.write_text(
+        "\n".join(["f (Hz);Re (m/s/N);Im (m/s/N)", *(f"{f};1.5;0.5" for f in HZ.tolist())])
+    )
     (found,) = read(path)
-    with pytest.raises(Invalid, match="quantity: is accelerance, and the unit 'm/s/N' is that of mobility"):
+    with pytest.raises(
+        Invalid, match="quantity: is accelerance, and the unit 'm/s/N' is that of mobility"
+    ):
         read(path, {**found.mapping, **DOFS}, dry_run=False, quantity="accelerance")
     assert imported(path)[0].quantity == "mobility"
 
@@ -192,4 +236,6 @@ def test_parts_of_frfs_in_a_mat_are_no_hits_and_other_spectra_are_named(tmp_path
     np.testing.assert_allclose(decode(frf.spectrum), H, rtol=1e-6)
     savemat(several, {"f": HZ, "H2": H, "H3": 2 * H})
     (found,) = read(several)
-    assert found.notes == ["H2 alone is taken; import H3 by a mapping of their own where they are FRFs"]
+    assert found.notes == [
+        "H2 alone is taken; import H3 by a mapping of their own where they are FRFs"
+    ]

@@ -1,4 +1,6 @@
-"""FRFs as laboratories send them: axes, units, points and gaps that a file states count, and what it lacks is asked for."""
+"""FRFs as laboratories send them: axes, units, points and gaps that a file states count, and what
+it lacks is asked for.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -28,7 +30,14 @@ def requires_modes(found: Identification, zeta: tuple[float, ...] | None = ZETA)
 
 @pytest.mark.parametrize(
     "name",
-    ["frf_flipped_point3", "frf_huge_1e36", "frf_mixed_g_velocity", "frf_rad_s", "frf_start_25Hz", "frf_two_df"],
+    [
+        "frf_flipped_point3",
+        "frf_huge_1e36",
+        "frf_mixed_g_velocity",
+        "frf_rad_s",
+        "frf_start_25Hz",
+        "frf_two_df",
+    ],
 )
 def test_what_is_right_stays_right(name: str) -> None:
     items = kept(reality(f"{name}.unv"))
@@ -47,7 +56,10 @@ def test_a_flipped_driving_point_is_warned_of() -> None:
 
 def test_points_and_directions_in_names_alone_are_read() -> None:
     items = kept(reality("uff_named_dofs.unv"))
-    dofs = [(f.response_point, f.response_direction, f.reference_point, f.reference_direction) for f in frfs_in(items)]
+    dofs = [
+        (f.response_point, f.response_direction, f.reference_point, f.reference_direction)
+        for f in frfs_in(items)
+    ]
     assert dofs == [(point, 3, 1, -3) for point in (1, 2, 3, 4, 5)]
     assert all("by its name '.1.Z-'" in notes_of(items, number) for number in range(1, 6))
     requires_modes(identified(items))
@@ -71,16 +83,29 @@ def test_an_axis_of_start_and_increment_and_the_texts_beside_it_are_used() -> No
     path = reality("lms_testlab_frf.mat")
     mapping = proposed(path)
     (frf,) = frfs_in(kept(path, mapping))
-    assert (frf.response_point, frf.response_direction, frf.reference_point, frf.reference_direction) == (2, 3, 1, 3)
-    assert (frf.quantity, frf.axis.start_hz, frf.axis.step_hz, frf.axis.count) == ("accelerance", 0.0, 0.5, 401)
+    assert (
+        frf.response_point,
+        frf.response_direction,
+        frf.reference_point,
+        frf.reference_direction,
+    ) == (2, 3, 1, 3)
+    assert (frf.quantity, frf.axis.start_hz, frf.axis.step_hz, frf.axis.count) == (
+        "accelerance",
+        0.0,
+        0.5,
+        401,
+    )
     size = np.abs(values_of(frf))
     peaks = 1 + np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] > size[2:]))
     np.testing.assert_allclose(lines_of(frf)[peaks], HZ)
     stated = {**mapping, "frequency_hz": {"start": 0, "step": 0.5}}
     np.testing.assert_array_equal(values_of(frfs_in(kept(path, stated))[0]), values_of(frf))
     bare = {name: value for name, value in stated.items() if name != "unit"}
-    assert values_of(frfs_in(kept(path, bare))[0])[62] == values_of(frf)[62]  # the file's own unit counts
-    assert "is mobility, and the unit 'g/N' is that of accelerance" in refused(path, mapping, quantity="mobility")
+    # the file's own unit counts
+    assert values_of(frfs_in(kept(path, bare))[0])[62] == values_of(frf)[62]
+    assert "is mobility, and the unit 'g/N' is that of accelerance" in refused(
+        path, mapping, quantity="mobility"
+    )
     assert "is 1, and the unit 'g/N' makes it 9.80665" in refused(path, {**bare, "factor": 1.0})
     assert "is 'm/s2/N', and the file says 'g/N'" in refused(path, {**mapping, "unit": "m/s2/N"})
 
@@ -119,10 +144,13 @@ def refused(path: Path, mapping: Any, **stated: Any) -> str:
 
 
 def notes_of(items: list[Kept], number: int) -> str:
-    return "; ".join(next(i for i in items if isinstance(i, DatasetReport) and i.number == number).notes)
+    return "; ".join(
+        next(i for i in items if isinstance(i, DatasetReport) and i.number == number).notes
+    )
 
 
-# --- variants that are made here --------------------------------------------------------------------------------------
+# --- variants that are made here
+# --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -149,32 +177,57 @@ def test_names_of_degrees_of_freedom(name: str, dof: tuple[int, int] | None) -> 
     assert dof_in_name(name) == dof
 
 
-def named(response: str, reference: str, numbers: tuple[int, int, int, int] = (0, 0, 0, 0)) -> bytes:
+def named(
+    response: str, reference: str, numbers: tuple[int, int, int, int] = (0, 0, 0, 0)
+) -> bytes:
     """An FRF whose record 6 has these names and numbers."""
-    whole = set_58(*rows(np.arange(1.0, 9.0)), kind=6, points=4, response=numbers[:2], reference=numbers[2:])
+    whole = set_58(
+        *rows(np.arange(1.0, 9.0)), kind=6, points=4, response=numbers[:2], reference=numbers[2:]
+    )
     begin = whole.index(b"    4         0")
     places = zip((response, reference), (numbers[:2], numbers[2:]), strict=True)
-    row = f"{4:5d}{0:10d}{0:5d}{0:10d}" + "".join(f" {name:<10}{p:10d}{d:4d}" for name, (p, d) in places)
+    row = f"{4:5d}{0:10d}{0:5d}{0:10d}" + "".join(
+        f" {name:<10}{p:10d}{d:4d}" for name, (p, d) in places
+    )
     return whole[:begin] + row.encode() + whole[whole.index(b"\n", begin) :]
 
 
 @pytest.mark.parametrize(
     ("names", "numbers", "dofs", "note"),
     [
-        (("Point56:+Z", "1Z-"), (0, 0, 0, 0), (56, 3, 1, -3), "its response is 56 +Z by its name 'Point56:+Z'"),
+        (
+            ("Point56:+Z", "1Z-"),
+            (0, 0, 0, 0),
+            (56, 3, 1, -3),
+            "its response is 56 +Z by its name 'Point56:+Z'",
+        ),
         (("P12 -X", ".1.Y"), (12, 0, 0, 0), (12, -1, 1, 2), "by its name"),
         (("1Z-", "2Z"), (7, 3, 1, -3), (7, 3, 1, -3), "the numbers are used"),
-        (("NONE", "NONE"), (0, 0, 1, 3), (0, 0, 1, 3), "its response has no point and no direction"),
+        (
+            ("NONE", "NONE"),
+            (0, 0, 1, 3),
+            (0, 0, 1, 3),
+            "its response has no point and no direction",
+        ),
     ],
 )
 def test_numbers_of_record_6_count_and_names_fill_in(
-    tmp_path: Path, names: tuple[str, str], numbers: tuple[int, int, int, int], dofs: tuple[int, ...], note: str
+    tmp_path: Path,
+    names: tuple[str, str],
+    numbers: tuple[int, int, int, int],
+    dofs: tuple[int, ...],
+    note: str,
 ) -> None:
     path = tmp_path / "named.unv"
     path.write_bytes(named(*names, numbers))
     found = load(path)
     frf: Any = found.contents[0]
-    assert (frf.response_point, frf.response_direction, frf.reference_point, frf.reference_direction) == dofs
+    assert (
+        frf.response_point,
+        frf.response_direction,
+        frf.reference_point,
+        frf.reference_direction,
+    ) == dofs
     assert note in found.notes
 
 
@@ -188,7 +241,12 @@ def test_a_name_against_half_a_number_is_refused(tmp_path: Path) -> None:
 
 def padded(tail: str, points: int = 4) -> bytes:
     """Four complex single values and something behind them in their row."""
-    numbers = "".join(f"{v:13.5e}" for v in range(1, 7)) + "\n" + "".join(f"{v:13.5e}" for v in (7, 8)) + tail
+    numbers = (
+        "".join(f"{v:13.5e}" for v in range(1, 7))
+        + "\n"
+        + "".join(f"{v:13.5e}" for v in (7, 8))
+        + tail
+    )
     return set_58(*numbers.split("\n"), kind=5, points=points)
 
 
@@ -205,7 +263,9 @@ def padded(tail: str, points: int = 4) -> bytes:
         ("          NaN          NaN", "refused"),
     ],
 )
-def test_a_row_is_filled_up_with_blanks_or_zeros_alone(tmp_path: Path, tail: str, outcome: str) -> None:
+def test_a_row_is_filled_up_with_blanks_or_zeros_alone(
+    tmp_path: Path, tail: str, outcome: str
+) -> None:
     path = tmp_path / "padded.unv"
     path.write_bytes(padded(tail))
     found = load(path)
@@ -228,12 +288,18 @@ def test_a_gap_is_left_out_at_0_hz_alone(tmp_path: Path, token: str, even: int) 
         return load(path)
 
     found = file([token, token], [3.0, 4.0])
-    assert (found.contents[0].frequency.points().tolist(), found.contents[0].values.tolist()) == ([0.5], [3 + 4j])
+    assert (found.contents[0].frequency.points().tolist(), found.contents[0].values.tolist()) == (
+        [0.5],
+        [3 + 4j],
+    )
     assert "its value at 0 Hz is NaN or infinite" in found.notes
     assert file([token, 0.0], [3.0, 4.0]).contents[0].values.size == 1
     assert file([1.0, 2.0], [token, 4.0]).outcomes == ["refused"]
     if even:
-        assert "only one at 0 Hz can be left out" in file([token, token], [3.0, 4.0], start="2.0").reasons
+        assert (
+            "only one at 0 Hz can be left out"
+            in file([token, token], [3.0, 4.0], start="2.0").reasons
+        )
 
 
 def test_a_coherence_keeps_to_an_frf_without_its_first_line(tmp_path: Path) -> None:
@@ -253,7 +319,9 @@ def test_volts_of_a_uff_are_refused(tmp_path: Path, unit: str) -> None:
     path = tmp_path / "volts.unv"
     samples = rows(np.arange(1.0, 9.0))
     path.write_bytes(
-        set_58(*samples, kind=4, points=8, function=1, abscissa=axis(17, "s"), ordinate=axis(12, unit))
+        set_58(
+            *samples, kind=4, points=8, function=1, abscissa=axis(17, "s"), ordinate=axis(12, unit)
+        )
         + set_58(*rows(np.arange(1.0, 9.0)), points=4, ordinate=axis(12, unit))
     )
     found = load(path)
@@ -263,7 +331,12 @@ def test_volts_of_a_uff_are_refused(tmp_path: Path, unit: str) -> None:
 
 LINES = np.arange(1.0, 65.0)
 VALUES = np.exp(1j * LINES) * np.array([[1.0], [2.0]])
-DOFS = {"response_point": [4, 5], "response_direction": 3, "reference_point": 1, "reference_direction": -3}
+DOFS = {
+    "response_point": [4, 5],
+    "response_direction": 3,
+    "reference_point": 1,
+    "reference_direction": -3,
+}
 
 
 def saved(folder: Path, **arrays: Any) -> Path:
@@ -275,7 +348,9 @@ def saved(folder: Path, **arrays: Any) -> Path:
     ("names", "parts"),
     [(("start_value", "increment"), "x_values"), (("f0", "df"), "axis"), (("x0", "dx"), "head")],
 )
-def test_even_axes_by_other_names_are_proposed(tmp_path: Path, names: tuple[str, str], parts: str) -> None:
+def test_even_axes_by_other_names_are_proposed(
+    tmp_path: Path, names: tuple[str, str], parts: str
+) -> None:
     path = saved(tmp_path, m={parts: {names[0]: 1.0, names[1]: 1.0}, "H": VALUES.T})
     mapping = proposed(path)
     start, step = ({"variable": f"m.{parts}.{name}"} for name in names)
@@ -287,9 +362,14 @@ def test_even_axes_by_other_names_are_proposed(tmp_path: Path, names: tuple[str,
 
 
 def test_units_in_texts_and_names_of_a_mat(tmp_path: Path) -> None:
-    path = saved(tmp_path, m={"omega": LINES, "H": VALUES.T, "H_unit": "mm/s^2/N", "omega_unit": "rad/s"})
+    path = saved(
+        tmp_path, m={"omega": LINES, "H": VALUES.T, "H_unit": "mm/s^2/N", "omega_unit": "rad/s"}
+    )
     mapping = proposed(path)
-    assert (mapping["frequency_hz"], mapping["unit"]) == ({"variable": "m.omega", "unit": "rad/s"}, "mm/s^2/N")
+    assert (mapping["frequency_hz"], mapping["unit"]) == (
+        {"variable": "m.omega", "unit": "rad/s"},
+        "mm/s^2/N",
+    )
     frf = frfs_in(kept(path, {**mapping, **DOFS}))[0]
     assert frf.quantity == "accelerance"
     np.testing.assert_allclose(lines_of(frf), LINES / 2 / np.pi, rtol=1e-12)
@@ -310,13 +390,18 @@ def test_units_in_texts_and_names_of_a_mat(tmp_path: Path) -> None:
         ({"frequency_hz": {"start": 0, "step": 1, "count": 63}}, "is 63, and frf has 64 lines"),
         ({"frequency_hz": {"start": None, "step": 1}}, "/mapping/frequency_hz: is empty"),
         ({"frequency_hz": {"variable": "f", "unit": "kg"}}, "is 'kg', expected a frequency's"),
-        ({"response_point": [4, None]}, "/mapping/response_point: is empty: state a point for each FRF"),
+        (
+            {"response_point": [4, None]},
+            "/mapping/response_point: is empty: state a point for each FRF",
+        ),
         ({"reference_direction": None}, "/mapping/reference_direction: is empty: state ±1 to ±3"),
         ({"response_point": 4}, "one degree of freedom for 2 FRFs"),
         ({"response_point": [4]}, "one degree of freedom for 2 FRFs"),
     ],
 )
-def test_a_mapping_of_frfs_that_lacks_or_contradicts(tmp_path: Path, change: dict[str, Any], fault: str) -> None:
+def test_a_mapping_of_frfs_that_lacks_or_contradicts(
+    tmp_path: Path, change: dict[str, Any], fault: str
+) -> None:
     path = saved(tmp_path, f=LINES, H=VALUES.T)
     whole = {"frequency_hz": {"variable": "f"}, "frf": {"variable": "H"}, **DOFS}
     assert fault in refused(path, {**whole, **change}, quantity="accelerance")
@@ -336,7 +421,12 @@ def test_a_gap_in_arrays_is_left_out_at_0_hz_alone(tmp_path: Path, form: str) ->
     def file(values: np.ndarray) -> tuple[Path, Any]:
         path = tmp_path / f"gap.{form}"
         if form == "npz":
-            np.savez(path, frequency_hz=lines, values=values, **{name: np.array(dof) for name, dof in DOFS.items()})
+            np.savez(
+                path,
+                frequency_hz=lines,
+                values=values,
+                **{name: np.array(dof) for name, dof in DOFS.items()},
+            )
         elif form == "mat":
             savemat(path, {"f": lines, "H": values})
             return path, {"frequency_hz": {"variable": "f"}, "frf": {"variable": "H"}, **DOFS}
@@ -362,13 +452,30 @@ def test_a_gap_in_arrays_is_left_out_at_0_hz_alone(tmp_path: Path, form: str) ->
 
 def test_a_list_of_structures_holds_several_frfs(tmp_path: Path) -> None:
     """As Test.Lab writes several blocks: axes and units are the same, names differ."""
-    blocks = np.empty((1, 2), dtype=[(name, object) for name in ("x_values", "y_values", "function_record")])
+    blocks = np.empty(
+        (1, 2), dtype=[(name, object) for name in ("x_values", "y_values", "function_record")]
+    )
     for column, values in enumerate(VALUES):
-        channels = {"primary_channel": {"name": f"P:{column + 7}:-Z"}, "reference_channel": {"name": "P:1:+Z"}}
-        even = {"start_value": 1.0, "increment": 1.0, "number_of_values": 64.0, "quantity": {"label": "Hz"}}
-        blocks[0, column] = (even, {"values": values[:, None], "quantity": {"label": "g/N"}}, channels)
+        channels = {
+            "primary_channel": {"name": f"P:{column + 7}:-Z"},
+            "reference_channel": {"name": "P:1:+Z"},
+        }
+        even = {
+            "start_value": 1.0,
+            "increment": 1.0,
+            "number_of_values": 64.0,
+            "quantity": {"label": "Hz"},
+        }
+        blocks[0, column] = (
+            even,
+            {"values": values[:, None], "quantity": {"label": "g/N"}},
+            channels,
+        )
     path = saved(tmp_path, FRF=blocks)
     frfs = frfs_in(kept(path, proposed(path)))
-    assert [(f.response_point, f.response_direction, f.reference_point) for f in frfs] == [(7, -3, 1), (8, -3, 1)]
+    assert [(f.response_point, f.response_direction, f.reference_point) for f in frfs] == [
+        (7, -3, 1),
+        (8, -3, 1),
+    ]
     for frf, values in zip(frfs, VALUES, strict=True):
         np.testing.assert_allclose(values_of(frf), values * 9.80665, rtol=1e-12)

@@ -1,4 +1,6 @@
-"""Hits in tables of text as laboratories export them: the same two seconds in each, and variants of them."""
+"""Hits in tables of text as laboratories export them: the same two seconds in each, and variants of
+them.
+"""
 
 import json
 import math
@@ -21,11 +23,19 @@ PLACES = {"force": {"point": 1, "direction": 3}, "acceleration": {"point": 2, "d
 
 
 def found_in(path: Path, mapping: Any = None, *, dry_run: bool = True) -> list[Any]:
-    return list(read_upload(ReadingInputs(path, None, path.name, mapping=mapping, dry_run=dry_run), lambda *_: None))
+    return list(
+        read_upload(
+            ReadingInputs(path, None, path.name, mapping=mapping, dry_run=dry_run), lambda *_: None
+        )
+    )
 
 
-def completed(mapping: dict[str, Any], quantities: tuple[str, ...] = ("force", "acceleration")) -> dict[str, Any]:
-    """A proposal, with what it left empty: points, directions, and quantities and units of columns without heading."""
+def completed(
+    mapping: dict[str, Any], quantities: tuple[str, ...] = ("force", "acceleration")
+) -> dict[str, Any]:
+    """A proposal, with what it left empty: points, directions, and quantities and units of columns
+    without heading.
+    """
     channels = [c for c in mapping["channels"] if c["variable"] != "column 1"]
     filled = []
     for channel, quantity in zip(channels, quantities, strict=True):
@@ -64,7 +74,9 @@ def check_hit(items: list[Any]) -> None:
     accelerance = np.abs(np.fft.rfft(response.samples) / np.fft.rfft(force.samples))
     assert accelerance[round(31 / hz[1])] == pytest.approx(2.5, rel=0.05)
     peaks = [
-        float(hz[(hz > f - 10) & (hz < f + 10)][np.argmax(accelerance[(hz > f - 10) & (hz < f + 10)])])
+        float(
+            hz[(hz > f - 10) & (hz < f + 10)][np.argmax(accelerance[(hz > f - 10) & (hz < f + 10)])]
+        )
         for f in (31, 87, 142)
     ]
     assert peaks == pytest.approx([31, 87, 142], abs=1)
@@ -75,12 +87,19 @@ def check_hit(items: list[Any]) -> None:
 RATE, COUNT = 1000.0, 400
 TIME = np.arange(COUNT) / RATE
 FORCE = 90 * np.exp(-(((TIME - 0.05) / 0.002) ** 2))
-ACCELERATION = 12 * np.exp(-20 * np.clip(TIME - 0.05, 0, None)) * np.sin(2 * np.pi * 31 * TIME) * (TIME > 0.05)
+ACCELERATION = (
+    12 * np.exp(-20 * np.clip(TIME - 0.05, 0, None)) * np.sin(2 * np.pi * 31 * TIME) * (TIME > 0.05)
+)
 GRAVITY, POUND = 9.80665, 4.4482216152605
 
 
-def table(columns: list[np.ndarray], separator: str, decimal: str = ".", form: str = "%.7f") -> list[str]:
-    return [separator.join(form % value for value in row).replace(".", decimal) for row in zip(*columns, strict=True)]
+def table(
+    columns: list[np.ndarray], separator: str, decimal: str = ".", form: str = "%.7f"
+) -> list[str]:
+    return [
+        separator.join(form % value for value in row).replace(".", decimal)
+        for row in zip(*columns, strict=True)
+    ]
 
 
 def read(
@@ -103,10 +122,22 @@ def require_same(file: TextRecording, found: Any) -> None:
 
 
 HEADINGS = [
-    (["ACC (g)", "time_ms", "Hammer [lbf]"], None, [ACCELERATION / GRAVITY, 1e3 * TIME, FORCE / POUND]),
+    (
+        ["ACC (g)", "time_ms", "Hammer [lbf]"],
+        None,
+        [ACCELERATION / GRAVITY, 1e3 * TIME, FORCE / POUND],
+    ),
     (["Time", "Hammer", "ACC"], ["s", "N", "m/s²"], [TIME, FORCE, ACCELERATION]),
-    (["Time", "Hammer", "ACC"], ["ms", "kN", "mm/s2"], [1e3 * TIME, 1e-3 * FORCE, 1e3 * ACCELERATION]),
-    (["Zeit", "Kraft", "Beschleunigung"], ["[µs]", "[N]", "[g]"], [1e6 * TIME, FORCE, ACCELERATION / GRAVITY]),
+    (
+        ["Time", "Hammer", "ACC"],
+        ["ms", "kN", "mm/s2"],
+        [1e3 * TIME, 1e-3 * FORCE, 1e3 * ACCELERATION],
+    ),
+    (
+        ["Zeit", "Kraft", "Beschleunigung"],
+        ["[µs]", "[N]", "[g]"],
+        [1e6 * TIME, FORCE, ACCELERATION / GRAVITY],
+    ),
     (["Temps (s)", "Force (N)", "Accélération (m/s^2)"], None, [TIME, FORCE, ACCELERATION]),
     (["Hammer", "Time", "ACC"], ["(lbf)", "(s)", "(m/s^2)"], [FORCE / POUND, TIME, ACCELERATION]),
 ]
@@ -116,9 +147,18 @@ STYLES = [(",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","), (" ", ".
 @pytest.mark.parametrize(("separator", "decimal"), STYLES)
 @pytest.mark.parametrize(("names", "units", "columns"), HEADINGS)
 def test_orders_units_and_separators(
-    tmp_path: Path, names: list[str], units: list[str] | None, columns: list[np.ndarray], separator: str, decimal: str
+    tmp_path: Path,
+    names: list[str],
+    units: list[str] | None,
+    columns: list[np.ndarray],
+    separator: str,
+    decimal: str,
 ) -> None:
-    lines = [separator.join(names), *([separator.join(units)] if units else []), *table(columns, separator, decimal)]
+    lines = [
+        separator.join(names),
+        *([separator.join(units)] if units else []),
+        *table(columns, separator, decimal),
+    ]
     file, found = read(tmp_path, lines)
     require_same(file, found)
     assert found.table["decimal"] == decimal
@@ -181,18 +221,34 @@ def stamp(seconds: float, form: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "form", ["{clock}", "2024-03-{day:02d} {clock}", "2024-03-{day:02d}T{clock}Z", "{day:02d}.03.2024 {clock}"]
+    "form",
+    [
+        "{clock}",
+        "2024-03-{day:02d} {clock}",
+        "2024-03-{day:02d}T{clock}Z",
+        "{day:02d}.03.2024 {clock}",
+    ],
 )
 @pytest.mark.parametrize(("separator", "decimal"), [(";", ","), ("\t", "."), (",", ".")])
-def test_time_stamps_are_a_time_axis(tmp_path: Path, form: str, separator: str, decimal: str) -> None:
+def test_time_stamps_are_a_time_axis(
+    tmp_path: Path, form: str, separator: str, decimal: str
+) -> None:
     stamps = [stamp(t, form) for t in TIME.tolist()]
     stamps = [s.rpartition(".")[0] + decimal + s.rpartition(".")[2] for s in stamps]
-    body = [f"{s}{separator}{rest}" for s, rest in zip(stamps, table(PLAIN[1:], separator, decimal), strict=True)]
+    body = [
+        f"{s}{separator}{rest}"
+        for s, rest in zip(stamps, table(PLAIN[1:], separator, decimal), strict=True)
+    ]
     require_same(*read(tmp_path, [separator.join(("Time", "Hammer (N)", "ACC (m/s²)")), *body]))
 
 
 def test_a_rate_in_the_preamble_stands_for_a_time_axis(tmp_path: Path) -> None:
-    for first in ("Sample rate;1000,0", "Sampling rate (kHz);1,0", "Delta_X;0,001", "Abtastrate: 1000 Hz"):
+    for first in (
+        "Sample rate;1000,0",
+        "Sampling rate (kHz);1,0",
+        "Delta_X;0,001",
+        "Abtastrate: 1000 Hz",
+    ):
         lines = [first, "", "Hammer (N);ACC (m/s²)", *table(PLAIN[1:], ";", ",")]
         file, found = read(tmp_path, lines)
         assert found.mapping["sample_rate_hz"] == {"variable": "sample_rate_hz"}
@@ -216,23 +272,36 @@ def test_labview_measurement_files(tmp_path: Path, columns: str, decimal: str) -
     rows = table([TIME, FORCE, ACCELERATION / GRAVITY], "\t", decimal, "%.7f")
     if columns == "No":
         rows = ["\t" + row.partition("\t")[2] for row in rows]
-    file, found = read(tmp_path, lvm(columns, decimal, rows, "X_Value\tHammer\tACC\tComment"), suffix=".lvm")
+    file, found = read(
+        tmp_path, lvm(columns, decimal, rows, "X_Value\tHammer\tACC\tComment"), suffix=".lvm"
+    )
     assert file.units["ACC"] == "g"
     require_same(file, found)
 
 
 def test_two_lines_of_names_where_one_does_not_tell_columns_apart(tmp_path: Path) -> None:
-    lines = ["Time;Hammer;ACC", "Value;Value;Value", "s;N;g", *table([TIME, FORCE, ACCELERATION / GRAVITY], ";")]
+    lines = [
+        "Time;Hammer;ACC",
+        "Value;Value;Value",
+        "s;N;g",
+        *table([TIME, FORCE, ACCELERATION / GRAVITY], ";"),
+    ]
     file, found = read(tmp_path, lines)
     assert file.names == ["Time Value", "Hammer Value", "ACC Value"]
     require_same(file, found)
 
 
 REFUSED = [
-    (["Hammer;ACC", *["1,234;2,345"] * 70], "may be a decimal comma or grouped thousands; state decimal"),
+    (
+        ["Hammer;ACC", *["1,234;2,345"] * 70],
+        "may be a decimal comma or grouped thousands; state decimal",
+    ),
     (["Hammer,ACC", *["0,003456,1,234567"] * 70], r"line 2: .*4|decimal commas between comma"),
     (["0,003456,1,234567"] * 70, "line 1: .*may have decimal commas between commas"),
-    (["Time;Hammer", *["1.0;2.0"] * 70, "1.0;OVER", "1.0;2.0"], "line 72, Hammer: 'OVER' is no number"),
+    (
+        ["Time;Hammer", *["1.0;2.0"] * 70, "1.0;OVER", "1.0;2.0"],
+        "line 72, Hammer: 'OVER' is no number",
+    ),
     (
         ["Time;Hammer", *["1.0;2.0"] * 70, "pause", *["1.0;2.0"] * 70],
         "line 72: 'pause' is no row of the table, and data follow",
@@ -244,7 +313,9 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("lines", "why"), REFUSED)
-def test_what_is_refused_names_its_line_and_the_way(tmp_path: Path, lines: list[str], why: str) -> None:
+def test_what_is_refused_names_its_line_and_the_way(
+    tmp_path: Path, lines: list[str], why: str
+) -> None:
     path = tmp_path / "hit.csv"
     path.write_text("\n".join(lines))
     with pytest.raises(Invalid, match=why) as refused:
@@ -263,14 +334,21 @@ def test_what_a_table_leaves_open_can_be_stated(tmp_path: Path) -> None:
         read(tmp_path, lines, comma=True)
 
 
-@pytest.mark.parametrize(("keep", "has", "lacks"), [(1, "force", "a response"), (2, "acceleration", "a force")])
-def test_force_and_response_in_two_files_belong_in_one(tmp_path: Path, keep: int, has: str, lacks: str) -> None:
+@pytest.mark.parametrize(
+    ("keep", "has", "lacks"), [(1, "force", "a response"), (2, "acceleration", "a force")]
+)
+def test_force_and_response_in_two_files_belong_in_one(
+    tmp_path: Path, keep: int, has: str, lacks: str
+) -> None:
     heading = ["Time (s);Hammer (N)", "", "Time (s);ACC (m/s²)"]
     lines = [heading[keep * 2 - 2], *table([TIME, PLAIN[keep]], ";")]
     file, found = read(tmp_path, lines)
     assert f"the file holds {has} alone; all channels of a hit belong in one file" in found.notes[0]
     mapping = completed(found.mapping, (has,))
-    with pytest.raises(FormatError, match=f"mapping.channels: lack {lacks}; all channels of a hit belong in one file"):
+    with pytest.raises(
+        FormatError,
+        match=f"mapping.channels: lack {lacks}; all channels of a hit belong in one file",
+    ):
         read_mapping(mapping, file.units)
 
 
@@ -287,7 +365,12 @@ def test_a_long_recording_is_read_part_by_part(tmp_path: Path) -> None:
     time, response = np.arange(hit.size) / RATE, np.tile(ACCELERATION, 20)
     path = tmp_path / "tour.txt"
     path.write_text(
-        "\n".join(["Time (s);Hammer (N);ACC (g)", *table([time, hit, response / GRAVITY], ";", ",", "%.6f")])
+        "\n".join(
+            [
+                "Time (s);Hammer (N);ACC (g)",
+                *table([time, hit, response / GRAVITY], ";", ",", "%.6f"),
+            ]
+        )
     )
     (found,) = found_in(path)
     assert "recording" in found.mapping
@@ -296,9 +379,9 @@ def test_a_long_recording_is_read_part_by_part(tmp_path: Path) -> None:
     assert blocks[0].table["decimal"] == ","
     assert {b.quantity for b in blocks[1:]} == {"force", "acceleration"}
     assert len(blocks) >= 1 + 2 * 15
-    assert max(float(np.abs(b.samples).max()) for b in blocks[1:] if b.quantity == "acceleration") == pytest.approx(
-        float(np.abs(ACCELERATION).max()), rel=0.01
-    )
+    assert max(
+        float(np.abs(b.samples).max()) for b in blocks[1:] if b.quantity == "acceleration"
+    ) == pytest.approx(float(np.abs(ACCELERATION).max()), rel=0.01)
 
 
 def test_a_proposal_of_a_table_without_names_says_no_quantity(tmp_path: Path) -> None:
@@ -311,7 +394,9 @@ def test_a_proposal_of_a_table_without_names_says_no_quantity(tmp_path: Path) ->
 def test_settings_between_units_and_data_are_no_names(tmp_path: Path) -> None:
     above = ["Channels: 3", "Zeit 1 - Standardmessrate\tHammer\tACC 1", "s\tN\tg"]
     below = ["50 Hz\t1000 Hz\t1000 Hz", "SENSOR=a\tb\tc"]
-    file, found = read(tmp_path, [*above, *below, *table([TIME, FORCE, ACCELERATION / GRAVITY], "\t", ",")])
+    file, found = read(
+        tmp_path, [*above, *below, *table([TIME, FORCE, ACCELERATION / GRAVITY], "\t", ",")]
+    )
     assert (found.table["heading_lines"], found.table["units_line"]) == ([2], 3)
     require_same(file, found)
 
@@ -319,7 +404,10 @@ def test_settings_between_units_and_data_are_no_names(tmp_path: Path) -> None:
 def test_a_line_that_says_one_unit_is_none_of_columns(tmp_path: Path) -> None:
     lines = ["X-Unit: s", "Y-Unit: N ; g", "Time;Force;Accel", *table(PLAIN, ";")]
     _, found = read(tmp_path, lines)
-    assert [(c["variable"], c["unit"]) for c in found.mapping["channels"]] == [("Force", None), ("Accel", None)]
+    assert [(c["variable"], c["unit"]) for c in found.mapping["channels"]] == [
+        ("Force", None),
+        ("Accel", None),
+    ]
 
 
 @pytest.mark.parametrize("name", ["X [s]", "Timestamp", "Zeitstempel (s)"])
@@ -339,12 +427,16 @@ def test_the_time_is_known_by_its_unit_or_name(tmp_path: Path, name: str) -> Non
         ("Time;Force [N];Roof", [("Force [N]", "force"), ("Roof", None)]),
     ],
 )
-def test_columns_of_which_nothing_is_known_are_asked_for(tmp_path: Path, heading: str, listed: list[Any]) -> None:
+def test_columns_of_which_nothing_is_known_are_asked_for(
+    tmp_path: Path, heading: str, listed: list[Any]
+) -> None:
     _, found = read(tmp_path, [heading, *table(PLAIN, ";")])
     assert [(c["variable"], c["quantity"]) for c in found.mapping["channels"]] == listed
 
 
-@pytest.mark.parametrize("rate", ["Sample Rate;1000 S/s", "Sample Rate;1 kS/s", "Scan rate: 1000 scans/sec"])
+@pytest.mark.parametrize(
+    "rate", ["Sample Rate;1000 S/s", "Sample Rate;1 kS/s", "Scan rate: 1000 scans/sec"]
+)
 def test_samples_a_second_are_a_rate(tmp_path: Path, rate: str) -> None:
     require_same(*read(tmp_path, [rate, "Hammer (N);ACC (m/s²)", *table(PLAIN[1:], ";")]))
 
@@ -354,12 +446,16 @@ def test_a_gap_in_the_time_axis_is_named(tmp_path: Path) -> None:
     lines[9] = "NaN;0;0"
     file, found = read(tmp_path, ["Time (s);Hammer (N);ACC (g)", *lines])
     assert found.mapping["sample_rate_hz"] == {"variable": "Time (s)"}
-    with pytest.raises(FormatError, match="row 10 of the data has no number; state the rate as a number"):
+    with pytest.raises(
+        FormatError, match="row 10 of the data has no number; state the rate as a number"
+    ):
         blocks_of(file.arrays(), read_mapping(completed(found.mapping), file.units), file.units)
 
 
 def test_the_sensitivity_that_a_refusal_advises_is_taken(tmp_path: Path) -> None:
-    file, found = read(tmp_path, ["Time (s);Hammer (N);ACC (mV)", *table([*PLAIN[:2], 10 * ACCELERATION], ";")])
+    file, found = read(
+        tmp_path, ["Time (s);Hammer (N);ACC (mV)", *table([*PLAIN[:2], 10 * ACCELERATION], ";")]
+    )
     mapping = completed(found.mapping)
     with pytest.raises(FormatError, match=r'such as "2.25 mV/\(m/s²\)"'):
         read_mapping(mapping, file.units)

@@ -1,4 +1,6 @@
-"""Meshes as laboratories send them: groups of Universal Files, and the edges of Salome's quadratic meshes."""
+"""Meshes as laboratories send them: groups of Universal Files, and the edges of Salome's quadratic
+meshes.
+"""
 
 from collections.abc import Sequence
 
@@ -29,7 +31,12 @@ def group(number: int, name: str, members: Sequence[tuple[int, int]], width: int
     rows = ["".join(f"{value:10d}" for value in (number, 0, 0, 0, 0, 0, 0, len(members))), name]
     per = 8 // width
     for at in range(0, len(members), per):
-        rows.append("".join("".join(f"{v:10d}" for v in (*m, *[0] * (width - 2))) for m in members[at : at + per]))
+        rows.append(
+            "".join(
+                "".join(f"{v:10d}" for v in (*m, *[0] * (width - 2)))
+                for m in members[at : at + per]
+            )
+        )
     return "".join(f"{row}\n" for row in rows)
 
 
@@ -61,13 +68,16 @@ SHELL = group(2, "PLATE", [(8, k) for k in SHELLS])
 @pytest.mark.parametrize("edge", [11, 21, 22])
 def test_kinds_of_groups(kind: str, edge: int) -> None:
     plain = imported("a.unv", unv(), sections={"set_2": PLATE, "line_2": HELD}).frequencies(3)
-    found = imported("a.unv", unv(EDGE, SHELL, kind=kind, edge=edge), sections=SECTIONS).frequencies(3)
+    found = imported(
+        "a.unv", unv(EDGE, SHELL, kind=kind, edge=edge), sections=SECTIONS
+    ).frequencies(3)
     assert found.tolist() == plain.tolist()
 
 
 def test_older_groups_have_two_numbers_a_member() -> None:
     groups = [
-        group(k, name, [(8, n) for n in own], 2) for k, (name, own) in enumerate([("CLAMP", LINES), ("P", SHELLS)])
+        group(k, name, [(8, n) for n in own], 2)
+        for k, (name, own) in enumerate([("CLAMP", LINES), ("P", SHELLS)])
     ]
     model = imported("a.unv", unv(*groups, kind="2430"), sections={"p": PLATE, "clamp": HELD})
     assert model.document["sets"][0]["elements"] == 4
@@ -89,24 +99,38 @@ def test_groups_that_overlap() -> None:
     every = group(3, "ALL", [(8, k) for k in (*LINES, *SHELLS)])
     model = imported("a.unv", unv(EDGE, SHELL, every), sections=SECTIONS)
     assert [one["name"] for one in model.document["sets"]] == ["plate"]
-    with pytest.raises(Invalid, match=r"sections/all: element 3 is in plate and all; state the section of one"):
+    with pytest.raises(
+        Invalid, match=r"sections/all: element 3 is in plate and all; state the section of one"
+    ):
         imported("a.unv", unv(EDGE, SHELL, every), sections={**SECTIONS, "all": PLATE})
     with pytest.raises(Invalid, match=r"element 3 is in plate and set_2"):
         imported("a.unv", unv(EDGE, SHELL), sections={**SECTIONS, "set_2": PLATE})
     halves = [
-        group(k, name, [(8, n) for n in own]) for k, (name, own) in enumerate([("A", (3, 5)), ("B b", (4, 6))], 2)
+        group(k, name, [(8, n) for n in own])
+        for k, (name, own) in enumerate([("A", (3, 5)), ("B b", (4, 6))], 2)
     ]
-    parts = imported("a.unv", unv(EDGE, *halves), sections={"a": PLATE, "b_b": PLATE, "clamp": HELD})
-    assert [(one["name"], one["elements"]) for one in parts.document["sets"]] == [("a", 2), ("b_b", 2)]
+    parts = imported(
+        "a.unv", unv(EDGE, *halves), sections={"a": PLATE, "b_b": PLATE, "clamp": HELD}
+    )
+    assert [(one["name"], one["elements"]) for one in parts.document["sets"]] == [
+        ("a", 2),
+        ("b_b", 2),
+    ]
 
 
 @pytest.mark.parametrize(
     ("groups", "said"),
     [
         ((EDGE, SHELL), r"lack plate \(4 elements\)"),
-        ((group(1, "CLAMP", [(8, 99)]),), "line 1: the group clamp has the element 99, which is not there"),
+        (
+            (group(1, "CLAMP", [(8, 99)]),),
+            "line 1: the group clamp has the element 99, which is not there",
+        ),
         ((group(1, "CLAMP", [(7, 99)]),), "the group clamp has the node 99, which is not there"),
-        ((EDGE, group(2, "clamp", [(8, 3)])), r"dataset 3 \(set 2467\) line 4: clamp is there twice"),
+        (
+            (EDGE, group(2, "clamp", [(8, 3)])),
+            r"dataset 3 \(set 2467\) line 4: clamp is there twice",
+        ),
         ((EDGE.rpartition("         8")[0] + "\n",), "dataset 3 .set 2467. line 3"),
     ],
 )
@@ -118,7 +142,8 @@ def test_what_is_wrong_with_groups(groups: Sequence[str], said: str) -> None:
 def test_a_mesh_of_unusual_size_is_asked_about() -> None:
     large = unv(EDGE, SHELL, scale=1e3)
     with pytest.raises(
-        Invalid, match=r"1.12e\+05 m large, usual is 0.001 to 10000 \(are the units right\?\); accept=size"
+        Invalid,
+        match=r"1.12e\+05 m large, usual is 0.001 to 10000 \(are the units right\?\); accept=size",
     ):
         imported("a.unv", large, "m-N-kg", sections=SECTIONS)
     assert imported("a.unv", large, "m-N-kg", sections=SECTIONS, accept=["size"]).document["sets"]

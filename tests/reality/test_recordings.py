@@ -1,4 +1,6 @@
-"""Recordings as laboratories send them: units, names and start times of the file count, and what it lacks is asked for."""
+"""Recordings as laboratories send them: units, names and start times of the file count, and what it
+lacks is asked for.
+"""
 
 from copy import deepcopy
 from pathlib import Path
@@ -17,7 +19,9 @@ from service.store.records.schemas import Proposal
 from tests.support.reality import kept, reality
 from tests.unit.fecore.signal.test_recording import RATE, recording
 
-nptdms = pytest.importorskip("nptdms", reason="npTDMS is not installed: pip install 'modalbase[tdms]'")
+nptdms = pytest.importorskip(
+    "nptdms", reason="npTDMS is not installed: pip install 'modalbase[tdms]'"
+)
 POUND, GRAVITY = 4.4482216152605, 9.80665
 
 
@@ -28,7 +32,9 @@ def proposed(path: Path) -> dict[str, Any]:
 
 
 def placed(mapping: dict[str, Any], **changes: Any) -> dict[str, Any]:
-    """The proposal with what it asks for: hit at point 1, response at 2, along z; and changes of the second channel."""
+    """The proposal with what it asks for: hit at point 1, response at 2, along z; and changes of
+    the second channel.
+    """
     mapping = deepcopy(mapping)
     for point, channel in enumerate(mapping["channels"], 1):
         channel.update(point=point, direction=3)
@@ -49,7 +55,9 @@ def first_frf(items: list[Kept], hz: float) -> float:
     force, response = (np.asarray(block.samples, dtype=float) for block in blocks_in(items)[:2])
     times = np.arange(force.size) / blocks_in(items)[0].sample_rate_hz
     at = np.exp(-2j * np.pi * hz * times)
-    return float(abs(at @ (response - response[:200].mean())) / abs(at @ (force - force[:200].mean())))
+    return float(
+        abs(at @ (response - response[:200].mean())) / abs(at @ (force - force[:200].mean()))
+    )
 
 
 def fault_of(path: Path, mapping: dict[str, Any]) -> str:
@@ -86,7 +94,7 @@ def test_a_recording_of_one_hit_says_so_and_is_taken_as_one_hit() -> None:
     assert "holds 1 hit, at 0.02 s (95.4 N)" in fault
     assert "leave `recording` out" in fault
     alone = {name: value for name, value in mapping.items() if name != "recording"}
-    (force, response) = blocks_in(kept(path, alone))
+    force, response = blocks_in(kept(path, alone))
     assert (force.force_point, response.point, force.hit, force.samples.size) == (1, 2, 1, 4096)
     assert np.abs(force.samples).max() == pytest.approx(95.4, rel=1e-3)
 
@@ -103,7 +111,8 @@ def test_channels_that_begin_at_different_times_are_aligned() -> None:
     assert 2.0 < first_frf(items, 31.0) < 2.51
 
 
-# --- variants that are made here --------------------------------------------------------------------------------------
+# --- variants that are made here
+# --------------------------------------------------------------------------------------
 
 
 def made(folder: Path, names: tuple[str, str], *properties: dict[str, Any], late: int = 0) -> Path:
@@ -149,14 +158,21 @@ def test_volts_ask_for_a_sensitivity_and_take_one_with_its_unit(tmp_path: Path) 
     path = made(tmp_path, ("Hammer", "ACC"), {"unit_string": "N"}, {"unit_string": "mV"})
     mapping = proposed(path)
     assert (mapping["channels"][1]["unit"], mapping["channels"][1]["sensitivity"]) == ("mV", None)
-    assert "/channels/1/sensitivity: is missing: the file is in 'mV', volts" in fault_of(path, placed(mapping))
-    assert 'state "100 mV/(m/s²)" or "100 V/(m/s²)"' in fault_of(path, placed(mapping, sensitivity=100))
+    assert "/channels/1/sensitivity: is missing: the file is in 'mV', volts" in fault_of(
+        path, placed(mapping)
+    )
+    assert 'state "100 mV/(m/s²)" or "100 V/(m/s²)"' in fault_of(
+        path, placed(mapping, sensitivity=100)
+    )
     by_text, in_volts = (
-        blocks_in(kept(path, placed(mapping, sensitivity=text)))[1].samples for text in ("100 mV/g", "0.1 V/g")
+        blocks_in(kept(path, placed(mapping, sensitivity=text)))[1].samples
+        for text in ("100 mV/g", "0.1 V/g")
     )
     np.testing.assert_allclose(by_text, in_volts, rtol=1e-12)
     (raw,) = (
-        b for b in blocks_in(kept(path, placed(mapping, sensitivity="1 mV/(m/s²)"))) if b.hit == 1 and b.point == 2
+        b
+        for b in blocks_in(kept(path, placed(mapping, sensitivity="1 mV/(m/s²)")))
+        if b.hit == 1 and b.point == 2
     )
     np.testing.assert_allclose(by_text, raw.samples * GRAVITY / 100, rtol=1e-6)
 
@@ -167,7 +183,11 @@ def test_volts_ask_for_a_sensitivity_and_take_one_with_its_unit(tmp_path: Path) 
         ("g", {"sensitivity": 1.0}, "is 1.0, and the unit 'g' says that the samples are no volts"),
         ("g", {"sensitivity": "100 mV/g"}, "is '100 mV/g', and the unit 'g' says"),
         ("g", {"unit": "m/s^2"}, "is 'm/s^2', and the file states 'g'"),
-        ("lbf", {"quantity": "acceleration"}, "is 'acceleration', and the unit 'lbf' is a unit of force"),
+        (
+            "lbf",
+            {"quantity": "acceleration"},
+            "is 'acceleration', and the unit 'lbf' is a unit of force",
+        ),
         ("g", {"unit": "V", "instead_of": "mV"}, "is 'mV', and the file states 'g'"),
         ("EU", {}, "the file is in 'EU', no unit that is known here"),
         ("pC", {}, "the file is in 'pC', no unit that is known here"),
@@ -178,7 +198,9 @@ def test_volts_ask_for_a_sensitivity_and_take_one_with_its_unit(tmp_path: Path) 
 def test_what_contradicts_or_lacks_is_refused_with_both(
     tmp_path: Path, unit: str | None, changes: dict[str, Any], fault: str
 ) -> None:
-    path = made(tmp_path, ("Hammer", "ACC"), {"unit_string": "N"}, {"unit_string": unit} if unit else {})
+    path = made(
+        tmp_path, ("Hammer", "ACC"), {"unit_string": "N"}, {"unit_string": unit} if unit else {}
+    )
     mapping = proposed(path)
     mapping["channels"][1]["quantity"] = "acceleration"
     if changes:
@@ -195,8 +217,12 @@ def test_a_wrong_unit_of_a_file_is_overruled_by_naming_it(tmp_path: Path) -> Non
 
 def test_a_page_overrules_the_unit_that_it_shows() -> None:
     """What a person types in the place of a unit is sent with the file's own beside it."""
-    found = Proposal(variables={}, mapping=propose({"ACC (g)": np.zeros(99), "force": np.zeros(99)}), blocks=None)
-    stated = {"channels": [{"variable": "ACC (g)", "unit": "m/s²"}, {"variable": "force", "unit": "N"}]}
+    found = Proposal(
+        variables={}, mapping=propose({"ACC (g)": np.zeros(99), "force": np.zeros(99)}), blocks=None
+    )
+    stated = {
+        "channels": [{"variable": "ACC (g)", "unit": "m/s²"}, {"variable": "force", "unit": "N"}]
+    }
     shown = _overruling(stated, found)["channels"]
     assert [(c["unit"], c["instead_of"]) for c in shown] == [("m/s²", "g"), ("N", None)]
     assert _overruling({"frf": {}}, found) == {"frf": {}}
@@ -214,14 +240,18 @@ def test_a_name_that_contradicts_the_property_is_asked_for(tmp_path: Path) -> No
 @pytest.mark.parametrize("late", [1, 37])
 def test_offsets_and_start_times_align(tmp_path: Path, which: str, late: int) -> None:
     units: tuple[dict[str, Any], ...] = ({"unit_string": "N"}, {"unit_string": "m/s^2"})
-    whole = blocks_in(kept(path := made(tmp_path, ("Hammer", "ACC"), *units), placed(proposed(path))))
+    whole = blocks_in(
+        kept(path := made(tmp_path, ("Hammer", "ACC"), *units), placed(proposed(path)))
+    )
     if which == "wf_start_offset":
         starts: list[dict[str, Any]] = [{which: 0.0}, {which: late / RATE}]
     else:
         first = np.datetime64("2024-03-03T10:00:00.000000", "us")
         starts = [{which: first}, {which: first + np.timedelta64(round(late / RATE * 1e6), "us")}]
     both = [{**unit, **start} for unit, start in zip(units, starts, strict=True)]
-    again = blocks_in(kept(path := made(tmp_path, ("Hammer", "ACC"), *both, late=late), placed(proposed(path))))
+    again = blocks_in(
+        kept(path := made(tmp_path, ("Hammer", "ACC"), *both, late=late), placed(proposed(path)))
+    )
     assert len(again) == len(whole)
     for one, other in zip(again, whole, strict=True):
         n = min(one.samples.size, other.samples.size)
@@ -231,17 +261,29 @@ def test_offsets_and_start_times_align(tmp_path: Path, which: str, late: int) ->
 def test_a_start_between_two_samples_is_refused_by_name(tmp_path: Path) -> None:
     units = ({"unit_string": "N"}, {"unit_string": "m/s^2", "wf_start_offset": 2.5 / RATE})
     path = made(tmp_path, ("Hammer", "ACC"), *units)
-    assert "2.5 samples: they can be aligned by whole samples alone" in fault_of(path, placed(proposed(path)))
+    assert "2.5 samples: they can be aligned by whole samples alone" in fault_of(
+        path, placed(proposed(path))
+    )
 
 
 def test_names_of_arrays_and_of_their_time_axis_state_units(tmp_path: Path) -> None:
     force, response = recording([1.0], [1.0], 3.0)
     path = tmp_path / "hits.npz"
-    np.savez(path, **{"Hammer [lbf]": force, "ACC (g)": response, "time_ms": np.arange(force.size) * 1e3 / RATE})
+    np.savez(
+        path,
+        **{
+            "Hammer [lbf]": force,
+            "ACC (g)": response,
+            "time_ms": np.arange(force.size) * 1e3 / RATE,
+        },
+    )
     variables = read_variables(path)
     mapping = propose(variables)
     assert mapping["sample_rate_hz"] == {"variable": "time_ms"}
-    assert [(c["quantity"], c["unit"]) for c in mapping["channels"]] == [("force", "lbf"), ("acceleration", "g")]
+    assert [(c["quantity"], c["unit"]) for c in mapping["channels"]] == [
+        ("force", "lbf"),
+        ("acceleration", "g"),
+    ]
     _, (hit, moved) = hits_of(variables, placed(mapping), dry_run=False)
     assert hit.sample_rate_hz == pytest.approx(RATE)
     np.testing.assert_allclose(hit.samples, force * POUND, rtol=1e-12)
@@ -263,7 +305,10 @@ def test_a_text_beside_an_array_of_a_mat_states_its_unit(tmp_path: Path) -> None
     channel = {"values": response, "quantity": {"label": "g"}}
     savemat(path, {"fs": RATE, "hammer": {"data": force, "unit": "lbf"}, "acc": channel})
     mapping = proposed(path)
-    assert {c["variable"]: c["unit"] for c in mapping["channels"]} == {"hammer.data": "lbf", "acc.values": "g"}
+    assert {c["variable"]: c["unit"] for c in mapping["channels"]} == {
+        "hammer.data": "lbf",
+        "acc.values": "g",
+    }
     hit, moved = blocks_in(kept(path, placed(mapping)))
     np.testing.assert_allclose(hit.samples, force * POUND, rtol=1e-12)
     np.testing.assert_allclose(moved.samples, response * GRAVITY, rtol=1e-12)
@@ -271,7 +316,9 @@ def test_a_text_beside_an_array_of_a_mat_states_its_unit(tmp_path: Path) -> None
 
 def test_the_unit_of_the_axis_of_a_tdms_is_used(tmp_path: Path) -> None:
     axis = {"wf_increment": 1e3 / RATE, "wf_xunit_string": "ms"}
-    path = made(tmp_path, ("Hammer", "ACC"), {"unit_string": "N", **axis}, {"unit_string": "g", **axis})
+    path = made(
+        tmp_path, ("Hammer", "ACC"), {"unit_string": "N", **axis}, {"unit_string": "g", **axis}
+    )
     assert blocks_in(kept(path, placed(proposed(path))))[0].sample_rate_hz == pytest.approx(RATE)
 
 
@@ -279,9 +326,15 @@ def test_a_channel_may_be_the_time_axis_of_a_tdms(tmp_path: Path) -> None:
     path = tmp_path / "made.tdms"
     force = np.zeros(512)
     force[40:44] = 10.0
-    columns = {"Time": (np.arange(512) / RATE, "s"), "Hammer": (force, "N"), "ACC": (np.roll(force, 2), "g")}
+    columns = {
+        "Time": (np.arange(512) / RATE, "s"),
+        "Hammer": (force, "N"),
+        "ACC": (np.roll(force, 2), "g"),
+    }
     with nptdms.TdmsWriter(path) as file:
-        file.write_segment([nptdms.ChannelObject("Log", n, a, {"unit_string": u}) for n, (a, u) in columns.items()])
+        file.write_segment(
+            [nptdms.ChannelObject("Log", n, a, {"unit_string": u}) for n, (a, u) in columns.items()]
+        )
     mapping = placed(proposed(path), sensitivity=None)
     assert [c["variable"] for c in mapping["channels"]] == ["Log/Hammer", "Log/ACC"]
     mapping = {"channels": mapping["channels"], "sample_rate_hz": {"variable": "Log/Time"}}
@@ -290,9 +343,21 @@ def test_a_channel_may_be_the_time_axis_of_a_tdms(tmp_path: Path) -> None:
 
 def test_what_cannot_be_read_of_a_tdms_is_refused_in_words(tmp_path: Path) -> None:
     path = tmp_path / "made.tdms"
-    linear = {"Scale_Type": "Linear", "Linear_Slope": 0.1, "Linear_Y_Intercept": 0.0, "Linear_Input_Source": 0}
-    scale = {"NI_Number_Of_Scales": 2, **{f"NI_Scale[1]_{name}": value for name, value in linear.items()}}
+    linear = {
+        "Scale_Type": "Linear",
+        "Linear_Slope": 0.1,
+        "Linear_Y_Intercept": 0.0,
+        "Linear_Input_Source": 0,
+    }
+    scale = {
+        "NI_Number_Of_Scales": 2,
+        **{f"NI_Scale[1]_{name}": value for name, value in linear.items()},
+    }
     with nptdms.TdmsWriter(path) as file:
-        file.write_segment([nptdms.ChannelObject("Log", "Hammer", np.arange(512, dtype=np.int16), scale)])
-    with pytest.raises(Invalid, match="it is damaged, or scaled in a way that is not known here; export it anew"):
+        file.write_segment(
+            [nptdms.ChannelObject("Log", "Hammer", np.arange(512, dtype=np.int16), scale)]
+        )
+    with pytest.raises(
+        Invalid, match="it is damaged, or scaled in a way that is not known here; export it anew"
+    ):
         kept(path, dry_run=True)

@@ -1,9 +1,11 @@
-"""Who gets in where: every operation of the OpenAPI document as every kind of caller, with ids of the caller's own
-project, of a foreign one and of none.
+"""Who gets in where: every operation of the OpenAPI document as every kind of caller, with ids of
+the caller's own project, of a foreign one and of none.
 
-What an operation asks for is judged by hand (`furnished.JUDGED`), so that a new route fails until somebody has judged it. Three
-things are held against each answer: the status that role, scope and id call for; that a foreign thing and one that does
-not exist are answered alike; and that nothing of the foreign project stands in it.
+What an operation asks for is judged by hand (`furnished.JUDGED`), so that a new route fails until
+somebody has judged it. Three
+things are held against each answer: the status that role, scope and id call for; that a foreign
+thing and one that does not exist are answered alike; and that nothing of the foreign project stands
+in it.
 """
 
 import copy
@@ -32,7 +34,15 @@ from tests.support.rest import RAW, client_of, posted
 PREFIX = "/api/v1"
 RANK = {"viewer": 0, "editor": 1, "owner": 2}
 REFUSED = (401, 403, 404)
-OUTSIDE = {"project_id", "search_id", "instrument_id", "webhook_id", "delivery_id", "key_id", "joint_id"}
+OUTSIDE = {
+    "project_id",
+    "search_id",
+    "instrument_id",
+    "webhook_id",
+    "delivery_id",
+    "key_id",
+    "joint_id",
+}
 """What belongs to a project and to none of its structures; a joint update is of several."""
 _NAMES = re.compile(r"{(\w+)}")
 Ids = dict[str, str]
@@ -41,7 +51,9 @@ Answer = tuple[int, str]
 
 @dataclass(frozen=True)
 class Caller:
-    """Somebody with a key, or without: `role` in the own project, `scopes` of the key; None for a key that is none."""
+    """Somebody with a key, or without: `role` in the own project, `scopes` of the key; None for a
+    key that is none.
+    """
 
     name: str
     role: str | None
@@ -51,13 +63,17 @@ class Caller:
 
     @property
     def may_most(self) -> bool:
-        """Whether nobody may more: who else asks for what is foreign is refused by the same lines."""
+        """Whether nobody may more: who else asks for what is foreign is refused by the same
+        lines.
+        """
         return (self.role == "owner" or self.administrator) and self.scopes == SCOPES
 
 
 @dataclass
 class Matrix:
-    """Calls by operation, statuses of all answers, and answers that should not have been, in words."""
+    """Calls by operation, statuses of all answers, and answers that should not have been, in
+    words.
+    """
 
     calls: Counter[str] = field(default_factory=Counter)
     statuses: Counter[int] = field(default_factory=Counter)
@@ -80,23 +96,38 @@ def asking_of(service: LocalService) -> Iterator["Round"]:
         engine = make_engine(service.settings.database_url, pool_size=2)
         stack.callback(engine.dispose)
         line = stack.enter_context(httpx.Client(base_url=service.url, timeout=120, trust_env=False))
-        owner, stranger = (stack.enter_context(client_of(service, name)) for name in ("owner", "stranger"))
+        owner, stranger = (
+            stack.enter_context(client_of(service, name)) for name in ("owner", "stranger")
+        )
         yield Round(make_sessions(engine), line, owner, stranger)
 
 
 class Round:
     """One service, two projects, all callers."""
 
-    def __init__(self, sessions: Sessions, line: httpx.Client, owner: httpx.Client, stranger: httpx.Client) -> None:
+    def __init__(
+        self, sessions: Sessions, line: httpx.Client, owner: httpx.Client, stranger: httpx.Client
+    ) -> None:
         self.line, self.sessions, self.owner, self.matrix = line, sessions, owner, Matrix()
         self.document = line.get("/openapi.json").raise_for_status().json()
         self.mark = f"m4rk{uuid4().hex}"
-        self.foreign, self.own = furnish(stranger, sessions, self.mark), furnish(owner, sessions, "own")
-        for name, role in (("viewer", "viewer"), ("editor", "editor"), ("guest", "viewer"), ("chief", "viewer")):
+        self.foreign, self.own = (
+            furnish(stranger, sessions, self.mark),
+            furnish(owner, sessions, "own"),
+        )
+        for name, role in (
+            ("viewer", "viewer"),
+            ("editor", "editor"),
+            ("guest", "viewer"),
+            ("chief", "viewer"),
+        ):
             with sessions.begin() as session:
                 user_named(session, name)
             self._join(name, role)
-        self.random = {name: str(uuid4()) for name in (*self.own, "user_id")} | {"number": "1", "name": "parameters"}
+        self.random = {name: str(uuid4()) for name in (*self.own, "user_id")} | {
+            "number": "1",
+            "name": "parameters",
+        }
         for ids in (self.own, self.foreign, self.random):
             ids["member"] = "guest"
         with sessions.begin() as session:
@@ -114,23 +145,34 @@ class Round:
         with self.sessions.begin() as session:
 
             def key(user: str, *scopes: str, **more: Any) -> str:
-                return create_key(session, user_named(session, user), "made", scopes or SCOPES, **more)[1]
+                return create_key(
+                    session, user_named(session, user), "made", scopes or SCOPES, **more
+                )[1]
 
             for role in ("owner", "editor", "viewer"):
                 made.append(Caller(role, role, SCOPES, key(role)))
                 alone = SCOPES if long or role == "owner" else ()
-                made += [Caller(f"{role}, {scope} alone", role, (scope,), key(role, scope)) for scope in alone]
+                made += [
+                    Caller(f"{role}, {scope} alone", role, (scope,), key(role, scope))
+                    for scope in alone
+                ]
             some = ("read", "write", "jobs")
             made.append(Caller("administrator", "viewer", SCOPES, key("chief"), True))
-            made.append(Caller("administrator, no admin", "viewer", some, key("chief", *some), True))
+            made.append(
+                Caller("administrator, no admin", "viewer", some, key("chief", *some), True)
+            )
             revoked = create_key(session, user_named(session, "owner"), "revoked")
-            session.execute(update(ApiKey).where(ApiKey.id == revoked[0].id).values(revoked_at=yesterday))
+            session.execute(
+                update(ApiKey).where(ApiKey.id == revoked[0].id).values(revoked_at=yesterday)
+            )
             made.append(Caller("revoked", None, (), revoked[1]))
             if long:
                 made.append(Caller("expired", None, (), key("owner", expires_at=yesterday)))
                 made.append(Caller("disabled", None, (), key("gone")))
                 session.execute(
-                    update(User).where(User.id == user_named(session, "gone").id).values(disabled_at=yesterday)
+                    update(User)
+                    .where(User.id == user_named(session, "gone").id)
+                    .values(disabled_at=yesterday)
                 )
         return made
 
@@ -138,12 +180,16 @@ class Round:
         """Ask everything, or only some operations, as every caller; what removes things last.
 
         Args:
-            long: every role with every scope, not only the owner; and each asks for what is not its own, not only those
-                that may most.
+            long: every role with every scope, not only the owner; and each asks for what is not its
+                own, not only those that may most.
             only: these operations; all by default.
         """
         self.matrix, self.long = Matrix(), long
-        callers, judged, asked = self.callers(long), furnished.judgements(), operations(self.document)
+        callers, judged, asked = (
+            self.callers(long),
+            furnished.judgements(),
+            operations(self.document),
+        )
         for missing in asked.keys() - judged.keys():
             self.matrix.leaks.append(f"{missing}: nobody has judged who may; add it to `JUDGED`")
         for gone in judged.keys() - asked.keys():
@@ -159,21 +205,39 @@ class Round:
         return self.matrix
 
     def _hide(self, path: str, reads: Sequence[str], owner: Caller, outside: set[str]) -> None:
-        """Nothing of what is deleted with a structure or a project is shown by any route, but the audit trail."""
+        """Nothing of what is deleted with a structure or a project is shown by any route, but the
+        audit trail.
+        """
         self.owner.delete(path).raise_for_status()
-        inside = {value for name, value in self.own.items() if name.endswith("_id") and name not in outside}
+        inside = {
+            value
+            for name, value in self.own.items()
+            if name.endswith("_id") and name not in outside
+        }
         for name in reads:
             answer, named = self._ask(name, owner, self.own, None), set(_NAMES.findall(name))
             if named and not named & outside and answer[0] != 404:
                 self._leak(name, owner, "own", answer, f"should be 404 after DELETE {path}")
-            if not named and name != "GET /audit-events" and any(value in answer[1] for value in inside):
+            if (
+                not named
+                and name != "GET /audit-events"
+                and any(value in answer[1] for value in inside)
+            ):
                 self._leak(name, owner, "own", answer, f"shows what is hidden by DELETE {path}")
         self.owner.post(f"{path}/restore").raise_for_status()
 
-    def _ask_all(self, name: str, operation: dict[str, Any], judged: tuple[str, str], caller: Caller) -> None:
+    def _ask_all(
+        self, name: str, operation: dict[str, Any], judged: tuple[str, str], caller: Caller
+    ) -> None:
         (scope, role), body = judged, BODIES.get(name)
         refused = (
-            200 if scope == "public" else 401 if caller.role is None else 403 if scope not in caller.scopes else None
+            200
+            if scope == "public"
+            else 401
+            if caller.role is None
+            else 403
+            if scope not in caller.scopes
+            else None
         )
         if refused:
             self._expect(name, caller, "own", self._ask(name, caller, self.own, body), {refused})
@@ -183,7 +247,9 @@ class Round:
             return
         named, outside = "{" in name, self.long or caller.may_most
         if named and outside:
-            random, foreign = (self._ask(name, caller, ids, body) for ids in (self.random, self.foreign))
+            random, foreign = (
+                self._ask(name, caller, ids, body) for ids in (self.random, self.foreign)
+            )
             self._expect(name, caller, "random", random, {404})
             self._expect(name, caller, "foreign", foreign, {404})
             self._same(name, caller, random, foreign, self.random, self.foreign)
@@ -203,7 +269,9 @@ class Round:
             self._references(name, operation, caller, body)
 
     def _ask_administrator(self, name: str, caller: Caller, body: Any) -> None:
-        """Users belong to no project: an administrator is let in to all, anybody else learns not even who there is."""
+        """Users belong to no project: an administrator is let in to all, anybody else learns not
+        even who there is.
+        """
         ids = self._with_own_key("guest") if "{key_id}" in name else self.own
         own, random = self._ask(name, caller, ids, body), self._ask(name, caller, self.random, body)
         if caller.administrator:
@@ -224,17 +292,31 @@ class Round:
 
         for parameter in operation.get("parameters", []):
             if parameter["in"] == "query" and _is_uuid(parameter["schema"]):
-                compare(parameter["name"], make=lambda value, own=parameter["name"]: (body, {own: value}))
-        schema = operation.get("requestBody", {}).get("content", {}).get("application/json", {}).get("schema", {})
+                compare(
+                    parameter["name"],
+                    make=lambda value, own=parameter["name"]: (body, {own: value}),
+                )
+        schema = (
+            operation.get("requestBody", {})
+            .get("content", {})
+            .get("application/json", {})
+            .get("schema", {})
+        )
         for place in _uuid_places(self.document, schema):
-            own = next(step for step in reversed(place) if isinstance(step, str))  # a list of ids ends in a number
+            # a list of ids ends in a number
+            own = next(step for step in reversed(place) if isinstance(step, str))
             compare(own, make=lambda value, place=place: (_with(body, place, value),))
 
     def _with_own_key(self, name: str) -> Ids:
         with self.sessions.begin() as session:
-            return {**self.own, "key_id": str(create_key(session, user_named(session, name), "spare")[0].id)}
+            return {
+                **self.own,
+                "key_id": str(create_key(session, user_named(session, name), "spare")[0].id),
+            }
 
-    def _ask(self, name: str, caller: Caller, ids: Ids, body: Any, query: Ids | None = None) -> Answer:
+    def _ask(
+        self, name: str, caller: Caller, ids: Ids, body: Any, query: Ids | None = None
+    ) -> Answer:
         method, path = name.split(" ", 1)
         headers = {"Authorization": f"Bearer {caller.key}"} if caller.key else {}
         arguments: dict[str, Any] = {"params": query or {}}
@@ -242,7 +324,12 @@ class Round:
             arguments["content"], headers = b"no file", headers | RAW
         elif body is not None:
             arguments["json"] = body
-        if method == "DELETE" and path.split("/")[1] in ("structures", "campaigns", "instruments", "monitors"):
+        if method == "DELETE" and path.split("/")[1] in (
+            "structures",
+            "campaigns",
+            "instruments",
+            "monitors",
+        ):
             headers["If-Match"] = '"another"'  # so that it stays
         url = ("" if path in ("/healthz", "/readyz") else PREFIX) + path.format_map(ids)
         with self.line.stream(method, url, headers=headers, **arguments) as answer:
@@ -255,25 +342,44 @@ class Round:
         self.matrix.calls[name] += 1
         self.matrix.statuses[status] += 1
         sent = {*ids.values(), *(query or {}).values()}
-        shown = next((s for s in self.secrets if s in content and s not in sent and s not in json.dumps(body)), None)
+        shown = next(
+            (
+                s
+                for s in self.secrets
+                if s in content and s not in sent and s not in json.dumps(body)
+            ),
+            None,
+        )
         if self.mark in content or shown:
-            self._leak(name, caller, "any", (status, content), "says something of the foreign project")
+            self._leak(
+                name, caller, "any", (status, content), "says something of the foreign project"
+            )
         if status >= 500:
             self._leak(name, caller, "any", (status, content), "is an error of the service")
         return status, content
 
-    def _expect(self, name: str, caller: Caller, what: str, answer: Answer, wanted: set[int]) -> None:
+    def _expect(
+        self, name: str, caller: Caller, what: str, answer: Answer, wanted: set[int]
+    ) -> None:
         if answer[0] not in wanted:
             self._leak(name, caller, what, answer, f"should be {', '.join(map(str, wanted))}")
 
-    def _same(self, name: str, caller: Caller, one: Answer, other: Answer, ids: Ids, others: Ids) -> None:
+    def _same(
+        self, name: str, caller: Caller, one: Answer, other: Answer, ids: Ids, others: Ids
+    ) -> None:
         if (one[0], _anonymous(one[1], ids)) != (other[0], _anonymous(other[1], others)):
             self._leak(
-                name, caller, "foreign", other, f"is answered unlike an id that is none: {one[0]} {one[1][:200]}"
+                name,
+                caller,
+                "foreign",
+                other,
+                f"is answered unlike an id that is none: {one[0]} {one[1][:200]}",
             )
 
     def _leak(self, name: str, caller: Caller, what: str, answer: Answer, why: str) -> None:
-        self.matrix.leaks.append(f"{name}, {caller.name}, {what} id: {why}; it is {answer[0]} {answer[1][:300]}")
+        self.matrix.leaks.append(
+            f"{name}, {caller.name}, {what} id: {why}; it is {answer[0]} {answer[1][:300]}"
+        )
 
     def _repair(self, name: str) -> None:
         """Bring back what an act of somebody who may has removed."""
@@ -283,13 +389,19 @@ class Round:
         elif name == "DELETE /projects/{project_id}":
             posted(self.owner, f"projects/{own['project_id']}/restore")
         elif name.startswith("DELETE /records"):
-            campaign = posted(self.owner, f"structures/{own['structure_id']}/campaigns", paper.CAMPAIGN)["id"]
-            own["record_id"] = posted(self.owner, f"campaigns/{campaign}/records", record())["items"][0]["id"]
+            campaign = posted(
+                self.owner, f"structures/{own['structure_id']}/campaigns", paper.CAMPAIGN
+            )["id"]
+            own["record_id"] = posted(self.owner, f"campaigns/{campaign}/records", record())[
+                "items"
+            ][0]["id"]
         elif name.startswith("DELETE /searches"):
             body = {"project": own["project_id"], "name": str(uuid4()), "noun": "frfs"}
             own["search_id"] = posted(self.owner, "searches", body)["id"]
         elif name.startswith("DELETE /webhooks"):
-            own["webhook_id"] = posted(self.owner, "webhooks", {"project": own["project_id"], "url": HOOK})["id"]
+            own["webhook_id"] = posted(
+                self.owner, "webhooks", {"project": own["project_id"], "url": HOOK}
+            )["id"]
 
 
 def _anonymous(content: str, ids: Ids) -> str:
@@ -316,7 +428,9 @@ def _kind_of(name: str) -> str:
     return known.get(name, name if name.endswith("_id") else f"{name}_id")
 
 
-def _uuid_places(document: dict[str, Any], schema: dict[str, Any], at: tuple[str | int, ...] = ()) -> Iterator[Any]:
+def _uuid_places(
+    document: dict[str, Any], schema: dict[str, Any], at: tuple[str | int, ...] = ()
+) -> Iterator[Any]:
     """Where a body names things by id, as the steps to each."""
     if "$ref" in schema:
         schema = document["components"]["schemas"][schema["$ref"].rsplit("/", 1)[1]]

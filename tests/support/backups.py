@@ -1,8 +1,8 @@
 """A backup of jobs that wait and run.
 
-A service gets jobs of every kind, its worker is killed while two updates run, one of these and a waiting one are cancelled.
-`modalbase backup` writes all to a file, `modalbase restore` fills a new data folder from it, and a worker there runs every
-job to its end.
+A service gets jobs of every kind, its worker is killed while two updates run, one of these and a
+waiting one are cancelled. `modalbase backup` writes all to a file, `modalbase restore` fills a new
+data folder from it, and a worker there runs every job to its end.
 """
 
 import os
@@ -63,7 +63,8 @@ DECK = b"""*HEADING
 class Tally:
     """What became of the jobs."""
 
-    # jobs by kind and state, as the backup has them; a running one whose end was asked for is `cancelling`
+    # jobs by kind and state, as the backup has them; a running one whose end was asked for is
+    # `cancelling`
     before: Counter[tuple[str, str]] = field(default_factory=Counter)
     # the same where all of them have ended after the restore
     after: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -87,7 +88,9 @@ def soak() -> Tally:
         tally.before[job.kind, state] += 1
         tally.after[job.kind, after[job.id].state] += 1
         if after[job.id].state != expected:
-            tally.lost.append(f"{job.kind} {job.id}, {state}, is {after[job.id].state}: {after[job.id].message}")
+            tally.lost.append(
+                f"{job.kind} {job.id}, {state}, is {after[job.id].state}: {after[job.id].message}"
+            )
     return tally
 
 
@@ -95,13 +98,18 @@ def restored(file: Path, data: Path) -> list[Job]:
     """Restore a backup into a new data folder, and let its jobs end there."""
     run("restore", str(file), "--data", str(data))
     with embedded_server(data) as url, floor(url) as there:
-        there.modalbase("worker", job_lease_seconds=5.0)  # until the jobs that the killed worker had are taken over
-        there.until(lambda: all(job.finished_at for job in there.jobs()), "the end of every restored job")
+        # until the jobs that the killed worker had are taken over
+        there.modalbase("worker", job_lease_seconds=5.0)
+        there.until(
+            lambda: all(job.finished_at for job in there.jobs()), "the end of every restored job"
+        )
         return there.jobs()
 
 
 def keep_waiting(here: Floor) -> None:
-    """Leave a service with jobs of every kind that wait, two that run without a worker, one cancelled and one to cancel."""
+    """Leave a service with jobs of every kind that wait, two that run without a worker, one
+    cancelled and one to cancel.
+    """
     with here.client("soak") as client:
         lab = Laboratory(client)
         worker, first = here.modalbase("worker"), lab.send_file(lab.campaign)
@@ -111,18 +119,26 @@ def keep_waiting(here: Floor) -> None:
         here.kill(worker)
         lab.queue_others()
         with here.sessions.begin() as session:
-            check(session, UUID(monitor), timedelta(0))  # what a worker's scheduler does, without a worker
-        updates = [lab.post(f"campaigns/{lab.campaign}/update-jobs?priority=100", lab.recipe)["id"] for _ in range(4)]
+            # what a worker's scheduler does, without a worker
+            check(session, UUID(monitor), timedelta(0))
+        updates = [
+            lab.post(f"campaigns/{lab.campaign}/update-jobs?priority=100", lab.recipe)["id"]
+            for _ in range(4)
+        ]
         lab.post(f"update-jobs/{updates.pop()}/cancel")
         worker = here.modalbase("worker", worker_concurrency=2)
-        here.until(lambda: sum(job.state == "running" for job in here.jobs()) == 2, "two running jobs")
+        here.until(
+            lambda: sum(job.state == "running" for job in here.jobs()) == 2, "two running jobs"
+        )
         here.kill(worker)
         running = [str(job.id) for job in here.jobs() if job.state == "running"]
         lab.post(f"update-jobs/{running[0]}/cancel")
 
 
 class Laboratory:
-    """A small laboratory: the paper's beam with FRFs at few points, its modes, and what is asked of them."""
+    """A small laboratory: the paper's beam with FRFs at few points, its modes, and what is asked of
+    them.
+    """
 
     def __init__(self, client: httpx.Client) -> None:
         self.client = client
@@ -151,7 +167,9 @@ class Laboratory:
 
     def judged_once(self) -> str:
         """State modes, and have a monitor run and judge: its id."""
-        modes = self.post(f"campaigns/{self.campaign}/mode-sets", {"name": "published", "modes": paper.MODES})
+        modes = self.post(
+            f"campaigns/{self.campaign}/mode-sets", {"name": "published", "modes": paper.MODES}
+        )
         self.recipe = {**RECIPE, "mode_set": modes["id"]}
         monitor = self.post(f"structures/{self.structure}/monitors", MONITOR)["id"]
         self.post(f"monitors/{monitor}/runs", {"campaign": self.campaign})
@@ -166,19 +184,31 @@ class Laboratory:
         self.post(f"campaigns/{self.campaign}/identifications", {})
         plate = self.post(f"projects/{self.project}/structures", {"name": "plate"})["id"]
         model = self.client.post(
-            f"structures/{plate}/model", params={"filename": "p.inp", "units": "m-N-kg"}, content=DECK
+            f"structures/{plate}/model",
+            params={"filename": "p.inp", "units": "m-N-kg"},
+            content=DECK,
         )
         model.raise_for_status()
-        self.post(f"structures/{self.client.get(f'campaigns/{self.campaign}').json()['structure_id']}/forecasts", {})
-        modes = self.post(f"campaigns/{imported}/mode-sets", {"name": "published", "modes": paper.MODES})["id"]
+        self.post(
+            f"structures/{self.client.get(f'campaigns/{self.campaign}').json()['structure_id']}/forecasts",
+            {},
+        )
+        modes = self.post(
+            f"campaigns/{imported}/mode-sets", {"name": "published", "modes": paper.MODES}
+        )["id"]
         jobs = [
             {"campaign_id": self.campaign, "recipe": {"mode_set": self.recipe["mode_set"]}},
             {"campaign_id": imported, "recipe": {"mode_set": modes}},
         ]
-        self.post("update-jobs", {"joint": True, "jobs": jobs, "recipe": {"parameters": RECIPE["parameters"]}})
+        self.post(
+            "update-jobs",
+            {"joint": True, "jobs": jobs, "recipe": {"parameters": RECIPE["parameters"]}},
+        )
         path = f"campaigns/{self.campaign}"
         etag = self.client.get(path).raise_for_status().headers["ETag"]
-        self.client.patch(path, json={"temperature_c": 21.0}, headers={"If-Match": etag}).raise_for_status()
+        self.client.patch(
+            path, json={"temperature_c": 21.0}, headers={"If-Match": etag}
+        ).raise_for_status()
 
 
 def small_file() -> bytes:
@@ -189,13 +219,16 @@ def small_file() -> bytes:
         kept = [
             one
             for one in read_file(file)
-            if isinstance(one, GridPoint) or (isinstance(one, Frf) and one.reference_point in POINTS)
+            if isinstance(one, GridPoint)
+            or (isinstance(one, Frf) and one.reference_point in POINTS)
         ]
     return b"".join(encode(kept))
 
 
 def hits_of_a_point() -> dict[str, Any]:
-    """Three hits of one point as a body of records: a half sine of 2 ms, and two modes that it rings."""
+    """Three hits of one point as a body of records: a half sine of 2 ms, and two modes that it
+    rings.
+    """
     rate, samples = 2048.0, 512
     t = np.arange(samples) / rate - 0.05
     force = np.where((t > 0) & (t < 0.002), np.sin(np.pi * t / 0.002), 0.0)
@@ -227,11 +260,18 @@ def run(*words: str, **env: str) -> None:
         RuntimeError: it did not end well.
     """
     command = [sys.executable, "-m", "service", *words]
-    ended = subprocess.run(command, cwd=ROOT, env=os.environ | env, capture_output=True, text=True, check=False)
+    ended = subprocess.run(
+        command, cwd=ROOT, env=os.environ | env, capture_output=True, text=True, check=False
+    )
     if ended.returncode != 0:
         raise RuntimeError(f"{' '.join(words)}: {ended.returncode} {ended.stdout} {ended.stderr}")
 
 
 def _judgements(here: Floor) -> int:
     with here.sessions() as session:
-        return int(session.scalar(text("SELECT count(*) FROM jobs WHERE kind = 'judge' AND state = 'succeeded'")) or 0)
+        return int(
+            session.scalar(
+                text("SELECT count(*) FROM jobs WHERE kind = 'judge' AND state = 'succeeded'")
+            )
+            or 0
+        )

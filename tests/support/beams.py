@@ -1,4 +1,6 @@
-"""Synthetic FRFs of the paper's cantilever without a finite element model, and readers of the shared data."""
+"""Synthetic FRFs of the paper's cantilever without a finite element model, and readers of the
+shared data.
+"""
 
 from pathlib import Path
 
@@ -22,7 +24,8 @@ def cantilever_shapes(points: np.ndarray) -> np.ndarray:
     beta = np.array([1.87510407, 4.69409113, 7.85475744, 10.99554073, 14.13716839])
     sigma = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta))
     bend = [
-        np.cosh(b * x) - np.cos(b * x) - s * (np.sinh(b * x) - np.sin(b * x)) for b, s in zip(beta, sigma, strict=True)
+        np.cosh(b * x) - np.cos(b * x) - s * (np.sinh(b * x) - np.sin(b * x))
+        for b, s in zip(beta, sigma, strict=True)
     ]
     twist = [2 * np.sqrt(6) * y * np.sin((2 * k - 1) * np.pi * x / 2) for k in (1, 2)]
     return np.array([bend[0], bend[1], twist[0], bend[2], bend[3], twist[1], bend[4]])
@@ -33,7 +36,9 @@ def grid() -> np.ndarray:
     return np.array([(i / 11, j / 2) for i in range(1, 12) for j in (-1, 0, 1)])
 
 
-def receptance(omega: np.ndarray, hz: np.ndarray, zeta: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+def receptance(
+    omega: np.ndarray, hz: np.ndarray, zeta: np.ndarray, left: np.ndarray, right: np.ndarray
+) -> np.ndarray:
     """(p, L) Σ φ_i φ_j / (ω_k² - ω² + 2iζ_kω_kω)."""
     w = 2 * np.pi * hz[:, None]
     return (left * right[:, None]).T @ (1 / (w**2 - omega**2 + 2j * zeta[:, None] * w * omega))
@@ -42,7 +47,9 @@ def receptance(omega: np.ndarray, hz: np.ndarray, zeta: np.ndarray, left: np.nda
 def paper_frfs(
     noise: float, seed: int = 0, lines: int = 1000, mass: float = 0.407, multiplicative: float = 0.5
 ) -> FrfSet:
-    """33 accelerances of the paper's cantilever (roving hammer, driving point 33), noise as `add_noise`."""
+    """33 accelerances of the paper's cantilever (roving hammer, driving point 33), noise as
+    `add_noise`.
+    """
     frequency = np.linspace(1000 / lines, 1000, lines)
     shapes = cantilever_shapes(grid()) / np.sqrt(mass)
     omega = 2 * np.pi * frequency
@@ -53,8 +60,12 @@ def paper_frfs(
     return FrfSet(frequency, values, (Dof(33, 3),) * 33, tuple(Dof(p, 3) for p in points))
 
 
-def add_noise(values: np.ndarray, noise: float, multiplicative: float, rng: np.random.Generator) -> np.ndarray:
-    """H (1 + mult g1) + add rms(H) g2, g complex Gaussian of unit variance, rms over each record."""
+def add_noise(
+    values: np.ndarray, noise: float, multiplicative: float, rng: np.random.Generator
+) -> np.ndarray:
+    """H (1 + mult g1) + add rms(H) g2, g complex Gaussian of unit variance, rms over each
+    record.
+    """
     g = (rng.standard_normal((2, 2, *values.shape)) * np.sqrt(0.5)).view()
     one, two = g[0, 0] + 1j * g[0, 1], g[1, 0] + 1j * g[1, 1]
     rms = np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True))
@@ -78,7 +89,9 @@ def read_uff(path: Path) -> FrfSet:
 def many_frfs(count: int, lines: int, noise: float, seed: int = 0) -> FrfSet:
     """Accelerances at `count` points of a strip against one, for timing."""
     x = np.linspace(0.05, 1, count)
-    shapes = cantilever_shapes(np.column_stack([x, np.resize([-0.5, 0.0, 0.5], count)])) / np.sqrt(0.407)
+    shapes = cantilever_shapes(np.column_stack([x, np.resize([-0.5, 0.0, 0.5], count)])) / np.sqrt(
+        0.407
+    )
     frequency = np.linspace(1000 / lines, 1000, lines)
     omega = 2 * np.pi * frequency
     hz, zeta = np.append(PAPER_HZ, ABOVE_HZ), np.append(PAPER_ZETA, ABOVE_ZETA)
@@ -93,7 +106,9 @@ LINES = 500  # 2 Hz apart, a fourth of the narrowest mode's half-power bandwidth
 
 
 def assert_papers_modes(found: Identification, f: float, zeta: float, shape: float = 0.999) -> None:
-    """The five modes of the paper, within relative tolerances on f and ζ and a least MAC of the real shapes."""
+    """The five modes of the paper, within relative tolerances on f and ζ and a least MAC of the
+    real shapes.
+    """
     assert len(found.modes) == 5, found.modes.frequency_hz
     assert np.allclose(found.modes.frequency_hz, PAPER_HZ, rtol=f)
     assert np.allclose(found.modes.damping_ratio, PAPER_ZETA, rtol=zeta)

@@ -1,4 +1,5 @@
-"""Beams of solids by another code, stored: cantilevers and free ones whose constants and sizes are drawn at random.
+"""Beams of solids by another code, stored: cantilevers and free ones whose constants and sizes are
+drawn at random.
 
 `draw` has one solved by CalculiX; `store` keeps their first modes out of plane beside this file.
 """
@@ -35,7 +36,11 @@ class Beam:
     def points(self) -> dict[int, tuple[float, float, float]]:
         """Three across and eleven along, of a cantilever without its root."""
         along = self.size[0] * (_SHARES if self.free else np.arange(1, 12) / 11)
-        return dict(enumerate(((float(x), self.size[1] * y / 2, 0.0) for x in along for y in (-1, 0, 1)), start=1))
+        return dict(
+            enumerate(
+                ((float(x), self.size[1] * y / 2, 0.0) for x in along for y in (-1, 0, 1)), start=1
+            )
+        )
 
     @property
     def stated(self) -> Specimen:
@@ -46,7 +51,9 @@ class Beam:
     @property
     def as_it_is(self) -> Specimen:
         """With its true constants, on a mesh that misses 1e-5."""
-        return replace(self.stated, material=replace(self.stated.material, **self.true), divisions=(40, 6))
+        return replace(
+            self.stated, material=replace(self.stated.material, **self.true), divisions=(40, 6)
+        )
 
     def modes(self, share: float = 1e-5) -> MeasuredModes:
         """As measured, with a share of each frequency as standard deviation."""
@@ -58,7 +65,9 @@ class Beam:
 
 
 def draw(seed: int) -> Beam:
-    """Constants within ± 20 % of usual ones, every second beam free, every second pair of other sizes than usual."""
+    """Constants within ± 20 % of usual ones, every second beam free, every second pair of other
+    sizes than usual.
+    """
     rng = np.random.default_rng([53, seed])
     true = {name: float(value * rng.uniform(0.8, 1.2)) for name, value in _USUAL.items()}
     free, size = bool(seed % 2), np.array([0.501 if seed % 2 else 0.5, 0.04, 0.01012])
@@ -68,7 +77,9 @@ def draw(seed: int) -> Beam:
     beam = Beam(free, tuple(map(float, size)), true, np.zeros(0), np.zeros((0, 33)))  # type: ignore[arg-type]
     constants = true | {"Ez": 1e10, "nu_xz": 0.15, "nu_yz": 0.15, "density": COUPONS.density}
     body = calculix.plate((50 if free else 55, 6, 2), beam.size, constants)
-    hz, motion = calculix.modes(body, 46, body.nearest(list(beam.points.values())), clamped=not free)
+    hz, motion = calculix.modes(
+        body, 46, body.nearest(list(beam.points.values())), clamped=not free
+    )
     square = np.sum(motion**2, axis=1)
     kept = np.flatnonzero((hz > 1.0) & (square[:, 2] > square[:, 0] + square[:, 1]))[:MODES]
     return replace(beam, hz=hz[kept], shapes=motion[kept, :, 2])
@@ -83,7 +94,9 @@ def store() -> None:
         size=[beam.size for beam in beams],
         true=[list(beam.true.values()) for beam in beams],
         hz=[beam.hz for beam in beams],
-        shapes=np.array([beam.shapes / np.abs(beam.shapes).max() for beam in beams], dtype=np.float16),
+        shapes=np.array(
+            [beam.shapes / np.abs(beam.shapes).max() for beam in beams], dtype=np.float16
+        ),
     )
 
 

@@ -1,4 +1,6 @@
-"""Blocks of code of the documents, and what a reader of each page has at hand before its blocks run."""
+"""Blocks of code of the documents, and what a reader of each page has at hand before its blocks
+run.
+"""
 
 import re
 from collections.abc import Callable
@@ -37,7 +39,12 @@ class Block:
 def blocks() -> list[Block]:
     """All blocks of all pages, in order."""
     return [
-        Block(str(page.relative_to(ROOT)), text.count("\n", 0, found.start()) + 2, found["language"], found["text"])
+        Block(
+            str(page.relative_to(ROOT)),
+            text.count("\n", 0, found.start()) + 2,
+            found["language"],
+            found["text"],
+        )
         for page in PAGES
         for text in [page.read_text(encoding="utf-8")]
         for found in _BLOCK.finditer(text)
@@ -46,8 +53,15 @@ def blocks() -> list[Block]:
 
 def _coupon() -> dict[str, Any]:
     strain = np.linspace(0, 6e-3, 61)
-    curve = "Time,Load,Strain 1\ns,kN,%\n" + "".join(f"{i},{0.04 * i:.3f},{0.02 * i:.3f}\n" for i in range(61))
-    return {"force_n": 40e9 * strain * 50e-6, "strain": strain, "lateral": -0.15 * strain, "data": curve.encode()}
+    curve = "Time,Load,Strain 1\ns,kN,%\n" + "".join(
+        f"{i},{0.04 * i:.3f},{0.02 * i:.3f}\n" for i in range(61)
+    )
+    return {
+        "force_n": 40e9 * strain * 50e-6,
+        "strain": strain,
+        "lateral": -0.15 * strain,
+        "data": curve.encode(),
+    }
 
 
 def _measured() -> dict[str, Any]:

@@ -25,14 +25,29 @@ from tests.support.rest import campaigns_of, client_of, finished
 
 MIB = 1024 * 1024
 LARGE, MOST_GROWTH, MOST_SECONDS = 512, 60e6, 0.3
-CHANNELS = [{"variable": name, "quantity": q, "point": 1} for name, q in (("a", "force"), ("b", "acceleration"))]
+CHANNELS = [
+    {"variable": name, "quantity": q, "point": 1}
+    for name, q in (("a", "force"), ("b", "acceleration"))
+]
 MAPPING = json.dumps({"sample_rate_hz": 1000, "channels": CHANNELS})
-ALIASES = {"npz": ("records", "frfs"), "mat": ("records", "frfs"), "csv": ("records", "frfs"), "wav": ("records",)}
-TYPES = {"npz": "application/x-npz", "mat": "application/x-matlab-data", "csv": "text/csv", "wav": "audio/wav"}
+ALIASES = {
+    "npz": ("records", "frfs"),
+    "mat": ("records", "frfs"),
+    "csv": ("records", "frfs"),
+    "wav": ("records",),
+}
+TYPES = {
+    "npz": "application/x-npz",
+    "mat": "application/x-matlab-data",
+    "csv": "text/csv",
+    "wav": "audio/wav",
+}
 
 
 def bomb(form: str, number: int, mib: int = LARGE) -> bytes:
-    """A file that is small, or costs little to send, and is large once it is read; each number is another file."""
+    """A file that is small, or costs little to send, and is large once it is read; each number is
+    another file.
+    """
     if form == "npz":
         return _npz(mib * MIB // 8 + number)
     if form == "mat":
@@ -50,7 +65,9 @@ def bomb(form: str, number: int, mib: int = LARGE) -> bytes:
 
 def _npz(count: int) -> bytes:
     packed, header = io.BytesIO(), io.BytesIO()
-    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (count,)})
+    np.lib.format.write_array_header_1_0(
+        header, {"descr": "<f8", "fortran_order": False, "shape": (count,)}
+    )
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in ("a", "b"):
             with archive.open(f"{name}.npy", "w") as member:
@@ -62,7 +79,9 @@ def _npz(count: int) -> bytes:
 
 def _mat(count: int) -> bytes:
     """A .mat of version 7 with a vector of zeros, which scipy would inflate as a whole."""
-    inner = struct.pack("<IIIIIIiiHHI", 6, 8, 6, 0, 5, 8, 1, count, 1, 1, ord("a")) + struct.pack("<II", 9, 8 * count)
+    inner = struct.pack("<IIIIIIiiHHI", 6, 8, 6, 0, 5, 8, 1, count, 1, 1, ord("a")) + struct.pack(
+        "<II", 9, 8 * count
+    )
     squeeze = zlib.compressobj()
     parts = [squeeze.compress(struct.pack("<II", 14, len(inner) + 8 * count) + inner)]
     parts += [squeeze.compress(block) for block in _zeros(8 * count)]
@@ -79,8 +98,8 @@ def _zeros(size: int) -> Iterator[bytes]:
 
 @dataclass
 class Outcome:
-    """Bytes by which the API's memory grew at most, seconds that `/healthz` took at most, ends, and what ended without
-    words.
+    """Bytes by which the API's memory grew at most, seconds that `/healthz` took at most, ends, and
+    what ended without words.
     """
 
     growth: int = 0
@@ -90,19 +109,24 @@ class Outcome:
 
 
 def throw(service: LocalService, count: int, mib: int = LARGE) -> Outcome:
-    """Throw so many bombs of each format, all at once, at `…/imports`, and at `…/records` and `…/frfs` where these take it.
+    """Throw so many bombs of each format, all at once, at `…/imports`, and at `…/records` and
+    `…/frfs` where these take it.
 
-    The API reads none of them: its memory stays, `/healthz` answers meanwhile, and every file is refused in words.
+    The API reads none of them: its memory stays, `/healthz` answers meanwhile, and every file is
+    refused in words.
     """
     kinds = [(where, form) for form in FORMATS for where in ("imports", *ALIASES.get(form, ()))]
     files = {(form, n): bomb(form, n, mib) for form in FORMATS for n in range(count)}
     with client_of(service, "bombs") as api:
         (campaign,), found = campaigns_of(api, "bombs"), Outcome()
-        for where in ("imports", "records", "frfs"):  # each route is loaded when it is first asked for
+        # each route is loaded when it is first asked for
+        for where in ("imports", "records", "frfs"):
             _throw(api, f"campaigns/{campaign}", where, "csv", b"nothing", found)
         with _watched(service, found), ThreadPoolExecutor(len(kinds) * count) as threads:
             sent = [
-                threads.submit(_throw, api, f"campaigns/{campaign}", where, form, files[form, n], found)
+                threads.submit(
+                    _throw, api, f"campaigns/{campaign}", where, form, files[form, n], found
+                )
                 for where, form in kinds
                 for n in range(count)
             ]
@@ -111,7 +135,9 @@ def throw(service: LocalService, count: int, mib: int = LARGE) -> Outcome:
     return found
 
 
-def _throw(api: httpx.Client, campaign: str, where: str, form: str, content: bytes, found: Outcome) -> None:
+def _throw(
+    api: httpx.Client, campaign: str, where: str, form: str, content: bytes, found: Outcome
+) -> None:
     """Send one file, and wait for its end."""
     query = {"filename": f"bomb.{form}"} if where != "frfs" else {"quantity": "accelerance"}
     if form != "uff" and where != "frfs":
@@ -121,7 +147,10 @@ def _throw(api: httpx.Client, campaign: str, where: str, form: str, content: byt
     state = answer.json()
     if location := answer.headers.get("location"):
         state = finished(api, location)
-    status, words = state.get("status"), state.get("detail") or (state.get("error") or {}).get("detail")
+    status, words = (
+        state.get("status"),
+        state.get("detail") or (state.get("error") or {}).get("detail"),
+    )
     found.ends[f"{where} {form} {status}"] += 1
     if status in (200, 201, "succeeded", 500) or not words or "internal" in words:
         found.faults.append(f"{where} {form} {status}: {words}")
@@ -129,11 +158,15 @@ def _throw(api: httpx.Client, campaign: str, where: str, form: str, content: byt
 
 @contextmanager
 def _watched(service: LocalService, found: Outcome) -> Iterator[None]:
-    """Within this, the API is looked at, by a process of its own, whose interpreter nobody else holds up."""
+    """Within this, the API is looked at, by a process of its own, whose interpreter nobody else
+    holds up.
+    """
     own = multiprocessing.get_context("spawn")
     here, there = own.Pipe()
     host, _, port = service.url.removeprefix("http://").partition(":")
-    process = own.Process(target=_watch, args=((host, int(port)), service.processes["api"].pid, there))
+    process = own.Process(
+        target=_watch, args=((host, int(port)), service.processes["api"].pid, there)
+    )
     process.start()
     here.recv()
     try:

@@ -1,4 +1,6 @@
-"""The system's Chromium, watched: what it asks for, what it complains of, and how often somebody clicked."""
+"""The system's Chromium, watched: what it asks for, what it complains of, and how often somebody
+clicked.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ FLAGS = (
     "--disable-gpu-rasterization",
     "--disable-gpu-compositing",
 )
-"""A processor plays the graphics card of what is drawn in space; to paint the pages so too would take it ten times as long."""
+"""A processor plays the graphics card of what is drawn in space; to paint the pages so too would
+take it ten times as long.
+"""
 
 PATIENCE_MS = 120_000.0
 OWN_SCHEMES = ("data", "blob", "about", "chrome", "chrome-extension")
@@ -60,7 +64,8 @@ class Watched:
     Attributes:
         page: Playwright's.
         host: where the service is; a request to any other is noted.
-        complaints: errors and warnings of the console, violations of the policy, errors that nobody caught.
+        complaints: errors and warnings of the console, violations of the policy, errors that nobody
+            caught.
         strangers: addresses of other hosts that were asked.
         clicks: how many there were.
     """
@@ -74,10 +79,14 @@ class Watched:
     def listen(self) -> None:
         """Note what this page complains of."""
         self.page.on("console", self._heard)
-        self.page.on("pageerror", lambda error: self.complaints.append(f"uncaught: {error} ({self.page.url})"))
+        self.page.on(
+            "pageerror",
+            lambda error: self.complaints.append(f"uncaught: {error} ({self.page.url})"),
+        )
 
     def _heard(self, message: ConsoleMessage) -> None:
-        of_the_card = "GL Driver Message (OpenGL, Performance" in message.text  # pixels go to the page by way of memory
+        # pixels go to the page by way of memory
+        of_the_card = "GL Driver Message (OpenGL, Performance" in message.text
         if message.type in ("error", "warning") and not of_the_card:
             self.complaints.append(f"{message.type}: {message.text} ({self.page.url})")
 
@@ -89,8 +98,9 @@ class Watched:
     def visit(self, path: str) -> None:
         """Look at another page, in a tab of its own, until nothing more is loaded.
 
-        In one tab the page before would be asked for once more on the way now and then: it loads itself anew where it takes
-        the end of its dark colours, which are the browser's pretence, for the reader's wish.
+        In one tab the page before would be asked for once more on the way now and then: it loads
+        itself anew where it takes the end of its dark colours, which are the browser's pretence,
+        for the reader's wish.
         """
         before, self.page = self.page, self.page.context.new_page()
         before.close()
@@ -100,7 +110,13 @@ class Watched:
 
 @contextmanager
 def watched_page(
-    running: Browser, url: str, *, width: int = 1440, height: int = 900, dark: bool = False, still: bool = True
+    running: Browser,
+    url: str,
+    *,
+    width: int = 1440,
+    height: int = 900,
+    dark: bool = False,
+    still: bool = True,
 ) -> Iterator[Watched]:
     """A page of a context of its own, without cookies of others, and with a notebook beside it.
 
@@ -135,7 +151,9 @@ def watched_page(
 
 @contextmanager
 def held(page: Page, address: str) -> Iterator[Callable[[], list[Route]]]:
-    """Hold requests for an address back, as a slow network does, and yield a function that lists them."""
+    """Hold requests for an address back, as a slow network does, and yield a function that lists
+    them.
+    """
     waiting: list[Route] = []
 
     def hold(route: Route) -> None:
@@ -155,8 +173,13 @@ def held(page: Page, address: str) -> Iterator[Callable[[], list[Route]]]:
 
 
 def note_on_leaving(page: Page, what: str) -> None:
-    """Keep the value that an expression has when the browser leaves the page, for `noted_on_leaving`."""
-    page.evaluate(f"addEventListener('pagehide', () => sessionStorage.setItem('noted', JSON.stringify({what})))")
+    """Keep the value that an expression has when the browser leaves the page, for
+    `noted_on_leaving`.
+    """
+    page.evaluate(
+        "addEventListener('pagehide', () => sessionStorage.setItem('noted',"
+        f" JSON.stringify({what})))"
+    )
 
 
 def noted_on_leaving(page: Page) -> Any:
@@ -165,14 +188,17 @@ def noted_on_leaving(page: Page) -> Any:
 
 
 def hindrances(page: Page) -> list[str]:
-    """What axe-core finds on a page that seriously hinders people: rule, help, first element. Plotly's drawings have a table
-    or a caption beside them and are left out.
+    """What axe-core finds on a page that seriously hinders people: rule, help, first element.
+    Plotly's drawings have a table or a caption beside them and are left out.
     """
     from axe_playwright_python.sync_playwright import Axe
 
     found = Axe().run(page, context={"exclude": [[".js-plotly-plot"]]}).response["violations"]
     grave = [rule for rule in found if rule["impact"] in ("serious", "critical")]
-    return [f"{rule['id']}: {rule['help']}: {rule['nodes'][0]['html'][:200]} ({page.url})" for rule in grave]
+    return [
+        f"{rule['id']}: {rule['help']}: {rule['nodes'][0]['html'][:200]} ({page.url})"
+        for rule in grave
+    ]
 
 
 def drawn(page: Page, figure: str) -> None:

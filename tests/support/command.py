@@ -40,7 +40,9 @@ def modalbase(*words: str, cwd: Path | None = None, **env: str) -> subprocess.Co
 
 
 def run_as_typed(command: str | list[str], cwd: Path, given: str = "", **env: str) -> str:
-    """What a line of a shell, or a command and its words, prints where `modalbase` is on the path; it must succeed."""
+    """What a line of a shell, or a command and its words, prints where `modalbase` is on the path;
+    it must succeed.
+    """
     around = environment(**env)
     around["PATH"] = f"{COMMAND.parent}:{around['PATH']}"
     done = subprocess.run(
@@ -61,7 +63,8 @@ def run_as_typed(command: str | list[str], cwd: Path, given: str = "", **env: st
 def modalbase_here(
     *words: object, cwd: Path | None = None, code: int | None = None, **env: str
 ) -> subprocess.CompletedProcess[str]:
-    """What a command says that starts no process: run in this one, as each process of its own imports for a second.
+    """What a command says that starts no process: run in this one, as each process of its own
+    imports for a second.
 
     Args:
         words: of the command line.
@@ -103,7 +106,8 @@ print(json.dumps([(one.args, one.returncode, one.stdout, one.stderr) for one in 
 
 
 def refusals(*lines: tuple[list[str], dict[str, str]]) -> list[subprocess.CompletedProcess[str]]:
-    """What commands say that would run for long and must not start: all in one process, which ends if one starts after all.
+    """What commands say that would run for long and must not start: all in one process, which ends
+    if one starts after all.
 
     Args:
         lines: words of each command, and its environment.
@@ -128,7 +132,12 @@ def up(
     """A running `modalbase up`: process, URL, and the first key where it printed one."""
     words = ["up", "--port", "0", *([] if data is None else ["--data", str(data)])]
     process = subprocess.Popen(
-        [str(COMMAND), *words], stdout=subprocess.PIPE, stderr=stderr, text=True, env=environment(**env), cwd=cwd
+        [str(COMMAND), *words],
+        stdout=subprocess.PIPE,
+        stderr=stderr,
+        text=True,
+        env=environment(**env),
+        cwd=cwd,
     )
     try:
         said = ""
@@ -151,7 +160,10 @@ def living(data: Path) -> list[str]:
         try:
             around = process.environ()
             words = " ".join(
-                [*(process.info["cmdline"] or []), *map(str, map(around.get, ("MODALBASE_DATA", "PGDATA")))]
+                [
+                    *(process.info["cmdline"] or []),
+                    *map(str, map(around.get, ("MODALBASE_DATA", "PGDATA"))),
+                ]
             )
         except (psutil.AccessDenied, psutil.NoSuchProcess):
             words = " ".join(process.info["cmdline"] or [])

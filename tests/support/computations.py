@@ -1,4 +1,6 @@
-"""What the tests' kinds of job compute, in a module without database and web, as theirs is in the service."""
+"""What the tests' kinds of job compute, in a module without database and web, as theirs is in the
+service.
+"""
 
 import hashlib
 import os
@@ -25,7 +27,9 @@ def echo(inputs: dict[str, Any], report: Report) -> Iterator[Any]:
 
 
 def hold(inputs: dict[str, Any], report: Report, step: int) -> None:
-    """Wait in this step, and say so, until the test opens the gate that it gave the worker, if any (`working.Gate`)."""
+    """Wait in this step, and say so, until the test opens the gate that it gave the worker, if any
+    (`working.Gate`).
+    """
     if GATE in os.environ:
         report(f"held in step {step}", step / 40)
         while not (Path(os.environ[GATE]) / f"{inputs['job']} {step}").exists():
@@ -84,7 +88,9 @@ def buggy(_: dict[str, Any], report: Report) -> Iterator[Any]:
 
 
 def chain(inputs: dict[str, Any], report: Report) -> Iterator[Any]:
-    """A long computation that saves its state: steps done, and a digest that depends on every step; held in the 20th."""
+    """A long computation that saves its state: steps done, and a digest that depends on every step;
+    held in the 20th.
+    """
     begun = step = int.from_bytes(report.restored[:2]) if report.restored else 0
     digest = report.restored[2:] if report.restored else b""
     while step < 40:

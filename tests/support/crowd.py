@@ -14,7 +14,9 @@ from tests.support.waiting import PATIENCE
 Result = TypeVar("Result")
 
 
-async def with_crowd(service: LocalService, key: str, work: Callable[[httpx.AsyncClient], Awaitable[Result]]) -> Result:
+async def with_crowd(
+    service: LocalService, key: str, work: Callable[[httpx.AsyncClient], Awaitable[Result]]
+) -> Result:
     """Run something with a client that opens as many connections as it has requests."""
     async with httpx.AsyncClient(
         base_url=f"{service.url}/api/v1/",

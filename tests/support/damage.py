@@ -11,13 +11,27 @@ COLUMNS, WIDTH = 9, 8  # of a line without commas
 
 @st.composite
 def damaged(draw: st.DrawFn, files: Sequence[str], fields: Sequence[str]) -> str:
-    """One of the files with lines that are lost, doubled, swapped or of commas alone, other fields or letters, or cut off."""
+    """One of the files with lines that are lost, doubled, swapped or of commas alone, other fields
+    or letters, or cut off.
+    """
     rows = draw(st.sampled_from(files)).splitlines()
     for _ in range(draw(st.integers(1, 6))):
         at = draw(st.integers(0, len(rows) - 1))
         other = draw(st.integers(0, len(rows) - 1))
         match draw(
-            st.sampled_from(["lost", "doubled", "swapped", "field", "field", "letters", "letters", "commas", "end"])
+            st.sampled_from(
+                [
+                    "lost",
+                    "doubled",
+                    "swapped",
+                    "field",
+                    "field",
+                    "letters",
+                    "letters",
+                    "commas",
+                    "end",
+                ]
+            )
         ):
             case "lost":
                 rows = rows[:at] + rows[at + 1 :] or [""]
@@ -26,7 +40,9 @@ def damaged(draw: st.DrawFn, files: Sequence[str], fields: Sequence[str]) -> str
             case "swapped":
                 rows[at], rows[other] = rows[other], rows[at]
             case "field":
-                rows[at] = _with_field(rows[at], draw(st.integers(0, COLUMNS - 1)), draw(st.sampled_from(fields)))
+                rows[at] = _with_field(
+                    rows[at], draw(st.integers(0, COLUMNS - 1)), draw(st.sampled_from(fields))
+                )
             case "letters":
                 column = draw(st.integers(0, len(rows[at])))
                 rest = rows[at][column + draw(st.integers(0, 9)) :]

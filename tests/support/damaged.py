@@ -1,4 +1,5 @@
-"""A free strip and a free angle's web that have lost stiffness in a stretch, and sound ones: solids by another code, stored.
+"""A free strip and a free angle's web that have lost stiffness in a stretch, and sound ones: solids
+by another code, stored.
 
 `solve` has them solved anew by CalculiX.
 """
@@ -25,7 +26,9 @@ THICKNESS = {"strip": 0.008, "angle": 0.005}
 TRUTH = (24e9, 9e9, 8.1e9, 0.26, 0.3, 0.35, 3.2e9, 2.9e9, 2.4e9)
 NOMINAL = OrthotropicMaterial(23e9, 8.5e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
 PARTS, LOST, FACTOR = 20, {"strip": (9, 11), "angle": (8, 10)}, 0.7
-"""Bricks along the length, the first and the last but one of those that have lost stiffness, and what is left."""
+"""Bricks along the length, the first and the last but one of those that have lost stiffness, and
+what is left.
+"""
 
 MODES, NOISE = {"strip": 10, "angle": 16}, 5e-4
 STORED = Path(__file__).with_suffix(".npz")
@@ -52,18 +55,26 @@ def body(kind: str) -> Specimen | Structure:
 
 
 def measured(kind: str, *, damaged: bool, seed: int = 0) -> Measurement:
-    """Modes of a stored solid with noise, to `NOISE` of a frequency and 1 % of a shape's largest entry."""
+    """Modes of a stored solid with noise, to `NOISE` of a frequency and 1 % of a shape's largest
+    entry.
+    """
     random, stored = np.random.default_rng(seed), np.load(STORED)
     name = f"{kind} damaged" if damaged else kind
     hz = stored[f"{name} hz"] * (1 + NOISE * random.standard_normal(MODES[kind]))
     shapes = np.float64(stored[f"{name} shapes"])
-    shapes += 0.01 * np.abs(shapes).max(axis=1, keepdims=True) * random.standard_normal(shapes.shape)
+    shapes += (
+        0.01 * np.abs(shapes).max(axis=1, keepdims=True) * random.standard_normal(shapes.shape)
+    )
     places = dict(enumerate(points(kind), start=1))
     covariance = np.diag(np.concatenate([(NOISE * hz) ** 2, np.full(hz.size, 1e-8)]))
     dofs = tuple(Dof(number, axis) for number, (_, axis) in places.items())
     found = MeasuredModes(hz, np.full(hz.size, 0.01), shapes + 0j, dofs, covariance)
-    inputs = replace(Inputs.exact(), length_sd=5e-4 * LENGTH[kind], thickness_sd=0.005 * THICKNESS[kind])
-    return Measurement(None, {number: place for number, (place, _) in places.items()}, found, inputs=inputs)
+    inputs = replace(
+        Inputs.exact(), length_sd=5e-4 * LENGTH[kind], thickness_sd=0.005 * THICKNESS[kind]
+    )
+    return Measurement(
+        None, {number: place for number, (place, _) in places.items()}, found, inputs=inputs
+    )
 
 
 def solve() -> dict[str, FloatArray]:
@@ -77,7 +88,9 @@ def solve() -> dict[str, FloatArray]:
 
 
 def _solved(kind: str, factor: float) -> tuple[FloatArray, FloatArray]:
-    """Modes that the points see, of the strip or of the angle's web with this share of its stiffness left in a stretch."""
+    """Modes that the points see, of the strip or of the angle's web with this share of its
+    stiffness left in a stretch.
+    """
     t, side, top = THICKNESS[kind], WIDTH[kind] / 2, HEIGHT / 2
     x = np.linspace(0, LENGTH[kind], PARTS + 1)
     if kind == "strip":
@@ -98,7 +111,9 @@ def _solved(kind: str, factor: float) -> tuple[FloatArray, FloatArray]:
     for name in ("flange", "web", "lost") if kind == "angle" else ("web", "lost"):
         axes = "1,0,0,0,0,1" if kind == "angle" and name != "flange" else "1,0,0,0,1,0"
         left = [factor if name == "lost" and not 3 <= k < 6 else 1.0 for k in range(9)]
-        materials[name] = orthotropic(name, np.multiply(TRUTH, left).tolist(), NOMINAL.density, axes)
+        materials[name] = orthotropic(
+            name, np.multiply(TRUTH, left).tolist(), NOMINAL.density, axes
+        )
     bricks = solid(cells, part, materials)
     seen = points(kind)
     hz, motions = modes(bricks, MODES[kind] + 14, bricks.nearest([place for place, _ in seen]))

@@ -1,4 +1,6 @@
-"""FRFs without modes: (K - ω²M + iωC) x = f solved at every line. Slow, and the reference for everything faster."""
+"""FRFs without modes: (K - ω²M + iωC) x = f solved at every line. Slow, and the reference for
+everything faster.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,10 @@ def direct_frf(
     for line in omega:
         dynamic = scipy.sparse.csc_matrix(stiffness - line**2 * mass + 1j * line * damping)
         columns.append(
-            responses @ scipy.sparse.linalg.splu(dynamic, permc_spec="MMD_AT_PLUS_A").solve(load.astype(complex))
+            responses
+            @ scipy.sparse.linalg.splu(dynamic, permc_spec="MMD_AT_PLUS_A").solve(
+                load.astype(complex)
+            )
         )
     found: ComplexArray = np.array(columns).T * convert(omega, quantity)
     return found

@@ -1,4 +1,6 @@
-"""A migrated database as it was before a test: without rows, its sequences at their start, nobody connected."""
+"""A migrated database as it was before a test: without rows, its sequences at their start, nobody
+connected.
+"""
 
 import psycopg
 from psycopg.sql import SQL
@@ -6,7 +8,8 @@ from psycopg.sql import SQL
 from service.db.engine import psycopg_url
 from tests.support.waiting import PATIENCE
 
-_PRINT = SQL("""
+_PRINT = SQL(
+    """
 SELECT concat_ws(' ', (SELECT string_agg(version_num, ' ') FROM alembic_version), (SELECT count(*) FROM pg_class), max(at))
 FROM (
   SELECT max(xmin::text::bigint) FROM pg_class WHERE relnamespace = 'public'::regnamespace UNION ALL
@@ -15,7 +18,8 @@ FROM (
   SELECT max(xmin::text::bigint) FROM pg_trigger UNION ALL
   SELECT max(xmin::text::bigint) FROM pg_proc
 ) catalogues (at)
-""")  # of the newest transaction that changed the schema, which a collection of statistics is none of
+"""
+)  # of the newest transaction that changed the schema, which a collection of statistics is none of
 
 _CUT_OFF = SQL("""
 SELECT pg_terminate_backend(pid, {}) FROM pg_stat_activity
@@ -43,7 +47,9 @@ def schema_print(url: str) -> str:
 
 
 def empty_tables(url: str) -> str:
-    """Cut off who is connected, and delete every row but the revision; the print of the schema that is left."""
+    """Cut off who is connected, and delete every row but the revision; the print of the schema that
+    is left.
+    """
     with psycopg.connect(psycopg_url(url)) as connection:
         connection.execute(_CUT_OFF.format(int(1000 * PATIENCE)))
         connection.execute(_EMPTY)

@@ -17,7 +17,9 @@ from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter, parametris
 from tests.support.draws import BEAM
 
 COARSE = replace(BEAM, divisions=(20, 2))
-"""On which what is not about the mesh is updated: its bias is far below what the sets are drawn with."""
+"""On which what is not about the mesh is updated: its bias is far below what the sets are drawn
+with.
+"""
 
 Points = Mapping[int, tuple[float, ...]]
 
@@ -30,10 +32,16 @@ def forward_model(
     reduced: bool = True,
     roving_mass: float = 0.0,
 ) -> ForwardModel:
-    """As many modes of a body as asked for, by its constants of these names or by the default ones; rows are along z."""
-    free = [Parameter(each) if isinstance(each, str) else each for each in parameters] or DEFAULT_PARAMETERS
+    """As many modes of a body as asked for, by its constants of these names or by the default ones;
+    rows are along z.
+    """
+    free = [
+        Parameter(each) if isinstance(each, str) else each for each in parameters
+    ] or DEFAULT_PARAMETERS
     places: FloatArray = np.array([place[:2] for place in (points or {}).values()]).reshape(-1, 2)
-    return ForwardModel(body, parametrise(body, free), along_z(points or {}), places, count, reduced, roving_mass)
+    return ForwardModel(
+        body, parametrise(body, free), along_z(points or {}), places, count, reduced, roving_mass
+    )
 
 
 def at_prior(forward: ForwardModel) -> ForwardState:

@@ -1,7 +1,8 @@
-"""A shop floor for tests and benchmarks of jobs: a real PostgreSQL, a real API, real workers that can be killed.
+"""A shop floor for tests and benchmarks of jobs: a real PostgreSQL, a real API, real workers that
+can be killed.
 
-Its own workers know the tests' kinds of job, among them the service's `update` with another computation, whose result is an
-audit event, so that a result stored twice can be seen.
+Its own workers know the tests' kinds of job, among them the service's `update` with another
+computation, whose result is an audit event, so that a result stored twice can be seen.
 """
 
 import os
@@ -94,7 +95,9 @@ class Floor:
 
     def crash_database(self) -> None:
         """End PostgreSQL at once, as a crash would, and start it again."""
-        postmaster = psutil.Process(int((self.folder / "postgres" / "postmaster.pid").read_text().split("\n", 1)[0]))
+        postmaster = psutil.Process(
+            int((self.folder / "postgres" / "postmaster.pid").read_text().split("\n", 1)[0])
+        )
         postmaster.send_signal(signal.SIGQUIT)
         postmaster.wait(PATIENCE)
         self._servers.enter_context(embedded_server(self.folder))
@@ -116,11 +119,16 @@ class Floor:
     def results(self) -> list[UUID | None]:
         """The job of every stored result."""
         with self.sessions() as session:
-            return list(session.scalars(select(AuditEvent.subject_id).where(AuditEvent.action == ITEM)))
+            return list(
+                session.scalars(select(AuditEvent.subject_id).where(AuditEvent.action == ITEM))
+            )
 
     def wait(self, count: int) -> None:
         """Until so many jobs have ended."""
-        self.until(lambda: sum(job.finished_at is not None for job in self.jobs()) >= count, f"the end of {count} jobs")
+        self.until(
+            lambda: sum(job.finished_at is not None for job in self.jobs()) >= count,
+            f"the end of {count} jobs",
+        )
 
     def until(self, condition: Callable[[], object], what: str) -> None:
         """Look often until it is so; the failure says what the processes wrote last."""
@@ -139,18 +147,25 @@ class Floor:
         self.engine.dispose()
         self._servers.close()
 
-    def _start(self, command: list[str], url: str | None, settings: dict[str, Any]) -> subprocess.Popen[bytes]:
+    def _start(
+        self, command: list[str], url: str | None, settings: dict[str, Any]
+    ) -> subprocess.Popen[bytes]:
         given = environment(Settings(database_url=url or self.url, log_level="warning", **settings))
-        given["PYTHONPATH"] = str(ROOT)  # the tests too, whose folder is not taken from where a process is started
+        # the tests too, whose folder is not taken from where a process is started
+        given["PYTHONPATH"] = str(ROOT)
         with self.log.open("ab") as log:
-            process = subprocess.Popen(command, cwd=ROOT, env=os.environ | given, stdout=log, stderr=log)
+            process = subprocess.Popen(
+                command, cwd=ROOT, env=os.environ | given, stdout=log, stderr=log
+            )
         self.processes.append(process)
         return process
 
 
 @contextmanager
 def floor(database_url: str | None = None) -> Iterator[Floor]:
-    """A floor with a database of its own, which nothing outlives; or on one that is there, whose server goes on."""
+    """A floor with a database of its own, which nothing outlives; or on one that is there, whose
+    server goes on.
+    """
     with tempfile.TemporaryDirectory(prefix="mb-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
         folder.chmod(0o755)  # the server may run as a user of its own

@@ -1,5 +1,5 @@
-"""A project with one thing of each kind that a path of the API can name, and what each operation asks of a key, judged
-by hand.
+"""A project with one thing of each kind that a path of the API can name, and what each operation
+asks of a key, judged by hand.
 """
 
 from typing import Any
@@ -16,7 +16,10 @@ from tests.support.rest import RAW, posted
 
 assert KINDS  # it is imported for its tables
 
-MODES = [{"frequency_hz": 25.61, "damping_ratio": 0.1556}, {"frequency_hz": 160.85, "damping_ratio": 0.0284}]
+MODES = [
+    {"frequency_hz": 25.61, "damping_ratio": 0.1556},
+    {"frequency_hz": 160.85, "damping_ratio": 0.0284},
+]
 MONITOR: dict[str, Any] = {
     "name": "watch",
     "recipe": {"parameters": [{"name": "Ex"}], "damping_models": ["rayleigh"]},
@@ -28,7 +31,12 @@ HOOK = "https://198.51.100.1/hook"  # nobody has this address
 
 def frfs(first: int = 1) -> dict[str, Any]:
     """A body of one FRF of three lines."""
-    one = {"response_point": first, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
+    one = {
+        "response_point": first,
+        "response_direction": 3,
+        "reference_point": 1,
+        "reference_direction": 3,
+    }
     spectrum = {"real": [1.0, 2.0, 3.0], "imag": [0.0, 0.5, 1.0]}
     return {"quantity": "accelerance", "frequency_hz": [1.0, 2.0, 3.0], "frfs": [one | spectrum]}
 
@@ -36,7 +44,9 @@ def frfs(first: int = 1) -> dict[str, Any]:
 def record(hit: int = 1) -> dict[str, Any]:
     """A body of one hit: two channels of 64 samples."""
     pairs = (("f", "force", 1), ("a", "acceleration", 2))
-    channels = [{"variable": name, "quantity": quantity, "point": point} for name, quantity, point in pairs]
+    channels = [
+        {"variable": name, "quantity": quantity, "point": point} for name, quantity, point in pairs
+    ]
     samples = [0.0, 1.0, 0.5, 0.1] + 60 * [0.0]
     mapping = {"sample_rate_hz": 1000.0, "hit": hit, "channels": channels}
     return {"variables": {"f": samples, "a": samples[::-1]}, "mapping": mapping}
@@ -47,7 +57,8 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
 
     Args:
         client: of the project's owner.
-        sessions: on the service's database, for the alarm, which otherwise takes a worker and many campaigns.
+        sessions: on the service's database, for the alarm, which otherwise takes a worker and many
+            campaigns.
         mark: a part of every name and note, to be looked for where it must not be.
     """
 
@@ -57,33 +68,47 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
     project = made("projects", {"name": mark, "description": mark})["id"]
     structure = made(f"projects/{project}/structures", {**paper.STRUCTURE, "name": mark})["id"]
     first, second = (
-        made(f"structures/{structure}/campaigns", {**paper.CAMPAIGN, "name": f"{mark} {n}", "notes": mark})["id"]
+        made(
+            f"structures/{structure}/campaigns",
+            {**paper.CAMPAIGN, "name": f"{mark} {n}", "notes": mark},
+        )["id"]
         for n in (1, 2)
     )
     campaign = f"campaigns/{first}"
     points = [{"label": n, "x_m": 0.1 * n, "y_m": 0, "z_m": 0} for n in (1, 2)]
     client.put(f"{campaign}/grid-points", json={"items": points}).raise_for_status()
-    batch = made(f"structures/{structure}/coupon-batches", {"name": mark, "constants": ["Ex"]})["id"]
+    batch = made(f"structures/{structure}/coupon-batches", {"name": mark, "constants": ["Ex"]})[
+        "id"
+    ]
     monitor = made(f"structures/{structure}/monitors", {**MONITOR, "name": mark})["id"]
     webhook = made("webhooks", {"project": project, "url": f"{HOOK}?{mark}"})["id"]
     made(f"webhooks/{webhook}/test")
     frf = made(f"{campaign}/frfs", frfs())["items"][0]["id"]
-    coupon = made(f"coupon-batches/{batch}/coupons", {"specimen": mark, "E_Pa": 3.3e10})["items"][0]["id"]
+    coupon = made(f"coupon-batches/{batch}/coupons", {"specimen": mark, "E_Pa": 3.3e10})["items"][
+        0
+    ]["id"]
     both = {"joint": True, "jobs": [{"campaign_id": first}, {"campaign_id": second}]}
     return {
         "project_id": project,
-        "search_id": made("searches", {"project": project, "name": mark, "noun": "frfs", "q": mark})["id"],
-        "instrument_id": made(f"projects/{project}/instruments", {"kind": "hammer", "serial": mark})["id"],
+        "search_id": made(
+            "searches", {"project": project, "name": mark, "noun": "frfs", "q": mark}
+        )["id"],
+        "instrument_id": made(
+            f"projects/{project}/instruments", {"kind": "hammer", "serial": mark}
+        )["id"],
         "structure_id": structure,
         "campaign_id": first,
         "frf_id": frf,
         "record_id": made(f"{campaign}/records", record())["items"][0]["id"],
         "mode_set_id": made(f"{campaign}/mode-sets", {"name": mark, "modes": MODES})["id"],
-        "import_id": made(f"{campaign}/imports", content=paper.uff_file(), headers=RAW, params={"filename": mark})[
-            "id"
-        ],
+        "import_id": made(
+            f"{campaign}/imports", content=paper.uff_file(), headers=RAW, params={"filename": mark}
+        )["id"],
         "model_id": made(
-            f"structures/{structure}/model", content=b"*HEADING\n", headers=RAW, params={"filename": f"{mark}.inp"}
+            f"structures/{structure}/model",
+            content=b"*HEADING\n",
+            headers=RAW,
+            params={"filename": f"{mark}.inp"},
         )["id"],
         "forecast_id": made(f"structures/{structure}/forecasts", {})["id"],
         "processing_id": made(f"{campaign}/processings", {})["id"],
@@ -95,7 +120,9 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
         "monitor_id": monitor,
         "alarm_id": str(_alarm(sessions, monitor, first, mark)),
         "webhook_id": webhook,
-        "delivery_id": client.get(f"webhooks/{webhook}/deliveries").raise_for_status().json()["items"][0]["id"],
+        "delivery_id": (
+            client.get(f"webhooks/{webhook}/deliveries").raise_for_status().json()["items"][0]["id"]
+        ),
         "key_id": client.get("api-keys").json()["items"][0]["id"],
         "number": "1",
         "name": "parameters",
@@ -104,8 +131,16 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
 
 def _alarm(sessions: Sessions, monitor: str, campaign: str, mark: str) -> UUID:
     table = Base.metadata.tables["alarms"]
-    row = {"monitor_id": UUID(monitor), "campaign_id": UUID(campaign), "series": 1, "state": "alarm"}
-    row |= {"parameter": "Ex", "details": {"performed_at": "2026-03-02T09:30:00+00:00", "value": 3e10, "note": mark}}
+    row = {
+        "monitor_id": UUID(monitor),
+        "campaign_id": UUID(campaign),
+        "series": 1,
+        "state": "alarm",
+    }
+    row |= {
+        "parameter": "Ex",
+        "details": {"performed_at": "2026-03-02T09:30:00+00:00", "value": 3e10, "note": mark},
+    }
     with sessions.begin() as session:
         made: UUID = session.execute(insert(table).values(row).returning(table.c.id)).scalar_one()
         return made
@@ -208,7 +243,9 @@ admin   editor  POST /webhooks/{webhook_id}/test
 read    viewer  GET /webhooks/{webhook_id}/deliveries
 write   editor  POST /deliveries/{delivery_id}/replay
 """
-"""Scope of the key, role in the project of what the path names (or `administrator`, whatever the role), operations."""
+"""Scope of the key, role in the project of what the path names (or `administrator`, whatever the
+role), operations.
+"""
 
 BODIES: dict[str, Any] = {
     "POST /projects": {"name": "p"},
@@ -222,16 +259,25 @@ BODIES: dict[str, Any] = {
     "POST /projects/{project_id}/instruments": {"kind": "sensor", "serial": "1"},
     "PATCH /instruments/{instrument_id}": {"notes": "n"},
     "PATCH /campaigns/{campaign_id}": {"notes": "n"},
-    "PUT /campaigns/{campaign_id}/grid-points": {"items": [{"label": 1, "x_m": 0, "y_m": 0, "z_m": 0}]},
+    "PUT /campaigns/{campaign_id}/grid-points": {
+        "items": [{"label": 1, "x_m": 0, "y_m": 0, "z_m": 0}]
+    },
     "POST /campaigns/{campaign_id}/frfs": frfs(),
     "POST /campaigns/{campaign_id}/records": record(),
     "POST /campaigns/{campaign_id}/processings": {},
-    "POST /campaigns/{campaign_id}/hit-decisions": {"point": 1, "hit": 1, "good": False, "why": "a cable was touched"},
+    "POST /campaigns/{campaign_id}/hit-decisions": {
+        "point": 1,
+        "hit": 1,
+        "good": False,
+        "why": "a cable was touched",
+    },
     "POST /campaigns/{campaign_id}/alignment": {},
     "POST /campaigns/{campaign_id}/mode-sets": {"name": "m", "modes": MODES},
     "POST /mode-sets/{mode_set_id}/edits": {
         "name": "e",
-        "decisions": [{"frequency_hz": MODES[0]["frequency_hz"], "keep": True, "reason": "seen by hand"}],
+        "decisions": [
+            {"frequency_hz": MODES[0]["frequency_hz"], "keep": True, "reason": "seen by hand"}
+        ],
     },
     "POST /campaigns/{campaign_id}/identifications": {},
     "POST /structures/{structure_id}/coupon-batches": {"name": "b", "constants": ["Ex"]},
@@ -247,7 +293,11 @@ BODIES: dict[str, Any] = {
     "PATCH /monitors/{monitor_id}": {"name": "m"},
     "POST /monitors/{monitor_id}/runs": {},
     "POST /alarms/{alarm_id}/acknowledge": {"note": "n"},
-    "POST /searches": {"project": "00000000-0000-0000-0000-000000000000", "name": "n", "noun": "frfs"},
+    "POST /searches": {
+        "project": "00000000-0000-0000-0000-000000000000",
+        "name": "n",
+        "noun": "frfs",
+    },
     "POST /webhooks": {"project": "00000000-0000-0000-0000-000000000000", "url": HOOK},
 }
 

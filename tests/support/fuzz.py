@@ -17,7 +17,9 @@ KINDS = {"coupon-batches": "batch_id", "update-jobs": "job_id"}
 
 @dataclass
 class Fuzzed:
-    """Statuses of the answers; operations that a request has got through to; faults of answers, each once, in words."""
+    """Statuses of the answers; operations that a request has got through to; faults of answers,
+    each once, in words.
+    """
 
     statuses: Counter[int] = field(default_factory=Counter)
     answered: Counter[str] = field(default_factory=Counter)
@@ -27,8 +29,9 @@ class Fuzzed:
 def fuzz(service: LocalService, rounds: int = 1, examples: int = 3, start: int = 14) -> Fuzzed:
     """Send rounds of requests.
 
-    What a path names is taken from what exists: at first one thing of each kind, then also what the requests themselves
-    have made, so that they meet things in every state. No answer may be an error of the service, or one that the
+    What a path names is taken from what exists: at first one thing of each kind, then also what the
+    requests themselves have made, so that they meet things in every state. No answer may be an
+    error of the service, or one that the
     document does not know: status, content type, headers and body are held against it.
 
     Args:
@@ -40,7 +43,10 @@ def fuzz(service: LocalService, rounds: int = 1, examples: int = 3, start: int =
     engine = make_engine(service.settings.database_url, pool_size=1)
     with client_of(service, "fuzz") as client:
         things = furnish(client, make_sessions(engine), "fuzz")
-        things |= {"key_id": client.post("api-keys", json={"name": "spare"}).json()["id"], "member": "fuzz"}
+        things |= {
+            "key_id": client.post("api-keys", json={"name": "spare"}).json()["id"],
+            "member": "fuzz",
+        }
         key = client.headers["Authorization"]
     engine.dispose()
     fuzzer = _Fuzzer(service, things, key, start)
@@ -64,12 +70,19 @@ class _Fuzzer:
         self.things = defaultdict(list, {name: [value] for name, value in things.items()})
         self.headers = {"Authorization": key}
         schema = schemathesis.openapi.from_url(f"{service.url}/openapi.json")
-        self.operations = [made.ok() for made in schema.get_all_operations() if isinstance(made, Ok)]
+        self.operations = [
+            made.ok() for made in schema.get_all_operations() if isinstance(made, Ok)
+        ]
         names = ("content_type", "response_headers", "response_schema", "status_code")
-        self.checks = [checks.not_a_server_error, *(getattr(documented, f"{name}_conformance") for name in names)]
+        self.checks = [
+            checks.not_a_server_error,
+            *(getattr(documented, f"{name}_conformance") for name in names),
+        ]
 
     def round(self, examples: int, number: int) -> None:
-        """Some requests of each operation; what removes things comes last, or the others would find nothing."""
+        """Some requests of each operation; what removes things comes last, or the others would find
+        nothing.
+        """
         mixed = self.choose.sample(self.operations, len(self.operations))
         for operation in sorted(mixed, key=_removes):
             if not operation.path.endswith("/events"):  # a stream has no end
@@ -78,7 +91,11 @@ class _Fuzzer:
     def _some(self, operation: Any, examples: int, number: int) -> None:
         from hypothesis import HealthCheck, Phase, given, seed, settings
 
-        unhindered = {"deadline": None, "database": None, "suppress_health_check": list(HealthCheck)}
+        unhindered = {
+            "deadline": None,
+            "database": None,
+            "suppress_health_check": list(HealthCheck),
+        }
 
         @seed(number)
         @settings(max_examples=examples, phases=[Phase.generate], **unhindered)
@@ -100,7 +117,9 @@ class _Fuzzer:
             self.found.answered[label] += 1
             steps = (answer.headers.get("location") or [""])[0].removeprefix(PREFIX).split("/")
             if len(steps) == 2:  # what was made may be named by later paths
-                self.things[KINDS.get(steps[0], steps[0].removesuffix("s").replace("-", "_") + "_id")].append(steps[1])
+                self.things[
+                    KINDS.get(steps[0], steps[0].removesuffix("s").replace("-", "_") + "_id")
+                ].append(steps[1])
         try:
             case.validate_response(answer, checks=self.checks)
         except FailureGroup as error:

@@ -1,9 +1,12 @@
-"""Golden documents: what a user sees, kept as data, so that a change of the code that changes it is seen.
+"""Golden documents: what a user sees, kept as data, so that a change of the code that changes it is
+seen.
 
-`check` compares a document with `tests/golden/data/NAME.json`. With MODALBASE_GOLDEN=write it writes what is different anew and
-prints it: `pytest tests/golden -s`, with `-k` for some. Compared are keys, types, lengths and the order of lists exactly,
-sentences but for the numbers in them, and numbers to `CLOSE` of their size or `SHARE` of their standard deviation, whichever is
-wider. Ids, times and what depends on the machine are masked.
+`check` compares a document with `tests/golden/data/NAME.json`. With MODALBASE_GOLDEN=write it
+writes what is different anew and
+prints it: `pytest tests/golden -s`, with `-k` for some. Compared are keys, types, lengths and the
+order of lists exactly, sentences but for the numbers in them, and numbers to `CLOSE` of their size
+or `SHARE` of their standard deviation, whichever is wider. Ids, times and what depends on the
+machine are masked.
 """
 
 import json
@@ -40,14 +43,14 @@ VOLATILE = {
     "samples",
     "points_m",
 }
-"""What depends on the machine: of a search its steps on the way, of a chain how long it had to be, and of points that are as
-good as their mirror images which were chosen, hang on the last bits.
+"""What depends on the machine: of a search its steps on the way, of a chain how long it had to be,
+and of points that are as good as their mirror images which were chosen, hang on the last bits.
 """
 NO_WEIGHT = 1e-6
 """Of a pole's feature: below, rounding decides which of them comes first."""
 NUMBERLESS = {"null_directions", "sizes"}
-"""Of which only the names are compared: a basis of what is not known may turn, and a number of three digits, the size of an
-explanation, may be rounded the other way by the last bits.
+"""Of which only the names are compared: a basis of what is not known may turn, and a number of
+three digits, the size of an explanation, may be rounded the other way by the last bits.
 """
 VOLATILE_HEADERS = {"content-length", "date", "etag", "server", "x-request-id", "server-timing"}
 _ID = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}")
@@ -63,15 +66,19 @@ DEVIATIONS = {
     "measured_damping": "measured_damping_sd",
     "coefficients": "standard_deviations",
     **dict.fromkeys(
-        ("raw", "mean", "estimate", "interval_95", "comparable", "noise_standard_deviation"), "standard_deviation"
+        ("raw", "mean", "estimate", "interval_95", "comparable", "noise_standard_deviation"),
+        "standard_deviation",
     ),
 }
-"""Members that are known to a standard deviation, and the member of the same object that states it."""
+"""Members that are known to a standard deviation, and the member of the same object that states
+it.
+"""
 
 LOOSER: tuple[tuple[re.Pattern[str], float, float, float], ...] = tuple(
     (re.compile(pattern), relative, absolute, share)
     for pattern, relative, absolute, share in (
-        # Second derivatives of a misfit where a search ended; what is printed of them has two digits.
+        # Second derivatives of a misfit where a search ended; what is printed of them has two
+        # digits.
         (r"(standard_deviation|_sd(_hz)?)$|/standard_deviations/", 3e-4, 0.0, 3e-5),
         # Numbers of order one, made of all others.
         (
@@ -83,9 +90,11 @@ LOOSER: tuple[tuple[re.Pattern[str], float, float, float], ...] = tuple(
         (r"/error_percent$", 0.0, 1e-6, 0.0),
         # Where the search for damping ended, a thousandth of a standard deviation from the minimum.
         (r"/(optima|coefficients|curve|predicted_damping|comparable)\b", 1e-5, 0.0, 1e-4),
-        (r"/channel_delay_s$", 3e-4, 1e-10, 0.0),  # a ten-thousandth of a degree at 1 kHz; none is known better
+        # a ten-thousandth of a degree at 1 kHz; none is known better
+        (r"/channel_delay_s$", 3e-4, 1e-10, 0.0),
         (r"/(parameters|own)/\d+/", 5e-6, 0.0, 1e-4),
-        # On the way of a search, what such a way makes of the model's frequencies, and what it left lying.
+        # On the way of a search, what such a way makes of the model's frequencies, and what it left
+        # lying.
         (r"/(starts|convergence)/", 1e-5, 0.0, 0.0),
         (r"/(bic|cost|discrepancy/\w+|significance)$", 2e-6, 0.0, 0.0),
         (r"_hz\b|/(measured_damping|damping_ratio)$|/stabilisation/", 5e-7, 0.0, 0.0),
@@ -94,7 +103,12 @@ LOOSER: tuple[tuple[re.Pattern[str], float, float, float], ...] = tuple(
         (r"/features/", 1e-6, 1e-6, 0.0),
         # A few poles beside the modes of these hits are in the series or not by the last bits.
         (r"^update-hits-free-window/", 2e-2, 0.0, 1.0),
-        (r"^update-hits-free-window/.*/(share|correlation|mac_matrix|missed|error_percent)\b", 0.0, 5e-2, 0.0),
+        (
+            r"^update-hits-free-window/.*/(share|correlation|mac_matrix|missed|error_percent)\b",
+            0.0,
+            5e-2,
+            0.0,
+        ),
         (
             r"^update-hits-free-window/.*(_sd(_hz)?$|standard_deviations?\b|discrepancy|significance|memory_lines|refused)",
             0.6,
@@ -107,20 +121,31 @@ LOOSER: tuple[tuple[re.Pattern[str], float, float, float], ...] = tuple(
         (r"^monitor/", 1e-4, 0.0, 0.0),
         # Drawn with five digits.
         (r"/curve/|^figures/|/figures?/", 2e-4, 1e-6, 0.0),
-        # A chain takes a step or not by its last bits; some 5000 effective samples fix a standard deviation to 1 %.
-        (r"^update-paper-sampled/.*/(posterior|budget|interval_95|standard_deviation)\b", 0.3, 0.1, 0.3),
+        # A chain takes a step or not by its last bits; some 5000 effective samples fix a standard
+        # deviation to 1 %.
+        (
+            r"^update-paper-sampled/.*/(posterior|budget|interval_95|standard_deviation)\b",
+            0.3,
+            0.1,
+            0.3,
+        ),
         # Each place of the sensor is a body of its own: its searches end by their count.
         (r"^update-sensor-", 5e-5, 0.0, 1e-3),
         (r"^update-sensor-.*/error_percent$", 0.0, 1e-5, 0.0),
     )
 )
-"""Numbers that differ by more than `CLOSE` between processors: relative, absolute, and as a share of their standard deviation.
-Between OpenBLAS's kernels for Nehalem and Haswell they differ by a third of that at most.
+"""Numbers that differ by more than `CLOSE` between processors: relative, absolute, and as a share
+of their standard deviation. Between OpenBLAS's kernels for Nehalem and Haswell they differ by a
+third of that at most.
 """
 
 
-OTHER_POLES = re.compile(r"^update-hits-free-window/.*/refused_poles/.*/(features|probability|reason)\b")
-"""What is said of poles that are others by the last bits; how many there are and where they lie is compared."""
+OTHER_POLES = re.compile(
+    r"^update-hits-free-window/.*/refused_poles/.*/(features|probability|reason)\b"
+)
+"""What is said of poles that are others by the last bits; how many there are and where they lie is
+compared.
+"""
 
 
 def freeze(value: Any) -> Any:
@@ -139,7 +164,8 @@ def freeze(value: Any) -> Any:
 def _member(name: str, member: Any) -> Any:
     if name == "features" and isinstance(member, list):
         member = [each for each in member if abs(each["weight"]) > NO_WEIGHT]
-    described = isinstance(member, dict) and member.keys() & {"type", "anyOf", "$ref"}  # in the OpenAPI document
+    # in the OpenAPI document
+    described = isinstance(member, dict) and member.keys() & {"type", "anyOf", "$ref"}
     if name in VOLATILE and member is not None and not described:
         return "<masked>"
     return _names(member) if name in NUMBERLESS else freeze(member)
@@ -152,7 +178,10 @@ def _names(value: Any) -> Any:
 def _numbers(values: np.ndarray) -> list[Any]:
     flat = values.ravel()
     parts = np.column_stack([flat.real, flat.imag]).ravel() if np.iscomplexobj(flat) else flat
-    return [None if isinstance(each, float) and not math.isfinite(each) else each for each in parts.tolist()]
+    return [
+        None if isinstance(each, float) and not math.isfinite(each) else each
+        for each in parts.tolist()
+    ]
 
 
 def _list(values: list[Any]) -> Any:
@@ -163,19 +192,34 @@ def _list(values: list[Any]) -> Any:
     some = [freeze(values[i]) for i in np.linspace(0, len(values) - 1, 5).astype(int)]
     if numbers:
         rms = math.sqrt(sum(float(each) ** 2 for each in known) / max(len(known), 1))
-        return {"numbers": len(values), "missing": len(values) - len(known), "rms": freeze(rms), "some": some}
+        return {
+            "numbers": len(values),
+            "missing": len(values) - len(known),
+            "rms": freeze(rms),
+            "some": some,
+        }
     return {"items": len(values), "some": [some[0], some[2], some[4]]}
 
 
 def masked(text: str) -> str:
-    """A text without ids, times, digests, versions and the host; a sentence also without its numbers."""
+    """A text without ids, times, digests, versions and the host; a sentence also without its
+    numbers.
+    """
     dates = (_DATE, "<time>"), (_TIME, "<time>")
-    for pattern, name in ((_ID, "<id>"), *dates, (_HEX, "<hex>"), (_VERSION, "<version>"), (_HOST, "<host>")):
+    for pattern, name in (
+        (_ID, "<id>"),
+        *dates,
+        (_HEX, "<hex>"),
+        (_VERSION, "<version>"),
+        (_HOST, "<host>"),
+    ):
         text = pattern.sub(name, text)
     return _NUMBER.sub("#", text) if " " in text else text
 
 
-def different(kept: Any, found: Any, place: str, sd: Any = 0.0, scale: float = 0.0) -> Iterator[str]:
+def different(
+    kept: Any, found: Any, place: str, sd: Any = 0.0, scale: float = 0.0
+) -> Iterator[str]:
     """What is not the same in two frozen documents, each by its place.
 
     Args:
@@ -191,24 +235,36 @@ def different(kept: Any, found: Any, place: str, sd: Any = 0.0, scale: float = 0
         yield f"{place}: was {_short(kept)}, is {_short(found)}"
     elif isinstance(kept, dict):
         yield from (f"{place}/{name}: is gone" for name in kept.keys() - found.keys())
-        yield from (f"{place}/{name}: is new, {_short(found[name])}" for name in found.keys() - kept.keys())
+        yield from (
+            f"{place}/{name}: is new, {_short(found[name])}" for name in found.keys() - kept.keys()
+        )
         for name in kept.keys() & found.keys():
             size = kept["rms"] if kept.keys() == SAMPLE else scale
-            yield from different(kept[name], found[name], f"{place}/{name}", _deviation(kept, name, sd), size)
+            yield from different(
+                kept[name], found[name], f"{place}/{name}", _deviation(kept, name, sd), size
+            )
     elif isinstance(kept, list):
         if len(kept) != len(found):
-            yield f"{place}: had {len(kept)} entries, has {len(found)}: {_short(kept)}, {_short(found)}"
+            yield (
+                f"{place}: had {len(kept)} entries, has {len(found)}: {_short(kept)},"
+                f" {_short(found)}"
+            )
         for i, (one, other) in enumerate(zip(kept, found, strict=False)):
             yield from different(one, other, f"{place}/{i}", sd, scale)
     elif isinstance(kept, float):
         if abs(kept - found) > _allowed(place, max(abs(kept), abs(found), scale), sd):
-            yield f"{place}: was {kept!r}, is {found!r}, {abs(kept - found) / max(abs(kept), 1e-300):.1e} of it"
+            yield (
+                f"{place}: was {kept!r}, is {found!r},"
+                f" {abs(kept - found) / max(abs(kept), 1e-300):.1e} of it"
+            )
     elif kept != found:
         yield f"{place}: was {_short(kept)}, is {_short(found)}"
 
 
 def _deviation(kept: dict[str, Any], name: str, sd: Any) -> Any:
-    """The standard deviation of a member, or those of the member's own: what is stated beside it, or about all of them."""
+    """The standard deviation of a member, or those of the member's own: what is stated beside it,
+    or about all of them.
+    """
     stated = kept.get(DEVIATIONS.get(name, ""))
     if isinstance(stated, dict):
         return stated
@@ -235,10 +291,13 @@ def check(name: str, document: Any) -> None:
     if os.environ.get(WRITE) and differences:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(found, ensure_ascii=False, indent=1) + "\n", encoding="utf-8")
-        sys.stdout.write("\n  ".join([f"\n{name}:", *(differences if kept is not None else ["is new"])]) + "\n")
+        sys.stdout.write(
+            "\n  ".join([f"\n{name}:", *(differences if kept is not None else ["is new"])]) + "\n"
+        )
         return
     assert not differences, (
-        f"{name} is not as it was; if that is a gain: {WRITE}=write pytest tests/golden -s\n" + "\n".join(differences)
+        f"{name} is not as it was; if that is a gain: {WRITE}=write pytest tests/golden -s\n"
+        + "\n".join(differences)
     )
 
 
@@ -247,7 +306,9 @@ def check(name: str, document: Any) -> None:
 
 def answered(answer: httpx.Response, body: Any) -> dict[str, Any]:
     """An answer: its status, its headers, and what was made of its body."""
-    headers = {name: value for name, value in answer.headers.items() if name not in VOLATILE_HEADERS}
+    headers = {
+        name: value for name, value in answer.headers.items() if name not in VOLATILE_HEADERS
+    }
     return {"status": answer.status_code, "headers": headers, "body": body}
 
 
@@ -258,7 +319,9 @@ def exact(content: bytes) -> dict[str, Any]:
 
 
 def numeric(content: bytes) -> dict[str, Any]:
-    """A text of computed numbers: what stands between them exactly, and they as numbers are compared."""
+    """A text of computed numbers: what stands between them exactly, and they as numbers are
+    compared.
+    """
     text = masked(content.decode().replace(" ", "\t")).replace("\t", " ")
     between = _NUMBER.sub("#", text).encode()
     numbers = [float(each.replace("−", "-")) for each in _NUMBER.findall(text)]
@@ -266,7 +329,9 @@ def numeric(content: bytes) -> dict[str, Any]:
 
 
 def beginning(content: bytes) -> dict[str, Any]:
-    """Bytes of which some are computed numbers: how many, and the lines before the first of them."""
+    """Bytes of which some are computed numbers: how many, and the lines before the first of
+    them.
+    """
     text = bytes(byte if byte < 128 else 0 for byte in content).decode()
     return {"bytes": len(content), "begin": lines(text.partition("\0")[0])[:-1]}
 
@@ -274,7 +339,21 @@ def beginning(content: bytes) -> dict[str, Any]:
 class _Words(HTMLParser):
     """The text that a page shows, a line for each block."""
 
-    _WITHIN = ("a", "abbr", "b", "code", "em", "i", "small", "span", "strong", "sub", "sup", "td", "th")
+    _WITHIN = (
+        "a",
+        "abbr",
+        "b",
+        "code",
+        "em",
+        "i",
+        "small",
+        "span",
+        "strong",
+        "sub",
+        "sup",
+        "td",
+        "th",
+    )
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,8 +1,9 @@
-"""The service under load: five hundred clients, each asking once in ten seconds on average, beside four hundred streams
-of events.
+"""The service under load: five hundred clients, each asking once in ten seconds on average, beside
+four hundred streams of events.
 
-Most clients look at lists, some read FRFs, some upload, some start updates, which a worker computes; somebody asks
-`/healthz` all the time. Before, the same lists are asked by one client alone.
+Most clients look at lists, some read FRFs, some upload, some start updates, which a worker
+computes; somebody asks `/healthz` all the time. Before, the same lists are asked by one client
+alone.
 """
 
 import asyncio
@@ -30,14 +31,18 @@ FILE = paper.uff_file()
 class Load:
     """What came of it."""
 
-    statuses: dict[str, Counter[int]] = field(default_factory=lambda: defaultdict(Counter))  # by kind of request
-    bare_errors: list[str] = field(default_factory=list)  # answers of 500 and more that are no 503 with `Retry-After`
-    seconds: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))  # of each answer, by kind
+    # by kind of request
+    statuses: dict[str, Counter[int]] = field(default_factory=lambda: defaultdict(Counter))
+    # answers of 500 and more that are no 503 with `Retry-After`
+    bare_errors: list[str] = field(default_factory=list)
+    # of each answer, by kind
+    seconds: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
     alone: list[float] = field(default_factory=list)  # seconds of the lists before
     streams: int = 0  # streams that were open at the same time, and events that came
     events: int = 0
     health: float = 0.0  # longest answer of `/healthz`, in s
-    memory: list[int] = field(default_factory=lambda: [0, 0, 0])  # bytes of the API before, at most and after
+    # bytes of the API before, at most and after
+    memory: list[int] = field(default_factory=lambda: [0, 0, 0])
 
 
 def load(
@@ -66,7 +71,9 @@ def load(
 
 @dataclass
 class _Place:
-    """What requests name, one for each key: a campaign with an FRF, one with modes alone, which an update takes, and a job."""
+    """What requests name, one for each key: a campaign with an FRF, one with modes alone, which an
+    update takes, and a job.
+    """
 
     key: str
     campaign: str
@@ -89,30 +96,54 @@ class _Place:
 
 def _furnished(service: LocalService, number: int) -> _Place:
     lines = [float(n) for n in range(1, 1601)]
-    one = {"response_point": 2, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
-    frfs = {"quantity": "accelerance", "frequency_hz": lines, "frfs": [one | {"real": lines, "imag": lines}]}
+    one = {
+        "response_point": 2,
+        "response_direction": 3,
+        "reference_point": 1,
+        "reference_direction": 3,
+    }
+    frfs = {
+        "quantity": "accelerance",
+        "frequency_hz": lines,
+        "frfs": [one | {"real": lines, "imag": lines}],
+    }
     with client_of(service, f"client {number}") as api:
         campaign, typed = campaigns_of(api, "load", 2)
         frf = posted(api, f"campaigns/{campaign}/frfs", frfs)["items"][0]["id"]
-        modes = posted(api, f"campaigns/{typed}/mode-sets", {"name": "m", "modes": paper.MODES[:2]})["id"]
-        waiting = posted(api, f"campaigns/{typed}/update-jobs?priority=-100", {"mode_set": modes})["id"]
-        return _Place(str(api.headers["Authorization"]).split()[1], campaign, frf, typed, modes, waiting)
+        modes = posted(
+            api, f"campaigns/{typed}/mode-sets", {"name": "m", "modes": paper.MODES[:2]}
+        )["id"]
+        waiting = posted(api, f"campaigns/{typed}/update-jobs?priority=-100", {"mode_set": modes})[
+            "id"
+        ]
+        return _Place(
+            str(api.headers["Authorization"]).split()[1], campaign, frf, typed, modes, waiting
+        )
 
 
 class _Crowd:
-    def __init__(self, service: LocalService, places: list[_Place], load: Load, pause: float) -> None:
+    def __init__(
+        self, service: LocalService, places: list[_Place], load: Load, pause: float
+    ) -> None:
         self.url, self.places, self.load, self.pause = service.url, places, load, pause
         self.api = psutil.Process(service.processes["api"].pid)
         self.over = asyncio.Event()
         self.open = 0
 
     async def run(self, clients: int, streams: int, seconds: float, seed: int) -> None:
-        """One client alone, then all at once. No connection is used twice: the service may close an idle one at that moment."""
-        async with httpx.AsyncClient(base_url=self.url, limits=ONCE, timeout=600, trust_env=False) as self.http:
+        """One client alone, then all at once. No connection is used twice: the service may close an
+        idle one at that moment.
+        """
+        async with httpx.AsyncClient(
+            base_url=self.url, limits=ONCE, timeout=600, trust_env=False
+        ) as self.http:
             for _ in range(ALONE):
                 await self._ask("list", self.places[0], self.load.alone)
             self.load.memory[0] = self.api.memory_info().rss
-            watching = [asyncio.create_task(self._watch(self.places[n % len(self.places)])) for n in range(streams)]
+            watching = [
+                asyncio.create_task(self._watch(self.places[n % len(self.places)]))
+                for n in range(streams)
+            ]
             while self.open < streams and not any(task.done() for task in watching):
                 await asyncio.sleep(0.05)
             self.load.streams = self.open
@@ -124,7 +155,9 @@ class _Crowd:
             for task in watching:
                 task.cancel()
             ended = await asyncio.gather(*watching, return_exceptions=True)
-            self.load.bare_errors += [f"a stream: {error!r}" for error in ended if isinstance(error, Exception)]
+            self.load.bare_errors += [
+                f"a stream: {error!r}" for error in ended if isinstance(error, Exception)
+            ]
             await asyncio.sleep(1)
             self.load.memory[2] = self.api.memory_info().rss
 
@@ -143,7 +176,9 @@ class _Crowd:
             while not await self._rested(choose.expovariate(1 / self.pause)):
                 answer = await self._ask(kind, place, self.load.seconds[kind])
                 self.load.statuses[kind][answer.status_code] += 1
-                if answer.status_code >= 500 and not (answer.status_code == 503 and "retry-after" in answer.headers):
+                if answer.status_code >= 500 and not (
+                    answer.status_code == 503 and "retry-after" in answer.headers
+                ):
                     self.load.bare_errors.append(f"{kind}: {answer.status_code}")
         except httpx.TransportError as error:
             self.load.bare_errors.append(f"{kind}: {error!r}")
@@ -170,7 +205,9 @@ class _Crowd:
 
     async def _events(self, place: _Place, job: str) -> None:
         headers = {"Authorization": f"Bearer {place.key}"}
-        async with self.http.stream("GET", f"/api/v1/update-jobs/{job}/events", headers=headers) as answer:
+        async with self.http.stream(
+            "GET", f"/api/v1/update-jobs/{job}/events", headers=headers
+        ) as answer:
             self.load.statuses["stream"][answer.status_code] += 1
             if answer.status_code not in (200, 204):
                 raise RuntimeError(f"a stream of events: {answer.status_code}")
@@ -179,7 +216,8 @@ class _Crowd:
                 async for line in answer.aiter_lines():
                     if line.startswith("data:"):
                         self.load.events += 1
-                        if json.loads(line[5:])["status"] == "failed":  # the load would be of jobs that end at once
+                        # the load would be of jobs that end at once
+                        if json.loads(line[5:])["status"] == "failed":
                             self.load.bare_errors.append(f"a job failed: {job}")
             finally:
                 self.open -= 1

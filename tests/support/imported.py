@@ -49,7 +49,9 @@ def imported(
     with TemporaryDirectory() as folder:
         path = Path(folder) / "deck"
         path.write_bytes(content.encode() if isinstance(content, str) else content)
-        (output,) = read_deck(DeckInputs(path, name, units, tuple(accept), sections), lambda *_: None)
+        (output,) = read_deck(
+            DeckInputs(path, name, units, tuple(accept), sections), lambda *_: None
+        )
     model = model_of(output.arrays)
     if isinstance(model, MatrixModel):
         return Imported(output.document, body_of_matrices(model, boundary))
@@ -60,4 +62,9 @@ def npz_of(nodes: Any, dofs: Any, stiffness: Any, mass: Any) -> dict[str, np.nda
     """Arrays of a model of matrices; nodes have numbers from 1."""
     places = np.asarray(nodes, dtype=float)
     table = np.column_stack([np.arange(1, len(places) + 1), places])
-    return {"nodes": table, "dofs": np.asarray(dofs), "K_0": np.asarray(stiffness), "M_0": np.asarray(mass)}
+    return {
+        "nodes": table,
+        "dofs": np.asarray(dofs),
+        "K_0": np.asarray(stiffness),
+        "M_0": np.asarray(mass),
+    }

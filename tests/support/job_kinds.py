@@ -27,7 +27,9 @@ def load(session: Session, job_id: UUID, workspace: Path) -> dict[str, Any]:
 def store(session: Session, job_id: UUID, items: Iterator[Any]) -> None:
     """Each item becomes a row; audit events are a table at hand."""
     for item in items:
-        session.add(AuditEvent(action=ITEM, subject_type="job", subject_id=job_id, detail={"value": item}))
+        session.add(
+            AuditEvent(action=ITEM, subject_type="job", subject_id=job_id, detail={"value": item})
+        )
         session.flush()
 
 
@@ -54,7 +56,13 @@ KINDS = {
         JobKind("slow", load=load, compute=computations.slow, store=store),
         JobKind("stubborn", load=load, compute=computations.stubborn, store=store),
         JobKind("overdue", load=load, compute=computations.stubborn, store=store, wall_seconds=0.5),
-        JobKind("hungry", load=load, compute=computations.hungry, store=store, memory_bytes=200 * computations.MIB),
+        JobKind(
+            "hungry",
+            load=load,
+            compute=computations.hungry,
+            store=store,
+            memory_bytes=200 * computations.MIB,
+        ),
         JobKind("crashing", load=load, compute=computations.crashing, store=store),
         JobKind("refusing", load=load, compute=computations.refusing, store=store),
         JobKind("diverging", load=load, compute=computations.diverging, store=store),
@@ -62,8 +70,11 @@ KINDS = {
         JobKind("chain", load=load, compute=computations.chain, store=store),
         JobKind("bad load", load=load_badly, compute=computations.echo, store=store),
         JobKind("bad store", load=load, compute=computations.echo, store=store_half),
-        # Where every second or so the worker of some job is killed on purpose, a job may well meet that a dozen times.
-        JobKind("update", load=load_seconds, compute=computations.busy, store=store, max_attempts=100),
+        # Where every second or so the worker of some job is killed on purpose, a job may well meet
+        # that a dozen times.
+        JobKind(
+            "update", load=load_seconds, compute=computations.busy, store=store, max_attempts=100
+        ),
         JobKind("busy", load=load_seconds, compute=computations.busy, store=store, max_attempts=5),
         JobKind("idle", load=load_seconds, compute=computations.idle, store=store, max_attempts=5),
         JobKind("empty", load=lambda *_: None, compute=computations.empty, store=lambda *_: None),

@@ -18,10 +18,15 @@ def day(number: float) -> datetime:
     return START + timedelta(days=30 * number)
 
 
-def observe(number: int, ex: float, modes: Sequence[Any] = MODES, **covariates: float) -> Observation:
+def observe(
+    number: int, ex: float, modes: Sequence[Any] = MODES, **covariates: float
+) -> Observation:
     noise = 0.001 * np.random.default_rng(number).standard_normal()
     return Observation(
-        str(number), day(number), {"parameters": {"Ex": [ex + noise, 0.001]}, "modes": list(modes)}, covariates
+        str(number),
+        day(number),
+        {"parameters": {"Ex": [ex + noise, 0.001]}, "modes": list(modes)},
+        covariates,
     )
 
 
@@ -34,7 +39,9 @@ def judged(
 ) -> Judgement:
     watch = watch or Watch({"Ex": "fall"}, baseline=6)
     latest = max(o.performed_at for o in observations)
-    inputs = JudgementInputs(tuple(observations), watch, as_of or latest, tuple(acknowledged), (), moves)
+    inputs = JudgementInputs(
+        tuple(observations), watch, as_of or latest, tuple(acknowledged), (), moves
+    )
     (result,) = judge(inputs, lambda *_: None)
     json.dumps(result.document, allow_nan=False)
     return result

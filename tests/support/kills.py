@@ -1,10 +1,11 @@
 """The service under kills.
 
-Three clients work without a pause: one imports a UFF file into a new campaign, one updates the model, one sends messages to a
-webhook, each at least once. Each repeats what is not answered, and goes on when what it asked for has ended. Meanwhile API,
-workers, PostgreSQL and the processes that workers fork their computations from are killed in turn, each time after something
-has ended, so that a slow machine gets on too. Nothing that was acknowledged may be lost, every job ends once, and no kill is an
-internal error.
+Three clients work without a pause: one imports a UFF file into a new campaign, one updates the
+model, one sends messages to a webhook, each at least once. Each repeats what is not answered, and
+goes on when what it asked for has ended. Meanwhile API, workers, PostgreSQL and the processes that
+workers fork their computations from are killed in turn, each time after something has ended, so
+that a slow machine gets on too. Nothing that was acknowledged may be lost, every job ends once, and
+no kill is an internal error.
 """
 
 import random
@@ -46,11 +47,14 @@ class Tally:
 
     killed: Counter[str] = field(default_factory=Counter)  # how often, by what
     # ids that an answer promised, by kind: `import`, `update`, `message`
-    acknowledged: dict[str, list[str]] = field(default_factory=lambda: {"import": [], "update": [], "message": []})
+    acknowledged: dict[str, list[str]] = field(
+        default_factory=lambda: {"import": [], "update": [], "message": []}
+    )
     received: list[str] = field(default_factory=list)  # ids of messages, as often as they came
     states: Counter[str] = field(default_factory=Counter)  # of all jobs
     reasons: Counter[str] = field(default_factory=Counter)  # of the jobs that failed
-    lost: list[str] = field(default_factory=list)  # what was promised and is not there, each in words
+    # what was promised and is not there, each in words
+    lost: list[str] = field(default_factory=list)
     # attempts, losses: of all jobs
     attempts: int = 0
     losses: int = 0
@@ -72,17 +76,28 @@ def soak(kills: int, seed: int = 11, workers: int = 2) -> Tally:
     tally, rng = Tally(), random.Random(seed)
     with floor() as here, receiver() as hook, ExitStack() as lines:
         first = lines.enter_context(here.client("soak", **SETTINGS))
-        others = [lines.enter_context(plain_client(first.base_url, dict(first.headers))) for _ in range(2)]
-        clients, house = [_Client(http) for http in (first, *others)], _House(here, first.base_url.port or 0, workers)
+        others = [
+            lines.enter_context(plain_client(first.base_url, dict(first.headers))) for _ in range(2)
+        ]
+        clients, house = (
+            [_Client(http) for http in (first, *others)],
+            _House(here, first.base_url.port or 0, workers),
+        )
         with _at_work(clients, tally, hook.url) as check:
             for number in range(kills):
                 ended, what = tally.ended, VICTIMS[number % len(VICTIMS)]
-                here.until(lambda ended=ended: check() or tally.ended > ended, "the end of something between two kills")
+                here.until(
+                    lambda ended=ended: check() or tally.ended > ended,
+                    "the end of something between two kills",
+                )
                 time.sleep(rng.uniform(0, 1))
                 here.until(lambda what=what: house.kill(what, rng), f"a {what} to kill")
                 tally.killed[what] += 1
         sent = tally.acknowledged["message"]
-        here.until(lambda: set(sent) <= {headers["webhook-id"] for headers, _ in hook.got}, "the last messages")
+        here.until(
+            lambda: set(sent) <= {headers["webhook-id"] for headers, _ in hook.got},
+            "the last messages",
+        )
         tally.received = [headers["webhook-id"] for headers, _ in hook.got]
         here.wait(len(here.jobs()))
         _count(here, clients[0], tally)
@@ -108,20 +123,25 @@ class _Client:
                 return None
             return None if found.status_code >= 500 or found.status_code == 429 else found
 
-        (found,) = until(lambda: [one] if (one := answer()) is not None else [], f"an answer to {method} {path}")
+        (found,) = until(
+            lambda: [one] if (one := answer()) is not None else [], f"an answer to {method} {path}"
+        )
         return ok(found)
 
     def to_its_end(self, path: str, kind: str, **arguments: Any) -> str:
         """Begin a job, and wait until it has ended: its id."""
         key = str(self.ask("POST", path, **arguments)["id"])
         until(
-            lambda: self.ask("GET", f"{kind}/{key}")["status"] not in ("queued", "running"), f"the end of {kind}/{key}"
+            lambda: self.ask("GET", f"{kind}/{key}")["status"] not in ("queued", "running"),
+            f"the end of {kind}/{key}",
         )
         return key
 
     def send_file(self, campaign: str) -> str:
         """Import the paper's file."""
-        return self.to_its_end(f"campaigns/{campaign}/imports", "imports", content=paper.uff_file(), headers=RAW)
+        return self.to_its_end(
+            f"campaigns/{campaign}/imports", "imports", content=paper.uff_file(), headers=RAW
+        )
 
 
 Work = Iterator[str]  # what a client does, id by id of what was acknowledged
@@ -131,16 +151,22 @@ def _imports(client: _Client) -> Work:
     (first,) = campaigns_of(client.http, "imports")
     structure = client.ask("GET", f"campaigns/{first}")["structure_id"]
     while True:
-        yield client.send_file(client.ask("POST", f"structures/{structure}/campaigns", json=paper.CAMPAIGN)["id"])
+        yield client.send_file(
+            client.ask("POST", f"structures/{structure}/campaigns", json=paper.CAMPAIGN)["id"]
+        )
 
 
 def _updates(client: _Client) -> Work:
     (campaign,) = campaigns_of(client.http, "updates")
     client.send_file(campaign)
-    modes = client.ask("POST", f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES})
+    modes = client.ask(
+        "POST", f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES}
+    )
     for number in count():
         once, recipe = {"Idempotency-Key": f"soak {number}"}, {**RECIPE, "mode_set": modes["id"]}
-        yield client.to_its_end(f"campaigns/{campaign}/update-jobs", "update-jobs", json=recipe, headers=once)
+        yield client.to_its_end(
+            f"campaigns/{campaign}/update-jobs", "update-jobs", json=recipe, headers=once
+        )
 
 
 def _messages(client: _Client, hook: str) -> Work:
@@ -153,9 +179,15 @@ def _messages(client: _Client, hook: str) -> Work:
 
 @contextmanager
 def _at_work(clients: Sequence[_Client], tally: Tally, hook: str) -> Iterator[Callable[[], None]]:
-    """Let clients work, each in a thread, until the block ends; what is given raises what a client has ended with."""
+    """Let clients work, each in a thread, until the block ends; what is given raises what a client
+    has ended with.
+    """
     over, broken = threading.Event(), list[Exception]()
-    works = {"import": _imports(clients[0]), "update": _updates(clients[1]), "message": _messages(clients[2], hook)}
+    works = {
+        "import": _imports(clients[0]),
+        "update": _updates(clients[1]),
+        "message": _messages(clients[2], hook),
+    }
 
     def run(kind: str, work: Work) -> None:
         try:
@@ -217,7 +249,9 @@ class _House:
         return True
 
     def _busy(self) -> list[int]:
-        """Workers with a job; not where two have died with it already, for after the third it is given up."""
+        """Workers with a job; not where two have died with it already, for after the third it is
+        given up.
+        """
         running = [job for job in self.here.jobs() if job.state == "running" and job.losses < 2]
         pids = {int((job.worker or "::").split(":")[1]) for job in running}
         return [number for number, worker in enumerate(self.workers) if worker.pid in pids]
@@ -234,8 +268,12 @@ def _kill_fork_server(worker: int) -> bool:
 def _count(here: Floor, client: _Client, tally: Tally) -> None:
     jobs = {str(job.id): job for job in here.jobs()}
     tally.states = Counter(job.state for job in jobs.values())
-    tally.reasons = Counter(str((job.error or {})["reason"]) for job in jobs.values() if job.state == "failed")
-    tally.attempts, tally.losses = (sum(getattr(job, n) for job in jobs.values()) for n in ("attempt", "losses"))
+    tally.reasons = Counter(
+        str((job.error or {})["reason"]) for job in jobs.values() if job.state == "failed"
+    )
+    tally.attempts, tally.losses = (
+        sum(getattr(job, n) for job in jobs.values()) for n in ("attempt", "losses")
+    )
     for kind in ("import", "update"):
         for key in tally.acknowledged[kind]:
             if key not in jobs or jobs[key].state != "succeeded":
@@ -246,9 +284,13 @@ def _count(here: Floor, client: _Client, tally: Tally) -> None:
     for key in tally.acknowledged["update"]:
         if not client.ask("GET", f"update-jobs/{key}/result")["parameters"]:
             tally.lost.append(f"update {key} has no parameters")
-    stored = text("SELECT count(f.id) FROM imports i JOIN frfs f USING (campaign_id) WHERE i.id = :id")
+    stored = text(
+        "SELECT count(f.id) FROM imports i JOIN frfs f USING (campaign_id) WHERE i.id = :id"
+    )
     with here.sessions() as session:
         for key in tally.acknowledged["import"]:
             if (found := session.scalar(stored, {"id": key})) != FRFS:
                 tally.lost.append(f"import {key} has {found} FRFs")
-    tally.lost += [f"message {key}" for key in tally.acknowledged["message"] if key not in set(tally.received)]
+    tally.lost += [
+        f"message {key}" for key in tally.acknowledged["message"] if key not in set(tally.received)
+    ]

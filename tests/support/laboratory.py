@@ -1,4 +1,6 @@
-"""What the tests of the measurement database start from: a project, a beam, a campaign; waiting for an import."""
+"""What the tests of the measurement database start from: a project, a beam, a campaign; waiting for
+an import.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,7 +15,14 @@ from service.db.engine import psycopg_url
 from tests.support import rest
 from tests.support.rest import ok
 
-MATERIAL = {"Ex_Pa": 33.05e9, "Ey_Pa": 31.8e9, "Gxy_Pa": 5.73e9, "Gxz_Pa": 4.5e9, "Gyz_Pa": 4.5e9, "nu_xy": 0.15}
+MATERIAL = {
+    "Ex_Pa": 33.05e9,
+    "Ey_Pa": 31.8e9,
+    "Gxy_Pa": 5.73e9,
+    "Gxz_Pa": 4.5e9,
+    "Gyz_Pa": 4.5e9,
+    "nu_xy": 0.15,
+}
 BEAM: dict[str, Any] = {
     "name": "FRP beam",
     "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01012},
@@ -60,7 +69,9 @@ def finished(api: httpx.Client) -> Callable[[str], dict[str, Any]]:
 
 
 @pytest.fixture
-def imported(api: httpx.Client, finished: Callable[[str], dict[str, Any]]) -> Callable[..., dict[str, Any]]:
+def imported(
+    api: httpx.Client, finished: Callable[[str], dict[str, Any]]
+) -> Callable[..., dict[str, Any]]:
     """Uploads bytes to a campaign and waits for the import's end."""
 
     def run(campaign: str, content: bytes, **params: Any) -> dict[str, Any]:
@@ -76,7 +87,9 @@ def rows(service: LocalService) -> Callable[..., list[dict[str, Any]]]:
     """Asks the running service's database directly."""
 
     def ask(query: str, *parameters: Any) -> list[dict[str, Any]]:
-        with psycopg.connect(psycopg_url(service.settings.database_url), row_factory=dict_row) as connection:
+        with psycopg.connect(
+            psycopg_url(service.settings.database_url), row_factory=dict_row
+        ) as connection:
             return connection.execute(query, parameters).fetchall()
 
     return ask

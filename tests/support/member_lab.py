@@ -1,4 +1,6 @@
-"""A laboratory with two of everything that a list may have and one of all else, whose jobs have run."""
+"""A laboratory with two of everything that a list may have and one of all else, whose jobs have
+run.
+"""
 
 from __future__ import annotations
 
@@ -23,17 +25,25 @@ from tests.support.rest import RAW, finished, ok, posted
 
 HOOK = "http://127.0.0.1:9/hook"  # nothing listens there
 MESH = (
-    "SOL 103\nCEND\nBEGIN BULK\nGRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,.2,0.\nGRID,4,,0.,.2,0.\n"
+    "SOL 103\nCEND\nBEGIN"
+    " BULK\nGRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,.2,0.\nGRID,4,,0.,.2,0.\n"
     "CQUAD4,1,1,1,2,3,4\nPSHELL,1,1,.01,1,,1\nMAT1,1,7.+10,,.3,2700.\nENDDATA\n"
 )
 RECIPE: dict[str, Any] = {
     "identification": {"band_hz": [5, 500], "highest_order": 10},
     "damping_models": ["rayleigh"],
-    "parameters": [{"name": "Ex"}, {"name": "Gxy", "tied_to": "Ex"}, {"name": "Gxz", "tied_to": "Ex"}],
+    "parameters": [
+        {"name": "Ex"},
+        {"name": "Gxy", "tied_to": "Ex"},
+        {"name": "Gxz", "tied_to": "Ex"},
+    ],
 }
 OF_GIVEN_MODES = {name: value for name, value in RECIPE.items() if name != "identification"}
 JOINT_RECIPE = {name: value for name, value in RECIPE.items() if name != "damping_models"}
-MODES = [{"frequency_hz": hz, "damping_ratio": ratio} for hz, ratio in ((26.0, 0.02), (160.0, 0.015), (440.0, 0.02))]
+MODES = [
+    {"frequency_hz": hz, "damping_ratio": ratio}
+    for hz, ratio in ((26.0, 0.02), (160.0, 0.015), (440.0, 0.02))
+]
 RAISED = [{**mode, "frequency_hz": 1.01 * mode["frequency_hz"]} for mode in MODES]
 
 
@@ -46,11 +56,19 @@ CURVE, STIFFER = _curve(0.002), _curve(0.0022)
 COUPON: dict[str, Any] = {
     "specimen": "curve {n}",
     "dimensions": {"unit": "mm", "width": [25.0], "thickness": [2.0]},
-    "columns": {"force": {"header": "force", "unit": "kN"}, "strain": {"header": "strain", "unit": "µm/m"}},
+    "columns": {
+        "force": {"header": "force", "unit": "kN"},
+        "strain": {"header": "strain", "unit": "µm/m"},
+    },
 }
 
 
-DOFS = {"response_point": 7, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
+DOFS = {
+    "response_point": 7,
+    "response_direction": 3,
+    "reference_point": 1,
+    "reference_direction": 3,
+}
 HERTZ, VALUES = np.array([1.0, 2.0, 3.0]), np.array([1 + 1j, 2 - 1j, 3 + 0.5j])
 SAMPLES = np.array([0.0, 1.0, 0.5, 0.1] + 60 * [0.0])
 MAPPING: dict[str, Any] = record()["mapping"]
@@ -58,7 +76,10 @@ MAPPING: dict[str, Any] = record()["mapping"]
 
 def _table(columns: dict[str, Any]) -> bytes:
     rows = zip(
-        *(np.broadcast_to(column, np.size(next(iter(columns.values())))).tolist() for column in columns.values()),
+        *(
+            np.broadcast_to(column, np.size(next(iter(columns.values())))).tolist()
+            for column in columns.values()
+        ),
         strict=True,
     )
     return "\n".join([",".join(columns), *(",".join(map(str, row)) for row in rows), ""]).encode()
@@ -81,7 +102,8 @@ FRFS_NPZ = _npz(frequency_hz=HERTZ, values=VALUES[np.newaxis], **DOFS)
 FRFS_MAT = _mat(f=HERTZ, H=VALUES)
 MORE_NPZ = _npz(f=2 * SAMPLES, a=SAMPLES[::-1])
 LONG = np.random.default_rng(0).standard_normal(8192) * np.exp(-np.arange(8192) / 2000)
-LONG_NPZ = _npz(f=np.where(np.arange(8192) < 5, 1.0, 0.0), a=LONG)  # more samples than a figure shows at once
+# more samples than a figure shows at once
+LONG_NPZ = _npz(f=np.where(np.arange(8192) < 5, 1.0, 0.0), a=LONG)
 HITS_NPZ, HITS_CSV = _npz(f=SAMPLES, a=SAMPLES[::-1]), _table({"f": SAMPLES, "a": SAMPLES[::-1]})
 OF_NPZ = {
     "frequency_hz": {"variable": "frequency_hz"},
@@ -97,7 +119,12 @@ class Furnishing:
     """Makes the things one after the other; jobs are awaited at the end."""
 
     def __init__(self, api: httpx.Client, chief: httpx.Client, sessions: Sessions) -> None:
-        self.api, self.sessions, self.lab, self.jobs = api, sessions, Lab(api, {}, chief), list[str]()
+        self.api, self.sessions, self.lab, self.jobs = (
+            api,
+            sessions,
+            Lab(api, {}, chief),
+            list[str](),
+        )
 
     def made(self, path: str, body: Any = None, **more: Any) -> Any:
         filled = None if body is None else self.lab.filled(body, {})
@@ -115,7 +142,9 @@ class Furnishing:
     def ended(self) -> None:
         """Wait for all jobs."""
         for job in self.jobs:
-            state = finished(self.api, job.replace("models/", "models/").replace("forecasts/", "forecasts/"))
+            state = finished(
+                self.api, job.replace("models/", "models/").replace("forecasts/", "forecasts/")
+            )
             assert state["status"] == "succeeded", (job, state)
         self.jobs.clear()
 
@@ -128,24 +157,32 @@ class Furnishing:
         for name in ("bare_id", "sent_id"):
             self.make(name, "projects/{project_id}/structures", {"name": name})
         for name, number in (("campaign_id", 0), ("second_campaign_id", 1)):
-            body = {"name": name, "boundary": "cantilever", "performed_at": f"2024-0{number + 1}-15T10:00:00Z"}
+            body = {
+                "name": name,
+                "boundary": "cantilever",
+                "performed_at": f"2024-0{number + 1}-15T10:00:00Z",
+            }
             body |= {"temperature_c": 15.0 + 5 * number, "humidity_percent": 40.0 + number}
             self.make(name, "structures/{structure_id}/campaigns", body)
             values = measured_frfs(State(stiffness=1 - 0.01 * number), number)
             monitoring.send_measurement(self.api, self.lab.ids[name], values)
             self.api.post(f"campaigns/{self.lab.ids[name]}/complete").raise_for_status()
         for name in ("hits_id", "deleted_campaign_id", "small_id"):
-            self.make(name, "structures/{structure_id}/campaigns", {"name": name, "boundary": "free"})
-        self.make("long_id", "structures/{structure_id}/campaigns", {"name": "long", "boundary": "free"})
+            self.make(
+                name, "structures/{structure_id}/campaigns", {"name": name, "boundary": "free"}
+            )
+        self.make(
+            "long_id", "structures/{structure_id}/campaigns", {"name": "long", "boundary": "free"}
+        )
         self.make("long_record_id", "campaigns/{long_id}/records", content=LONG_NPZ, headers=RAW, params={
             "filename": "long.npz", "mapping": json.dumps(MAPPING)})  # fmt: skip
         self.make("frf_id", "campaigns/{small_id}/frfs", frfs())
         self.make("second_frf_id", "campaigns/{small_id}/frfs", frfs(2))
 
     def of_campaigns(self) -> None:
-        self.lab.ids["measured_frf_id"] = ok(self.api.get(f"campaigns/{self.lab.ids['campaign_id']}/frfs"))["items"][0][
-            "id"
-        ]
+        self.lab.ids["measured_frf_id"] = ok(
+            self.api.get(f"campaigns/{self.lab.ids['campaign_id']}/frfs")
+        )["items"][0]["id"]
         for hit in (1, 2, 3):
             self.make("record_id", "campaigns/{hits_id}/records", record(hit))
         for name in ("second_mode_set_id", "mode_set_id"):
@@ -155,17 +192,34 @@ class Furnishing:
                 {"name": name, "modes": MODES if name == "mode_set_id" else RAISED},
             )
         for hit in (1, 2):
-            self.made("campaigns/{hits_id}/hit-decisions", {"point": 1, "hit": hit, "good": True, "why": "short"})
+            self.made(
+                "campaigns/{hits_id}/hit-decisions",
+                {"point": 1, "hit": hit, "good": True, "why": "short"},
+            )
         for name, frf in (("second_import_id", "second_frf_id"), ("import_id", "frf_id")):
-            sent = self.api.get(f"frfs/{self.lab.ids[frf]}/data", params={"format": "uff-ascii"}).content
+            sent = self.api.get(
+                f"frfs/{self.lab.ids[frf]}/data", params={"format": "uff-ascii"}
+            ).content
             self.make(
-                name, "campaigns/{small_id}/imports", content=sent, headers=RAW, params={"filename": f"{name}.uff"}
+                name,
+                "campaigns/{small_id}/imports",
+                content=sent,
+                headers=RAW,
+                params={"filename": f"{name}.uff"},
             )
         for name in ("second_processing_id", "processing_id"):
             self.make(name, "campaigns/{hits_id}/processings", {})
         for name in ("second_identification_id", "identification_id"):
-            self.make(name, "campaigns/{campaign_id}/identifications", {"band_hz": [5, 500], "highest_order": 10})
-        self.make("other_identification_id", "campaigns/{second_campaign_id}/identifications", {"band_hz": [5, 500]})
+            self.make(
+                name,
+                "campaigns/{campaign_id}/identifications",
+                {"band_hz": [5, 500], "highest_order": 10},
+            )
+        self.make(
+            "other_identification_id",
+            "campaigns/{second_campaign_id}/identifications",
+            {"band_hz": [5, 500]},
+        )
 
     def of_structures(self) -> None:
         for name in ("second_batch_id", "batch_id"):
@@ -175,12 +229,16 @@ class Furnishing:
                 "published": {"Ex": {"mean": 33e9, "standard_deviation": 1e9, "n": 5}},
             }
             self.make(name, "structures/{structure_id}/coupon-batches", body)
-        self.make("coupon_id", "coupon-batches/{batch_id}/coupons", {"specimen": "first", "E_Pa": 3.3e10})
+        self.make(
+            "coupon_id", "coupon-batches/{batch_id}/coupons", {"specimen": "first", "E_Pa": 3.3e10}
+        )
         self.make("curve_id", "coupon-batches/{batch_id}/coupons", files={"file": ("c.csv", CURVE)}, data={
             "coupon": json.dumps(self.lab.filled(COUPON, {}))})  # fmt: skip
         for name in ("second_forecast_id", "forecast_id"):
             self.make(
-                name, "structures/{structure_id}/forecasts", {"modes": 3, "damping_ratio": 0.01, "line_spacing_hz": 5}
+                name,
+                "structures/{structure_id}/forecasts",
+                {"modes": 3, "damping_ratio": 0.01, "line_spacing_hz": 5},
             )
         for name in ("second_model_id", "model_id"):
             sent = MESH.replace("7.+10", "7.1+10") if name == "model_id" else MESH
@@ -190,16 +248,30 @@ class Furnishing:
             self.make(name, "projects/{project_id}/instruments", {"kind": "sensor", "serial": name})
 
     def updates(self) -> None:
-        for name, campaign in (("job_id", "{campaign_id}"), ("second_job_id", "{second_campaign_id}")):
+        for name, campaign in (
+            ("job_id", "{campaign_id}"),
+            ("second_job_id", "{second_campaign_id}"),
+        ):
             self.make(name, f"campaigns/{campaign}/update-jobs", RECIPE)
         for month in (3, 4, 5):  # so that a trend has a line beside a covariate
-            body = {"name": f"month {month}", "boundary": "cantilever", "performed_at": f"2024-0{month}-15T10:00:00Z"}
+            body = {
+                "name": f"month {month}",
+                "boundary": "cantilever",
+                "performed_at": f"2024-0{month}-15T10:00:00Z",
+            }
             body |= {"temperature_c": 15.0 + month**2 % 7, "humidity_percent": 40.0 + month**3 % 11}
             self.make("later_id", "structures/{structure_id}/campaigns", body)
-            modes = [{**mode, "frequency_hz": (1 - month / 1000) * mode["frequency_hz"]} for mode in MODES]
-            self.make("later_set_id", "campaigns/{later_id}/mode-sets", {"name": "typed", "modes": modes})
+            modes = [
+                {**mode, "frequency_hz": (1 - month / 1000) * mode["frequency_hz"]}
+                for mode in MODES
+            ]
             self.make(
-                "later_job_id", "campaigns/{later_id}/update-jobs", {**OF_GIVEN_MODES, "mode_set": "{later_set_id}"}
+                "later_set_id", "campaigns/{later_id}/mode-sets", {"name": "typed", "modes": modes}
+            )
+            self.make(
+                "later_job_id",
+                "campaigns/{later_id}/update-jobs",
+                {**OF_GIVEN_MODES, "mode_set": "{later_set_id}"},
             )
         joint = {
             "recipe": JOINT_RECIPE,
@@ -235,24 +307,40 @@ class Furnishing:
         with self.sessions.begin() as session:  # that a monitor sends takes many campaigns
             table = Base.metadata.tables["deliveries"]
             for number, name in enumerate(("second_delivery_id", "delivery_id")):
-                sent = insert(table).values({**row, "message_id": str(number)}).returning(table.c.id)
+                sent = (
+                    insert(table).values({**row, "message_id": str(number)}).returning(table.c.id)
+                )
                 self.lab.ids[name] = str(session.execute(sent).scalar_one())
         self.lab.alarm = self.alarm
         self.lab.ids |= {"alarm_id": self.alarm(), "second_alarm_id": self.alarm("cleared")}
 
     def alarm(self, state: str = "alarm") -> str:
-        """An alarm of the monitor, which otherwise takes many campaigns; a parameter has one that is open."""
+        """An alarm of the monitor, which otherwise takes many campaigns; a parameter has one that
+        is open.
+        """
         table = Base.metadata.tables["alarms"]
-        row = {"monitor_id": UUID(self.lab.ids["monitor_id"]), "campaign_id": UUID(self.lab.ids["campaign_id"])}
+        row = {
+            "monitor_id": UUID(self.lab.ids["monitor_id"]),
+            "campaign_id": UUID(self.lab.ids["campaign_id"]),
+        }
         row |= {"series": 1, "parameter": f"Ex{uuid4().hex}", "state": state}
         row |= {"details": {"performed_at": "2026-03-02T09:30:00+00:00", "value": 3e10}}
         with self.sessions.begin() as session:
-            return str(session.execute(insert(table).values(row).returning(table.c.id)).scalar_one())
+            return str(
+                session.execute(insert(table).values(row).returning(table.c.id)).scalar_one()
+            )
 
     def of_jobs(self) -> None:
-        """What only the results have: mode sets that were identified, and the numbers of the jobs' last events."""
-        for name, job in (("identified_id", "identification_id"), ("other_identified_id", "other_identification_id")):
-            campaign = self.lab.ids["campaign_id" if name == "identified_id" else "second_campaign_id"]
+        """What only the results have: mode sets that were identified, and the numbers of the jobs'
+        last events.
+        """
+        for name, job in (
+            ("identified_id", "identification_id"),
+            ("other_identified_id", "other_identification_id"),
+        ):
+            campaign = self.lab.ids[
+                "campaign_id" if name == "identified_id" else "second_campaign_id"
+            ]
             sets = ok(self.api.get(f"campaigns/{campaign}/mode-sets"))["items"]
             (self.lab.ids[name],) = (one["id"] for one in sets if self.lab.ids[job] in str(one))
         for name in ("update-jobs/{job_id}", "joint-updates/{joint_id}"):
@@ -268,7 +356,9 @@ class Furnishing:
             self.api.delete(path, headers={"If-Match": "*"}).raise_for_status()
 
 
-def furnished(api: httpx.Client, name: str, chief: httpx.Client, member: str, sessions: Sessions) -> Lab:
+def furnished(
+    api: httpx.Client, name: str, chief: httpx.Client, member: str, sessions: Sessions
+) -> Lab:
     """The laboratory.
 
     Args:

@@ -1,7 +1,8 @@
-"""The table of members: each operation with a type of body, each member with a value, and what differs by it.
+"""The table of members: each operation with a type of body, each member with a value, and what
+differs by it.
 
-What a row is, and the effects of members that mean the same everywhere, stand in `tests.support.members`. The type of a body
-stands behind the operation where it is not JSON.
+What a row is, and the effects of members that mean the same everywhere, stand in
+`tests.support.members`. The type of a body stands behind the operation where it is not JSON.
 """
 
 from dataclasses import replace

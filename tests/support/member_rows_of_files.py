@@ -1,4 +1,6 @@
-"""Rows of what is measured: imports, time blocks, FRFs, modes, coupons; of forecasts and updates."""
+"""Rows of what is measured: imports, time blocks, FRFs, modes, coupons; of forecasts and
+updates.
+"""
 
 import json
 from typing import Any
@@ -22,7 +24,14 @@ from tests.support.member_lab import (
     RECIPE,
     STIFFER,
 )
-from tests.support.member_rows_of_things import CAMPAIGN, FRF_FILTER, NEW, SPECIMEN, SUPERSEDED, unless_named
+from tests.support.member_rows_of_things import (
+    CAMPAIGN,
+    FRF_FILTER,
+    NEW,
+    SPECIMEN,
+    SUPERSEDED,
+    unless_named,
+)
 from tests.support.members import Body, Refused, To
 
 _MAPPING, _ONE_FILE = json.dumps(MAPPING), {"file": ["f.csv", FRFS_CSV]}
@@ -54,7 +63,9 @@ RECIPE_ROWS: dict[str, Any] = {
         To({"band_hz": [5, 300], "highest_order": 10}, "measured_hz", _IDENTIFIED),
         Refused({"highest_order": 10}),
     ),
-    "springs": To([{"name": "k", "stiffness": 1e5, "direction": 3, "point_m": [0.4, 0.0]}], "estimate"),
+    "springs": To(
+        [{"name": "k", "stiffness": 1e5, "direction": 3, "point_m": [0.4, 0.0]}], "estimate"
+    ),
     "zones_m": To([0.25], "initial_hz"),
     "junctions": Refused("off"),
     "parameters": To([{"name": "Ex"}], "estimate"),
@@ -78,7 +89,9 @@ FILES: dict[str, Body] = {
         {
             **_imports({"file": ["h.csv", HITS_CSV]}),
             "file": To(["f.csv", FRFS_CSV.replace(b"7", b"8")], "sha256"),
-            "body.mapping": To(MAPPING, "status", {"*": {"file": ["h.csv", HITS_CSV]}, "?quantity": None}),
+            "body.mapping": To(
+                MAPPING, "status", {"*": {"file": ["h.csv", HITS_CSV]}, "?quantity": None}
+            ),
         },
         _ONE_FILE,
         {"quantity": "mobility"},
@@ -86,7 +99,11 @@ FILES: dict[str, Body] = {
         then="",
     ),
     "POST /campaigns/{campaign_id}/imports application/octet-stream": Body(
-        _imports(HITS_CSV), FRFS_CSV, {"quantity": "mobility", "filename": "f.csv"}, fresh=CAMPAIGN, then=""
+        _imports(HITS_CSV),
+        FRFS_CSV,
+        {"quantity": "mobility", "filename": "f.csv"},
+        fresh=CAMPAIGN,
+        then="",
     ),
     "GET /campaigns/{campaign_id}/imports": Body(ids={"campaign_id": "small_id"}),
     "GET /campaigns/{campaign_id}/grid-points": Body(
@@ -95,19 +112,35 @@ FILES: dict[str, Body] = {
     "PUT /campaigns/{campaign_id}/grid-points": Body(
         {"items": [{"label": 4, "x_m": 0, "y_m": 0, "z_m": 0}]}, {"items": []}, fresh=CAMPAIGN
     ),
-    "PUT /campaigns/{campaign_id}/grid-points text/csv": Body({}, b"label,x_m,y_m,z_m\n1,0,0,0\n", fresh=CAMPAIGN),
+    "PUT /campaigns/{campaign_id}/grid-points text/csv": Body(
+        {}, b"label,x_m,y_m,z_m\n1,0,0,0\n", fresh=CAMPAIGN
+    ),
     "POST /campaigns/{campaign_id}/alignment": Body(
-        {"pairs": To([{"label": n, "x_m": 0.05 * n, "y_m": 0.01 * (n % 2), "z_m": 0} for n in (1, 2, 3, 4)], "rms_m")},
+        {
+            "pairs": To(
+                [
+                    {"label": n, "x_m": 0.05 * n, "y_m": 0.01 * (n % 2), "z_m": 0}
+                    for n in (1, 2, 3, 4)
+                ],
+                "rms_m",
+            )
+        },
         {},
     ),
     "POST /campaigns/{campaign_id}/records": Body(
-        {"filename": "other.json", "mapping": Refused(_MAPPING), "dry_run": To(True, "")}, record(), fresh=CAMPAIGN
+        {"filename": "other.json", "mapping": Refused(_MAPPING), "dry_run": To(True, "")},
+        record(),
+        fresh=CAMPAIGN,
     ),
     "POST /campaigns/{campaign_id}/records multipart/form-data": Body(
         {
             "filename": "other.npz",
-            "mapping": To(_MAPPING, without=422, status=201, beside={"*": {"file": ["h.npz", HITS_NPZ]}}),
-            "body.mapping": To(MAPPING, without=422, status=201, beside={"*": {"file": ["h.npz", HITS_NPZ]}}),
+            "mapping": To(
+                _MAPPING, without=422, status=201, beside={"*": {"file": ["h.npz", HITS_NPZ]}}
+            ),
+            "body.mapping": To(
+                MAPPING, without=422, status=201, beside={"*": {"file": ["h.npz", HITS_NPZ]}}
+            ),
             "file": To(["h.npz", MORE_NPZ], "sha256"),
             "dry_run": To(True, ""),
         },
@@ -124,7 +157,9 @@ FILES: dict[str, Body] = {
         {"filename": "h.npz", "mapping": _MAPPING},
         fresh=CAMPAIGN,
     ),
-    "GET /campaigns/{campaign_id}/records": Body({"point": 9, "hit": 2}, ids={"campaign_id": "hits_id"}),
+    "GET /campaigns/{campaign_id}/records": Body(
+        {"point": 9, "hit": 2}, ids={"campaign_id": "hits_id"}
+    ),
     "POST /campaigns/{campaign_id}/frfs": Body(
         {
             "quantity": Refused("mobility"),
@@ -152,7 +187,10 @@ FILES: dict[str, Body] = {
         fresh=CAMPAIGN,
     ),
     "POST /campaigns/{campaign_id}/frfs application/x-matlab-data": Body(
-        {"quantity": "mobility", "mapping": To(json.dumps({**OF_MAT, "response_point": 8}), "response_point")},
+        {
+            "quantity": "mobility",
+            "mapping": To(json.dumps({**OF_MAT, "response_point": 8}), "response_point"),
+        },
         FRFS_MAT,
         {"quantity": "accelerance", "mapping": json.dumps(OF_MAT)},
         fresh=CAMPAIGN,
@@ -162,7 +200,10 @@ FILES: dict[str, Body] = {
     ),
     "PUT /campaigns/{campaign_id}/frfs/labels": Body(
         {
-            **{name: To(value, "count") for name, value in {**FRF_FILTER, "fmin": 100, "fmax": 0.5}.items()},
+            **{
+                name: To(value, "count")
+                for name, value in {**FRF_FILTER, "fmin": 100, "fmax": 0.5}.items()
+            },
             "superseded": To(True, "count", ids={"campaign_id": "hits_id"}),
             "tags": ["t {n}"],
             "meta": {"a": 1},
@@ -185,7 +226,13 @@ FILES: dict[str, Body] = {
     "GET /frfs/{frf_id}/data": Body(DATA, ids={"frf_id": "measured_frf_id"}),
     "GET /records/{record_id}/data": Body(),
     "POST /campaigns/{campaign_id}/hit-decisions": Body(
-        {"point": To(2, status=422), "direction": To(2, status=422), "hit": 2, "good": False, "why": "a cable"},
+        {
+            "point": To(2, status=422),
+            "direction": To(2, status=422),
+            "hit": 2,
+            "good": False,
+            "why": "a cable",
+        },
         {"point": 1, "hit": 1, "good": True, "why": "w"},
         ids={"campaign_id": "hits_id"},
     ),
@@ -210,7 +257,10 @@ FILES: dict[str, Body] = {
     ),
     "GET /campaigns/{campaign_id}/mode-sets": Body({"superseded": True}),
     "POST /mode-sets/{mode_set_id}/edits": Body(
-        {"name": NEW, "decisions": To([{"frequency_hz": 160.0, "keep": False, "reason": "r"}], "modes")},
+        {
+            "name": NEW,
+            "decisions": To([{"frequency_hz": 160.0, "keep": False, "reason": "r"}], "modes"),
+        },
         {"name": "e", "decisions": [{"frequency_hz": 26.0, "keep": False, "reason": "r"}]},
     ),
     "GET /mode-sets/{mode_set_id}": Body(ids={"mode_set_id": "identified_id"}),
@@ -245,7 +295,9 @@ FILES: dict[str, Body] = {
             "specimen": NEW,
             "standard": To("D3518", beside={"*": {"specimen": "s {n}", "strength_Pa": 3e8}}),
             "E_Pa": 3.1e10,
-            "G_Pa": To(5e9, beside={"*": {"specimen": "s {n}", "standard": "D3518", "strength_Pa": 3e8}}),
+            "G_Pa": To(
+                5e9, beside={"*": {"specimen": "s {n}", "standard": "D3518", "strength_Pa": 3e8}}
+            ),
             "nu": 0.2,
             "strength_Pa": 3e8,
             "ultimate_strain": 0.01,
@@ -259,11 +311,19 @@ FILES: dict[str, Body] = {
     "POST /coupon-batches/{batch_id}/coupons multipart/form-data": Body(
         {
             "file": To(["other.csv", STIFFER], "E_Pa"),
-            "coupon": To({**COUPON, "dimensions": {"unit": "mm", "width": [26.0], "thickness": [2.0]}}, "E_Pa"),
+            "coupon": To(
+                {**COUPON, "dimensions": {"unit": "mm", "width": [26.0], "thickness": [2.0]}},
+                "E_Pa",
+            ),
             "confirm": To(
                 True,
                 without=422,
-                beside={"coupon": {**COUPON, "dimensions": {"unit": "m", "width": [25], "thickness": [2]}}},
+                beside={
+                    "coupon": {
+                        **COUPON,
+                        "dimensions": {"unit": "m", "width": [25], "thickness": [2]},
+                    }
+                },
             ),
         },
         {"file": ["curve.csv", CURVE], "coupon": COUPON},
@@ -283,7 +343,10 @@ FILES: dict[str, Body] = {
             "boundary": To("free", "model_modes"),
             "modes": (To(4, "model_modes"), Refused(4, {"highest_hz": 100})),
             "highest_hz": To(100, "model_modes", {"modes": None}),
-            "points": To([{"label": n, "x_m": 0.05 * n, "y_m": 0.01, "z_m": 0} for n in range(1, 9)], "points"),
+            "points": To(
+                [{"label": n, "x_m": 0.05 * n, "y_m": 0.01, "z_m": 0} for n in range(1, 9)],
+                "points",
+            ),
             "points_to_measure": To(3, "points"),
             "references": To(2, "points"),
             "damping_ratio": To(0.05, "real"),
@@ -293,5 +356,7 @@ FILES: dict[str, Body] = {
         then="forecasts/{id}/frfs/data",
     ),
     "GET /structures/{structure_id}/forecasts": Body(),
-    "POST /campaigns/{campaign_id}/update-jobs": Body(RECIPE_ROWS, {**OF_GIVEN_MODES, **_TYPED}, **UPDATED),
+    "POST /campaigns/{campaign_id}/update-jobs": Body(
+        RECIPE_ROWS, {**OF_GIVEN_MODES, **_TYPED}, **UPDATED
+    ),
 }

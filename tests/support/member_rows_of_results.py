@@ -27,7 +27,10 @@ def _search(noun: str) -> dict[str, Any]:
 
 
 _LATER = {"campaign_id": "{later_id}", "recipe": {"mode_set": "{later_set_id}"}}
-_TWO_SPECIMENS = [{"campaign_id": f"{{{name}}}", "specimen": name} for name in ("campaign_id", "second_campaign_id")]
+_TWO_SPECIMENS = [
+    {"campaign_id": f"{{{name}}}", "specimen": name}
+    for name in ("campaign_id", "second_campaign_id")
+]
 _LONG_HITS = {"campaign_id": "long_id", "name": "hits"}
 _OF_RESULT = {
     "campaign": "{second_campaign_id}",
@@ -42,7 +45,9 @@ def _filters(more: Any) -> dict[str, Any]:
 
 
 def _of(*rows: tuple[Any, Any]) -> Any:
-    """Rows of a parameter of figures: the value where a figure uses it; another figure refuses it."""
+    """Rows of a parameter of figures: the value where a figure uses it; another figure refuses
+    it.
+    """
     (figure, value), (other, _) = rows
     return To(value, ids={"name": figure}), Refused(value, ids={"name": other})
 
@@ -56,7 +61,9 @@ RESULTS: dict[str, Body] = {
             "scatter": (To(0.2, "standard_deviation", {"jobs": _TWO_SPECIMENS}), Refused(0.2)),
             "coupon_batches": To(["{batch_id}"], "standard_deviation"),
             "priority": To(3, "priority"),
-            "confirm": To(True, without=422, beside={"recipe": {"inputs": {"thickness_sd_m": 0.5}}}),
+            "confirm": To(
+                True, without=422, beside={"recipe": {"inputs": {"thickness_sd_m": 0.5}}}
+            ),
         },
         {
             "recipe": JOINT_RECIPE,
@@ -67,7 +74,9 @@ RESULTS: dict[str, Body] = {
     ),
     "GET /update-jobs": Body({**_OF_RESULT, "status": "failed"}),
     "GET /update-jobs/{job_id}/events": Body({"last-event-id": To("{update_event}", status=204)}),
-    "GET /joint-updates/{joint_id}/events": Body({"last-event-id": To("{joint_event}", status=204)}),
+    "GET /joint-updates/{joint_id}/events": Body(
+        {"last-event-id": To("{joint_event}", status=204)}
+    ),
     "GET /update-jobs/{job_id}/result": Body({"include": "convergence"}),
     "POST /update-jobs/{job_id}/cancel": Body(),
     "POST /update-jobs/{job_id}/retry": Body(fresh=cancelled),
@@ -79,7 +88,9 @@ RESULTS: dict[str, Body] = {
     "POST /structures/{structure_id}/plans": Body(
         {
             "tests": To([{"boundary": "free", "highest_hz": 400}], "items"),
-            "made": To([{"campaign_id": "{campaign_id}", "mode_set": "{identified_id}"}], "known_sd"),
+            "made": To(
+                [{"campaign_id": "{campaign_id}", "mode_set": "{identified_id}"}], "known_sd"
+            ),
             "points_to_hit": To(2, "points_m"),
             "coupons": To([{"constants": ["Ex"]}], "items"),
             "about": To("Gxy", "information_nats"),
@@ -87,9 +98,15 @@ RESULTS: dict[str, Body] = {
         {"tests": [{"boundary": "free", "highest_hz": 300}]},
     ),
     **{f"GET /search/{noun}": Body(_search(noun)) for noun in SEARCHED},
-    "GET /search/results/trend": Body({**_filters({}), "value": "Gxy", "covariates": "humidity_percent"}),
-    "GET /search/modes/trend": Body({**_filters({}), "value": "damping_ratio", "covariates": "humidity_percent"}),
-    "GET /search/results/trend/figure": Body({**_filters({}), "value": "Gxy", "covariates": "humidity_percent"}),
+    "GET /search/results/trend": Body(
+        {**_filters({}), "value": "Gxy", "covariates": "humidity_percent"}
+    ),
+    "GET /search/modes/trend": Body(
+        {**_filters({}), "value": "damping_ratio", "covariates": "humidity_percent"}
+    ),
+    "GET /search/results/trend/figure": Body(
+        {**_filters({}), "value": "Gxy", "covariates": "humidity_percent"}
+    ),
     "GET /search/modes/trend/figure": Body(
         {**_filters({}), "value": "damping_ratio", "covariates": "humidity_percent"}
     ),
@@ -113,7 +130,13 @@ RESULTS: dict[str, Body] = {
     ),
     "GET /searches": Body(),
     "GET /update-jobs/{job_id}/frfs/data": Body(
-        {"model": "initial", "point": To(1, status=404), "direction": To(2, status=404), "reference": 2, **DATA}
+        {
+            "model": "initial",
+            "point": To(1, status=404),
+            "direction": To(2, status=404),
+            "reference": 2,
+            **DATA,
+        }
     ),
     "GET /update-jobs/{job_id}/cards": Body({"element": "shell"}),
     "GET /update-jobs/{job_id}/figures/{name}": Body(
@@ -127,18 +150,27 @@ RESULTS: dict[str, Body] = {
         },
         ids={"name": "frf"},
     ),
-    "GET /update-jobs/{job_id}/mesh": Body({"at": (To("points", beside={"?format": "vtu"}), Refused("points"))}),
-    "GET /update-jobs/{job_id}/mesh/shapes": Body({"measured": To(1, without=422), "model": To(1, without=422)}),
+    "GET /update-jobs/{job_id}/mesh": Body(
+        {"at": (To("points", beside={"?format": "vtu"}), Refused("points"))}
+    ),
+    "GET /update-jobs/{job_id}/mesh/shapes": Body(
+        {"measured": To(1, without=422), "model": To(1, without=422)}
+    ),
     "GET /update-jobs/{job_id}/report": Body(),
     "GET /joint-updates/{joint_id}/figures/{name}": Body(ids={"name": "parameters"}),
     "GET /forecasts/{forecast_id}/frfs/data": Body(),
-    "GET /forecasts/{forecast_id}/mesh": Body({"at": (To("points", beside={"?format": "vtu"}), Refused("points"))}),
+    "GET /forecasts/{forecast_id}/mesh": Body(
+        {"at": (To("points", beside={"?format": "vtu"}), Refused("points"))}
+    ),
     "GET /forecasts/{forecast_id}/mesh/shapes": Body({"model": 2}),
     "GET /campaigns/{campaign_id}/figures/{name}": Body(
         {
             "point": To(1, status=404),
             "direction": To(2, status=404),
-            "response": (Refused(1), To(9, status=404, ids={"campaign_id": "hits_id", "name": "hits"})),
+            "response": (
+                Refused(1),
+                To(9, status=404, ids={"campaign_id": "hits_id", "name": "hits"}),
+            ),
             "reference": (2, Refused(2, ids={"campaign_id": "hits_id", "name": "hits"})),
             "fmin": (100, To(300, ids=_LONG_HITS)),
             "fmax": (100, To(100, ids=_LONG_HITS)),
@@ -153,7 +185,9 @@ RESULTS: dict[str, Body] = {
         ids={"mode_set_id": "identified_id", "name": "shapes"},
     ),
     "GET /coupons/{coupon_id}/figures/{name}": Body(ids={"coupon_id": "curve_id", "name": "curve"}),
-    "GET /monitors/{monitor_id}/series/figure": Body({"parameter": "a0", "series": To(99, status=404)}),
+    "GET /monitors/{monitor_id}/series/figure": Body(
+        {"parameter": "a0", "series": To(99, status=404)}
+    ),
     "POST /structures/{structure_id}/monitors": Body(
         {
             "name": NEW,
@@ -174,7 +208,9 @@ RESULTS: dict[str, Body] = {
             "mail_to": Refused(["a@example.org"]),
             "active": False,
             "unless_named": unless_named("monitor_id", structure_id="structure_id"),
-            "confirm": To(True, without=422, beside={"recipe": {"inputs": {"thickness_sd_m": 0.5}}}),
+            "confirm": To(
+                True, without=422, beside={"recipe": {"inputs": {"thickness_sd_m": 0.5}}}
+            ),
         },
         {"name": "m {n}"},
         ids={"structure_id": "second_structure_id"},
@@ -182,7 +218,12 @@ RESULTS: dict[str, Body] = {
     "GET /structures/{structure_id}/monitors": Body(),
     "GET /monitors": Body({"state": "alarm"}),
     "PATCH /monitors/{monitor_id}": Body(
-        {"name": NEW, "active": False, "expected_interval_days": 31, "mail_to": Refused(["a@example.org"])},
+        {
+            "name": NEW,
+            "active": False,
+            "expected_interval_days": 31,
+            "mail_to": Refused(["a@example.org"]),
+        },
         {},
         fresh=MONITOR,
     ),
@@ -202,7 +243,9 @@ RESULTS: dict[str, Body] = {
     ),
     "GET /monitors/{monitor_id}/runs": Body({"series": To(99)}),
     "GET /monitors/{monitor_id}/series": Body({"series": To(99, status=404)}),
-    "GET /alarms": Body({"state": "cleared", "monitor": "{second_monitor_id}", "project": "{second_project_id}"}),
+    "GET /alarms": Body(
+        {"state": "cleared", "monitor": "{second_monitor_id}", "project": "{second_project_id}"}
+    ),
     "POST /alarms/{alarm_id}/acknowledge": Body(
         {"note": "n {n}"}, {"note": "first"}, fresh=lambda lab: {"alarm_id": lab.alarm()}
     ),
@@ -210,7 +253,11 @@ RESULTS: dict[str, Body] = {
     "POST /deliveries/{delivery_id}/replay": Body(),
     "POST /webhooks/{webhook_id}/test": Body(),
     "POST /webhooks": Body(
-        {"project": To("{second_project_id}", "project_id"), "url": f"{HOOK}?other", "events": ["alarm.raised"]},
+        {
+            "project": To("{second_project_id}", "project_id"),
+            "url": f"{HOOK}?other",
+            "events": ["alarm.raised"],
+        },
         {"project": "{project_id}", "url": HOOK},
     ),
     "GET /webhooks": Body({"project": "{second_project_id}"}),

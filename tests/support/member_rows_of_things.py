@@ -1,4 +1,6 @@
-"""Rows of projects, people, structures, models, campaigns and instruments; and what requests change, made anew each time."""
+"""Rows of projects, people, structures, models, campaigns and instruments; and what requests
+change, made anew each time.
+"""
 
 from typing import Any
 
@@ -24,12 +26,22 @@ def _made(name: str, path: str, body: Any) -> Any:
 
 
 PROJECT = _made("project_id", "projects", {"name": "p {n}"})
-STRUCTURE = _made("structure_id", "projects/{project_id}/structures", {**paper.STRUCTURE, "name": "s {n}"})
-CAMPAIGN = _made("campaign_id", "structures/{structure_id}/campaigns", {**paper.CAMPAIGN, "name": "c {n}"})
-INSTRUMENT = _made("instrument_id", "projects/{project_id}/instruments", {"kind": "sensor", "serial": "fresh {n}"})
-MONITOR = _made("monitor_id", "structures/{structure_id}/monitors", {"name": "m {n}", "runs_on": "hand"})
+STRUCTURE = _made(
+    "structure_id", "projects/{project_id}/structures", {**paper.STRUCTURE, "name": "s {n}"}
+)
+CAMPAIGN = _made(
+    "campaign_id", "structures/{structure_id}/campaigns", {**paper.CAMPAIGN, "name": "c {n}"}
+)
+INSTRUMENT = _made(
+    "instrument_id", "projects/{project_id}/instruments", {"kind": "sensor", "serial": "fresh {n}"}
+)
+MONITOR = _made(
+    "monitor_id", "structures/{structure_id}/monitors", {"name": "m {n}", "runs_on": "hand"}
+)
 
-SPECIMEN = _made("coupon_id", "coupon-batches/{second_batch_id}/coupons", {"specimen": "s {n}", "E_Pa": 3e10})
+SPECIMEN = _made(
+    "coupon_id", "coupon-batches/{second_batch_id}/coupons", {"specimen": "s {n}", "E_Pa": 3e10}
+)
 
 
 def cancelled(lab: Lab) -> dict[str, str]:
@@ -40,7 +52,9 @@ def cancelled(lab: Lab) -> dict[str, str]:
     return {"job_id": made["id"]}
 
 
-_SECTIONS = '{"1": {"thickness_m": 0.01, "isotropic": {"E_Pa": 7e10, "nu": 0.3, "density_kg_m3": 2700}}}'
+_SECTIONS = (
+    '{"1": {"thickness_m": 0.01, "isotropic": {"E_Pa": 7e10, "nu": 0.3, "density_kg_m3": 2700}}}'
+)
 _WALL = '{"thickness_m": 0.002, "isotropic": {"E_Pa": 7e10, "nu": 0.3, "density_kg_m3": 2700}}'
 _OF_SETS = f'{{"flange": {_WALL}, "the_web": {_WALL}}}'
 LABELS = {"tags": ["a tag"], "meta": {"client": "ACME"}}
@@ -52,17 +66,28 @@ def unless_named(name: str, **ids: str) -> To:
     return To(True, beside={"name": name}, status=200, ids=ids)
 
 
-FRF_FILTER = {"point": 1, "direction": 2, "reference": 2, "quantity": "mobility", "import_id": "{import_id}"}
+FRF_FILTER = {
+    "point": 1,
+    "direction": 2,
+    "reference": 2,
+    "quantity": "mobility",
+    "import_id": "{import_id}",
+}
 SUPERSEDED: Any = {"superseded": To(True, ids={"campaign_id": "hits_id"})}
 STRUCTURE_ROWS: dict[str, Any] = {
     "name": NEW,
     "geometry": {"length_m": 0.6, "width_m": 0.04, "thickness_m": 0.011},
     "density_kg_m3": 1900.0,
     "laminate": To(
-        {"plies": [{**ANGLE["shape"]["material"], "thickness_m": 0.010, "angle_deg": 0}]}, drop=("material",)
+        {"plies": [{**ANGLE["shape"]["material"], "thickness_m": 0.010, "angle_deg": 0}]},
+        drop=("material",),
     ),
     "material": {**paper.STRUCTURE["material"], "Ex_Pa": 30e9},
-    "inputs": ({"thickness_sd_m": 1e-4}, Refused({"height_sd_m": 1e-4}), Refused({"ply_angle_sd_deg": 1})),
+    "inputs": (
+        {"thickness_sd_m": 1e-4},
+        Refused({"height_sd_m": 1e-4}),
+        Refused({"ply_angle_sd_deg": 1}),
+    ),
     "pieces": [{"from_m": 0.1, "to_m": 0.2, "thickness_m": 0.012}],
     "shape": To(ANGLE["shape"], drop=("geometry", "material")),
     "confirm": To(True, beside={"density_kg_m3": 2.0}, without=422),
@@ -90,7 +115,8 @@ INSTRUMENT_ROWS: dict[str, Any] = {
 }
 THINGS: dict[str, Body] = {
     "POST /projects": Body(
-        {"name": NEW, "description": "x", **LABELS, "unless_named": unless_named("project_id")}, {"name": "p {n}"}
+        {"name": NEW, "description": "x", **LABELS, "unless_named": unless_named("project_id")},
+        {"name": "p {n}"},
     ),
     "GET /projects": Body(),
     "PATCH /projects/{project_id}": Body(
@@ -105,7 +131,8 @@ THINGS: dict[str, Body] = {
         fresh=PROJECT,
     ),
     "POST /api-keys": Body(
-        {"name": NEW, "scopes": ["read"], "expires_at": "2999-01-01T00:00:00Z"}, {"name": "k {n}", "scopes": ["jobs"]}
+        {"name": NEW, "scopes": ["read"], "expires_at": "2999-01-01T00:00:00Z"},
+        {"name": "k {n}", "scopes": ["jobs"]},
     ),
     "GET /api-keys": Body(),
     "GET /audit-events": Body({"project": "{second_project_id}"}),
@@ -142,7 +169,9 @@ THINGS: dict[str, Body] = {
             "sections": Refused(_SECTIONS),
             "body.sections": Refused(_SECTIONS),
             "accept": Refused("NOTHING"),
-            "confirm": To(True, without=422, beside={"?sections": _SECTIONS.replace("0.01", "2.0")}),
+            "confirm": To(
+                True, without=422, beside={"?sections": _SECTIONS.replace("0.01", "2.0")}
+            ),
         },
         {"file": ["m.bdf", MESH]},
         {"units": "m-N-kg"},
@@ -155,7 +184,9 @@ THINGS: dict[str, Body] = {
             "units": To("mm-N-t", "status", beside={"?units": None}),
             "sections": To(_OF_SETS, "status", beside={"?sections": None}),
             "accept": To("clamp", "status", beside={"?accept": None}),
-            "confirm": To(True, without=422, beside={"?sections": _OF_SETS.replace("0.002", "2.0")}),
+            "confirm": To(
+                True, without=422, beside={"?sections": _OF_SETS.replace("0.002", "2.0")}
+            ),
         },
         (ROOT / "tests/corpus/meshes/gmsh-4.1.msh").read_bytes(),
         {"units": "mm-N-t", "filename": "m.msh", "sections": _OF_SETS, "accept": "clamp"},
@@ -165,7 +196,8 @@ THINGS: dict[str, Body] = {
     "GET /structures/{structure_id}/models": Body(ids={"structure_id": "bare_id"}),
     "GET /structures/{structure_id}/model/mesh": Body({"boundary": "cantilever"}),
     "POST /structures/{structure_id}/campaigns": Body(
-        {**CAMPAIGN_ROWS, "unless_named": unless_named("campaign_id")}, {"name": "c {n}", "boundary": "cantilever"}
+        {**CAMPAIGN_ROWS, "unless_named": unless_named("campaign_id")},
+        {"name": "c {n}", "boundary": "cantilever"},
     ),
     "GET /structures/{structure_id}/campaigns": Body(),
     "PATCH /campaigns/{campaign_id}": Body(CAMPAIGN_ROWS, {}, fresh=CAMPAIGN),

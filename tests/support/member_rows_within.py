@@ -1,4 +1,6 @@
-"""Rows of members within members of a body, by path (see `tests.support.members.within`), and the list of those without."""
+"""Rows of members within members of a body, by path (see `tests.support.members.within`), and the
+list of those without.
+"""
 
 from typing import Any
 
@@ -8,37 +10,71 @@ from tests.support.members import Refused, To
 from tests.support.profiles import ANGLE
 
 
-def _rows(place: str, values: dict[str, Any], at: str | None = None, beside: dict[str, Any] | None = None) -> Any:
+def _rows(
+    place: str, values: dict[str, Any], at: str | None = None, beside: dict[str, Any] | None = None
+) -> Any:
     """Rows of the members of one place, which have the same beside them."""
     rows = values.items()
     return {
-        f"{place}.{name}": value if isinstance(value, To | Refused | tuple) else To(value, at, beside or {})
+        f"{place}.{name}": (
+            value if isinstance(value, To | Refused | tuple) else To(value, at, beside or {})
+        )
         for name, value in rows
     }
 
 
 _PLY = {**ANGLE["shape"]["material"], "thickness_m": 0.010, "angle_deg": 0}
-_CONSTANTS = {"E1_Pa": 24e9, "E2_Pa": 9e9, "G12_Pa": 3.1e9, "G13_Pa": 3.1e9, "G23_Pa": 2.5e9, "nu_12": 0.28}
+_CONSTANTS = {
+    "E1_Pa": 24e9,
+    "E2_Pa": 9e9,
+    "G12_Pa": 3.1e9,
+    "G13_Pa": 3.1e9,
+    "G23_Pa": 2.5e9,
+    "nu_12": 0.28,
+}
 _CONSTANTS |= {"density_kg_m3": 1900.0}
-_PLIES = {"*": {**{name: paper.STRUCTURE[name] for name in ("geometry", "density_kg_m3")}, "name": "s {n}"}}
+_PLIES = {
+    "*": {
+        **{name: paper.STRUCTURE[name] for name in ("geometry", "density_kg_m3")},
+        "name": "s {n}",
+    }
+}
 _PLIES["*"]["laminate"] = {"plies": [_PLY]}
 _ANGLE = {"*": {**ANGLE, "name": "s {n}"}}
 _PIECES = {"pieces": [{"from_m": 0.1, "to_m": 0.2, "thickness_m": 0.012}]}
 STRUCTURE: dict[str, Any] = {
     **_rows("geometry", {"length_m": 0.6, "width_m": 0.05, "thickness_m": 0.012}),
-    **_rows("material", {"Ex_Pa": 30e9, "Ey_Pa": 30e9, "Gxy_Pa": 5e9, "Gxz_Pa": 4e9, "Gyz_Pa": 4e9, "nu_xy": 0.2}),
+    **_rows(
+        "material",
+        {"Ex_Pa": 30e9, "Ey_Pa": 30e9, "Gxy_Pa": 5e9, "Gxz_Pa": 4e9, "Gyz_Pa": 4e9, "nu_xy": 0.2},
+    ),
     "laminate.plies": To([{**_PLY, "angle_deg": 30}], beside=_PLIES),
-    **_rows("laminate.plies", {**_CONSTANTS, "thickness_m": 0.0101, "angle_deg": 30}, beside=_PLIES),
-    **_rows("inputs", {"length_sd_m": 1e-3, "width_sd_m": 1e-4, "thickness_sd_m": 1e-4, "density_sd_kg_m3": 10.0}),
+    **_rows(
+        "laminate.plies", {**_CONSTANTS, "thickness_m": 0.0101, "angle_deg": 30}, beside=_PLIES
+    ),
+    **_rows(
+        "inputs",
+        {"length_sd_m": 1e-3, "width_sd_m": 1e-4, "thickness_sd_m": 1e-4, "density_sd_kg_m3": 10.0},
+    ),
     **_rows("inputs", {"nu_xy_sd": 0.01, "fibre_angle_sd_deg": 1.0}),
     "inputs.height_sd_m": (To(1e-4, beside=_ANGLE), Refused(1e-4)),
     "inputs.ply_angle_sd_deg": (To(1.0, beside=_PLIES), Refused(1.0)),
-    **_rows("pieces", {"from_m": 0.12, "to_m": 0.22, "thickness_m": 0.013, "end_thickness_m": 0.011}, beside=_PIECES),
-    **_rows("shape", {"kind": "channel", "length_m": 0.5, "width_m": 0.07, "height_m": 0.09}, beside=_ANGLE),
+    **_rows(
+        "pieces",
+        {"from_m": 0.12, "to_m": 0.22, "thickness_m": 0.013, "end_thickness_m": 0.011},
+        beside=_PIECES,
+    ),
+    **_rows(
+        "shape",
+        {"kind": "channel", "length_m": 0.5, "width_m": 0.07, "height_m": 0.09},
+        beside=_ANGLE,
+    ),
     "shape.ribs_m": Refused([0.1], _ANGLE),
     "shape.material": To({**ANGLE["shape"]["material"], "E1_Pa": 24e9}, beside=_ANGLE),
     **_rows("shape.material", _CONSTANTS, beside=_ANGLE),
-    "shape.walls": To({"flange": {"thickness_m": 0.005}, "web": {"thickness_m": 0.004}}, beside=_ANGLE),
+    "shape.walls": To(
+        {"flange": {"thickness_m": 0.005}, "web": {"thickness_m": 0.004}}, beside=_ANGLE
+    ),
     "shape.walls.*.thickness_m": To(0.005, beside=_ANGLE),
     "shape.walls.*.material": To({**ANGLE["shape"]["material"], "E1_Pa": 24e9}, "walls", _ANGLE),
 }
@@ -48,30 +84,69 @@ _MASSES = {"instruments": {"added_masses": [{"x_m": 0.1, "y_m": 0.0, "mass_kg": 
 _FRAME = {"frame": {"origin_m": [0.1, 0, 0], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0]}}
 CAMPAIGN: dict[str, Any] = {
     **_rows("instruments", {name: {"model": "4508"} for name in ("hammer", "sensor", "analyser")}),
-    **_rows("instruments", {"sensors": [{"points": [2]}], "sensor_mass_kg": 0.01, **_MASSES["instruments"]}),
+    **_rows(
+        "instruments",
+        {"sensors": [{"points": [2]}], "sensor_mass_kg": 0.01, **_MASSES["instruments"]},
+    ),
     "instruments.sensor_point": To(2, beside={"instruments": {"sensor_mass_kg": 0.01}}),
-    **_rows("instruments.sensors", {"model": "4508", "serial": "31", "points": [2]}, beside=_SENSORS),
-    **_rows("instruments.added_masses", {"x_m": 0.2, "y_m": 0.01, "z_m": 0.01, "mass_kg": 0.02}, beside=_MASSES),
+    **_rows(
+        "instruments.sensors", {"model": "4508", "serial": "31", "points": [2]}, beside=_SENSORS
+    ),
+    **_rows(
+        "instruments.added_masses",
+        {"x_m": 0.2, "y_m": 0.01, "z_m": 0.01, "mass_kg": 0.02},
+        beside=_MASSES,
+    ),
     "instruments.added_masses.rotary_inertia_kg_m2": To(1e-6, beside=_MASSES),
-    **_rows("frame", {"origin_m": [0.2, 0, 0], "x_axis": [-1, 0, 0], "y_axis": [0, -1, 0]}, beside=_FRAME),
-    **_rows("inputs", {"clamp_compliance_sd": 0.01, "sensor_mass_sd_kg": 1e-3, "channel_delay_sd_s": 1e-5}),
+    **_rows(
+        "frame",
+        {"origin_m": [0.2, 0, 0], "x_axis": [-1, 0, 0], "y_axis": [0, -1, 0]},
+        beside=_FRAME,
+    ),
+    **_rows(
+        "inputs",
+        {"clamp_compliance_sd": 0.01, "sensor_mass_sd_kg": 1e-3, "channel_delay_sd_s": 1e-5},
+    ),
     **_rows("inputs", {"window_rate_per_s": 2.0, "window_time_constant_s": 0.5}),
     "inputs.window_rate_sd_per_s": To(0.1, beside={"inputs": {"window_rate_per_s": 2.0}}),
 }
 
 _CALIBRATED = {"calibrations": [{"performed_on": "2026-01-15", "sensitivity": 0.01, "unit": "V/N"}]}
-_CALIBRATION = {"performed_on": "2026-01-16", "valid_until": "2027-01-15", "sensitivity": 0.02, "certificate": "7"}
+_CALIBRATION = {
+    "performed_on": "2026-01-16",
+    "valid_until": "2027-01-15",
+    "sensitivity": 0.02,
+    "certificate": "7",
+}
 _SHAPED = {"modes": [{**MODES[0], "shape": [{"point": 1, "direction": 3, "real": 1.0}]}]}
 _PUBLISHED = {"published": {"Ex": {"mean": 33e9, "standard_deviation": 1e9, "n": 5}}}
 _PAIRS = [{"label": n, "x_m": 0.05 * n, "y_m": 0.01 * (n % 2), "z_m": 0} for n in (1, 2, 3, 4)]
 _POINTS = [{"label": n, "x_m": 0.05 * n, "y_m": 0.01, "z_m": 0} for n in range(1, 9)]
 _WINDOWS = {"windows": {"force_length_s": 0.01, "rate_per_s": 50}}
 _OVERRULED = {"overrules": [{"point": 1, "hit": 1, "use": False}]}
-_WEIGHED = {"tests": [{"boundary": "free", "highest_hz": 300, "added_masses": _MASSES["instruments"]["added_masses"]}]}
+_WEIGHED = {
+    "tests": [
+        {
+            "boundary": "free",
+            "highest_hz": 300,
+            "added_masses": _MASSES["instruments"]["added_masses"],
+        }
+    ]
+}
 _COUPONS = {"coupons": [{"constants": ["Ex"]}]}
 _CUSUM, _WATCHED = {"chart": {"kind": "cusum"}}, {"parameters": [{"name": "Ex"}]}
-_PLANNED = {"highest_hz": 400, "boundary": "cantilever", "noise": 0.05, "damping_ratio": 0.02, "line_spacing_hz": 1.0}
-_PLANNED |= {"points_m": [[0.1, 0.01], [0.3, 0.01]], "sensor_mass_kg": 0.01, **_MASSES["instruments"]}
+_PLANNED = {
+    "highest_hz": 400,
+    "boundary": "cantilever",
+    "noise": 0.05,
+    "damping_ratio": 0.02,
+    "line_spacing_hz": 1.0,
+}
+_PLANNED |= {
+    "points_m": [[0.1, 0.01], [0.3, 0.01]],
+    "sensor_mass_kg": 0.01,
+    **_MASSES["instruments"],
+}
 
 WITHIN: dict[str, dict[str, Any]] = {
     "POST /projects/{project_id}/structures": STRUCTURE,
@@ -80,12 +155,24 @@ WITHIN: dict[str, dict[str, Any]] = {
         "calibrations", {**_CALIBRATION, "unit": "mV/N"}, None, _CALIBRATED
     ),
     "POST /campaigns/{campaign_id}/mode-sets": {
-        **_rows("modes", {"frequency_hz": 27.0, "damping_ratio": 0.03, "frequency_sd_hz": 0.1, "damping_sd": 1e-3}),
+        **_rows(
+            "modes",
+            {
+                "frequency_hz": 27.0,
+                "damping_ratio": 0.03,
+                "frequency_sd_hz": 0.1,
+                "damping_sd": 1e-3,
+            },
+        ),
         "modes.shape": To(_SHAPED["modes"][0]["shape"]),
-        **_rows("modes.shape", {"point": 2, "direction": 1, "real": 2.0, "imag": 1.0}, "modes", _SHAPED),
+        **_rows(
+            "modes.shape", {"point": 2, "direction": 1, "real": 2.0, "imag": 1.0}, "modes", _SHAPED
+        ),
     },
-    "POST /mode-sets/{mode_set_id}/edits": _rows("decisions", {"frequency_hz": 160.0, "keep": True}, "modes")
-    | {"decisions.reason": To("another")},
+    "POST /mode-sets/{mode_set_id}/edits": (
+        _rows("decisions", {"frequency_hz": 160.0, "keep": True}, "modes")
+        | {"decisions.reason": To("another")}
+    ),
     "POST /structures/{structure_id}/coupon-batches": _rows(
         "published.*", {"mean": 30e9, "standard_deviation": 2e9, "n": 6}, None, _PUBLISHED
     ),
@@ -99,9 +186,13 @@ WITHIN: dict[str, dict[str, Any]] = {
     "POST /structures/{structure_id}/forecasts": _rows(
         "points", {"label": 77, "x_m": 0.06, "y_m": 0.015}, "points", {"points": _POINTS}
     ),
-    "POST /campaigns/{campaign_id}/update-jobs": _rows("hold_out", {"points": [4], "band_hz": [50, 100]}, "frac"),
+    "POST /campaigns/{campaign_id}/update-jobs": _rows(
+        "hold_out", {"points": [4], "band_hz": [50, 100]}, "frac"
+    ),
     "POST /structures/{structure_id}/plans": {
-        **_rows("tests", _PLANNED | {"sensor": 1, "structure_id": "{second_structure_id}"}, "items"),
+        **_rows(
+            "tests", _PLANNED | {"sensor": 1, "structure_id": "{second_structure_id}"}, "items"
+        ),
         **_rows("tests.added_masses", {"x_m": 0.2, "mass_kg": 0.02}, "items", _WEIGHED),
         **_rows("coupons", {"constants": ["Ey"], "pieces": 10, "scatter": 0.1}, "items", _COUPONS),
         "coupons.sets": Refused(["web"], _COUPONS),
@@ -109,7 +200,9 @@ WITHIN: dict[str, dict[str, Any]] = {
     "POST /structures/{structure_id}/monitors": {
         **_rows("parameters", {"name": "Gxy", "direction": "rise"}, "parameters", _WATCHED),
         **_rows("baseline", {"campaigns": 7, "since": "2024-02-01T00:00:00Z"}),
-        **_rows("chart", {"kind": "cusum", "weight": (0.2, Refused(0.2, _CUSUM)), "jump_share": 0.3}),
+        **_rows(
+            "chart", {"kind": "cusum", "weight": (0.2, Refused(0.2, _CUSUM)), "jump_share": 0.3}
+        ),
         "chart.reference": (To(0.7, beside=_CUSUM), Refused(0.7)),
     },
 }
@@ -118,9 +211,11 @@ _WITHOUT = {
     "BatchJobIn": "angle_deg campaign_id recipe specimen",
     "ForecastPointIn": "direction z_m",
     "IdentificationRecipeIn": "band_hz highest_order include_doubtful most_modes threshold",
-    "InputsIn": "channel_delay_sd_s clamp_compliance_sd density_sd_kg_m3 "
-    "fibre_angle_sd_deg height_sd_m length_sd_m nu_xy_sd ply_angle_sd_deg sensor_mass_sd_kg "
-    "thickness_sd_m width_sd_m window_rate_per_s window_rate_sd_per_s window_time_constant_s",
+    "InputsIn": (
+        "channel_delay_sd_s clamp_compliance_sd density_sd_kg_m3 "
+        "fibre_angle_sd_deg height_sd_m length_sd_m nu_xy_sd ply_angle_sd_deg sensor_mass_sd_kg "
+        "thickness_sd_m width_sd_m window_rate_per_s window_rate_sd_per_s window_time_constant_s"
+    ),
     "MadeTestIn": "campaign_id mode_set",
     "OverruleIn": "direction point",
     "PairIn": "label",
@@ -128,5 +223,7 @@ _WITHOUT = {
     "SpringIn": "direction edge name point_m stiffness",
     "Wall": "plies",
 }
-WITHOUT_ROW = {f"{schema}.{member}" for schema, members in _WITHOUT.items() for member in members.split()}
+WITHOUT_ROW = {
+    f"{schema}.{member}" for schema, members in _WITHOUT.items() for member in members.split()
+}
 """`Schema.member` of those that have no row in any operation. It may only become shorter."""

@@ -1,8 +1,10 @@
-"""What a request states is used: each member of each operation is sent, and changes a named part of the answer.
+"""What a request states is used: each member of each operation is sent, and changes a named part of
+the answer.
 
-A `Body` is an operation with a type of body. Its members are the parameters of the query, headers, and members of the body
-that the OpenAPI document has. A row of the table (`tests.support.member_rows`) gives a member a value. What must differ from
-the same request without it is by default the member of the answer that has its name, or of a GET the whole answer. Members
+A `Body` is an operation with a type of body. Its members are the parameters of the query, headers,
+and members of the body that the OpenAPI document has. A row of the table
+(`tests.support.member_rows`) gives a member a value. What must differ from the same request without
+it is by default the member of the answer that has its name, or of a GET the whole answer. Members
 that mean the same everywhere, such as `limit` or `If-Match`, have their effect here.
 """
 
@@ -30,8 +32,10 @@ class To:
     """A row: the value of a member, and its effect."""
 
     value: Any
-    at: str | None = None  # name of the member that differs, wherever it stands; None: its own; "": the whole answer
-    beside: Mapping[str, Any] = field(default_factory=dict)  # sent with and without it; of the query with `?` in front
+    # name of the member that differs, wherever it stands; None: its own; "": the whole answer
+    at: str | None = None
+    # sent with and without it; of the query with `?` in front
+    beside: Mapping[str, Any] = field(default_factory=dict)
     drop: tuple[str, ...] = ()  # members of the base that it takes the place of
     status: int | None = None  # with it, where that is the effect
     without: int | None = None  # the same without it
@@ -57,9 +61,12 @@ class Body:
     )  # rows, several in a tuple; a bare value is a row `To(value)`
     body: Any = None  # members of the body, or its bytes
     query: Mapping[str, Any] = field(default_factory=dict)  # without which nothing shows
-    fresh: Callable[[Lab], dict[str, str]] | None = None  # makes what the request changes, and gives its ids
-    then: str | None = None  # of a job: the address of what is looked at, where `{id}` is its own; empty: its state
-    ids: Mapping[str, str] = field(default_factory=dict)  # names of other ids of the lab, or what the path has in place
+    # makes what the request changes, and gives its ids
+    fresh: Callable[[Lab], dict[str, str]] | None = None
+    # of a job: the address of what is looked at, where `{id}` is its own; empty: its state
+    then: str | None = None
+    # names of other ids of the lab, or what the path has in place
+    ids: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass
@@ -93,11 +100,17 @@ def walk(document: Node) -> Iterator[tuple[str, str, dict[str, Node]]]:
     """Operations with members, the type of a body (empty without one), and the members by name."""
     for path, methods in document["paths"].items():
         for method, operation in methods.items():
-            stated = {one["name"]: one for one in operation.get("parameters", []) if one["in"] != "path"}
+            stated = {
+                one["name"]: one for one in operation.get("parameters", []) if one["in"] != "path"
+            }
             for kind, body in (operation.get("requestBody", {}).get("content") or {"": {}}).items():
                 schema = resolved(document, body.get("schema", {}))
                 options = [resolved(document, one) for one in (schema, *schema.get("anyOf", []))]
-                own = {name: one for each in options for name, one in each.get("properties", {}).items()}
+                own = {
+                    name: one
+                    for each in options
+                    for name, one in each.get("properties", {}).items()
+                }
                 members = stated | {
                     f"body.{name}" if name in stated else name: {"in": "body", "schema": one}
                     for name, one in own.items()
@@ -110,7 +123,8 @@ Inner = dict[str, set[str]]
 
 
 def within(document: Node) -> dict[tuple[str, str], Inner]:
-    """Of each operation and type of body the members of what is within the body, by path: `Schema.member`.
+    """Of each operation and type of body the members of what is within the body, by path:
+    `Schema.member`.
 
     A list is its first item in a path, a member of any name is `*`, as in `walls.*.thickness_m`.
     """
@@ -118,13 +132,17 @@ def within(document: Node) -> dict[tuple[str, str], Inner]:
     for path, methods in document["paths"].items():
         for method, operation in methods.items():
             for kind, body in operation.get("requestBody", {}).get("content", {}).items():
-                inner = found.setdefault((f"{method.upper()} {path.removeprefix(PREFIX)}", kind), {})
+                inner = found.setdefault(
+                    (f"{method.upper()} {path.removeprefix(PREFIX)}", kind), {}
+                )
                 for name, place in _inner(document, body.get("schema", {}), "", "", ()):
                     inner.setdefault(place, set()).add(name)
     return found
 
 
-def _inner(document: Node, schema: Node, name: str, place: str, above: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+def _inner(
+    document: Node, schema: Node, name: str, place: str, above: tuple[str, ...]
+) -> Iterator[tuple[str, str]]:
     """`Schema.member` and path of all members below a place; what holds itself is entered once."""
     if "$ref" in schema:
         name = schema["$ref"].rsplit("/", 1)[1]
@@ -163,23 +181,34 @@ class Trial:
     def ids(self, more: Mapping[str, str] | None = None) -> dict[str, str]:
         """Ids for the path."""
         made = self.asked.fresh(self.lab) if self.asked.fresh else {}
-        return made | {name: self.lab.ids.get(key, key) for name, key in {**self.asked.ids, **(more or {})}.items()}
+        return made | {
+            name: self.lab.ids.get(key, key)
+            for name, key in {**self.asked.ids, **(more or {})}.items()
+        }
 
     def send(
         self, query: Node, body: Any = None, headers: Node | None = None, ids: Node | None = None
     ) -> httpx.Response:
         """The answer to a request."""
         ids = self.ids() if ids is None else ids
-        query = {name: one for name, one in {**self.asked.query, **query}.items() if one is not None}
+        query = {
+            name: one for name, one in {**self.asked.query, **query}.items() if one is not None
+        }
         path = self.lab.filled(self.path, ids).lstrip("/")
-        how: Node = {"params": self.lab.filled(query, ids), "headers": self.lab.filled(dict(headers or {}), ids)}
+        how: Node = {
+            "params": self.lab.filled(query, ids),
+            "headers": self.lab.filled(dict(headers or {}), ids),
+        }
         if isinstance(body, bytes):
             how |= {"content": body, "headers": {"Content-Type": self.kind, **how["headers"]}}
         elif self.kind == "multipart/form-data":
             filled = self.lab.filled(body, ids)
             file = filled.pop("file")
             how["files"] = {"file": (file[0], file[1])}
-            how["data"] = {name: one if isinstance(one, str) else json.dumps(one) for name, one in filled.items()}
+            how["data"] = {
+                name: one if isinstance(one, str) else json.dumps(one)
+                for name, one in filled.items()
+            }
         elif self.kind:
             how["json"] = self.lab.filled(body, ids)
         if self.method in ("PATCH", "PUT", "DELETE") and "If-Match" not in how["headers"]:
@@ -196,14 +225,18 @@ class Trial:
             if member == "*":
                 body = dict(value) if isinstance(value, dict) else value
             else:
-                (query if member[0] == "?" or not isinstance(body, dict) else body)[member.lstrip("?")] = value
+                (query if member[0] == "?" or not isinstance(body, dict) else body)[
+                    member.lstrip("?")
+                ] = value
         if with_it:
             for one in row.drop:
                 body.pop(one)
             if place == "within":
                 body = placed(body, name.split("."), row.value)
             else:
-                {"query": query, "header": headers, "body": body}[place][name.removeprefix("body.")] = row.value
+                {"query": query, "header": headers, "body": body}[place][
+                    name.removeprefix("body.")
+                ] = row.value
         ids = self.ids(row.ids)
         if self.method == "PATCH" and not body:
             return 200, content_of(self.lab.api.get(self.lab.filled(self.path, ids).lstrip("/")))
@@ -215,7 +248,9 @@ class Trial:
             state = finished(self.lab.api, answer.headers["location"])
         if not self.asked.then or state.get("status") == "failed":
             return answer.status_code, state
-        later = self.lab.api.get(self.lab.filled(self.asked.then, {**ids, "id": state.get("id", "")}))
+        later = self.lab.api.get(
+            self.lab.filled(self.asked.then, {**ids, "id": state.get("id", "")})
+        )
         return answer.status_code, {"state": state, "later": content_of(later)}
 
     def plain(self, place: str, name: str, row: To) -> tuple[int, Any]:
@@ -229,13 +264,24 @@ class Trial:
     def check(self, place: str, name: str, row: To | Refused) -> str | None:
         """What is wrong with a member; nothing where it has its effect."""
         if isinstance(row, To):
-            before, plain = self.plain(place, name, row)  # first, since what is asked may change what is there
+            # first, since what is asked may change what is there
+            before, plain = self.plain(place, name, row)
         status, content = self.ask(place, name, row, with_it=True)
         if isinstance(row, Refused):
             name = name.rsplit(".", 1)[-1]
-            named = status == 422 and any(name in one["pointer"] for one in content.get("errors", []))
-            failed = isinstance(content, dict) and content.get("status") == "failed" and name in str(content["error"])
-            return None if named or failed else f"{status} {str(content)[:400]}, expected a refusal by name"
+            named = status == 422 and any(
+                name in one["pointer"] for one in content.get("errors", [])
+            )
+            failed = (
+                isinstance(content, dict)
+                and content.get("status") == "failed"
+                and name in str(content["error"])
+            )
+            return (
+                None
+                if named or failed
+                else f"{status} {str(content)[:400]}, expected a refusal by name"
+            )
         for found, wanted, what in ((status, row.status, content), (before, row.without, plain)):
             if found != wanted if wanted else found >= 300:
                 return f"with it {status}, without {before}: {str(what)[:400]}"
@@ -248,23 +294,35 @@ class Trial:
         for one in (content, plain):
             if at != "status" and isinstance(one, dict) and one.get("status") == "failed":
                 return f"failed: {one['message']} {one['error']}"
-        return None if values != others else f"{at or 'the answer'} is the same with it: {str(values)[:400]}"
+        return (
+            None
+            if values != others
+            else f"{at or 'the answer'} is the same with it: {str(values)[:400]}"
+        )
 
 
 def content_of(answer: httpx.Response) -> Any:
     """The body of an answer."""
     is_json = "json" in answer.headers.get("content-type", "") and answer.content
-    return answer.json() if is_json and "ndjson" not in answer.headers["content-type"] else answer.content
+    return (
+        answer.json()
+        if is_json and "ndjson" not in answer.headers["content-type"]
+        else answer.content
+    )
 
 
 def shown(content: Any, at: str) -> list[Any]:
-    """The values of members of a name, wherever they stand; the whole content where there is no name."""
+    """The values of members of a name, wherever they stand; the whole content where there is no
+    name.
+    """
     if not at:
         return [content]
     if isinstance(content, dict):
         own = [content[at]] if at in content else []
         return own + [value for one in content.values() for value in shown(one, at)]
-    return [value for one in content for value in shown(one, at)] if isinstance(content, list) else []
+    return (
+        [value for one in content for value in shown(one, at)] if isinstance(content, list) else []
+    )
 
 
 # What means the same everywhere: each says what is wrong, or nothing.
@@ -281,24 +339,38 @@ def _cursor(trial: Trial) -> str | None:
     if not first["next_cursor"]:
         return f"there is no second page: {str(first)[:200]}"
     second = ok(trial.send({"limit": 1, "cursor": first["next_cursor"]}))
-    return None if second["items"] and second["items"] != first["items"] else "the second page is the first"
+    return (
+        None
+        if second["items"] and second["items"] != first["items"]
+        else "the second page is the first"
+    )
 
 
 def _deleted(trial: Trial) -> str | None:
     pages = (ok(trial.send({"deleted": text})) for text in ("false", "true"))
     there, gone = ({one["id"] for one in page["items"]} for page in pages)
-    return None if gone and not there & gone else f"deleted are {len(gone)}, in both are {len(there & gone)}"
+    return (
+        None
+        if gone and not there & gone
+        else f"deleted are {len(gone)}, in both are {len(there & gone)}"
+    )
 
 
 def _theme(trial: Trial) -> str | None:
     light, dark = (trial.send({"theme": one}) for one in ("light", "dark"))
-    return None if light.is_success and dark.is_success and light.text != dark.text else f"alike: {light.text[:200]}"
+    return (
+        None
+        if light.is_success and dark.is_success and light.text != dark.text
+        else f"alike: {light.text[:200]}"
+    )
 
 
 def _if_match(trial: Trial) -> str | None:
     body = trial.asked.body
     if trial.kind == JSON and trial.method == "PATCH":
-        name, row = next((name, row) for name, row in trial.asked.members.items() if not isinstance(row, tuple))
+        name, row = next(
+            (name, row) for name, row in trial.asked.members.items() if not isinstance(row, tuple)
+        )
         body = {**row.beside, name: row.value} if isinstance(row, To) else {name: row}
     status = trial.send({}, body, {"If-Match": '"another"'}).status_code
     return None if status == 412 else f"an older version is {status}, expected 412"
@@ -306,21 +378,35 @@ def _if_match(trial: Trial) -> str | None:
 
 def _idempotency_key(trial: Trial) -> str | None:
     key, ids = {"Idempotency-Key": f"key {next(_NUMBERS)}"}, trial.ids()
-    body = trial.asked.body if isinstance(trial.asked.body, bytes) else trial.lab.filled(trial.asked.body, ids)
+    body = (
+        trial.asked.body
+        if isinstance(trial.asked.body, bytes)
+        else trial.lab.filled(trial.asked.body, ids)
+    )
     answers = [trial.send({}, body, one, ids) for one in (key, key, {})]
     if any(one.is_error for one in answers[:2]):
-        return f"{[one.status_code for one in answers]} {answers[0].text[:200]} {answers[1].text[:200]}"
-    made = [one.status_code if one.is_error else shown(one.json(), "id") or one.content for one in answers]
+        return (
+            f"{[one.status_code for one in answers]} {answers[0].text[:200]}"
+            f" {answers[1].text[:200]}"
+        )
+    made = [
+        one.status_code if one.is_error else shown(one.json(), "id") or one.content
+        for one in answers
+    ]
     if made[0] == made[1] != made[2]:
         return None
-    # What the same bytes or the same act give anyway: there the key shows in that another request with it is refused.
+    # What the same bytes or the same act give anyway: there the key shows in that another request
+    # with it is refused.
     other = trial.ids() if trial.asked.fresh else {}
     other = {
-        name: other.get(name) or trial.lab.ids.get(f"second_{name}", "") for name in re.findall(r"{(\w+)}", trial.path)
+        name: other.get(name) or trial.lab.ids.get(f"second_{name}", "")
+        for name in re.findall(r"{(\w+)}", trial.path)
     }
     status, content = (answer := trial.send({}, body, key, other)).status_code, answer.text
     good = made[0] == made[1] and status == 422 and "Idempotency-Key" in content
-    return None if good else f"made {made}; another request with the key is {status} {content[:200]}"
+    return (
+        None if good else f"made {made}; another request with the key is {status} {content[:200]}"
+    )
 
 
 ALIKE: dict[str, Callable[[Trial], str | None]] = {
@@ -339,16 +425,35 @@ def _formats(trial: Trial, stated: Node) -> str | None:
     schema = stated["schema"]
     names = next(one["enum"] for one in (schema, *schema.get("anyOf", [])) if "enum" in one)
     answers = {name: trial.send({"format": name}) for name in names}
-    if wrong := [f"{name}: {one.status_code} {one.text[:200]}" for name, one in answers.items() if one.is_error]:
+    if wrong := [
+        f"{name}: {one.status_code} {one.text[:200]}"
+        for name, one in answers.items()
+        if one.is_error
+    ]:
         return "; ".join(wrong)
-    return None if len({one.content for one in answers.values()}) == len(names) else "two formats give the same"
+    return (
+        None
+        if len({one.content for one in answers.values()}) == len(names)
+        else "two formats give the same"
+    )
 
 
 def faults(
-    lab: Lab, operation: str, kind: str, members: Mapping[str, Node], asked: Body, inner: Inner | None = None
+    lab: Lab,
+    operation: str,
+    kind: str,
+    members: Mapping[str, Node],
+    asked: Body,
+    inner: Inner | None = None,
 ) -> list[str]:
-    """What is wrong with the members of an operation with a type of body, and with those within that have a row."""
-    of_inner = {name: {"in": "within"} for name in inner or () if name in asked.members and name not in members}
+    """What is wrong with the members of an operation with a type of body, and with those within
+    that have a row.
+    """
+    of_inner = {
+        name: {"in": "within"}
+        for name in inner or ()
+        if name in asked.members and name not in members
+    }
     members = {**members, **of_inner}
     found, trial = [], Trial(lab, operation, kind, asked)
     for name, stated in members.items():
@@ -366,4 +471,6 @@ def faults(
             whole = [one if isinstance(one, To | Refused) else To(one) for one in rows]
             why = "; ".join(filter(None, (trial.check(stated["in"], name, one) for one in whole)))
         found += [f"{name}: {why}"] if why else []
-    return found + [f"{name}: is no member of the operation" for name in asked.members if name not in members]
+    return found + [
+        f"{name}: is no member of the operation" for name in asked.members if name not in members
+    ]

@@ -1,9 +1,10 @@
-"""A worker cut off from the database in the middle of its work: it comes back by itself, and no result is there twice.
+"""A worker cut off from the database in the middle of its work: it comes back by itself, and no
+result is there twice.
 
-The worker reaches PostgreSQL through a proxy on loopback, which is taken away for a while: connections break, new ones
-are refused. Once the worker is alone, so that its finished work waits for the database; once another worker, which is
-not cut off, takes its work over, and what the first one brings comes too late. The other worker then ends, and the first
-one gets work of its own.
+The worker reaches PostgreSQL through a proxy on loopback, which is taken away for a while:
+connections break, new ones are refused. Once the worker is alone, so that its finished work waits
+for the database; once another worker, which is not cut off, takes its work over, and what the first
+one brings comes too late. The other worker then ends, and the first one gets work of its own.
 """
 
 import select
@@ -83,7 +84,9 @@ class Outage:
     same_worker: bool  # it is still the process that was started
 
 
-def outage(seconds: float, *, others: bool, jobs: int = 6, database_url: str | None = None) -> Outage:
+def outage(
+    seconds: float, *, others: bool, jobs: int = 6, database_url: str | None = None
+) -> Outage:
     """Cut a worker off while it works on jobs of a second each.
 
     Args:
@@ -94,7 +97,9 @@ def outage(seconds: float, *, others: bool, jobs: int = 6, database_url: str | N
     """
     with floor(database_url) as here, closing(Proxy(_socket(make_url(here.url)))) as proxy:
         database = make_url(here.url)
-        through = database.set(host="127.0.0.1", port=proxy.port, query={}).render_as_string(hide_password=False)
+        through = database.set(host="127.0.0.1", port=proxy.port, query={}).render_as_string(
+            hide_password=False
+        )
         here.put("idle", jobs)
         worker = here.worker(through, job_lease_seconds=LEASE_SECONDS)
         here.wait(1)
@@ -134,6 +139,8 @@ def _socket(database: URL) -> Path:
 def _computing(here: Floor, worker: subprocess.Popen[bytes]) -> bool:
     """Is the worker in the middle of a job?"""
     return any(
-        job.state == "running" and f":{worker.pid}:" in (job.worker or "") and "step" in (job.stage or "")
+        job.state == "running"
+        and f":{worker.pid}:" in (job.worker or "")
+        and "step" in (job.stage or "")
         for job in here.jobs()
     )

@@ -1,4 +1,5 @@
-"""Free panels with a cut-out, curved, tapered: solids by another code, stored, and decks of shells with meshes of their own.
+"""Free panels with a cut-out, curved, tapered: solids by another code, stored, and decks of shells
+with meshes of their own.
 
 `solve` has them solved anew by CalculiX.
 """
@@ -44,29 +45,39 @@ def _cells(kind: str, along: int, across: int) -> list[tuple[int, int]]:
 
     def is_hole(i: int, j: int) -> bool:
         middle = (i + 0.5) / along, (j + 0.5) / across
-        return kind == "cut-out" and all(low < m < high for m, (low, high) in zip(middle, HOLE, strict=True))
+        return kind == "cut-out" and all(
+            low < m < high for m, (low, high) in zip(middle, HOLE, strict=True)
+        )
 
     return [(i, j) for i, j in product(range(along), range(across)) if not is_hole(i, j)]
 
 
-def deck(kind: str, along: int, across: int, element: str, constants: dict[str, float] = NOMINAL) -> Structure:
+def deck(
+    kind: str, along: int, across: int, element: str, constants: dict[str, float] = NOMINAL
+) -> Structure:
     """The panel as a user's deck has it, of `quad4` or `quad8`."""
     step = 2 if element == "quad8" else 1
     ring = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1)][: 4 if step == 1 else 8]
     numbers: dict[tuple[int, int], int] = {}
     rows = [
-        [numbers.setdefault((step * i + step * a // 2, step * j + step * b // 2), len(numbers)) for a, b in ring]
+        [
+            numbers.setdefault((step * i + step * a // 2, step * j + step * b // 2), len(numbers))
+            for a, b in ring
+        ]
         for i, j in _cells(kind, along, across)
     ]
     at = np.array(list(numbers)) / [step * along, step * across]
     mesh = Mesh(place(kind, at[:, 0], at[:, 1]), (Block(element, np.array(rows), "skin"),))
     c = constants
-    material = OrthotropicMaterial(c["E1"], c["E2"], c["G12"], c["G13"], c["G23"], c["nu12"], DENSITY)
+    material = OrthotropicMaterial(
+        c["E1"], c["E2"], c["G12"], c["G13"], c["G23"], c["nu12"], DENSITY
+    )
     return Structure(mesh, {"skin": ShellSection((Ply(material, THICKNESS),))})
 
 
 def _nearer(share: FloatArray, cells: int, hole: tuple[float, float]) -> FloatArray:
-    """Shares of a length, of nodes of even cells, moved to the ends of a hole: about its corners stresses are singular.
+    """Shares of a length, of nodes of even cells, moved to the ends of a hole: about its corners
+    stresses are singular.
 
     Even grids of solids or shells have frequencies up to 0.8 % too high.
     """
@@ -95,7 +106,10 @@ def _solid(kind: str, along: int = 30, across: int = 20, layers: int = 2) -> Sol
     if kind == "cut-out":
         u, v = (_nearer(*each) for each in zip((u, v), (along, across), HOLE, strict=True))
     places = place(kind, u, v, THICKNESS * (w - 0.5))
-    lines = ["*NODE, NSET=ALL", *(f"{n},{x:.12g},{y:.12g},{z:.12g}" for n, (x, y, z) in enumerate(places, start=1))]
+    lines = [
+        "*NODE, NSET=ALL",
+        *(f"{n},{x:.12g},{y:.12g},{z:.12g}" for n, (x, y, z) in enumerate(places, start=1)),
+    ]
     lines.append("*ELEMENT, TYPE=C3D20R, ELSET=E")
     for number, nodes in enumerate(bricks, start=1):
         lines += [",".join(map(str, [number, *nodes[:15]])) + ",", ",".join(map(str, nodes[15:]))]
@@ -105,7 +119,10 @@ def _solid(kind: str, along: int = 30, across: int = 20, layers: int = 2) -> Sol
     # About the axis x: radial, tangential, axial.
     turned = (through, c["E2"], c["E1"], 0.4, nu21, nu21, c["G23"], c["G13"], c["G12"])
     material = orthotropic(
-        "E", turned if kind == "curved" else flat, DENSITY, "0,0,0,1,0,0" if kind == "curved" else "1,0,0,0,1,0"
+        "E",
+        turned if kind == "curved" else flat,
+        DENSITY,
+        "0,0,0,1,0,0" if kind == "curved" else "1,0,0,0,1,0",
     )
     if kind == "curved":
         material[0] = material[0].replace("RECTANGULAR", "CYLINDRICAL")
@@ -113,14 +130,21 @@ def _solid(kind: str, along: int = 30, across: int = 20, layers: int = 2) -> Sol
 
 
 def measured(kind: str) -> tuple[MeasuredModes, dict[int, tuple[float, float, float]]]:
-    """Modes of the stored solid, to 0.02 %, with shapes along three axes at points of its middle surface."""
+    """Modes of the stored solid, to 0.02 %, with shapes along three axes at points of its middle
+    surface.
+    """
     stored = np.load(STORED)
     hz, shapes = stored[f"{kind} hz"], stored[f"{kind} shapes"]
     places = place(kind, *np.array(POINTS).T)
     points = {n: tuple(map(float, xyz)) for n, xyz in enumerate(places, start=1)}
     dofs = tuple(Dof(n, axis) for n in points for axis in (1, 2, 3))
     covariance = np.diag(np.concatenate([(2e-4 * hz) ** 2, np.full(hz.size, 1e-8)]))
-    return MeasuredModes(hz, np.full(hz.size, 0.01), shapes.reshape(len(hz), -1) + 0j, dofs, covariance), points
+    return (
+        MeasuredModes(
+            hz, np.full(hz.size, 0.01), shapes.reshape(len(hz), -1) + 0j, dofs, covariance
+        ),
+        points,
+    )
 
 
 def solve() -> dict[str, FloatArray]:

@@ -10,7 +10,9 @@ SHARED = ROOT.parent / "shared"
 
 
 def shared_folder(variable: str, name: str) -> Path:
-    """The folder that an environment variable names, or `../shared/name`; the test is skipped where neither is there."""
+    """The folder that an environment variable names, or `../shared/name`; the test is skipped where
+    neither is there.
+    """
     folder = Path(os.environ.get(variable, SHARED / name))
     if not folder.is_dir():
         pytest.skip(f"{folder} is not there; set {variable}")

@@ -37,7 +37,8 @@ def plate(
 
 
 def integrated(plies: Sequence[Ply], shear_correction: float | None = None) -> Section:
-    """The section of plies by turned tensors of the fourth order, C_ijkl = R_ia R_jb R_kc R_ld C_abcd, each by its heights.
+    """The section of plies by turned tensors of the fourth order, C_ijkl = R_ia R_jb R_kc R_ld
+    C_abcd, each by its heights.
 
     S is from equilibrium, or κ ∫C̄ dz as published solutions of first order have it.
     """
@@ -47,7 +48,9 @@ def integrated(plies: Sequence[Ply], shear_correction: float | None = None) -> S
     for ply in plies:
         m, c, s = ply.material, np.cos(np.radians(ply.angle_deg)), np.sin(np.radians(ply.angle_deg))
         R, own = np.array([[c, -s], [s, c]]), np.zeros((2, 2, 2, 2))
-        plane = np.linalg.inv([[1 / m.Ex, -m.nu_xy / m.Ex, 0], [-m.nu_xy / m.Ex, 1 / m.Ey, 0], [0, 0, 1 / m.Gxy]])
+        plane = np.linalg.inv(
+            [[1 / m.Ex, -m.nu_xy / m.Ex, 0], [-m.nu_xy / m.Ex, 1 / m.Ey, 0], [0, 0, 1 / m.Gxy]]
+        )
         for (i, j), row in zip(pairs, plane, strict=True):
             for (k, n), value in zip(pairs, row, strict=True):
                 own[i, j, k, n] = own[j, i, k, n] = own[i, j, n, k] = own[j, i, n, k] = value
@@ -67,7 +70,11 @@ def integrated(plies: Sequence[Ply], shear_correction: float | None = None) -> S
 def entries(laminate: Section) -> dict[str, float]:
     """The entries of A, B, D and S by name: A11, B16, D66, S55 (γxz), S44 (γyz) and so on."""
     voigt = {"11": (0, 0), "12": (0, 1), "22": (1, 1), "66": (2, 2), "16": (0, 2), "26": (1, 2)}
-    plane = {letter + index: float(getattr(laminate, letter)[at]) for letter in "ABD" for index, at in voigt.items()}
+    plane = {
+        letter + index: float(getattr(laminate, letter)[at])
+        for letter in "ABD"
+        for index, at in voigt.items()
+    }
     S = laminate.S
     return plane | {"S55": float(S[0, 0]), "S44": float(S[1, 1]), "S45": float(S[0, 1])}
 
@@ -75,7 +82,9 @@ def entries(laminate: Section) -> dict[str, float]:
 def coefficients(body: Structure, laminate: Section) -> tuple[np.ndarray, np.ndarray]:
     """Of stiffness and mass, with those of a laminate by their names."""
     own = entries(laminate) | {spring.name: spring.stiffness for spring in body.springs}
-    inertia = {f"I{n}_{axis}": value for n, value in enumerate(laminate.inertia) for axis in (1, 2, 3)} | {"1": 1.0}
+    inertia = {
+        f"I{n}_{axis}": value for n, value in enumerate(laminate.inertia) for axis in (1, 2, 3)
+    } | {"1": 1.0}
     model = body.model
     stiffness = np.array([own[name.rpartition(".")[2]] for name in model.stiffness.names])
     return stiffness, np.array([inertia[name.rpartition(".")[2]] for name in model.mass.names])
@@ -92,11 +101,12 @@ def solve(body: Structure, laminate: Section, count: int) -> NormalModes:
 
 
 def navier_hz(laminate: Section, a: float, b: float, count: int) -> np.ndarray:
-    """Natural frequencies of the simply supported plate a × b by first-order theory, rotary inertia included.
+    """Natural frequencies of the simply supported plate a × b by first-order theory, rotary inertia
+    included.
 
-    Navier's solution (Reddy, Mechanics of Laminated Composite Plates and Shells, 2nd ed., sections 6.3 and 6.5):
-    u ~ cos αx sin βy, v ~ sin αx cos βy, w ~ sin αx sin βy, φx ~ cos αx sin βy, φy ~ sin αx cos βy, for laminates with
-    A16 = A26 = D16 = D26 = B16 = B26 = S45 = 0.
+    Navier's solution (Reddy, Mechanics of Laminated Composite Plates and Shells, 2nd ed., sections
+    6.3 and 6.5): u ~ cos αx sin βy, v ~ sin αx cos βy, w ~ sin αx sin βy, φx ~ cos αx sin βy, φy ~
+    sin αx cos βy, for laminates with A16 = A26 = D16 = D26 = B16 = B26 = S45 = 0.
     """
     A, B, D, S = laminate.A, laminate.B, laminate.D, laminate.S
     i0, i1, i2 = laminate.inertia
@@ -109,7 +119,9 @@ def navier_hz(laminate: Section, a: float, b: float, count: int) -> np.ndarray:
 
             def block(C: np.ndarray, p: float = p, q: float = q) -> np.ndarray:
                 off = (C[0, 1] + C[2, 2]) * p * q
-                return np.array([[C[0, 0] * p**2 + C[2, 2] * q**2, off], [off, C[2, 2] * p**2 + C[1, 1] * q**2]])
+                return np.array(
+                    [[C[0, 0] * p**2 + C[2, 2] * q**2, off], [off, C[2, 2] * p**2 + C[1, 1] * q**2]]
+                )
 
             K = np.zeros((5, 5))
             K[:2, :2], K[3:, 3:] = block(A), block(D)

@@ -1,4 +1,6 @@
-"""A small angle profile of pultruded glass, measured: FRFs across both walls of a body that is not as it was stated."""
+"""A small angle profile of pultruded glass, measured: FRFs across both walls of a body that is not
+as it was stated.
+"""
 
 from functools import cache
 from itertools import count
@@ -27,7 +29,14 @@ ANGLE: dict[str, Any] = {
         "length_m": 0.4,
         "width_m": 0.06,
         "height_m": 0.08,
-        "material": {"E1_Pa": 23e9, "E2_Pa": 8.5e9, "G12_Pa": 3e9, "G13_Pa": 3e9, "G23_Pa": 2.4e9, "nu_12": 0.27},
+        "material": {
+            "E1_Pa": 23e9,
+            "E2_Pa": 8.5e9,
+            "G12_Pa": 3e9,
+            "G13_Pa": 3e9,
+            "G23_Pa": 2.4e9,
+            "nu_12": 0.27,
+        },
         "walls": {"flange": {"thickness_m": 0.004}, "web": {"thickness_m": 0.004}},
     },
 }
@@ -86,15 +95,20 @@ def i_profile() -> bytes:
 
 
 def deck(length: float = 1.0) -> bytes:
-    """The angle as an engineer's deck for CalculiX: S8R on middle surfaces, both walls of one material, one end clamped.
+    """The angle as an engineer's deck for CalculiX: S8R on middle surfaces, both walls of one
+    material, one end clamped.
 
     Args:
-        length: unit of length in m; stresses are in N by its square, densities so that equations agree.
+        length: unit of length in m; stresses are in N by its square, densities so that equations
+            agree.
     """
     mesh = nominal_body(StructureIn.model_validate(ANGLE), "free").mesh
     stress, density = 1 / length**2, 1 / length**4
     lines = ["*HEADING", "angle of two walls", "*NODE, NSET=ALL"]
-    lines += [f"{n}, {', '.join(f'{x / length:.12g}' for x in xyz)}" for n, xyz in enumerate(mesh.nodes, start=1)]
+    lines += [
+        f"{n}, {', '.join(f'{x / length:.12g}' for x in xyz)}"
+        for n, xyz in enumerate(mesh.nodes, start=1)
+    ]
     numbers = count(1)
     for block in mesh.blocks:
         lines.append(f"*ELEMENT, TYPE=S8R, ELSET={block.set.upper()}")
@@ -106,18 +120,28 @@ def deck(length: float = 1.0) -> bytes:
         "*MATERIAL, NAME=GFRP",
         "*ELASTIC, TYPE=ENGINEERING CONSTANTS",
     ]
-    lines += [f"{', '.join(moduli[:3])}, 0.27, 0.3, 0.35, {', '.join(moduli[3:5])},", f"{moduli[5]}, 293"]
+    lines += [
+        f"{', '.join(moduli[:3])}, 0.27, 0.3, 0.35, {', '.join(moduli[3:5])},",
+        f"{moduli[5]}, 293",
+    ]
     lines += ["*DENSITY", f"{1850 / density:.9g}"]
     for name in mesh.sets:
-        lines += [f"*SHELL SECTION, ELSET={name.upper()}, MATERIAL=GFRP, ORIENTATION=O", f"{0.004 / length:g}"]
+        lines += [
+            f"*SHELL SECTION, ELSET={name.upper()}, MATERIAL=GFRP, ORIENTATION=O",
+            f"{0.004 / length:g}",
+        ]
     root = (mesh.node_sets["start"] + 1).tolist()
-    lines += ["*NSET, NSET=ROOT", *(", ".join(map(str, root[k : k + 8])) for k in range(0, len(root), 8))]
+    lines += [
+        "*NSET, NSET=ROOT",
+        *(", ".join(map(str, root[k : k + 8])) for k in range(0, len(root), 8)),
+    ]
     lines += ["*BOUNDARY", "ROOT, 1, 6", "*STEP", "*FREQUENCY", "12", "*END STEP", ""]
     return "\n".join(lines).encode()
 
 
 def askew(turn: FloatArray) -> Frfs:
-    """FRFs of the free angle along axes that lie askew: rows of `turn` are these in the structure's frame.
+    """FRFs of the free angle along axes that lie askew: rows of `turn` are these in the structure's
+    frame.
 
     Each point is hit and felt along the axis that is nearest to its wall's normal.
     """
@@ -125,7 +149,9 @@ def askew(turn: FloatArray) -> Frfs:
     normal = {n: 3 if n % 2 else 2 for n in points()}
     along = {n: int(np.argmax(np.abs(turn[:, axis - 1]))) + 1 for n, axis in normal.items()}
     dofs = [Dof(n, axis) for n, axis in along.items()]
-    hz, pairs, values = _frfs(body, TRUTH, points(), dofs, [dofs[0], dofs[1]], dict.fromkeys(points(), turn))
+    hz, pairs, values = _frfs(
+        body, TRUTH, points(), dofs, [dofs[0], dofs[1]], dict.fromkeys(points(), turn)
+    )
     return Frfs.from_arrays(
         hz, add_noise(values, 0.005, 1.0, np.random.default_rng(0)),
         response=[(r.point, r.direction) for r, _ in pairs], reference=[(f.point, f.direction) for _, f in pairs],
@@ -150,7 +176,12 @@ def _frfs(
     return hz, pairs, model.synthesise(hz, A0 + A1 * model.eigenvalue, "accelerance")
 
 
-def uff(body: Structure, truth: dict[str, float], places: dict[int, tuple[float, float, float]], seed: int) -> bytes:
+def uff(
+    body: Structure,
+    truth: dict[str, float],
+    places: dict[int, tuple[float, float, float]],
+    seed: int,
+) -> bytes:
     """FRFs of a body with other constants as a UFF file."""
     hits = [Dof(n, 3 if n % 2 else -2) for n in places]
     hz, pairs, values = _frfs(body, truth, places, hits, list(_SENSORS), {})

@@ -1,8 +1,9 @@
 """Laboratories drawn at random by seed, one fault in each or none.
 
-Structures are strips and plates of 1 to 20 mm of glass fibre, carbon fibre and isotropic material; tours a grid, an edge,
-a centre line or a few points, by hammer or sensors, with one reference or two; bands begin at 0 Hz, below or above the first
-mode, and end between modes or in one. Damping is 0.05 to 8 %, noise 0.1 to 10 %.
+Structures are strips and plates of 1 to 20 mm of glass fibre, carbon fibre and isotropic material;
+tours a grid, an edge, a centre line or a few points, by hammer or sensors, with one reference or
+two; bands begin at 0 Hz, below or above the first mode, and end between modes or in one. Damping is
+0.05 to 8 %, noise 0.1 to 10 %.
 """
 
 from collections.abc import Mapping
@@ -46,11 +47,24 @@ CHOICES: dict[str, Any] = {
     "noise": ["0.001", "0.01", "0.03", "0.1"],
     "lines": ["150", "400", "800", "1600", "3200"],
 }
-FAULTS = ("sign", "height", "all heights", "points", "dead", "hum", "overload", "boundary", "length", "thickness")
+FAULTS = (
+    "sign",
+    "height",
+    "all heights",
+    "points",
+    "dead",
+    "hum",
+    "overload",
+    "boundary",
+    "length",
+    "thickness",
+)
 
 
 def draw(seed: int, fault: str = "none") -> Drawn:
-    """One laboratory; its constants are up to 45 % off the nominal ones, frequencies off by 0.2 %, damping ratios by 2 %."""
+    """One laboratory; its constants are up to 45 % off the nominal ones, frequencies off by 0.2 %,
+    damping ratios by 2 %.
+    """
     rng = np.random.default_rng(seed)
     kind = {name: str(rng.choice(values)) for name, values in CHOICES.items()}
     length, width, thickness, divisions = BODIES[kind["body"]]
@@ -58,10 +72,14 @@ def draw(seed: int, fault: str = "none") -> Drawn:
     stated = Specimen(length, width, thickness, nominal, kind["boundary"], divisions=divisions)  # type: ignore[arg-type]
     spread = rng.choice([0.1, 0.2, 0.3])
     true = {
-        name: float(getattr(nominal, name) * (1 + spread * np.clip(rng.standard_normal(), -1.5, 1.5)))
+        name: float(
+            getattr(nominal, name) * (1 + spread * np.clip(rng.standard_normal(), -1.5, 1.5))
+        )
         for name in ("Ex", "Ey", "Gxy", "Gxz")
     }
-    body = replace(stated, material=replace(nominal, **true, Gyz=nominal.Gyz * true["Gxz"] / nominal.Gxz))
+    body = replace(
+        stated, material=replace(nominal, **true, Gyz=nominal.Gyz * true["Gxz"] / nominal.Gxz)
+    )
     points = _tour(kind["tour"], stated, rng)
     dofs = _pairs(points, rng)
     hz, ends = _axis(kind, body, rng)
@@ -90,7 +108,9 @@ def _tour(tour: str, body: Specimen, rng: np.random.Generator) -> Points:
 
 
 def _pairs(points: Points, rng: np.random.Generator) -> tuple[Dofs, Dofs]:
-    """Responses and references: hammer or sensors rove about one fixed dof or two, some of them along -z."""
+    """Responses and references: hammer or sensors rove about one fixed dof or two, some of them
+    along -z.
+    """
     fixed = [len(points)] if rng.random() < 0.75 else [len(points), max(1, len(points) // 2)]
     sense = -3 if rng.random() < 0.3 else 3
     roving = tuple(Dof(point, sense) for _ in fixed for point in points)
@@ -98,13 +118,21 @@ def _pairs(points: Points, rng: np.random.Generator) -> tuple[Dofs, Dofs]:
     return (still, roving) if rng.random() < 0.5 else (roving, still)
 
 
-def _axis(kind: Mapping[str, str], body: Specimen, rng: np.random.Generator) -> tuple[np.ndarray, tuple[float, float]]:
+def _axis(
+    kind: Mapping[str, str], body: Specimen, rng: np.random.Generator
+) -> tuple[np.ndarray, tuple[float, float]]:
     """Lines in Hz, and the first and the last natural frequency in the band."""
     known = parametrise(body)
     modes = ForwardModel(body, known, (), np.zeros((0, 2)), 12).solve(known.prior_mean).frequency_hz
     last = 1 if kind["band"] == "two modes" else int(rng.integers(3, 7))
-    low = {"from 0 Hz": 0.0, "above mode 1": np.sqrt(modes[0] * modes[1])}.get(kind["band"], 0.3 * modes[0])
-    high = modes[last] * 1.002 if kind["band"] == "to a resonance" else np.sqrt(modes[last] * modes[last + 1])
+    low = {"from 0 Hz": 0.0, "above mode 1": np.sqrt(modes[0] * modes[1])}.get(
+        kind["band"], 0.3 * modes[0]
+    )
+    high = (
+        modes[last] * 1.002
+        if kind["band"] == "to a resonance"
+        else np.sqrt(modes[last] * modes[last + 1])
+    )
     return np.linspace(low, high, int(kind["lines"])), (float(modes[0]), float(modes[last]))
 
 
@@ -117,7 +145,9 @@ def _frfs(
     damping: float,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """FRFs with noise of a body that is not quite the model, and the coefficients of its law where it is Rayleigh's."""
+    """FRFs with noise of a body that is not quite the model, and the coefficients of its law where
+    it is Rayleigh's.
+    """
     omega = model.omega * (1 + 0.002 * rng.standard_normal(model.omega.size))
     first, last = (2 * np.pi * end for end in ends)
     if kind["law"] == "constant":
@@ -125,7 +155,9 @@ def _frfs(
         rate = damping_rate(ModalDamping((last,)), np.array([damping]), omega)
         rate[:rigid] = 0.1 * damping * first
     else:
-        law = damping * np.array([first, 1 / last] if kind["law"] == "rayleigh" else [0.0, 2 / last])
+        law = damping * np.array(
+            [first, 1 / last] if kind["law"] == "rayleigh" else [0.0, 2 / last]
+        )
         rate, tail = damping_rate(RAYLEIGH, law, omega), beyond(RAYLEIGH, law, float(omega[-1]))
     rate = rate * np.exp(0.02 * rng.standard_normal(rate.size))
     lines = np.maximum(hz, 1e-3 * hz[-1])
@@ -153,4 +185,6 @@ def _spoil(
         stated = replace(stated, boundary="cantilever" if stated.boundary == "free" else "free")
     elif fault in ("length", "thickness"):
         stated = replace(stated, **{fault: 1.1 * getattr(stated, fault)})
-    return stated, replace(measurement, frfs=replace(measurement.frfs, values=values), points=points)
+    return stated, replace(
+        measurement, frfs=replace(measurement.frfs, values=values), points=points
+    )

@@ -18,7 +18,9 @@ def reality(name: str) -> Path:
     return shared_file("REALITY", "reality", name)
 
 
-def kept(path: Path, mapping: Any = None, *, quantity: Quantity | None = None, dry_run: bool = False) -> list[Kept]:
+def kept(
+    path: Path, mapping: Any = None, *, quantity: Quantity | None = None, dry_run: bool = False
+) -> list[Kept]:
     """All that is kept of a file; the first is what the file is."""
     inputs = ReadingInputs(path, quantity, path.name, mapping=mapping, dry_run=dry_run)
     return list(read_upload(inputs, lambda *_: None))
@@ -34,7 +36,11 @@ def values_of(frf: EncodedFrf) -> np.ndarray:
 
 def lines_of(frf: EncodedFrf) -> np.ndarray:
     axis = frf.axis
-    return axis.start_hz + axis.step_hz * np.arange(axis.count) if axis.lines is None else np.frombuffer(axis.lines)
+    return (
+        axis.start_hz + axis.step_hz * np.arange(axis.count)
+        if axis.lines is None
+        else np.frombuffer(axis.lines)
+    )
 
 
 def sets_of(items: Sequence[Kept]) -> list[FrfSet]:

@@ -73,7 +73,9 @@ def receiver() -> Iterator[Receiver]:
 
 @contextmanager
 def dripping() -> Iterator[tuple[int, threading.Event]]:
-    """A server that answers a line of its head now and then, and never comes to its end: its port, and who has come."""
+    """A server that answers a line of its head now and then, and never comes to its end: its port,
+    and who has come.
+    """
     connected, end, lines = threading.Event(), threading.Event(), list[socket.socket]()
 
     def drip() -> None:
@@ -125,7 +127,9 @@ class MailServer(Controller):
         self.mails.append(envelope.original_content or b"")
         return "250 kept"
 
-    def _let_in(self, _server: Any, _session: Any, _envelope: Any, _mechanism: str, who: LoginPassword) -> AuthResult:
+    def _let_in(
+        self, _server: Any, _session: Any, _envelope: Any, _mechanism: str, who: LoginPassword
+    ) -> AuthResult:
         self.senders.append(who)
         return AuthResult(success=who == self.account, handled=False)
 
@@ -135,12 +139,17 @@ class MailServer(Controller):
 
 
 @contextmanager
-def mail_server(security: str = "none", certificate: ssl.SSLContext | None = None) -> Iterator[MailServer]:
-    """One that talks plainly, or that takes mail of `ACCOUNT` alone: after STARTTLS, or over TLS from the first byte."""
+def mail_server(
+    security: str = "none", certificate: ssl.SSLContext | None = None
+) -> Iterator[MailServer]:
+    """One that talks plainly, or that takes mail of `ACCOUNT` alone: after STARTTLS, or over TLS
+    from the first byte.
+    """
     options: dict[str, Any] = {
         "none": {},
         "starttls": {"tls_context": certificate, "require_starttls": True},
-        "tls": {"ssl_context": certificate, "auth_require_tls": False},  # it takes only STARTTLS for TLS
+        # it takes only STARTTLS for TLS
+        "tls": {"ssl_context": certificate, "auth_require_tls": False},
     }[security]
     server = MailServer(None if security == "none" else ACCOUNT, **options)
     server.start()

@@ -1,4 +1,6 @@
-"""REST as the tests use it: a client with a key of its own, answers that must be good, jobs that must end."""
+"""REST as the tests use it: a client with a key of its own, answers that must be good, jobs that
+must end.
+"""
 
 from typing import Any
 
@@ -23,7 +25,8 @@ ASKED_FREELY: dict[str, Any] = {
 def client_at(url: str, key: str, limits: httpx.Limits = ONCE) -> httpx.Client:
     """A client of an API at an address, with a key.
 
-    It uses no connection twice: an idle one may be closed by the service at the very moment of its next use.
+    It uses no connection twice: an idle one may be closed by the service at the very moment of its
+    next use.
     """
     return plain_client(f"{url}/api/v1/", {"Authorization": f"Bearer {key}"}, limits)
 
@@ -33,7 +36,12 @@ def plain_client(
 ) -> httpx.Client:
     """A client over HTTP without TLS."""
     return httpx.Client(
-        base_url=base_url, headers=headers, timeout=PATIENCE, trust_env=False, limits=limits, verify=no_certificates()
+        base_url=base_url,
+        headers=headers,
+        timeout=PATIENCE,
+        trust_env=False,
+        limits=limits,
+        verify=no_certificates(),
     )
 
 
@@ -91,7 +99,9 @@ def result_of(api: httpx.Client, location: str) -> dict[str, Any]:
 
 
 def mode_rows(modes: MeasuredModes, relative_sd: float) -> list[dict[str, Any]]:
-    """Measured modes with shapes as a mode set's body has them, each frequency with this share of it as its sd."""
+    """Measured modes with shapes as a mode set's body has them, each frequency with this share of
+    it as its sd.
+    """
     assert modes.shapes is not None
     return [
         {
@@ -100,7 +110,12 @@ def mode_rows(modes: MeasuredModes, relative_sd: float) -> list[dict[str, Any]]:
             "damping_ratio": 0.01,
             "damping_sd": 1e-4,
             "shape": [
-                {"point": dof.point, "direction": dof.direction, "real": float(value.real), "imag": 0.0}
+                {
+                    "point": dof.point,
+                    "direction": dof.direction,
+                    "real": float(value.real),
+                    "imag": 0.0,
+                }
                 for dof, value in zip(modes.dofs, shape, strict=True)
             ],
         }
@@ -118,7 +133,10 @@ def campaigns_of(api: httpx.Client, name: str, count: int = 1) -> list[str]:
     project = posted(api, "projects", {"name": name})["id"]
     structure = posted(api, f"projects/{project}/structures", paper.STRUCTURE)["id"]
     path = f"structures/{structure}/campaigns"
-    return [str(posted(api, path, {**paper.CAMPAIGN, "name": f"{name} {n}"})["id"]) for n in range(count)]
+    return [
+        str(posted(api, path, {**paper.CAMPAIGN, "name": f"{name} {n}"})["id"])
+        for n in range(count)
+    ]
 
 
 def pointers(problem: dict[str, Any]) -> set[str]:

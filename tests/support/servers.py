@@ -14,7 +14,9 @@ from service.db.postgres import ACCOUNT, programs
 
 @contextmanager
 def password_server(folder: Path, user: str, password: str, database: str) -> Iterator[int]:
-    """Port on 127.0.0.1 of a server whose superuser has this name and password, with an empty database."""
+    """Port on 127.0.0.1 of a server whose superuser has this name and password, with an empty
+    database.
+    """
     account = ACCOUNT if os.geteuid() == 0 else None
     folder.mkdir(mode=0o755)
     (folder / "password").write_text(password)
@@ -26,7 +28,14 @@ def password_server(folder: Path, user: str, password: str, database: str) -> It
 
     def run(*words: str) -> None:
         command = [str(programs() / words[0]), *words[1:]]
-        subprocess.run(command, user=account, cwd=folder, check=True, stdout=subprocess.DEVNULL, env={"LC_ALL": "C"})
+        subprocess.run(
+            command,
+            user=account,
+            cwd=folder,
+            check=True,
+            stdout=subprocess.DEVNULL,
+            env={"LC_ALL": "C"},
+        )
 
     data = str(folder / "data")
     run(
@@ -42,10 +51,22 @@ def password_server(folder: Path, user: str, password: str, database: str) -> It
         "-D",
         data,
     )
-    run("pg_ctl", "-w", "-D", data, "-l", str(folder / "log"), "-o", f"-h 127.0.0.1 -p {port} -k {folder}", "start")
+    run(
+        "pg_ctl",
+        "-w",
+        "-D",
+        data,
+        "-l",
+        str(folder / "log"),
+        "-o",
+        f"-h 127.0.0.1 -p {port} -k {folder}",
+        "start",
+    )
     try:
         uri = f"postgresql://{user}:{password}@127.0.0.1:{port}/postgres"
-        subprocess.run([str(programs() / "psql"), uri, "-qc", f"CREATE DATABASE {database}"], check=True)
+        subprocess.run(
+            [str(programs() / "psql"), uri, "-qc", f"CREATE DATABASE {database}"], check=True
+        )
         yield port
     finally:
         run("pg_ctl", "-w", "-D", data, "-m", "fast", "stop")

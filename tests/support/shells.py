@@ -1,5 +1,5 @@
-"""Structured meshes of each shell element on any surface, static answers of a structure, and the published shells of every
-book.
+"""Structured meshes of each shell element on any surface, static answers of a structure, and the
+published shells of every book.
 """
 
 from collections.abc import Callable
@@ -25,8 +25,12 @@ def isotropic(E: float, nu: float, t: float, density: float = 1.0) -> ShellSecti
     return ShellSection((Ply(OrthotropicMaterial(E, E, G, G, G, nu, density), t),))
 
 
-def grid(kind: str, nx: int, ny: int, place: Callable[[FloatArray], FloatArray], name: str = "plate") -> Mesh:
-    """Elements on the square 0 … 1, whose (n, 2) nodes `place` puts in space; edges x0, x1, y0, y1 as node sets."""
+def grid(
+    kind: str, nx: int, ny: int, place: Callable[[FloatArray], FloatArray], name: str = "plate"
+) -> Mesh:
+    """Elements on the square 0 … 1, whose (n, 2) nodes `place` puts in space; edges x0, x1, y0, y1
+    as node sets.
+    """
     number: dict[tuple[int, int], int] = {}
 
     def node(i: int, j: int) -> int:
@@ -44,7 +48,9 @@ def grid(kind: str, nx: int, ny: int, place: Callable[[FloatArray], FloatArray],
             else ((square[0], square[1], square[2]), (square[0], square[2], square[3]))
         )
         for corners in halves:
-            sides = [between(p, q) for p, q in zip(corners, (*corners[1:], corners[0]), strict=True)]
+            sides = [
+                between(p, q) for p, q in zip(corners, (*corners[1:], corners[0]), strict=True)
+            ]
             nodes = corners if kind in ("quad4", "tri3") else (*corners, *sides)
             elements.append([node(*n) for n in nodes])
     st = np.array(list(number)) / (2 * np.array([nx, ny]))
@@ -75,28 +81,45 @@ def roof(kind: str, n: int) -> float:
         kind,
         n,
         n,
-        lambda st: np.column_stack([25 * st[:, 0], 25 * np.sin(angle * st[:, 1]), 25 * np.cos(angle * st[:, 1])]),
+        lambda st: np.column_stack(
+            [25 * st[:, 0], 25 * np.sin(angle * st[:, 1]), 25 * np.cos(angle * st[:, 1])]
+        ),
     )
-    supports = (Support("x0", ("v", "w")), Support("x1", ("u", "ry", "rz")), Support("y0", ("v", "rx", "rz")))
-    structure = Structure(mesh, {"plate": isotropic(4.32e8, 0.0, 0.25, 360.0)}, supports=supports, with_joints=False)
+    supports = (
+        Support("x0", ("v", "w")),
+        Support("x1", ("u", "ry", "rz")),
+        Support("y0", ("v", "rx", "rz")),
+    )
+    structure = Structure(
+        mesh, {"plate": isotropic(4.32e8, 0.0, 0.25, 360.0)}, supports=supports, with_joints=False
+    )
     moved = static(structure, gravity(structure, np.array([0.0, 0, -1])))
     (corner,) = np.intersect1d(mesh.node_sets["x1"], mesh.node_sets["y1"])
     return float(-moved[corner, 2] / 0.3024)
 
 
 def cylinder(kind: str, n: int) -> float:
-    """A pinched cylinder with end diaphragms, an eighth: deflection under the force by 1.8248e-5."""
+    """A pinched cylinder with end diaphragms, an eighth: deflection under the force by
+    1.8248e-5.
+    """
     mesh = grid(
         kind,
         n,
         n,
-        lambda st: 300 * np.column_stack([st[:, 0], np.sin(np.pi / 2 * st[:, 1]), np.cos(np.pi / 2 * st[:, 1])]),
+        lambda st: (
+            300
+            * np.column_stack(
+                [st[:, 0], np.sin(np.pi / 2 * st[:, 1]), np.cos(np.pi / 2 * st[:, 1])]
+            )
+        ),
     )
     supports = (
         *(Support("x0", ("v", "w")), Support("x1", ("u", "ry", "rz"))),
         *(Support("y0", ("v", "rx", "rz")), Support("y1", ("w", "rx", "ry"))),
     )
-    structure = Structure(mesh, {"plate": isotropic(3e6, 0.3, 3.0)}, supports=supports, with_joints=False)
+    structure = Structure(
+        mesh, {"plate": isotropic(3e6, 0.3, 3.0)}, supports=supports, with_joints=False
+    )
     (top,) = np.intersect1d(mesh.node_sets["x1"], mesh.node_sets["y0"])
     force = np.zeros((len(mesh.nodes), 6))
     force[top, 2] = -0.25
@@ -104,17 +127,25 @@ def cylinder(kind: str, n: int) -> float:
 
 
 def hemisphere(kind: str, n: int) -> float:
-    """A hemisphere with a hole of 18° pulled and pushed, a quarter: the worse deflection by .0940."""
+    """A hemisphere with a hole of 18° pulled and pushed, a quarter: the worse deflection by
+    .0940.
+    """
 
     def place(st: np.ndarray) -> np.ndarray:
         up, around = np.radians(72) * st[:, 1], np.pi / 2 * st[:, 0]
-        return 10 * np.column_stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
+        return 10 * np.column_stack(
+            [np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)]
+        )
 
     mesh = grid(kind, n, n, place)
     at = mesh.node_sets
     top = np.intersect1d(at["x0"], at["y1"])
     mesh = replace(mesh, node_sets={**at, "top": top})
-    supports = (Support("x0", ("v", "rx", "rz")), Support("x1", ("u", "ry", "rz")), Support("top", ("w",)))
+    supports = (
+        Support("x0", ("v", "rx", "rz")),
+        Support("x1", ("u", "ry", "rz")),
+        Support("top", ("w",)),
+    )
     section = replace(isotropic(6.825e7, 0.3, 0.04), axis=(1.0, -1.0, 0.0))
     (a,), (b,) = np.intersect1d(at["x0"], at["y0"]), np.intersect1d(at["x1"], at["y0"])
     force = np.zeros((len(mesh.nodes), 6))
@@ -124,7 +155,9 @@ def hemisphere(kind: str, n: int) -> float:
 
 
 def twisted_beam(kind: str, n: int) -> float:
-    """A thin beam twisted by 90°: the worse of two tip loads, by MacNeal and Harder's (Belytschko's for this thickness)."""
+    """A thin beam twisted by 90°: the worse of two tip loads, by MacNeal and Harder's (Belytschko's
+    for this thickness).
+    """
 
     def place(st: np.ndarray) -> np.ndarray:
         across, angle = 1.1 * (st[:, 1] - 0.5), np.pi / 2 * st[:, 0]

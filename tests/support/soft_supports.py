@@ -1,4 +1,5 @@
-"""Strips of solids on a soft root and on a foot, which nobody stated: solved by another code, stored.
+"""Strips of solids on a soft root and on a foot, which nobody stated: solved by another code,
+stored.
 
 `solve` has them solved anew by CalculiX.
 """
@@ -24,13 +25,24 @@ STIFFNESS = {"root": 100.0, "foot": 2e4}
 
 MODES = 9
 STORED = Path(__file__).with_suffix(".npz")
-PLACES = np.array([(x, y) for x in np.linspace(0.06, 0.99, 11) * SIZE[0] for y in np.array([-0.45, 0, 0.45]) * SIZE[1]])
+PLACES = np.array(
+    [
+        (x, y)
+        for x in np.linspace(0.06, 0.99, 11) * SIZE[0]
+        for y in np.array([-0.45, 0, 0.45]) * SIZE[1]
+    ]
+)
 
 
 def stated(kind: str) -> Specimen:
-    """The strip as the laboratory states it: held firmly, or free, of moduli that are some per cent off."""
+    """The strip as the laboratory states it: held firmly, or free, of moduli that are some per cent
+    off.
+    """
     names = ("Ex", "Ey", "Gxy", "Gxz", "Gyz")
-    guess = {name: TRUTH[name] * factor for name, factor in zip(names, (1.1, 0.9, 0.92, 1.08, 1.0), strict=True)}
+    guess = {
+        name: TRUTH[name] * factor
+        for name, factor in zip(names, (1.1, 0.9, 0.92, 1.08, 1.0), strict=True)
+    }
     material = OrthotropicMaterial(**guess, nu_xy=0.27, density=TRUTH["density"])
     return Specimen(*SIZE, material, "cantilever" if kind == "root" else "free", divisions=(16, 3))
 
@@ -49,7 +61,10 @@ def solve() -> dict[str, FloatArray]:
     seen = body.nearest([(x, y, SIZE[2] / 2) for x, y in PLACES])
     root = (np.flatnonzero(body.places[:, 0] == 0) + 1).tolist()
     height = float(np.sum(body.places[np.array(root) - 1, 2] ** 2))
-    springs = {"root": (root, 1, STIFFNESS["root"] / height), "foot": (root, 3, STIFFNESS["foot"] / len(root))}
+    springs = {
+        "root": (root, 1, STIFFNESS["root"] / height),
+        "foot": (root, 3, STIFFNESS["foot"] / len(root)),
+    }
     for kind, spring in springs.items():
         hz, shapes = calculix.modes(body, 26, seen, clamped=kind == "root", springs=[spring])
         flat = np.sum(shapes[..., 2] ** 2, axis=1) > np.sum(shapes[..., :2] ** 2, axis=(1, 2))

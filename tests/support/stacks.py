@@ -19,16 +19,22 @@ _VALUES = {
     "core": (0.25e9, 0.25e9, 0.3e9, 0.3, 0.3, 0.3, 0.09e9, 0.13e9, 0.1e9, 150.0),
     "carbon": (125e9, 8.5e9, 8.5e9, 0.3, 0.3, 0.4, 4.6e9, 4.6e9, 3.2e9, 1580.0),
 }
-MATERIALS = {name: dict(zip((*_NINE, "rho"), values, strict=True)) for name, values in _VALUES.items()}
+MATERIALS = {
+    name: dict(zip((*_NINE, "rho"), values, strict=True)) for name, values in _VALUES.items()
+}
 # length, width in m; plies from the bottom: material, thickness in m, angle in degrees
 STACKS = {
     "sandwich": ((0.6, 0.07), (("face", 0.002, 0), ("core", 0.009, 0), ("face", 0.002, 0))),
-    "unsymmetric": ((0.4, 0.06), (("carbon", 0.001, 0), ("carbon", 0.001, 45), ("carbon", 0.001, 90))),
+    "unsymmetric": (
+        (0.4, 0.06),
+        (("carbon", 0.001, 0), ("carbon", 0.001, 45), ("carbon", 0.001, 90)),
+    ),
 }
 BOUNDARIES = ("free", "cantilever")
 NOISE = 3e-4  # of a frequency
 STORED = Path(__file__).with_suffix(".npz")
-SHARES = [(x, y) for x in (0.2, 0.4, 0.6, 0.8, 1.0) for y in (-0.5, 0.0, 0.5)]  # of points, by length and width
+# of points, by length and width
+SHARES = [(x, y) for x in (0.2, 0.4, 0.6, 0.8, 1.0) for y in (-0.5, 0.0, 0.5)]
 _MODES = 9
 
 
@@ -45,7 +51,9 @@ def plies(kind: str, factor: float = 1.0) -> tuple[Ply, ...]:
 def density(kind: str) -> float:
     """Of the whole, kg/m³."""
     stack = plies(kind)
-    return sum(ply.material.density * ply.thickness for ply in stack) / sum(ply.thickness for ply in stack)
+    return sum(ply.material.density * ply.thickness for ply in stack) / sum(
+        ply.thickness for ply in stack
+    )
 
 
 def points(kind: str) -> dict[int, tuple[float, float, float]]:
@@ -57,7 +65,10 @@ def points(kind: str) -> dict[int, tuple[float, float, float]]:
 def measured(kind: str, boundary: str, seed: int = 0) -> MeasuredModes:
     """The stored modes with noise."""
     with np.load(STORED) as stored:
-        hz, shapes = stored[f"{kind} {boundary} hz"], stored[f"{kind} {boundary} shapes"].astype(float)
+        hz, shapes = (
+            stored[f"{kind} {boundary} hz"],
+            stored[f"{kind} {boundary} shapes"].astype(float),
+        )
     noise = 1 + NOISE * np.random.default_rng(seed).standard_normal(hz.size)
     return modes_at(points(kind), hz * noise, shapes, NOISE)
 

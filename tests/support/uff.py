@@ -1,4 +1,6 @@
-"""What the UFF tests share: reading to the end, and datasets made line by line as other programs write them."""
+"""What the UFF tests share: reading to the end, and datasets made line by line as other programs
+write them.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -47,7 +49,9 @@ def dataset(kind: str, *lines: str | bytes) -> bytes:
     return b"    -1\n" + b"".join(line + b"\n" for line in raw) + b"    -1\n"
 
 
-def axis(kind: int, unit: str | bytes = "NONE", exponents: Sequence[int] = (0, 0, 0), name: str = "NONE") -> bytes:
+def axis(
+    kind: int, unit: str | bytes = "NONE", exponents: Sequence[int] = (0, 0, 0), name: str = "NONE"
+) -> bytes:
     """Records 8 to 11."""
     raw = unit if isinstance(unit, bytes) else unit.encode()
     return f"{kind:10d}{''.join(f'{e:5d}' for e in exponents)} {name:<20} ".encode() + raw.ljust(20)
@@ -75,8 +79,10 @@ def header_58(
         "21-Nov-15 09:00:00",
         "NONE",
         "NONE",
-        f"{function:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{response[0]:10d}{response[1]:4d}"
-        f" {'NONE':<10}{reference[0]:10d}{reference[1]:4d}",
+        (
+            f"{function:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{response[0]:10d}{response[1]:4d}"
+            f" {'NONE':<10}{reference[0]:10d}{reference[1]:4d}"
+        ),
         f"{kind:10d}{points:10d}{even:10d}{start:>13}{step:>13}{'0.00000e+00':>13}",
         abscissa or axis(18, "Hz"),
         ordinate or axis(12, "m/s^2", (1, 0, 0)),
@@ -98,7 +104,9 @@ def set_164(length: float = 1.0, force: float = 1.0, code: int = 9) -> bytes:
 
 def rows(values: np.ndarray) -> list[str]:
     """Lines of 4E20.12."""
-    flat = np.ravel(np.column_stack((values.real, values.imag)) if np.iscomplexobj(values) else values)
+    flat = np.ravel(
+        np.column_stack((values.real, values.imag)) if np.iscomplexobj(values) else values
+    )
     return ["".join(f"{v:20.12e}" for v in flat[i : i + 4]) for i in range(0, flat.size, 4)]
 
 

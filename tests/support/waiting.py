@@ -1,4 +1,6 @@
-"""Waiting for an event, as long as it takes: no test depends on how fast a machine is or on who else works on it."""
+"""Waiting for an event, as long as it takes: no test depends on how fast a machine is or on who
+else works on it.
+"""
 
 import asyncio
 import time
@@ -9,15 +11,22 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 PATIENCE = 300.0
-"""Seconds after which something that is waited for is taken for broken; a busy machine needs a small part of them."""
+"""Seconds after which something that is waited for is taken for broken; a busy machine needs a
+small part of them.
+"""
 
 SOON, SHARE, SELDOM = 0.04, 0.2, 0.5
-"""Seconds until the next look, share of the time waited so far beside them, and most of both: who asks a service again and
-again takes its processor from what is waited for.
+"""Seconds until the next look, share of the time waited so far beside them, and most of both: who
+asks a service again and again takes its processor from what is waited for.
 """
 
 
-def until(condition: Callable[[], T], what: str, now: Callable[[], object] | None = None, seldom: float = SELDOM) -> T:
+def until(
+    condition: Callable[[], T],
+    what: str,
+    now: Callable[[], object] | None = None,
+    seldom: float = SELDOM,
+) -> T:
     """What `condition` gives, as soon as it is true.
 
     Args:
@@ -33,7 +42,9 @@ def until(condition: Callable[[], T], what: str, now: Callable[[], object] | Non
     while not (found := condition()):
         waited = time.monotonic() - began
         if waited > PATIENCE:
-            raise AssertionError(f"not within {PATIENCE:g} s: {what}; now: {now() if now else found}")
+            raise AssertionError(
+                f"not within {PATIENCE:g} s: {what}; now: {now() if now else found}"
+            )
         time.sleep(min(SOON + SHARE * waited, seldom))
     return found
 

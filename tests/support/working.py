@@ -1,4 +1,6 @@
-"""Jobs on a real queue: a worker of the tests' kinds of job, jobs to give it, and waiting for what becomes of them."""
+"""Jobs on a real queue: a worker of the tests' kinds of job, jobs to give it, and waiting for what
+becomes of them.
+"""
 
 import os
 import subprocess
@@ -30,7 +32,9 @@ ENDED = ("succeeded", "failed", "cancelled")
 
 @dataclass(frozen=True)
 class Gate:
-    """Holds jobs of the kinds `slow` and `chain` in known steps, so that a test acts while they run."""
+    """Holds jobs of the kinds `slow` and `chain` in known steps, so that a test acts while they
+    run.
+    """
 
     folder: Path
 
@@ -51,8 +55,11 @@ def held(sessions: Sessions, job_id: UUID, step: int = 10) -> Job:
 
 
 @contextmanager
-def worker(database: str, gate: Gate | None = None, **settings: Any) -> Iterator[subprocess.Popen[bytes]]:
-    """A worker process of its own, that knows the kinds of the tests; killed at the end if it still runs.
+def worker(
+    database: str, gate: Gate | None = None, **settings: Any
+) -> Iterator[subprocess.Popen[bytes]]:
+    """A worker process of its own, that knows the kinds of the tests; killed at the end if it still
+    runs.
 
     Args:
         database: its URL.
@@ -91,9 +98,13 @@ def worker_settings() -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def works(
-    new_database: Callable[[], str], tmp_path_factory: pytest.TempPathFactory, worker_settings: dict[str, Any]
+    new_database: Callable[[], str],
+    tmp_path_factory: pytest.TempPathFactory,
+    worker_settings: dict[str, Any],
 ) -> Iterator[Works]:
-    """A worker that works throughout a module: what one test leaves there is nothing to the next."""
+    """A worker that works throughout a module: what one test leaves there is nothing to the
+    next.
+    """
     url, gate = new_database(), Gate(tmp_path_factory.mktemp("gate"))
     engine = make_engine(url)
     with worker(url, gate, **worker_settings) as process:
@@ -112,7 +123,10 @@ def put(sessions: Sessions, kind: str, count: int = 1) -> list[UUID]:
         project = Project(name=kind)
         session.add(project)
         session.flush()
-        return [enqueue(session, kind=job_kinds.KINDS[kind], project_id=project.id).id for _ in range(count)]
+        return [
+            enqueue(session, kind=job_kinds.KINDS[kind], project_id=project.id).id
+            for _ in range(count)
+        ]
 
 
 def look(sessions: Sessions, job_id: UUID) -> Job:
@@ -120,7 +134,11 @@ def look(sessions: Sessions, job_id: UUID) -> Job:
         return session.get_one(Job, job_id)
 
 
-def wait(sessions: Sessions, job_id: UUID, condition: Callable[[Job], bool] = lambda job: job.state in ENDED) -> Job:
+def wait(
+    sessions: Sessions,
+    job_id: UUID,
+    condition: Callable[[Job], bool] = lambda job: job.state in ENDED,
+) -> Job:
     """The job, as soon as it is so."""
 
     def so() -> Job | None:

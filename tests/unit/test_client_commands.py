@@ -1,4 +1,6 @@
-"""What the commands and the library send, print and end with, over answers as the REST contract has them."""
+"""What the commands and the library send, print and end with, over answers as the REST contract has
+them.
+"""
 
 import json
 from collections.abc import Callable
@@ -48,7 +50,14 @@ LOST = READ | {
     "datasets": [],
 }
 HITS = {
-    "hits": [{"point": 3, "hit": 1, "accepted": False, "findings": [{"failed": True, "sentence": "A double hit."}]}]
+    "hits": [
+        {
+            "point": 3,
+            "hit": 1,
+            "accepted": False,
+            "findings": [{"failed": True, "sentence": "A double hit."}],
+        }
+    ]
 }
 
 
@@ -91,7 +100,9 @@ def lab(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Lab:
             "GET update-jobs": items(JOB),
             f"GET update-jobs/{ID}/cards": b"$ deck",
             f"GET update-jobs/{ID}/report": b"%PDF",
-            f"GET update-jobs/{ID}/figures": items({"name": "frf", "title": "", "available": True, "reason": None}),
+            f"GET update-jobs/{ID}/figures": items(
+                {"name": "frf", "title": "", "available": True, "reason": None}
+            ),
             f"GET update-jobs/{ID}/figures/frf": b"<svg/>",
             f"POST update-jobs/{ID}/cancel": JOB,
             f"POST update-jobs/{ID}/retry": JOB,
@@ -102,7 +113,13 @@ def lab(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Lab:
             f"GET campaigns/{ID}/grid-points": items(),
             f"POST campaigns/{ID}/processings": JOB,
             f"GET processings/{ID}": JOB,
-            f"GET mode-sets/{ID}": {"id": ID, "name": "first", "origin": "typed", "modes": [], "details": {}},
+            f"GET mode-sets/{ID}": {
+                "id": ID,
+                "name": "first",
+                "origin": "typed",
+                "modes": [],
+                "details": {},
+            },
             f"POST monitors/{ID}/runs": items(),
             f"POST alarms/{ID}/acknowledge": ALARM,
         }
@@ -133,29 +150,56 @@ def run(line: str, code: int = 0) -> tuple[str, str]:
 
 WRITTEN = [
     ("cards --out beam.bdf", "beam.bdf", f"GET update-jobs/{ID}/cards?format=nastran"),
-    (f"cards {ID} --out beam.txt --format abaqus", "beam.txt", f"GET update-jobs/{ID}/cards?format=abaqus"),
+    (
+        f"cards {ID} --out beam.txt --format abaqus",
+        "beam.txt",
+        f"GET update-jobs/{ID}/cards?format=abaqus",
+    ),
     ("report", "report.pdf", f"GET update-jobs/{ID}/report?format=pdf"),
     ("figure frf --out a.png", "a.png", f"GET update-jobs/{ID}/figures/frf?format=png"),
 ]
 
 
 @pytest.mark.parametrize(("line", "file", "asked"), WRITTEN)
-def test_a_file_is_written_and_named_or_described_in_json(lab: Lab, line: str, file: str, asked: str) -> None:
+def test_a_file_is_written_and_named_or_described_in_json(
+    lab: Lab, line: str, file: str, asked: str
+) -> None:
     assert run(line)[0] == f"{file}\n"
     assert lab.sent() == asked
-    assert json.loads(run(f"{line} --json")[0]) == {"file": file, "bytes": Path(file).stat().st_size}
+    assert json.loads(run(f"{line} --json")[0]) == {
+        "file": file,
+        "bytes": Path(file).stat().st_size,
+    }
 
 
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("cards --out beam.txt", "state the program: 'beam.txt' does not end in one of .inp, .bdf, .dat, .nas"),
+        (
+            "cards --out beam.txt",
+            "state the program: 'beam.txt' does not end in one of .inp, .bdf, .dat, .nas",
+        ),
         ("report --out r.doc", "--out 'r.doc' does not end in one of .html, .htm, .pdf"),
         ("figure frf --out a.gif", "--out 'a.gif' does not end in one of .svg, .png, .pdf, .json"),
-        ("export March --what original --out a.uff", "'March' is no id of an import; `modalbase import` prints them"),
-        ("result March", "'March' is no id, expected one such as 0198c6a2-… or latest; `modalbase jobs` lists them"),
-        ("alarms --acknowledge March --note known", "--acknowledge takes the id of an alarm, and --note what is done"),
-        (f"alarms --acknowledge {ID}", "--acknowledge takes the id of an alarm, and --note what is done about it"),
+        (
+            "export March --what original --out a.uff",
+            "'March' is no id of an import; `modalbase import` prints them",
+        ),
+        (
+            "result March",
+            (
+                "'March' is no id, expected one such as 0198c6a2-… or latest; `modalbase jobs`"
+                " lists them"
+            ),
+        ),
+        (
+            "alarms --acknowledge March --note known",
+            "--acknowledge takes the id of an alarm, and --note what is done",
+        ),
+        (
+            f"alarms --acknowledge {ID}",
+            "--acknowledge takes the id of an alarm, and --note what is done about it",
+        ),
     ],
 )
 @pytest.mark.usefixtures("lab")
@@ -188,8 +232,12 @@ def test_jobs_monitors_and_alarms_are_acted_upon(lab: Lab) -> None:
         assert ID in run(line)[0]
         assert lab.sent() == asked
     assert json.loads(lab.asked[-1].content) == {"note": "known"}
-    assert "no campaign waits: a monitor takes those that state when" in run(f"monitors --run {ID}")[1]
-    lab.answers[f"POST monitors/{ID}/runs"] = items({"campaign_id": "c1", "state": "queued", "message": None})
+    assert (
+        "no campaign waits: a monitor takes those that state when" in run(f"monitors --run {ID}")[1]
+    )
+    lab.answers[f"POST monitors/{ID}/runs"] = items(
+        {"campaign_id": "c1", "state": "queued", "message": None}
+    )
     out, err = run(f"monitors --run {ID}")
     assert ("c1" in out, err) == (True, "")
 
@@ -197,7 +245,9 @@ def test_jobs_monitors_and_alarms_are_acted_upon(lab: Lab) -> None:
 def test_hits_are_looked_at_first_and_made_into_frfs_when_asked(lab: Lab) -> None:
     out, err = run(f"hits a.uff --campaign {ID}", Exit.USAGE)
     assert '"mapping"' in out
-    assert "nothing is stored: save `mapping` of this, corrected, and state it with --mapping" in err
+    assert (
+        "nothing is stored: save `mapping` of this, corrected, and state it with --mapping" in err
+    )
     assert "dry_run=true&kind=hits" in str(next(r.url for r in lab.asked if r.method == "POST"))
     out, err = run(f"hits a.uff --campaign {ID} --mapping mapping.json")
     assert "A double hit." in out
@@ -236,14 +286,18 @@ def test_the_library_sends_what_it_is_given(lab: Lab) -> None:
         (LOST | {"status": "queued"}, "import: queued"),
     ):
         assert Import(there, fields).summary() == words
-    with pytest.raises(ClientError, match=r"frfs\(\) has arrays; export\(\) writes a file in a format"):
+    with pytest.raises(
+        ClientError, match=r"frfs\(\) has arrays; export\(\) writes a file in a format"
+    ):
         campaign.frfs(format="csv")
     figure = Figure(there, f"update-jobs/{ID}/figures/frf", {})
     with pytest.raises(ClientError, match=r"'a.gif' does not end in one of .svg, .png"):
         figure.save("a.gif")
     assert figure.save("a.svg").read_bytes() == b"<svg/>"
     lab.answers[f"POST structures/{ID}/campaigns"] = {"id": ID}
-    Structure(there, {"id": ID}).new_campaign("May", "free", sensor_point=3, window_rate_per_s=2.0, notes="wet")
+    Structure(there, {"id": ID}).new_campaign(
+        "May", "free", sensor_point=3, window_rate_per_s=2.0, notes="wet"
+    )
     assert json.loads(lab.asked[-1].content) == {
         "name": "May", "boundary": "free", "instruments": {"sensor_point": 3}, "inputs": {"window_rate_per_s": 2.0},
         "notes": "wet",
@@ -252,14 +306,20 @@ def test_the_library_sends_what_it_is_given(lab: Lab) -> None:
 
 def test_shapes_have_a_place_for_each_dof_and_gaps_where_nothing_is_known() -> None:
     value = {"point": 7, "direction": 3, "real": 1.0, "imag": -2.0}
-    modes = [{"shape": [value, value | {"point": 2}]}, {"shape": None}, {"shape": [value | {"real": 5.0}]}]
+    modes = [
+        {"shape": [value, value | {"point": 2}]},
+        {"shape": None},
+        {"shape": [value | {"real": 5.0}]},
+    ]
     dofs, found = ModeSet(None, {"modes": modes}).shapes()
     assert dofs == [(2, 3), (7, 3)]
     gap = np.nan
     np.testing.assert_array_equal(found, [[1 - 2j, 1 - 2j], [gap, gap], [gap, 5 - 2j]])
 
 
-def test_a_table_shows_what_its_rows_have_or_what_it_is_given(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_table_shows_what_its_rows_have_or_what_it_is_given(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     rows: list[dict[str, Any]] = [{"name": "Ex", "value": 1.5}, {"name": "Ey", "unit": "Pa"}]
     assert str(Table(rows)).split() == ["name", "value", "unit", "Ex", "1.5", "–", "Ey", "–", "Pa"]
     assert "<th>name</th><th>value</th><th>unit</th>" in Table(rows)._repr_html_()
@@ -267,7 +327,9 @@ def test_a_table_shows_what_its_rows_have_or_what_it_is_given(capsys: pytest.Cap
     assert "t\n" in capsys.readouterr().out
 
 
-def test_without_service_and_key_it_is_said_how_to_get_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_without_service_and_key_it_is_said_how_to_get_them(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     for name in ("MODALBASE_URL", "MODALBASE_API_KEY"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("MODALBASE_PROFILE", str(tmp_path / "profile.json"))

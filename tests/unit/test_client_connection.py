@@ -1,4 +1,6 @@
-"""The client alone: what it asks, what it refuses before anything is sent, tables of points, other libraries' words."""
+"""The client alone: what it asks, what it refuses before anything is sent, tables of points, other
+libraries' words.
+"""
 
 import io
 from collections.abc import Callable
@@ -25,7 +27,9 @@ Answer = Callable[[httpx.Request], httpx.Response]
 
 
 def at(answer: Answer) -> Connection:
-    return Connection.over(httpx.Client(base_url="http://lab:8000", transport=httpx.MockTransport(answer)))
+    return Connection.over(
+        httpx.Client(base_url="http://lab:8000", transport=httpx.MockTransport(answer))
+    )
 
 
 def _nobody(_: httpx.Request) -> httpx.Response:
@@ -44,10 +48,18 @@ def _nobody(_: httpx.Request) -> httpx.Response:
          "body: is empty (422)", Exit.REFUSED),
     ],
 )  # fmt: skip
-def test_every_way_to_ask_says_what_went_wrong(answer: Answer, said: str, code: Exit, tmp_path: Path) -> None:
+def test_every_way_to_ask_says_what_went_wrong(
+    answer: Answer, said: str, code: Exit, tmp_path: Path
+) -> None:
     service, target = at(answer), tmp_path / "file"
-    ways: list[Callable[[], Any]] = [lambda: service.get("campaigns"), lambda: service.call("GET", "campaigns")]
-    ways += [lambda: list(service.lines("events")), lambda: service.download("frfs", target, lambda *_: None)]
+    ways: list[Callable[[], Any]] = [
+        lambda: service.get("campaigns"),
+        lambda: service.call("GET", "campaigns"),
+    ]
+    ways += [
+        lambda: list(service.lines("events")),
+        lambda: service.download("frfs", target, lambda *_: None),
+    ]
     for ask in ways[:1] if "JSON" in said else ways:  # only what is asked as JSON must be JSON
         with pytest.raises(ClientError) as refused:
             ask()
@@ -64,7 +76,9 @@ def test_a_list_is_fetched_page_by_page_up_to_the_number_asked_for() -> None:
         asked.append(limit)
         stop = min(first + min(limit, 1000), 2500)
         items = [{"id": i} for i in range(first, stop)]
-        return httpx.Response(200, json={"items": items, "next_cursor": str(stop) if stop < 2500 else None})
+        return httpx.Response(
+            200, json={"items": items, "next_cursor": str(stop) if stop < 2500 else None}
+        )
 
     service = at(page)
     assert [one["id"] for one in service.pages("frfs")] == list(range(2500))
@@ -73,7 +87,9 @@ def test_a_list_is_fetched_page_by_page_up_to_the_number_asked_for() -> None:
     assert asked == [1000, 1000, 1000, 1000, 200]
 
 
-def test_a_download_goes_to_a_file_a_device_or_standard_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_download_goes_to_a_file_a_device_or_standard_output(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     service = at(lambda _: httpx.Response(200, content=b"12345"))
     seen: list[tuple[int, int | None]] = []
     assert service.download("x", tmp_path / "file", lambda *now: seen.append(now)) == 5
@@ -95,7 +111,11 @@ def test_a_call_of_the_contract_is_sent_as_it_is_meant() -> None:
     rest.get_campaign("a/b")
     rest.create_project(body={"name": "bridge"})
     rest.create_frfs("1", content=b"7,3", content_type="text/csv", quantity=None)
-    assert (sent[2].content, sent[2].headers["content-type"], sent[2].url.query) == (b"7,3", "text/csv", b"")
+    assert (sent[2].content, sent[2].headers["content-type"], sent[2].url.query) == (
+        b"7,3",
+        "text/csv",
+        b"",
+    )
     assert sent[0].url.raw_path == b"/api/v1/campaigns/a%2Fb"
     assert (sent[1].method, sent[1].content) == ("POST", b'{"name":"bridge"}')
     assert {"get_campaign", "create_project"} <= set(dir(rest))
@@ -125,7 +145,9 @@ def test_a_file_that_holds_no_json_object_is_named(text: str, said: str, tmp_pat
         ("points c A1.csv", "A1.csv, line 1: is '1,2', expected label,x_mm"),
     ],
 )  # fmt: skip
-def test_a_command_that_cannot_be_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, says: str) -> None:
+def test_a_command_that_cannot_be_meant(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, says: str
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "A1.csv").write_text("1,2\n")
     (tmp_path / "list.json").write_text('{"specimens": []}')
@@ -166,7 +188,10 @@ def test_a_script_is_corrected_before_anything_is_sent(case: str) -> None:
 
 def test_points_are_read_in_metres(tmp_path: Path) -> None:
     file = tmp_path / "points.csv"
-    for text in ("point;y_m;x_mm;z_mm\n7;-0,02;112,5;1\n\n", "\ufefflabel,x_m,z_m,y_mm\n 7,0.1125,0.001,-20\n"):
+    for text in (
+        "point;y_m;x_mm;z_mm\n7;-0,02;112,5;1\n\n",
+        "\ufefflabel,x_m,z_m,y_mm\n 7,0.1125,0.001,-20\n",
+    ):
         file.write_text(text)
         (point,) = read_points(file)
         assert point["label"] == 7
@@ -200,7 +225,8 @@ def test_what_is_no_table_of_points_is_named(tmp_path: Path, text: str, said: st
     assert said in str(refused.value)
 
 
-# --- FRFs and tables in the words of other libraries, where these are installed -----------------------------------------
+# --- FRFs and tables in the words of other libraries, where these are installed
+# -----------------------------------------
 
 
 @pytest.fixture

@@ -1,4 +1,6 @@
-"""The code as a reader and a user find it: calls, words, examples, exported names, what is made from it, its contracts."""
+"""The code as a reader and a user find it: calls, words, examples, exported names, what is made
+from it, its contracts.
+"""
 
 import ast
 import doctest
@@ -34,20 +36,24 @@ def parsed(package: str) -> Iterator[tuple[Path, ast.Module]]:
 def test_many_arguments_go_by_name() -> None:
     """Of classes and functions of ours; a command line's words are a list, and stay one."""
     found = [
-        f"{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node.func)} with {len(node.args)} arguments by place"
+        f"{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node.func)} with {len(node.args)}"
+        " arguments by place"
         for package in PACKAGES
         for path, tree in parsed(package)
         for node in ast.walk(tree)
         if isinstance(node, ast.Call) and len(node.args) > MOST_BY_PLACE
-        if not any(isinstance(value, ast.Starred) for value in node.args) and not isinstance(node.args[0], ast.Constant)
+        if not any(isinstance(value, ast.Starred) for value in node.args)
+        and not isinstance(node.args[0], ast.Constant)
     ]
     assert found == []
 
 
-# --- code, messages and documents use the glossary's words --------------------------------------------------------------
+# --- code, messages and documents use the glossary's words
+# --------------------------------------------------------------
 
 PRIVATE = re.compile(
-    r"\b(tell|tells|told|telling|keepers?|postman|stewards?|rungs?|climb(s|ed|ing)?|disown(s|ed)?|what of it)\b"
+    r"\b(tell|tells|told|telling|keepers?|postman|stewards?|rungs?|climb(s|ed|ing)?|disown(s|ed)?|what"
+    r" of it)\b"
     r"(?!\(\))",  # `file.tell()` is Python's
     re.IGNORECASE,
 )
@@ -74,7 +80,8 @@ def test_the_words_are_the_glossarys(place: str) -> None:
     assert lines_with(PRIVATE, place, ".py", ".md") == []
 
 
-# --- tests wait for events: a sleep, or a time that is measured, stands in no test --------------------------------------
+# --- tests wait for events: a sleep, or a time that is measured, stands in no test
+# --------------------------------------
 
 TIME = re.compile(r"(?<!def )\b(sleep|monotonic|perf_counter|process_time|time\.time)\((?!0\))")
 """`sleep(0)` lets others run, and a `def` is a clock of the test's own."""
@@ -90,10 +97,15 @@ CLOCKS = (
 
 def test_no_test_knows_a_clock() -> None:
     found = lines_with(TIME, "tests", ".py")
-    assert [line for line in found if not line.startswith(tuple(f"tests/support/{name}:" for name in CLOCKS))] == []
+    assert [
+        line
+        for line in found
+        if not line.startswith(tuple(f"tests/support/{name}:" for name in CLOCKS))
+    ] == []
 
 
-# --- the examples in docstrings run and give what they show -------------------------------------------------------------
+# --- the examples in docstrings run and give what they show
+# -------------------------------------------------------------
 
 MODULES = [
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
@@ -109,7 +121,8 @@ def test_examples() -> None:
     assert [module for module, (failed, tried) in ran.items() if failed or not tried] == []
 
 
-# --- what `import fecore` and `import modalbase` give a user, named one by one ------------------------------------------
+# --- what `import fecore` and `import modalbase` give a user, named one by one
+# ------------------------------------------
 
 FECORE = """
     BeamSpecimen Dof Edge FecoreError ForwardModel FrfSet HoldOut Identification IdentificationError InputError
@@ -136,17 +149,25 @@ def test_an_import_brings_no_more_than_it_needs() -> None:
     without = {
         "numpy": "modalbase, modalbase.client, modalbase.objects", "fecore": "modalbase.formats", "scipy": "fecore",
     }  # fmt: skip
-    code = "".join(f"import {packages}; print({heavy!r} in sys.modules)\n" for heavy, packages in without.items())
-    done = subprocess.run([sys.executable, "-c", f"import sys\n{code}"], capture_output=True, text=True, check=True)
+    code = "".join(
+        f"import {packages}; print({heavy!r} in sys.modules)\n"
+        for heavy, packages in without.items()
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys\n{code}"], capture_output=True, text=True, check=True
+    )
     assert done.stdout.split() == ["False"] * len(without)
 
 
-# --- what is made from code is what the code makes now ------------------------------------------------------------------
+# --- what is made from code is what the code makes now
+# ------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", list(reference.MADE))
 def test_what_is_made_from_code_is_up_to_date(name: str) -> None:
-    assert (reference.ROOT / name).read_text() == reference.MADE[name](), "run python -m tools.reference"
+    assert (reference.ROOT / name).read_text() == reference.MADE[name](), (
+        "run python -m tools.reference"
+    )
 
 
 def of_numbers(value: ast.expr) -> bool:
@@ -162,7 +183,9 @@ def test_every_number_that_the_core_decides_by_has_its_meaning_beside_it() -> No
     for path, tree in parsed("fecore"):
         lines = path.read_text().splitlines()
         for node, after in itertools.zip_longest(tree.body, tree.body[1:]):
-            target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
+            target = (
+                node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
+            )
             if (
                 isinstance(target, ast.Name)
                 and re.fullmatch(r"_?[A-Z][A-Z0-9_]*", target.id)
@@ -170,7 +193,9 @@ def test_every_number_that_the_core_decides_by_has_its_meaning_beside_it() -> No
             ):
                 own, above = lines[node.lineno - 1 : node.end_lineno], lines[node.lineno - 2]
                 docstring = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
-                stated[f"{path}: {target.id}"] = docstring or "#" in "".join(own) or above.startswith("#")
+                stated[f"{path}: {target.id}"] = (
+                    docstring or "#" in "".join(own) or above.startswith("#")
+                )
     assert len(stated) > 100
     assert [name for name, meaning in stated.items() if not meaning] == []
 
@@ -178,10 +203,14 @@ def test_every_number_that_the_core_decides_by_has_its_meaning_beside_it() -> No
 def test_every_route_of_the_openapi_document_is_a_method_of_the_client() -> None:
     document = reference.document()
     asked = [
-        given for path in document["paths"].values() for how in path.values() for given in how.get("parameters", ())
+        given
+        for path in document["paths"].values()
+        for how in path.values()
+        for given in how.get("parameters", ())
     ]
     limits = {given["schema"].get("default") for given in asked if given["name"] == "limit"}
-    assert limits == {20, 100, None}  # 20 of what is long; None of grid points, which come all at once
+    # 20 of what is long; None of grid points, which come all at once
+    assert limits == {20, 100, None}
     found = {(one.method, one.path) for one in reference.described(document)}
     assert found == {(route.method, route.path) for route in calls().values()}
     assert len(found) == len(calls()) > 80
@@ -196,19 +225,28 @@ def test_every_library_that_is_installed_has_its_licence_listed() -> None:
     project = tomllib.loads((reference.ROOT / "pyproject.toml").read_text())["project"]
     wanted = [
         *project["dependencies"],
-        *(one for name in ("server", "mat73", "tdms") for one in project["optional-dependencies"][name]),
+        *(
+            one
+            for name in ("server", "mat73", "tdms")
+            for one in project["optional-dependencies"][name]
+        ),
     ]
     page = (reference.ROOT / "docs" / "licences.md").read_text()
-    assert re.findall(r"^- ([\w-]+): .+", page, flags=re.MULTILINE) == [re.split(r"[^\w-]", one)[0] for one in wanted]
+    assert re.findall(r"^- ([\w-]+): .+", page, flags=re.MULTILINE) == [
+        re.split(r"[^\w-]", one)[0] for one in wanted
+    ]
 
 
-# --- the import contracts hold, and they catch what they are there for --------------------------------------------------
+# --- the import contracts hold, and they catch what they are there for
+# --------------------------------------------------
 
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
     for package in ("fecore", "modalbase", "service", "migrations", "tools"):
-        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(
+            ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__")
+        )
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     return tmp_path
 
@@ -250,7 +288,9 @@ def test_contracts_catch_each_fault(copy: Path) -> None:
             target.write(f"\n{fault}\n")
     done = lint(copy)
     assert done.returncode == 1
-    headed = re.split(r"^(.+)\n-+\n", done.stdout.partition("Broken contracts")[2], flags=re.MULTILINE)
+    headed = re.split(
+        r"^(.+)\n-+\n", done.stdout.partition("Broken contracts")[2], flags=re.MULTILINE
+    )
     found = dict(zip(headed[1::2], headed[2::2], strict=True))
     for file, fault, contract in FAULTS:
         imported = fault.removeprefix("from ").replace(" import ", ".").removeprefix("import ")
@@ -262,11 +302,23 @@ def test_contracts_catch_each_fault(copy: Path) -> None:
 def test_the_service_starts_without_what_only_some_jobs_need() -> None:
     """Each takes a good part of a second to import, in every process that starts."""
     parts = ("linalg", "optimize", "sparse", "special", "stats")
-    heavy = (*(f"scipy.{part}" for part in parts), "alembic", "emcee", "h5py", "markdown_it", "matplotlib")
-    worker, web = "service.jobs.worker, service.app.kinds, service.monitoring.scheduler", ("fastapi", "starlette")
+    heavy = (
+        *(f"scipy.{part}" for part in parts),
+        "alembic",
+        "emcee",
+        "h5py",
+        "markdown_it",
+        "matplotlib",
+    )
+    worker, web = (
+        "service.jobs.worker, service.app.kinds, service.monitoring.scheduler",
+        ("fastapi", "starlette"),
+    )
     script = (
         f"import sys, {worker}; print([m for m in {web} if m in sys.modules])\n"
         f"import service.app.application; print([m for m in {heavy} if m in sys.modules])"
     )
-    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
+    )
     assert done.stdout.split() == ["[]", "[]"]

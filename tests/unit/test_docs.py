@@ -1,4 +1,6 @@
-"""The documents and the guide: links lead somewhere, what they name is there, every page, setting and field is described."""
+"""The documents and the guide: links lead somewhere, what they name is there, every page, setting
+and field is described.
+"""
 
 import importlib.util
 import re
@@ -46,7 +48,9 @@ def found(dotted: str) -> bool:
         return False
     if not hasattr(importlib.import_module(parent), "__path__"):
         return hasattr(importlib.import_module(parent), member)
-    return importlib.util.find_spec(dotted) is not None or hasattr(importlib.import_module(parent), member)
+    return importlib.util.find_spec(dotted) is not None or hasattr(
+        importlib.import_module(parent), member
+    )
 
 
 def test_a_benchmark_that_a_page_names_is_a_case() -> None:
@@ -60,11 +64,15 @@ def test_a_benchmark_that_a_page_names_is_a_case() -> None:
 
 
 def test_an_index_names_every_page_and_a_decision_says_why_and_what_enforces_it() -> None:
-    index, decisions = ((ROOT / "docs" / page).read_text() for page in ("index.md", "decisions/README.md"))
+    index, decisions = (
+        (ROOT / "docs" / page).read_text() for page in ("index.md", "decisions/README.md")
+    )
     for page in DOCS:
         if page.parent.name == "decisions" and page.name != "README.md":
             assert f"({page.name})" in decisions, page
-            assert all(f"**{part}.**" in page.read_text() for part in ("Decision", "Why", "Enforced by")), page
+            assert all(
+                f"**{part}.**" in page.read_text() for part in ("Decision", "Why", "Enforced by")
+            ), page
         elif page.name != "index.md":
             assert f"({page.relative_to(ROOT / 'docs')})" in index, page
 
@@ -83,14 +91,17 @@ def test_the_glossary_is_in_alphabetical_order() -> None:
     assert terms == sorted(terms)
 
 
-# --- docs/operating.md names every setting, with its default and its meaning --------------------------------------------
+# --- docs/operating.md names every setting, with its default and its meaning
+# --------------------------------------------
 
 PAGE = (ROOT / "docs/operating.md").read_text()
 
 
 def row(name: str, field: Any) -> str:
     factory = field.default_factory
-    default = factory.__doc__.splitlines()[0].rstrip(".") if factory else written(name, field.default)
+    default = (
+        factory.__doc__.splitlines()[0].rstrip(".") if factory else written(name, field.default)
+    )
     return f"| `MODALBASE_{name.upper()}` | {default} | {field.description} |"
 
 
@@ -106,23 +117,29 @@ def written(name: str, default: object) -> str:
 
 def test_every_setting_is_described_and_no_other() -> None:
     lines = [line for line in PAGE.splitlines() if line.startswith("| `MODALBASE_")]
-    assert sorted(lines) == sorted(row(name, field) for name, field in Settings.model_fields.items())
+    assert sorted(lines) == sorted(
+        row(name, field) for name, field in Settings.model_fields.items()
+    )
 
 
-# --- docs/search.md names every field that can be searched ---------------------------------------------------------------
+# --- docs/search.md names every field that can be searched
+# ---------------------------------------------------------------
 
 EVERY_NOUN = {"id", "created_at", "tag", "meta"}
 
 
 @pytest.mark.parametrize("noun", [name for name, noun in NOUNS.items() if noun.fields])
 def test_every_field_of_a_search_is_named(noun: str) -> None:
-    (row,) = re.findall(rf"^\| `{noun}` \|.*$", (ROOT / "docs/search.md").read_text(), flags=re.MULTILINE)
+    (row,) = re.findall(
+        rf"^\| `{noun}` \|.*$", (ROOT / "docs/search.md").read_text(), flags=re.MULTILINE
+    )
     wanted = {field.name for field in NOUNS[noun].fields} - EVERY_NOUN
     ends = "_(sd|low|high)$" if noun == "result" else "$"
     assert {re.sub(ends, "", name) for name in wanted} <= set(re.findall(r"`(\w+)`", row))
 
 
-# --- the pages of updating and of its result name every field of a recipe and of a result document ----------------------
+# --- the pages of updating and of its result name every field of a recipe and of a result document
+# ----------------------
 
 GUIDE = "".join((ROOT / "docs" / name).read_text() for name in ("updating.md", "results.md"))
 
@@ -132,7 +149,8 @@ def named(name: str) -> bool:
 
 
 @pytest.mark.parametrize(
-    "document", [RecipeIn, ParameterIn, HoldOutIn, ResultOut, ParameterEstimate, ModeComparison, HeldOut]
+    "document",
+    [RecipeIn, ParameterIn, HoldOutIn, ResultOut, ParameterEstimate, ModeComparison, HeldOut],
 )
 def test_every_field_of_a_recipe_and_of_a_result_is_explained(document: Any) -> None:
     names = getattr(document, "model_fields", None) or [field.name for field in fields(document)]
@@ -148,14 +166,24 @@ def test_defaults_are_as_stated() -> None:
     assert f"| `use_shapes` | `{str(recipe.use_shapes).lower()}` |" in GUIDE
 
 
-# --- the guide as files -------------------------------------------------------------------------------------------------
+# --- the guide as files
+# -------------------------------------------------------------------------------------------------
 
-FETCHED = {"link": "href", "img": "src", "script": "src", "iframe": "src", "source": "src", "object": "data"}
+FETCHED = {
+    "link": "href",
+    "img": "src",
+    "script": "src",
+    "iframe": "src",
+    "source": "src",
+    "object": "data",
+}
 
 
 @dataclass
 class Seen(HTMLParser):
-    """What a page links to, what it loads, which anchors it has, and what a strict policy would refuse."""
+    """What a page links to, what it loads, which anchors it has, and what a strict policy would
+    refuse.
+    """
 
     links: list[str] = field(default_factory=list)
     fetched: list[str] = field(default_factory=list)
@@ -239,13 +267,15 @@ def test_each_part_lists_pages_and_marks_the_one_that_is_open(pages: dict[Path, 
 
 
 def test_html_in_a_page_is_shown_and_links_out_of_the_guide_are_text() -> None:
-    links = "[code](../setup.py), [other](sub/b.md#two-words), [drawn](c.svg), <https://example.org>"
+    links = (
+        "[code](../setup.py), [other](sub/b.md#two-words), [drawn](c.svg), <https://example.org>"
+    )
     text = f"# A <b>b</b>\n\n{links}\n\n| a | b |\n|---|---:|\n| 1 | 2 |\n"
     page = render(text, "a.md", {"a.md", "sub/b.md", "c.svg"})
     assert page.title == "A <b>b</b>"
     assert "<b>" not in page.body
     assert (
-        '<span class="source">code</span>, <a href="sub/b.html#two-words">other</a>, <a href="c.svg">drawn</a>'
-        in page.body
+        '<span class="source">code</span>, <a href="sub/b.html#two-words">other</a>, <a'
+        ' href="c.svg">drawn</a>' in page.body
     )
     assert '<td class="num">2</td>' in page.body

@@ -1,11 +1,12 @@
 """Timoshenko beams in space, of two nodes or three, straight or curved.
 
-With the tangent t, a displacement u of the axis and a rotation θ, along axes (t, n₁, n₂) of the section,
+With the tangent t, a displacement u of the axis and a rotation θ, along axes (t, n₁, n₂) of the
+section,
 
     (ε, γ₁, γ₂) = u' − θ × t,     (τ, κ₁, κ₂) = θ'
 
-which vanish in any rigid motion. One Gauss point with two nodes and two with three avoid shear locking; the mass takes one
-more. The strain of a fibre at r = y n₁ + z n₂ is ε + z κ₁ − y κ₂.
+which vanish in any rigid motion. One Gauss point with two nodes and two with three avoid shear
+locking; the mass takes one more. The strain of a fibre at r = y n₁ + z n₂ is ε + z κ₁ − y κ₂.
 """
 
 from dataclasses import dataclass
@@ -37,7 +38,8 @@ class Beam:
         return np.column_stack([x - 0.5, x + 0.5, -2 * x])
 
     def strains(self, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(e, p, 6, n, 6) strains of (e, n, 3) elements, (e, p) lengths of the points, (p, n) shape functions.
+        """(e, p, 6, n, 6) strains of (e, n, 3) elements, (e, p) lengths of the points, (p, n) shape
+        functions.
 
         Args:
             x: nodes.
@@ -48,12 +50,16 @@ class Beam:
         by = along[:, :, None, :, None]
         rows[:, :, :3, :, :3] = by * frame[:, :, :, None]
         # a · (θ × t) = θ · (t × a)
-        rows[:, :, :3, :, 3:] = -N[None, :, None, :, None] * np.cross(frame[:, :, :1], frame)[:, :, :, None]
+        rows[:, :, :3, :, 3:] = (
+            -N[None, :, None, :, None] * np.cross(frame[:, :, :1], frame)[:, :, :, None]
+        )
         rows[:, :, 3:, :, 3:] = by * frame[:, :, :, None]
         return rows, length, N
 
     def motions(self, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(e, p, 6, n, 6) u and θ along the axes, (e, p) lengths of the points, (p, n) shape functions."""
+        """(e, p, 6, n, 6) u and θ along the axes, (e, p) lengths of the points, (p, n) shape
+        functions.
+        """
         N, _, frame, length = self._geometry(x, axis, self.count)
         rows = np.zeros((*length.shape, 6, self.count, 6))
         rows[:, :, :3, :, :3] = N[None, :, None, :, None] * frame[:, :, :, None]
@@ -82,8 +88,8 @@ class Beam:
 
 
 def fibre(place: FloatArray) -> FloatArray:
-    """(…, 3, 6) motion u + θ × r of the fibre at (…, 2) places (y, z) by the rows of u and θ, or its strains by those of a
-    beam.
+    """(…, 3, 6) motion u + θ × r of the fibre at (…, 2) places (y, z) by the rows of u and θ, or
+    its strains by those of a beam.
     """
     y, z = place[..., 0], place[..., 1]
     rows = np.zeros((*place.shape[:-1], 3, 6))

@@ -1,12 +1,14 @@
-"""Quadrilaterals: of eight nodes with reduced integration, and of four with assumed shears and sides that bend.
+"""Quadrilaterals: of eight nodes with reduced integration, and of four with assumed shears and
+sides that bend.
 
-Quad8 is the serendipity element with 2 × 2 points for all strains (the family of Abaqus' S8R), which avoids locking of
-shear and membrane and leaves no zero-energy mode that two elements can share (Hughes, *The Finite Element Method*, section
-5.3).
+Quad8 is the serendipity element with 2 × 2 points for all strains (the family of Abaqus' S8R),
+which avoids locking of shear and membrane and leaves no zero-energy mode that two elements can
+share (Hughes, *The Finite Element Method*, section 5.3).
 
-Quad4 interpolates the shears of the middles of its sides (MITC4: Dvorkin and Bathe, Eng. Comput. 1, 1984), and its sides
-bend in the surface as the rotations about the normal at their ends ask (Allman, Comput. Struct. 19, 1984): it is Quad8 in
-the membrane, its mid-side nodes led by the corners.
+Quad4 interpolates the shears of the middles of its sides (MITC4: Dvorkin and Bathe, Eng. Comput. 1,
+1984), and its sides bend in the surface as the rotations about the normal at their ends ask
+(Allman, Comput. Struct. 19, 1984): it is Quad8 in the membrane, its mid-side nodes led by the
+corners.
 """
 
 from functools import cache
@@ -14,7 +16,13 @@ from functools import cache
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.elements.shells import Rule, bent_sides, displacement_strains, surface, with_middles
+from fecore.body.elements.shells import (
+    Rule,
+    bent_sides,
+    displacement_strains,
+    surface,
+    with_middles,
+)
 
 _CORNERS: FloatArray = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
 
@@ -57,8 +65,12 @@ class Quad8:
         xn, en = self.corners.T
         corner_xi = xn * (1 + eta * en) * (2 * xi * xn + eta * en) / 4
         corner_eta = en * (1 + xi * xn) * (xi * xn + 2 * eta * en) / 4
-        by_xi = np.where(xn == 0, -xi * (1 + eta * en), np.where(en == 0, xn * (1 - eta**2) / 2, corner_xi))
-        by_eta = np.where(xn == 0, en * (1 - xi**2) / 2, np.where(en == 0, -eta * (1 + xi * xn), corner_eta))
+        by_xi = np.where(
+            xn == 0, -xi * (1 + eta * en), np.where(en == 0, xn * (1 - eta**2) / 2, corner_xi)
+        )
+        by_eta = np.where(
+            xn == 0, en * (1 - xi**2) / 2, np.where(en == 0, -eta * (1 + xi * xn), corner_eta)
+        )
         return np.stack([by_xi, by_eta], axis=1)
 
     def inside(self, natural: FloatArray) -> FloatArray:
@@ -94,7 +106,9 @@ class Quad4:
     def derivatives(self, natural: FloatArray) -> FloatArray:
         """(p, 2, 4) their derivatives."""
         xn, en = self.corners.T
-        return np.stack([xn * (1 + natural[:, 1:] * en) / 4, en * (1 + natural[:, :1] * xn) / 4], axis=1)
+        return np.stack(
+            [xn * (1 + natural[:, 1:] * en) / 4, en * (1 + natural[:, :1] * xn) / 4], axis=1
+        )
 
     def inside(self, natural: FloatArray) -> FloatArray:
         """(p, 2) the nearest natural coordinates inside the square."""

@@ -1,7 +1,9 @@
-"""What a shell element is: its shape functions, and its strains at the points where it is integrated.
+"""What a shell element is: its shape functions, and its strains at the points where it is
+integrated.
 
-An element knows no section: it gives rows of eight strains (ε₁₁ ε₂₂ γ₁₂, κ₁₁ κ₂₂ κ₁₂, γ₁₃ γ₂₃) over its degrees of freedom, and
-the area that each of its points stands for, so that ∫BᵀCB dA is a sum of products. The drilling has points of its own.
+An element knows no section: it gives rows of eight strains (ε₁₁ ε₂₂ γ₁₂, κ₁₁ κ₂₂ κ₁₂, γ₁₃ γ₂₃) over
+its degrees of freedom, and the area that each of its points stands for, so that ∫BᵀCB dA is a sum
+of products. The drilling has points of its own.
 """
 
 from typing import Protocol
@@ -20,7 +22,9 @@ class Shell(Protocol):
 
     @property
     def corners(self) -> FloatArray:
-        """(n, 2) natural coordinates of the nodes: corners first, in order around the element, then sides."""
+        """(n, 2) natural coordinates of the nodes: corners first, in order around the element, then
+        sides.
+        """
         ...
 
     @property
@@ -51,7 +55,9 @@ class Shell(Protocol):
         ...
 
     def strains(self, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(e, p, 8, n, 6) strains of (e, n, 3) elements, (e, p) areas of the points, and their (p, n) shape functions."""
+        """(e, p, 8, n, 6) strains of (e, n, 3) elements, (e, p) areas of the points, and their (p,
+        n) shape functions.
+        """
         ...
 
 
@@ -61,15 +67,22 @@ def surface(shell: Shell, x: FloatArray, natural: FloatArray, axis: FloatArray) 
     return Surface.at(x, shell.functions(natural), shell.derivatives(natural), directors, axis)
 
 
-def motions(shell: Shell, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(e, p, 7, n, 6) motions, (e, p) areas and (p, n) shape functions at the points of the mass."""
+def motions(
+    shell: Shell, x: FloatArray, axis: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(e, p, 7, n, 6) motions, (e, p) areas and (p, n) shape functions at the points of the
+    mass.
+    """
     natural, weights = shell.mass_rule
     own = surface(shell, x, natural, axis)
     return own.motion(), own.area * weights, own.N
 
 
-def drilling(shell: Shell, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(e, p, 1, n, 6) rotation about the normal beyond that of the surface, (e, p) areas and (p, n) shape functions.
+def drilling(
+    shell: Shell, x: FloatArray, axis: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(e, p, 1, n, 6) rotation about the normal beyond that of the surface, (e, p) areas and (p, n)
+    shape functions.
 
     At the points of the mass: at fewer, the rotations about the normal could move between them.
     """
@@ -78,18 +91,25 @@ def drilling(shell: Shell, x: FloatArray, axis: FloatArray) -> tuple[FloatArray,
     return own.drilling(), own.area * weights, own.N
 
 
-def displacement_strains(shell: Shell, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def displacement_strains(
+    shell: Shell, x: FloatArray, axis: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Strains of the interpolated motion itself, with no assumption."""
     natural, weights = shell.strain_rule
     found = surface(shell, x, natural, axis)
-    return np.concatenate([found.membrane(), found.curvature(), found.shear()], axis=2), found.area * weights, found.N
+    return (
+        np.concatenate([found.membrane(), found.curvature(), found.shear()], axis=2),
+        found.area * weights,
+        found.N,
+    )
 
 
 def bent_sides(plain: Shell, rows: FloatArray, own: Surface, x: FloatArray) -> FloatArray:
-    """Rows over (e, n, 3) corners alone of rows by displacements, of an element with mid-side nodes, as its sides bend.
+    """Rows over (e, n, 3) corners alone of rows by displacements, of an element with mid-side
+    nodes, as its sides bend.
 
-    In the surface a side from i to j is a parabola (Allman 1984): u_m = ½(u_i + u_j) + ⅛ (ω_i − ω_j) n × (x_j − x_i), ω = θ
-    · n.
+    In the surface a side from i to j is a parabola (Allman 1984): u_m = ½(u_i + u_j) + ⅛ (ω_i −
+    ω_j) n × (x_j − x_i), ω = θ · n.
     """
     n = x.shape[1]
     found = np.array(rows[..., :n, :])

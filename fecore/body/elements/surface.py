@@ -1,13 +1,16 @@
-"""Strains of first-order shear deformation on a curved surface, as rows over the degrees of freedom.
+"""Strains of first-order shear deformation on a curved surface, as rows over the degrees of
+freedom.
 
-The surface has the middle x₀ and directors d, the body the points x = x₀ + ζd, and the motion u = u₀ + ζ θ × d. To the
-first order in ζ, in the local axes e₁, e₂ and n of the surface with derivatives ∂ᵢ along them,
+The surface has the middle x₀ and directors d, the body the points x = x₀ + ζd, and the motion u =
+u₀ + ζ θ × d. To the first order in ζ, in the local axes e₁, e₂ and n of the surface with
+derivatives ∂ᵢ along them,
 
     ε_ij = sym(∂ᵢu₀ · e_j),   κ_ij = sym(∂ᵢ(θ × d) · e_j + ∂ᵢu₀ · ∂_jd),   γ_i3 = ∂ᵢu₀ · d + e_i · (θ × d)
 
-(Naghdi's shell as the degenerate solid has it; Bathe, *Finite Element Procedures*, section 5.4). A rigid rotation has no strain
-whatever the surface, as the term with ∂_jd sees to. What the theory leaves free, the rotation about the normal, is held to the
-surface's own by θ · n − ½ (e₂ · ∂₁u₀ − e₁ · ∂₂u₀) (Hughes and Brezzi, Comput. Methods Appl. Mech. Eng. 72, 1989).
+(Naghdi's shell as the degenerate solid has it; Bathe, *Finite Element Procedures*, section 5.4). A
+rigid rotation has no strain whatever the surface, as the term with ∂_jd sees to. What the theory
+leaves free, the rotation about the normal, is held to the surface's own by θ · n − ½ (e₂ · ∂₁u₀ −
+e₁ · ∂₂u₀) (Hughes and Brezzi, Comput. Methods Appl. Mech. Eng. 72, 1989).
 
 All rows are (e, p, rows, n, 6) over e elements, p points and n nodes with u, v, w, θx, θy, θz.
 """
@@ -21,7 +24,8 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
 
-_ALONG_NORMAL = 0.05  # sine of the angle between axis 1 and the normal below which the axis has no meaning
+# sine of the angle between axis 1 and the normal below which the axis has no meaning
+_ALONG_NORMAL = 0.05
 
 
 @dataclass(frozen=True)
@@ -39,8 +43,16 @@ class Surface:
     directors: FloatArray  # (e, n, 3) d at the nodes
 
     @classmethod
-    def at(cls, x: FloatArray, N: FloatArray, natural: FloatArray, directors: FloatArray, axis: FloatArray) -> Surface:
-        """The surface through (e, n, 3) nodes, with axis 1 the projection of the (e, 3) or (3,) vector `axis`.
+    def at(
+        cls,
+        x: FloatArray,
+        N: FloatArray,
+        natural: FloatArray,
+        directors: FloatArray,
+        axis: FloatArray,
+    ) -> Surface:
+        """The surface through (e, n, 3) nodes, with axis 1 the projection of the (e, 3) or (3,)
+        vector `axis`.
 
         Raises:
             InputError: an element has no area, or axis 1 is along its normal.
@@ -48,11 +60,16 @@ class Surface:
         tangents = np.einsum("pan,enk->epak", natural, x)
         normal, area = _unit(np.cross(tangents[:, :, 0], tangents[:, :, 1]))
         if not np.all(area > 0):
-            raise InputError("mesh", f"element {int(np.argmin(area.min(axis=1))) + 1} of a block has no area")
+            raise InputError(
+                "mesh", f"element {int(np.argmin(area.min(axis=1))) + 1} of a block has no area"
+            )
         axis = np.broadcast_to(axis, (len(x), 3))[:, None]
         e1, length = _unit(axis - np.sum(axis * normal, axis=-1, keepdims=True) * normal)
         if np.any(length < _ALONG_NORMAL * np.linalg.norm(axis, axis=-1)):
-            raise InputError("section.axis", "is along the normal of an element; give an axis 1 that lies in the wall")
+            raise InputError(
+                "section.axis",
+                "is along the normal of an element; give an axis 1 that lies in the wall",
+            )
         axes = np.stack([e1, np.cross(normal, e1)], axis=2)
         jacobian = np.einsum("epak,epik->epai", tangents, axes)
         inverse = np.linalg.inv(jacobian)
@@ -76,7 +93,8 @@ class Surface:
     def curvature(self) -> FloatArray:
         """κ₁₁, κ₂₂ and κ₁₂."""
         slope = np.einsum("epin,enk->epik", self.by, self.directors)
-        turned = np.cross(self.directors[:, None, None], self.axes[:, :, :, None])  # d × e: e · (θ × d) = θ · (d × e)
+        # d × e: e · (θ × d) = θ · (d × e)
+        turned = np.cross(self.directors[:, None, None], self.axes[:, :, :, None])
         rows = _rows(self.by, slope)
         rows[..., 3:] = self.by[:, :, :, None, :, None] * turned[:, :, None]
         return _symmetric(rows)
@@ -104,12 +122,16 @@ class Surface:
         """(e, p, 1, n, 6) rotation about the normal beyond that of the surface."""
         rows = np.empty((*self.area.shape, 1, self.N.shape[1], 6))
         first, second = self.by[:, :, 0, :, None], self.by[:, :, 1, :, None]
-        rows[:, :, 0, :, :3] = (second * self.axes[:, :, None, 0] - first * self.axes[:, :, None, 1]) / 2
+        rows[:, :, 0, :, :3] = (
+            second * self.axes[:, :, None, 0] - first * self.axes[:, :, None, 1]
+        ) / 2
         rows[:, :, 0, :, 3:] = self.N[None, :, :, None] * self.normal[:, :, None]
         return rows
 
     def motion(self) -> FloatArray:
-        """(e, p, 7, n, 6): u₀ and θ × d along e₁, e₂ and n, and θ · d, of which the kinetic energy is made."""
+        """(e, p, 7, n, 6): u₀ and θ × d along e₁, e₂ and n, and θ · d, of which the kinetic energy
+        is made.
+        """
         frame = np.concatenate([self.axes, self.normal[:, :, None]], axis=2)
         rows = np.zeros((*self.area.shape, 7, self.N.shape[1], 6))
         N = self.N[None, :, None, :, None]
@@ -120,7 +142,9 @@ class Surface:
 
 
 def normals(x: FloatArray, natural: FloatArray) -> FloatArray:
-    """(e, n, 3) unit normals of the surfaces through (e, n, 3) nodes, from (n, 2, n) derivatives at the nodes."""
+    """(e, n, 3) unit normals of the surfaces through (e, n, 3) nodes, from (n, 2, n) derivatives at
+    the nodes.
+    """
     tangents = np.einsum("pan,enk->epak", natural, x)
     return _unit(np.cross(tangents[:, :, 0], tangents[:, :, 1]))[0]
 
@@ -140,4 +164,6 @@ def _rows(by: FloatArray, directions: FloatArray) -> FloatArray:
 
 def _symmetric(rows: FloatArray) -> FloatArray:
     """11, 22 and 12 + 21 of (e, p, 2, 2, n, 6)."""
-    return np.stack([rows[:, :, 0, 0], rows[:, :, 1, 1], rows[:, :, 0, 1] + rows[:, :, 1, 0]], axis=2)
+    return np.stack(
+        [rows[:, :, 0, 0], rows[:, :, 1, 1], rows[:, :, 0, 1] + rows[:, :, 1, 0]], axis=2
+    )

@@ -1,8 +1,10 @@
-"""Triangles, which users' meshes contain: of six nodes, and of three with assumed shears and sides that bend.
+"""Triangles, which users' meshes contain: of six nodes, and of three with assumed shears and sides
+that bend.
 
-Tri6 takes all strains at three points inside. Tri3 interpolates the shears of the middles of its sides (MITC3: Lee and Bathe,
-Comput. Struct. 82, 2004); its membrane strain is constant. Sides that bend as the rotations at their ends ask would make it
-better in its plane, and lock it in a twisted thin shell (.02 of the deflection in place of .6).
+Tri6 takes all strains at three points inside. Tri3 interpolates the shears of the middles of its
+sides (MITC3: Lee and Bathe, Comput. Struct. 82, 2004); its membrane strain is constant. Sides that
+bend as the rotations at their ends ask would make it better in its plane, and lock it in a twisted
+thin shell (.02 of the deflection in place of .6).
 """
 
 import numpy as np
@@ -12,9 +14,12 @@ from fecore.body.elements.shells import Rule, displacement_strains, surface
 
 _CORNERS = np.array([[0.0, 0], [1, 0], [0, 1]])
 _THREE = np.array([[1, 1], [4, 1], [1, 4]]) / 6, np.full(3, 1 / 6)  # exact to the second degree
-_A, _B = 0.445948490915965, 0.091576213509771  # Dunavant, Int. J. Numer. Methods Eng. 21, 1985: to the fourth
+# Dunavant, Int. J. Numer. Methods Eng. 21, 1985: to the fourth
+_A, _B = 0.445948490915965, 0.091576213509771
 _SIX = (
-    np.array([[_A, _A], [1 - 2 * _A, _A], [_A, 1 - 2 * _A], [_B, _B], [1 - 2 * _B, _B], [_B, 1 - 2 * _B]]),
+    np.array(
+        [[_A, _A], [1 - 2 * _A, _A], [_A, 1 - 2 * _A], [_B, _B], [1 - 2 * _B, _B], [_B, 1 - 2 * _B]]
+    ),
     np.repeat([0.223381589678011, 0.109951743655322], 3) / 2,
 )
 
@@ -46,7 +51,9 @@ class Tri6:
         """(p, 6) quadratic shape functions."""
         r, s = natural.T
         t = 1 - r - s
-        return np.column_stack([t * (2 * t - 1), r * (2 * r - 1), s * (2 * s - 1), 4 * t * r, 4 * r * s, 4 * s * t])
+        return np.column_stack(
+            [t * (2 * t - 1), r * (2 * r - 1), s * (2 * s - 1), 4 * t * r, 4 * r * s, 4 * s * t]
+        )
 
     def derivatives(self, natural: FloatArray) -> FloatArray:
         """(p, 2, 6) their derivatives."""
@@ -99,7 +106,9 @@ class Tri3:
         own = surface(self, x, natural, axis)
         tied = surface(self, x, _TRI6.corners[3:], axis).natural_shear()
         r, s = natural[:, 0, None, None], natural[:, 1, None, None]
-        twist = tied[:, None, 2, 1] - tied[:, None, 0, 0] - tied[:, None, 1, 1] + tied[:, None, 1, 0]
+        twist = (
+            tied[:, None, 2, 1] - tied[:, None, 0, 0] - tied[:, None, 1, 1] + tied[:, None, 1, 0]
+        )
         first, second = tied[:, None, 0, 0] + s * twist, tied[:, None, 2, 1] - r * twist
         shear = own.along_axes(np.stack([first, second], axis=2))
         rows = [own.membrane(), own.curvature(), shear]

@@ -1,5 +1,6 @@
-"""FRFs of one quantity on one frequency axis as npz, CSV (both ways), .mat (in): the files that the service takes and gives,
-for scripts that make or use them without it. Arrow (out) is in `arrow`, which needs the extra `server`.
+"""FRFs of one quantity on one frequency axis as npz, CSV (both ways), .mat (in): the files that the
+service takes and gives, for scripts that make or use them without it. Arrow (out) is in `arrow`,
+which needs the extra `server`.
 """
 
 from modalbase.formats.frfs.csv import read_csv, write_csv
@@ -7,4 +8,13 @@ from modalbase.formats.frfs.mat import read_mat
 from modalbase.formats.frfs.npz import read_npz, write_npz
 from modalbase.formats.frfs.table import FrfRow, Frfs, FrfTable
 
-__all__ = ["FrfRow", "FrfTable", "Frfs", "read_csv", "read_mat", "read_npz", "write_csv", "write_npz"]
+__all__ = [
+    "FrfRow",
+    "FrfTable",
+    "Frfs",
+    "read_csv",
+    "read_mat",
+    "read_npz",
+    "write_csv",
+    "write_npz",
+]

@@ -26,7 +26,8 @@ SCHEMA = na.struct(
 def write_arrow(table: FrfTable, file: IO[bytes]) -> None:
     """Write FRFs as an Arrow IPC stream, a record batch for each FRF, with the columns of the CSV.
 
-    `coherence` is null where an FRF has none. Read it with `polars.read_ipc_stream` or `pyarrow.ipc.open_stream`.
+    `coherence` is null where an FRF has none. Read it with `polars.read_ipc_stream` or
+    `pyarrow.ipc.open_stream`.
 
     Args:
         table: the FRFs; their values are taken one FRF at a time.
@@ -46,11 +47,15 @@ def write_arrow(table: FrfTable, file: IO[bytes]) -> None:
                 np.ascontiguousarray(values.imag, np.float64),
             )
             children: list[Any] = [na.c_array(column) for column in columns]
-            children.append(_nulls(lines) if coherence is None else na.c_array(np.ascontiguousarray(coherence)))
+            children.append(
+                _nulls(lines) if coherence is None else na.c_array(np.ascontiguousarray(coherence))
+            )
             writer.write_array(na.c_array_from_buffers(SCHEMA, lines, [None], children=children))
 
 
 def _nulls(count: int) -> Any:
     """A column in which nothing is known."""
     nothing = np.zeros((count + 7) // 8, np.uint8)
-    return na.c_array_from_buffers(na.float64(), count, [nothing, np.zeros(count)], null_count=count)
+    return na.c_array_from_buffers(
+        na.float64(), count, [nothing, np.zeros(count)], null_count=count
+    )

@@ -22,9 +22,11 @@ Record = tuple[tuple[int, ...], tuple[float, float, float, float]]
 
 
 def read_csv(path: Path, quantity: Quantity = "accelerance") -> Frfs:
-    r"""FRFs of a CSV file with the header `response_point,response_direction,…,frequency_hz,real,imag[,coherence]`.
+    r"""FRFs of a CSV file with the header
+    `response_point,response_direction,…,frequency_hz,real,imag[,coherence]`.
 
-    Lines of one FRF stand together; all FRFs have the same frequency lines. An empty coherence is none.
+    Lines of one FRF stand together; all FRFs have the same frequency lines. An empty coherence is
+    none.
 
     >>> import pathlib, tempfile
     >>> header = "response_point,response_direction,reference_point,reference_direction,frequency_hz,real,imag"
@@ -36,19 +38,26 @@ def read_csv(path: Path, quantity: Quantity = "accelerance") -> Frfs:
 
     Args:
         path: of the file; a spreadsheet may have written it again with other separators.
-        quantity: what the FRFs are, which the file does not state; values are in m/s², m/s or m per N.
+        quantity: what the FRFs are, which the file does not state; values are in m/s², m/s or m per
+            N.
 
     Raises:
         FormatError: the text is not such a table; names the line.
     """
-    groups = [(dofs, [r[1] for r in rows]) for dofs, rows in itertools.groupby(_records(path), lambda r: r[0])]
+    groups = [
+        (dofs, [r[1] for r in rows])
+        for dofs, rows in itertools.groupby(_records(path), lambda r: r[0])
+    ]
     if not groups:
         raise FormatError("line 2", "is missing: the table has a header and nothing below it")
     blocks = [np.array(rows) for _, rows in groups]
     frequency = blocks[0][:, 0]
     for (dofs, _), block in zip(groups, blocks, strict=True):
         if not np.array_equal(block[:, 0], frequency):
-            raise FormatError("frequency_hz", f"the lines of FRF {dofs} are not those of the first FRF {groups[0][0]}")
+            raise FormatError(
+                "frequency_hz",
+                f"the lines of FRF {dofs} are not those of the first FRF {groups[0][0]}",
+            )
     coherence = np.array([block[:, 3] for block in blocks])
     values = np.array([block[:, 1] + 1j * block[:, 2] for block in blocks])
     rows = tuple(FrfRow.between(dofs) for dofs, _ in groups)
@@ -56,7 +65,8 @@ def read_csv(path: Path, quantity: Quantity = "accelerance") -> Frfs:
 
 
 def write_csv(table: FrfTable, file: IO[bytes]) -> None:
-    """Write FRFs as CSV, one line for each frequency line of each FRF, in the columns that `read_csv` reads.
+    """Write FRFs as CSV, one line for each frequency line of each FRF, in the columns that
+    `read_csv` reads.
 
     Numbers are in the shortest form that is exact, so what is written is read back bit for bit.
 
@@ -87,10 +97,14 @@ def is_own_table(path: Path) -> bool:
 
 
 def _records(path: Path) -> Iterator[Record]:
-    """Each line below the header: the FRF's degrees of freedom and (frequency, real, imag, coherence)."""
+    """Each line below the header: the FRF's degrees of freedom and (frequency, real, imag,
+    coherence).
+    """
     header, rows = read_rows(path, _REQUIRED)
     if set(header) - set(COLUMNS) or len(set(header)) != len(header):
-        raise FormatError("line 1", f"is {','.join(header)[:200]!r}, expected the header {','.join(COLUMNS)}")
+        raise FormatError(
+            "line 1", f"is {','.join(header)[:200]!r}, expected the header {','.join(COLUMNS)}"
+        )
     for line, row in whole_rows(header, rows):
         cells = dict(zip(header, row, strict=True))
         dofs = tuple(whole(cells[name], f"line {line}, {name}") for name in DOFS)

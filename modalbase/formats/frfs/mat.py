@@ -1,4 +1,5 @@
-"""FRFs and coherences of a .mat file or a table of text, as analysers export them, by a mapping that says what is what.
+"""FRFs and coherences of a .mat file or a table of text, as analysers export them, by a mapping
+that says what is what.
 
     {"frequency_hz": {"variable": "f"},              or {"start": 0, "step": 0.5}, each a number or {"variable": name};
                                                      "unit": "rad/s" where it is not in Hz
@@ -10,8 +11,9 @@
      "reference_direction": 3,
      "unit": "g/N"}                                   or "factor": 9.80665, which multiplies the values for SI
 
-The FRFs lie in a vector or a table one of whose sides is as long as the frequencies. A unit that the file itself states, in
-a text beside the array or in its name, is used, or refused where the mapping contradicts it. Without any the values are in SI.
+The FRFs lie in a vector or a table one of whose sides is as long as the frequencies. A unit that
+the file itself states, in a text beside the array or in its name, is used, or refused where the
+mapping contradicts it. Without any the values are in SI.
 """
 
 from collections.abc import Mapping
@@ -34,7 +36,9 @@ _SAME = 0.01  # by which a stated factor may differ from that of the unit
 Texts = Mapping[str, str]
 
 
-def read_mat(path: Path, document: Any, quantity: Quantity | None, limit_bytes: int | None = None) -> Frfs:
+def read_mat(
+    path: Path, document: Any, quantity: Quantity | None, limit_bytes: int | None = None
+) -> Frfs:
     """The FRFs of a .mat file.
 
     Args:
@@ -44,7 +48,8 @@ def read_mat(path: Path, document: Any, quantity: Quantity | None, limit_bytes: 
         limit_bytes: the most that the file's arrays may take.
 
     Raises:
-        FormatError: the file or the mapping cannot be read, or they do not fit together; it names the variable or the field.
+        FormatError: the file or the mapping cannot be read, or they do not fit together; it names
+            the variable or the field.
     """
     variables, texts = read_named(path, ".mat", limit_bytes)
     return frfs_of(variables, document, quantity, texts)
@@ -57,25 +62,40 @@ def frfs_of(
     texts: Texts | None = None,
     otherwise: Quantity | None = None,
 ) -> Frfs:
-    """The same of named arrays and the texts beside them; `otherwise` is what FRFs are of which nothing says it.
+    """The same of named arrays and the texts beside them; `otherwise` is what FRFs are of which
+    nothing says it.
 
     Raises:
-        FormatError: as of `read_mat`; without a mapping it says which one the names and shapes suggest.
+        FormatError: as of `read_mat`; without a mapping it says which one the names and shapes
+            suggest.
     """
     texts = texts or {}
     if document is None:
-        raise FormatError("mapping", f"is missing; the file suggests {propose_frfs(variables, texts)}; complete it")
+        raise FormatError(
+            "mapping",
+            f"is missing; the file suggests {propose_frfs(variables, texts)}; complete it",
+        )
     if not isinstance(document, dict) or document.keys() - set(_KEYS):
         raise FormatError("mapping", f"is not an object of {', '.join(_KEYS)}")
-    missing = [name for name in ("frequency_hz", "frf", "response_point", "reference_point") if name not in document]
+    missing = [
+        name
+        for name in ("frequency_hz", "frf", "response_point", "reference_point")
+        if name not in document
+    ]
     empty = [name for name in ("frequency_hz", "frf", *DOFS) if is_empty(document.get(name, 3))]
     if missing or empty:
         faults = [(f"mapping.{name}", "is missing") for name in missing]
-        raise FormatError(faults + [(f"mapping.{name}", f"is empty: {_EMPTY[name]}") for name in empty])
+        raise FormatError(
+            faults + [(f"mapping.{name}", f"is empty: {_EMPTY[name]}") for name in empty]
+        )
     values, frequency = _spectra(variables, document, texts)
     coherence: FloatArray | None = None
     if document.get("coherence") is not None:
-        table = _rows(np.asarray(_named(variables, document, "coherence"), dtype=float), frequency.size, "coherence")
+        table = _rows(
+            np.asarray(_named(variables, document, "coherence"), dtype=float),
+            frequency.size,
+            "coherence",
+        )
         if table.shape != values.shape:
             raise FormatError("mapping.coherence", f"has {len(table)} functions, frf {len(values)}")
         coherence = table
@@ -84,7 +104,8 @@ def frfs_of(
     if len(values) > 1 and all(len(each) == 1 for each in dofs):
         raise FormatError(
             "mapping.response_point",
-            f"and the rest state one degree of freedom for {len(values)} FRFs; state a list of their {len(values)} points",
+            f"and the rest state one degree of freedom for {len(values)} FRFs; state a list of"
+            f" their {len(values)} points",
         )
     dofs = [each * len(values) if len(each) == 1 else each for each in dofs]
     rows = tuple(FrfRow.between(each) for each in zip(*dofs, strict=True))
@@ -93,24 +114,37 @@ def frfs_of(
 
 _EMPTY = {
     "frequency_hz": 'state {"variable": name}, or {"start": …, "step": …}',
-    "frf": 'state {"variable": name} of complex values, or columns {"real": name, "imaginary": name} or {"magnitude": name, '
-    '"phase": name}',
-    **{name: "state a point for each FRF, or one for all" for name in DOFS if name.endswith("point")},
-    **{name: "state ±1 to ±3 along x, y, z, ±4 to ±6 about them" for name in DOFS if name.endswith("direction")},
+    "frf": (
+        'state {"variable": name} of complex values, or columns {"real": name, "imaginary": name}'
+        ' or {"magnitude": name, "phase": name}'
+    ),
+    **{
+        name: "state a point for each FRF, or one for all"
+        for name in DOFS
+        if name.endswith("point")
+    },
+    **{
+        name: "state ±1 to ±3 along x, y, z, ±4 to ±6 about them"
+        for name in DOFS
+        if name.endswith("direction")
+    },
 }
 
 
 def _scale(
     document: dict[str, Any], texts: Texts, quantity: Quantity | None, otherwise: Quantity | None
 ) -> tuple[Quantity, float]:
-    """What the FRFs are, and their factor to SI: by the unit that the mapping or the file states, or as stated.
+    """What the FRFs are, and their factor to SI: by the unit that the mapping or the file states,
+    or as stated.
 
     Raises:
         FormatError: two statements contradict each other, or there is none.
     """
     factor = document.get("factor")
     if factor is not None and (
-        isinstance(factor, bool) or not isinstance(factor, int | float) or not (np.isfinite(factor) and factor != 0)
+        isinstance(factor, bool)
+        or not isinstance(factor, int | float)
+        or not (np.isfinite(factor) and factor != 0)
     ):
         raise FormatError("mapping.factor", f"is {factor!r}, expected a number other than 0")
     given: dict[str, str] = document["frf"]  # of which the values were read
@@ -118,28 +152,40 @@ def _scale(
     in_file = unit_of_values(unit_beside(valued, texts), valued)
     stated = document.get("unit") or ""
     if not isinstance(stated, str):
-        raise FormatError("mapping.unit", f"is {stated!r}, expected the text of a unit, such as g/N")
+        raise FormatError(
+            "mapping.unit", f"is {stated!r}, expected the text of a unit, such as g/N"
+        )
     if stated and in_file and read_unit(in_file) and read_unit(stated) != read_unit(in_file):
-        raise FormatError("mapping.unit", f"is {stated!r}, and the file says {in_file!r}; which is right?")
+        raise FormatError(
+            "mapping.unit", f"is {stated!r}, and the file says {in_file!r}; which is right?"
+        )
     text = stated or in_file
     unit = read_unit(text)
     own = {unit_of.times(FORCE, -1): name for name, unit_of in RESPONSE.items()}
     if unit is None or unit.dimension not in own:
         if stated or (text and factor is None):
-            why = "which is no response over a force that is known here; state `unit`, such as g/N, or `factor`"
+            why = (
+                "which is no response over a force that is known here; state `unit`, such as g/N,"
+                " or `factor`"
+            )
             raise FormatError("mapping.unit", f"is {text!r}, {why}")
         if (known := quantity or otherwise) is None:
             raise FormatError(
                 "quantity",
-                "is missing: neither the request nor a unit says what the FRFs are; state it, or `unit` in the "
-                "mapping, such as g/N",
+                "is missing: neither the request nor a unit says what the FRFs are; state it, or"
+                " `unit` in the mapping, such as g/N",
             )
         return known, 1.0 if factor is None else float(factor)
     what = own[unit.dimension]
     if quantity not in (None, what):
-        raise FormatError("quantity", f"is {quantity}, and the unit {text!r} is that of {what}; which is right?")
+        raise FormatError(
+            "quantity", f"is {quantity}, and the unit {text!r} is that of {what}; which is right?"
+        )
     if factor is not None and abs(factor / unit.factor - 1) > _SAME:
-        raise FormatError("mapping.factor", f"is {factor:g}, and the unit {text!r} makes it {unit.factor:g}; state one")
+        raise FormatError(
+            "mapping.factor",
+            f"is {factor:g}, and the unit {text!r} makes it {unit.factor:g}; state one",
+        )
     return what, unit.factor
 
 
@@ -148,39 +194,64 @@ def _spectra(
 ) -> tuple[np.ndarray[Any, np.dtype[np.complexfloating]], FloatArray]:
     """(N, L) values and the (L,) frequencies in Hz."""
     axis = document["frequency_hz"]
-    named = {name: axis[name] for name in axis.keys() - {"unit"}} if isinstance(axis, dict) else axis
+    named = (
+        {name: axis[name] for name in axis.keys() - {"unit"}} if isinstance(axis, dict) else axis
+    )
     if is_named(named):
         name = str(named["variable"])
         frequency = np.ravel(_real(variables, name, "frequency_hz")).astype(float)
         values = _frf(variables, document["frf"], frequency.size, texts)
-    elif isinstance(named, dict) and {"start", "step"} <= named.keys() <= {"start", "step", "count"}:
+    elif isinstance(named, dict) and {"start", "step"} <= named.keys() <= {
+        "start",
+        "step",
+        "count",
+    }:
         name = next((str(given["variable"]) for given in named.values() if is_named(given)), "")
-        numbers = {key: _number(variables, given, f"frequency_hz.{key}") for key, given in named.items()}
+        numbers = {
+            key: _number(variables, given, f"frequency_hz.{key}") for key, given in named.items()
+        }
         values = _frf(variables, document["frf"], None, texts)
         count = values.shape[1]
         if numbers.get("count", count) != count:
-            raise FormatError("mapping.frequency_hz.count", f"is {numbers['count']:g}, and frf has {count} lines")
+            raise FormatError(
+                "mapping.frequency_hz.count", f"is {numbers['count']:g}, and frf has {count} lines"
+            )
         if not (numbers["step"] > 0 and numbers["start"] >= 0):
-            raise FormatError("mapping.frequency_hz", "has no step above 0 from a start of 0 or more")
+            raise FormatError(
+                "mapping.frequency_hz", "has no step above 0 from a start of 0 or more"
+            )
         frequency = numbers["start"] + numbers["step"] * np.arange(count)
     else:
         raise FormatError(
-            "mapping.frequency_hz", f'is {axis!r}, expected {{"variable": name}} or {{"start": …, "step": …}}'
+            "mapping.frequency_hz",
+            f'is {axis!r}, expected {{"variable": name}} or {{"start": …, "step": …}}',
         )
     in_file = unit_beside(name, texts, "frequency")
     stated = axis.get("unit", in_file) or ("Hz" if "unit" not in axis else "")
     factor = factor_of("frequency", stated) if isinstance(stated, str) else None
     if factor is None:
-        raise FormatError("mapping.frequency_hz.unit", f"is {stated!r}, expected a frequency's, such as Hz or rad/s")
+        raise FormatError(
+            "mapping.frequency_hz.unit",
+            f"is {stated!r}, expected a frequency's, such as Hz or rad/s",
+        )
     if in_file and factor_of("frequency", in_file) not in (None, factor):
-        raise FormatError("mapping.frequency_hz.unit", f"is {stated!r}, and the file says {in_file!r}; which is right?")
+        raise FormatError(
+            "mapping.frequency_hz.unit",
+            f"is {stated!r}, and the file says {in_file!r}; which is right?",
+        )
     return values, frequency * factor
 
 
 def _number(variables: Variables, given: Any, field: str) -> float:
-    values = np.ravel(_real(variables, given["variable"], field)) if is_named(given) else np.array([given])
+    values = (
+        np.ravel(_real(variables, given["variable"], field))
+        if is_named(given)
+        else np.array([given])
+    )
     if values.size != 1 or values.dtype.kind not in "fiu" or not np.isfinite(values[0]):
-        raise FormatError(f"mapping.{field}", f'is {given!r}, expected a number or {{"variable": name}} of one')
+        raise FormatError(
+            f"mapping.{field}", f'is {given!r}, expected a number or {{"variable": name}} of one'
+        )
     return float(values[0])
 
 
@@ -205,16 +276,22 @@ def _frf(
         first, second = next(pair for pair in PARTS if pair[0] in given)
         one, two = (_part(variables, given[part], lines) for part in (first, second))
         if one.shape != two.shape:
-            raise FormatError("mapping.frf", f"has {len(one)} FRFs of {first} and {len(two)} of {second}")
+            raise FormatError(
+                "mapping.frf", f"has {len(one)} FRFs of {first} and {len(two)} of {second}"
+            )
         return np.asarray(combined(one, two, given, texts))
     if not is_named(given):
-        ways = '{"variable": name}, {"real": name, "imaginary": name} or {"magnitude": name, "phase": name}'
+        ways = (
+            '{"variable": name}, {"real": name, "imaginary": name} or {"magnitude": name, "phase":'
+            " name}"
+        )
         raise FormatError("mapping.frf", f"is {given!r}, expected {ways}")
     found = variable(variables, given["variable"])
     if found.dtype.kind != "c":
         raise FormatError(
             given["variable"],
-            "is real: an FRF without phase is of no use; name real and imaginary parts, or magnitude and phase",
+            "is real: an FRF without phase is of no use; name real and imaginary parts, or"
+            " magnitude and phase",
         )
     table = _rows(found, lines, "frf")
     return table if table.dtype == np.complex64 else table.astype(np.complex128)
@@ -224,18 +301,22 @@ def _part(variables: Variables, given: Any, lines: int | None) -> np.ndarray[Any
     """(N, lines) of one array, or of one column for each FRF."""
     names = given if isinstance(given, list) else [given]
     if not names or not all(isinstance(name, str) for name in names):
-        raise FormatError("mapping.frf", f"has {given!r}, expected the name of a variable or a list of names")
+        raise FormatError(
+            "mapping.frf", f"has {given!r}, expected the name of a variable or a list of names"
+        )
     return np.concatenate([_rows(_real(variables, name, "frf"), lines, "frf") for name in names])
 
 
 def _rows(array: np.ndarray[Any, Any], lines: int | None, field: str) -> np.ndarray[Any, Any]:
-    """(N, lines); the side that is as long as the frequencies is the lines, the last such side where two are. Without
-    a number of lines they are the longest side.
+    """(N, lines); the side that is as long as the frequencies is the lines, the last such side
+    where two are. Without a number of lines they are the longest side.
     """
     array = np.squeeze(array)
     lines = max(array.shape, default=1) if lines is None else lines
     if array.ndim not in (1, 2, 3) or lines not in array.shape:
-        raise FormatError(f"mapping.{field}", f"has shape {list(array.shape)}, none of it the {lines} frequencies")
+        raise FormatError(
+            f"mapping.{field}", f"has shape {list(array.shape)}, none of it the {lines} frequencies"
+        )
     axis = max(i for i, size in enumerate(array.shape) if size == lines)
     return np.ascontiguousarray(np.moveaxis(array, axis, -1).reshape(-1, lines))
 
@@ -254,7 +335,9 @@ def _integers(variables: Variables, given: Any, count: int, field: str) -> list[
         or values.dtype.kind == "c"
         or not np.all(np.isfinite(values) & (values == np.round(values)))
     ):
-        raise FormatError(f"mapping.{field}", f"is no whole number for each of the {count} FRFs, or one for all")
+        raise FormatError(
+            f"mapping.{field}", f"is no whole number for each of the {count} FRFs, or one for all"
+        )
     if field.endswith("direction") and not np.all((np.abs(values) >= 1) & (np.abs(values) <= 6)):
         raise FormatError(f"mapping.{field}", "is no direction, expected ±1 to ±6")
     return [int(v) for v in values]

@@ -1,4 +1,6 @@
-"""FRFs as npz: `frequency_hz` (L,), `values` (N, L), `response_point` … (N,), `quantity`, `label`, `averages`, `coherence`."""
+"""FRFs as npz: `frequency_hz` (L,), `values` (N, L), `response_point` … (N,), `quantity`, `label`,
+`averages`, `coherence`.
+"""
 
 import zipfile
 from collections.abc import Iterable
@@ -18,11 +20,12 @@ OPTIONAL = ("quantity", "averages", "coherence", "label", "id")
 
 
 def read_npz(path: Path, limit_bytes: int | None = None, quantity: Quantity | None = None) -> Frfs:
-    """FRFs of an npz file with the arrays `frequency_hz` (L,), `values` (N, L), `response_point` … (N,), `quantity`.
+    """FRFs of an npz file with the arrays `frequency_hz` (L,), `values` (N, L), `response_point` …
+    (N,), `quantity`.
 
-    One number in place of an array of points or directions stands for all FRFs. `label`, `averages` and `coherence`
-    (N, L) may be there too; `quantity` may be missing where it is stated beside the file. Nothing is unpickled, and no
-    array may claim more bytes than the file has.
+    One number in place of an array of points or directions stands for all FRFs. `label`, `averages`
+    and `coherence` (N, L) may be there too; `quantity` may be missing where it is stated beside the
+    file. Nothing is unpickled, and no array may claim more bytes than the file has.
 
     >>> import pathlib, tempfile
     >>> import numpy as np
@@ -46,7 +49,8 @@ def read_npz(path: Path, limit_bytes: int | None = None, quantity: Quantity | No
         quantity: what the FRFs are, where somebody states it beside the file.
 
     Raises:
-        FormatError: the file is not such an archive, or it is not known what its FRFs are; names the array.
+        FormatError: the file is not such an archive, or it is not known what its FRFs are; names
+            the array.
     """
     arrays = _read_arrays(path, limit_bytes)
     missing = [name for name in REQUIRED if name not in arrays]
@@ -55,17 +59,28 @@ def read_npz(path: Path, limit_bytes: int | None = None, quantity: Quantity | No
     values = arrays["values"]
     if values.ndim == 1:
         values = values[np.newaxis]
-    if values.ndim != 2 or values.dtype.kind != "c" or values.dtype.itemsize not in (8, 16) or not values.size:
+    if (
+        values.ndim != 2
+        or values.dtype.kind != "c"
+        or values.dtype.itemsize not in (8, 16)
+        or not values.size
+    ):
         raise FormatError(
-            "values", f"is {values.dtype} of shape {values.shape}, expected complex64 or complex128 (N, L)"
+            "values",
+            f"is {values.dtype} of shape {values.shape}, expected complex64 or complex128 (N, L)",
         )
     frequency = arrays["frequency_hz"]
     if frequency.ndim != 1 or frequency.dtype.kind not in "fiu":
         raise FormatError(
-            "frequency_hz", f"is {frequency.dtype} of shape {frequency.shape}, expected real numbers (L,)"
+            "frequency_hz",
+            f"is {frequency.dtype} of shape {frequency.shape}, expected real numbers (L,)",
         )
     count = values.shape[0]
-    averages = _integers("averages", arrays["averages"], count) if "averages" in arrays else np.zeros(count, np.int64)
+    averages = (
+        _integers("averages", arrays["averages"], count)
+        if "averages" in arrays
+        else np.zeros(count, np.int64)
+    )
     dofs = zip(*(_integers(name, arrays[name], count).tolist() for name in DOFS), strict=True)
     labels = _labels(arrays.get("label"), count)
     rows = tuple(
@@ -85,10 +100,21 @@ def _read_arrays(path: Path, limit_bytes: int | None) -> dict[str, Array]:
     try:
         with zipfile.ZipFile(path) as archive:
             members = members_of(archive)
-            if limit_bytes is not None and sum(member.file_size for member in members) > limit_bytes:
-                raise FormatError("", f"the npz unpacks to more than the {limit_bytes} bytes that the operator allows")
+            if (
+                limit_bytes is not None
+                and sum(member.file_size for member in members) > limit_bytes
+            ):
+                raise FormatError(
+                    "",
+                    f"the npz unpacks to more than the {limit_bytes} bytes that the operator"
+                    " allows",
+                )
             known = {f"{name}.npy": name for name in (*REQUIRED, *OPTIONAL)}
-            strange = [(m.filename[:100], "is no array that is read here") for m in members if m.filename not in known]
+            strange = [
+                (m.filename[:100], "is no array that is read here")
+                for m in members
+                if m.filename not in known
+            ]
             if strange:
                 raise FormatError(strange[:20])
             return {known[member.filename]: read_array(archive, member) for member in members}
@@ -99,7 +125,10 @@ def _read_arrays(path: Path, limit_bytes: int | None) -> dict[str, Array]:
 def _integers(name: str, array: Array, count: int) -> Array:
     """(N,) integers; one number stands for all."""
     if array.dtype.kind not in "iu" or array.ndim > 1 or (array.ndim == 1 and array.size != count):
-        raise FormatError(name, f"is {array.dtype} of shape {array.shape}, expected integers ({count},) or one of them")
+        raise FormatError(
+            name,
+            f"is {array.dtype} of shape {array.shape}, expected integers ({count},) or one of them",
+        )
     if array.dtype.kind == "u" and array.size and array.max() > 2**63 - 1:
         raise FormatError(name, "is beyond the range of 64-bit integers")
     return np.broadcast_to(array.astype(np.int64), (count,))
@@ -109,13 +138,19 @@ def _quantity(array: Array | None, stated: Quantity | None) -> Quantity:
     """What the file says, and what is stated beside it."""
     if array is None:
         if stated is None:
-            raise FormatError("quantity", "is missing: the npz has no such array, and nobody states what its FRFs are")
+            raise FormatError(
+                "quantity",
+                "is missing: the npz has no such array, and nobody states what its FRFs are",
+            )
         return stated
     if array.dtype.kind != "U" or array.ndim != 0:
         raise FormatError("quantity", f"is {array.dtype} of shape {array.shape}, expected one text")
     own: Quantity = str(array)  # type: ignore[assignment]  # checked where it is stored
     if stated not in (None, own):
-        raise FormatError("quantity", f"is {own} in the file and {stated} beside it: correct the one that is wrong")
+        raise FormatError(
+            "quantity",
+            f"is {own} in the file and {stated} beside it: correct the one that is wrong",
+        )
     return own
 
 
@@ -123,7 +158,9 @@ def _labels(array: Array | None, count: int) -> tuple[str, ...]:
     if array is None:
         return ("",) * count
     if array.dtype.kind != "U" or array.shape != (count,):
-        raise FormatError("label", f"is {array.dtype} of shape {array.shape}, expected texts ({count},)")
+        raise FormatError(
+            "label", f"is {array.dtype} of shape {array.shape}, expected texts ({count},)"
+        )
     labels = tuple(str(label) for label in array)
     if any("\0" in label or not label.isprintable() or len(label) > 200 for label in labels):
         raise FormatError("label", "a label has at most 200 printable characters")
@@ -143,7 +180,8 @@ def _coherence(array: Array | None, shape: tuple[int, ...]) -> Array | None:
 
 
 def write_npz(table: FrfTable, file: IO[bytes]) -> None:
-    """Write FRFs as npz, in the arrays that `read_npz` reads, and `id` (N,). Values keep their precision.
+    """Write FRFs as npz, in the arrays that `read_npz` reads, and `id` (N,). Values keep their
+    precision.
 
     `coherence` is there where at least one FRF has one; the rows of the others are NaN.
 
@@ -155,8 +193,12 @@ def write_npz(table: FrfTable, file: IO[bytes]) -> None:
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
         _member(archive, "frequency_hz", table.frequency_hz)
         for key in DOFS:
-            _member(archive, key, np.array([getattr(frf, key) for frf in table.frfs], dtype=np.int64))
-        _member(archive, "averages", np.array([frf.averages or 0 for frf in table.frfs], dtype=np.int64))
+            _member(
+                archive, key, np.array([getattr(frf, key) for frf in table.frfs], dtype=np.int64)
+            )
+        _member(
+            archive, "averages", np.array([frf.averages or 0 for frf in table.frfs], dtype=np.int64)
+        )
         _member(archive, "id", np.array([str(frf.id) for frf in table.frfs]))
         _member(archive, "label", np.array([frf.label for frf in table.frfs], dtype=np.str_))
         _member(archive, "quantity", np.array(table.quantity))

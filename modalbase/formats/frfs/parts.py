@@ -1,10 +1,12 @@
-"""FRFs in real columns, as analysers write them as text: real and imaginary parts, or magnitude and phase.
+"""FRFs in real columns, as analysers write them as text: real and imaginary parts, or magnitude and
+phase.
 
     {"real": "Re", "imaginary": "Im"}
     {"magnitude": "Mag", "phase": "Phase"}                 with "scale": "dB" and "phase_unit": "rad"
 
-Each may be a list of names, one for each FRF. The scale (`linear` or `dB`: 20 lg of the amplitude) and the phase's unit are
-those that the file states, or as stated here; a phase without any is asked for.
+Each may be a list of names, one for each FRF. The scale (`linear` or `dB`: 20 lg of the amplitude)
+and the phase's unit are those that the file states, or as stated here; a phase without any is asked
+for.
 """
 
 import re
@@ -36,20 +38,24 @@ Texts = Mapping[str, str]
 
 
 def texts_of(table: Table) -> dict[str, str]:
-    """The texts beside the columns of a table: their units, and points of response and reference where its headings name
-    one pair, such as `2:+Z/1:+Z`, or the columns one for each FRF.
+    """The texts beside the columns of a table: their units, and points of response and reference
+    where its headings name one pair, such as `2:+Z/1:+Z`, or the columns one for each FRF.
     """
     texts = {f"{name}_unit": unit for name, unit in table.units.items()}
     pairs = _pairs_in(table.names) or _pairs_in(table.layout.preamble)
     if pairs and (len(pairs) == 1 or _pairs_in(table.names)):
-        texts["heading.response"], texts["heading.reference"] = ("\n".join(side) for side in zip(*pairs, strict=True))
+        texts["heading.response"], texts["heading.reference"] = (
+            "\n".join(side) for side in zip(*pairs, strict=True)
+        )
     return texts
 
 
 def _pairs_in(cells: Iterable[str]) -> list[tuple[str, str]]:
     """Response and reference that texts name, each pair once."""
     matches = (match.group(1, 2) for cell in cells for match in _PAIR.finditer(cell))
-    return list(dict.fromkeys((one, two) for one, two in matches if dof_in_name(one) and dof_in_name(two)))
+    return list(
+        dict.fromkeys((one, two) for one, two in matches if dof_in_name(one) and dof_in_name(two))
+    )
 
 
 def is_frequency(name: str, units: Mapping[str, str]) -> bool:
@@ -60,7 +66,9 @@ def is_frequency(name: str, units: Mapping[str, str]) -> bool:
     """
     bare, unit = unit_in_name(name, "frequency")
     unit = unit or units.get(name, "") or bare  # a column may be called Hz
-    return (bool(unit) and factor_of("frequency", unit) is not None) or bare.lower().startswith(_FREQUENCY)
+    return (bool(unit) and factor_of("frequency", unit) is not None) or bare.lower().startswith(
+        _FREQUENCY
+    )
 
 
 def propose_parts(names: list[str], texts: Texts) -> dict[str, Any] | None:
@@ -73,7 +81,8 @@ def propose_parts(names: list[str], texts: Texts) -> dict[str, Any] | None:
         columns = [found[part] for part in pair]
         if columns[0] and len(columns[0]) == len(columns[1]):
             mapping: dict[str, Any] = {
-                part: listed[0] if len(listed) == 1 else listed for part, listed in zip(pair, columns, strict=True)
+                part: listed[0] if len(listed) == 1 else listed
+                for part, listed in zip(pair, columns, strict=True)
             }
             if pair[1] == "phase":
                 mapping["scale"] = "dB" if _stated_scale(columns[0][0], texts) == "dB" else "linear"
@@ -83,13 +92,18 @@ def propose_parts(names: list[str], texts: Texts) -> dict[str, Any] | None:
 
 
 def names_of(given: Mapping[str, Any]) -> list[str]:
-    """Columns that hold values of FRFs with their unit: real parts or magnitudes, or complex ones."""
-    listed: Any = next((given[name] for name in ("variable", "real", "magnitude") if name in given), [])
+    """Columns that hold values of FRFs with their unit: real parts or magnitudes, or complex
+    ones.
+    """
+    listed: Any = next(
+        (given[name] for name in ("variable", "real", "magnitude") if name in given), []
+    )
     return [str(name) for name in (listed if isinstance(listed, list) else [listed])]
 
 
 def unit_of_values(text: str, name: str = "") -> str:
-    """The unit of amplitudes without its decibels, by the text beside a column or in brackets of its name.
+    """The unit of amplitudes without its decibels, by the text beside a column or in brackets of
+    its name.
 
     >>> unit_of_values("dB re 1 g/N"), unit_of_values("dB (m/s²/N)"), unit_of_values("g/N"), unit_of_values("dB")
     ('g/N', 'm/s²/N', 'g/N', '')
@@ -107,7 +121,9 @@ def is_parts(given: Any) -> bool:
     )
 
 
-def combined(one: np.ndarray[Any, Any], two: np.ndarray[Any, Any], given: Mapping[str, Any], texts: Texts) -> Any:
+def combined(
+    one: np.ndarray[Any, Any], two: np.ndarray[Any, Any], given: Mapping[str, Any], texts: Texts
+) -> Any:
     """(N, L) complex values of their two parts.
 
     Raises:
@@ -120,20 +136,27 @@ def combined(one: np.ndarray[Any, Any], two: np.ndarray[Any, Any], given: Mappin
     if scale not in (None, "linear", "dB"):
         raise FormatError("mapping.frf.scale", f"is {scale!r}, expected linear or dB")
     if scale and own and scale != own:
-        raise FormatError("mapping.frf.scale", f"is {scale}, and the file says {own}; which is right?")
+        raise FormatError(
+            "mapping.frf.scale", f"is {scale}, and the file says {own}; which is right?"
+        )
     phase = given["phase"][0] if isinstance(given["phase"], list) else given["phase"]
     stated, in_file = given.get("phase_unit"), _stated_angle(phase, texts)
     unit = stated or in_file
     if unit is None:
-        raise FormatError("mapping.frf.phase_unit", "is empty, and the file states none; state deg or rad")
+        raise FormatError(
+            "mapping.frf.phase_unit", "is empty, and the file states none; state deg or rad"
+        )
     if (factor := _ANGLES.get(str(unit).lower())) is None:
         raise FormatError("mapping.frf.phase_unit", f"is {unit!r}, expected deg or rad")
     if in_file and _ANGLES[in_file.lower()] != factor:
-        raise FormatError("mapping.frf.phase_unit", f"is {unit}, and the file says {in_file}; which is right?")
+        raise FormatError(
+            "mapping.frf.phase_unit", f"is {unit}, and the file says {in_file}; which is right?"
+        )
     magnitude = 10 ** (one / 20) if (scale or own) == "dB" else one
     if np.any(magnitude < 0):
         raise FormatError(
-            "mapping.frf.magnitude", f'is below 0 (to {magnitude.min():.3g}); state "scale": "dB" where it is in dB'
+            "mapping.frf.magnitude",
+            f'is below 0 (to {magnitude.min():.3g}); state "scale": "dB" where it is in dB',
         )
     return magnitude * np.exp(1j * factor * two)
 
@@ -167,6 +190,10 @@ def _part_of(name: str, texts: Texts) -> Part | None:
         return "magnitude"
     words = re.findall(r"[^\W\d_]+", unit_in_name(name)[0].lower())
     for part, starts in _WORDS.items():
-        if any(word == start if len(start) == 2 else word.startswith(start) for word in words for start in starts):
+        if any(
+            word == start if len(start) == 2 else word.startswith(start)
+            for word in words
+            for start in starts
+        ):
             return part
     return None

@@ -1,4 +1,6 @@
-"""Mappings of FRFs that suggest themselves: what a file says, in its own words; what it does not say is empty (null)."""
+"""Mappings of FRFs that suggest themselves: what a file says, in its own words; what it does not
+say is empty (null).
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -22,7 +24,10 @@ _AXIS = {
     "count": ("number_of_values", "count", "n"),
 }
 """Last parts of names of an even axis, in small letters."""
-_SIDES = {"response": ("primary", "response", "output"), "reference": ("reference", "input", "excit")}
+_SIDES = {
+    "response": ("primary", "response", "output"),
+    "reference": ("reference", "input", "excit"),
+}
 
 
 def propose_frfs(variables: Variables, texts: Mapping[str, str] | None = None) -> dict[str, Any]:
@@ -35,15 +40,23 @@ def propose_frfs(variables: Variables, texts: Mapping[str, str] | None = None) -
     texts = texts or {}
     found: dict[str, Any] = {"frequency_hz": _axis(variables, texts)}
     complexes = [n for n, a in variables.items() if a.dtype.kind == "c"]
-    frf = min(complexes, key=lambda name: any(part in name.lower() for part in _SPECTRA), default=None)
+    frf = min(
+        complexes, key=lambda name: any(part in name.lower() for part in _SPECTRA), default=None
+    )
     columns = [name for name, array in variables.items() if 1 < array.size == max(array.shape)]
     found["frf"] = propose_parts(columns, texts) if frf is None else {"variable": frf}
     valued = names_of(found["frf"] or {})
     if valued and (unit := unit_of_values(unit_beside(valued[0], texts), valued[0])):
         found["unit"] = unit
     of = frf or (valued[0] if valued else None)
-    alike = [n for n, a in variables.items() if of and a.shape == variables[of].shape and a.dtype.kind == "f"]
-    shares = [n for n in alike if frf and variables[n].min() >= 0 and variables[n].max() <= 1 + 1e-6]
+    alike = [
+        n
+        for n, a in variables.items()
+        if of and a.shape == variables[of].shape and a.dtype.kind == "f"
+    ]
+    shares = [
+        n for n in alike if frf and variables[n].min() >= 0 and variables[n].max() <= 1 + 1e-6
+    ]
     if coherence := [n for n in alike if "coh" in n.lower()] or shares:
         found["coherence"] = {"variable": coherence[0]}
     count = len(valued) or 1 if frf is None else variables[frf].size // max(variables[frf].shape)
@@ -51,24 +64,37 @@ def propose_frfs(variables: Variables, texts: Mapping[str, str] | None = None) -
 
 
 def doubts(mapping: Any) -> list[str]:
-    """What a mapping leaves to be looked at: frequencies whose name is that of angular ones, without a unit."""
+    """What a mapping leaves to be looked at: frequencies whose name is that of angular ones,
+    without a unit.
+    """
     axis = mapping.get("frequency_hz") if isinstance(mapping, dict) else None
     name = axis.get("variable") if isinstance(axis, dict) and not axis.get("unit") else None
     if not isinstance(name, str) or name.rpartition(".")[2].lower() not in _ANGULAR:
         return []
-    return [f'the frequencies {name} are taken in Hz; state "unit": "rad/s" beside the variable where they are angular']
+    return [
+        f'the frequencies {name} are taken in Hz; state "unit": "rad/s" beside the variable where'
+        " they are angular"
+    ]
 
 
 def left_out(variables: Variables, mapping: Any) -> list[str]:
-    """That a file holds further arrays of complex numbers as long as the one that a mapping takes."""
+    """That a file holds further arrays of complex numbers as long as the one that a mapping
+    takes.
+    """
     frf = mapping.get("frf") if isinstance(mapping, dict) else None
     name = frf.get("variable") if isinstance(frf, dict) else None
     if not isinstance(name, str) or name not in variables:
         return []
     lines = max(variables[name].shape, default=0)
-    others = [n for n, a in variables.items() if n != name and a.dtype.kind == "c" and lines in a.shape]
+    others = [
+        n for n, a in variables.items() if n != name and a.dtype.kind == "c" and lines in a.shape
+    ]
     listed = ", ".join(others[:_MOST_LISTED]) + (" …" if len(others) > _MOST_LISTED else "")
-    return [f"{name} alone is taken; import {listed} by a mapping of their own where they are FRFs"] if others else []
+    return (
+        [f"{name} alone is taken; import {listed} by a mapping of their own where they are FRFs"]
+        if others
+        else []
+    )
 
 
 def is_empty(given: Any) -> bool:
@@ -80,12 +106,18 @@ def is_empty(given: Any) -> bool:
 def _axis(variables: Variables, texts: Mapping[str, str]) -> dict[str, Any] | None:
     """A rising vector, or an even axis as start and step, with the unit that the file states."""
     lines = [
-        name for name, array in variables.items() if name.lower().rpartition(".")[2][:1] in "fxw" and _rises(array)
+        name
+        for name, array in variables.items()
+        if name.lower().rpartition(".")[2][:1] in "fxw" and _rises(array)
     ]
     units = {name: unit for name in variables if (unit := unit_beside(name, texts))}
     lines.sort(key=lambda name: not is_frequency(name, units))
-    lines += [name for name, array in variables.items() if is_frequency(name, units) and _rises(array)]
-    lines += [name for name, array in variables.items() if "omega" in name.lower() and _rises(array)]
+    lines += [
+        name for name, array in variables.items() if is_frequency(name, units) and _rises(array)
+    ]
+    lines += [
+        name for name, array in variables.items() if "omega" in name.lower() and _rises(array)
+    ]
     if lines:
         found: dict[str, Any] = {"variable": lines[0]}
     else:
@@ -100,7 +132,9 @@ def _axis(variables: Variables, texts: Mapping[str, str]) -> dict[str, Any] | No
         parent = next((parent for parent in ends["start"] if parent in ends["step"]), None)
         if parent is None:
             return None
-        found = {part: {"variable": names[parent]} for part, names in ends.items() if parent in names}
+        found = {
+            part: {"variable": names[parent]} for part, names in ends.items() if parent in names
+        }
     name = found.get("variable") or found["start"]["variable"]
     if unit := unit_beside(name, texts, "frequency"):
         found["unit"] = unit
@@ -112,7 +146,9 @@ def _ends(name: str, words: tuple[str, ...]) -> bool:
 
 
 def _dofs(texts: Mapping[str, str], count: int) -> dict[str, Any]:
-    """Points and directions that the file states in names; else they are empty, the responses one by one."""
+    """Points and directions that the file states in names; else they are empty, the responses one
+    by one.
+    """
     found: dict[str, Any] = dict.fromkeys(DOFS)
     if 1 < count <= _MOST_EMPTY:
         found["response_point"] = [None] * count
@@ -124,7 +160,9 @@ def _dofs(texts: Mapping[str, str], count: int) -> dict[str, Any]:
         }
         whole = [dofs for dofs in named if None not in dofs and len(dofs) in (1, count)]
         if len(whole) == 1:
-            points, directions = ([dof[part] for dof in whole[0] if dof is not None] for part in (0, 1))
+            points, directions = (
+                [dof[part] for dof in whole[0] if dof is not None] for part in (0, 1)
+            )
             for what, numbers in (("point", points), ("direction", directions)):
                 found[f"{side}_{what}"] = numbers[0] if len(set(numbers)) == 1 else numbers
     return found

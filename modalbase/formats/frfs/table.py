@@ -42,7 +42,8 @@ class FrfRow:
         """The row of an FRF between two degrees of freedom.
 
         Args:
-            dofs: response point, response direction, reference point, reference direction: the order of `DOFS`.
+            dofs: response point, response direction, reference point, reference direction: the
+                order of `DOFS`.
             label: free text.
             averages: number of averages, None where it is not known.
         """
@@ -51,8 +52,8 @@ class FrfRow:
 
 
 class FrfTable(Protocol):
-    """What is written: FRFs of one quantity on one frequency axis, whose values come one by one, so that memory need
-    not hold them all. `Frfs` is one that is in memory.
+    """What is written: FRFs of one quantity on one frequency axis, whose values come one by one, so
+    that memory need not hold them all. `Frfs` is one that is in memory.
     """
 
     @property
@@ -86,7 +87,8 @@ class FrfTable(Protocol):
 
 
 def without_gap(frfs: Frfs) -> tuple[Frfs, list[str]]:
-    """The FRFs without their line at 0 Hz where some are no number there, as double integration leaves 0/0; and a note.
+    """The FRFs without their line at 0 Hz where some are no number there, as double integration
+    leaves 0/0; and a note.
 
     Raises:
         FormatError: a value at another line is NaN or infinite; names FRF and line.
@@ -99,12 +101,17 @@ def without_gap(frfs: Frfs) -> tuple[Frfs, list[str]]:
         row, line = int(others[0][0]), int(others[0][1]) + first
         raise FormatError(
             "values",
-            f"holds {len(others)} that are NaN or infinite, first of FRF {row + 1} at line {line + 1} "
-            f"({frfs.frequency_hz[line]:g} Hz); only a line at 0 Hz can be left out",
+            f"holds {len(others)} that are NaN or infinite, first of FRF {row + 1} at line"
+            f" {line + 1} ({frfs.frequency_hz[line]:g} Hz); only a line at 0 Hz can be left out",
         )
     kept = None if frfs.coherence is None else frfs.coherence[:, 1:]
-    note = f"{int(bad.sum())} of {len(frfs.frfs)} FRFs are NaN or infinite at 0 Hz: this line is left out"
-    return replace(frfs, frequency_hz=frfs.frequency_hz[1:], values=frfs.values[:, 1:], coherence=kept), [note]
+    note = (
+        f"{int(bad.sum())} of {len(frfs.frfs)} FRFs are NaN or infinite at 0 Hz: this line is"
+        " left out"
+    )
+    return replace(
+        frfs, frequency_hz=frfs.frequency_hz[1:], values=frfs.values[:, 1:], coherence=kept
+    ), [note]
 
 
 @dataclass(frozen=True, eq=False)

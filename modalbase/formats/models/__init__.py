@@ -1,4 +1,5 @@
-"""Finite element models that users send: a deck, matrices or a mesh to one neutral model, and a deck back with its updates.
+"""Finite element models that users send: a deck, matrices or a mesh to one neutral model, and a
+deck back with its updates.
 
 model      what a deck says, whoever wrote it, and what is lost of it
 shapes     cross sections of beams from their walls, and by name and dimensions

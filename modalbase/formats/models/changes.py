@@ -1,6 +1,8 @@
-"""What updated numbers change in a deck, numbers of sections and constants of materials set by set, and where they go.
+"""What updated numbers change in a deck, numbers of sections and constants of materials set by set,
+and where they go.
 
-Fields change in their places, comments and copies of cards stand between lines. Every other byte stays.
+Fields change in their places, comments and copies of cards stand between lines. Every other byte
+stays.
 """
 
 from abc import ABC, abstractmethod
@@ -12,7 +14,13 @@ from math import isclose, isfinite
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.files import lines_of
-from modalbase.formats.models.model import BeamSection, FiniteElementModel, Material, Place, ShellSection
+from modalbase.formats.models.model import (
+    BeamSection,
+    FiniteElementModel,
+    Material,
+    Place,
+    ShellSection,
+)
 
 _SECTION = ("area", "I1", "I2", "J")
 _ROUNDING = 1e-9
@@ -21,7 +29,9 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Number:
-    """A number of a set's section: where it stands, its new value, and what a comment says of it."""
+    """A number of a set's section: where it stands, its new value, and what a comment says of
+    it.
+    """
 
     set: str
     place: Place
@@ -39,7 +49,9 @@ class Changes:
     materials: dict[tuple[str, str], dict[str, float]]
 
     def groups(self, material: Material) -> list[tuple[dict[str, float], list[str]]]:
-        """New constants and the sets that have them; the first keep the material, those that do not change before others."""
+        """New constants and the sets that have them; the first keep the material, those that do not
+        change before others.
+        """
         found: list[tuple[dict[str, float], list[str]]] = []
         for name in self.model.sets:
             if material.name in self.model.sections[name].materials:
@@ -52,7 +64,9 @@ class Changes:
 
     def comment(self, sets: Sequence[str], constant: str, material: Material, value: float) -> str:
         """What is said of a new constant."""
-        before = material.constants[ISOTROPIC[constant] if constant not in material.constants else constant]
+        before = material.constants[
+            ISOTROPIC[constant] if constant not in material.constants else constant
+        ]
         return said(f"{constant} of {', '.join(sets)}", before, value)
 
 
@@ -65,14 +79,16 @@ def changes_of(model: FiniteElementModel, updated: Mapping[tuple[str, str], floa
     """What numbers by set and constant change.
 
     Raises:
-        FormatError: a set or constant is none of the deck's, a value is no number, or a section's does not stand in the deck
-            as a number of its own.
+        FormatError: a set or constant is none of the deck's, a value is no number, or a section's
+            does not stand in the deck as a number of its own.
     """
     found = Changes(model, [], {})
     by_set: dict[str, dict[str, float]] = {}
     for (name, constant), value in updated.items():
         if name not in model.sections:
-            raise FormatError(f"{name}.{constant}", f"there is no set {name!r}; there are {', '.join(model.sets)}")
+            raise FormatError(
+                f"{name}.{constant}", f"there is no set {name!r}; there are {', '.join(model.sets)}"
+            )
         if not isfinite(value):
             raise FormatError(f"{name}.{constant}", f"is {value}, expected a number")
         by_set.setdefault(name, {})[constant] = value
@@ -87,21 +103,34 @@ def _of_set(found: Changes, name: str, values: Mapping[str, float]) -> None:
     if isinstance(section, ShellSection) and "t" in rest:
         found.sections.extend(_thickness(found.model, name, section, rest.pop("t")))
     if isinstance(section, BeamSection):
-        found.sections.extend(_beam(name, section, {key: rest.pop(key) for key in _SECTION if key in rest}))
+        found.sections.extend(
+            _beam(name, section, {key: rest.pop(key) for key in _SECTION if key in rest})
+        )
     factor = rest.pop("factor", 1.0)
     alike = _alike(found.model, name)
     density = rest.pop("density", 0.0)
     share = density / _mean_density(found.model, name) if density else 1.0
     for number, materials in enumerate(alike, start=1):
         suffix = "" if number == 1 else f"_{number}"
-        own = {key.removesuffix(suffix): rest.pop(key) for key in list(rest) if _numbered(key) == number}
+        own = {
+            key.removesuffix(suffix): rest.pop(key)
+            for key in list(rest)
+            if _numbered(key) == number
+        }
         for material in (found.model.materials[each] for each in materials):
             changed = _as_stated(name, material, own, factor, share)
             if changed:
                 found.materials[name, material.name] = changed
     for key in rest:
-        there = ", ".join(constant for materials in alike for constant in found.model.materials[materials[0]].constants)
-        raise FormatError(f"{name}.{key}", f"is none of this set's numbers in the deck; there are t, factor, {there}")
+        there = ", ".join(
+            constant
+            for materials in alike
+            for constant in found.model.materials[materials[0]].constants
+        )
+        raise FormatError(
+            f"{name}.{key}",
+            f"is none of this set's numbers in the deck; there are t, factor, {there}",
+        )
 
 
 def _numbered(key: str) -> int:
@@ -111,11 +140,15 @@ def _numbered(key: str) -> int:
 
 
 def _alike(model: FiniteElementModel, name: str) -> list[list[str]]:
-    """A set's materials from the bottom; those that differ in density alone are one, with constants in common."""
+    """A set's materials from the bottom; those that differ in density alone are one, with constants
+    in common.
+    """
     found: dict[tuple[tuple[str, float], ...], list[str]] = {}
     for each in model.sections[name].materials:
         constants = model.materials[each].constants
-        found.setdefault(tuple(sorted((k, v) for k, v in constants.items() if k != "density")), []).append(each)
+        found.setdefault(
+            tuple(sorted((k, v) for k, v in constants.items() if k != "density")), []
+        ).append(each)
     return list(found.values())
 
 
@@ -127,15 +160,20 @@ def _mean_density(model: FiniteElementModel, name: str) -> float:
         plies = [(ply.material, ply.thickness) for ply in section.plies]
     mass = sum(t * model.materials[material].constants.get("density", 0.0) for material, t in plies)
     if not mass > 0:
-        raise FormatError(f"{name}.density", "cannot be written: the materials of the set state none")
+        raise FormatError(
+            f"{name}.density", "cannot be written: the materials of the set state none"
+        )
     return mass / sum(t for _, t in plies)
 
 
-def _thickness(model: FiniteElementModel, name: str, section: ShellSection, t: float) -> Iterable[Number]:
+def _thickness(
+    model: FiniteElementModel, name: str, section: ShellSection, t: float
+) -> Iterable[Number]:
     """Plies scaled to a whole thickness."""
     if any(block.thickness is not None for block in model.elements if block.set == name):
         raise FormatError(
-            f"{name}.t", "cannot be written: the deck states thicknesses element by element or node by node"
+            f"{name}.t",
+            "cannot be written: the deck states thicknesses element by element or node by node",
         )
     share = t / sum(ply.thickness for ply in section.plies)
     for place, ply in {ply.place: ply for ply in section.plies}.items():
@@ -152,10 +190,16 @@ def _beam(name: str, section: BeamSection, values: Mapping[str, float]) -> Itera
         if constant not in section.places:
             raise FormatError(
                 f"{name}.{constant}",
-                f"does not stand in the deck, which gives the section of {section.where} in another way",
+                f"does not stand in the deck, which gives the section of {section.where} in"
+                " another way",
             )
         if not _same(value, stated[constant]):
-            yield Number(name, section.places[constant], value, said(f"{constant} of {name}", stated[constant], value))
+            yield Number(
+                name,
+                section.places[constant],
+                value,
+                said(f"{constant} of {name}", stated[constant], value),
+            )
 
 
 ISOTROPIC = {"E1": "E", "E2": "E", "G12": "G", "G13": "G", "G23": "G", "nu12": "nu"}
@@ -179,23 +223,37 @@ def _as_stated(
     names = ISOTROPIC if material.is_isotropic else _ORTHOTROPIC
     for key in values:
         if key.startswith("angle"):
-            raise FormatError(f"{name}.{key}", "angles are not written back; turn the deck's orientations or plies")
+            raise FormatError(
+                f"{name}.{key}",
+                "angles are not written back; turn the deck's orientations or plies",
+            )
         if names.get(key, key) not in material.constants:
-            raise FormatError(f"{name}.{key}", f"{material.name} of {material.where} has no such constant")
+            raise FormatError(
+                f"{name}.{key}", f"{material.name} of {material.where} has no such constant"
+            )
     now = _isotropic(material, values) if material.is_isotropic else None
     if now is None:
         stated = (
-            {key: material.constants.get(own, 0.0) for key, own in ISOTROPIC.items()} if material.is_isotropic else {}
+            {key: material.constants.get(own, 0.0) for key, own in ISOTROPIC.items()}
+            if material.is_isotropic
+            else {}
         )
-        now = {**(stated or material.constants), **{_ORTHOTROPIC.get(key, key): value for key, value in values.items()}}
+        now = {
+            **(stated or material.constants),
+            **{_ORTHOTROPIC.get(key, key): value for key, value in values.items()},
+        }
     now |= {key: value * factor for key, value in now.items() if key[0] in "EG"}
     if "density" in material.constants:
         now["density"] = material.constants["density"] * share
-    return {key: value for key, value in now.items() if not _same(value, material.constants.get(key))}
+    return {
+        key: value for key, value in now.items() if not _same(value, material.constants.get(key))
+    }
 
 
 def _all_same(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
-    return one.keys() == other.keys() and all(_same(value, other[key]) for key, value in one.items())
+    return one.keys() == other.keys() and all(
+        _same(value, other[key]) for key, value in one.items()
+    )
 
 
 def _same(one: float, other: float | None) -> bool:
@@ -203,7 +261,9 @@ def _same(one: float, other: float | None) -> bool:
 
 
 def _isotropic(material: Material, values: Mapping[str, float]) -> dict[str, float] | None:
-    """E and ν, and G where the deck states it; None where the values are those of no isotropic material."""
+    """E and ν, and G where the deck states it; None where the values are those of no isotropic
+    material.
+    """
     wanted: dict[str, float] = {}
     for key, value in values.items():
         own = ISOTROPIC.get(key, key)
@@ -215,7 +275,11 @@ def _isotropic(material: Material, values: Mapping[str, float]) -> dict[str, flo
     G = now.pop("G")
     if "G" in wanted:
         now["nu"] = now["E"] / (2 * G) - 1
-    return now if -1 < now["nu"] <= 0.5 and abs(now["nu"] - wanted.get("nu", now["nu"])) < _SAME else None
+    return (
+        now
+        if -1 < now["nu"] <= 0.5 and abs(now["nu"] - wanted.get("nu", now["nu"])) < _SAME
+        else None
+    )
 
 
 Constants = Mapping[str, float]
@@ -277,14 +341,18 @@ class Edits:
 
     def result(self, head: Iterable[str] = ()) -> bytes:
         """The file with its changes, and lines before all of it."""
-        ends = [raw[len(raw.rstrip(b"\r\n")) :].decode() for raw in self._content.splitlines(keepends=True)]
+        ends = [
+            raw[len(raw.rstrip(b"\r\n")) :].decode()
+            for raw in self._content.splitlines(keepends=True)
+        ]
         newline = (ends or ["\n"])[0] or "\n"
         found = [f"{line}{newline}" for line in head]
         for number, end in enumerate(ends, start=1):
             after = self._after[number]
             found += [f"{line}{newline}" for line in self._before[number]]
             found.append(
-                self.line(number, self._fields[number]).replace("\n", newline) + (end or newline if after else end)
+                self.line(number, self._fields[number]).replace("\n", newline)
+                + (end or newline if after else end)
             )
             found += [f"{line}{newline}" for line in after]
         mark = BOM_UTF8 if self._content.startswith(BOM_UTF8) else b""
@@ -308,7 +376,11 @@ class Writing(ABC):
             self.section(number)
         for name in dict.fromkeys(name for _, name in changes.materials):
             self._material(changes.model.materials[name], changes)
-        head = [f"{self.files[''].sign} {line}" for remark in remarks for line in remark.splitlines() or [""]]
+        head = [
+            f"{self.files[''].sign} {line}"
+            for remark in remarks
+            for line in remark.splitlines() or [""]
+        ]
         return {
             name: file.result(() if name else head)
             for name, file in self.files.items()
@@ -318,7 +390,9 @@ class Writing(ABC):
     def _material(self, material: Material, changes: Changes) -> None:
         """Change a material for the sets that agree, and copy it for the others."""
         for k, (values, sets) in enumerate(changes.groups(material)):
-            comments = {name: changes.comment(sets, name, material, value) for name, value in values.items()}
+            comments = {
+                name: changes.comment(sets, name, material, value) for name, value in values.items()
+            }
             if values and (k or not self.change(material, values, sets, comments)):
                 self.copy(material, values, sets, comments)
 
@@ -327,9 +401,13 @@ class Writing(ABC):
         """Write a number of a section."""
 
     @abstractmethod
-    def change(self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]) -> bool:
+    def change(
+        self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]
+    ) -> bool:
         """Write constants where the material stands; False where its card cannot say them."""
 
     @abstractmethod
-    def copy(self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]) -> None:
+    def copy(
+        self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]
+    ) -> None:
         """Append a material with other constants, and let the sections of sets name it."""

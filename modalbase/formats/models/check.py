@@ -1,4 +1,6 @@
-"""What a model must satisfy before it is solved: elements that have a shape, and parts that hang together."""
+"""What a model must satisfy before it is solved: elements that have a shape, and parts that hang
+together.
+"""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
@@ -35,7 +37,9 @@ def sizes(block: Elements, places: Floats) -> Floats:
 def normals_of(x: Floats) -> Floats:
     """(e, 3) twice the area along the normal, of (e, n, 3) corners."""
     first, second = (
-        (x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]) if x.shape[1] == 3 else (x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
+        (x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+        if x.shape[1] == 3
+        else (x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
     )
     return np.asarray(np.cross(first, second))
 
@@ -50,16 +54,19 @@ def unit(x: Floats) -> Floats:
 
 
 def axis_without_system(normals: Floats) -> Floats:
-    """(e, 3) axis 1 of shells that have none of their own, not projected: x, or z where x is their normal."""
+    """(e, 3) axis 1 of shells that have none of their own, not projected: x, or z where x is their
+    normal.
+    """
     along = np.abs(normals[:, 0]) > ALONG_NORMAL
     return np.where(along[:, None], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
 
 
 def worst_corner(block: Elements, places: Floats) -> Floats:
-    """(e,) the least Jacobian at the corners of shells by that of their mean, ≤ 0 where an element folds over.
+    """(e,) the least Jacobian at the corners of shells by that of their mean, ≤ 0 where an element
+    folds over.
 
-    The Jacobian is that of the sides' tangents, which those with a node amid bend; of a beam, the least share of its length
-    between its nodes.
+    The Jacobian is that of the sides' tangents, which those with a node amid bend; of a beam, the
+    least share of its length between its nodes.
     """
     n = CORNERS[block.kind]
     x = places[block.nodes]
@@ -68,7 +75,9 @@ def worst_corner(block: Elements, places: Floats) -> Floats:
         if middles is None:
             return np.ones(len(x))
         along = x[:, 1] - x[:, 0]
-        share = np.einsum("ei,ei->e", middles[:, 0] - x[:, 0], along) / np.einsum("ei,ei->e", along, along)
+        share = np.einsum("ei,ei->e", middles[:, 0] - x[:, 0], along) / np.einsum(
+            "ei,ei->e", along, along
+        )
         return np.asarray(4 * np.minimum(share, 1 - share) - 1)
     normals = normals_of(x[:, :n])
     least = np.full(len(x), np.inf)
@@ -86,17 +95,19 @@ def worst_corner(block: Elements, places: Floats) -> Floats:
 NAMED = 5
 """At most so many elements, nodes or parts are named in a message."""
 LEAST = 1e-9
-"""Size of an element by its extent, and Jacobian of a corner by their mean, below which there is none."""
+"""Size of an element by its extent, and Jacobian of a corner by their mean, below which there is
+none.
+"""
 
 
 def check(model: FiniteElementModel) -> None:
     """Look for faults that no single line shows.
 
     Raises:
-        FormatError: there is no element; elements have no size or fold over; a section weighs less than nothing; a node is
-            led twice, or by itself in a circle, or held where it is led.
-        IncompleteError: masses or springs hang on nothing; the model falls into parts, of which one is free. What was not read
-            comes first.
+        FormatError: there is no element; elements have no size or fold over; a section weighs less
+            than nothing; a node is led twice, or by itself in a circle, or held where it is led.
+        IncompleteError: masses or springs hang on nothing; the model falls into parts, of which one
+            is free. What was not read comes first.
     """
     if not model.elements:
         raise FormatError("", "the model has no shell or beam element; nothing would vibrate")
@@ -115,15 +126,20 @@ def check(model: FiniteElementModel) -> None:
 def _weigh(model: FiniteElementModel) -> None:
     """Non-structural mass may be negative, to correct a density, but no more than that."""
     for name, section in model.sections.items():
-        density = {each: model.materials[each].constants.get("density", 0.0) for each in section.materials}
+        density = {
+            each: model.materials[each].constants.get("density", 0.0) for each in section.materials
+        }
         if isinstance(section, ShellSection):
-            mass = section.extra_mass + sum(ply.thickness * density[ply.material] for ply in section.plies)
+            mass = section.extra_mass + sum(
+                ply.thickness * density[ply.material] for ply in section.plies
+            )
         else:
             mass = section.extra_mass + section.area * density[section.material]
         if mass < 0:
             raise FormatError(
                 str(section.where),
-                f"the set {name} weighs {mass:.4g} with its non-structural mass, expected not below 0",
+                f"the set {name} weighs {mass:.4g} with its non-structural mass, expected not"
+                " below 0",
             )
 
 
@@ -143,14 +159,23 @@ def _led_once(model: FiniteElementModel) -> None:
         circle = error.args[1]
         named = " → ".join(str(model.numbers[node]) for node in circle)
         first = links[circle[0]]
-        raise FormatError(str(first.where), f"nodes lead one another in a circle: {named}") from error
+        raise FormatError(
+            str(first.where), f"nodes lead one another in a circle: {named}"
+        ) from error
 
 
 def gathered(links: Iterable[Link]) -> tuple[Link, ...]:
-    """Links of one node by the same leaders along the same axes as one, which leads the dofs of all."""
+    """Links of one node by the same leaders along the same axes as one, which leads the dofs of
+    all.
+    """
     found: dict[object, Link] = {}
     for link in links:
-        key = link.node, link.leaders, link.weights, None if link.axes is None else link.axes.tobytes()
+        key = (
+            link.node,
+            link.leaders,
+            link.weights,
+            None if link.axes is None else link.axes.tobytes(),
+        )
         before = found.get(key, link)
         found[key] = replace(before, dofs=tuple(sorted({*before.dofs, *link.dofs})))
     return tuple(found.values())
@@ -161,19 +186,28 @@ def nearness(places: Floats) -> float:
     return 1e-6 * float(np.linalg.norm(np.ptp(places, axis=0))) if len(places) else 0.0
 
 
-def on_leaders(supports: Iterable[Support], links: Iterable[Link], places: Floats) -> Iterator[Support]:
-    """Supports, of which what holds a led node holds the one that leads it, where both lie at one place."""
+def on_leaders(
+    supports: Iterable[Support], links: Iterable[Link], places: Floats
+) -> Iterator[Support]:
+    """Supports, of which what holds a led node holds the one that leads it, where both lie at one
+    place.
+    """
     near = nearness(places)
     ties = {
         link.node: link
         for link in links
-        if len(link.leaders) == 1 and np.linalg.norm(places[link.node] - places[link.leaders[0]]) <= near
+        if len(link.leaders) == 1
+        and np.linalg.norm(places[link.node] - places[link.leaders[0]]) <= near
     }
     for support in supports:
         held: dict[tuple[int, ...], list[int]] = defaultdict(list)
         for node in support.nodes.tolist():
             tie = ties.get(node)
-            led = set(tie.dofs) if tie and (len(tie.dofs) == 6 or tie.axes is support.axes is None) else set()
+            led = (
+                set(tie.dofs)
+                if tie and (len(tie.dofs) == 6 or tie.axes is support.axes is None)
+                else set()
+            )
             for at, some in (
                 (node, set(support.dofs) - led),
                 (tie.leaders[0] if tie else node, led & set(support.dofs)),
@@ -185,7 +219,9 @@ def on_leaders(supports: Iterable[Support], links: Iterable[Link], places: Float
 
 
 def directions(of: Link | Support) -> Floats:
-    """(d, 6) along or about which dofs are, as rows over displacements and turns in the model's frame."""
+    """(d, 6) along or about which dofs are, as rows over displacements and turns in the model's
+    frame.
+    """
     return np.asarray(np.kron(np.eye(2), np.eye(3) if of.axes is None else of.axes)[list(of.dofs)])
 
 
@@ -199,7 +235,9 @@ def free_motions(supports: Iterable[Support], nodes: Iterable[int]) -> dict[int,
 
 
 def _held_or_led(model: FiniteElementModel) -> None:
-    """A led node moves as its leaders do: to hold it there holds nothing, unless these are held in that motion too."""
+    """A led node moves as its leaders do: to hold it there holds nothing, unless these are held in
+    that motion too.
+    """
     links = {link.node: link for link in model.links}
     free = free_motions(model.supports, {leader for link in model.links for leader in link.leaders})
     for support in model.supports:
@@ -215,8 +253,8 @@ def _held_or_led(model: FiniteElementModel) -> None:
                 if np.abs(moved @ free[leader]).max(initial=0.0) > LEAST:
                     raise FormatError(
                         str(support.where),
-                        f"holds node {model.numbers[node]} in what {link.where} has node {model.numbers[leader]} lead; "
-                        "hold the one that leads",
+                        f"holds node {model.numbers[node]} in what {link.where} has node"
+                        f" {model.numbers[leader]} lead; hold the one that leads",
                     )
 
 
@@ -232,17 +270,31 @@ def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, s
         elif is_beam:
             what = "has its middle node outside the middle half between its ends"
         else:
-            what = f"folds over (Jacobian {worst[k]:.2g} of the mean): nodes in wrong order or place, or two at one"
+            what = (
+                f"folds over (Jacobian {worst[k]:.2g} of the mean): nodes in wrong order or place,"
+                " or two at one"
+            )
         yield block.where(k), f"element {block.numbers[k]} of the set {block.set} {what}"
 
 
 def _parts(model: FiniteElementModel) -> Integers:
-    """(n,) the first node of the part that each belongs to; nodes hang together by elements, links and springs."""
-    pairs = [np.stack([np.repeat(b.nodes[:, 0], b.nodes.shape[1]), b.nodes.ravel()]) for b in model.elements]
+    """(n,) the first node of the part that each belongs to; nodes hang together by elements, links
+    and springs.
+    """
+    pairs = [
+        np.stack([np.repeat(b.nodes[:, 0], b.nodes.shape[1]), b.nodes.ravel()])
+        for b in model.elements
+    ]
     joined = [(link.node, leader) for link in model.links for leader in link.leaders]
-    joined += [(spring.node, spring.second) for spring in model.springs if spring.second is not None]
-    rows, columns = np.concatenate([*pairs, np.array(joined, dtype=np.int64).reshape(-1, 2).T], axis=1)
-    graph = scipy.sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(model.nodes),) * 2)
+    joined += [
+        (spring.node, spring.second) for spring in model.springs if spring.second is not None
+    ]
+    rows, columns = np.concatenate(
+        [*pairs, np.array(joined, dtype=np.int64).reshape(-1, 2).T], axis=1
+    )
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(rows)), (rows, columns)), shape=(len(model.nodes),) * 2
+    )
     _, part = scipy.sparse.csgraph.connected_components(graph, directed=False)
     _, first = np.unique(part, return_index=True)
     return np.asarray(first[part])
@@ -260,7 +312,8 @@ def _hangs_together(model: FiniteElementModel) -> None:
         if not has_element[part[node]]:
             raise IncompleteError(
                 str(where),
-                f"{what} is on node {model.numbers[node]}, which no element, link or spring joins to the model",
+                f"{what} is on node {model.numbers[node]}, which no element, link or spring joins"
+                " to the model",
             )
     roots = np.flatnonzero(has_element & (part == np.arange(len(part))))
     if len(roots) == 1:
@@ -272,8 +325,8 @@ def _hangs_together(model: FiniteElementModel) -> None:
         named = "; ".join(_described(model, part, root) for root in roots.tolist()[:NAMED])
         raise IncompleteError(
             "",
-            f"the model falls into {len(roots)} parts that nothing joins, and nothing holds {len(free)} of them: {named}. "
-            f"Give them common nodes, or join them by a constraint",
+            f"the model falls into {len(roots)} parts that nothing joins, and nothing holds"
+            f" {len(free)} of them: {named}. Give them common nodes, or join them by a constraint",
         )
 
 
@@ -283,5 +336,7 @@ def _described(model: FiniteElementModel, part: Integers, root: int) -> str:
         chosen = np.flatnonzero(part[block.nodes[:, 0]] == root)
         if chosen.size:
             where = block.where(int(chosen[0]))
-            return f"element {block.numbers[chosen[0]]} of the set {block.set}" + (f" ({where})" if where else "")
+            return f"element {block.numbers[chosen[0]]} of the set {block.set}" + (
+                f" ({where})" if where else ""
+            )
     raise AssertionError(root)

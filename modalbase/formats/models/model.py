@@ -1,7 +1,8 @@
-"""A finite element model as a deck states it, numbers in the deck's own units, each with its line; and what is lost of it.
+"""A finite element model as a deck states it, numbers in the deck's own units, each with its line;
+and what is lost of it.
 
-Readers make it from any deck; nothing after them asks which. Nodes are known by their place in the table, and by their
-number to the user.
+Readers make it from any deck; nothing after them asks which. Nodes are known by their place in the
+table, and by their number to the user.
 """
 
 from __future__ import annotations
@@ -48,24 +49,31 @@ class Place:
 class Elements:
     """Elements of one kind and one set, that is of one section."""
 
-    # of elements; corners in order around the element, then the middles of its sides; of a beam its ends, then its
-    # middle
+    # of elements; corners in order around the element, then the middles of its sides; of a beam its
+    # ends, then its middle
     kind: Kind
     numbers: Integers  # (e,) the user's
     nodes: Integers  # (e, n) rows of the table of nodes
     set: str  # name of the set that the section belongs to
-    # (e, 3) axis 1 of the material in a shell, not yet projected on its surface; of a beam axis 1 of its section
+    # (e, 3) axis 1 of the material in a shell, not yet projected on its surface; of a beam axis 1
+    # of its section
     axes: Floats
     lines: Integers  # (e,) where each begins
-    # (e, n, 3) from the nodes to the beam's axis or the shell's reference surface; None where there are none
+    # (e, n, 3) from the nodes to the beam's axis or the shell's reference surface; None where there
+    # are none
     offsets: Floats | None = None
     # (e, n) thickness at the nodes where elements state their own; None where the section's holds
     thickness: Floats | None = None
-    files: tuple[str, ...] = ()  # the file of each line, empty for the deck itself; none where all stand there
+    # the file of each line, empty for the deck itself; none where all stand there
+    files: tuple[str, ...] = ()
 
     def where(self, k: int) -> str:
         """The place of an element's error; empty where the file has no lines."""
-        return str(Where(int(self.lines[k]), self.files[k] if self.files else "")) if self.lines[k] else ""
+        return (
+            str(Where(int(self.lines[k]), self.files[k] if self.files else ""))
+            if self.lines[k]
+            else ""
+        )
 
 
 @dataclass(frozen=True)
@@ -73,8 +81,8 @@ class Material:
     """A material."""
 
     name: str  # as the deck has it; a number as text
-    # `E`, `nu` and `G` of an isotropic one; else `E1`, `E2`, `nu12`, `G12`, `G13`, `G23`, and `E3`, `nu13`, `nu23`
-    # where stated; `density` where stated
+    # `E`, `nu` and `G` of an isotropic one; else `E1`, `E2`, `nu12`, `G12`, `G13`, `G23`, and `E3`,
+    # `nu13`, `nu23` where stated; `density` where stated
     constants: Mapping[str, float]
     where: Where
     places: Mapping[str, Place] = field(default_factory=dict)  # of the constants
@@ -87,7 +95,9 @@ class Material:
 
 @dataclass(frozen=True)
 class Ply:
-    """One ply: its material's name, thickness, and angle in degrees from the elements' axis 1 about their normal."""
+    """One ply: its material's name, thickness, and angle in degrees from the elements' axis 1 about
+    their normal.
+    """
 
     material: str
     thickness: float
@@ -116,10 +126,12 @@ class BeamSection:
 
     material: str  # its name
     area: float  # of the section
-    inertia: tuple[float, float, float]  # ∫z² dA, ∫y² dA and ∫yz dA of places y n₁ + z n₂ from the centroid
+    # ∫z² dA, ∫y² dA and ∫yz dA of places y n₁ + z n₂ from the centroid
+    inertia: tuple[float, float, float]
     torsion: float  # J
     where: Where
-    # factors κ of the areas that resist shear along axes 1 and 2; None where the deck has them rigid in shear
+    # factors κ of the areas that resist shear along axes 1 and 2; None where the deck has them
+    # rigid in shear
     shear: tuple[float, float] | None = (5 / 6, 5 / 6)
     extra_mass: float = 0.0  # non-structural mass per length
     # of `area`, `I1`, `I2`, `J`, where the deck states them themselves
@@ -133,7 +145,9 @@ class BeamSection:
 
 @dataclass(frozen=True)
 class PointMass:
-    """A mass that a node carries: its (3, 3) rotary inertia about its own centre, and the offset of that from the node."""
+    """A mass that a node carries: its (3, 3) rotary inertia about its own centre, and the offset of
+    that from the node.
+    """
 
     node: int
     mass: float
@@ -144,11 +158,12 @@ class PointMass:
 
 @dataclass(frozen=True)
 class Spring:
-    """A spring from a node's dof (0 … 5, in the model's frame) to the ground, or to the dof of a second node.
+    """A spring from a node's dof (0 … 5, in the model's frame) to the ground, or to the dof of a
+    second node.
 
-    Where it lies askew, `direction` is a unit vector in the model's frame: `dof` and `second_dof` are then 0 for displacements
-    along it and 3 for turns about it. `arms` reach from its nodes, as rigid bodies, to where it acts; None where it acts at the
-    nodes.
+    Where it lies askew, `direction` is a unit vector in the model's frame: `dof` and `second_dof`
+    are then 0 for displacements along it and 3 for turns about it. `arms` reach from its nodes, as
+    rigid bodies, to where it acts; None where it acts at the nodes.
     """
 
     node: int
@@ -163,7 +178,8 @@ class Spring:
 
 @dataclass(frozen=True)
 class Link:
-    """A node whose dofs (0 … 5) others lead: one as a rigid body, or several as their weighted mean.
+    """A node whose dofs (0 … 5) others lead: one as a rigid body, or several as their weighted
+    mean.
 
     The dofs are along the model's axes, or along those (3, 3, as rows) of `axes`.
     """
@@ -178,7 +194,9 @@ class Link:
 
 @dataclass(frozen=True)
 class Support:
-    """Nodes whose dofs (0 … 5) are held, along the model's axes or along those (3, 3, as rows) of `axes`."""
+    """Nodes whose dofs (0 … 5) are held, along the model's axes or along those (3, 3, as rows) of
+    `axes`.
+    """
 
     nodes: Integers
     dofs: tuple[int, ...]
@@ -193,7 +211,8 @@ class Ignored:
     card: str  # name, such as `*CONTACT PAIR` or `PLOAD4`
     lines: tuple[int, ...]  # where they stand in `file`
     loss: str  # what is lost by that, in a sentence
-    # whether modes and frequencies change; such a card stops an import unless the user accepts it by name
+    # whether modes and frequencies change; such a card stops an import unless the user accepts it
+    # by name
     changes: bool = False
     file: str = ""  # of an INCLUDE, empty for the deck itself
 
@@ -209,8 +228,10 @@ class FiniteElementModel:
     elements: tuple[Elements, ...]  # blocks
     sections: Mapping[str, ShellSection | BeamSection]  # of each set of elements
     materials: Mapping[str, Material]  # by name
-    node_sets: Mapping[str, Integers] = field(default_factory=dict)  # named nodes, rows of the table
-    # (3, 3) axes, as rows, of nodes whose displacements a deck states in a system of their own, by row
+    # named nodes, rows of the table
+    node_sets: Mapping[str, Integers] = field(default_factory=dict)
+    # (3, 3) axes, as rows, of nodes whose displacements a deck states in a system of their own, by
+    # row
     node_axes: Mapping[int, Floats] = field(default_factory=dict)
     # masses, springs, links, supports: what it carries and what holds it
     masses: tuple[PointMass, ...] = ()
@@ -239,7 +260,10 @@ class IncompleteError(FormatError):
     def after(self, ignored: Iterable[Ignored]) -> IncompleteError:
         """The same after the cards that were not read, which come first."""
         unread = [
-            (str(Where(each.lines[0], each.file)), f"{each.card}: {each.loss}; this may be why the model is incomplete")
+            (
+                str(Where(each.lines[0], each.file)),
+                f"{each.card}: {each.loss}; this may be why the model is incomplete",
+            )
             for each in ignored
             if each.changes
         ]

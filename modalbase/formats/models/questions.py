@@ -1,6 +1,8 @@
-"""What is unusual in a model, or would be left out of it: a question that names set and value, which `accept` answers.
+"""What is unusual in a model, or would be left out of it: a question that names set and value,
+which `accept` answers.
 
-Each says what to send, as `accept=density:GAUGE`. A name in `accept` that answers nothing of a model is refused.
+Each says what to send, as `accept=density:GAUGE`. A name in `accept` that answers nothing of a
+model is refused.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -32,7 +34,9 @@ def plain(name: str) -> str:
     return name.strip().lstrip("*").upper()
 
 
-def require_answers(questions: Iterable[Question], accepted: Sequence[str], ignored: Iterable[Ignored] = ()) -> None:
+def require_answers(
+    questions: Iterable[Question], accepted: Sequence[str], ignored: Iterable[Ignored] = ()
+) -> None:
     """Refuse questions without an answer, and answers without a question.
 
     Args:
@@ -44,7 +48,9 @@ def require_answers(questions: Iterable[Question], accepted: Sequence[str], igno
         FormatError: as said; every one is named.
     """
     questions, given = list(questions), {plain(name): name for name in accepted}
-    known = {plain(name) for question in questions for name in question.names} | {plain(one.card) for one in ignored}
+    known = {plain(name) for question in questions for name in question.names} | {
+        plain(one.card) for one in ignored
+    }
     faults = [
         (question.place, f"{question.what}; accept={question.names[0]} {question.effect}")
         for question in questions
@@ -75,7 +81,9 @@ def of_size(model: FiniteElementModel, length: float = 1.0) -> Iterator[Question
     """Of a structure that is unusually small or large, in a unit of so many metres."""
     size = extent(model) * length
     if not within(size, SIZES):
-        what = f"the structure is {size:.3g} m large, usual is {_range(SIZES)} (are the units right?)"
+        what = (
+            f"the structure is {size:.3g} m large, usual is {_range(SIZES)} (are the units right?)"
+        )
         yield Question("units", what, ("size",))
 
 
@@ -89,7 +97,9 @@ def of_materials(model: FiniteElementModel, units: str) -> Iterator[Question]:
                 if kind == "density" and is_weighed_apart(model, name, material):
                     continue
                 sets = sum(each in model.sections[one].materials for one in model.sets)
-                others = f", accept={kind}:{each} all {sets} sets of the material" if sets > 1 else ""
+                others = (
+                    f", accept={kind}:{each} all {sets} sets of the material" if sets > 1 else ""
+                )
                 at = f", {material.where}" if material.where.line else ""
                 named = f"in {units} the set {name} (material {each}{at}) has {what}"
                 answers = f"{kind}:{name}", f"{kind}:{each}"
@@ -97,7 +107,9 @@ def of_materials(model: FiniteElementModel, units: str) -> Iterator[Question]:
     better = guess(model) if questions else None
     if better and better.units != units:
         first = questions[0]
-        questions[0] = replace(first, place="units", what=f"{first.what}; {better.units} would fit: {better.reason}")
+        questions[0] = replace(
+            first, place="units", what=f"{first.what}; {better.units} would fit: {better.reason}"
+        )
     yield from questions
 
 
@@ -114,10 +126,16 @@ def massless(model: FiniteElementModel) -> Iterator[Ignored]:
         FormatError: nothing weighs.
     """
     weights = [material.constants.get("density", 0.0) for material in model.materials.values()]
-    apart = [*(mass.mass for mass in model.masses), *(section.extra_mass for section in model.sections.values())]
+    apart = [
+        *(mass.mass for mass in model.masses),
+        *(section.extra_mass for section in model.sections.values()),
+    ]
     if not any(value > 0 for value in (*weights, *apart)):
         first = next(iter(model.materials.values()))
-        raise FormatError(str(first.where), f"the material {first.name} has no density, and nothing else has a mass")
+        raise FormatError(
+            str(first.where),
+            f"the material {first.name} has no density, and nothing else has a mass",
+        )
     for material in model.materials.values():
         if not material.constants.get("density"):
             loss = f"{material.name} has none: its elements weigh nothing"
@@ -125,7 +143,10 @@ def massless(model: FiniteElementModel) -> Iterator[Ignored]:
 
 
 def _unusual(material: Material, u: Units) -> Iterator[tuple[str, str]]:
-    density, modulus = material.constants.get("density", 0.0) * u.density, modulus_of(material) * u.stress
+    density, modulus = (
+        material.constants.get("density", 0.0) * u.density,
+        modulus_of(material) * u.stress,
+    )
     usual = within(density, DENSITIES), within(modulus, MODULI)
     if not density:
         yield "density", f"no density, usual is {_range(DENSITIES)} kg/m³"

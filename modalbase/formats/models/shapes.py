@@ -1,9 +1,10 @@
 """Cross sections of beams from their walls, and those that decks state by name and dimensions.
 
-A section lies in the plane of y (axis 1) and z (axis 2). Those of rectangles are exact in area and moments; torsion is
-Σ b t³/3 of thin walls, to which closed ones add Bredt's, and St-Venant's of the bar. Shear factors of Nastran's sections are
-those of Timoshenko for solid ones, and of thin ones the share of the walls along the force. Those of Abaqus's are its own
-(*Analysis User's Guide*, "Choosing a beam element"), after Cowper (1966).
+A section lies in the plane of y (axis 1) and z (axis 2). Those of rectangles are exact in area and
+moments; torsion is Σ b t³/3 of thin walls, to which closed ones add Bredt's, and St-Venant's of the
+bar. Shear factors of Nastran's sections are those of Timoshenko for solid ones, and of thin ones
+the share of the walls along the force. Those of Abaqus's are its own (*Analysis User's Guide*,
+"Choosing a beam element"), after Cowper (1966).
 """
 
 from collections.abc import Callable, Sequence
@@ -24,10 +25,13 @@ class Shape:
     torsion: float  # J
     shear: tuple[float, float]  # factors of the areas that resist shear along y and z
     centroid: tuple[float, float] = (0.0, 0.0)  # y and z from where the section is drawn from
-    extent: tuple[float, float] = (0.0, 0.0)  # along y and z, by which CalculiX multiplies its offsets
+    # along y and z, by which CalculiX multiplies its offsets
+    extent: tuple[float, float] = (0.0, 0.0)
 
 
-def of_walls(*walls: Wall, torsion: float | None = None, shear: tuple[float, float] | None = None) -> Shape:
+def of_walls(
+    *walls: Wall, torsion: float | None = None, shear: tuple[float, float] | None = None
+) -> Shape:
     """A section of rectangles that do not overlap.
 
     Args:
@@ -47,7 +51,9 @@ def of_walls(*walls: Wall, torsion: float | None = None, shear: tuple[float, flo
     areas = [height * width for height, width in sides]
     if not (A := sum(areas)) > 0:
         raise ValueError("walls too small for a number")
-    y, z = (sum(a * middle[k] for a, middle in zip(areas, middles, strict=True)) / A for k in (0, 1))
+    y, z = (
+        sum(a * middle[k] for a, middle in zip(areas, middles, strict=True)) / A for k in (0, 1)
+    )
     yy = zz = yz = along_y = 0.0
     for a, (height, width), (y_own, z_own) in zip(areas, sides, middles, strict=True):
         yy += a * (height**2 / 12 + (y_own - y) ** 2)
@@ -74,19 +80,28 @@ def bar_torsion(a: float, b: float) -> float:
 
 
 def box_torsion(y: tuple[float, float, float], z: tuple[float, float, float]) -> float:
-    """J of a thin box, Bredt's and Σ b t³/3: height and its two walls along z, width and its two walls along y.
+    """J of a thin box, Bredt's and Σ b t³/3: height and its two walls along z, width and its two
+    walls along y.
 
     With one wall of next to nothing it is a channel.
     """
     up, across = y[0] - (y[1] + y[2]) / 2, z[0] - (z[1] + z[2]) / 2
     walls = ((across, y[1]), (across, y[2]), (up, z[1]), (up, z[2]))
-    return 4 * (across * up) ** 2 / sum(b / t for b, t in walls) + sum(b * t**3 for b, t in walls) / 3
+    return (
+        4 * (across * up) ** 2 / sum(b / t for b, t in walls) + sum(b * t**3 for b, t in walls) / 3
+    )
 
 
 def is_real(shape: Shape) -> bool:
     """Whether dimensions give a section with area, moments and torsion above zero."""
     first, second, mixed = shape.inertia
-    return shape.area > 0 and first > 0 and second > 0 and mixed**2 < first * second and shape.torsion > 0
+    return (
+        shape.area > 0
+        and first > 0
+        and second > 0
+        and mixed**2 < first * second
+        and shape.torsion > 0
+    )
 
 
 def _centred(shape: Shape, centre: tuple[float, float]) -> Shape:
@@ -103,7 +118,12 @@ def _symmetric(*walls: Wall, torsion: float | None = None) -> Shape:
 def _lying(shape: Shape) -> Shape:
     """With y and z exchanged."""
     first, second, mixed = shape.inertia
-    return replace(shape, inertia=(second, first, mixed), shear=shape.shear[::-1], centroid=shape.centroid[::-1])
+    return replace(
+        shape,
+        inertia=(second, first, mixed),
+        shear=shape.shear[::-1],
+        centroid=shape.centroid[::-1],
+    )
 
 
 def _upside_down(shape: Shape) -> Shape:
@@ -127,7 +147,9 @@ def _bar(width: float, height: float) -> Shape:
     return _symmetric((0, height, 0, width), torsion=bar_torsion(width, height))
 
 
-def _box1(width: float, height: float, top: float, bottom: float, left: float, right: float) -> Shape:
+def _box1(
+    width: float, height: float, top: float, bottom: float, left: float, right: float
+) -> Shape:
     return _symmetric(
         (0, height, 0, left),
         (0, height, width - right, width),
@@ -150,7 +172,9 @@ def _i(height: float, low: float, top: float, web: float, t_low: float, t_top: f
 
 def _channel(width: float, height: float, web: float, flange: float) -> Shape:
     """Its web at z = 0."""
-    shape = of_walls((0, height, 0, web), (0, flange, web, width), (height - flange, height, web, width))
+    shape = of_walls(
+        (0, height, 0, web), (0, flange, web, width), (height - flange, height, web, width)
+    )
     b, h = width - web / 2, height - flange
     e = 3 * b**2 * flange / (6 * b * flange + h * web)  # from the web's middle, outside
     return _centred(shape, (height / 2, web / 2 - e))
@@ -158,7 +182,10 @@ def _channel(width: float, height: float, web: float, flange: float) -> Shape:
 
 def _t(width: float, height: float, flange: float, web: float) -> Shape:
     """The flange above."""
-    walls = (0, height - flange, -web / 2, web / 2), (height - flange, height, -width / 2, width / 2)
+    walls = (
+        (0, height - flange, -web / 2, web / 2),
+        (height - flange, height, -width / 2, width / 2),
+    )
     return _centred(of_walls(*walls), (height - flange / 2, 0.0))
 
 
@@ -171,20 +198,32 @@ def _cross(arms: float, post: float, height: float, t: float) -> Shape:
 
 
 def _h(clear: float, legs: float, height: float, t: float) -> Shape:
-    """The bar between the legs, both legs' thickness together, their height, the bar's thickness."""
+    """The bar between the legs, both legs' thickness together, their height, the bar's
+    thickness.
+    """
     leg, y = legs / 2, (height - t) / 2
-    return _symmetric((0, height, 0, leg), (0, height, leg + clear, 2 * leg + clear), (y, y + t, leg, leg + clear))
+    return _symmetric(
+        (0, height, 0, leg), (0, height, leg + clear, 2 * leg + clear), (y, y + t, leg, leg + clear)
+    )
 
 
 def _z(beyond: float, web: float, clear: float, height: float) -> Shape:
-    """A flange's length beyond the web, the web's thickness, clear height, height; the upper flange towards +z."""
+    """A flange's length beyond the web, the web's thickness, clear height, height; the upper flange
+    towards +z.
+    """
     flange = (height - clear) / 2
-    walls = (0, height, 0, web), (0, flange, -beyond, 0), (height - flange, height, web, web + beyond)
+    walls = (
+        (0, height, 0, web),
+        (0, flange, -beyond, 0),
+        (height - flange, height, web, web + beyond),
+    )
     return _symmetric(*walls)
 
 
 def _l(width: float, height: float, flat: float, upright: float) -> Shape:
-    return _centred(of_walls((0, flat, 0, width), (flat, height, 0, upright)), (flat / 2, upright / 2))
+    return _centred(
+        of_walls((0, flat, 0, width), (flat, height, 0, upright)), (flat / 2, upright / 2)
+    )
 
 
 def _hat(height: float, t: float, top: float, brim: float) -> Shape:
@@ -202,7 +241,9 @@ def _hexagon(side: float, width: float, height: float) -> Shape:
     middle = width - 2 * side
     A = height * (width - side)
     yy = middle * height**3 / 12 + 4 * side * (height / 2) ** 3 / 12
-    zz = height * middle**3 / 12 + 2 * (height * side**3 / 36 + height * side / 2 * (middle / 2 + side / 3) ** 2)
+    zz = height * middle**3 / 12 + 2 * (
+        height * side**3 / 36 + height * side / 2 * (middle / 2 + side / 3) ** 2
+    )
     return Shape(A, (zz, yy, 0.0), A**4 / (40 * (yy + zz)), (5 / 6, 5 / 6))
 
 
@@ -218,7 +259,9 @@ NASTRAN: dict[str, Callable[..., Shape]] = {
         height, beyond + web, beyond + web, web, (height - clear) / 2, (height - clear) / 2
     ),
     "CHAN": _channel,
-    "CHAN1": lambda beyond, web, clear, height: _channel(beyond + web, height, web, (height - clear) / 2),
+    "CHAN1": lambda beyond, web, clear, height: _channel(
+        beyond + web, height, web, (height - clear) / 2
+    ),
     "CHAN2": lambda leg, web, height, width: _lying(_channel(height, width, web, leg)),
     "T": _t,
     "T1": lambda height, length, flange, web: _lying(_t(height, length + flange, flange, web)),
@@ -266,7 +309,9 @@ def _box(a: float, b: float, t1: float, t2: float, t3: float, t4: float) -> Shap
 
 
 def _i_section(l: float, h: float, b1: float, b2: float, t1: float, t2: float, t3: float) -> Shape:  # noqa: E741
-    """Origin above the bottom, height, widths of the bottom and top flange, their thicknesses, and the web's."""
+    """Origin above the bottom, height, widths of the bottom and top flange, their thicknesses, and
+    the web's.
+    """
     walls = [
         (-b1 / 2, b1 / 2, -l, t1 - l),
         (-b2 / 2, b2 / 2, h - t2 - l, h - l),
@@ -285,14 +330,20 @@ def _t_section(b: float, h: float, l: float, tf: float, tw: float) -> Shape:  # 
 def _l_section(a: float, b: float, t1: float, t2: float) -> Shape:
     """Legs along axes 1 and 2; the origin is where their middle lines meet."""
     walls = [(-t2 / 2, a - t2 / 2, -t1 / 2, t1 / 2), (-t2 / 2, t2 / 2, t1 / 2, b - t1 / 2)]
-    return of_walls(*walls, torsion=((a - t2 / 2) * t1**3 + (b - t1 / 2) * t2**3) / 3, shear=(1.0, 1.0))
+    return of_walls(
+        *walls, torsion=((a - t2 / 2) * t1**3 + (b - t1 / 2) * t2**3) / 3, shear=(1.0, 1.0)
+    )
 
 
 _ABAQUS: dict[str, tuple[str, Callable[..., bool], Callable[..., Shape]]] = {
     "RECT": ("a, b", lambda *_: True, _rectangle),
     "PIPE": ("radius, wall", lambda r, t: t < r, _pipe),
     "BOX": ("a, b, t1, t2, t3, t4", lambda a, b, t1, t2, t3, t4: t1 + t3 < a and t2 + t4 < b, _box),
-    "I": ("l, h, b1, b2, t1, t2, t3", lambda _, h, b1, b2, t1, t2, t3: t1 + t2 < h and t3 <= min(b1, b2), _i_section),
+    "I": (
+        "l, h, b1, b2, t1, t2, t3",
+        lambda _, h, b1, b2, t1, t2, t3: t1 + t2 < h and t3 <= min(b1, b2),
+        _i_section,
+    ),
     "T": ("b, h, l, tf, tw", lambda b, h, _, tf, tw: tf < h and tw <= b, _t_section),
     "L": ("a, b, t1, t2", lambda a, b, t1, t2: t1 < b and t2 < a, _l_section),
 }
@@ -313,11 +364,15 @@ def abaqus(kind: str, sizes: Sequence[float]) -> Shape:
         sizes = [sizes[0], sizes[0]]
     if kind not in _ABAQUS:
         raise ValueError(
-            f"SECTION={kind} is unknown, expected CIRC, {', '.join(_ABAQUS)}, or GENERAL with its constants"
+            f"SECTION={kind} is unknown, expected CIRC, {', '.join(_ABAQUS)}, or GENERAL with its"
+            " constants"
         )
     names, holds, function = _ABAQUS[kind]
     dimensions = names.split(", ")
     positive = [size for name, size in zip(dimensions, sizes, strict=False) if name != "l"]
     if len(sizes) != len(dimensions) or min(positive) <= 0 or not holds(*sizes):
-        raise ValueError(f"expected {names}: {len(dimensions)} lengths above 0 of which the walls fit into the section")
+        raise ValueError(
+            f"expected {names}: {len(dimensions)} lengths above 0 of which the walls fit into the"
+            " section"
+        )
     return function(*sizes)

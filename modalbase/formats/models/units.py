@@ -11,17 +11,50 @@ import numpy as np
 
 from modalbase.formats.constants import POUND_FORCE, STANDARD_GRAVITY
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.model import BeamSection, FiniteElementModel, Material, PointMass, ShellSection, Spring
+from modalbase.formats.models.model import (
+    BeamSection,
+    FiniteElementModel,
+    Material,
+    PointMass,
+    ShellSection,
+    Spring,
+)
 
 _INCH, _FOOT = 0.0254, 0.3048
 _POUND = POUND_FORCE / STANDARD_GRAVITY
 LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": _INCH, "ft": _FOOT}
-FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": POUND_FORCE, "kip": 1e3 * POUND_FORCE, "kgf": STANDARD_GRAVITY}
-MASSES = {"kg": 1.0, "t": 1e3, "g": 1e-3, "lb": _POUND, "slug": POUND_FORCE / _FOOT, "slinch": POUND_FORCE / _INCH}
+FORCES = {
+    "N": 1.0,
+    "kN": 1e3,
+    "MN": 1e6,
+    "lbf": POUND_FORCE,
+    "kip": 1e3 * POUND_FORCE,
+    "kgf": STANDARD_GRAVITY,
+}
+MASSES = {
+    "kg": 1.0,
+    "t": 1e3,
+    "g": 1e-3,
+    "lb": _POUND,
+    "slug": POUND_FORCE / _FOOT,
+    "slinch": POUND_FORCE / _INCH,
+}
 """SI value of one unit. A slug is a lbf s²/ft, a slinch a lbf s²/in."""
 
-COMMON = ("m-N-kg", "mm-N-t", "mm-N-kg", "mm-kN-kg", "m-kN-t", "cm-N-kg", "in-lbf-slinch", "in-lbf-lb", "ft-lbf-slug")
-"""Those that a guess tries. Units need not be coherent: mm-N-kg is not, and its solver's frequencies are then in odd units."""
+COMMON = (
+    "m-N-kg",
+    "mm-N-t",
+    "mm-N-kg",
+    "mm-kN-kg",
+    "m-kN-t",
+    "cm-N-kg",
+    "in-lbf-slinch",
+    "in-lbf-lb",
+    "ft-lbf-slug",
+)
+"""Those that a guess tries. Units need not be coherent: mm-N-kg is not, and its solver's
+frequencies are then in odd units.
+"""
 
 
 class Units(NamedTuple):
@@ -51,7 +84,9 @@ class Guess:
 
 
 class _Known(NamedTuple):
-    """A kind of material: ranges of its density in kg/m³ and of its largest Young's modulus in Pa."""
+    """A kind of material: ranges of its density in kg/m³ and of its largest Young's modulus in
+    Pa.
+    """
 
     name: str
     density: tuple[float, float]
@@ -84,7 +119,12 @@ def units_of(name: str) -> Units:
         FormatError: the name is none.
     """
     parts = name.split("-")
-    if len(parts) != 3 or parts[0] not in LENGTHS or parts[1] not in FORCES or parts[2] not in MASSES:
+    if (
+        len(parts) != 3
+        or parts[0] not in LENGTHS
+        or parts[1] not in FORCES
+        or parts[2] not in MASSES
+    ):
         raise FormatError(
             "units",
             f"{name!r} names no units, expected length-force-mass, such as {', '.join(COMMON)}; "
@@ -143,7 +183,9 @@ def _material(material: Material, u: Units) -> Material:
 
 
 def unit_of(constant: str, u: Units) -> float:
-    """SI value of one unit of a constant of a section or material, such as `t`, `I1`, `E2`, `nu` or `density`."""
+    """SI value of one unit of a constant of a section or material, such as `t`, `I1`, `E2`, `nu` or
+    `density`.
+    """
     if constant in ("t", "area", "I1", "I2", "J"):
         return u.length ** {"t": 1, "area": 2}.get(constant, 4)
     if constant == "density":
@@ -154,14 +196,18 @@ def unit_of(constant: str, u: Units) -> float:
 def _mass(mass: PointMass, u: Units) -> PointMass:
     x, y, z = (value * u.length for value in mass.offset)
     inertia = tuple(
-        (a * u.mass * u.length**2, b * u.mass * u.length**2, c * u.mass * u.length**2) for a, b, c in mass.inertia
+        (a * u.mass * u.length**2, b * u.mass * u.length**2, c * u.mass * u.length**2)
+        for a, b, c in mass.inertia
     )
     return replace(mass, mass=mass.mass * u.mass, inertia=inertia, offset=(x, y, z))
 
 
 def _spring(spring: Spring, u: Units) -> Spring:
     """N/m between displacements, N·m between turns, N between the two."""
-    turns = [dof >= 3 for dof in (spring.dof, spring.dof if spring.second_dof is None else spring.second_dof)]
+    turns = [
+        dof >= 3
+        for dof in (spring.dof, spring.dof if spring.second_dof is None else spring.second_dof)
+    ]
     arms = None
     if spring.arms is not None:
         (a, b, c), (x, y, z) = (np.multiply(arm, u.length).tolist() for arm in spring.arms)
@@ -171,7 +217,8 @@ def _spring(spring: Spring, u: Units) -> Spring:
 
 
 def guess(model: FiniteElementModel) -> Guess | None:
-    """Units in which most elements are of materials that are known, and the structure has the size of one; None where none are.
+    """Units in which most elements are of materials that are known, and the structure has the size
+    of one; None where none are.
 
     The first such of `COMMON` is offered, and the others are named.
     """
@@ -192,12 +239,16 @@ def guess(model: FiniteElementModel) -> Guess | None:
     first, *others = (name for name, share in shares.items() if share == most)
     u = units_of(first)
     said = "; ".join(
-        f"{name} would be {known[first].get(name) or 'no usual material'} (E {modulus_of(material) * u.stress:.3g} Pa, "
-        f"density {material.constants.get('density', 0.0) * u.density:.4g} kg/m³)"
+        f"{name} would be {known[first].get(name) or 'no usual material'} (E"
+        f" {modulus_of(material) * u.stress:.3g} Pa, density"
+        f" {material.constants.get('density', 0.0) * u.density:.4g} kg/m³)"
         for name, material in model.materials.items()
     )
     also = f"; {', '.join(others)} would fit too" if others else ""
-    return Guess(first, f"in {first} the structure is {extent(model) * u.length:.3g} m large, and {said}{also}")
+    return Guess(
+        first,
+        f"in {first} the structure is {extent(model) * u.length:.3g} m large, and {said}{also}",
+    )
 
 
 def _kind(material: Material, u: Units) -> str:
@@ -208,7 +259,9 @@ def _kind(material: Material, u: Units) -> str:
 
 def modulus_of(material: Material) -> float:
     """Its largest Young's modulus."""
-    return max(value for name, value in material.constants.items() if name in ("E", "E1", "E2", "E3"))
+    return max(
+        value for name, value in material.constants.items() if name in ("E", "E1", "E2", "E3")
+    )
 
 
 def extent(model: FiniteElementModel) -> float:

@@ -1,5 +1,5 @@
-"""Time blocks of hammer tests: arrays of npz, .mat, CSV and wav files, a mapping that says what they are, blocks
-in SI.
+"""Time blocks of hammer tests: arrays of npz, .mat, CSV and wav files, a mapping that says what
+they are, blocks in SI.
 """
 
 from modalbase.formats.records.arrays import TimeBlock, Variables, described

@@ -1,4 +1,6 @@
-"""Named arrays with the sampling rate among them, and time blocks: what one channel recorded of one hit."""
+"""Named arrays with the sampling rate among them, and time blocks: what one channel recorded of one
+hit.
+"""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -34,31 +36,45 @@ def variable(variables: Variables, name: str) -> np.ndarray[Any, Any]:
 
 def described(array: np.ndarray[Any, Any]) -> str:
     """Type and shape of an array, and its least and greatest value where it has such."""
-    extent = "" if array.dtype.kind == "c" or not array.size else f", {array.min():.3g} to {array.max():.3g}"
+    extent = (
+        ""
+        if array.dtype.kind == "c" or not array.size
+        else f", {array.min():.3g} to {array.max():.3g}"
+    )
     return f"{array.dtype} {list(array.shape)}{extent}"
 
 
 def is_named(given: Any) -> bool:
     """Whether a mapping's value is `{"variable": name}`."""
-    return isinstance(given, dict) and set(given) == {"variable"} and isinstance(given["variable"], str)
+    return (
+        isinstance(given, dict)
+        and set(given) == {"variable"}
+        and isinstance(given["variable"], str)
+    )
 
 
 def sampling_rate(
     variables: Variables, given: float | str, samples: int, units: Mapping[str, str] | None = None
 ) -> float:
-    """Samples a second: a number, or the name of the variable that holds it or the time axis of so many samples, in the
-    unit that its name or the file's properties state.
+    """Samples a second: a number, or the name of the variable that holds it or the time axis of so
+    many samples, in the unit that its name or the file's properties state.
 
     Raises:
-        FormatError: it is no rate, the axis is uneven or of another length, or the file says another.
+        FormatError: it is no rate, the axis is uneven or of another length, or the file says
+            another.
     """
     if not isinstance(given, str):
         rate = float(given)
         own = variables.get(SAMPLE_RATE, np.array(rate))
-        if own.size == 1 and own.dtype.kind != "c" and abs(rate - float(own.item())) > _OTHER_RATE * abs(rate):
+        if (
+            own.size == 1
+            and own.dtype.kind != "c"
+            and abs(rate - float(own.item())) > _OTHER_RATE * abs(rate)
+        ):
             raise FormatError(
                 "mapping.sample_rate_hz",
-                f'is {rate:g}, and the file says {float(own.item()):g}; state {{"variable": "{SAMPLE_RATE}"}}',
+                f'is {rate:g}, and the file says {float(own.item()):g}; state {{"variable":'
+                f' "{SAMPLE_RATE}"}}',
             )
     else:
         values = real(np.ravel(variable(variables, given)), given)
@@ -73,11 +89,15 @@ def sampling_rate(
             uneven = float(np.abs(steps - step).max())
             if not (step > 0 and uneven <= _UNEVEN * step + 1e-6 * abs(float(values[-1]))):
                 raise FormatError(
-                    given, "is not an evenly rising time axis; state the rate as a number where it is rounded"
+                    given,
+                    "is not an evenly rising time axis; state the rate as a number where it is"
+                    " rounded",
                 )
             rate = 1 / step / _factor_of(given, "time", units or {})
         else:
-            raise FormatError(given, f"has {values.size} values, expected the rate or a time axis of {samples}")
+            raise FormatError(
+                given, f"has {values.size} values, expected the rate or a time axis of {samples}"
+            )
     if not 0 < rate <= _FASTEST_HZ:
         expected = f"expected a positive number of samples a second, up to {_FASTEST_HZ:g}"
         raise FormatError("mapping.sample_rate_hz", f"is {rate:g}, {expected}")
@@ -93,7 +113,9 @@ def _factor_of(name: str, quantity: Measured, units: Mapping[str, str]) -> float
     unit = unit_in_name(name, quantity)[1] or units.get(name, "")
     factor = factor_of(quantity, unit) if unit else 1.0
     if factor is None:
-        raise FormatError(name, f"is in {unit!r}, expected a {quantity} (state the rate as a number otherwise)")
+        raise FormatError(
+            name, f"is in {unit!r}, expected a {quantity} (state the rate as a number otherwise)"
+        )
     return factor
 
 
@@ -123,10 +145,13 @@ class TimeBlock:
         sample_rate_hz: samples a second.
         samples: (n,) float32 or float64, N, m/s², m/s or m.
         window_rate_per_s: r where the analyser has multiplied the block by exp(-r t); 0 for none.
-        full_scale: largest magnitude that the channel can record, in SI; None where it is not known.
-        sensitivity: volts (or counts) per SI unit that the samples were divided by; 1 where they were in SI.
+        full_scale: largest magnitude that the channel can record, in SI; None where it is not
+            known.
+        sensitivity: volts (or counts) per SI unit that the samples were divided by; 1 where they
+            were in SI.
         label: name of the variable or column, or the first ID line.
-        start_sample: of a block cut from a recording, its first sample there, from 0; None where it was recorded alone.
+        start_sample: of a block cut from a recording, its first sample there, from 0; None where it
+            was recorded alone.
     """
 
     quantity: ChannelQuantity
@@ -148,8 +173,8 @@ def arrays_of(blocks: Sequence[TimeBlock], *, numbered: bool) -> tuple[bytes, di
     """Blocks as one npz with its mapping, as `POST /campaigns/{id}/records` takes them.
 
     Args:
-        blocks: of whole hits, hit by hit, of the same sensors, sampling rate and length, the force first, as `blocks_of` and
-            `records_from_sep005` give them.
+        blocks: of whole hits, hit by hit, of the same sensors, sampling rate and length, the force
+            first, as `blocks_of` and `records_from_sep005` give them.
         numbered: their hit numbers are meant; else the hits of each point are counted on.
 
     Returns:
@@ -160,8 +185,10 @@ def arrays_of(blocks: Sequence[TimeBlock], *, numbered: bool) -> tuple[bytes, di
     channels = []
     for number, (key, first) in enumerate(sensors.items(), 1):
         own = [block for block in blocks if (block.quantity, block.label) == key]
-        name, unit = unit_in_name(first.label, first.quantity)  # the samples are in SI, whatever they were in
-        name = name if name not in ("", "file", *variables) else f"channel_{number}"  # savez has an argument `file`
+        # the samples are in SI, whatever they were in
+        name, unit = unit_in_name(first.label, first.quantity)
+        # savez has an argument `file`
+        name = name if name not in ("", "file", *variables) else f"channel_{number}"
         variables[name] = np.array([block.samples for block in own])
         variables[f"_point_{number}"] = np.array([block.point for block in own])
         variables[f"_direction_{number}"] = np.array([block.direction for block in own])

@@ -1,4 +1,5 @@
-"""A mapping: which variable or column of a file is what. With it, named arrays become time blocks in SI.
+"""A mapping: which variable or column of a file is what. With it, named arrays become time blocks
+in SI.
 
     {"sample_rate_hz": {"variable": "fs"},            or a number, or {"variable": "time_s"} of a time axis
      "hit": {"variable": "hit"},                      or a number; without it the hits of each point are counted
@@ -8,12 +9,14 @@
        {"variable": "acceleration", "quantity": "acceleration", "sensitivity": 0.00102,
         "point": 33, "direction": 3, "window_rate_per_s": 0, "full_scale": 4900}]}
 
-`unit` is that of the samples, `sensitivity` what one SI unit makes in the file (volts per newton); see
-`modalbase.formats.records.scale`. Without both the file's own unit counts, and where it states none it is in SI.
+`unit` is that of the samples, `sensitivity` what one SI unit makes in the file (volts per newton);
+see `modalbase.formats.records.scale`. Without both the file's own unit counts, and where it states
+none it is in SI.
 A member that is null is empty: what a channel needs is asked for.
-Where blocks lie in a table, its longer side is the time. `point`, `direction` and `hit` may be lists too, of one number
-for each block. An archive's mapping says `"archived": true`: blocks are as a service kept them, in SI whatever the
-`sensitivity` that made them so, with the `label` and, of a recording, the `start_sample` of each.
+Where blocks lie in a table, its longer side is the time. `point`, `direction` and `hit` may be
+lists too, of one number for each block. An archive's mapping says `"archived": true`: blocks are as
+a service kept them, in SI whatever the `sensitivity` that made them so, with the `label` and, of a
+recording, the `start_sample` of each.
 """
 
 from collections.abc import Callable
@@ -78,7 +81,8 @@ def read_mapping(document: Any, units: dict[str, str] | None = None) -> Mapping:
 
     Args:
         document: of JSON.
-        units: that the file's properties state, by channel; those in the channels' names are known without.
+        units: that the file's properties state, by channel; those in the channels' names are known
+            without.
 
     Raises:
         FormatError: names every field that is missing, unknown or of another kind.
@@ -95,7 +99,9 @@ def read_mapping(document: Any, units: dict[str, str] | None = None) -> Mapping:
         own = _faults_of(ChannelMapping, place, entry)
         if not own:
             try:
-                channels.append(_channel(entry, units or {}, place, archived=document.get("archived") is True))
+                channels.append(
+                    _channel(entry, units or {}, place, archived=document.get("archived") is True)
+                )
             except FormatError as error:
                 own = error.faults
         faults += own
@@ -110,20 +116,26 @@ def read_mapping(document: Any, units: dict[str, str] | None = None) -> Mapping:
         lacks = "a force" if forces == 0 else "a response"
         faults.append(("mapping.channels", f"lack {lacks}; {ONE_FILE}"))
     elif not faults and forces != 1:
-        faults.append(("mapping.channels", f"have {forces} channels of the quantity force, expected one"))
+        faults.append(
+            ("mapping.channels", f"have {forces} channels of the quantity force, expected one")
+        )
     if faults:
         raise FormatError(faults)
     return Mapping(**{**_taken(document), "channels": tuple(channels)})
 
 
-def _channel(entry: dict[str, Any], units: dict[str, str], place: str, *, archived: bool) -> ChannelMapping:
+def _channel(
+    entry: dict[str, Any], units: dict[str, str], place: str, *, archived: bool
+) -> ChannelMapping:
     in_file = units_of(entry["variable"], entry["quantity"], units)
     own = entry.get("sensitivity", 1.0) if archived else sensitivity_of(entry, in_file, place)
     return ChannelMapping(**{**_taken(entry), "sensitivity": own})
 
 
 def _is_number(given: Any) -> bool:
-    return isinstance(given, int | float) and not isinstance(given, bool) and bool(np.isfinite(given))
+    return (
+        isinstance(given, int | float) and not isinstance(given, bool) and bool(np.isfinite(given))
+    )
 
 
 def _is_value(given: Any) -> bool:
@@ -138,7 +150,10 @@ def _is_texts(given: Any) -> bool:
     return isinstance(given, list) and all(isinstance(one, str) for one in given)
 
 
-ONE_FILE = "all channels of a hit belong in one file: where the force is in one and the response in another, join their columns"
+ONE_FILE = (
+    "all channels of a hit belong in one file: where the force is in one and the response in"
+    " another, join their columns"
+)
 
 _VALUE = 'a number or {"variable": name}'
 _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
@@ -146,7 +161,10 @@ _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
     "hit": (_is_values, _VALUE),
     "archived": (lambda given: isinstance(given, bool), "true or false"),
     "variable": (lambda given: isinstance(given, str), "a name"),
-    "quantity": (lambda given: given in get_args(ChannelQuantity), f"one of {', '.join(get_args(ChannelQuantity))}"),
+    "quantity": (
+        lambda given: given in get_args(ChannelQuantity),
+        f"one of {', '.join(get_args(ChannelQuantity))}",
+    ),
     "point": (_is_values, _VALUE),
     "direction": (_is_values, f"{_VALUE}: ±1 to ±3 along x, y, z, ±4 to ±6 about them"),
     "start_sample": (_is_values, _VALUE),
@@ -164,10 +182,16 @@ _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
 _ASKED = ("direction",)  # have a default, and are asked for where a proposal left them empty
 
 
-def _faults_of(kind: type[Mapping | ChannelMapping], place: str, document: dict[str, Any]) -> list[tuple[str, str]]:
-    """Fields that are unknown, missing, wrong, or null where a value is needed; another one that is null is not stated."""
+def _faults_of(
+    kind: type[Mapping | ChannelMapping], place: str, document: dict[str, Any]
+) -> list[tuple[str, str]]:
+    """Fields that are unknown, missing, wrong, or null where a value is needed; another one that is
+    null is not stated.
+    """
     own = {f.name: f.default is MISSING for f in fields(kind) if f.name in _EXPECTED}
-    found = [(f"{place}.{name}", "is unknown") for name in sorted(document.keys() - {*own, "channels"})]
+    found = [
+        (f"{place}.{name}", "is unknown") for name in sorted(document.keys() - {*own, "channels"})
+    ]
     for name, is_required in own.items():
         given, (holds, expected) = document.get(name), _EXPECTED[name]
         if given is None and (is_required or (name in _ASKED and name in document)):
@@ -191,7 +215,9 @@ def _taken(document: dict[str, Any]) -> dict[str, Any]:
     return {name: taken(given) for name, given in document.items() if given is not None}
 
 
-def blocks_of(variables: Variables, mapping: Mapping, units: dict[str, str] | None = None) -> list[TimeBlock]:
+def blocks_of(
+    variables: Variables, mapping: Mapping, units: dict[str, str] | None = None
+) -> list[TimeBlock]:
     """The time blocks of all channels, hit by hit: the force first.
 
     Args:
@@ -200,7 +226,8 @@ def blocks_of(variables: Variables, mapping: Mapping, units: dict[str, str] | No
         units: that the file's properties state, by variable; that of the time axis counts here.
 
     Raises:
-        FormatError: a variable is missing, lengths differ, values are not finite, a channel is constant, or a rate,
+        FormatError: a variable is missing, lengths differ, values are not finite, a channel is
+            constant, or a rate,
         point,
             direction or hit is impossible; names it.
     """
@@ -210,14 +237,18 @@ def blocks_of(variables: Variables, mapping: Mapping, units: dict[str, str] | No
         _refuse_copies(tables)
     shapes = {name: table.shape for name, table in tables.items()}
     if len(set(shapes.values())) > 1:
-        listed = ", ".join(f"{name} {shape[0]} blocks of {shape[1]} samples" for name, shape in shapes.items())
+        listed = ", ".join(
+            f"{name} {shape[0]} blocks of {shape[1]} samples" for name, shape in shapes.items()
+        )
         raise FormatError("mapping.channels", f"are not alike: {listed}")
     count, samples = next(iter(shapes.values()))
     rate = sampling_rate(variables, mapping.sample_rate_hz, samples, units)
     force = next(c for c in mapping.channels if c.quantity == "force")
     ordered = [force, *(c for c in mapping.channels if c is not force)]
     points = {c.variable: _integers(variables, c.point, count, "point", 1) for c in ordered}
-    directions = {c.variable: _integers(variables, c.direction, count, "direction", -6) for c in ordered}
+    directions = {
+        c.variable: _integers(variables, c.direction, count, "direction", -6) for c in ordered
+    }
     where = list(zip(points[force.variable], directions[force.variable], strict=True))
     hits = _hits(variables, mapping.hit, where)
     labels = {c.variable: _labels(c, count) for c in mapping.channels}
@@ -252,22 +283,30 @@ def _table(variables: Variables, channel: ChannelMapping) -> FloatArray:
     if values.ndim == 1:
         values = values[np.newaxis]
     if values.ndim != 2:
-        raise FormatError(channel.variable, f"has shape {values.shape}, expected one block or a table of them")
+        raise FormatError(
+            channel.variable, f"has shape {values.shape}, expected one block or a table of them"
+        )
     if values.dtype.kind == "c":
-        raise FormatError(channel.variable, "holds complex numbers: it is no time block; FRFs go to POST frfs")
+        raise FormatError(
+            channel.variable, "holds complex numbers: it is no time block; FRFs go to POST frfs"
+        )
     if values.dtype.itemsize > 8:
         raise FormatError(
-            channel.variable, f"holds numbers of type {values.dtype}, which would be rounded; save them as float64"
+            channel.variable,
+            f"holds numbers of type {values.dtype}, which would be rounded; save them as float64",
         )
     if values.shape[0] > values.shape[1]:
         values = values.T
-    table: FloatArray = np.ascontiguousarray(values, dtype=np.float32 if values.dtype == np.float32 else np.float64)
+    table: FloatArray = np.ascontiguousarray(
+        values, dtype=np.float32 if values.dtype == np.float32 else np.float64
+    )
     with np.errstate(over="ignore", invalid="ignore"):
         total = table.sum()  # one pass; only where it is not finite is each number asked
     bad = np.empty((0, 2), dtype=int) if np.isfinite(total) else np.argwhere(~np.isfinite(table))
     if bad.size:
         raise FormatError(
-            channel.variable, f"holds NaN or infinity, first at sample {bad[0][1] + 1} of block {bad[0][0] + 1}"
+            channel.variable,
+            f"holds NaN or infinity, first at sample {bad[0][1] + 1} of block {bad[0][0] + 1}",
         )
     return table
 
@@ -275,11 +314,16 @@ def _table(variables: Variables, channel: ChannelMapping) -> FloatArray:
 def _measured(table: FloatArray, channel: ChannelMapping) -> FloatArray:
     """The same; refused where it is too short, or a channel carried nothing."""
     if table.shape[1] < FEWEST_SAMPLES:
-        raise FormatError(channel.variable, f"has {table.shape[1]} samples a block, expected {FEWEST_SAMPLES} or more")
+        raise FormatError(
+            channel.variable,
+            f"has {table.shape[1]} samples a block, expected {FEWEST_SAMPLES} or more",
+        )
     flat = np.flatnonzero(table.max(axis=1) == table.min(axis=1))
     if flat.size:
         raise FormatError(
-            channel.variable, f"is {table[flat[0], 0]:g} throughout block {flat[0] + 1}: a channel that carried nothing"
+            channel.variable,
+            f"is {table[flat[0], 0]:g} throughout block {flat[0] + 1}: a channel that carried"
+            " nothing",
         )
     return table
 
@@ -290,17 +334,23 @@ def _refuse_copies(tables: dict[str, FloatArray]) -> None:
     for i, name in enumerate(names):
         for other in names[:i]:
             one, two = tables[name], tables[other]
-            if one.shape == two.shape and np.array_equal(one[0] * two[0].max(), two[0] * one[0].max()):
-                raise FormatError(name, f"holds the same samples as {other}: one channel was written twice")
+            if one.shape == two.shape and np.array_equal(
+                one[0] * two[0].max(), two[0] * one[0].max()
+            ):
+                raise FormatError(
+                    name, f"holds the same samples as {other}: one channel was written twice"
+                )
 
 
 def _in_si(table: FloatArray, channel: ChannelMapping) -> FloatArray:
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # what comes of it is looked at
+    # what comes of it is looked at
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         values: FloatArray = table if channel.sensitivity == 1 else table / channel.sensitivity
     most = max(float(values.max()), -float(values.min()))
     if not most < LARGEST:
         raise FormatError(
-            channel.variable, f"reaches {most:.3g} in SI, more than any sensor gives; look at the sensitivity"
+            channel.variable,
+            f"reaches {most:.3g} in SI, more than any sensor gives; look at the sensitivity",
         )
     return values
 
@@ -314,18 +364,27 @@ def _labels(channel: ChannelMapping, count: int) -> tuple[str, ...]:
 
 def _integers(variables: Variables, given: Values, count: int, name: str, least: int) -> list[int]:
     place = given if isinstance(given, str) else f"mapping.{name}"
-    values = real(np.ravel(variable(variables, given)), place) if isinstance(given, str) else np.ravel(given)
+    values = (
+        real(np.ravel(variable(variables, given)), place)
+        if isinstance(given, str)
+        else np.ravel(given)
+    )
     if values.size == 1:
         values = np.repeat(values, count)
     if values.size != count:
-        raise FormatError(place, f"has {values.size} values, expected one for each of the {count} blocks")
+        raise FormatError(
+            place, f"has {values.size} values, expected one for each of the {count} blocks"
+        )
     whole = [int(v) if np.isfinite(v) else 0 for v in values]
     most = 6 if name == "direction" else MOST_POINT
     if any(
-        w != v or not least <= w <= most or (name == "direction" and w == 0) for w, v in zip(whole, values, strict=True)
+        w != v or not least <= w <= most or (name == "direction" and w == 0)
+        for w, v in zip(whole, values, strict=True)
     ):
         raise FormatError(
-            place, f"is no {name}: expected {'±1 to ±6' if name == 'direction' else f'whole numbers from {least}'}"
+            place,
+            f"is no {name}: expected"
+            f" {'±1 to ±6' if name == 'direction' else f'whole numbers from {least}'}",
         )
     return whole
 

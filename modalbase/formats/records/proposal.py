@@ -1,6 +1,8 @@
-"""Mappings that suggest themselves: what a file says of its channels, in its own words, and nothing that it does not say.
+"""Mappings that suggest themselves: what a file says of its channels, in its own words, and nothing
+that it does not say.
 
-What is empty (null) is the user's to fill in; a mapping that is sent with it is refused, and names it.
+What is empty (null) is the user's to fill in; a mapping that is sent with it is refused, and names
+it.
 """
 
 import re
@@ -23,25 +25,37 @@ _NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
     "displacement": ("disp",),
 }
 _TIMES = (".t", "time", "zeit", "temps", "x_value")  # LabVIEW calls the axis X_Value
-_UNNAMED = re.compile(r"column \d+")  # of a table without headings, whose first column may be the time axis
+# of a table without headings, whose first column may be the time axis
+_UNNAMED = re.compile(r"column \d+")
 _OTHERS = ("resp",)  # names a channel, and not what it measures
 
 
 def propose(variables: Variables, units: Mapping[str, str] | None = None) -> dict[str, Any]:
     """The mapping that names, units and shapes suggest.
 
-    Where names and units do not say both a force and a response, every variable of their length is proposed, with an empty
-    quantity where it is not known.
+    Where names and units do not say both a force and a response, every variable of their length is
+    proposed, with an empty quantity where it is not known.
 
     Args:
         variables: arrays of a file.
         units: that its properties state, by variable.
     """
-    long = {name: a for name, a in variables.items() if a.size >= FEWEST_SAMPLES and np.squeeze(a).ndim in (1, 2)}
+    long = {
+        name: a
+        for name, a in variables.items()
+        if a.size >= FEWEST_SAMPLES and np.squeeze(a).ndim in (1, 2)
+    }
     rate = next(
-        (n for n, a in variables.items() if a.size == 1 and re.sub(r"[^a-z]", "", n.lower()).endswith(_RATES)), None
+        (
+            n
+            for n, a in variables.items()
+            if a.size == 1 and re.sub(r"[^a-z]", "", n.lower()).endswith(_RATES)
+        ),
+        None,
     )
-    times = [name for name in long if is_time(name, units)] or [name for name in long if _UNNAMED.fullmatch(name)][:1]
+    times = [name for name in long if is_time(name, units)] or [
+        name for name in long if _UNNAMED.fullmatch(name)
+    ][:1]
     axes = [name for name in times if _ascends(long[name])]
     time = axes[0] if axes else None
     point: Any = {"variable": "point"} if "point" in variables else None
@@ -58,9 +72,11 @@ def propose(variables: Variables, units: Mapping[str, str] | None = None) -> dic
     return found
 
 
-def propose_recording(names: Iterable[str], units: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """The same of a recording of many hits, by the names of its channels. One such as `acceleration_33_-3`, as the channels
-    of a UFF are called, says its point and direction, too.
+def propose_recording(
+    names: Iterable[str], units: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """The same of a recording of many hits, by the names of its channels. One such as
+    `acceleration_33_-3`, as the channels of a UFF are called, says its point and direction, too.
     """
     channels = [_channel(name, units or {}) for name in names if not is_time(name, units)]
     return {"recording": {"order": []}, "channels": channels}
@@ -70,7 +86,9 @@ def _channel(name: str, units: Mapping[str, str]) -> dict[str, Any]:
     by_name = _by_name(name)
     texts = units_of(name, by_name, units)
     unit = read_unit(texts[0]) if len(texts) == 1 else None
-    by_unit = unit.quantity if unit is not None and unit.quantity in get_args(ChannelQuantity) else None
+    by_unit = (
+        unit.quantity if unit is not None and unit.quantity in get_args(ChannelQuantity) else None
+    )
     place = re.fullmatch(r"[a-z]+_(\d+)_(-?\d)", name)
     return {
         "variable": name,
@@ -85,20 +103,26 @@ def _channel(name: str, units: Mapping[str, str]) -> dict[str, Any]:
 def _by_name(name: str) -> ChannelQuantity | None:
     """What a channel is by its own name, that of its group apart."""
     own = unit_in_name(name)[0].lower().rpartition("/")[2]
-    return next((quantity for quantity, parts in _NAMES.items() if any(part in own for part in parts)), None)
+    return next(
+        (quantity for quantity, parts in _NAMES.items() if any(part in own for part in parts)), None
+    )
 
 
 def _channels(long: Variables, axes: Sequence[str], units: Mapping[str, str]) -> list[str]:
-    """Names of the channels: those that a name or unit says, and every other column of their length, its quantity empty,
-    where force or response are not among them.
+    """Names of the channels: those that a name or unit says, and every other column of their
+    length, its quantity empty, where force or response are not among them.
     """
-    others = [n for n, a in long.items() if n not in axes and a.dtype.kind in "fiu" and not _counts(a)]
+    others = [
+        n for n, a in long.items() if n not in axes and a.dtype.kind in "fiu" and not _counts(a)
+    ]
     known = {name: _channel(name, units)["quantity"] for name in others}
     named = [
         name
         for name in others
         if "time" not in name.lower()
-        and (known[name] or _is_voltage(name, units) or any(part in name.lower() for part in _OTHERS))
+        and (
+            known[name] or _is_voltage(name, units) or any(part in name.lower() for part in _OTHERS)
+        )
     ]
     quantities = {known[name] for name in named}
     if None in quantities or (len(quantities | {"force"}) > 1 and "force" in quantities):
@@ -110,7 +134,8 @@ def _channels(long: Variables, axes: Sequence[str], units: Mapping[str, str]) ->
 
 def _is_voltage(name: str, units: Mapping[str, str]) -> bool:
     return any(
-        (unit := read_unit(text)) is not None and unit.dimension == VOLTAGE for text in units_of(name, None, units)
+        (unit := read_unit(text)) is not None and unit.dimension == VOLTAGE
+        for text in units_of(name, None, units)
     )
 
 
@@ -129,12 +154,16 @@ def is_time(name: str, units: Mapping[str, str] | None = None) -> bool:
     bare = unit_in_name(name, "time")[0].lower()
     parts = re.split(r"[_.\s]", bare)
     texts = units_of(name, None, units or {})
-    in_time = any((unit := read_unit(text)) is not None and unit.quantity == "time" for text in texts)
+    in_time = any(
+        (unit := read_unit(text)) is not None and unit.quantity == "time" for text in texts
+    )
     return in_time or parts[0] in ("time", "t", "timestamp", "zeitstempel") or bare.endswith(_TIMES)
 
 
 def _ascends(array: np.ndarray[Any, Any]) -> bool:
-    """Whether an array rises; one that is rounded or has gaps is refused by name where it is read."""
+    """Whether an array rises; one that is rounded or has gaps is refused by name where it is
+    read.
+    """
     values = np.ravel(array)
     if array.dtype.kind not in "fiu":
         return False

@@ -1,9 +1,11 @@
-"""A recording of many hits whose channels are arrays, chunk by chunk; and what a mapping says of the hits of any.
+"""A recording of many hits whose channels are arrays, chunk by chunk; and what a mapping says of
+the hits of any.
 
-    {"recording": {"order": [{"point": 4, "hits": 3}, {"point": 5, "direction": -3, "hits": 3}]}, "channels": [...]}
+    {"recording": {"order": [{"point": 4, "hits": 3}, {"point": 5, "direction": -3, "hits": 3}]},
+    "channels": [...]}
 
-The order is that in which the points were hit. `"order": "filename"` takes the point from the file's name, `point_4.wav`;
-without an order all hits are at the point of the force channel.
+The order is that in which the points were hit. `"order": "filename"` takes the point from the
+file's name, `point_4.wav`; without an order all hits are at the point of the force channel.
 """
 
 import re
@@ -46,7 +48,11 @@ class Arrays:
     @property
     def names(self) -> list[str]:
         """Of the channels."""
-        return [name for name, array in self.variables.items() if array.size > 1 and np.squeeze(array).ndim == 1]
+        return [
+            name
+            for name, array in self.variables.items()
+            if array.size > 1 and np.squeeze(array).ndim == 1
+        ]
 
     def shapes(self) -> dict[str, str]:
         """Type, shape and extremes of each channel."""
@@ -66,7 +72,9 @@ class Arrays:
         for name in names:
             if self.variables[name].size != length or self.variables[name].dtype.kind == "c":
                 raise FormatError(
-                    name, f"is {described(self.variables[name])}, expected {length} real numbers as {names[0]}"
+                    name,
+                    f"is {described(self.variables[name])}, expected {length} real numbers as"
+                    f" {names[0]}",
                 )
         return sampling_rate(self.variables, stated, length, self.units)
 
@@ -83,7 +91,8 @@ class Recording:
     """What a mapping says of a recording.
 
     Attributes:
-        order: point, direction and number of hits, in the order of the hits; empty where all are at the force's point.
+        order: point, direction and number of hits, in the order of the hits; empty where all are at
+            the force's point.
         least_force: of a hit, N; None where the recording shows it.
     """
 
@@ -106,8 +115,12 @@ def read_recording(document: dict[str, Any], filename: str) -> Recording:
     if unknown := sorted(document.keys() - {"order", "least_force"}):
         raise FormatError([(f"{_RECORDING}.{name}", "is unknown") for name in unknown])
     least, given = document.get("least_force"), document.get("order", [])
-    if least is not None and (isinstance(least, bool) or not isinstance(least, int | float) or not 0 < least < np.inf):
-        raise FormatError(f"{_RECORDING}.least_force", f"is {least!r}, expected a force in N above 0")
+    if least is not None and (
+        isinstance(least, bool) or not isinstance(least, int | float) or not 0 < least < np.inf
+    ):
+        raise FormatError(
+            f"{_RECORDING}.least_force", f"is {least!r}, expected a force in N above 0"
+        )
     if given == "filename":
         return Recording(((_point_of(filename), 3, 0),), least)
     if not isinstance(given, list):
@@ -117,14 +130,22 @@ def read_recording(document: dict[str, Any], filename: str) -> Recording:
 
 def _entry(number: int, entry: Any) -> tuple[int, int, int]:
     place = f"{_RECORDING}.order.{number}"
-    if not isinstance(entry, dict) or not {"point", "hits"} <= entry.keys() <= {"point", "hits", "direction"}:
+    if not isinstance(entry, dict) or not {"point", "hits"} <= entry.keys() <= {
+        "point",
+        "hits",
+        "direction",
+    }:
         raise FormatError(place, "is not {point, hits} with or without direction")
     found = entry["point"], entry.get("direction", 3), entry["hits"]
     if any(isinstance(n, bool) or not isinstance(n, int) for n in found):
         raise FormatError(place, "has a point, direction or number of hits that is no whole number")
-    if not (1 <= found[0] <= MOST_POINT and 1 <= abs(found[1]) <= 6 and 1 <= found[2] <= _MOST_HITS):
+    if not (
+        1 <= found[0] <= MOST_POINT and 1 <= abs(found[1]) <= 6 and 1 <= found[2] <= _MOST_HITS
+    ):
         raise FormatError(
-            place, f"is no place to hit: expected point and hits from 1 (to {_MOST_HITS}), direction ±1 to ±6"
+            place,
+            f"is no place to hit: expected point and hits from 1 (to {_MOST_HITS}), direction ±1"
+            " to ±6",
         )
     return found
 
@@ -135,6 +156,7 @@ def _point_of(filename: str) -> int:
     found = _POINT.findall(stem) or re.findall(r"\d+", stem)
     if len(found) != 1 or int(found[0]) < 1:
         raise FormatError(
-            f"{_RECORDING}.order", f"cannot take the point from the name {filename!r}; expected one such as point_4.wav"
+            f"{_RECORDING}.order",
+            f"cannot take the point from the name {filename!r}; expected one such as point_4.wav",
         )
     return int(found[0])

@@ -1,7 +1,9 @@
-"""What one SI unit makes in the samples of a channel: by the unit that the file or the mapping states, or by a sensitivity.
+"""What one SI unit makes in the samples of a channel: by the unit that the file or the mapping
+states, or by a sensitivity.
 
-A unit of force or motion says it alone. Volts need a sensitivity, a number in V per SI unit or a text with its unit,
-`"2.25 mV/N"`. Without any unit a sensitivity is what one SI unit makes in the file. What contradicts is refused with both.
+A unit of force or motion says it alone. Volts need a sensitivity, a number in V per SI unit or a
+text with its unit, `"2.25 mV/N"`. Without any unit a sensitivity is what one SI unit makes in the
+file. What contradicts is refused with both.
 """
 
 import re
@@ -24,17 +26,22 @@ def _per(quantity: str) -> str:
 
 
 def units_of(name: str, quantity: Any, stated: Mapping[str, str]) -> tuple[str, ...]:
-    """Units that a file states of a channel, in its own words: in its properties, and in the channel's name.
+    """Units that a file states of a channel, in its own words: in its properties, and in the
+    channel's name.
 
     >>> units_of("Log/ACC (g)", "acceleration", {"Log/ACC (g)": "m/s^2"}), units_of("ACC", "acceleration", {})
     (('m/s^2', 'g'), ())
 
     Args:
         name: of the channel.
-        quantity: what it is, where that is known: "acc_g" states a unit where it is an acceleration.
+        quantity: what it is, where that is known: "acc_g" states a unit where it is an
+            acceleration.
         stated: units in the file's properties, by channel.
     """
-    own, named = stated.get(name, "").strip(), unit_in_name(name, quantity if quantity in DIMENSIONS else None)[1]
+    own, named = (
+        stated.get(name, "").strip(),
+        unit_in_name(name, quantity if quantity in DIMENSIONS else None)[1],
+    )
     texts = [text for text in (own, named) if text]
     return tuple(texts[:1] if len({read_unit(text) or text for text in texts}) == 1 else texts)
 
@@ -43,8 +50,8 @@ def sensitivity_of(channel: Mapping[str, Any], in_file: Sequence[str], place: st
     """By what the samples of a channel are divided for SI.
 
     Args:
-        channel: of a mapping, with its `quantity`, and `unit`, `instead_of` and `sensitivity` where they are stated; a
-            member that is null is empty, and is asked for where it is needed.
+        channel: of a mapping, with its `quantity`, and `unit`, `instead_of` and `sensitivity` where
+            they are stated; a member that is null is empty, and is asked for where it is needed.
         in_file: units that the file states, see `units_of`.
         place: of the channel in the mapping, for errors.
 
@@ -59,44 +66,61 @@ def sensitivity_of(channel: Mapping[str, Any], in_file: Sequence[str], place: st
         return _of_si(unit, text, given, place)
     if unit is not None and unit.dimension != VOLTAGE:
         what = f"a unit of {unit.quantity}" if unit.quantity else "none of a force or motion"
-        raise FormatError(f"{place}.quantity", f"is {quantity!r}, and the unit {text!r} is {what}; which is right?")
+        raise FormatError(
+            f"{place}.quantity",
+            f"is {quantity!r}, and the unit {text!r} is {what}; which is right?",
+        )
     example = f'a number in volts per {SI[quantity]}, or a text such as "2.25 mV/{_per(quantity)}"'
     if given is None and (unit is not None or text):
         why = "volts" if unit is not None else "no unit that is known here"
-        raise FormatError(f"{place}.sensitivity", f"is missing: the file is in {text!r}, {why}; state {example}")
+        raise FormatError(
+            f"{place}.sensitivity", f"is missing: the file is in {text!r}, {why}; state {example}"
+        )
     if given is None and "sensitivity" in channel:
-        why = f"the file states no unit; state one (`unit`), or {example}; 1 where the file is in SI"
+        why = (
+            f"the file states no unit; state one (`unit`), or {example}; 1 where the file is in SI"
+        )
         raise FormatError(f"{place}.sensitivity", f"is empty: {why}")
     if isinstance(given, str):
         return _read(given, quantity, place) / (1.0 if unit is None else unit.factor)
     if unit is not None and unit.factor != 1.0:
         both = " or ".join(f'"{given:g} {name}/{_per(quantity)}"' for name in (text, "V"))
-        raise FormatError(f"{place}.sensitivity", f"is {given:g}, and the file is in {text!r}: state {both}")
+        raise FormatError(
+            f"{place}.sensitivity", f"is {given:g}, and the file is in {text!r}: state {both}"
+        )
     return 1.0 if given is None else float(given)
 
 
 def _unit(channel: Mapping[str, Any], in_file: Sequence[str], place: str) -> str:
-    """The unit of the samples: the file's, or the stated one where it does not contradict; "" where there is none."""
+    """The unit of the samples: the file's, or the stated one where it does not contradict; "" where
+    there is none.
+    """
     stated, instead = channel.get("unit") or "", channel.get("instead_of") or ""
     said = " and ".join(map(repr, in_file))
     if instead and instead not in in_file:
-        raise FormatError(f"{place}.instead_of", f"is {instead!r}, and the file states {said or 'no unit'}")
+        raise FormatError(
+            f"{place}.instead_of", f"is {instead!r}, and the file states {said or 'no unit'}"
+        )
     if not stated:
         if len(in_file) > 1:
-            raise FormatError(f"{place}.unit", f"is stated in the file as {said}; state the one that is right")
+            raise FormatError(
+                f"{place}.unit", f"is stated in the file as {said}; state the one that is right"
+            )
         return in_file[0] if in_file else ""
     unit = read_unit(stated)
     if unit is None and stated not in in_file:
         known = known_units(channel["quantity"])
         raise FormatError(
-            f"{place}.unit", f"is {stated!r}, which is no unit that is known here; expected {known}, V, mV"
+            f"{place}.unit",
+            f"is {stated!r}, which is no unit that is known here; expected {known}, V, mV",
         )
     others = [read_unit(text) for text in in_file if text != instead]
     if unit is not None and any(others) and unit not in others and not instead:
         wrong = in_file[0]
         raise FormatError(
             f"{place}.unit",
-            f'is {stated!r}, and the file states {said}; where the file is wrong, state "instead_of": "{wrong}"',
+            f"is {stated!r}, and the file states {said}; where the file is wrong, state"
+            f' "instead_of": "{wrong}"',
         )
     return stated
 
@@ -106,7 +130,8 @@ def _of_si(unit: Unit, text: str, given: Any, place: str) -> float:
     if given is not None and (isinstance(given, str) or abs(given * unit.factor - 1) > _SAME):
         raise FormatError(
             f"{place}.sensitivity",
-            f"is {given!r}, and the unit {text!r} says that the samples are no volts; leave it out, or state "
+            f"is {given!r}, and the unit {text!r} says that the samples are no volts; leave it out,"
+            " or state "
             f'"unit": "V", "instead_of": "{text}" where they are volts',
         )
     return 1 / unit.factor
@@ -118,6 +143,7 @@ def _read(text: str, quantity: str, place: str) -> float:
     unit = read_unit(match[2]) if match else None
     if match is None or unit is None or unit.dimension != VOLTAGE.times(DIMENSIONS[quantity], -1):  # type: ignore[index]
         raise FormatError(
-            f"{place}.sensitivity", f'is {text!r}, expected a number, or a text such as "2.25 mV/{_per(quantity)}"'
+            f"{place}.sensitivity",
+            f'is {text!r}, expected a number, or a text such as "2.25 mV/{_per(quantity)}"',
         )
     return float(match[1].replace(",", ".")) * unit.factor

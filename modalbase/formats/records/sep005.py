@@ -4,8 +4,9 @@ A timeseries is a dict, several are a list of them:
 
     {"name": "hammer", "data": array, "fs": 2048.0, "unit_str": "N", ...}        or "time", an axis in s, in place of "fs"
 
-Readers for it exist for many recorders (Dewesoft, FBGS, TDMS, ...). The unit says what a channel is; where it sits, and which
-hit it is, no series says, so both are stated here. https://sdypy.readthedocs.io/en/latest/seps/sep-0005.html
+Readers for it exist for many recorders (Dewesoft, FBGS, TDMS, ...). The unit says what a channel
+is; where it sits, and which hit it is, no series says, so both are stated here.
+https://sdypy.readthedocs.io/en/latest/seps/sep-0005.html
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,21 +42,22 @@ def records_from_sep005(
 ) -> list[TimeBlock]:
     """Time blocks in SI of SEP 5 time series.
 
-    A series whose data has several rows is one of several hits, all of the same force channel's point; each row is one.
+    A series whose data has several rows is one of several hits, all of the same force channel's
+    point; each row is one.
 
     Args:
         series: one channel or a list of them; exactly one measures a force.
         places: of each channel by its name; a number is a grid point, its direction z.
         hit: number of the first hit; None counts from 1.
-        sensitivities: by name, what one unit of `unit_str`'s SI quantity makes in volts, for channels whose unit is V; such
-            channels state their `quantity`.
+        sensitivities: by name, what one unit of `unit_str`'s SI quantity makes in volts, for
+            channels whose unit is V; such channels state their `quantity`.
 
     Returns:
         The blocks, hit by hit, the force first.
 
     Raises:
-        FormatError: a series lacks a field, its unit is not known, its axis is uneven, channels are unlike, or a place is
-            missing; names it.
+        FormatError: a series lacks a field, its unit is not known, its axis is uneven, channels are
+            unlike, or a place is missing; names it.
     """
     listed = [series] if isinstance(series, Mapping) else list(series)
     faults: list[tuple[str, str]] = []
@@ -73,16 +75,22 @@ def records_from_sep005(
     if not faults and len(found) < 2:
         faults.append(("series", "have no response"))
     if not faults and rates[-1] - rates[0] > 1e-9 * rates[-1]:
-        faults.append(("series", f"differ in sampling rate: {', '.join(f'{rate:g} Hz' for rate in rates)}"))
+        faults.append(
+            ("series", f"differ in sampling rate: {', '.join(f'{rate:g} Hz' for rate in rates)}")
+        )
     if faults:
         raise FormatError(faults)
     variables = {entry.mapping.variable: entry.data for entry in found}
-    rows = max(1, next(iter(variables.values())).size // np.shape(next(iter(variables.values())))[-1])
+    rows = max(
+        1, next(iter(variables.values())).size // np.shape(next(iter(variables.values())))[-1]
+    )
     number: Any = None
     if hit is not None:
         variables["\0hit"] = np.arange(hit, hit + rows, dtype=float)  # no channel has such a name
         number = "\0hit"
-    return blocks_of(variables, BlockMapping(rates[0], tuple(entry.mapping for entry in found), number))
+    return blocks_of(
+        variables, BlockMapping(rates[0], tuple(entry.mapping for entry in found), number)
+    )
 
 
 @dataclass(frozen=True)
@@ -100,10 +108,22 @@ def _channel(
     faults: list[tuple[str, str]],
 ) -> _Entry | None:
     if not isinstance(one, Mapping):
-        faults.append((place, f"is a {type(one).__name__}, expected a dict with data, name, unit_str and fs or time"))
+        faults.append(
+            (
+                place,
+                (
+                    f"is a {type(one).__name__}, expected a dict with data, name, unit_str and fs"
+                    " or time"
+                ),
+            )
+        )
         return None
     before = len(faults)
-    faults += [(f"{place}.{name}", "is missing") for name in ("data", "name", "unit_str") if name not in one]
+    faults += [
+        (f"{place}.{name}", "is missing")
+        for name in ("data", "name", "unit_str")
+        if name not in one
+    ]
     if one.get("fs") is None and one.get("time") is None:
         faults.append((f"{place}.fs", "is missing, and so is time: the sampling rate is not known"))
     if len(faults) > before:
@@ -121,7 +141,12 @@ def _channel(
     meaning = _meaning(one, name, place, sensitivities, faults)
     at = places.get(name)
     if at is None:
-        faults.append((f"places.{name}", f"is missing; places are stated for {', '.join(sorted(places)) or 'none'}"))
+        faults.append(
+            (
+                f"places.{name}",
+                f"is missing; places are stated for {', '.join(sorted(places)) or 'none'}",
+            )
+        )
     if len(faults) > before or at is None or rate is None or meaning is None:
         return None
     stands = at if isinstance(at, Place) else Place(int(at))
@@ -130,7 +155,9 @@ def _channel(
     return _Entry(mapping, data, rate)
 
 
-def _rate(one: Timeseries, data: np.ndarray[Any, Any], place: str, faults: list[tuple[str, str]]) -> float | None:
+def _rate(
+    one: Timeseries, data: np.ndarray[Any, Any], place: str, faults: list[tuple[str, str]]
+) -> float | None:
     samples = data.shape[-1] if data.ndim else 0
     rate: float | None = None
     if one.get("time") is not None:
@@ -139,7 +166,11 @@ def _rate(one: Timeseries, data: np.ndarray[Any, Any], place: str, faults: list[
             faults.append((f"{place}.time", f"has {time.size} values, the data {samples} samples"))
             return None
         step = float(time[-1] - time[0]) / max(samples - 1, 1)
-        if not step > 0 or np.abs(np.diff(time) - step).max() > 1e-3 * step + 1e-6 * abs(float(time[-1])) / samples:
+        if (
+            not step > 0
+            or np.abs(np.diff(time) - step).max()
+            > 1e-3 * step + 1e-6 * abs(float(time[-1])) / samples
+        ):
             faults.append((f"{place}.time", "is not an evenly rising axis in seconds"))
             return None
         rate = 1 / step
@@ -156,7 +187,11 @@ def _rate(one: Timeseries, data: np.ndarray[Any, Any], place: str, faults: list[
 
 
 def _meaning(
-    one: Timeseries, name: str, place: str, sensitivities: Mapping[str, float], faults: list[tuple[str, str]]
+    one: Timeseries,
+    name: str,
+    place: str,
+    sensitivities: Mapping[str, float],
+    faults: list[tuple[str, str]],
 ) -> tuple[ChannelQuantity, float] | None:
     """What a channel measures, and how much of its numbers one SI unit is."""
     text = str(one["unit_str"])
@@ -164,7 +199,9 @@ def _meaning(
     quantity = one.get("quantity") if unit is None or unit.dimension == VOLTAGE else unit.quantity
     fault = ""
     if len(units_of(name, quantity, {name: text})) > 1:
-        fault = f"is {text!r}, and the name {name!r} states another unit; correct the one that is wrong"
+        fault = (
+            f"is {text!r}, and the name {name!r} states another unit; correct the one that is wrong"
+        )
     elif unit is not None and unit.quantity in SI:
         return cast("ChannelQuantity", unit.quantity), 1 / unit.factor
     elif unit is None or unit.dimension != VOLTAGE:
@@ -181,8 +218,9 @@ def _meaning(
 def records_to_sep005(blocks: Sequence[TimeBlock]) -> list[dict[str, Any]]:
     """SEP 5 time series of time blocks, one a block, in SI.
 
-    Point, direction and hit, which the proposal has no fields for, stand in fields of their own: `point`, `direction`,
-    `force_point`, `force_direction`, `hit`; an analyser's window in `window_rate_per_s`.
+    Point, direction and hit, which the proposal has no fields for, stand in fields of their own:
+    `point`, `direction`, `force_point`, `force_direction`, `hit`; an analyser's window in
+    `window_rate_per_s`.
     """
     return [
         {

@@ -1,7 +1,9 @@
-"""A recording in TDMS, NI's format of LabVIEW and FlexLogger, part by part, with npTDMS, which the extra `tdms` brings.
+"""A recording in TDMS, NI's format of LabVIEW and FlexLogger, part by part, with npTDMS, which the
+extra `tdms` brings.
 
-A channel is named `group/channel`. npTDMS says where the samples of each channel lie and how they are scaled; it would read all
-that the recorder wrote at a stroke, which may be the whole file, so the samples are read here.
+A channel is named `group/channel`. npTDMS says where the samples of each channel lie and how they
+are scaled; it would read all that the recorder wrote at a stroke, which may be the whole file, so
+the samples are read here.
 """
 
 import logging
@@ -19,8 +21,10 @@ from modalbase.formats.records.wav import FRAMES
 from modalbase.formats.types import FloatArray
 from modalbase.formats.units import factor_of
 
-_UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units", "Units")  # names of the property
-_WHOLE, _CLOCK_S = 0.01, 1e-6  # of a sample, and of a time stamp: what two channels may lie off whole samples
+# names of the property
+_UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units", "Units")
+# of a sample, and of a time stamp: what two channels may lie off whole samples
+_WHOLE, _CLOCK_S = 0.01, 1e-6
 _MOST_AT_A_STROKE = 1 << 26  # bytes of DAQmx's own layout, which npTDMS has to read at once
 
 
@@ -60,28 +64,39 @@ class Tdms:
         """Rate of these channels.
 
         Raises:
-            FormatError: they differ in rate or length, begin at times that lie no whole number of samples apart, another
-                rate is stated, or none is.
+            FormatError: they differ in rate or length, begin at times that lie no whole number of
+                samples apart, another rate is stated, or none is.
         """
         late = self._late(names)
         for name in names[1:]:
             unlike = late[name] == late[names[0]] and self.lengths[name] != self.lengths[names[0]]
-            if unlike or not np.isclose(self.rates[name], self.rates[names[0]], rtol=1e-9, equal_nan=True):
+            if unlike or not np.isclose(
+                self.rates[name], self.rates[names[0]], rtol=1e-9, equal_nan=True
+            ):
                 raise FormatError(
-                    name, f"differs in rate or length from {names[0]}; the channels of a hit are on one clock"
+                    name,
+                    f"differs in rate or length from {names[0]}; the channels of a hit are on one"
+                    " clock",
                 )
         own = self.rates[names[0]]
         if np.isnan(own) and isinstance(stated, str):
-            raise FormatError("mapping.sample_rate_hz", "is missing, and the file states none; state it as a number")
-        return sampling_rate({} if np.isnan(own) else {SAMPLE_RATE: np.array(own)}, stated, self.lengths[names[0]])
+            raise FormatError(
+                "mapping.sample_rate_hz",
+                "is missing, and the file states none; state it as a number",
+            )
+        return sampling_rate(
+            {} if np.isnan(own) else {SAMPLE_RATE: np.array(own)}, stated, self.lengths[names[0]]
+        )
 
     def notes(self, names: Sequence[str]) -> list[str]:
-        """Where some of these channels begin later than others, which are cut to begin with them."""
+        """Where some of these channels begin later than others, which are cut to begin with
+        them.
+        """
         late = self._late(names)
         first = min(late, key=lambda name: late[name])
         return [
-            f"{name} begins {samples} samples ({1e3 * samples / self.rates[name]:.4g} ms) after {first}: the channels are "
-            "aligned by the file's wf_start_offset and wf_start_time"
+            f"{name} begins {samples} samples ({1e3 * samples / self.rates[name]:.4g} ms) after"
+            f" {first}: the channels are aligned by the file's wf_start_offset and wf_start_time"
             for name, samples in late.items()
             if samples
         ]
@@ -99,16 +114,20 @@ class Tdms:
             rate = self.rates[name] if np.isfinite(self.rates[name]) else 0.0
             samples = (start - starts[first]) * rate
             late[name] = round(samples)
-            if abs(samples - late[name]) > max(_WHOLE, _CLOCK_S * rate) or (start > starts[first] and not rate):
+            if abs(samples - late[name]) > max(_WHOLE, _CLOCK_S * rate) or (
+                start > starts[first] and not rate
+            ):
                 raise FormatError(
                     name,
-                    f"begins {1e3 * (start - starts[first]):.6g} ms after {first} (wf_start_offset, wf_start_time), which is "
-                    f"{samples:.4g} samples: they can be aligned by whole samples alone; export them on one clock",
+                    f"begins {1e3 * (start - starts[first]):.6g} ms after {first} (wf_start_offset,"
+                    f" wf_start_time), which is {samples:.4g} samples: they can be aligned by whole"
+                    " samples alone; export them on one clock",
                 )
         return late
 
     def arrays(self, names: Sequence[str], limit_bytes: int | None = None) -> Variables:
-        """These channels whole, of a file that holds single hits, and their rate where the file states one.
+        """These channels whole, of a file that holds single hits, and their rate where the file
+        states one.
 
         Raises:
             FormatError: they take more bytes than allowed, or cannot be read.
@@ -116,11 +135,17 @@ class Tdms:
         size = 4 * sum(self.lengths[name] for name in names)
         if limit_bytes is not None and size > limit_bytes:
             raise FormatError(
-                "", f"takes {size} bytes, more than the {limit_bytes} that are allowed; state `recording`"
+                "",
+                f"takes {size} bytes, more than the {limit_bytes} that are allowed; state"
+                " `recording`",
             )
         rate = self.rates[names[0]] if names else np.nan
         own = {} if np.isnan(rate) else {SAMPLE_RATE: np.array(self.rate_of(names, SAMPLE_RATE))}
-        return own | dict(zip(names, np.hstack(list(self.chunks(names))), strict=True)) if names else own
+        return (
+            own | dict(zip(names, np.hstack(list(self.chunks(names))), strict=True))
+            if names
+            else own
+        )
 
     def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
         """(channels, n) float32 parts of these channels in order, in the unit of the file.
@@ -132,7 +157,10 @@ class Tdms:
             channels, late = _channels(file), self._late(names)
             last = max(late.values())
             count = min(self.lengths[name] - last + late[name] for name in names)
-            parts = (_part(_samples(file, channels[name], raw), last - late[name], count) for name in names)
+            parts = (
+                _part(_samples(file, channels[name], raw), last - late[name], count)
+                for name in names
+            )
             for rows in zip(*map(_even, parts), strict=True):
                 yield np.array(rows)
 
@@ -146,13 +174,19 @@ def read_tdms_head(path: Path) -> Tdms:
     with _opened(path) as file, _broken():
         channels = _channels(file)
         if not channels:
-            raise FormatError("", "is a TDMS without a channel of numbers, or was cut off before them")
+            raise FormatError(
+                "", "is a TDMS without a channel of numbers, or was cut off before them"
+            )
         return Tdms(
             path,
             {name: len(channel) for name, channel in channels.items()},
             {name: _rate(channel.properties) for name, channel in channels.items()},
             not file.file_status.incomplete_final_segment,
-            {name: unit for name, channel in channels.items() if (unit := _unit(channel.properties))},
+            {
+                name: unit
+                for name, channel in channels.items()
+                if (unit := _unit(channel.properties))
+            },
             _starts({name: channel.properties for name, channel in channels.items()}),
         )
 
@@ -162,7 +196,9 @@ def _opened(path: Path) -> Any:
         from nptdms import TdmsFile
         from nptdms.log import log_manager
     except ImportError:
-        raise FormatError("", "is a TDMS file, which npTDMS reads: pip install 'modalbase[tdms]'") from None
+        raise FormatError(
+            "", "is a TDMS file, which npTDMS reads: pip install 'modalbase[tdms]'"
+        ) from None
     log_manager.set_level(
         logging.ERROR
     )  # it would print all bytes of a damaged name, which may be the rest of the file
@@ -177,20 +213,39 @@ def _broken() -> Iterator[None]:
     except FormatError:
         raise
     except Exception as error:  # noqa: BLE001 - of damaged files npTDMS raises errors of many kinds
-        is_in_words = not isinstance(error, TypeError | LookupError | AttributeError | ArithmeticError | RecursionError)
-        why = str(error) if is_in_words else "it is damaged, or scaled in a way that is not known here"
-        raise FormatError("", f"cannot be read as TDMS: {why}; export it anew, or as wav or CSV") from None
+        is_in_words = not isinstance(
+            error, TypeError | LookupError | AttributeError | ArithmeticError | RecursionError
+        )
+        why = (
+            str(error)
+            if is_in_words
+            else "it is damaged, or scaled in a way that is not known here"
+        )
+        raise FormatError(
+            "", f"cannot be read as TDMS: {why}; export it anew, or as wav or CSV"
+        ) from None
 
 
 def _channels(file: Any) -> dict[str, Any]:
     """The channels that hold numbers, by group/channel."""
-    found = ((f"{group.name}/{channel.name}", channel) for group in file.groups() for channel in group.channels())
-    return {name: channel for name, channel in found if len(channel) and channel.dtype.kind in "iuf"}
+    found = (
+        (f"{group.name}/{channel.name}", channel)
+        for group in file.groups()
+        for channel in group.channels()
+    )
+    return {
+        name: channel for name, channel in found if len(channel) and channel.dtype.kind in "iuf"
+    }
 
 
 def _rate(properties: Mapping[str, Any]) -> float:
-    """Samples a second by `wf_increment`, in s unless the channel states another unit of its axis; NaN where it says none."""
-    increment, unit = properties.get("wf_increment"), str(properties.get("wf_xunit_string", "")).strip()
+    """Samples a second by `wf_increment`, in s unless the channel states another unit of its axis;
+    NaN where it says none.
+    """
+    increment, unit = (
+        properties.get("wf_increment"),
+        str(properties.get("wf_xunit_string", "")).strip(),
+    )
     factor = factor_of("time", unit) if unit else 1.0
     return float(np.round(1 / (increment * factor), 6)) if increment and factor else np.nan
 
@@ -201,9 +256,14 @@ def _unit(properties: Mapping[str, Any]) -> str:
 
 
 def _starts(properties: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
-    """When each channel begins, in s after the first one. A time counts where every channel states one."""
+    """When each channel begins, in s after the first one. A time counts where every channel states
+    one.
+    """
     offsets = {name: own.get("wf_start_offset", 0.0) for name, own in properties.items()}
-    starts = {name: float(offset) if isinstance(offset, int | float) else 0.0 for name, offset in offsets.items()}
+    starts = {
+        name: float(offset) if isinstance(offset, int | float) else 0.0
+        for name, offset in offsets.items()
+    }
     times = {name: own.get("wf_start_time") for name, own in properties.items()}
     stamps = [np.datetime64(time, "ns") for time in times.values() if time is not None]
     if len(stamps) == len(times):
@@ -249,8 +309,9 @@ def _of_daqmx(segment: Any, own: Any, raw: BinaryIO) -> Iterator[Any]:
     if (size := segment._get_chunk_size()) > _MOST_AT_A_STROKE:
         raise FormatError(
             own.path,
-            f"was written by DAQmx at strokes of {size / 1e6:.0f} MB, of which {_MOST_AT_A_STROKE / 1e6:.0f} MB can be read; "
-            "let the recorder write more often, or export the recording as wav",
+            f"was written by DAQmx at strokes of {size / 1e6:.0f} MB, of which"
+            f" {_MOST_AT_A_STROKE / 1e6:.0f} MB can be read; let the recorder write more often, or"
+            " export the recording as wav",
         )
     for stroke in range(segment.num_chunks):
         yield from segment.read_raw_data_for_channel(raw, own.path, stroke, 1)
@@ -265,24 +326,34 @@ def _of_segment(segment: Any, own: Any, raw: BinaryIO) -> Iterator[Any]:
         for first in range(0, count, FRAMES):
             raw.seek(begin + first * width)
             read = np.frombuffer(raw.read(min(FRAMES, count - first) * width), np.uint8)
-            rows = read[: read.size // width * width].reshape(-1, width)[:, column : column + kind.itemsize]
+            rows = read[: read.size // width * width].reshape(-1, width)[
+                :, column : column + kind.itemsize
+            ]
             yield RawChannelDataChunk.channel_data(np.ascontiguousarray(rows).view(kind)[:, 0])
 
 
 def _stretches(segment: Any, own: Any) -> Iterator[tuple[int, int, int, int]]:
-    """Where the samples of a channel lie: first byte, rows, bytes of a row, and the sample's place in it."""
+    """Where the samples of a channel lie: first byte, rows, bytes of a row, and the sample's place
+    in it.
+    """
     objects, begin = segment._get_data_objects(), segment.data_position
     before = objects[: objects.index(own)]
     if segment._have_interleaved_data():
         if len({o.number_values for o in objects}) > 1:
             raise FormatError(own.path, "lies between the samples of longer or shorter channels")
         width = sum(o.data_type.size for o in objects)
-        yield begin, (segment.next_segment_pos - begin) // width, width, sum(o.data_type.size for o in before)
+        yield (
+            begin,
+            (segment.next_segment_pos - begin) // width,
+            width,
+            sum(o.data_type.size for o in before),
+        )
         return
     for stroke in range(segment.num_chunks):
         cut = segment.final_chunk_lengths_override if stroke == segment.num_chunks - 1 else None
         *sizes, count = (
-            o.data_size if cut is None else cut.get(o.path, 0) * (o.data_type.size or 0) for o in (*before, own)
+            o.data_size if cut is None else cut.get(o.path, 0) * (o.data_type.size or 0)
+            for o in (*before, own)
         )
         at = begin + stroke * segment._get_chunk_size() + sum(sizes)
         yield at, count // own.data_type.size, own.data_type.size, 0

@@ -1,4 +1,6 @@
-"""Time data in a table of text: its columns as arrays, or part by part where it is one long recording."""
+"""Time data in a table of text: its columns as arrays, or part by part where it is one long
+recording.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -44,7 +46,10 @@ class TextRecording:
     @property
     def rate_hz(self) -> float | None:
         """The sampling rate that a preamble states of a table without a time axis."""
-        has_axis = any(column.is_time or is_time(column.name, self.units) for column in self.table.layout.columns)
+        has_axis = any(
+            column.is_time or is_time(column.name, self.units)
+            for column in self.table.layout.columns
+        )
         return None if has_axis else self.table.layout.sample_rate_hz
 
     def shapes(self) -> dict[str, str]:
@@ -59,14 +64,18 @@ class TextRecording:
         """(columns, n) parts of these columns in order, in the unit of the file.
 
         Raises:
-            FormatError: a line is no row of the table, or a cell is empty; names the line or the column.
+            FormatError: a line is no row of the table, or a cell is empty; names the line or the
+                column.
         """
         first = 0
         for numbers in self.table.parts(list(names), FRAMES):
             part = np.frombuffer(numbers).reshape(-1, len(names)).T
             if (bad := np.argwhere(np.isnan(part))).size:
                 at = first + int(bad[0][1]) + 1
-                raise FormatError(names[bad[0][0]], f"has an empty cell in row {at} of the data, expected a number")
+                raise FormatError(
+                    names[bad[0][0]],
+                    f"has an empty cell in row {at} of the data, expected a number",
+                )
             yield part.copy()
             first += part.shape[1]
 

@@ -1,4 +1,5 @@
-"""Named arrays of a file: npz, .mat (version 4 to 7 by scipy, 7.3 by h5py where it is installed), CSV, wav.
+"""Named arrays of a file: npz, .mat (version 4 to 7 by scipy, 7.3 by h5py where it is installed),
+CSV, wav.
 
 Nothing is unpickled and nothing is guessed: what the arrays mean is the mapping's to say.
 """
@@ -28,11 +29,14 @@ _SCIPY_LOSES = "Duplicate variable name", "Unreadable variable", "We do not supp
 """How scipy's warnings begin behind which a variable is lost or wrong."""
 
 
-def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | None = None) -> Variables:
+def read_variables(
+    path: Path, suffix: str | None = None, limit_bytes: int | None = None
+) -> Variables:
     """The numeric arrays of a file by name.
 
-    A wav file's channels are `channel_1`, `channel_2` …, from -1 to 1 also where its samples are integers, and its rate
-    `sample_rate_hz`; the columns of a table of text have the names of its heading, see `modalbase.formats.tables`.
+    A wav file's channels are `channel_1`, `channel_2` …, from -1 to 1 also where its samples are
+    integers, and its rate `sample_rate_hz`; the columns of a table of text have the names of its
+    heading, see `modalbase.formats.tables`.
 
     Args:
         path: of the file.
@@ -48,7 +52,8 @@ def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | Non
 def read_named(
     path: Path, suffix: str | None = None, limit_bytes: int | None = None
 ) -> tuple[Variables, dict[str, str]]:
-    """The numeric arrays of a file by name, and its texts, by which analysers name units and points; several have a line each.
+    """The numeric arrays of a file by name, and its texts, by which analysers name units and
+    points; several have a line each.
 
     Raises:
         FormatError: as of `read_variables`.
@@ -66,17 +71,28 @@ def read_named(
         raise FormatError("", f"cannot be read as {kind}: {why}") from None
     if any("\0" in name for name in found):
         raise FormatError("", "has a variable whose name holds a NUL character")
-    numbers = {name: array for name, array in found.items() if array.dtype.kind in "fiuc" and array.size}
+    numbers = {
+        name: array for name, array in found.items() if array.dtype.kind in "fiuc" and array.size
+    }
     if not numbers:
         raise FormatError("", "holds no numeric array")
-    words = {name: array for name, array in found.items() if array.dtype.kind == "U" and array.size < _LONGEST_TEXT}
-    texts = {name: "\n".join(str(one).strip() for one in np.ravel(array)) for name, array in words.items()}
+    words = {
+        name: array
+        for name, array in found.items()
+        if array.dtype.kind == "U" and array.size < _LONGEST_TEXT
+    }
+    texts = {
+        name: "\n".join(str(one).strip() for one in np.ravel(array))
+        for name, array in words.items()
+    }
     return numbers, texts
 
 
 def _within(declared: int, limit_bytes: int | None, name: str) -> None:
     if limit_bytes is not None and declared > limit_bytes:
-        raise FormatError(name, f"declares {declared} bytes, more than the {limit_bytes} that are allowed")
+        raise FormatError(
+            name, f"declares {declared} bytes, more than the {limit_bytes} that are allowed"
+        )
 
 
 def _npz(path: Path, limit_bytes: int | None) -> Variables:
@@ -84,19 +100,25 @@ def _npz(path: Path, limit_bytes: int | None) -> Variables:
         members = members_of(archive)
         _within(sum(member.file_size for member in members), limit_bytes, "")
         found = [member for member in members if member.filename.endswith(".npy")]
-        return {member.filename.removesuffix(".npy"): read_array(archive, member) for member in found}
+        return {
+            member.filename.removesuffix(".npy"): read_array(archive, member) for member in found
+        }
 
 
 def _mat(path: Path, limit_bytes: int | None) -> Variables:
     with path.open("rb") as file:
-        newer = b"MATLAB 7.3" in file.read(128) or (file.seek(0) == 0 and file.read(8) == b"\x89HDF\r\n\x1a\n")
+        newer = b"MATLAB 7.3" in file.read(128) or (
+            file.seek(0) == 0 and file.read(8) == b"\x89HDF\r\n\x1a\n"
+        )
     if newer:
         return _mat73(path, limit_bytes)
     _require_inflated(path, limit_bytes)
     try:
         from scipy import io as reader
     except ImportError:  # a script that reads other files goes without it
-        raise FormatError("", "is a .mat file; install scipy, which modalbase[server] brings") from None
+        raise FormatError(
+            "", "is a .mat file; install scipy, which modalbase[server] brings"
+        ) from None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what scipy will change; that is no fault of the file
         for loss in _SCIPY_LOSES:
@@ -114,8 +136,8 @@ def _mat(path: Path, limit_bytes: int | None) -> Variables:
 
 
 def _require_inflated(path: Path, limit_bytes: int | None) -> None:
-    """Inflate the compressed elements of a .mat of version 5 to 7 block by block and keep nothing, before scipy does so
-    and keeps it all.
+    """Inflate the compressed elements of a .mat of version 5 to 7 block by block and keep nothing,
+    before scipy does so and keeps it all.
 
     Raises:
         FormatError: they take more bytes than allowed.
@@ -138,8 +160,8 @@ def _require_inflated(path: Path, limit_bytes: int | None) -> None:
 
 
 def _flatten(name: str, value: np.ndarray[Any, Any], into: Variables, depth: int = 0) -> None:
-    """The arrays of a structure by their path, `measurement.frf`. Those of a list of structures that have one shape lie one
-    behind the other, and what is the same in all of them stands once.
+    """The arrays of a structure by their path, `measurement.frf`. Those of a list of structures
+    that have one shape lie one behind the other, and what is the same in all of them stands once.
     """
     if value.dtype.names is None:
         into[name] = value
@@ -152,7 +174,9 @@ def _flatten(name: str, value: np.ndarray[Any, Any], into: Variables, depth: int
                     _flatten(f"{name}.{field}", inner, elements[-1], depth + 1)
         for path, first in elements[0].items() if elements else ():
             parts = [element[path] for element in elements if path in element]
-            if all(np.array_equal(part, first) for part in parts[1:]) and len(parts) == len(elements):
+            if all(np.array_equal(part, first) for part in parts[1:]) and len(parts) == len(
+                elements
+            ):
                 into[path] = first
             elif len(parts) == len(elements) and {part.shape for part in parts} == {first.shape}:
                 into[path] = np.stack(parts)
@@ -162,7 +186,9 @@ def _mat73(path: Path, limit_bytes: int | None) -> Variables:
     try:
         import h5py
     except ImportError:
-        raise FormatError("", "is a .mat of version 7.3; install modalbase[mat73], or save it with -v7") from None
+        raise FormatError(
+            "", "is a .mat of version 7.3; install modalbase[mat73], or save it with -v7"
+        ) from None
     arrays: Variables = {}
     declared = 0
     with h5py.File(path, "r") as file:
@@ -171,7 +197,11 @@ def _mat73(path: Path, limit_bytes: int | None) -> Variables:
             nonlocal declared
             if not isinstance(item, h5py.Dataset) or name.startswith("#"):
                 return
-            if item.attrs.get("MATLAB_class") == b"char" and item.dtype.kind == "u" and item.size < _LONGEST_TEXT:
+            if (
+                item.attrs.get("MATLAB_class") == b"char"
+                and item.dtype.kind == "u"
+                and item.size < _LONGEST_TEXT
+            ):
                 arrays[name.replace("/", ".")] = np.array("".join(map(chr, np.ravel(item[()].T))))
                 return
             whole = item.dtype.names == ("real", "imag")  # as MATLAB stores complex numbers
@@ -179,7 +209,9 @@ def _mat73(path: Path, limit_bytes: int | None) -> Variables:
                 declared += item.size * item.dtype.itemsize
                 _within(declared, limit_bytes, name)
                 values = np.asarray(item[()]).T  # MATLAB stores columns first
-                arrays[name.replace("/", ".")] = values["real"] + 1j * values["imag"] if whole else values
+                arrays[name.replace("/", ".")] = (
+                    values["real"] + 1j * values["imag"] if whole else values
+                )
 
         file.visititems(take)
     return arrays
@@ -195,12 +227,21 @@ def _wav(path: Path, limit_bytes: int | None) -> Variables:
     wav = read_wav_head(path)
     if not wav.declared:
         warnings.warn(
-            f"{path.name} declares no length: it is read to its end, and nobody knows whether it was cut off",
+            f"{path.name} declares no length: it is read to its end, and nobody knows whether it"
+            " was cut off",
             stacklevel=3,
         )
     parts = [np.empty((wav.channels, 0)), *wav.chunks(wav.names, np.float64)]
-    return {SAMPLE_RATE: np.array(wav.sample_rate_hz), **dict(zip(wav.names, np.hstack(parts), strict=True))}
+    return {
+        SAMPLE_RATE: np.array(wav.sample_rate_hz),
+        **dict(zip(wav.names, np.hstack(parts), strict=True)),
+    }
 
 
-SUFFIXES: dict[str, Callable[[Path, int | None], Variables]] = {".npz": _npz, ".mat": _mat, ".csv": _csv, ".wav": _wav}
+SUFFIXES: dict[str, Callable[[Path, int | None], Variables]] = {
+    ".npz": _npz,
+    ".mat": _mat,
+    ".csv": _csv,
+    ".wav": _wav,
+}
 """Kinds of files, by their suffix."""

@@ -16,7 +16,9 @@ FRAMES = 1 << 17
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _KINDS = ("u1", "i2", "i3", "i4", "i8", "f4", "f8")
 _UNKNOWN_LENGTH = 0xFFFF_FFFF
-"""Size that a recorder declares, or 0, which writes its file as it measures and never comes back to the head."""
+"""Size that a recorder declares, or 0, which writes its file as it measures and never comes back to
+the head.
+"""
 
 
 @dataclass(frozen=True)
@@ -74,8 +76,12 @@ class Wav:
         """
         return sampling_rate({SAMPLE_RATE: np.array(self.sample_rate_hz)}, stated, self.frames)
 
-    def chunks(self, names: Sequence[str], kind: type[np.floating] = np.float32) -> Iterator[FloatArray]:
-        """(channels, n) parts of these channels in order, from -1 to 1 where the samples are integers."""
+    def chunks(
+        self, names: Sequence[str], kind: type[np.floating] = np.float32
+    ) -> Iterator[FloatArray]:
+        """(channels, n) parts of these channels in order, from -1 to 1 where the samples are
+        integers.
+        """
         places = {name: row for row, name in enumerate(self.names)}
         rows = [places[name] for name in names]
         size = int(self.kind[2]) * self.channels
@@ -83,7 +89,9 @@ class Wav:
             file.seek(self.begin)
             for first in range(0, self.frames, FRAMES):
                 raw = file.read(min(FRAMES, self.frames - first) * size)
-                yield np.ascontiguousarray(_decoded(raw, self.kind, kind).reshape(-1, self.channels).T[rows])
+                yield np.ascontiguousarray(
+                    _decoded(raw, self.kind, kind).reshape(-1, self.channels).T[rows]
+                )
 
 
 def _decoded(raw: bytes, kind: str, wanted: type[np.floating]) -> FloatArray:
@@ -110,7 +118,9 @@ def read_wav_head(path: Path) -> Wav:
         mark = file.read(12)
         if mark[:4] not in (b"RIFF", b"RIFX", b"RF64") or mark[8:] != b"WAVE":
             raise FormatError(
-                "", f"cannot be read as .wav: it begins with {mark!r}, expected RIFF, RIFX or RF64, and WAVE"
+                "",
+                f"cannot be read as .wav: it begins with {mark!r}, expected RIFF, RIFX or RF64, and"
+                " WAVE",
             )
         order: Literal["little", "big"] = "big" if mark[:4] == b"RIFX" else "little"
         form, long = b"", 0
@@ -124,10 +134,15 @@ def read_wav_head(path: Path) -> Wav:
                 left = size - begin
                 if declared == _UNKNOWN_LENGTH and long:
                     declared = long
-                open_ended = declared == _UNKNOWN_LENGTH or (declared == 0 and not _are_chunks(file, left, order))
+                open_ended = declared == _UNKNOWN_LENGTH or (
+                    declared == 0 and not _are_chunks(file, left, order)
+                )
                 declared = left if open_ended else declared
                 if declared > left:
-                    why = f"is cut off: it declares {declared} bytes of samples and has {left}; copy it again"
+                    why = (
+                        f"is cut off: it declares {declared} bytes of samples and has {left}; copy"
+                        " it again"
+                    )
                     raise FormatError("", why)
                 return replace(_head(path, form, order, begin, declared), declared=not open_ended)
             file.seek(begin + declared + declared % 2)
@@ -142,12 +157,15 @@ def _head(path: Path, form: bytes, order: Literal["little", "big"], begin: int, 
     size = (bits + 7) // 8
     kind = {_PCM: "u1" if size == 1 else f"i{size}", _FLOAT: f"f{size}"}.get(tag)
     if kind not in _KINDS:
-        raise FormatError("", f"has samples of {bits} bits in format {tag}, expected PCM or floating point")
+        raise FormatError(
+            "", f"has samples of {bits} bits in format {tag}, expected PCM or floating point"
+        )
     if not channels or not rate:
         raise FormatError("", f"cannot be read as .wav: it has {channels} channels at {rate} Hz")
     if tag == _PCM and (frame != size * channels or flow != rate * frame):
         said = (
-            f"{rate} frames of {channels} times {bits} bits a second, {frame} bytes a frame and {flow} bytes a second"
+            f"{rate} frames of {channels} times {bits} bits a second, {frame} bytes a frame and"
+            f" {flow} bytes a second"
         )
         raise FormatError("", f"cannot be read as .wav: its head is damaged, which says {said}")
     kind = ("<" if order == "little" else ">") + kind
@@ -155,7 +173,9 @@ def _head(path: Path, form: bytes, order: Literal["little", "big"], begin: int, 
 
 
 def _are_chunks(file: BinaryIO, left: int, order: Literal["little", "big"]) -> bool:
-    """Whether the rest of a file is chunks to its very end, so that those before them are as long as they declare."""
+    """Whether the rest of a file is chunks to its very end, so that those before them are as long
+    as they declare.
+    """
     while left >= 8:
         length = int.from_bytes(file.read(8)[4:], order)
         length += length % 2

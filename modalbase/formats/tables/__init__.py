@@ -1,4 +1,5 @@
-"""Tables of text, whatever program wrote them: hits, recordings, FRFs, points, dofs and coupons are read by it.
+"""Tables of text, whatever program wrote them: hits, recordings, FRFs, points, dofs and coupons are
+read by it.
 
 numbers   one cell: a number, a time of day, a date, nothing, or words
 layout    what the lines of a table are: its encoding, separator, decimal sign, headings, units, and where data begin

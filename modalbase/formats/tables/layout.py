@@ -1,13 +1,16 @@
 """What the lines of a table are, by its first lines.
 
-1. Each separator splits the lines. The one under which most columns hold numbers or times, in most lines, is the table's.
+1. Each separator splits the lines. The one under which most columns hold numbers or times, in most
+   lines, is the table's.
 2. Data begin at the first line that is alike to those numbers and is followed by another such line.
-3. The lines right above are headings: names, and a line of units below or above them; a second line of names counts where
-   names are missing or come twice. Without any, columns are called "column 1", "column 2" ….
-4. What stands above is a preamble: a line of units with a label before them (LabVIEW's `Y_Unit_Label`) and a sampling rate
-   are taken from it.
+3. The lines right above are headings: names, and a line of units below or above them; a second line
+   of names counts where names are missing or come twice. Without any, columns are called "column
+   1", "column 2" ….
+4. What stands above is a preamble: a line of units with a label before them (LabVIEW's
+   `Y_Unit_Label`) and a sampling rate are taken from it.
 
-Comment signs (#, %) before a line do not count, so that a heading may be a comment; a number behind one is no datum.
+Comment signs (#, %) before a line do not count, so that a heading may be a comment; a number behind
+one is no datum.
 """
 
 import csv
@@ -20,7 +23,14 @@ from typing import Any
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.tables.numbers import Kind, is_number, kind_of, number_reader
-from modalbase.formats.tables.preamble import Row, bare_unit, is_units, labelled_units, padded, rate_of
+from modalbase.formats.tables.preamble import (
+    Row,
+    bare_unit,
+    is_units,
+    labelled_units,
+    padded,
+    rate_of,
+)
 from modalbase.formats.units import read_unit
 
 SEPARATORS = {"tab": "\t", "semicolon": ";", "blank": " ", "comma": ","}
@@ -65,7 +75,9 @@ class Stated:
         ]
         line = document.get("first_line")
         if line is not None and (isinstance(line, bool) or not isinstance(line, int) or line < 1):
-            faults.append((f"{place}.first_line", f"is {line!r}, expected the number of a line, from 1"))
+            faults.append(
+                (f"{place}.first_line", f"is {line!r}, expected the number of a line, from 1")
+            )
         if faults:
             raise FormatError(faults)
         return cls(**document)
@@ -105,7 +117,9 @@ class Layout:
             "heading_lines": list(self.heading_lines),
             "units_line": self.units_line,
             "first_line": self.first_line,
-            "columns": [{"name": column.name, "unit": column.unit or None} for column in self.columns],
+            "columns": [
+                {"name": column.name, "unit": column.unit or None} for column in self.columns
+            ],
         }
 
 
@@ -120,14 +134,18 @@ def split(line: str, separator: str, number: int = 0) -> list[str]:
     if '"' not in line:
         return [cell.strip() for cell in line.split(separator)]
     try:
-        reader = csv.reader([line.strip("\r\n")], delimiter=separator, skipinitialspace=separator in ", ")
+        reader = csv.reader(
+            [line.strip("\r\n")], delimiter=separator, skipinitialspace=separator in ", "
+        )
         return [cell.strip() for cell in next(reader, [])]
     except csv.Error as error:
         raise FormatError(f"line {number}", f"cannot be split into cells: {error}") from None
 
 
 def row_of(line: str, number: int, separator: str) -> Row:
-    """A line as cells; a comment sign before them is taken off, unless it is a cell of its own, such as the unit %."""
+    """A line as cells; a comment sign before them is taken off, unless it is a cell of its own,
+    such as the unit %.
+    """
     bare = line.strip() if separator == " " else line.strip("\r\n")
     lead = bare.lstrip()[:1]
     if lead and lead in _COMMENTS:
@@ -138,7 +156,9 @@ def row_of(line: str, number: int, separator: str) -> Row:
 
 
 def joined_brackets(row: Row, separator: str) -> Row:
-    """A heading of a table parted by blanks, where a unit in brackets belongs to the name before it."""
+    """A heading of a table parted by blanks, where a unit in brackets belongs to the name before
+    it.
+    """
     if separator != " " or not row.cells or row.cells[0][:1] in "([":
         return row
     cells: list[str] = []
@@ -150,7 +170,9 @@ def joined_brackets(row: Row, separator: str) -> Row:
     return Row(row.line, cells, row.is_comment)
 
 
-def layout_of(lines: Sequence[tuple[int, str]], stated: Stated = Stated(), *, is_whole: bool = True) -> Layout:
+def layout_of(
+    lines: Sequence[tuple[int, str]], stated: Stated = Stated(), *, is_whole: bool = True
+) -> Layout:
     """What lines are.
 
     Args:
@@ -159,16 +181,21 @@ def layout_of(lines: Sequence[tuple[int, str]], stated: Stated = Stated(), *, is
         is_whole: they are all lines; else the last may be cut.
 
     Raises:
-        FormatError: no line holds numbers, the decimal sign cannot be known, or what is stated does not fit; says what to
-            state.
+        FormatError: no line holds numbers, the decimal sign cannot be known, or what is stated does
+            not fit; says what to state.
     """
     lines = lines if is_whole else lines[:-1]
-    signs = list(SEPARATORS.values()) if stated.separator is None else [SEPARATORS[stated.separator]]
+    signs = (
+        list(SEPARATORS.values()) if stated.separator is None else [SEPARATORS[stated.separator]]
+    )
     splits = [found for sign in signs if (found := _Split.of(lines, sign)) is not None]
     if not splits:
         first = next((line.strip() for _, line in lines if line.strip()), "")
         why = f"it begins {first[:60]!r}" if first else "it is empty"
-        raise FormatError("", f"no line of it holds numbers in columns ({', '.join(SEPARATORS)} between them): {why}")
+        raise FormatError(
+            "",
+            f"no line of it holds numbers in columns ({', '.join(SEPARATORS)} between them): {why}",
+        )
     best = max(splits, key=lambda each: each.score)
     return best.layout(stated)
 
@@ -201,8 +228,12 @@ class _Split:
 
     @property
     def score(self) -> tuple[bool, float, int, int]:
-        """Several columns before one; then the share of them that holds numbers, the lines, and the likelier separator."""
-        pure = sum(kind in _DATA for kind in self.kinds) / len([k for k in self.kinds if k != "empty"])
+        """Several columns before one; then the share of them that holds numbers, the lines, and the
+        likelier separator.
+        """
+        pure = sum(kind in _DATA for kind in self.kinds) / len(
+            [k for k in self.kinds if k != "empty"]
+        )
         order = -list(SEPARATORS.values()).index(self.separator)
         return len(self.kinds) > 1, pure, sum(map(self.is_data, self.rows)), order
 
@@ -222,9 +253,17 @@ class _Split:
         first = self._first(stated)
         data = [row for row in self.rows[first:] if self.is_data(row)]
         if not data:
-            raise FormatError("first_line", f"is {stated.first_line}; no line from there on holds numbers as columns")
+            raise FormatError(
+                "first_line",
+                f"is {stated.first_line}; no line from there on holds numbers as columns",
+            )
         places = [i for i, kind in enumerate(self.kinds) if kind in ("number", "time")]
-        cells = [row.cells[i] for row in data for i in places if i < len(row.cells) and self.kinds[i] == "number"]
+        cells = [
+            row.cells[i]
+            for row in data
+            for i in places
+            if i < len(row.cells) and self.kinds[i] == "number"
+        ]
         decimal, _ = number_reader(cells, stated.decimal, self.separator)
         headings = self._headings(first)
         if not headings and self.separator == "," and not stated.separator:
@@ -233,7 +272,9 @@ class _Split:
         top = min((row.line for row in headings), default=data[0].line)
         preamble = [row for row in self.rows[:first] if row.line < top]
         units = labelled_units(preamble, units)
-        columns = tuple(TableColumn(i, names[i], units[i], is_time=self.kinds[i] == "time") for i in places)
+        columns = tuple(
+            TableColumn(i, names[i], units[i], is_time=self.kinds[i] == "time") for i in places
+        )
         left_out = [
             f"column {names[i]!r} holds {k}s, and is left out"
             for i, k in enumerate(self.kinds)
@@ -247,20 +288,26 @@ class _Split:
             heading_lines=tuple(sorted(row.line for row in headings if row is not units_row)),
             units_line=None if units_row is None else units_row.line,
             first_line=data[0].line,
-            preamble=tuple(cell for row in self.rows[:first] for cell in row.cells if cell)[:_MOST_WORDS],
+            preamble=tuple(cell for row in self.rows[:first] for cell in row.cells if cell)[
+                :_MOST_WORDS
+            ],
             sample_rate_hz=rate_of(preamble, self.separator),
             notes=tuple(left_out),
         )
 
     def _first(self, stated: Stated) -> int:
         if stated.first_line is not None:
-            return next((i for i, row in enumerate(self.rows) if row.line >= (stated.first_line or 0)), len(self.rows))
+            return next(
+                (i for i, row in enumerate(self.rows) if row.line >= (stated.first_line or 0)),
+                len(self.rows),
+            )
         are_data = list(map(self.is_data, self.rows))
         both = (i for i, pair in enumerate(itertools.pairwise(are_data)) if all(pair))
         return next(both, are_data.index(True))
 
     def _headings(self, first: int) -> list[Row]:
-        """Lines of words right above the data, the nearest first: at most one of units and two of names.
+        """Lines of words right above the data, the nearest first: at most one of units and two of
+        names.
 
         What stands between units and data, such as rates and sensors, is left out.
         """
@@ -273,14 +320,27 @@ class _Split:
             fitted = joined_brackets(row, self.separator)
             if row.is_comment and fitted.width == 1 < width:  # a remark
                 continue
-            mixed = any(is_number(c) for c, k in zip(fitted.cells, self.kinds, strict=False) if k in _DATA)
-            if mixed or not min(width, max(2, width - 1)) <= fitted.width <= width + 1 or len(above) == _MOST_HEADINGS:
+            mixed = any(
+                is_number(c) for c, k in zip(fitted.cells, self.kinds, strict=False) if k in _DATA
+            )
+            if (
+                mixed
+                or not min(width, max(2, width - 1)) <= fitted.width <= width + 1
+                or len(above) == _MOST_HEADINGS
+            ):
                 break
             above.append(fitted)
         at = next((i for i, row in enumerate(above) if is_units(row)), None)
         if at is None:
             return above[
-                : 2 if above and _is_doubtful(above[0], self.kinds) and above[1:] and above[1].width >= width else 1
+                : (
+                    2
+                    if above
+                    and _is_doubtful(above[0], self.kinds)
+                    and above[1:]
+                    and above[1].width >= width
+                    else 1
+                )
             ]
         has_names = len(above) > at + 1 and not is_units(above[at + 1])
         if has_names and (at > 1 or (at == 1 and _holds_values(above[0], self.kinds))):
@@ -304,12 +364,17 @@ class _Split:
             name = cell or f"column {i}"
             seen[name] += 1
             names.append(name if seen[name] == 1 else f"{name} {seen[name]}")
-        units = [cell if read_unit(cell) or cell.lower().startswith("db") else "" for cell in padded(units_row, width)]
+        units = [
+            cell if read_unit(cell) or cell.lower().startswith("db") else ""
+            for cell in padded(units_row, width)
+        ]
         return names, [bare_unit(unit) for unit in units], units_row
 
 
 def _kind_of_column(kinds: Sequence[Kind]) -> Kind:
-    """What most cells of a column hold; words only where they are in most lines, since some are of the preamble."""
+    """What most cells of a column hold; words only where they are in most lines, since some are of
+    the preamble.
+    """
     counts = Counter(kinds)
     filled: list[Kind] = [kind for kind, _ in counts.most_common() if kind != "empty"]
     if 2 * counts["text"] < len(kinds):
@@ -323,20 +388,28 @@ def _names_row(headings: Sequence[Row]) -> Row:
 
 def _is_doubtful(row: Row, kinds: Sequence[Kind]) -> bool:
     """Whether names are missing above numbers, or come twice."""
-    names = [cell for cell, kind in zip(padded(row, len(kinds)), kinds, strict=True) if kind in ("number", "time")]
+    names = [
+        cell
+        for cell, kind in zip(padded(row, len(kinds)), kinds, strict=True)
+        if kind in ("number", "time")
+    ]
     return not all(names) or len(set(names)) < len(names)
 
 
 def _holds_values(row: Row, kinds: Sequence[Kind]) -> bool:
     """Whether a line holds settings rather than names: "2048 Hz", "SENSOR=a", or one word twice."""
-    return _is_doubtful(row, kinds) or any(re.match(r"\d+[.,]?\d*\s|[^(\[]*=", cell) for cell in row.cells)
+    return _is_doubtful(row, kinds) or any(
+        re.match(r"\d+[.,]?\d*\s|[^(\[]*=", cell) for cell in row.cells
+    )
 
 
 def _refuse_commas_both(row: Row, cells: Sequence[str]) -> None:
     """Refuse a table without headings whose commas may be decimal signs as well as separators."""
-    if not any("." in cell for cell in cells) and any(re.fullmatch(r"0\d+", cell) for cell in cells):
+    if not any("." in cell for cell in cells) and any(
+        re.fullmatch(r"0\d+", cell) for cell in cells
+    ):
         raise FormatError(
             f"line {row.line}",
-            f"{','.join(row.cells)[:40]!r} may have decimal commas between commas; export it with another separator, or state "
-            "that separator is comma",
+            f"{','.join(row.cells)[:40]!r} may have decimal commas between commas; export it with"
+            " another separator, or state that separator is comma",
         )

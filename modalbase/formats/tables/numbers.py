@@ -9,13 +9,19 @@ from modalbase.formats.errors import FormatError
 Kind = Literal["number", "time", "date", "empty", "text"]
 """What a cell holds."""
 
-_SIGNS = str.maketrans({"−": "-", "’": "'", "‘": "'", "\u00a0": " ", "\u2007": " ", "\u2009": " ", "\u202f": " "})
+_SIGNS = str.maketrans(
+    {"−": "-", "’": "'", "‘": "'", "\u00a0": " ", "\u2007": " ", "\u2009": " ", "\u202f": " "}
+)
 _NUMBER = re.compile(
-    r"[+-]?(?:\d{1,3}(?:[' ]\d{3})+(?:[.,]\d*)?|\d[\d.,]*|[.,]\d+)(?<!,)(?:[eEdD](?:-\d{1,3}|\+?0?\d{1,2}))?"
+    r"[+-]?(?:\d{1,3}(?:['"
+    r" ]\d{3})+(?:[.,]\d*)?|\d[\d.,]*|[.,]\d+)(?<!,)(?:[eEdD](?:-\d{1,3}|\+?0?\d{1,2}))?"
 )
 _GROUPED = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}(\{mark}\d{{3}})+") for mark in ".,"}
 _OTHER = {".": ",", ",": "."}
-_DATE = r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2}(?:\d{2})?|\d{1,2}[- ][A-Za-z]{3}[- ]\d{2,4}"
+_DATE = (
+    r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2}(?:\d{2})?|\d{1,2}[-"
+    r" ][A-Za-z]{3}[- ]\d{2,4}"
+)
 _ONLY_DATE = re.compile(_DATE)
 _TIME = re.compile(
     rf"(?:(?:{_DATE})[T\s]\s*)?(?:(\d{{1,3}}):)?(\d{{1,3}}):(\d{{1,2}})(?:[.,](\d+))?\s*([ap]m)?(?:Z|[+-]\d\d:?\d\d)?",
@@ -84,11 +90,14 @@ class Clock:
         return now - self._first
 
 
-def number_reader(cells: Sequence[str], decimal: str | None, separator: str) -> tuple[str, Callable[[str], float]]:
+def number_reader(
+    cells: Sequence[str], decimal: str | None, separator: str
+) -> tuple[str, Callable[[str], float]]:
     """The decimal sign of a table, and a function that reads its cells; an empty cell is NaN.
 
-    A point alone is a decimal point. Commas are decimal unless all of them could be grouped thousands, as in `1,234`; that
-    a reader cannot know, so it must be stated. Apostrophes and blanks only group.
+    A point alone is a decimal point. Commas are decimal unless all of them could be grouped
+    thousands, as in `1,234`; that a reader cannot know, so it must be stated. Apostrophes and
+    blanks only group.
 
     Args:
         cells: of the table.
@@ -122,10 +131,14 @@ def number_text(cell: str, decimal: str) -> str:
     mantissa = re.split("[eE]", bare)[0]
     integer, _, fraction = mantissa.partition(decimal)
     misplaced = (
-        other in fraction or decimal in fraction or (other in integer and not _GROUPED[other].fullmatch(integer))
+        other in fraction
+        or decimal in fraction
+        or (other in integer and not _GROUPED[other].fullmatch(integer))
     )
     if misplaced or not is_number(cell):
-        raise FormatError("decimal", f"{cell[:40]!r} is not a number with a decimal {decimal!r}; state decimal")
+        raise FormatError(
+            "decimal", f"{cell[:40]!r} is not a number with a decimal {decimal!r}; state decimal"
+        )
     return bare.replace(other, "").replace(decimal, ".")
 
 
@@ -137,9 +150,15 @@ def _ungrouped(cell: str) -> str:
 def _decimal_sign(cells: Sequence[str], separator: str) -> str:
     if separator == "," and not any("," in cell for cell in cells):
         return "."
-    both = {"," if cell.rfind(",") > cell.rfind(".") else "." for cell in cells if "," in cell and "." in cell}
+    both = {
+        "," if cell.rfind(",") > cell.rfind(".") else "."
+        for cell in cells
+        if "," in cell and "." in cell
+    }
     if len(both) > 1:
-        raise FormatError("decimal", "some numbers have a decimal point and some a decimal comma; state decimal")
+        raise FormatError(
+            "decimal", "some numbers have a decimal point and some a decimal comma; state decimal"
+        )
     if both:
         return both.pop()
     commas = [cell for cell in cells if "," in cell]
@@ -148,7 +167,9 @@ def _decimal_sign(cells: Sequence[str], separator: str) -> str:
     if all(_GROUPED[","].fullmatch(cell) for cell in commas):
         if any("." in cell for cell in cells) or any(cell.count(",") > 1 for cell in commas):
             return "."
-        raise FormatError("decimal", f"{commas[0]!r} may be a decimal comma or grouped thousands; state decimal")
+        raise FormatError(
+            "decimal", f"{commas[0]!r} may be a decimal comma or grouped thousands; state decimal"
+        )
     return ","
 
 
@@ -173,4 +194,6 @@ def real(cell: str, place: str) -> float:
     try:
         return float(cell)
     except ValueError:
-        raise FormatError(place, f"is {cell.strip()[:40]!r}, expected a number with a decimal point") from None
+        raise FormatError(
+            place, f"is {cell.strip()[:40]!r}, expected a number with a decimal point"
+        ) from None

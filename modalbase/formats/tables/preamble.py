@@ -10,10 +10,13 @@ from modalbase.formats.units import NO_UNIT, factor_of, read_unit, unit_in_name
 _LABEL = re.compile(r"unit|einheit|unité|unidad", re.IGNORECASE)
 _LABELLED = re.compile(rf"(?:{_LABEL.pattern})\w*\s*[:=]\s*\S", re.IGNORECASE)
 _RATE = re.compile(
-    r"(?:sampl\w*|scan|abtast\w*|mess)[ _-]*(?:rate|freq\w*)|fr[eé]quence d.[eé]chantillonnage|fs|sr", re.IGNORECASE
+    r"(?:sampl\w*|scan|abtast\w*|mess)[ _-]*(?:rate|freq\w*)|fr[eé]quence"
+    r" d.[eé]chantillonnage|fs|sr",
+    re.IGNORECASE,
 )
 _STEP = re.compile(
-    r"delta[ _]?[xt]|d[xt]|(?:sampl\w*|time)[ _-]*(?:interval|period|step)|abtastintervall", re.IGNORECASE
+    r"delta[ _]?[xt]|d[xt]|(?:sampl\w*|time)[ _-]*(?:interval|period|step)|abtastintervall",
+    re.IGNORECASE,
 )
 _PER_SECOND = re.compile(r"(k?)(?:(?:sa?|samples?|scans?)/s(?:ec)?|sps)", re.IGNORECASE)
 
@@ -48,7 +51,9 @@ def bare_unit(cell: str) -> str:
 
 
 def is_units(row: Row) -> bool:
-    """Whether half of the words of a line, or more, are units; "Y-Unit: N" says one of no column."""
+    """Whether half of the words of a line, or more, are units; "Y-Unit: N" says one of no
+    column.
+    """
     if row.cells and _LABELLED.search(row.cells[0]):
         return False
     words = [bare_unit(cell) for cell in row.cells if cell]
@@ -58,10 +63,14 @@ def is_units(row: Row) -> bool:
 
 
 def labelled_units(preamble: Sequence[Row], units: list[str]) -> list[str]:
-    """Units of columns, and where they have none those of a line that begins with a label, such as `Y_Unit_Label`."""
+    """Units of columns, and where they have none those of a line that begins with a label, such as
+    `Y_Unit_Label`.
+    """
     for row in preamble:
         cells = padded(row, len(units))
-        is_labelled = row.cells and _LABEL.search(row.cells[0]) and not _LABELLED.search(row.cells[0])
+        is_labelled = (
+            row.cells and _LABEL.search(row.cells[0]) and not _LABELLED.search(row.cells[0])
+        )
         if is_labelled and any(read_unit(cell) for cell in cells[1:]):
             units = [
                 own or (bare_unit(cell) if i and read_unit(cell) else "")

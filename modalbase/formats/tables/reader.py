@@ -1,4 +1,6 @@
-"""The rows of a table, line by line in memory that does not grow with it, and its columns as arrays."""
+"""The rows of a table, line by line in memory that does not grow with it, and its columns as
+arrays.
+"""
 
 import codecs
 import io
@@ -26,11 +28,16 @@ from modalbase.formats.tables.preamble import Row
 _HEAD_LINES = 4000  # by which the layout is found
 _PART_BYTES = 1 << 20
 _LONGEST_LINE = 1 << 20
-_MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+_MARKS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
 
 
 def encoding_of(file: BinaryIO) -> str:
-    """The encoding of a text: by its mark, by the zeros of UTF-16, UTF-8 where all of it is that, else cp1252.
+    """The encoding of a text: by its mark, by the zeros of UTF-16, UTF-8 where all of it is that,
+    else cp1252.
 
     Raises:
         FormatError: it is none of these.
@@ -40,7 +47,13 @@ def encoding_of(file: BinaryIO) -> str:
     marked = next((name for mark, name in _MARKS if head.startswith(mark)), None)
     if marked is None and b"\0" in head:
         odd, even = head[1::2].count(0), head[::2].count(0)
-        marked = "utf-16-le" if odd > 0.9 * len(head) / 2 else "utf-16-be" if even > 0.9 * len(head) / 2 else None
+        marked = (
+            "utf-16-le"
+            if odd > 0.9 * len(head) / 2
+            else "utf-16-be"
+            if even > 0.9 * len(head) / 2
+            else None
+        )
     for name in (marked,) if marked else ("utf-8", "cp1252"):
         try:
             decoder = codecs.getincrementaldecoder(name)()
@@ -78,7 +91,8 @@ class Table:
         return stated | {column.name: "s" for column in self.layout.columns if column.is_time}
 
     def parts(self, names: list[str], rows: int = 1 << 16) -> Iterator["array[float]"]:
-        """Numbers of some columns, row after row, so many rows at a time. NaN where a cell is empty.
+        """Numbers of some columns, row after row, so many rows at a time. NaN where a cell is
+        empty.
 
         Raises:
             FormatError: a line is no row of the table; with its number and what to do.
@@ -106,7 +120,9 @@ def open_table(source: Path | bytes, stated: Stated = Stated()) -> Table:  # noq
     encoding, open_text = _text(source, stated.encoding)
     try:
         with open_text() as text:
-            head = list(itertools.islice(iter(partial(text.readline, _LONGEST_LINE), ""), _HEAD_LINES + 1))
+            head = list(
+                itertools.islice(iter(partial(text.readline, _LONGEST_LINE), ""), _HEAD_LINES + 1)
+            )
     except UnicodeError:
         raise FormatError("encoding", f"is stated as {encoding}, and the file is not") from None
     is_whole = len(head) <= _HEAD_LINES
@@ -115,11 +131,16 @@ def open_table(source: Path | bytes, stated: Stated = Stated()) -> Table:  # noq
 
 
 def read_rows(
-    source: Path | bytes, required: Collection[str], name_of: Callable[[str], str] = str, expected: str = ""
+    source: Path | bytes,
+    required: Collection[str],
+    name_of: Callable[[str], str] = str,
+    expected: str = "",
 ) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
-    r"""The header of a table whose columns have known names, and the lines below it: their numbers and cells.
+    r"""The header of a table whose columns have known names, and the lines below it: their numbers
+    and cells.
 
-    Numbers get a decimal point. Blank lines and comments are left out, and so is what stands above the header.
+    Numbers get a decimal point. Blank lines and comments are left out, and so is what stands above
+    the header.
 
     >>> header, rows = read_rows(b"Points of June\n\nlabel;x_mm\n7;0,5\n", {"label", "x_mm"})
     >>> header, list(rows)
@@ -140,16 +161,24 @@ def read_rows(
     best: tuple[int, int, str, list[str]] = (0, 0, ",", [])
     for separator in SEPARATORS.values():
         for number, line in enumerate(head, 1):
-            cells = joined_brackets(row_of(line, number, separator), separator).cells if line.strip() else []
+            cells = (
+                joined_brackets(row_of(line, number, separator), separator).cells
+                if line.strip()
+                else []
+            )
             if (known := len(set(required) & set(map(name_of, cells)))) > best[0]:
                 best = known, number, separator, cells
     known, at, separator, header = best
     if known < len(set(required)):
         first = next((line.strip() for line in head if line.strip()), "")
         wrong = ",".join(header) or first
-        raise FormatError(f"line {at or 1}", f"is {wrong[:200]!r}, expected {expected or ','.join(required)}")
+        raise FormatError(
+            f"line {at or 1}", f"is {wrong[:200]!r}, expected {expected or ','.join(required)}"
+        )
     below = [row_of(line, n, separator) for n, line in enumerate(head[at:], at + 1) if line.strip()]
-    decimal, _ = number_reader([c for row in below for c in row.cells if is_number(c)], None, separator)
+    decimal, _ = number_reader(
+        [c for row in below for c in row.cells if is_number(c)], None, separator
+    )
 
     def rows() -> Iterator[tuple[int, list[str]]]:
         with open_text() as text:
@@ -164,14 +193,18 @@ def read_rows(
 
 
 def _with_point(cell: str, decimal: str) -> str:
-    """A number with a decimal point; what is none stays, so that its line is named where a number is needed."""
+    """A number with a decimal point; what is none stays, so that its line is named where a number
+    is needed.
+    """
     try:
         return number_text(cell, decimal)
     except FormatError:
         return cell
 
 
-def whole_rows(header: Sequence[str], rows: Iterable[tuple[int, list[str]]]) -> Iterator[tuple[int, list[str]]]:
+def whole_rows(
+    header: Sequence[str], rows: Iterable[tuple[int, list[str]]]
+) -> Iterator[tuple[int, list[str]]]:
     """Rows that have as many cells as the header.
 
     Raises:
@@ -179,7 +212,9 @@ def whole_rows(header: Sequence[str], rows: Iterable[tuple[int, list[str]]]) -> 
     """
     for line, cells in rows:
         if len(cells) != len(header):
-            raise FormatError(f"line {line}", f"has {len(cells)} cells, the header has {len(header)}")
+            raise FormatError(
+                f"line {line}", f"has {len(cells)} cells, the header has {len(header)}"
+            )
         yield line, cells
 
 
@@ -196,7 +231,9 @@ def _text(source: Path | bytes, encoding: str | None) -> tuple[str, Callable[[],
 
 
 class _Reader:
-    """Rows of numbers; lines behind the data that are none are noted, those between data refused."""
+    """Rows of numbers; lines behind the data that are none are noted, those between data
+    refused.
+    """
 
     def __init__(self, layout: Layout, columns: list[TableColumn], notes: list[str]) -> None:
         self._layout, self._columns, self._notes = layout, columns, notes
@@ -233,13 +270,21 @@ class _Reader:
 
     def _row(self, number: int, line: str) -> list[float] | None:
         row = row_of(line, number, self._layout.separator)
-        known = [column for column in self._layout.columns if column.place < len(row.cells) and row.cells[column.place]]
+        known = [
+            column
+            for column in self._layout.columns
+            if column.place < len(row.cells) and row.cells[column.place]
+        ]
         first = next((cell for cell in row.cells if cell), "")
         if row.is_comment or not first:
             return None
-        fits = [column for column in known if self._read(column, row.cells[column.place]) is not None]
+        fits = [
+            column for column in known if self._read(column, row.cells[column.place]) is not None
+        ]
         is_remark = (
-            not fits or (known[0] not in fits) or (row.cells.index(first) < known[0].place and len(fits) < len(known))
+            not fits
+            or (known[0] not in fits)
+            or (row.cells.index(first) < known[0].place and len(fits) < len(known))
         )
         if is_remark:
             self._remark = self._remark or (number, " ".join(line.split())[:60])
@@ -249,7 +294,8 @@ class _Reader:
             at, words = self._remark
             raise FormatError(
                 f"line {at}",
-                f"{words!r} is no row of the table, and data follow it in line {number}; send each table as a file of its own",
+                f"{words!r} is no row of the table, and data follow it in line {number}; send each"
+                " table as a file of its own",
             )
         self._require_whole(row, known, fits)
         return [self._value(column, row) for column in self._columns]
@@ -257,18 +303,28 @@ class _Reader:
     def _require_whole(self, row: Row, known: list[TableColumn], fits: list[TableColumn]) -> None:
         layout = self._layout
         if row.width > layout.width:
-            why = "; decimal commas between comma-separated cells?" if layout.separator == "," else ""
-            raise FormatError(f"line {row.line}", f"has {row.width} cells, the table has {layout.width}{why}")
+            why = (
+                "; decimal commas between comma-separated cells?" if layout.separator == "," else ""
+            )
+            raise FormatError(
+                f"line {row.line}", f"has {row.width} cells, the table has {layout.width}{why}"
+            )
         for column in known:
             if column not in fits:
                 cell = row.cells[column.place]
                 place = f"line {row.line}, {column.name}"
-                kind = "time of day" if column.is_time else f"number with a decimal {layout.decimal!r}"
-                raise FormatError(place, f"{cell[:40]!r} is no {kind}; correct it, or state `decimal` of the table")
+                kind = (
+                    "time of day" if column.is_time else f"number with a decimal {layout.decimal!r}"
+                )
+                raise FormatError(
+                    place,
+                    f"{cell[:40]!r} is no {kind}; correct it, or state `decimal` of the table",
+                )
         last = max(layout.columns, key=lambda column: column.place)
         if len(row.cells) <= last.place:
             raise FormatError(
-                f"line {row.line}", f"has {len(row.cells)} cells, {last.name} is number {last.place + 1}; was it cut?"
+                f"line {row.line}",
+                f"has {len(row.cells)} cells, {last.name} is number {last.place + 1}; was it cut?",
             )
 
     def _value(self, column: TableColumn, row: Row) -> float:

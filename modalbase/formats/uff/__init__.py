@@ -1,4 +1,6 @@
-"""Universal File Format (UFF) in and out, behind a guard: pure functions over files, no database."""
+"""Universal File Format (UFF) in and out, behind a guard: pure functions over files, no
+database.
+"""
 
 from modalbase.formats.uff.content import (
     COHERENCE,

@@ -1,12 +1,15 @@
-"""Functions of one or two channels: time blocks in SI, and FRFs and coherences of power spectra (set 58).
+"""Functions of one or two channels: time blocks in SI, and FRFs and coherences of power spectra
+(set 58).
 
 Analysers write auto and cross spectra (function types 2 and 3) beside FRFs or in their place:
 
     H1 = S_af / S_ff,    γ² = |S_af|² / (S_ff S_aa)
 
-with a the response and f the force. Programs differ in which channel of a cross spectrum they conjugate, and files do not
-say. A body cannot move before it is hit: of the two readings only one has its impulse response in the first half of its
-period, and that one is taken. Where neither stands out, the spectra are left alone.
+with a the response and f the force. Programs differ in which channel of a cross spectrum they
+conjugate, and files do not
+say. A body cannot move before it is hit: of the two readings only one has its impulse response in
+the first half of its period, and that one is taken. Where neither stands out, the spectra are left
+alone.
 """
 
 from collections.abc import Iterator
@@ -35,7 +38,13 @@ from modalbase.formats.units import FORCE, RESPONSE, Dimension, read_unit
 
 TIME_RESPONSE, AUTO_SPECTRUM, CROSS_SPECTRUM = 1, 2, 3
 _UNSTATED_TYPES = (0, 1)
-_TYPES: dict[int, ChannelQuantity] = {8: "displacement", 11: "velocity", 12: "acceleration", 9: "force", 13: "force"}
+_TYPES: dict[int, ChannelQuantity] = {
+    8: "displacement",
+    11: "velocity",
+    12: "acceleration",
+    9: "force",
+    13: "force",
+}
 _DIMENSIONS: dict[Dimension, ChannelQuantity] = {
     FORCE: "force",
     RESPONSE["accelerance"]: "acceleration",
@@ -43,7 +52,8 @@ _DIMENSIONS: dict[Dimension, ChannelQuantity] = {
     RESPONSE["receptance"]: "displacement",
 }
 _SECONDS = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "": 1.0, "none": 1.0}
-_CAUSAL = 4.0  # energy of the first half of the impulse response over the second, or the other way round
+# energy of the first half of the impulse response over the second, or the other way round
+_CAUSAL = 4.0
 _ABOVE_ONE = 1.001
 _QUANTITY: dict[ChannelQuantity, Quantity] = {
     "acceleration": "accelerance",
@@ -57,10 +67,12 @@ Dof = tuple[int, int]
 def time_of(
     raw: RawFunction, dataset: int, units: Units | None, geometry: Geometry
 ) -> tuple[TimeResponse, list[str]] | None:
-    """A time block in SI and the notes on how it came there; None where it is a block of another kind (pressure, strain).
+    """A time block in SI and the notes on how it came there; None where it is a block of another
+    kind (pressure, strain).
 
     Raises:
-        Refusal: it is uneven or has no sampling rate, its unit contradicts its data type, or SI takes it out of range.
+        Refusal: it is uneven or has no sampling rate, its unit contradicts its data type, or SI
+            takes it out of range.
     """
     notes: list[str] = []
     found = _channel(raw, units, notes)
@@ -75,7 +87,10 @@ def time_of(
     with np.errstate(over="ignore"):
         samples = raw.values.real if factor == 1.0 else raw.values.real.astype(np.float64) * factor
     if not np.isfinite(samples).all():
-        raise Refusal(f"its samples are beyond double precision in SI, first at {np.argmin(np.isfinite(samples)) + 1}")
+        raise Refusal(
+            "its samples are beyond double precision in SI, first at"
+            f" {np.argmin(np.isfinite(samples)) + 1}"
+        )
     dofs = global_dofs(raw, geometry, notes)
     rate = float(f"{1 / (raw.axis.step * _SECONDS[unit]):.12g}")
     return TimeResponse(dataset, raw.id_lines[0], quantity, *dofs, rate, samples), notes
@@ -86,7 +101,8 @@ def spectrum_of(
 ) -> tuple[PowerSpectrum, list[str]] | None:
     """A power spectrum and the notes on it; None where its channel is neither force nor motion.
 
-    The unit label of an auto spectrum is that of its channel or the square of it, as programs differ.
+    The unit label of an auto spectrum is that of its channel or the square of it, as programs
+    differ.
 
     Raises:
         Refusal: it is not over frequency, or its unit contradicts its data type.
@@ -100,7 +116,10 @@ def spectrum_of(
     axis: Axis = frequency_of(raw, notes)
     values = np.asarray(raw.values, dtype=np.complex128)
     dofs = global_dofs(raw, geometry, notes)
-    return PowerSpectrum(dataset, raw.id_lines[0], kind, quantity, factor, *dofs, axis, values), notes
+    return (
+        PowerSpectrum(dataset, raw.id_lines[0], kind, quantity, factor, *dofs, axis, values),
+        notes,
+    )
 
 
 def _channel(
@@ -115,20 +134,31 @@ def _channel(
             if root in _DIMENSIONS:
                 quantity = _DIMENSIONS[root]
                 if by_type not in (None, quantity):
-                    raise Refusal(f"its data type says {by_type}, its unit '{described.unit}' says {quantity}", 8)
+                    raise Refusal(
+                        f"its data type says {by_type}, its unit '{described.unit}' says"
+                        f" {quantity}",
+                        8,
+                    )
                 return quantity, label.factor ** (1 / power)
         if label.dimension.voltage:
             raise Refusal(
-                f"its ordinate is in '{described.unit}', and a UFF file states no sensitivity: export it in N and m/s², or "
-                "as npz or .mat, whose mapping states one",
+                f"its ordinate is in '{described.unit}', and a UFF file states no sensitivity:"
+                " export it in N and m/s², or as npz or .mat, whose mapping states one",
                 8,
             )
         return None
     if by_type is None:
         return None
     length, force = (1.0, 1.0) if units is None else (units.length, units.force)
-    by = "SI (the file has no set 164)" if units is None else f"set 164 ({units.description or units.code})"
-    notes.append(f"its ordinate has no unit label that is understood ('{described.unit}'); units of {by} assumed")
+    by = (
+        "SI (the file has no set 164)"
+        if units is None
+        else f"set 164 ({units.description or units.code})"
+    )
+    notes.append(
+        f"its ordinate has no unit label that is understood ('{described.unit}'); units of {by}"
+        " assumed"
+    )
     return by_type, 1 / force if by_type == "force" else 1 / length
 
 
@@ -154,10 +184,14 @@ class Spectra:
         if spectrum.kind == "cross":
             self._crosses.append(spectrum)
         else:
-            self._autos.setdefault((spectrum.response_point, abs(spectrum.response_direction)), []).append(spectrum)
+            self._autos.setdefault(
+                (spectrum.response_point, abs(spectrum.response_direction)), []
+            ).append(spectrum)
 
     def holds(self, report: DatasetReport) -> bool:
-        """Keep the report of a spectrum's dataset until it is known what the spectrum is good for."""
+        """Keep the report of a spectrum's dataset until it is known what the spectrum is good
+        for.
+        """
         if report.number not in self._taken:
             return False
         self._held[report.number] = report
@@ -166,7 +200,10 @@ class Spectra:
     def note(self, frf: Frf) -> None:
         """The file has this FRF itself; its spectra are not needed."""
         self._known.add(
-            ((frf.response_point, abs(frf.response_direction)), (frf.reference_point, abs(frf.reference_direction)))
+            (
+                (frf.response_point, abs(frf.response_direction)),
+                (frf.reference_point, abs(frf.reference_direction)),
+            )
         )
 
     def finish(self) -> Iterator[Frf | Function | DatasetReport]:
@@ -192,10 +229,16 @@ class Spectra:
             elif number in used:
                 yield report
             else:
-                yield replace(report, outcome="ignored", reason="is an auto spectrum that no cross spectrum needs")
+                yield replace(
+                    report,
+                    outcome="ignored",
+                    reason="is an auto spectrum that no cross spectrum needs",
+                )
 
     def _made(self, cross: PowerSpectrum) -> tuple[Frf, Function, str, set[int]] | str:
-        """What a cross spectrum makes with the auto spectra of its channels, or why it makes nothing."""
+        """What a cross spectrum makes with the auto spectra of its channels, or why it makes
+        nothing.
+        """
         response = cross.response_point, abs(cross.response_direction)
         reference = cross.reference_point, abs(cross.reference_direction)
         if (response, reference) in self._known:
@@ -213,16 +256,35 @@ class Spectra:
             return "makes a coherence above 1 with its auto spectra: they are not scaled alike"
         conjugated = _conjugated(values)
         if conjugated is None:
-            return "has an impulse response that lies before the hit as much as after it: which channel is conjugated?"
+            return (
+                "has an impulse response that lies before the hit as much as after it: which"
+                " channel is conjugated?"
+            )
         if conjugated:
             values = values.conj()
         assert motion.quantity is not None, "an auto spectrum has a quantity"
-        note = f"H1 and coherence made with the auto spectra of datasets {force.dataset} and {motion.dataset}" + (
-            "; its response is the conjugated channel, as the impulse response shows" if conjugated else ""
+        note = (
+            f"H1 and coherence made with the auto spectra of datasets {force.dataset} and"
+            f" {motion.dataset}"
+            + (
+                "; its response is the conjugated channel, as the impulse response shows"
+                if conjugated
+                else ""
+            )
         )
         quantity, gamma = _QUANTITY[motion.quantity], np.clip(coherence, 0, 1)
         frf = Frf(cross.dataset, cross.label, _IDS, *cross.dofs, quantity, cross.frequency, values)
-        again = Function(cross.dataset, cross.label, _IDS, COHERENCE, *cross.dofs, cross.frequency, "Hz", gamma, "")
+        again = Function(
+            cross.dataset,
+            cross.label,
+            _IDS,
+            COHERENCE,
+            *cross.dofs,
+            cross.frequency,
+            "Hz",
+            gamma,
+            "",
+        )
         return frf, again, note, {force.dataset, motion.dataset}
 
     def _auto(self, dof: Dof, cross: PowerSpectrum, *, forces: bool) -> PowerSpectrum | None:
@@ -245,7 +307,8 @@ def _same_lines(a: PowerSpectrum, b: PowerSpectrum) -> bool:
 def _conjugated(values: ComplexArray) -> bool | None:
     """Whether the conjugate of an FRF is the causal one; None where that cannot be seen.
 
-    What lies at time 0 belongs to either half and is left out, with a sixty-fourth of the period about it.
+    What lies at time 0 belongs to either half and is left out, with a sixty-fourth of the period
+    about it.
     """
     size = 2 * max(values.size - 1, 1)
     impulse: FloatArray = np.fft.irfft(values, size)

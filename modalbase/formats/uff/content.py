@@ -1,7 +1,7 @@
 """What a Universal File Format (UFF) file holds, as frozen values in SI units.
 
-Reading a file yields, for each dataset, its content and then one `DatasetReport`. A dataset that is refused yields no
-content.
+Reading a file yields, for each dataset, its content and then one `DatasetReport`. A dataset that is
+refused yields no content.
 """
 
 from __future__ import annotations
@@ -58,7 +58,8 @@ class DatasetReport:
     number: int  # 1 for the first dataset of the file
     type: str  # dataset type as the file has it: "15", "58", "58b" ...
     offset: int  # byte offset of the dataset's opening delimiter
-    outcome: Outcome  # "read", "ignored" (sound, but of no use here) or "refused" (damaged or ambiguous)
+    # "read", "ignored" (sound, but of no use here) or "refused" (damaged or ambiguous)
+    outcome: Outcome
     reason: str | None = None  # why it was ignored or refused; None where it was read
     notes: tuple[str, ...] = ()  # every conversion and assumption made while reading it
 
@@ -94,7 +95,8 @@ class CoordinateSystem:
     dataset: int
     label: int  # number by which grid points name it
     name: str
-    kind: Literal["cartesian", "cylindrical", "spherical"]  # what the three coordinates of a point in it are
+    # what the three coordinates of a point in it are
+    kind: Literal["cartesian", "cylindrical", "spherical"]
     origin_m: FloatArray  # (3,) origin, m, in the global system
     axes: FloatArray  # (3, 3) rows are its unit x, y, z axes in the global system
 
@@ -129,9 +131,11 @@ class Frf:
 
     dataset: int  # number of the dataset
     label: str  # first ID line
-    id_lines: tuple[str, str, str, str, str]  # the five ID lines; the third is usually the date and time
+    # the five ID lines; the third is usually the date and time
+    id_lines: tuple[str, str, str, str, str]
     response_point: int  # grid point of the response, 0 where the file states none
-    response_direction: int  # ±1 … ±6, or 0 for a scalar or an unstated direction; axes of the global system
+    # ±1 … ±6, or 0 for a scalar or an unstated direction; axes of the global system
+    response_direction: int
     reference_point: int  # grid point of the force, 0 where the file states none
     reference_direction: int  # as `response_direction`
     quantity: Quantity  # accelerance, mobility or receptance
@@ -143,7 +147,8 @@ class Frf:
 
 @dataclass(frozen=True, eq=False)
 class Function:
-    """A function of set 58 or 58b that is not an FRF: coherence, time response, power spectral density ...
+    """A function of set 58 or 58b that is not an FRF: coherence, time response, power spectral
+    density ...
 
     Ordinates stay in the units that their labels state: a spectrum is not converted to SI.
     """
@@ -169,7 +174,9 @@ class Function:
 
 @dataclass(frozen=True, eq=False)
 class TimeResponse:
-    """A time block of set 58 or 58b (function type 1), in SI units: the hammer's force, or what a sensor recorded."""
+    """A time block of set 58 or 58b (function type 1), in SI units: the hammer's force, or what a
+    sensor recorded.
+    """
 
     dataset: int
     label: str
@@ -186,13 +193,16 @@ class TimeResponse:
 
 @dataclass(frozen=True, eq=False)
 class PowerSpectrum:
-    """An auto or cross spectrum of set 58 or 58b (function types 2 and 3), as an analyser writes them beside FRFs."""
+    """An auto or cross spectrum of set 58 or 58b (function types 2 and 3), as an analyser writes
+    them beside FRFs.
+    """
 
     dataset: int
     label: str
     kind: Literal["auto", "cross"]  # "auto" or "cross"
     quantity: ChannelQuantity | None  # of an auto spectrum's channel; None for a cross spectrum
-    # multiply the channel's amplitude by it for SI; 1 for a cross spectrum, which takes those of its channels
+    # multiply the channel's amplitude by it for SI; 1 for a cross spectrum, which takes those of
+    # its channels
     factor: float
     response_point: int
     response_direction: int
@@ -204,7 +214,12 @@ class PowerSpectrum:
     @property
     def dofs(self) -> tuple[int, int, int, int]:
         """Response point and direction, reference point and direction."""
-        return self.response_point, self.response_direction, self.reference_point, self.reference_direction
+        return (
+            self.response_point,
+            self.response_direction,
+            self.reference_point,
+            self.reference_direction,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,9 +230,11 @@ class ModeShape:
     label: str  # first ID line
     mode: int  # number of the mode in the file
     frequency_hz: float  # undamped natural frequency, Hz; |λ|/2π of a complex eigenvalue λ
-    damping_ratio: float  # viscous damping ratio; -Re λ/|λ| of a complex eigenvalue. NaN where the file states none.
+    # viscous damping ratio; -Re λ/|λ| of a complex eigenvalue. NaN where the file states none.
+    damping_ratio: float
     points: IntArray  # (p,) grid points, as the file lists them
-    # (p, 3) translations or (p, 6) translations and rotations, complex, in global axes, arbitrarily scaled
+    # (p, 3) translations or (p, 6) translations and rotations, complex, in global axes, arbitrarily
+    # scaled
     values: ComplexArray
     kind: Literal["normal", "complex"]  # "normal" (real mode analysis) or "complex"
 
@@ -261,10 +278,14 @@ Content = (
 
 @dataclass(frozen=True)
 class Limits:
-    """What a file may claim before it is refused, and the one thing that a user may state for it."""
+    """What a file may claim before it is refused, and the one thing that a user may state for
+    it.
+    """
 
-    dataset_bytes: int = 124 * 1024 * 1024  # largest dataset, bytes; memory follows the largest dataset
-    # of each dataset type, the first so many bytes are read by pyuff as well and the two readings compared; 0 for none
+    # largest dataset, bytes; memory follows the largest dataset
+    dataset_bytes: int = 124 * 1024 * 1024
+    # of each dataset type, the first so many bytes are read by pyuff as well and the two readings
+    # compared; 0 for none
     cross_check_bytes: int = 4 * 1024 * 1024
     datasets: int = 200_000  # number of datasets in a file
     line_bytes: int = 4096  # longest text line, bytes

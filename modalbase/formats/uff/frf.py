@@ -1,4 +1,6 @@
-"""From a function as the file states it to an FRF in SI: what it is, in which units, along which axes."""
+"""From a function as the file states it to an FRF in SI: what it is, in which units, along which
+axes.
+"""
 
 import re
 from dataclasses import dataclass
@@ -12,7 +14,16 @@ from modalbase.formats.uff.content import Axis, Frf, Function, Limits, Units
 from modalbase.formats.uff.function import RawFunction, fits_single
 from modalbase.formats.uff.geometry import Geometry
 from modalbase.formats.uff.text import Refusal
-from modalbase.formats.units import FORCE, LENGTH, NO_UNIT, RESPONSE, Dimension, Unit, factor_of, read_unit
+from modalbase.formats.units import (
+    FORCE,
+    LENGTH,
+    NO_UNIT,
+    RESPONSE,
+    Dimension,
+    Unit,
+    factor_of,
+    read_unit,
+)
 
 FRF_TYPE = 4
 _RESPONSE_TYPES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
@@ -26,7 +37,8 @@ _GRAVITY = re.compile(r"(?i)(?<![a-z])(g|gn|g's)(?![a-z])")
 class _Side:
     """Numerator or denominator of an FRF."""
 
-    label: Unit | None  # meaning of its unit label, None where there is none or it is not understood
+    # meaning of its unit label, None where there is none or it is not understood
+    label: Unit | None
     text: str  # the label as the file has it
     by_164: float  # factor to SI by set 164
 
@@ -35,17 +47,33 @@ def function_of(raw: RawFunction, dataset: int) -> Function:
     """A function that is not an FRF, in the units of its labels."""
     unit = "" if raw.ordinate.unit.lower() in NO_UNIT else raw.ordinate.unit
     ids, dofs = raw.id_lines, raw.dofs
-    return Function(dataset, ids[0], ids, raw.function_type, *dofs, raw.axis, raw.abscissa.unit, raw.values, unit)
+    return Function(
+        dataset,
+        ids[0],
+        ids,
+        raw.function_type,
+        *dofs,
+        raw.axis,
+        raw.abscissa.unit,
+        raw.values,
+        unit,
+    )
 
 
-def global_dofs(raw: RawFunction, geometry: Geometry, notes: list[str]) -> tuple[int, int, int, int]:
+def global_dofs(
+    raw: RawFunction, geometry: Geometry, notes: list[str]
+) -> tuple[int, int, int, int]:
     """Response point and direction, reference point and direction, along global axes.
 
     Raises:
         Refusal: a point's own axes are not along the global ones.
     """
-    response = geometry.global_direction(raw.response_point, raw.response_direction, "response", notes)
-    reference = geometry.global_direction(raw.reference_point, raw.reference_direction, "reference", notes)
+    response = geometry.global_direction(
+        raw.response_point, raw.response_direction, "response", notes
+    )
+    reference = geometry.global_direction(
+        raw.reference_point, raw.reference_direction, "reference", notes
+    )
     return raw.response_point, response, raw.reference_point, reference
 
 
@@ -55,8 +83,9 @@ def frf_of(
     """An FRF in SI and the notes on how it came there.
 
     Raises:
-        Refusal: it is not complex, not over frequency, not a response over a force, states no quantity, is measured
-            along axes that are none of the global ones, or is out of range in SI.
+        Refusal: it is not complex, not over frequency, not a response over a force, states no
+            quantity, is measured along axes that are none of the global ones, or is out of range in
+            SI.
     """
     notes: list[str] = []
     if raw.values.dtype.kind != "c":
@@ -67,22 +96,38 @@ def frf_of(
     double = raw.values.astype(np.complex128, copy=factor != 1.0)
     if factor != 1.0:
         with np.errstate(over="ignore"):
-            double.view(np.float64)[:] *= factor  # part by part: a complex product would lose the sign of zeros
+            # part by part: a complex product would lose the sign of zeros
+            double.view(np.float64)[:] *= factor
         if not np.isfinite(double).all():
             raise Refusal(
-                f"its ordinates are beyond double precision in SI, first at {np.argmin(np.isfinite(double)) + 1}"
+                "its ordinates are beyond double precision in SI, first at"
+                f" {np.argmin(np.isfinite(double)) + 1}"
             )
     values: NDArray[np.complex64] | ComplexArray = double
     if raw.values.dtype == np.complex64 and fits_single(double.view(np.float64)):
         values = double.astype(np.complex64)
-    return Frf(dataset, raw.id_lines[0], raw.id_lines, *dofs, quantity, frequency, values, raw.load_case), notes
+    return (
+        Frf(
+            dataset,
+            raw.id_lines[0],
+            raw.id_lines,
+            *dofs,
+            quantity,
+            frequency,
+            values,
+            raw.load_case,
+        ),
+        notes,
+    )
 
 
 def frequency_of(raw: RawFunction, notes: list[str]) -> Axis:
     """The abscissa in Hz."""
     described = raw.abscissa
     if described.data_type not in _FREQUENCY_TYPES:
-        raise Refusal(f"is over an abscissa of type {described.data_type}, expected 18 (frequency)", 7)
+        raise Refusal(
+            f"is over an abscissa of type {described.data_type}, expected 18 (frequency)", 7
+        )
     factor = factor_of("frequency", described.unit)
     if factor is None:
         factor = 1.0
@@ -107,9 +152,15 @@ def _quantity_and_factor(
     moment = abs(raw.reference_direction) > 3
     length, force = (1.0, 1.0) if units is None else (units.length, units.force)
     top = _Side(read_unit(raw.ordinate.unit), raw.ordinate.unit, 1.0 if rotation else 1 / length)
-    bottom = _Side(read_unit(raw.denominator.unit), raw.denominator.unit, 1 / (force * length) if moment else 1 / force)
+    bottom = _Side(
+        read_unit(raw.denominator.unit),
+        raw.denominator.unit,
+        1 / (force * length) if moment else 1 / force,
+    )
     if raw.denominator.data_type not in (*_FORCE_TYPES, *_UNSTATED_TYPES):
-        raise Refusal(f"its denominator is of type {raw.denominator.data_type}, not a force (9, 13)", 9)
+        raise Refusal(
+            f"its denominator is of type {raw.denominator.data_type}, not a force (9, 13)", 9
+        )
     response = {q: d.times(LENGTH, -1) if rotation else d for q, d in RESPONSE.items()}
     below = FORCE.times(LENGTH) if moment else FORCE
     quantity, whole = _quantity(raw, top.label, response, below, limits, notes)
@@ -130,11 +181,15 @@ def _quantity(
     limits: Limits,
     notes: list[str],
 ) -> tuple[Quantity, bool]:
-    """The quantity by data type, label, or the user; and whether the ordinate's label states the whole ratio."""
+    """The quantity by data type, label, or the user; and whether the ordinate's label states the
+    whole ratio.
+    """
     by_type = _RESPONSE_TYPES.get(raw.ordinate.data_type)
     if by_type is None and raw.ordinate.data_type not in _UNSTATED_TYPES:
         raise Refusal(
-            f"its ordinate is of type {raw.ordinate.data_type}, not an acceleration, velocity or displacement", 8
+            f"its ordinate is of type {raw.ordinate.data_type}, not an acceleration, velocity or"
+            " displacement",
+            8,
         )
     for quantity in get_args(Quantity):
         if label is None:
@@ -142,17 +197,22 @@ def _quantity(
         whole = label.dimension == response[quantity].times(below, -1)
         if whole or label.dimension == response[quantity]:
             if by_type not in (None, quantity):
-                raise Refusal(f"its data type says {by_type}, its unit '{raw.ordinate.unit}' says {quantity}", 8)
+                raise Refusal(
+                    f"its data type says {by_type}, its unit '{raw.ordinate.unit}' says {quantity}",
+                    8,
+                )
             return quantity, whole
     if label is not None:
-        raise Refusal(f"its ordinate is in '{raw.ordinate.unit}', which is no unit of an FRF's response", 8)
+        raise Refusal(
+            f"its ordinate is in '{raw.ordinate.unit}', which is no unit of an FRF's response", 8
+        )
     if by_type is not None:
         return by_type, False
     if limits.quantity is None:
         raise Refusal(
-            f"neither its data type ({raw.ordinate.data_type}) nor its unit ('{raw.ordinate.unit}') says whether it is"
-            " an accelerance, a mobility or a receptance; state it in the file (record 9: 12, 11 or 8), or as the"
-            " quantity of the import",
+            f"neither its data type ({raw.ordinate.data_type}) nor its unit ('{raw.ordinate.unit}')"
+            " says whether it is an accelerance, a mobility or a receptance; state it in the file"
+            " (record 9: 12, 11 or 8), or as the quantity of the import",
             8,
         )
     notes.append(f"the file does not state what it is; {limits.quantity} as stated for the import")
@@ -160,7 +220,12 @@ def _quantity(
 
 
 def _ratio(
-    top: _Side, bottom: _Side, response: Dimension, below: Dimension, units: Units | None, notes: list[str]
+    top: _Side,
+    bottom: _Side,
+    response: Dimension,
+    below: Dimension,
+    units: Units | None,
+    notes: list[str],
 ) -> tuple[float, str]:
     """Factor to SI of numerator over denominator, each by its label or by set 164."""
     factors = []
@@ -168,16 +233,24 @@ def _ratio(
         if side.label is not None and side.label.dimension != dimension:
             raise Refusal(f"the unit '{side.text}' of its {name} does not fit its data type")
         if side.label is None:
-            by = "SI (the file has no set 164)" if units is None else f"set 164 ({units.description or units.code})"
+            by = (
+                "SI (the file has no set 164)"
+                if units is None
+                else f"set 164 ({units.description or units.code})"
+            )
             stated = (
-                "has no unit label" if side.text.lower() in NO_UNIT else f"has the unknown unit label '{side.text}'"
+                "has no unit label"
+                if side.text.lower() in NO_UNIT
+                else f"has the unknown unit label '{side.text}'"
             )
             notes.append(f"its {name} {stated}; units of {by} assumed")
         factors.append(side.by_164 if side.label is None else side.label.factor)
     return factors[0] / factors[1], f"'{top.text}' over '{bottom.text}'"
 
 
-def _note_factor(factor: float, said: str, top: _Side, bottom: _Side, units: Units | None, notes: list[str]) -> None:
+def _note_factor(
+    factor: float, said: str, top: _Side, bottom: _Side, units: Units | None, notes: list[str]
+) -> None:
     """State the conversion, and where labels and set 164 disagree."""
     if factor != 1.0:
         gravity = " (1 g = 9.80665 m/s²)" if _GRAVITY.search(top.text) else ""
@@ -185,7 +258,8 @@ def _note_factor(factor: float, said: str, top: _Side, bottom: _Side, units: Uni
     by_164 = top.by_164 / bottom.by_164
     if units is not None and (top.label or bottom.label) and abs(by_164 / factor - 1) > 1e-6:
         notes.append(
-            f"the unit labels {said} contradict set 164, by which the factor is {by_164:.9g}; the labels are used"
+            f"the unit labels {said} contradict set 164, by which the factor is {by_164:.9g}; the"
+            " labels are used"
         )
 
 
@@ -198,4 +272,7 @@ def _note_exponents(raw: RawFunction, rotation: bool, moment: bool, notes: list[
     for described, usual, name in expected:
         stated = described.exponents
         if described.data_type not in _UNSTATED_TYPES and stated not in ((0, 0, 0), usual):
-            notes.append(f"the unit exponents {stated} of its {name} do not fit its data type {described.data_type}")
+            notes.append(
+                f"the unit exponents {stated} of its {name} do not fit its data type"
+                f" {described.data_type}"
+            )

@@ -1,4 +1,6 @@
-"""Sets 58 and 58b: a function at nodal degrees of freedom, read by its columns or its bytes and held to its header."""
+"""Sets 58 and 58b: a function at nodal degrees of freedom, read by its columns or its bytes and
+held to its header.
+"""
 
 import re
 from dataclasses import dataclass, replace
@@ -51,13 +53,19 @@ class RawFunction:
     names: tuple[str, str]  # of the response and the reference in record 6
     has_gap: bool  # its line at 0 Hz is no number, and was left out
     unstated_reference: bool  # its reference point is -1, which stands for none
-    # its rows are not in the standard columns, or its abscissa is of another precision than its ordinates
+    # its rows are not in the standard columns, or its abscissa is of another precision than its
+    # ordinates
     free_form: bool
 
     @property
     def dofs(self) -> tuple[int, int, int, int]:
         """Response point and direction, reference point and direction."""
-        return self.response_point, self.response_direction, self.reference_point, self.reference_direction
+        return (
+            self.response_point,
+            self.response_direction,
+            self.reference_point,
+            self.reference_direction,
+        )
 
 
 @dataclass(frozen=True)
@@ -92,7 +100,8 @@ def read_58(frame: Frame, body: bytes) -> RawFunction:
     """A set 58 or 58b.
 
     Raises:
-        Refusal: a header field is not what the format allows, or the data are not what the header declares.
+        Refusal: a header field is not what the format allows, or the data are not what the header
+            declares.
     """
     cut = _end_of_header(body)
     cursor = Cursor(body[:cut] + b"-")  # a last character keeps header lines that are blank
@@ -105,7 +114,9 @@ def read_58(frame: Frame, body: bytes) -> RawFunction:
     gap = _gap_at_start(table, shape)
     if gap and dofs[0] not in (_FRF, COHERENCE):
         raise Refusal(gap, HEADER_LINES)
-    axis, values, more = _assembled(table[1:] if gap else table, shape.behind_first() if gap else shape)
+    axis, values, more = _assembled(
+        table[1:] if gap else table, shape.behind_first() if gap else shape
+    )
     if shape.complex_values and dofs[0] in (6, 26, 21):
         notes.append(f"a {FUNCTION_NAMES[dofs[0]]} with complex ordinates")
     return RawFunction(
@@ -135,8 +146,12 @@ def _end_of_header(body: bytes) -> int:
     return position
 
 
-def _degrees_of_freedom(cursor: Cursor) -> tuple[tuple[int, int, int, int, int, int], tuple[str, str], list[str]]:
-    """Record 6, FORMAT(2(I5,I10),2(1X,10A1,I10,I4)): function type, load case, response and reference, and their names."""
+def _degrees_of_freedom(
+    cursor: Cursor,
+) -> tuple[tuple[int, int, int, int, int, int], tuple[str, str], list[str]]:
+    """Record 6, FORMAT(2(I5,I10),2(1X,10A1,I10,I4)): function type, load case, response and
+    reference, and their names.
+    """
     row = cursor.next("the degrees of freedom")
     fields = {
         "function type": (0, 5),
@@ -156,7 +171,9 @@ def _degrees_of_freedom(cursor: Cursor) -> tuple[tuple[int, int, int, int, int, 
             values += cursor.integers(row, [name], width, start)
     if row[80:].strip():
         raise cursor.refuse(f"record 6 goes beyond column 80 with {shown(row[80:].strip())}")
-    kind, load_case, response_point, response_direction, reference_point, reference_direction = values
+    kind, load_case, response_point, response_direction, reference_point, reference_direction = (
+        values
+    )
     if kind not in FUNCTION_NAMES:
         raise cursor.refuse(f"the function type is {kind}, expected 0 to {max(FUNCTION_NAMES)}")
     for name, direction in (("response", response_direction), ("reference", reference_direction)):
@@ -166,15 +183,26 @@ def _degrees_of_freedom(cursor: Cursor) -> tuple[tuple[int, int, int, int, int, 
         reference_point = 0
         notes.append(_NO_REFERENCE)
     if response_point < 0 or reference_point < 0:
-        raise cursor.refuse(f"the grid points are {response_point} and {reference_point}, expected positive labels")
-    dofs = (kind, load_case, response_point, response_direction, reference_point, reference_direction)
+        raise cursor.refuse(
+            f"the grid points are {response_point} and {reference_point}, expected positive labels"
+        )
+    dofs = (
+        kind,
+        load_case,
+        response_point,
+        response_direction,
+        reference_point,
+        reference_direction,
+    )
     return dofs, (decoded(row[31:41]), decoded(row[56:66])), notes
 
 
 def _shape(cursor: Cursor) -> _Shape:
     """Record 7, FORMAT(3I10,3E13.5)."""
     row = cursor.next("the data form")
-    kind, points, spacing = cursor.integers(row, ["ordinate data type", "number of points", "abscissa spacing"])
+    kind, points, spacing = cursor.integers(
+        row, ["ordinate data type", "number of points", "abscissa spacing"]
+    )
     if kind not in (_REAL_SINGLE, _REAL_DOUBLE, _COMPLEX_SINGLE, _COMPLEX_DOUBLE):
         raise cursor.refuse(f"the ordinate data type is {kind}, expected 2, 4, 5 or 6")
     if points < 1:
@@ -183,7 +211,9 @@ def _shape(cursor: Cursor) -> _Shape:
         raise cursor.refuse(f"the abscissa spacing is {spacing}, expected 0 (uneven) or 1 (even)")
     start, step = 0.0, 0.0
     if spacing == 1:
-        start, step = cursor.reals(row[:56].rstrip(), 2, 13, "abscissa minimum and increment", start=30)
+        start, step = cursor.reals(
+            row[:56].rstrip(), 2, 13, "abscissa minimum and increment", start=30
+        )
         if step <= 0 and points > 1:
             raise cursor.refuse(f"the abscissa increment is {step:g}, expected a positive number")
     return _Shape(kind, points, spacing == 1, start, step)
@@ -192,7 +222,8 @@ def _shape(cursor: Cursor) -> _Shape:
 def _axis_description(cursor: Cursor) -> AxisDescription:
     """Records 8 to 11, FORMAT(I10,3I5,2(1X,20A1)).
 
-    A label in UTF-8 may be padded by characters or by bytes, so the columns of the unit label are sought in both.
+    A label in UTF-8 may be padded by characters or by bytes, so the columns of the unit label are
+    sought in both.
     """
     row = cursor.next("the axis descriptions")
     (kind,) = cursor.integers(row, ["data type"])
@@ -206,12 +237,15 @@ def _axis_description(cursor: Cursor) -> AxisDescription:
         if text and not text[25:26].strip() and not text[46:47].strip():
             name, unit = text[26:46].strip(), text[47:67].strip()
         elif re.search(rb"\s{2,}", row[25:].strip()):
-            name, unit = (decoded(part) for part in re.split(rb"\s{2,}", row[25:].strip(), maxsplit=1))
+            name, unit = (
+                decoded(part) for part in re.split(rb"\s{2,}", row[25:].strip(), maxsplit=1)
+            )
     return AxisDescription(kind, exponents, name, unit)
 
 
 def _gap_at_start(table: FloatArray, shape: _Shape) -> str:
-    """What to say of a first line at 0 Hz that is no number, as double integration writes it (0/0); "" where it is one.
+    """What to say of a first line at 0 Hz that is no number, as double integration writes it (0/0);
+    "" where it is one.
 
     Raises:
         Refusal: another line is no number.
@@ -222,8 +256,8 @@ def _gap_at_start(table: FloatArray, shape: _Shape) -> str:
     points = shape.start + shape.step * bad if shape.even else table[bad, 0]
     if bad.size > 1 or points[0] != 0 or shape.points == 1:
         raise Refusal(
-            f"{bad.size} points are NaN or infinite, the first is number {bad[0] + 1} (at {points[0]:g}); only one at 0 Hz "
-            "can be left out"
+            f"{bad.size} points are NaN or infinite, the first is number {bad[0] + 1} (at"
+            f" {points[0]:g}); only one at 0 Hz can be left out"
         )
     return "its value at 0 Hz is NaN or infinite"
 
@@ -240,15 +274,21 @@ def _text_data(_: Frame, body: bytes, shape: _Shape) -> tuple[FloatArray, str]:
     else:
         widths = (_E13, _E20, _E20) if shape.complex_values else (_E13, _E20, _E13, _E20)
     first = 0 if shape.even else 1
-    flat, note = real_block(body, widths, shape.points * columns, HEADER_LINES, range(first, first + shape.parts))
+    flat, note = real_block(
+        body, widths, shape.points * columns, HEADER_LINES, range(first, first + shape.parts)
+    )
     return flat.reshape(shape.points, columns), note
 
 
 def _binary_data(frame: Frame, data: bytes, shape: _Shape) -> tuple[FloatArray, str]:
-    """Ordinates as IEEE 754 numbers; an uneven abscissa in single or double precision, as the byte count says."""
+    """Ordinates as IEEE 754 numbers; an uneven abscissa in single or double precision, as the byte
+    count says.
+    """
     header = binary_header(frame.type_line)
     if header.float_format != 2:
-        raise Refusal(f"the floating point format is {header.float_format}; only 2 (IEEE 754) is read")
+        raise Refusal(
+            f"the floating point format is {header.float_format}; only 2 (IEEE 754) is read"
+        )
     order = "<" if header.little_endian else ">"
     item = f"{order}f8" if shape.double else f"{order}f4"
     layouts = [[("y", item, (shape.parts,))]]
@@ -260,17 +300,22 @@ def _binary_data(frame: Frame, data: bytes, shape: _Shape) -> tuple[FloatArray, 
     else:
         size = np.dtype(layouts[0]).itemsize
         raise Refusal(
-            f"declares {shape.points} points of {size} bytes but holds {len(data)} bytes: {len(data) / size:g} points",
+            f"declares {shape.points} points of {size} bytes but holds {len(data)} bytes:"
+            f" {len(data) / size:g} points",
             6,
         )
     table = np.frombuffer(data, np.dtype(layout))
     flat = _doubles(table)
     if _swapped(table):
         raise Refusal(
-            f"its numbers make no sense as {'little' if header.little_endian else 'big'} endian, and do the other way"
-            " round: the byte order in its header is wrong"
+            f"its numbers make no sense as {'little' if header.little_endian else 'big'} endian,"
+            " and do the other way round: the byte order in its header is wrong"
         )
-    return flat, "" if layout == layouts[0] else "its abscissa is in single precision, its ordinates in double"
+    return flat, (
+        ""
+        if layout == layouts[0]
+        else "its abscissa is in single precision, its ordinates in double"
+    )
 
 
 def _doubles(table: NDArray[np.void]) -> FloatArray:
@@ -281,15 +326,22 @@ def _doubles(table: NDArray[np.void]) -> FloatArray:
 
 
 def _swapped(table: NDArray[np.void]) -> bool:
-    """Whether the bytes are in the other order: as read, the magnitudes are strewn over all exponents."""
+    """Whether the bytes are in the other order: as read, the magnitudes are strewn over all
+    exponents.
+    """
     some = table[:: max(1, len(table) // 64)]
     if len(some) < _ENOUGH_POINTS:
         return False
-    return _decades(_doubles(some)) > _ABSURD_DECADES and _decades(_doubles(some.byteswap())) < _ABSURD_DECADES / 2
+    return (
+        _decades(_doubles(some)) > _ABSURD_DECADES
+        and _decades(_doubles(some.byteswap())) < _ABSURD_DECADES / 2
+    )
 
 
 def _decades(values: FloatArray) -> float:
-    """Scatter of the magnitudes, decades between the 10th and the 90th percentile; infinite where most are no numbers."""
+    """Scatter of the magnitudes, decades between the 10th and the 90th percentile; infinite where
+    most are no numbers.
+    """
     sizes = np.sort(np.abs(values[np.isfinite(values) & (values != 0)]))
     if sizes.size * 2 < np.count_nonzero(values):
         return float("inf")
@@ -298,7 +350,9 @@ def _decades(values: FloatArray) -> float:
 
 
 def fits_single(values: FloatArray) -> bool:
-    """Whether single precision holds the values to its full six digits, neither too large nor too small for it."""
+    """Whether single precision holds the values to its full six digits, neither too large nor too
+    small for it.
+    """
     with np.errstate(over="ignore"):
         back = values.astype(np.float32).astype(np.float64)
     return bool(np.all(np.abs(back - values) <= 1e-6 * np.abs(values)))
@@ -312,10 +366,14 @@ def _assembled(table: FloatArray, shape: _Shape) -> tuple[Axis, Samples, list[st
     if not shape.even:
         x = np.ascontiguousarray(table[:, 0])
         if np.any(np.diff(x) <= 0):
-            raise Refusal(f"the abscissa does not increase at point {int(np.argmax(np.diff(x) <= 0)) + 2}")
+            raise Refusal(
+                f"the abscissa does not increase at point {int(np.argmax(np.diff(x) <= 0)) + 2}"
+            )
         axis = Axis(float(x[0]), 0.0, shape.points, x)
     values = (
-        np.ascontiguousarray(ordinates).view(np.complex128)[:, 0] if shape.complex_values else ordinates[:, 0].copy()
+        np.ascontiguousarray(ordinates).view(np.complex128)[:, 0]
+        if shape.complex_values
+        else ordinates[:, 0].copy()
     )
     if shape.double:
         return axis, values, notes

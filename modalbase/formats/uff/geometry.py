@@ -1,10 +1,12 @@
-"""Sets of points, coordinate systems and lines: 15 and 2411, 18 and 2420, 82 and 2412; and the header, 151.
+"""Sets of points, coordinate systems and lines: 15 and 2411, 18 and 2420, 82 and 2412; and the
+header, 151.
 
-Everything ends in the file's global system. A grid point names two systems. The first is the one that its coordinates are
-given in (set 15), or were displayed in when the file was written (set 2411, whose coordinates are always in the part's global
-system). The second is the one that its directions are measured along. System 0 is global. Where a system is not defined in
-the file nothing is guessed, except that label 1 stands for the global system in files that define none, as the programs that
-write it mean it.
+Everything ends in the file's global system. A grid point names two systems. The first is the one
+that its coordinates are given in (set 15), or were displayed in when the file was written (set
+2411, whose coordinates are always in the part's global system). The second is the one that its
+directions are measured along. System 0 is global. Where a system is not defined in the file nothing
+is guessed, except that label 1 stands for the global system in files that define none, as the
+programs that write it mean it.
 """
 
 from collections.abc import Sequence
@@ -14,7 +16,15 @@ import numpy as np
 
 from modalbase.formats.coordinates import Kind, cartesian
 from modalbase.formats.types import FloatArray
-from modalbase.formats.uff.content import Content, CoordinateSystem, Element, FileHeader, GridPoint, TraceLine, Units
+from modalbase.formats.uff.content import (
+    Content,
+    CoordinateSystem,
+    Element,
+    FileHeader,
+    GridPoint,
+    TraceLine,
+    Units,
+)
 from modalbase.formats.uff.text import Cursor, Refusal, decoded, real, shown
 
 _KINDS: dict[int, Kind] = {0: "cartesian", 1: "cylindrical", 2: "spherical"}
@@ -24,7 +34,9 @@ _ORTHONORMAL = 1e-3
 
 @dataclass
 class Parsed:
-    """What a dataset came to: its contents, notes, and what pyuff must find in it too (None: not asked)."""
+    """What a dataset came to: its contents, notes, and what pyuff must find in it too (None: not
+    asked).
+    """
 
     contents: Sequence[Content]
     notes: list[str] = field(default_factory=list)
@@ -45,7 +57,9 @@ class PointRow:
 
 @dataclass
 class Geometry:
-    """Coordinate systems of the file, and the grid points whose directions are not along the global axes."""
+    """Coordinate systems of the file, and the grid points whose directions are not along the global
+    axes.
+    """
 
     systems: dict[int, CoordinateSystem] = field(default_factory=dict)
     displacement: dict[int, int] = field(default_factory=dict)
@@ -77,7 +91,8 @@ class Geometry:
         """
         if (
             self.points_lost
-            and (note := "grid points were refused; directions taken as along global axes") not in notes
+            and (note := "grid points were refused; directions taken as along global axes")
+            not in notes
         ):
             notes.append(note)
         if direction == 0 or point not in self.displacement:
@@ -87,20 +102,25 @@ class Geometry:
         if system is None:
             return direction
         if system.kind != "cartesian":
-            raise Refusal(f"the {name} at grid point {point} is along axes of the {system.kind} system {label}")
+            raise Refusal(
+                f"the {name} at grid point {point} is along axes of the {system.kind} system"
+                f" {label}"
+            )
         axis = (abs(direction) - 1) % 3
         along = np.sign(direction) * system.axes[axis]
         nearest = int(np.argmax(np.abs(along)))
         skew = float(np.degrees(np.arccos(min(1.0, abs(float(along[nearest]))))))
         if skew > _SKEW_DEG:
             raise Refusal(
-                f"the {name} at grid point {point} is along an axis of coordinate system {label}, {skew:.1f}° off the"
-                " nearest global axis; only directions along the global axes are stored"
+                f"the {name} at grid point {point} is along an axis of coordinate system {label},"
+                f" {skew:.1f}° off the nearest global axis; only directions along the global axes"
+                " are stored"
             )
         found = int(np.sign(along[nearest])) * (nearest + 1 + (3 if abs(direction) > 3 else 0))
         if found != direction:
             notes.append(
-                f"{name} direction {direction:+d} of coordinate system {label} is {found:+d} of the global system"
+                f"{name} direction {direction:+d} of coordinate system {label} is {found:+d} of the"
+                " global system"
             )
         return found
 
@@ -111,19 +131,25 @@ def rows_15(body: bytes) -> list[PointRow]:
     points = []
     while cursor:
         row = cursor.next("a grid point")
-        labels = cursor.integers(row, ["grid point", "definition system", "displacement system", ""])
+        labels = cursor.integers(
+            row, ["grid point", "definition system", "displacement system", ""]
+        )
         x, y, z = cursor.reals(row, 3, 13, f"coordinates of grid point {labels[0]}", start=40)
         points.append(_point(cursor, labels, (x, y, z)))
     return points
 
 
 def rows_2411(body: bytes) -> list[PointRow]:
-    """Set 2411: FORMAT(4I10) and FORMAT(1P3D25.16), two lines a point; coordinates in the part's system."""
+    """Set 2411: FORMAT(4I10) and FORMAT(1P3D25.16), two lines a point; coordinates in the part's
+    system.
+    """
     cursor = Cursor(body)
     points = []
     while cursor:
         row = cursor.next("a grid point")
-        label, _, displacement, _ = cursor.integers(row, ["grid point", "export system", "displacement system", ""])
+        label, _, displacement, _ = cursor.integers(
+            row, ["grid point", "export system", "displacement system", ""]
+        )
         if row[40:].strip():
             raise cursor.refuse("more than four numbers in the first line of a grid point")
         what = f"coordinates of grid point {label}"
@@ -146,11 +172,15 @@ def _point(cursor: Cursor, labels: list[int], coordinates: tuple[float, float, f
     if not 0 < labels[0] < 2**31:
         raise cursor.refuse(f"the grid point label is {labels[0]}, expected a positive number")
     if labels[1] < 0 or labels[2] < 0:
-        raise cursor.refuse(f"grid point {labels[0]} names the coordinate systems {labels[1]} and {labels[2]}")
+        raise cursor.refuse(
+            f"grid point {labels[0]} names the coordinate systems {labels[1]} and {labels[2]}"
+        )
     return PointRow(labels[0], labels[1], labels[2], coordinates)
 
 
-def grid_points(rows: list[PointRow], units: Units | None, geometry: Geometry, known: dict[int, GridPoint]) -> Parsed:
+def grid_points(
+    rows: list[PointRow], units: Units | None, geometry: Geometry, known: dict[int, GridPoint]
+) -> Parsed:
     """Grid points in metres and global coordinates.
 
     Args:
@@ -160,7 +190,8 @@ def grid_points(rows: list[PointRow], units: Units | None, geometry: Geometry, k
         known: points of earlier datasets, extended by these.
 
     Raises:
-        Refusal: there are none, or a label is given twice with other coordinates, or its system is not defined.
+        Refusal: there are none, or a label is given twice with other coordinates, or its system is
+            not defined.
     """
     if not rows:
         raise Refusal("holds no grid point")
@@ -174,13 +205,21 @@ def grid_points(rows: list[PointRow], units: Units | None, geometry: Geometry, k
         point = GridPoint(row.label, xyz)
         earlier = points.get(row.label) or known.get(row.label)
         if earlier is not None and earlier != point:
-            raise Refusal(f"grid point {row.label} is given twice, at {earlier.xyz_m} and at {xyz} m")
+            raise Refusal(
+                f"grid point {row.label} is given twice, at {earlier.xyz_m} and at {xyz} m"
+            )
         points[row.label] = point
-    moved = sorted({row.definition_system for row in rows if _moves(row.definition_system, geometry)})
+    moved = sorted(
+        {row.definition_system for row in rows if _moves(row.definition_system, geometry)}
+    )
     if moved:
-        notes.append(f"coordinates in systems {', '.join(map(str, moved))} brought to the global system")
+        notes.append(
+            f"coordinates in systems {', '.join(map(str, moved))} brought to the global system"
+        )
     if len(points) < len(rows):
-        notes.append(f"{len(rows) - len(points)} grid points are given twice with the same coordinates")
+        notes.append(
+            f"{len(rows) - len(points)} grid points are given twice with the same coordinates"
+        )
     known.update(points)
     claims: dict[str, object] = {
         "node_nums": [row.label for row in rows],
@@ -195,10 +234,16 @@ def _moves(label: int, geometry: Geometry) -> bool:
     system = geometry.systems.get(label)
     if system is None:
         return False
-    return system.kind != "cartesian" or bool(system.origin_m.any()) or not np.allclose(system.axes, np.eye(3))
+    return (
+        system.kind != "cartesian"
+        or bool(system.origin_m.any())
+        or not np.allclose(system.axes, np.eye(3))
+    )
 
 
-def _global(row: PointRow, geometry: Geometry, scale: float, notes: list[str]) -> tuple[float, float, float]:
+def _global(
+    row: PointRow, geometry: Geometry, scale: float, notes: list[str]
+) -> tuple[float, float, float]:
     """Coordinates in metres in the global system."""
     system = geometry.system(row.definition_system, f"grid point {row.label} is given", notes)
     if system is None:
@@ -209,41 +254,54 @@ def _global(row: PointRow, geometry: Geometry, scale: float, notes: list[str]) -
     return x, y, z
 
 
-def read_18(body: bytes, dataset: int, units: Units | None, systems: dict[int, CoordinateSystem]) -> Parsed:
+def read_18(
+    body: bytes, dataset: int, units: Units | None, systems: dict[int, CoordinateSystem]
+) -> Parsed:
     """Set 18: origin, a point on +x and a point in the +xz plane of each system."""
     cursor = Cursor(body)
     found: list[CoordinateSystem] = []
     claims: dict[str, list[float]] = {"cs_num": [], "cs_type": [], "ref_cs_num": []}
     while cursor:
         row = cursor.next("a coordinate system")
-        label, kind, reference, _, method = cursor.integers(row, ["label", "type", "reference system", "", "method"])
+        label, kind, reference, _, method = cursor.integers(
+            row, ["label", "type", "reference system", "", "method"]
+        )
         name = decoded(cursor.next("the name of a coordinate system"))
         numbers = cursor.real_rows(9, 13, 6, f"coordinate system {label}")
         if method != 1 or kind not in _KINDS:
-            raise cursor.refuse(f"coordinate system {label} has type {kind} and method {method}, expected 0-2 and 1")
+            raise cursor.refuse(
+                f"coordinate system {label} has type {kind} and method {method}, expected 0-2 and 1"
+            )
         origin, on_x, on_xz = np.array(numbers).reshape(3, 3)
         if reference:
             base = next((s for s in found if s.label == reference), systems.get(reference))
             if base is None or base.kind != "cartesian":
                 raise cursor.refuse(
-                    f"coordinate system {label} refers to {reference}, which is no Cartesian one before it"
+                    f"coordinate system {label} refers to {reference}, which is no Cartesian one"
+                    " before it"
                 )
             scale = 1.0 if units is None else units.length
-            origin, on_x, on_xz = (p @ base.axes + base.origin_m * scale for p in (origin, on_x, on_xz))
+            origin, on_x, on_xz = (
+                p @ base.axes + base.origin_m * scale for p in (origin, on_x, on_xz)
+            )
         z_side = np.cross(on_x - origin, on_xz - origin)
         if not z_side.any():
             raise cursor.refuse(f"the three points of coordinate system {label} lie on one line")
         x = (on_x - origin) / np.linalg.norm(on_x - origin)
         y = -z_side / np.linalg.norm(z_side)
         axes = np.array([x, y, np.cross(x, y)])
-        found.append(CoordinateSystem(dataset, label, name, _KINDS[kind], _metres(origin, units), axes))
+        found.append(
+            CoordinateSystem(dataset, label, name, _KINDS[kind], _metres(origin, units), axes)
+        )
         for key, value in (("cs_num", label), ("cs_type", kind), ("ref_cs_num", reference)):
             claims[key].append(value)
     return _systems(found, dict(claims))
 
 
 def read_2420(body: bytes, dataset: int, units: Units | None) -> Parsed:
-    """Set 2420: rows 1 to 3 of a system's matrix are its axes, row 4 its origin, in the global system."""
+    """Set 2420: rows 1 to 3 of a system's matrix are its axes, row 4 its origin, in the global
+    system.
+    """
     cursor = Cursor(body)
     cursor.integers(cursor.next("the part number"), ["part number"])
     cursor.next("the part name")
@@ -251,13 +309,17 @@ def read_2420(body: bytes, dataset: int, units: Units | None) -> Parsed:
     while cursor:
         label, kind, _ = cursor.integers(cursor.next("a coordinate system"), ["label", "type", ""])
         name = decoded(cursor.next("the name of a coordinate system"))
-        matrix = np.array([cursor.reals(cursor.next("its matrix"), 3, 25, "its matrix") for _ in range(4)])
+        matrix = np.array(
+            [cursor.reals(cursor.next("its matrix"), 3, 25, "its matrix") for _ in range(4)]
+        )
         if kind not in _KINDS:
             raise cursor.refuse(f"coordinate system {label} has type {kind}, expected 0, 1 or 2")
         axes = matrix[:3]
         if np.abs(axes @ axes.T - np.eye(3)).max() > _ORTHONORMAL:
             raise cursor.refuse(f"the axes of coordinate system {label} are not orthonormal")
-        found.append(CoordinateSystem(dataset, label, name, _KINDS[kind], _metres(matrix[3], units), axes))
+        found.append(
+            CoordinateSystem(dataset, label, name, _KINDS[kind], _metres(matrix[3], units), axes)
+        )
     return _systems(found, {"CS_sys_labels": [s.label for s in found]})
 
 
@@ -270,7 +332,9 @@ def _systems(found: list[CoordinateSystem], claims: dict[str, object]) -> Parsed
     """The systems of a dataset, each label once."""
     labels = [system.label for system in found]
     if not found or len(set(labels)) < len(labels):
-        raise Refusal("holds no coordinate system" if not found else "defines a coordinate system twice")
+        raise Refusal(
+            "holds no coordinate system" if not found else "defines a coordinate system twice"
+        )
     return Parsed(found, [], claims)
 
 
@@ -281,11 +345,14 @@ _PER_ROW = 8
 def read_82(body: bytes, dataset: int) -> Parsed:
     """Set 82: `count` grid points; rows may be filled up with zeros.
 
-    Some programs count the strokes or leave the pen's lifts out of the count: then the set holds more entries than it declares,
-    each of them a label or 0. All are kept, for they are the whole line.
+    Some programs count the strokes or leave the pen's lifts out of the count: then the set holds
+    more entries than it declares, each of them a label or 0. All are kept, for they are the whole
+    line.
     """
     cursor = Cursor(body)
-    number, count, _ = cursor.integers(cursor.next("the trace line"), ["trace line", "number of points", ""])
+    number, count, _ = cursor.integers(
+        cursor.next("the trace line"), ["trace line", "number of points", ""]
+    )
     label = decoded(cursor.next("the ID line"))
     points: list[int] = []
     while cursor:
@@ -322,7 +389,9 @@ def read_2412(body: bytes) -> Parsed:
             take = min(_PER_ROW, count - len(points))
             points += cursor.integers(row, ["point"] * take)
             if row[take * 10 :].strip():
-                raise cursor.refuse(f"element {number} holds more than the {count} points it declares")
+                raise cursor.refuse(
+                    f"element {number} holds more than the {count} points it declares"
+                )
         elements.append(Element(number, descriptor, tuple(points), properties, line))
     if not elements:
         raise Refusal("holds no element")

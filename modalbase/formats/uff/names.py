@@ -1,4 +1,6 @@
-"""Degrees of freedom of a set 58 that stand in the names of its record 6 alone, where its numbers are 0."""
+"""Degrees of freedom of a set 58 that stand in the names of its record 6 alone, where its numbers
+are 0.
+"""
 
 from dataclasses import replace
 
@@ -11,22 +13,29 @@ _AXES = " XYZ"
 
 
 def placed(raw: RawFunction) -> tuple[RawFunction, list[str]]:
-    """The function with points and directions that its names say where its numbers say none, and notes on them.
+    """The function with points and directions that its names say where its numbers say none, and
+    notes on them.
 
     Where number and name both say one, the number counts.
 
     Raises:
-        Refusal: a number of record 6 contradicts its name, and the other number is 0, so that neither alone is a place.
+        Refusal: a number of record 6 contradicts its name, and the other number is 0, so that
+            neither alone is a place.
     """
     notes: list[str] = []
     dofs: list[int] = []
-    for side, name, stated in zip(("response", "reference"), raw.names, (raw.dofs[:2], raw.dofs[2:]), strict=True):
+    for side, name, stated in zip(
+        ("response", "reference"), raw.names, (raw.dofs[:2], raw.dofs[2:]), strict=True
+    ):
         point, direction = stated
         named = dof_in_name(name)
         if named is None or stated == named:
             dofs += stated
             continue
-        said = f"its {side} is {point} {_shown(direction)} by the numbers of record 6, and {name!r} by its name"
+        said = (
+            f"its {side} is {point} {_shown(direction)} by the numbers of record 6, and {name!r} by"
+            " its name"
+        )
         if point and direction:
             notes.append(f"{said}; the numbers are used")
             dofs += stated
@@ -34,7 +43,8 @@ def placed(raw: RawFunction) -> tuple[RawFunction, list[str]]:
         if point not in (0, named[0]) or direction not in (0, named[1]):
             raise Refusal(f"{said}; correct the one that is wrong", _RECORD_6)
         notes.append(
-            f"its {side} is {named[0]} {_shown(named[1])} by its name {name!r}, as record 6 has no number for it"
+            f"its {side} is {named[0]} {_shown(named[1])} by its name {name!r}, as record 6 has no"
+            " number for it"
         )
         dofs += named
     response, along, reference, reference_along = dofs
@@ -51,10 +61,18 @@ def placed(raw: RawFunction) -> tuple[RawFunction, list[str]]:
 def unplaced(raw: RawFunction) -> list[str]:
     """Notes on what an FRF lacks: such ones are stored, and left out of every computation."""
     return [
-        f"its {side} has no {' and no '.join(lacks)}: record 6 has 0, and its name {name!r} is none such as 12Z-; it is left "
-        "out of computations until the file states it"
-        for side, name, stated in zip(("response", "reference"), raw.names, (raw.dofs[:2], raw.dofs[2:]), strict=True)
-        if (lacks := [what for what, number in zip(("point", "direction"), stated, strict=True) if number == 0])
+        f"its {side} has no {' and no '.join(lacks)}: record 6 has 0, and its name {name!r} is none"
+        " such as 12Z-; it is left out of computations until the file states it"
+        for side, name, stated in zip(
+            ("response", "reference"), raw.names, (raw.dofs[:2], raw.dofs[2:]), strict=True
+        )
+        if (
+            lacks := [
+                what
+                for what, number in zip(("point", "direction"), stated, strict=True)
+                if number == 0
+            ]
+        )
     ]
 
 

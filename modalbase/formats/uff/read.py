@@ -1,13 +1,15 @@
 """A UFF file as a stream of contents and reports.
 
-The framing of the whole file is checked first (`scan`). Units, coordinate systems and the points that are not measured
-along global axes are gathered next, for they may stand anywhere in the file. Then each dataset is read by our own
-columns and counts, held against pyuff's reading of the same set (the first megabytes of each type), and yielded.
+The framing of the whole file is checked first (`scan`). Units, coordinate systems and the points
+that are not measured along global axes are gathered next, for they may stand anywhere in the file.
+Then each dataset is read by our own columns and counts, held against pyuff's reading of the same
+set (the first megabytes of each type), and yielded.
 
-pyuff is the second reader: a dataset alone, from a temporary file of just that set. Our own reading accounts for every column,
-count and byte, so damage is found without pyuff. What a second reader adds is the guard against a dialect that both the file
-and our reader state consistently and that others understand otherwise. A file comes from one program, so its first datasets of
-each type show that, and the rest need not be read twice.
+pyuff is the second reader: a dataset alone, from a temporary file of just that set. Our own reading
+accounts for every column, count and byte, so damage is found without pyuff. What a second reader
+adds is the guard against a dialect that both the file and our reader state consistently and that
+others understand otherwise. A file comes from one program, so its first datasets of each type show
+that, and the rest need not be read twice.
 """
 
 import re
@@ -18,8 +20,22 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pyuff
 
-from modalbase.formats.uff.channels import AUTO_SPECTRUM, CROSS_SPECTRUM, TIME_RESPONSE, spectrum_of, time_of
-from modalbase.formats.uff.content import Content, CoordinateSystem, DatasetReport, GridPoint, Limits, UffError, Units
+from modalbase.formats.uff.channels import (
+    AUTO_SPECTRUM,
+    CROSS_SPECTRUM,
+    TIME_RESPONSE,
+    spectrum_of,
+    time_of,
+)
+from modalbase.formats.uff.content import (
+    Content,
+    CoordinateSystem,
+    DatasetReport,
+    GridPoint,
+    Limits,
+    UffError,
+    Units,
+)
 from modalbase.formats.uff.frf import FRF_TYPE, frf_of, function_of
 from modalbase.formats.uff.function import RawFunction, read_58
 from modalbase.formats.uff.geometry import (
@@ -73,8 +89,12 @@ class SecondReader:
             Refusal: pyuff reads it, but differently.
         """
         if frame.type == "58b" and b"    -1" in body:
-            return "its data hold the bytes of a delimiter, which pyuff cannot read past; read by its byte count alone"
-        mode = "r+b" if self._file.exists() else "w+b"  # truncating to nothing first would wait for the disk
+            return (
+                "its data hold the bytes of a delimiter, which pyuff cannot read past; read by its"
+                " byte count alone"
+            )
+        # truncating to nothing first would wait for the disk
+        mode = "r+b" if self._file.exists() else "w+b"
         with self._file.open(mode) as file:
             file.write(_TAG + frame.type_line + body + _TAG)
             file.truncate()
@@ -93,7 +113,9 @@ class SecondReader:
 
 
 def _equal(found: object, expected: object) -> bool:
-    """Whether two readings are the same; text is compared where it is plain, for pyuff decodes it otherwise."""
+    """Whether two readings are the same; text is compared where it is plain, for pyuff decodes it
+    otherwise.
+    """
     if isinstance(expected, str):
         return not expected.isascii() or str(found).strip() == expected
     ours, theirs = np.asarray(expected), np.asarray(found)
@@ -106,14 +128,18 @@ _SWALLOWED = re.compile(rb"\n    -1[^\n]*-1[ \t]*\r?\n {0,5}[0-9]{1,6}[bB \t\r\n
 _SHORT_LINES = 8
 
 
-def read_file(path: Path | str, limits: Limits = DEFAULT_LIMITS) -> Iterator[Content | DatasetReport]:
+def read_file(
+    path: Path | str, limits: Limits = DEFAULT_LIMITS
+) -> Iterator[Content | DatasetReport]:
     """Content of a UFF file, dataset by dataset: all contents of one, then its `DatasetReport`.
 
-    The framing of the whole file is checked before this returns; a dataset is parsed when it is asked for, so memory
-    is bounded by the largest dataset. A dataset that is refused or ignored yields its report alone.
+    The framing of the whole file is checked before this returns; a dataset is parsed when it is
+    asked for, so memory is bounded by the largest dataset. A dataset that is refused or ignored
+    yields its report alone.
 
     Raises:
-        UffError: the framing of the file is broken. It is raised by the call itself, before anything is yielded.
+        UffError: the framing of the file is broken. It is raised by the call itself, before
+            anything is yielded.
     """
     return _Reading(Path(path), scan(Path(path), limits), limits).stream()
 
@@ -148,17 +174,28 @@ class _Reading:
                 parsed.notes += filter(None, [self._second_opinion(second, frame, body, parsed)])
         except Refusal as refusal:
             yield DatasetReport(
-                frame.number, frame.type, frame.offset, "refused", _located(refusal, frame, body), framing
+                frame.number,
+                frame.type,
+                frame.offset,
+                "refused",
+                _located(refusal, frame, body),
+                framing,
             )
         except Ignored as ignored:
-            yield DatasetReport(frame.number, frame.type, frame.offset, "ignored", str(ignored), framing)
+            yield DatasetReport(
+                frame.number, frame.type, frame.offset, "ignored", str(ignored), framing
+            )
         else:
             yield from parsed.contents
             notes = (*framing, *parsed.notes)
             yield DatasetReport(frame.number, frame.type, frame.offset, "read", None, notes)
 
-    def _second_opinion(self, second: SecondReader, frame: Frame, body: bytes, parsed: Parsed) -> str:
-        """What pyuff has to say; where the set was read in a way that it does not know, it cannot object."""
+    def _second_opinion(
+        self, second: SecondReader, frame: Frame, body: bytes, parsed: Parsed
+    ) -> str:
+        """What pyuff has to say; where the set was read in a way that it does not know, it cannot
+        object.
+        """
         try:
             return second.compare(frame, body, parsed.claims or {})
         except Refusal:
@@ -170,11 +207,14 @@ class _Reading:
         """The bytes of a dataset after its type line.
 
         Raises:
-            Refusal: they are too many, mostly line ends, or hold another dataset whose delimiters are lost.
+            Refusal: they are too many, mostly line ends, or hold another dataset whose delimiters
+                are lost.
         """
         size = frame.end - frame.start
         if size > self._limits.dataset_bytes:
-            raise Refusal(f"is {size} bytes long, more than the {self._limits.dataset_bytes} allowed")
+            raise Refusal(
+                f"is {size} bytes long, more than the {self._limits.dataset_bytes} allowed"
+            )
         with self._path.open("rb") as file:
             file.seek(frame.start)
             body = file.read(size)
@@ -186,7 +226,8 @@ class _Reading:
             raise Refusal(f"is {lines} lines in {size} bytes: nearly all are blank")
         if swallowed := _SWALLOWED.search(body):
             raise Refusal(
-                "holds what was the beginning of another dataset", body.count(b"\n", 0, swallowed.start() + 1)
+                "holds what was the beginning of another dataset",
+                body.count(b"\n", 0, swallowed.start() + 1),
             )
         return body
 
@@ -196,14 +237,18 @@ class _Reading:
             try:
                 self._units[frame.number] = read_164(self._body(frame), frame.number)[0]
             except Refusal:
-                self._units[frame.number] = Refusal(f"its units (set 164, dataset {frame.number}) were refused")
+                self._units[frame.number] = Refusal(
+                    f"its units (set 164, dataset {frame.number}) were refused"
+                )
         for frame in self._of_types("18", "2420"):
             try:
                 systems = self._systems(frame, self._body(frame)).contents
             except Refusal:
                 self._geometry.systems_lost = True
             else:
-                self._geometry.systems.update((s.label, s) for s in systems if isinstance(s, CoordinateSystem))
+                self._geometry.systems.update(
+                    (s.label, s) for s in systems if isinstance(s, CoordinateSystem)
+                )
         for frame in self._of_types(*_POINT_ROWS):
             try:
                 rows = _POINT_ROWS[frame.type](self._body(frame))
@@ -219,7 +264,9 @@ class _Reading:
         return [frame for frame in self._frames if frame.type in types]
 
     def _units_for(self, frame: Frame) -> Units | None:
-        """The units that hold for a dataset: those stated last before it, else the first after it, else None for SI."""
+        """The units that hold for a dataset: those stated last before it, else the first after it,
+        else None for SI.
+        """
         if not self._units:
             return None
         before = [number for number in self._units if number < frame.number]
@@ -246,7 +293,9 @@ class _Reading:
         if kind in ("58", "58b"):
             return self._function(frame, body)
         if kind in _POINT_ROWS:
-            parsed = grid_points(_POINT_ROWS[kind](body), self._units_for(frame), self._geometry, self._points)
+            parsed = grid_points(
+                _POINT_ROWS[kind](body), self._units_for(frame), self._geometry, self._points
+            )
             if not self._units:
                 parsed.notes.append("the file has no set 164: coordinates taken as metres")
             return parsed
@@ -254,7 +303,11 @@ class _Reading:
             return self._systems(frame, body)
         if kind == "164":
             units, notes = read_164(body, frame.number)
-            factors: dict[str, object] = {"length": units.length, "force": units.force, "temp": units.temperature}
+            factors: dict[str, object] = {
+                "length": units.length,
+                "force": units.force,
+                "temp": units.temperature,
+            }
             return Parsed([units], notes, factors)
         if kind == "2412":
             return read_2412(body)
@@ -264,11 +317,15 @@ class _Reading:
         return readers[kind](body, frame.number)
 
     def _function(self, frame: Frame, body: bytes) -> Parsed:
-        """Set 58 or 58b: an FRF, a time block or a power spectrum in SI, or another function as it is."""
+        """Set 58 or 58b: an FRF, a time block or a power spectrum in SI, or another function as it
+        is.
+        """
         raw, notes_on_names = placed(stated := read_58(frame, body))
         content: Content
         if raw.function_type == FRF_TYPE:
-            content, notes = frf_of(raw, frame.number, self._units_for(frame), self._geometry, self._limits)
+            content, notes = frf_of(
+                raw, frame.number, self._units_for(frame), self._geometry, self._limits
+            )
             notes += unplaced(raw)
         else:
             content, notes = self._channels(raw, frame) or (function_of(raw, frame.number), [])
@@ -276,7 +333,9 @@ class _Reading:
         return Parsed([content], [*raw.notes, *notes_on_names, *notes], claims, raw.free_form)
 
     def _channels(self, raw: RawFunction, frame: Frame) -> tuple[Content, list[str]] | None:
-        """A time block or a power spectrum of force or motion; None where it is another function."""
+        """A time block or a power spectrum of force or motion; None where it is another
+        function.
+        """
         if raw.function_type == TIME_RESPONSE:
             return time_of(raw, frame.number, self._units_for(frame), self._geometry)
         if raw.function_type in (AUTO_SPECTRUM, CROSS_SPECTRUM):

@@ -1,12 +1,13 @@
 """The framing of a UFF file, checked in one streaming pass before anything in it is parsed.
 
-A file is a chain of datasets. Each opens with a delimiter line (-1 in columns 5 and 6), then a line with its type in
-columns 1 to 6, and closes with another delimiter. Between two datasets may stand blank lines, and words that can be no data
-(some programs write the name of the part there). In a binary set 58b the length of the data is declared in the type line, and
-the closing delimiter must stand right behind it; some programs count the line ends about the data too.
+A file is a chain of datasets. Each opens with a delimiter line (-1 in columns 5 and 6), then a line
+with its type in columns 1 to 6, and closes with another delimiter. Between two datasets may stand
+blank lines, and words that can be no data (some programs write the name of the part there). In a
+binary set 58b the length of the data is declared in the type line, and the closing delimiter must
+stand right behind it; some programs count the line ends about the data too.
 
-A delimiter that is lost, added or moved shifts the roles of all that follow, so it always ends at a line that cannot be
-what its place demands, and the whole file is refused.
+A delimiter that is lost, added or moved shifts the roles of all that follow, so it always ends at a
+line that cannot be what its place demands, and the whole file is refused.
 """
 
 import re
@@ -21,11 +22,13 @@ SMALL_CHUNK, LARGE_CHUNK = 1 << 13, 1 << 20
 ODD_DELIMITERS = 1000
 _WORDS_BETWEEN = 4
 _WORDS = re.compile(rb"[A-Za-z][A-Za-z _.,:;()-]*")
-_COUNTED_ENDS = 16  # bytes by which a binary set's count may exceed its data: line ends, and blanks after them
+# bytes by which a binary set's count may exceed its data: line ends, and blanks after them
+_COUNTED_ENDS = 16
 _DELIMITER_LINE = re.compile(rb"\n([ \t]*)-1[ \t]*\r?(?=\n|\Z)")
 _TYPE_LINE = re.compile(rb"( {0,5}[0-9]{1,6})([bB].*|[ \t]*)")
 _ASCII_LINES_58B = 11
-_SHORT_TYPES = (15, 18, 55, 56, 57, 58, 82, 90, 91, 95)  # others below 100 are rather the label of a node
+# others below 100 are rather the label of a node
+_SHORT_TYPES = (15, 18, 55, 56, 57, 58, 82, 90, 91, 95)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,19 +66,24 @@ def scan(path: Path, limits: Limits) -> list[Frame]:
     with path.open("rb") as file:
         position = 3 if file.read(3) == b"\xef\xbb\xbf" else 0
         words: list[bytes] = []
-        while (opening := _opening(file, position, size, limits, first=not frames, words=words)) is not None:
+        while (
+            opening := _opening(file, position, size, limits, first=not frames, words=words)
+        ) is not None:
             if len(frames) == limits.datasets:
                 raise UffError(f"the file holds more than {limits.datasets} datasets", opening[0])
             frame, position = _dataset(file, len(frames) + 1, *opening, size, limits)
             if words:
                 said = (
-                    f"before it stands the text {', '.join(map(shown, words))}, which is no dataset and was passed over"
+                    f"before it stands the text {', '.join(map(shown, words))}, which is no dataset"
+                    " and was passed over"
                 )
                 frame = replace(frame, note="; ".join(filter(None, [frame.note, said])))
                 words.clear()
             frames.append(frame)
     if not frames:
-        raise UffError("the file holds nothing but blank lines, expected a Universal File Format file")
+        raise UffError(
+            "the file holds nothing but blank lines, expected a Universal File Format file"
+        )
     return frames
 
 
@@ -84,16 +92,27 @@ def _line(file: BinaryIO, position: int, limits: Limits) -> bytes:
     file.seek(position)
     line = file.readline(limits.line_bytes + 1)
     if len(line) > limits.line_bytes:
-        raise UffError(f"a line is longer than {limits.line_bytes} bytes, so this is no sound UFF file", position)
+        raise UffError(
+            f"a line is longer than {limits.line_bytes} bytes, so this is no sound UFF file",
+            position,
+        )
     return line
 
 
 def _opening(
-    file: BinaryIO, position: int, size: int, limits: Limits, *, first: bool, words: list[bytes] | None = None
+    file: BinaryIO,
+    position: int,
+    size: int,
+    limits: Limits,
+    *,
+    first: bool,
+    words: list[bytes] | None = None,
 ) -> tuple[int, int] | None:
-    """Offset of the next opening delimiter and of the line after it; None where only blanks are left.
+    """Offset of the next opening delimiter and of the line after it; None where only blanks are
+    left.
 
-    Lines of words alone are passed over and put into `words`: they hold no digit, so they are neither data nor a type line.
+    Lines of words alone are passed over and put into `words`: they hold no digit, so they are
+    neither data nor a type line.
     """
     blanks_from = position
     while position < size:
@@ -101,7 +120,12 @@ def _opening(
         content = line.strip(b" \t\r\n")
         if content == b"-1":
             return position, position + len(line)
-        if words is not None and not first and len(words) < _WORDS_BETWEEN and _WORDS.fullmatch(content):
+        if (
+            words is not None
+            and not first
+            and len(words) < _WORDS_BETWEEN
+            and _WORDS.fullmatch(content)
+        ):
             words.append(content)
         elif content.strip(b"\x1a"):
             what = "not a UFF file: it opens with" if first else "between two datasets stands"
@@ -116,34 +140,56 @@ def _opening(
     return None
 
 
-def _dataset(file: BinaryIO, number: int, offset: int, position: int, size: int, limits: Limits) -> tuple[Frame, int]:
-    """The frame of the dataset whose type line begins at `position`, and the byte after its closing delimiter."""
+def _dataset(
+    file: BinaryIO, number: int, offset: int, position: int, size: int, limits: Limits
+) -> tuple[Frame, int]:
+    """The frame of the dataset whose type line begins at `position`, and the byte after its closing
+    delimiter.
+    """
     line = _line(file, position, limits)
     if not line.strip():
-        raise UffError("the file ends or is blank after an opening delimiter, expected a dataset type", offset)
+        raise UffError(
+            "the file ends or is blank after an opening delimiter, expected a dataset type", offset
+        )
     match = _TYPE_LINE.fullmatch(line.rstrip(b"\r\n"))
     if match is None or not 0 < (kind := int(match[1])) < 10_000:
         raise UffError(
-            f"after the delimiter of dataset {number} stands {shown(line.strip())}, expected its type in columns 1 to 6;"
-            " a delimiter is lost or added nearby",
+            f"after the delimiter of dataset {number} stands {shown(line.strip())}, expected its"
+            " type in columns 1 to 6; a delimiter is lost or added nearby",
             position,
         )
     start = position + len(line)
     if not match[2].strip():
         end, after, note = _closing(file, number, start, offset, size, limits)
-        frame = Frame(number=number, type=str(kind), offset=offset, start=start, end=end, type_line=line, note=note)
+        frame = Frame(
+            number=number,
+            type=str(kind),
+            offset=offset,
+            start=start,
+            end=end,
+            type_line=line,
+            note=note,
+        )
         return frame, after
     if kind != 58:
         raise UffError(
-            f"dataset {number} has type {shown(line.strip())}; of the binary sets only 58b is known", position
+            f"dataset {number} has type {shown(line.strip())}; of the binary sets only 58b is"
+            " known",
+            position,
         )
     end, after, note = _binary_end(file, number, line, start, offset, limits)
-    frame = Frame(number=number, type="58b", offset=offset, start=start, end=end, type_line=line, note=note)
+    frame = Frame(
+        number=number, type="58b", offset=offset, start=start, end=end, type_line=line, note=note
+    )
     return frame, after
 
 
-def _closing(file: BinaryIO, number: int, start: int, offset: int, size: int, limits: Limits) -> tuple[int, int, str]:
-    """Byte of the closing delimiter of a text dataset, the byte after it, and a note where it is oddly placed."""
+def _closing(
+    file: BinaryIO, number: int, start: int, offset: int, size: int, limits: Limits
+) -> tuple[int, int, str]:
+    """Byte of the closing delimiter of a text dataset, the byte after it, and a note where it is
+    oddly placed.
+    """
     position, odd = start - 1, 0  # from the line end before, so that each line has one
     size_read = SMALL_CHUNK  # growing, so that many small datasets are not read many times over
     while position < size:
@@ -152,7 +198,10 @@ def _closing(file: BinaryIO, number: int, start: int, offset: int, size: int, li
         size_read = min(2 * size_read, LARGE_CHUNK)
         last = position + len(chunk) >= size
         if not last and not (chunk := chunk[: chunk.rfind(b"\n") + 1])[1:]:
-            raise UffError(f"a line is longer than {limits.line_bytes} bytes, so this is no sound UFF file", position)
+            raise UffError(
+                f"a line is longer than {limits.line_bytes} bytes, so this is no sound UFF file",
+                position,
+            )
         for match in _DELIMITER_LINE.finditer(chunk):
             begin, after = position + match.start() + 1, min(position + match.end() + 1, size)
             if match[1] == b"    ":
@@ -160,17 +209,21 @@ def _closing(file: BinaryIO, number: int, start: int, offset: int, size: int, li
             if _closes(file, after, size, limits):
                 return begin, after, "its closing delimiter is not in columns 5 and 6"
             if (odd := odd + 1) > ODD_DELIMITERS:
-                raise UffError(f"more than {ODD_DELIMITERS} lines of -1 in dataset {number}", offset)
+                raise UffError(
+                    f"more than {ODD_DELIMITERS} lines of -1 in dataset {number}", offset
+                )
         position = size if last else position + len(chunk) - 1
     raise UffError(
-        f"the file ends inside dataset {number}, which begins at byte {offset}: it was cut short, or its closing"
-        " delimiter is damaged",
+        f"the file ends inside dataset {number}, which begins at byte {offset}: it was cut short,"
+        " or its closing delimiter is damaged",
         size,
     )
 
 
 def _closes(file: BinaryIO, position: int, size: int, limits: Limits) -> bool:
-    """Whether an oddly placed -1 before `position` closes a dataset: what follows is a new dataset or nothing."""
+    """Whether an oddly placed -1 before `position` closes a dataset: what follows is a new dataset
+    or nothing.
+    """
     try:
         opening = _opening(file, position, size, limits, first=False)
     except UffError:
@@ -189,7 +242,12 @@ def binary_header(line: bytes) -> BinaryHeader:
     """
     fields: list[int] = []
     column = 7
-    for name, width in (("byte order", 6), ("floating point format", 6), ("ASCII line count", 12), ("byte count", 12)):
+    for name, width in (
+        ("byte order", 6),
+        ("floating point format", 6),
+        ("ASCII line count", 12),
+        ("byte count", 12),
+    ):
         text = line[column : column + width].strip()
         if not text.isdigit():
             raise ValueError(f"the {name} is {shown(text)}, expected a number")
@@ -199,7 +257,9 @@ def binary_header(line: bytes) -> BinaryHeader:
     if order not in (1, 2):
         raise ValueError(f"the byte order is {order}, expected 1 (little endian) or 2 (big endian)")
     if ascii_lines != _ASCII_LINES_58B:
-        raise ValueError(f"the count of ASCII header lines is {ascii_lines}, expected {_ASCII_LINES_58B}")
+        raise ValueError(
+            f"the count of ASCII header lines is {ascii_lines}, expected {_ASCII_LINES_58B}"
+        )
     return BinaryHeader(order == 1, float_format, data_bytes)
 
 
@@ -220,25 +280,31 @@ def _binary_end(
         record_7 = text if index == 6 else record_7
         position += len(text)
     declared, sizes = header.data_bytes, _bytes_by_record_7(record_7)
-    counted = [(actual, ", line ends included") for _, actual in sizes if 0 < declared - actual <= _COUNTED_ENDS]
+    counted = [
+        (actual, ", line ends included")
+        for _, actual in sizes
+        if 0 < declared - actual <= _COUNTED_ENDS
+    ]
     # pyuff writes 8 (or 4) bytes a point into the header even where a point takes 16 or 24.
     by_pyuff = [(actual, "") for stated, actual in sizes if stated == declared]
     for actual, how in dict.fromkeys([*counted, (declared, ""), *by_pyuff]):
         if (after := _delimiter_after(file, position + actual)) is not None:
             note = (
-                f"its header declares {declared} bytes of data{how}; the {actual} bytes that its type and number of points make"
-                " were read, for its delimiter stands behind them"
+                f"its header declares {declared} bytes of data{how}; the {actual} bytes that its"
+                " type and number of points make were read, for its delimiter stands behind them"
             )
             return position + actual, after, "" if actual == declared else note
     raise UffError(
-        f"dataset {number} declares {header.data_bytes} bytes of binary data, but no delimiter stands behind them:"
-        " the file was cut or changed, or the count is wrong",
+        f"dataset {number} declares {header.data_bytes} bytes of binary data, but no delimiter"
+        " stands behind them: the file was cut or changed, or the count is wrong",
         offset,
     )
 
 
 def _bytes_by_record_7(record_7: bytes) -> list[tuple[int, int]]:
-    """Pairs (bytes that pyuff declares, bytes that it writes) for the points that record 7 states."""
+    """Pairs (bytes that pyuff declares, bytes that it writes) for the points that record 7
+    states.
+    """
     fields = [record_7[i : i + 10].strip() for i in (0, 10, 20)]
     if not all(field.isdigit() for field in fields):
         return []
@@ -249,7 +315,9 @@ def _bytes_by_record_7(record_7: bytes) -> list[tuple[int, int]]:
 
 
 def _delimiter_after(file: BinaryIO, position: int) -> int | None:
-    """Byte after the delimiter line that begins at `position`, or behind one or two line ends; None where there is none."""
+    """Byte after the delimiter line that begins at `position`, or behind one or two line ends; None
+    where there is none.
+    """
     file.seek(position)
     match = re.match(rb"(?:[ \t\x00]{0,8}\r{0,2}\n){0,2}    -1[ \t]*(?:\r?\n|\Z)", file.read(160))
     return None if match is None else position + match.end()

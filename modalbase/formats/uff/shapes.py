@@ -1,4 +1,6 @@
-"""Sets 55 and 2414: mode shapes. Their values are in global axes and of any scale, so no units apply to them."""
+"""Sets 55 and 2414: mode shapes. Their values are in global axes and of any scale, so no units
+apply to them.
+"""
 
 from typing import Literal
 
@@ -37,8 +39,12 @@ def read_55(body: bytes, dataset: int) -> Parsed:
     row = cursor.next("the analysis parameters")
     integers, reals = cursor.integers(row, ["number of integers", "number of reals"])
     if not (1 <= integers <= 10 and 1 <= reals <= 12):
-        raise cursor.refuse(f"declares {integers} integer and {reals} real parameters, expected 1 to 10 and 1 to 12")
-    parameters = cursor.integers(row, [f"parameter {i + 1}" for i in range(min(integers, 6))], start=20)
+        raise cursor.refuse(
+            f"declares {integers} integer and {reals} real parameters, expected 1 to 10 and 1 to 12"
+        )
+    parameters = cursor.integers(
+        row, [f"parameter {i + 1}" for i in range(min(integers, 6))], start=20
+    )
     mode = parameters[1] if integers > 1 else 0
     numbers = cursor.real_rows(reals, _WIDTH, _PER_ROW, "the analysis parameters")
     if len(numbers) < (1 if analysis == _NORMAL else 2):
@@ -52,8 +58,13 @@ def read_55(body: bytes, dataset: int) -> Parsed:
     claims: dict[str, object] | None = None
     if not (values_are_complex and components == 6):
         claims = {"node_nums": points, "analysis_type": analysis, "n_data_per_node": components}
-        claims |= {f"r{i + 1}": values[:, i] if values_are_complex else flat[:, i] for i in range(components)}
-    shape = ModeShape(dataset, ids[0], mode, frequency, damping, points, values=values, kind=_KINDS[analysis])
+        claims |= {
+            f"r{i + 1}": values[:, i] if values_are_complex else flat[:, i]
+            for i in range(components)
+        }
+    shape = ModeShape(
+        dataset, ids[0], mode, frequency, damping, points, values=values, kind=_KINDS[analysis]
+    )
     return Parsed([shape], notes, claims)
 
 
@@ -76,7 +87,9 @@ def read_2414(body: bytes, dataset: int) -> Parsed:
     row = cursor.next("the analysis parameters")
     mode = cursor.integers(row, ["", "", "", "", "", "mode number"])[5]
     cursor.next("the creation option")
-    _, frequency, _, _, viscous, hysteretic = cursor.real_rows(6, _WIDTH, _PER_ROW, "the analysis parameters")
+    _, frequency, _, _, viscous, hysteretic = cursor.real_rows(
+        6, _WIDTH, _PER_ROW, "the analysis parameters"
+    )
     eigenvalue = cursor.real_rows(6, _WIDTH, _PER_ROW, "the complex eigenvalue")[:2]
     if analysis == _NORMAL or not any(eigenvalue):
         frequency, damping, notes = _normal_mode(frequency, viscous, hysteretic)
@@ -86,38 +99,63 @@ def read_2414(body: bytes, dataset: int) -> Parsed:
     claims: dict[str, object] | None = None
     if flat.shape[1] <= _PER_ROW:
         claims = {"node_nums": points, "analysis_type": analysis, "data_at_node": flat}
-    shape = ModeShape(dataset, label, mode, frequency, damping, points, values=values, kind=_KINDS[analysis])
+    shape = ModeShape(
+        dataset, label, mode, frequency, damping, points, values=values, kind=_KINDS[analysis]
+    )
     return Parsed([shape], notes, claims)
 
 
 def _definition(cursor: Cursor, dataset_type: str) -> tuple[int, int, bool]:
-    """Analysis type, values a node, and whether these are complex, of record 6 (set 55) or 9 (set 2414)."""
-    names = ["model type", "analysis type", "data characteristic", "", "data type", "values per node"]
-    _, analysis, characteristic, _, data_type, components = cursor.integers(cursor.next("the data definition"), names)
+    """Analysis type, values a node, and whether these are complex, of record 6 (set 55) or 9 (set
+    2414).
+    """
+    names = [
+        "model type",
+        "analysis type",
+        "data characteristic",
+        "",
+        "data type",
+        "values per node",
+    ]
+    _, analysis, characteristic, _, data_type, components = cursor.integers(
+        cursor.next("the data definition"), names
+    )
     if analysis not in _KINDS:
-        raise Ignored(f"its data are {_ANALYSES.get(analysis, f'of analysis type {analysis}')}, no mode shape")
+        raise Ignored(
+            f"its data are {_ANALYSES.get(analysis, f'of analysis type {analysis}')}, no mode shape"
+        )
     if characteristic not in (_TRANSLATIONS, _WITH_ROTATIONS):
         raise Ignored(f"its data characteristic is {characteristic}, no displacement (2, 3)")
     if data_type not in (_REAL, _COMPLEX):
         raise cursor.refuse(
-            f"the data type of this set {dataset_type} is {data_type}, expected 2 (real) or 5 (complex)"
+            f"the data type of this set {dataset_type} is {data_type}, expected 2 (real) or 5"
+            " (complex)"
         )
     if components != (3 if characteristic == _TRANSLATIONS else 6):
-        raise cursor.refuse(f"declares {components} values a node for data characteristic {characteristic}")
+        raise cursor.refuse(
+            f"declares {components} values a node for data characteristic {characteristic}"
+        )
     return analysis, components, data_type == _COMPLEX
 
 
-def _normal_mode(frequency: float, viscous: float, hysteretic: float) -> tuple[float, float, list[str]]:
+def _normal_mode(
+    frequency: float, viscous: float, hysteretic: float
+) -> tuple[float, float, list[str]]:
     """Frequency, damping ratio and notes of a normal mode; no damping stated is NaN."""
     if frequency < 0:
         raise Refusal(f"its frequency is {frequency:g} Hz")
     if viscous < 0 or viscous >= 1:
-        raise Refusal(f"its viscous damping ratio is {viscous:g}, expected 0 to 1 (a ratio, not per cent)")
+        raise Refusal(
+            f"its viscous damping ratio is {viscous:g}, expected 0 to 1 (a ratio, not per cent)"
+        )
     notes = []
     damping = viscous if viscous > 0 else float("nan")
     if viscous == 0 and 0 < hysteretic < 2:
         damping = hysteretic / 2
-        notes.append(f"hysteretic damping ratio {hysteretic:g} taken as the viscous ratio {damping:g} at resonance")
+        notes.append(
+            f"hysteretic damping ratio {hysteretic:g} taken as the viscous ratio {damping:g} at"
+            " resonance"
+        )
     return frequency, damping, notes
 
 
@@ -126,11 +164,15 @@ def _complex_mode(real_part: float, imaginary_part: float) -> tuple[float, float
     size = float(np.hypot(real_part, imaginary_part))
     if size == 0:
         raise Refusal("its eigenvalue is 0")
-    notes = [] if real_part <= 0 else [f"its eigenvalue has a positive real part, {real_part:g} rad/s"]
+    notes = (
+        [] if real_part <= 0 else [f"its eigenvalue has a positive real part, {real_part:g} rad/s"]
+    )
     return size / (2 * np.pi), -real_part / size, notes
 
 
-def _nodes(cursor: Cursor, components: int, values_are_complex: bool) -> tuple[IntArray, ComplexArray, FloatArray]:
+def _nodes(
+    cursor: Cursor, components: int, values_are_complex: bool
+) -> tuple[IntArray, ComplexArray, FloatArray]:
     """Node labels, complex values (p, components), and the reals (p, n) as the file lists them."""
     count = components * (2 if values_are_complex else 1)
     points: list[int] = []
@@ -138,7 +180,10 @@ def _nodes(cursor: Cursor, components: int, values_are_complex: bool) -> tuple[I
     while cursor:
         row = cursor.next("a node")
         if not row.strip().isdigit() or (label := int(row)) == 0:
-            raise cursor.refuse(f"{shown(row.strip())} stands where the label of a node is expected, alone in its line")
+            raise cursor.refuse(
+                f"{shown(row.strip())} stands where the label of a node is expected, alone in its"
+                " line"
+            )
         points.append(label)
         numbers.append(cursor.real_rows(count, _WIDTH, _PER_ROW, f"values of node {points[-1]}"))
     if not points:

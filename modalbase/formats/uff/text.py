@@ -1,7 +1,9 @@
-"""Fixed columns, as FORTRAN writes them: every character accounted for, or a refusal that names the line.
+"""Fixed columns, as FORTRAN writes them: every character accounted for, or a refusal that names the
+line.
 
-A real may have an exponent with E or D, or (three digits) with neither, as in `1.0-101`; neighbours may run together,
-for a column ends where its width ends. Blanks inside a number, asterisks, NaN and infinities are refused.
+A real may have an exponent with E or D, or (three digits) with neither, as in `1.0-101`; neighbours
+may run together, for a column ends where its width ends. Blanks inside a number, asterisks, NaN and
+infinities are refused.
 """
 
 import re
@@ -12,8 +14,12 @@ from numpy.typing import NDArray
 
 from modalbase.formats.types import FloatArray
 
-_REAL = re.compile(rb"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[eEdD]([+-]?[0-9]{1,4})|([+-][0-9]{3}))?")
-_NO_NUMBER = re.compile(rb"[+-]?(?:nan(?:\(\w*\))?|inf(?:inity)?|1\.?#(?:qnan|snan|ind|inf)\w*)", re.IGNORECASE)
+_REAL = re.compile(
+    rb"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[eEdD]([+-]?[0-9]{1,4})|([+-][0-9]{3}))?"
+)
+_NO_NUMBER = re.compile(
+    rb"[+-]?(?:nan(?:\(\w*\))?|inf(?:inity)?|1\.?#(?:qnan|snan|ind|inf)\w*)", re.IGNORECASE
+)
 _WHOLE = re.compile(rb"[+-][0-9]+")
 _PLAIN = b"0123456789+-.eE \r\n"
 _D_TO_E = bytes.maketrans(b"dD", b"eE")
@@ -25,7 +31,8 @@ class Refusal(Exception):  # noqa: N818 - a verdict about one dataset, not about
 
     Attributes:
         reason: what was found and expected.
-        line: index of the line in the dataset, 0 for the first one after the type line; None where none is at fault.
+        line: index of the line in the dataset, 0 for the first one after the type line; None where
+            none is at fault.
     """
 
     def __init__(self, reason: str, line: int | None = None) -> None:
@@ -41,8 +48,8 @@ class Ignored(Exception):  # noqa: N818 - a verdict, not an error
 def decoded(raw: bytes) -> str:
     """The text of a header.
 
-    Programs state no encoding: it is UTF-8 where that decodes, else GBK where all high bytes pair up as Chinese text
-    does, else cp1252.
+    Programs state no encoding: it is UTF-8 where that decodes, else GBK where all high bytes pair
+    up as Chinese text does, else cp1252.
 
     >>> decoded("Träger".encode("cp1252"))
     'Träger'
@@ -64,7 +71,8 @@ def shown(raw: bytes) -> str:
 
 
 def rows_of(body: bytes) -> list[bytes]:
-    r"""The lines of a dataset without line ends and trailing blanks; blank lines at its end are dropped.
+    r"""The lines of a dataset without line ends and trailing blanks; blank lines at its end are
+    dropped.
 
     >>> rows_of(b"  1  \r\n\n  2\n\n")
     [b'  1', b'', b'  2']
@@ -108,8 +116,12 @@ class Cursor:
         """A refusal that names the line read last."""
         return Refusal(reason, self.line - 1)
 
-    def integers(self, row: bytes, names: Sequence[str], width: int = 10, start: int = 0) -> list[int]:
-        """Consecutive integer fields of one width; an empty name takes a field that may be blank, read as 0."""
+    def integers(
+        self, row: bytes, names: Sequence[str], width: int = 10, start: int = 0
+    ) -> list[int]:
+        """Consecutive integer fields of one width; an empty name takes a field that may be blank,
+        read as 0.
+        """
         values = []
         for index, name in enumerate(names):
             text = row[start + index * width : start + (index + 1) * width].strip()
@@ -140,7 +152,8 @@ class Cursor:
 def real_block(
     body: bytes, widths: Sequence[int], count: int, first_line: int, gap: range = range(0)
 ) -> tuple[FloatArray, str]:
-    """`count` reals in rows of the given columns, and a note where the rows had to be read otherwise.
+    """`count` reals in rows of the given columns, and a note where the rows had to be read
+    otherwise.
 
     Args:
         body: the rows; the last may be short, padded with blanks, or filled up with zeros.
@@ -164,11 +177,15 @@ def real_block(
     try:
         return _fortran_block(body, widths, count, first_line)
     except Refusal:
-        # Rows of other widths are taken where blanks stand between exactly as many values as declared.
+        # Rows of other widths are taken where blanks stand between exactly as many values as
+        # declared.
         separated = _separated(body, count)
         if separated is None:
             raise
-        return separated, "its rows are not in the standard columns; its values were read as separated by blanks"
+        return (
+            separated,
+            "its rows are not in the standard columns; its values were read as separated by blanks",
+        )
 
 
 def _blanked(body: bytes, widths: Sequence[int], gap: range) -> bytes | None:
@@ -184,7 +201,9 @@ def _blanked(body: bytes, widths: Sequence[int], gap: range) -> bytes | None:
 
 
 def _separated(body: bytes, count: int) -> FloatArray | None:
-    """`count` values with blanks between them; None where there are more, fewer, or anything else."""
+    """`count` values with blanks between them; None where there are more, fewer, or anything
+    else.
+    """
     tokens = body.split()
     if len(tokens) != count:
         return None
@@ -195,7 +214,9 @@ def _separated(body: bytes, count: int) -> FloatArray | None:
 
 
 def _plain_block(body: bytes, widths: Sequence[int], count: int) -> FloatArray | None:
-    """The block by whole-array operations, where all full rows are alike and plain; None where they are not."""
+    """The block by whole-array operations, where all full rows are alike and plain; None where they
+    are not.
+    """
     rows = -(-count // len(widths))
     stride = body.find(b"\n") + 1
     full, width = rows - 1, sum(widths)
@@ -211,7 +232,9 @@ def _plain_block(body: bytes, widths: Sequence[int], count: int) -> FloatArray |
     edges = np.concatenate(([0], np.cumsum(widths)))
     last = [tail[edges[i] : edges[i + 1]] for i in range(left)]
     try:
-        columns = [_column(table[:, edges[i] : edges[i + 1]]) for i in range(len(widths))] if full else []
+        columns = (
+            [_column(table[:, edges[i] : edges[i + 1]]) for i in range(len(widths))] if full else []
+        )
         values = np.concatenate((np.array(columns).T.ravel(), np.array(last).astype(np.float64)))
     except ValueError:
         return None
@@ -223,27 +246,38 @@ def _column(characters: NDArray[np.uint8]) -> FloatArray:
     return np.ascontiguousarray(characters).view(f"S{characters.shape[1]}")[:, 0].astype(np.float64)
 
 
-def _fortran_block(body: bytes, widths: Sequence[int], count: int, first_line: int) -> tuple[FloatArray, str]:
-    """The block field by field: D exponents, exponents without a letter, padded rows, and zeros that fill the last one."""
+def _fortran_block(
+    body: bytes, widths: Sequence[int], count: int, first_line: int
+) -> tuple[FloatArray, str]:
+    """The block field by field: D exponents, exponents without a letter, padded rows, and zeros
+    that fill the last one.
+    """
     edges = np.concatenate(([0], np.cumsum(widths)))
     values: list[float] = []
     note = ""
     rows = rows_of(body)
     for index, row in enumerate(rows):
         take = min(len(widths), count - len(values))
-        if index == len(rows) - 1 and 0 < take < len(widths) and _is_filled(row[edges[take] :], widths[take:]):
+        if (
+            index == len(rows) - 1
+            and 0 < take < len(widths)
+            and _is_filled(row[edges[take] :], widths[take:])
+        ):
             note = "its last row is filled up with zeros behind the declared number of values"
             row = row[: edges[take]]
         if take == 0 or len(row) > edges[take]:
             raise Refusal(
-                f"holds more ordinates than the {count} values declared, or rows too wide", first_line + index
+                f"holds more ordinates than the {count} values declared, or rows too wide",
+                first_line + index,
             )
         try:
             values += [real(row[edges[i] : edges[i + 1]]) for i in range(take)]
         except ValueError as error:
             raise Refusal(str(error), first_line + index) from None
     if len(values) != count:
-        raise Refusal(f"holds {len(values)} values where its header declares {count}", first_line + len(rows))
+        raise Refusal(
+            f"holds {len(values)} values where its header declares {count}", first_line + len(rows)
+        )
     return np.array(values), note
 
 

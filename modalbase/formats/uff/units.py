@@ -15,21 +15,30 @@ def read_164(body: bytes, dataset: int) -> tuple[Units, list[str]]:
     row = cursor.next("the units code")
     (code,) = cursor.integers(row, ["units code"])
     description = decoded(row[10:30])
-    length, force, temperature = cursor.reals(cursor.next("the unit factors"), 3, 25, "unit factors")
+    length, force, temperature = cursor.reals(
+        cursor.next("the unit factors"), 3, 25, "unit factors"
+    )
     (offset,) = cursor.reals(cursor.next("the temperature offset"), 1, 25, "temperature offset")
     if cursor:
         raise Refusal("holds more than the three lines of the format", cursor.line)
     for name, factor in (("length", length), ("force", force), ("temperature", temperature)):
         if not 1e-12 <= factor <= 1e12:
-            raise Refusal(f"the {name} factor is {factor:g}, expected a positive conversion factor", 1)
+            raise Refusal(
+                f"the {name} factor is {factor:g}, expected a positive conversion factor", 1
+            )
     notes = []
     known = _FACTORS_OF_CODE.get(code)
-    if known is not None and (abs(length / known[0] - 1) > 1e-3 or abs(force / known[1] - 1) > 1e-3):
+    if known is not None and (
+        abs(length / known[0] - 1) > 1e-3 or abs(force / known[1] - 1) > 1e-3
+    ):
         notes.append(
-            f"units code {code} stands for length and force factors {known[0]:g} and {known[1]:g}, but the set states"
-            f" {length:g} and {force:g}; the stated factors are used"
+            f"units code {code} stands for length and force factors {known[0]:g} and {known[1]:g},"
+            f" but the set states {length:g} and {force:g}; the stated factors are used"
         )
-    return Units(dataset, code, description, length, force, temperature, temperature_offset=offset), notes
+    return (
+        Units(dataset, code, description, length, force, temperature, temperature_offset=offset),
+        notes,
+    )
 
 
 _FACTORS_OF_CODE = {

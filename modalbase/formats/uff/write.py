@@ -2,9 +2,10 @@
 
 Everything is written in SI units under a set 164 that says so. What survives the way out and back:
 
-- binary FRFs and functions (58b): every bit of the ordinates, and of the abscissa; an even abscissa whose start or step
-  has no decimal of 13 characters is written value by value.
-- ASCII FRFs and functions (58): 13 significant digits of doubles (E20.12), 6 or more of single precision and abscissae.
+- binary FRFs and functions (58b): every bit of the ordinates, and of the abscissa; an even abscissa
+  whose start or step has no decimal of 13 characters is written value by value.
+- ASCII FRFs and functions (58): 13 significant digits of doubles (E20.12), 6 or more of single
+  precision and abscissae.
 - grid points: every bit in set 2411 (D25.16), 6 digits or more in set 15.
 - mode shapes (55): 6 digits or more, whatever the format's columns of 13 hold.
 """
@@ -18,7 +19,17 @@ from typing import Literal
 import numpy as np
 
 from modalbase.formats.types import FloatArray
-from modalbase.formats.uff.content import Axis, Content, Element, FileHeader, Frf, Function, GridPoint, ModeShape, Units
+from modalbase.formats.uff.content import (
+    Axis,
+    Content,
+    Element,
+    FileHeader,
+    Frf,
+    Function,
+    GridPoint,
+    ModeShape,
+    Units,
+)
 from modalbase.formats.uff.geometry import BEAMS
 
 _TAG = b"    -1\n"
@@ -35,9 +46,14 @@ _NO_AXIS = "         0    0    0    0 NONE                 NONE                "
 
 
 def write_file(
-    path: Path | str, contents: Iterable[Content], *, binary: bool = True, points: Literal["2411", "15"] = "2411"
+    path: Path | str,
+    contents: Iterable[Content],
+    *,
+    binary: bool = True,
+    points: Literal["2411", "15"] = "2411",
 ) -> None:
-    """Write contents to a UFF file, in SI. Reading it gives the same contents; the binary form keeps every bit.
+    """Write contents to a UFF file, in SI. Reading it gives the same contents; the binary form
+    keeps every bit.
 
     >>> import pathlib, tempfile
     >>> from modalbase.formats.uff import GridPoint, read_file
@@ -48,7 +64,8 @@ def write_file(
 
     Args:
         path: where to; a file that is there is replaced.
-        contents: header, grid points, elements, FRFs, functions and mode shapes, as `encode` takes them.
+        contents: header, grid points, elements, FRFs, functions and mode shapes, as `encode` takes
+            them.
         binary: FRFs and functions as set 58b (exact) or as text.
         points: the set for grid points.
 
@@ -66,7 +83,8 @@ def encode(
     """The bytes of a UFF file, dataset by dataset.
 
     Args:
-        contents: header, grid points, elements, FRFs, functions and mode shapes; units are left out, for all is written in SI.
+        contents: header, grid points, elements, FRFs, functions and mode shapes; units are left
+            out, for all is written in SI.
         binary: FRFs and functions as set 58b (exact) or as text.
         points: the set for grid points.
 
@@ -80,9 +98,14 @@ def encode(
             yield _set_164()
             header_done = True
         if kind is GridPoint:
-            yield from _in_parts(points, _grid_points((each for each in group if isinstance(each, GridPoint)), points))
+            yield from _in_parts(
+                points,
+                _grid_points((each for each in group if isinstance(each, GridPoint)), points),
+            )
         elif kind is Element:
-            yield from _in_parts("2412", _elements(each for each in group if isinstance(each, Element)))
+            yield from _in_parts(
+                "2412", _elements(each for each in group if isinstance(each, Element))
+            )
         elif kind is not Units:
             yield from (_content(content, binary=binary) for content in group)
     if not header_done:
@@ -92,12 +115,29 @@ def encode(
 def _content(content: Content, *, binary: bool) -> bytes:
     """One dataset."""
     if isinstance(content, FileHeader):
-        lines = [content.model_name, content.description, "NONE", "", "", content.program, content.written]
+        lines = [
+            content.model_name,
+            content.description,
+            "NONE",
+            "",
+            "",
+            content.program,
+            content.written,
+        ]
         return _dataset("151", "".join(_line(text) for text in lines))
     if isinstance(content, Frf):
-        return _function(content, _frf_axes(content), 4, content.frequency, content.load_case, binary=binary)
+        return _function(
+            content, _frf_axes(content), 4, content.frequency, content.load_case, binary=binary
+        )
     if isinstance(content, Function):
-        return _function(content, _function_axes(content), content.function_type, content.abscissa, 0, binary=binary)
+        return _function(
+            content,
+            _function_axes(content),
+            content.function_type,
+            content.abscissa,
+            0,
+            binary=binary,
+        )
     if isinstance(content, ModeShape):
         return _mode_shape(content)
     raise TypeError(f"{type(content).__name__} is not written to UFF files")
@@ -167,7 +207,9 @@ def _grid_points(points: Iterable[GridPoint], kind: str) -> Iterator[str]:
         if kind == "15":
             yield labels + "".join(_apart(x) for x in point.xyz_m) + "\n"
         else:
-            yield labels + "\n" + "".join(f"{x:25.16e}".replace("e", "D") for x in point.xyz_m) + "\n"
+            yield (
+                labels + "\n" + "".join(f"{x:25.16e}".replace("e", "D") for x in point.xyz_m) + "\n"
+            )
 
 
 def _elements(elements: Iterable[Element]) -> Iterator[str]:
@@ -178,7 +220,9 @@ def _elements(elements: Iterable[Element]) -> Iterator[str]:
         if each.descriptor in BEAMS:
             yield "".join(_whole(n, 10) for n in (0, 1, 1)) + "\n"
         labels = [_whole(point, 10) for point in each.points]
-        yield from ("".join(labels[k : k + _PER_ROW]) + "\n" for k in range(0, len(labels), _PER_ROW))
+        yield from (
+            "".join(labels[k : k + _PER_ROW]) + "\n" for k in range(0, len(labels), _PER_ROW)
+        )
 
 
 def _frf_axes(frf: Frf) -> list[str]:
@@ -187,8 +231,14 @@ def _frf_axes(frf: Frf) -> list[str]:
     turned, moment = abs(frf.response_direction) > 3, abs(frf.reference_direction) > 3
     return [
         f"{18:10d}    0    0    0 {'Frequency':<20} {'Hz':<20}",
-        f"{kind:10d}{int(not turned):5d}    0    0 {name:<20} {('rad' if turned else 'm') + per_time:<20}",
-        f"{13:10d}{int(moment):5d}    1    0 {'Moment' if moment else 'Force':<20} {'N*m' if moment else 'N':<20}",
+        (
+            f"{kind:10d}{int(not turned):5d}    0    0 {name:<20}"
+            f" {('rad' if turned else 'm') + per_time:<20}"
+        ),
+        (
+            f"{13:10d}{int(moment):5d}    1    0 {'Moment' if moment else 'Force':<20}"
+            f" {'N*m' if moment else 'N':<20}"
+        ),
     ]
 
 
@@ -204,12 +254,20 @@ def _function_axes(function: Function) -> list[str]:
 
 
 def _function(
-    content: Frf | Function, axes: list[str], function_type: int, axis: Axis, load_case: int, *, binary: bool
+    content: Frf | Function,
+    axes: list[str],
+    function_type: int,
+    axis: Axis,
+    load_case: int,
+    *,
+    binary: bool,
 ) -> bytes:
     """Set 58 or 58b."""
     if not np.isfinite(content.values).all():
         raise ValueError(f"'{content.label}' holds NaN or infinite ordinates")
-    even = axis.values is None and (not binary or all(float(_fixed(x)) == x for x in (axis.start, axis.step)))
+    even = axis.values is None and (
+        not binary or all(float(_fixed(x)) == x for x in (axis.start, axis.step))
+    )
     table = _table(content, axis, even=even)
     double = table.dtype == np.float64
     kind = _ORDINATE_TYPES[content.values.dtype.kind, double]
@@ -225,13 +283,17 @@ def _function(
     if binary:
         data = table.tobytes()
         order = 1 if sys.byteorder == "little" else 2
-        type_line = f"    58b{order:6d}{2:6d}{_HEADER_LINES:12d}{len(data):12d}{0:6d}{0:6d}{0:12d}{0:12d}\n"
+        type_line = (
+            f"    58b{order:6d}{2:6d}{_HEADER_LINES:12d}{len(data):12d}{0:6d}{0:6d}{0:12d}{0:12d}\n"
+        )
         return _TAG + type_line.encode() + header.encode() + data + _TAG
     return _dataset("58", header + _rows(table, double=double, even=even))
 
 
 def _table(content: Frf | Function, axis: Axis, *, even: bool) -> FloatArray:
-    """Rows of (abscissa,) real part (, imaginary part), in doubles where the ordinates or the abscissa take them."""
+    """Rows of (abscissa,) real part (, imaginary part), in doubles where the ordinates or the
+    abscissa take them.
+    """
     values = np.ascontiguousarray(content.values)
     parts = values.view(values.real.dtype).reshape(len(values), -1)
     if even:
@@ -273,7 +335,14 @@ def _mode_shape(mode: ModeShape) -> bytes:
     else:
         omega = 2 * np.pi * mode.frequency_hz
         parameters = [-damping * omega, omega * np.sqrt(1 - damping**2), 0.0, 0.0, 0.0, 0.0]
-    definition = (1, analysis, 2 if components == 3 else 3, 8, 5 if complex_values else 2, components)
+    definition = (
+        1,
+        analysis,
+        2 if components == 3 else 3,
+        8,
+        5 if complex_values else 2,
+        components,
+    )
     lines = [
         _line(mode.label) + _line("NONE") * 4,
         "".join(_whole(number, 10) for number in definition) + "\n",

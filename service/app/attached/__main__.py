@@ -1,4 +1,6 @@
-"""What `python -m service.app.attached` runs. As it has this name, the worker's children do not load it."""
+"""What `python -m service.app.attached` runs. As it has this name, the worker's children do not
+load it.
+"""
 
 import os
 import sys

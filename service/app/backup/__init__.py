@@ -1,1 +1,3 @@
-"""One consistent file of everything that the database holds, its restoration, and the check of what is stored."""
+"""One consistent file of everything that the database holds, its restoration, and the check of what
+is stored.
+"""

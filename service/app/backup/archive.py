@@ -1,7 +1,9 @@
-"""The backup file: a zip with each table as PostgreSQL's binary COPY writes it, and a manifest that describes them.
+"""The backup file: a zip with each table as PostgreSQL's binary COPY writes it, and a manifest that
+describes them.
 
-Binary COPY keeps every value bit for bit. The queue's own tables are left out: their rows are made anew from the jobs. A backup
-is written beside a service that runs, as one read-only transaction sees one moment of the database, and read back whole.
+Binary COPY keeps every value bit for bit. The queue's own tables are left out: their rows are made
+anew from the jobs. A backup is written beside a service that runs, as one read-only transaction
+sees one moment of the database, and read back whole.
 """
 
 import hashlib
@@ -29,16 +31,28 @@ MANIFEST = "manifest.json"
 FORMAT = 1
 BLOCK_BYTES = 1024 * 1024
 COMPRESSION = 1  # spectra hardly shrink, files of text do
-UNREADABLE = (BadZipFile, EOFError, KeyError, NotImplementedError, RuntimeError, ValueError, struct.error, zlib.error)
+UNREADABLE = (
+    BadZipFile,
+    EOFError,
+    KeyError,
+    NotImplementedError,
+    RuntimeError,
+    ValueError,
+    struct.error,
+    zlib.error,
+)
 """What `zipfile` raises at files that are damaged in one place or another."""
 
-_PREFIX = struct.Struct("!11sii")  # of PostgreSQL's binary COPY: its signature, flags, and the length of an extension
+# of PostgreSQL's binary COPY: its signature, flags, and the length of an extension
+_PREFIX = struct.Struct("!11sii")
 _SIGNATURE = b"PGCOPY\n\xff\r\n\0"
 _END = -1  # in place of a row's number of fields
 
 
 class BackupError(Exception):
-    """A backup cannot be written, read or restored; the message says why, and nothing has changed."""
+    """A backup cannot be written, read or restored; the message says why, and nothing has
+    changed.
+    """
 
 
 @dataclass(frozen=True)
@@ -65,7 +79,8 @@ class Manifest:
     revision: str  # of the schema
     created_at: str  # moment that the backup shows, ISO 8601
     tables: list[TableEntry]  # what is in it, parents first
-    damaged: list[str]  # what was damaged in the database already, as `service.app.backup.verification` names it
+    # what was damaged in the database already, as `service.app.backup.verification` names it
+    damaged: list[str]
 
     def to_json(self) -> str:
         """The manifest's text."""
@@ -81,19 +96,27 @@ def read_manifest(file: Path, archive: ZipFile) -> Manifest:
     try:
         content = loads(archive.read(MANIFEST))
         if content["format"] != FORMAT:
-            raise BackupError(f"{file} is a backup of format {content['format']}; install a newer modalbase")
-        return Manifest(**content | {"tables": [TableEntry(**table) for table in content["tables"]]})
+            raise BackupError(
+                f"{file} is a backup of format {content['format']}; install a newer modalbase"
+            )
+        return Manifest(
+            **content | {"tables": [TableEntry(**table) for table in content["tables"]]}
+        )
     except (KeyError, TypeError, JSONDecodeError, UnicodeDecodeError, BadZipFile) as error:
         raise BackupError(f"{file} is no backup of modalbase, or is damaged: {error}") from error
 
 
 Watch = Callable[[int, int], object]
-"""Is called with the bytes that are done and those that there are, which is about right until the end."""
+"""Is called with the bytes that are done and those that there are, which is about right until the
+end.
+"""
 More = Callable[[int], None]  # is called with the bytes that were done since the last time
 
 
 def counted(watch: Watch | None, total: int) -> More:
-    """What counts bytes for a watcher, who is shown each thousandth; nothing where there is none."""
+    """What counts bytes for a watcher, who is shown each thousandth; nothing where there is
+    none.
+    """
     done, shown = 0, 0
 
     def more(size: int) -> None:
@@ -107,7 +130,8 @@ def counted(watch: Watch | None, total: int) -> More:
 
 
 def write_backup(engine: Engine, file: Path, watch: Watch | None = None) -> Manifest:
-    """Write everything to a file that must not exist yet, and read it back; it is there whole, or not at all.
+    """Write everything to a file that must not exist yet, and read it back; it is there whole, or
+    not at all.
 
     Args:
         engine: on the database, at this version's schema or an earlier one.
@@ -115,7 +139,8 @@ def write_backup(engine: Engine, file: Path, watch: Watch | None = None) -> Mani
         watch: is shown how far it is: all tables are written, then read back.
 
     Returns:
-        What was written. `damaged` names what the database itself holds damaged: the backup has it as it is.
+        What was written. `damaged` names what the database itself holds damaged: the backup has it
+        as it is.
 
     Raises:
         BackupError: the file exists, cannot be written or is not read back as it was written.
@@ -138,20 +163,30 @@ def write_backup(engine: Engine, file: Path, watch: Watch | None = None) -> Mani
     return manifest
 
 
-_DERIVED = ("alembic_version", "instrument_uses")  # tables that an upgrade, or a trigger of others, fills
+# tables that an upgrade, or a trigger of others, fills
+_DERIVED = ("alembic_version", "instrument_uses")
 
 
 def our_tables(connection: Connection) -> list[Table]:
-    """Our tables as they are in the database, parents first; without the queue's and those that are filled from others."""
+    """Our tables as they are in the database, parents first; without the queue's and those that are
+    filled from others.
+    """
     metadata = MetaData()
-    metadata.reflect(connection, only=lambda name, _: not name.startswith("procrastinate_") and name not in _DERIVED)
+    metadata.reflect(
+        connection,
+        only=lambda name, _: not name.startswith("procrastinate_") and name not in _DERIVED,
+    )
     return metadata.sorted_tables
 
 
 def _size(connection: Connection) -> int:
     """Bytes of all tables."""
-    query = text("SELECT sum(pg_table_size(name::regclass)) FROM unnest(CAST(:names AS text[])) AS name")
-    return int(connection.scalar(query, {"names": [table.name for table in our_tables(connection)]}) or 0)
+    query = text(
+        "SELECT sum(pg_table_size(name::regclass)) FROM unnest(CAST(:names AS text[])) AS name"
+    )
+    return int(
+        connection.scalar(query, {"names": [table.name for table in our_tables(connection)]}) or 0
+    )
 
 
 def _write(connection: Connection, revision: str, file: Path, more: More) -> Manifest:
@@ -160,7 +195,9 @@ def _write(connection: Connection, revision: str, file: Path, more: More) -> Man
     descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     with os.fdopen(descriptor, "wb") as stream:
         with ZipFile(stream, "w", ZIP_DEFLATED, compresslevel=COMPRESSION) as archive:
-            tables = [_copy_out(connection, table, archive, more) for table in our_tables(connection)]
+            tables = [
+                _copy_out(connection, table, archive, more) for table in our_tables(connection)
+            ]
             manifest = Manifest(FORMAT, __version__, revision, moment, tables, damaged)
             archive.writestr(MANIFEST, manifest.to_json())
         stream.flush()
@@ -204,14 +241,18 @@ def read_back(file: Path, manifest: Manifest, more: More = lambda _: None) -> No
                 for entry in manifest.tables:
                     _compare(entry, archive, more)
     except (*UNREADABLE, BackupError) as error:
-        raise BackupError(f"the backup was written and cannot be read back; is the disk sound? {error}") from error
+        raise BackupError(
+            f"the backup was written and cannot be read back; is the disk sound? {error}"
+        ) from error
 
 
 def _compare(entry: TableEntry, archive: ZipFile, more: More) -> None:
     with archive.open(entry.member) as member:
         digested = _Digested(member, more)
         rows = _count_rows(io.BufferedReader(digested, BLOCK_BYTES))
-    _require((digested.digest.hexdigest(), rows) == (entry.sha256, entry.rows), f"table {entry.name}")
+    _require(
+        (digested.digest.hexdigest(), rows) == (entry.sha256, entry.rows), f"table {entry.name}"
+    )
 
 
 def _require(same: bool, what: str) -> None:
@@ -237,7 +278,9 @@ class _Digested(io.RawIOBase):
 
 
 def _count_rows(stream: io.BufferedReader) -> int:
-    """Rows of PostgreSQL's binary COPY, read to its end: a number of fields, then each field's length and bytes."""
+    """Rows of PostgreSQL's binary COPY, read to its end: a number of fields, then each field's
+    length and bytes.
+    """
     signature, _, extension = _PREFIX.unpack(stream.read(_PREFIX.size))
     if signature != _SIGNATURE:
         raise ValueError("a table has no rows in PostgreSQL's binary format")

@@ -31,7 +31,8 @@ from service.jobs.queue import queue_again
 
 
 def restore_backup(engine: Engine, file: Path, watch: Watch | None = None) -> Manifest:
-    """Fill an empty database from a backup, bring its schema to this version's, and check every stored SHA-256.
+    """Fill an empty database from a backup, bring its schema to this version's, and check every
+    stored SHA-256.
 
     Jobs that waited or ran when the backup was made wait again.
 
@@ -41,15 +42,22 @@ def restore_backup(engine: Engine, file: Path, watch: Watch | None = None) -> Ma
         watch: is shown how far it is.
 
     Raises:
-        BackupError: the database is not empty, or the file is no backup, incomplete, damaged or a newer version's.
+        BackupError: the database is not empty, or the file is no backup, incomplete, damaged or a
+            newer version's.
     """
     try:
         with file.open("rb") as stream, ZipFile(stream) as archive:
             manifest = read_manifest(file, archive)
             if manifest.revision not in known_revisions():
-                raise BackupError(f"{file} is of modalbase {manifest.software}, which is newer; install that version")
+                raise BackupError(
+                    f"{file} is of modalbase {manifest.software}, which is newer; install that"
+                    " version"
+                )
             with upgrading(engine) as connection:
-                more = counted(watch, sum(one.file_size for one in archive.infolist() if one.filename != MANIFEST))
+                more = counted(
+                    watch,
+                    sum(one.file_size for one in archive.infolist() if one.filename != MANIFEST),
+                )
                 _restore(connection, manifest, archive, more)
     except UNREADABLE as error:
         raise BackupError(f"{file} is no backup of modalbase, or is damaged: {error}") from error
@@ -85,11 +93,15 @@ def _clear(connection: Connection) -> None:
     for table in tables:
         if connection.scalar(text(f'SELECT EXISTS (SELECT FROM "{table.name}")')):
             raise BackupError(
-                f"the database is not empty: {table.name} has rows; restore into an empty database or folder"
+                f"the database is not empty: {table.name} has rows; restore into an empty database"
+                " or folder"
             )
     ours = connection.scalar(text("SELECT to_regclass('alembic_version') IS NOT NULL"))
     if tables and not ours:
-        raise BackupError(f"the database is not empty: it has a table {tables[0].name}; restore into an empty database")
+        raise BackupError(
+            f"the database is not empty: it has a table {tables[0].name}; restore into an empty"
+            " database"
+        )
     if ours:
         for statement in connection.scalars(text(_DROP_ALL)).all():
             connection.exec_driver_sql(statement)
@@ -112,7 +124,9 @@ SELECT format('DROP TYPE IF EXISTS %s CASCADE', oid::regtype) FROM pg_type
 def _copy_in(connection: Connection, entry: TableEntry, archive: ZipFile, more: More) -> None:
     digest = hashlib.sha256()
     cursor: Any = connection.connection.cursor()
-    query = sql.SQL("COPY {} ({}) FROM STDIN (FORMAT binary)").format(sql.Identifier(entry.name), names(entry.columns))
+    query = sql.SQL("COPY {} ({}) FROM STDIN (FORMAT binary)").format(
+        sql.Identifier(entry.name), names(entry.columns)
+    )
     with cursor, archive.open(entry.member) as member:
         try:
             with cursor.copy(query) as copy:
@@ -120,8 +134,11 @@ def _copy_in(connection: Connection, entry: TableEntry, archive: ZipFile, more: 
                     digest.update(block)
                     copy.write(block)
                     more(len(block))
-        except (psycopg.DataError, psycopg.IntegrityError) as error:  # such as one that was cut short
-            raise BackupError(f"the backup's table {entry.name} is damaged: {first_line(error)}") from error
+        # such as one that was cut short
+        except (psycopg.DataError, psycopg.IntegrityError) as error:
+            raise BackupError(
+                f"the backup's table {entry.name} is damaged: {first_line(error)}"
+            ) from error
         rows = cursor.rowcount
     if (digest.hexdigest(), rows) != (entry.sha256, entry.rows):
         raise BackupError(f"the backup's table {entry.name} is damaged: it is not what was written")

@@ -1,4 +1,6 @@
-"""The check of everything that is stored under a SHA-256: spectra, coherences, curves, models and original files."""
+"""The check of everything that is stored under a SHA-256: spectra, coherences, curves, models and
+original files.
+"""
 
 import hashlib
 from collections.abc import Iterator
@@ -18,7 +20,9 @@ CHECKED = (
     ("coupon_curves", "coupon_id", "file", "file_sha256"),
     ("structure_models", "id", "arrays", "arrays_sha256"),
 )
-"""Table, key, bytes, their digest. PostgreSQL computes the digests itself, so that no spectrum is sent."""
+"""Table, key, bytes, their digest. PostgreSQL computes the digests itself, so that no spectrum is
+sent.
+"""
 
 _CHUNKS = "SELECT sha256, data FROM original_chunks ORDER BY sha256, number"
 _SIZES = "SELECT sha256, size FROM originals"
@@ -35,15 +39,21 @@ def find_damage(connection: Connection) -> list[str]:
     checks = [
         _wrong_digests(connection, *check)
         for check in CHECKED
-        if check[0] in tables and check[2] in {column["name"] for column in catalogue.get_columns(check[0])}
+        if check[0] in tables
+        and check[2] in {column["name"] for column in catalogue.get_columns(check[0])}
     ]  # a schema of an earlier version has fewer of them
     if "original_chunks" in tables:
         checks.append(_wrong_originals(connection))
     return sorted(name for check in checks for name in check)
 
 
-def _wrong_digests(connection: Connection, table: str, key: str, data: str, digest: str) -> Iterator[str]:
-    query = f"SELECT {key} FROM {table} WHERE {data} IS NOT NULL AND sha256({data}) IS DISTINCT FROM {digest}"
+def _wrong_digests(
+    connection: Connection, table: str, key: str, data: str, digest: str
+) -> Iterator[str]:
+    query = (
+        f"SELECT {key} FROM {table} WHERE {data} IS NOT NULL AND sha256({data}) IS DISTINCT FROM"
+        f" {digest}"
+    )
     try:
         with connection.begin_nested():
             found = connection.scalars(text(query)).all()
@@ -58,7 +68,9 @@ def _wrong_originals(connection: Connection) -> Iterator[str]:
     """A file's chunks together have its size, and its SHA-256, which is also its name."""
     try:
         with connection.begin_nested():
-            expected: dict[bytes, int] = {row.sha256: row.size for row in connection.execute(text(_SIZES))}
+            expected: dict[bytes, int] = {
+                row.sha256: row.size for row in connection.execute(text(_SIZES))
+            }
             found = {sha256: (size, digest) for sha256, size, digest in _digests(connection)}
     except DBAPIError as error:
         yield f"originals: {first_line(error)}"

@@ -1,4 +1,6 @@
-"""The command `modalbase`: running a service, its database, its care; and the client's commands beside them."""
+"""The command `modalbase`: running a service, its database, its care; and the client's commands
+beside them.
+"""
 
 import sys
 

@@ -9,7 +9,8 @@ from modalbase.client.app import add_commands
 from service.app.cli import care, people, running
 from service.app.cli.ending import ending
 
-# What a command needs is imported when it runs: a child of the worker imports this module too, and must start fast.
+# What a command needs is imported when it runs: a child of the worker imports this module too, and
+# must start fast.
 
 app = typer.Typer(
     name="modalbase",
@@ -25,7 +26,9 @@ app.add_typer(people.users, name="users")
 add_commands(app)
 
 STARTS = (["up"], ["serve"], ["worker"])
-"""First words with which the command begins whose start is waited for: the others are not put together then."""
+"""First words with which the command begins whose start is waited for: the others are not put
+together then.
+"""
 
 
 def main() -> None:
@@ -44,6 +47,8 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _root(
-    _: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version")] = False,
+    _: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version")
+    ] = False,
 ) -> None:
     """Structural test campaigns, and finite element models updated to them."""

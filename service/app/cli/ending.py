@@ -1,4 +1,6 @@
-"""How a command ends: what goes wrong on purpose is one line on standard error, and SIGTERM unwinds."""
+"""How a command ends: what goes wrong on purpose is one line on standard error, and SIGTERM
+unwinds.
+"""
 
 import errno
 import os
@@ -25,7 +27,8 @@ def ending() -> Iterator[None]:
         yield
     except Exception as error:
         stop = error.__cause__
-        if isinstance(stop, SystemExit | KeyboardInterrupt):  # Python 3.11 wraps what is raised within `__set_name__`
+        # Python 3.11 wraps what is raised within `__set_name__`
+        if isinstance(stop, SystemExit | KeyboardInterrupt):
             raise stop from None
         if (known := _known(error)) is None:
             raise
@@ -44,7 +47,9 @@ def _known(error: Exception) -> tuple[str, int] | None:
 
     if find_spec("sqlalchemy") is None:  # modalbase alone, without its extra `server`
         lacks = isinstance(error, ModuleNotFoundError)
-        return ("this command runs the service: pip install 'modalbase[server]'", 2) if lacks else None
+        return (
+            ("this command runs the service: pip install 'modalbase[server]'", 2) if lacks else None
+        )
 
     from psycopg import OperationalError as NoAnswer
     from sqlalchemy.exc import OperationalError
@@ -56,7 +61,10 @@ def _known(error: Exception) -> tuple[str, int] | None:
     from service.db.schema import SchemaError
     from service.errors import ServiceError
 
-    if isinstance(error, BackupError | DatabaseUrlError | DataFolderError | SchemaError | StartError | ServiceError):
+    if isinstance(
+        error,
+        BackupError | DatabaseUrlError | DataFolderError | SchemaError | StartError | ServiceError,
+    ):
         return str(error), 1
     if isinstance(error, OperationalError):
         return f"the database does not answer: {error.orig}", 1
@@ -66,7 +74,9 @@ def _known(error: Exception) -> tuple[str, int] | None:
 
 
 def _forget_output() -> None:
-    """Keep the interpreter from writing the rest when it ends: it would report the full disk a second time."""
+    """Keep the interpreter from writing the rest when it ends: it would report the full disk a
+    second time.
+    """
     with open(os.devnull, "wb") as nothing:
         os.dup2(nothing.fileno(), sys.stdout.fileno())
 

@@ -9,7 +9,9 @@ from service.app.cli.ending import stop_with
 
 Data = Annotated[Path | None, typer.Option(help="Folder of the embedded database [MODALBASE_DATA]")]
 Host = Annotated[str | None, typer.Option(help="Address to listen on [MODALBASE_HOST]")]
-Port = Annotated[int | None, typer.Option(help="Port to listen on; 0: any free one [MODALBASE_PORT]")]
+Port = Annotated[
+    int | None, typer.Option(help="Port to listen on; 0: any free one [MODALBASE_PORT]")
+]
 
 
 def settings_of(**given: Any) -> Any:
@@ -21,14 +23,18 @@ def settings_of(**given: Any) -> Any:
     try:
         return Settings(**{name: value for name, value in given.items() if value is not None})
     except ValidationError as error:
-        faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())
+        faults = "; ".join(
+            f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors()
+        )
         stop_with(f"settings: {faults}")
     except SettingsFileError as error:
         stop_with(f"settings: {error}")
 
 
 def settings_of_running(data: Path | None) -> Any:
-    """Settings for a command that works on a service's database: where none is named, of the service that runs here."""
+    """Settings for a command that works on a service's database: where none is named, of the
+    service that runs here.
+    """
     from service.app.running import running_services
 
     settings = settings_of(data=data)
@@ -38,9 +44,13 @@ def settings_of_running(data: Path | None) -> Any:
     if not found:
         return settings
     if len(found) > 1:
-        stop_with(f"{len(found)} services run here; say which with --data: {', '.join(str(one.data) for one in found)}")
+        stop_with(
+            f"{len(found)} services run here; say which with --data:"
+            f" {', '.join(str(one.data) for one in found)}"
+        )
     if found[0].data is None:
         stop_with(
-            f"the service at {found[0].url} has a database server of its own; set MODALBASE_DATABASE_URL as there"
+            f"the service at {found[0].url} has a database server of its own; set"
+            " MODALBASE_DATABASE_URL as there"
         )
     return settings.model_copy(update={"data": Path(found[0].data)})

@@ -1,4 +1,6 @@
-"""Commands on API keys and users: on the database of the service that runs here, or at one elsewhere over REST."""
+"""Commands on API keys and users: on the database of the service that runs here, or at one
+elsewhere over REST.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,14 @@ FORBIDDEN = 403
 
 Remote = Annotated[
     bool,
-    typer.Option("--remote", help="Ask the service of MODALBASE_URL or of the saved profile, not the database here"),
+    typer.Option(
+        "--remote",
+        help="Ask the service of MODALBASE_URL or of the saved profile, not the database here",
+    ),
 ]
-Url = Annotated[str | None, typer.Option("--url", help="Ask the service at this address, not the database here")]
+Url = Annotated[
+    str | None, typer.Option("--url", help="Ask the service at this address, not the database here")
+]
 
 
 def remote_service(remote: bool, url: str | None) -> Connection | None:
@@ -43,7 +50,9 @@ def remote_service(remote: bool, url: str | None) -> Connection | None:
     return service_at(url)
 
 
-def new_key_at(service: Connection, name: str, scopes: list[str] | None, expires_at: datetime | None) -> str:
+def new_key_at(
+    service: Connection, name: str, scopes: list[str] | None, expires_at: datetime | None
+) -> str:
     """Another key of the user whose key the connection has."""
     body: dict[str, Any] = {"name": name}
     if scopes:
@@ -74,9 +83,14 @@ def revoke_at(service: Connection, prefix: str) -> None:
     """
     for key, user in keys_at(service):
         if key["prefix"] == prefix:
-            service.call("DELETE", f"users/{user['id']}/api-keys/{key['id']}" if user else f"api-keys/{key['id']}")
+            service.call(
+                "DELETE",
+                f"users/{user['id']}/api-keys/{key['id']}" if user else f"api-keys/{key['id']}",
+            )
             return
-    raise ClientError(f"no key that one may see has the prefix {prefix}; `modalbase keys list` shows all")
+    raise ClientError(
+        f"no key that one may see has the prefix {prefix}; `modalbase keys list` shows all"
+    )
 
 
 def set_disabled_at(service: Connection, name: str, *, disabled: bool) -> None:
@@ -125,11 +139,18 @@ def create(
     name: Annotated[
         str,
         typer.Option(
-            help="Name of the user, who is made when absent; elsewhere, of another key of one's own", callback=_name
+            help=(
+                "Name of the user, who is made when absent; elsewhere, of another key of one's own"
+            ),
+            callback=_name,
         ),
     ],
-    scope: Annotated[list[str] | None, typer.Option(help="read, write, jobs, admin; all by default")] = None,
-    days: Annotated[float | None, typer.Option(min=0.001, max=36500, help="Days after which it expires")] = None,
+    scope: Annotated[
+        list[str] | None, typer.Option(help="read, write, jobs, admin; all by default")
+    ] = None,
+    days: Annotated[
+        float | None, typer.Option(min=0.001, max=36500, help="Days after which it expires")
+    ] = None,
     data: Data = None,
     remote: Remote = False,
     url: Url = None,
@@ -154,7 +175,9 @@ def create(
 
 @keys.command("list")
 def list_keys(data: Data = None, remote: Remote = False, url: Url = None) -> None:
-    """List all API keys, one a line: prefix, user, name, scopes, state. Elsewhere one's own, of who is no administrator."""
+    """List all API keys, one a line: prefix, user, name, scopes, state. Elsewhere one's own, of who
+    is no administrator.
+    """
     from sqlalchemy import select
 
     from service.access import ApiKey, User
@@ -162,10 +185,19 @@ def list_keys(data: Data = None, remote: Remote = False, url: Url = None) -> Non
     if (service := remote_service(remote, url)) is not None:
         with service:
             for one, owner in keys_at(service):
-                ends, disabled = one["expires_at"], owner is not None and owner["disabled_at"] is not None
-                state = _state(one["revoked_at"], disabled, datetime.fromisoformat(ends) if ends else None)
+                ends, disabled = (
+                    one["expires_at"],
+                    owner is not None and owner["disabled_at"] is not None,
+                )
+                state = _state(
+                    one["revoked_at"], disabled, datetime.fromisoformat(ends) if ends else None
+                )
                 _say(
-                    one["prefix"], "-" if owner is None else owner["name"], one["name"], ",".join(one["scopes"]), state
+                    one["prefix"],
+                    "-" if owner is None else owner["name"],
+                    one["name"],
+                    ",".join(one["scopes"]),
+                    state,
                 )
         return
     with _transaction(data) as session:
@@ -181,7 +213,9 @@ def _state(revoked_at: object, disabled: bool, expires_at: datetime | None) -> s
         return "revoked" if revoked_at is not None else "user disabled"
     if expires_at is None:
         return "valid"
-    return f"{'expired' if expires_at <= datetime.now(UTC) else 'valid until'} {expires_at:%Y-%m-%d}"
+    return (
+        f"{'expired' if expires_at <= datetime.now(UTC) else 'valid until'} {expires_at:%Y-%m-%d}"
+    )
 
 
 def _say(*words: str) -> None:
@@ -215,7 +249,9 @@ def revoke(
 
 @users.command("list")
 def list_users(data: Data = None, remote: Remote = False, url: Url = None) -> None:
-    """List all users, one a line: name, state, and `administrator` of who is one. Elsewhere for administrators."""
+    """List all users, one a line: name, state, and `administrator` of who is one. Elsewhere for
+    administrators.
+    """
     from sqlalchemy import select
 
     from service.access import User
@@ -249,7 +285,9 @@ def enable(name: str, data: Data = None, remote: Remote = False, url: Url = None
 
 @users.command("promote")
 def promote(name: str, data: Data = None) -> None:
-    """Make a user an administrator, who may list users and disable them and end their keys by REST."""
+    """Make a user an administrator, who may list users and disable them and end their keys by
+    REST.
+    """
     _set_administrator(name, data, administrator=True)
 
 
@@ -268,7 +306,9 @@ def _set_administrator(name: str, data: Path | None, *, administrator: bool) -> 
         audit(session, None, "user.promote" if administrator else "user.demote", "user", user.id)
 
 
-def _set_disabled(name: str, data: Path | None, service: Connection | None, *, disabled: bool) -> None:
+def _set_disabled(
+    name: str, data: Path | None, service: Connection | None, *, disabled: bool
+) -> None:
     from sqlalchemy import func
 
     from service.access import audit

@@ -59,20 +59,30 @@ def _welcome(service: LocalService, embedded: Path | None) -> None:
         typer.echo(f"  documentation  ready   {service.url}/docs")
     typer.echo("Ctrl-C ends it.")
     if service.has_keys():
-        typer.echo("API key: those made before still work; one more: modalbase keys create --name NAME")
+        typer.echo(
+            "API key: those made before still work; one more: modalbase keys create --name NAME"
+        )
     else:
         key = service.new_key("operator", administrator=True)
         if embedded is not None:  # who reads this folder has the database anyway
             write_private(embedded / KEY_FILE, key + "\n")
-        typer.echo(f"API key: {key}  (shown this once; one more: modalbase keys create --name NAME)")
+        typer.echo(
+            f"API key: {key}  (shown this once; one more: modalbase keys create --name NAME)"
+        )
 
 
 @commands.command()
 def demo(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result document alone on standard output")] = False,
-    keep: Annotated[bool, typer.Option("--keep", help="Leave the service up to look around; Ctrl-C ends it")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the result document alone on standard output")
+    ] = False,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="Leave the service up to look around; Ctrl-C ends it")
+    ] = False,
 ) -> None:
-    """Update the paper's beam, from an empty database to parameters and metrics, through REST alone."""
+    """Update the paper's beam, from an empty database to parameters and metrics, through REST
+    alone.
+    """
     from service.app.demo.run import run_demo
 
     run_demo(as_json=as_json, keep=keep)
@@ -89,11 +99,15 @@ def serve(port: Port = None, data: Data = None, host: Host = None) -> None:
 @commands.command()
 def worker(
     data: Data = None,
-    concurrency: Annotated[int | None, typer.Option(help="Jobs at a time [MODALBASE_WORKER_CONCURRENCY]")] = None,
+    concurrency: Annotated[
+        int | None, typer.Option(help="Jobs at a time [MODALBASE_WORKER_CONCURRENCY]")
+    ] = None,
     threads: Annotated[
         int | None, typer.Option(help="Threads of a job's linear algebra [MODALBASE_JOB_THREADS]")
     ] = None,
-    queues: Annotated[str | None, typer.Option(help="Queues to serve, separated by commas; all by default")] = None,
+    queues: Annotated[
+        str | None, typer.Option(help="Queues to serve, separated by commas; all by default")
+    ] = None,
 ) -> None:
     """Run a worker. Any number may run, on any machine that reaches the database."""
     from service.app.serving import UnknownQueueError, work

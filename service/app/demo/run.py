@@ -1,4 +1,6 @@
-"""`modalbase demo`: a service of its own on a free port and in a folder of its own, the main job, and the end of both."""
+"""`modalbase demo`: a service of its own on a free port and in a folder of its own, the main job,
+and the end of both.
+"""
 
 import json
 import shutil
@@ -51,7 +53,9 @@ class Laboratory:
         with self._step("modes and coupons"):
             modes = campaign.new_mode_set("Table 3", paper.MODES)
             published = {name: {"mean": mean} for name, mean in paper.COUPONS_PA.items()}
-            batch = structure.new_coupon_batch("Table 4", list(paper.COUPONS_PA), published=published)
+            batch = structure.new_coupon_batch(
+                "Table 4", list(paper.COUPONS_PA), published=published
+            )
         with self._step("update job"):
             job = campaign.update(mode_set=modes, prior_from_coupon_batch=batch).wait(watch)
             return dict(job.result().document)
@@ -84,7 +88,8 @@ def run_demo(*, as_json: bool, keep: bool) -> None:
     """Run the demonstration.
 
     Args:
-        as_json: print the result document, alone, on standard output; everything else goes to standard error.
+        as_json: print the result document, alone, on standard output; everything else goes to
+            standard error.
         keep: leave the service up until Ctrl-C, to look around.
 
     Raises:
@@ -100,17 +105,24 @@ def run_demo(*, as_json: bool, keep: bool) -> None:
         console.print(PURPOSE, highlight=False)
         began = time.perf_counter()
         with console.status("starting PostgreSQL, the API and a worker"):
-            service = stack.enter_context(LocalService(_settings(folder), log_file=folder / "service.log"))
+            service = stack.enter_context(
+                LocalService(_settings(folder), log_file=folder / "service.log")
+            )
             key = service.new_key("demonstration")
         starting = time.perf_counter() - began
         console.print(f"modalbase runs at {service.url}", highlight=False)
-        headers = {"Authorization": f"Bearer {key}"}  # a proxy of the environment must not come between
-        client = stack.enter_context(httpx.Client(base_url=service.url, headers=headers, timeout=60, trust_env=False))
+        # a proxy of the environment must not come between
+        headers = {"Authorization": f"Bearer {key}"}
+        client = stack.enter_context(
+            httpx.Client(base_url=service.url, headers=headers, timeout=60, trust_env=False)
+        )
         laboratory = Laboratory(client, {"start of database, API and worker": starting})
         document = laboratory.update_beam()
         _show(console, document, laboratory.durations)
         console.print(
-            f"report: {_report(client, document['provenance']['update_job'])}", highlight=False, soft_wrap=True
+            f"report: {_report(client, document['provenance']['update_job'])}",
+            highlight=False,
+            soft_wrap=True,
         )
         if as_json:
             typer.echo(json.dumps(document))
@@ -122,7 +134,9 @@ def _report(client: httpx.Client, job: str) -> Path:
     """Leave the result's report behind, in a file of its own among the temporary ones."""
     answer = client.get(f"/api/v1/update-jobs/{job}/report", params={"format": "pdf"})
     answer.raise_for_status()
-    with tempfile.NamedTemporaryFile(prefix="modalbase-demo-report-", suffix=".pdf", delete=False) as file:
+    with tempfile.NamedTemporaryFile(
+        prefix="modalbase-demo-report-", suffix=".pdf", delete=False
+    ) as file:
         file.write(answer.content)
     return Path(file.name)
 
@@ -133,7 +147,9 @@ def _settings(folder: Path) -> Settings:
 
 
 def _show(console: Console, document: dict[str, Any], durations: dict[str, float]) -> None:
-    print_result("updated parameters, beside the paper's", document, published=UPDATED, console=console)
+    print_result(
+        "updated parameters, beside the paper's", document, published=UPDATED, console=console
+    )
     console.print(f"\n{LAW}", highlight=False)
     steps = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in durations.items())
     console.print(f"\n{steps}; {sum(durations.values()):.2f} s together", highlight=False)
@@ -141,7 +157,9 @@ def _show(console: Console, document: dict[str, Any], durations: dict[str, float
 
 
 def _stay(console: Console, service: LocalService, key: str) -> None:
-    console.print(f"documentation  {service.url}/docs\nAPI key        {key}\nCtrl-C ends it.", highlight=False)
+    console.print(
+        f"documentation  {service.url}/docs\nAPI key        {key}\nCtrl-C ends it.", highlight=False
+    )
     try:
         while True:
             for line in service.tend():

@@ -1,1 +1,3 @@
-"""Users' finite element models: read in a child process, kept as arrays, made into bodies of the core."""
+"""Users' finite element models: read in a child process, kept as arrays, made into bodies of the
+core.
+"""

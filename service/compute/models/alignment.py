@@ -38,4 +38,6 @@ def motions_of(body: Body, points: FloatArray, places: FloatArray | None) -> tup
     Raises:
         InputError: there are fewer than three points, or they lie on a line.
     """
-    return by_closest(body.model.surfaces, points) if places is None else (by_pairs(points, places),)
+    return (
+        by_closest(body.model.surfaces, points) if places is None else (by_pairs(points, places),)
+    )

@@ -1,7 +1,8 @@
 """From a model in SI to the core's body.
 
-What the core has no word for is said in its own: mass that is no structure's is density, a beam that is rigid in shear has a
-shear area a thousand times its area, springs of one stiffness are one parameter.
+What the core has no word for is said in its own: mass that is no structure's is density, a beam
+that is rigid in shear has a shear area a thousand times its area, springs of one stiffness are one
+parameter.
 """
 
 from collections import defaultdict
@@ -21,7 +22,14 @@ from fecore.body.supports import DISPLACEMENTS, Link, Mass, NodeSpring, Support
 from fecore.errors import InputError
 from modalbase.formats.models import model as formats
 from modalbase.formats.models.check import free_motions
-from modalbase.formats.models.model import BeamSection, Elements, FiniteElementModel, Material, ShellSection, Spring
+from modalbase.formats.models.model import (
+    BeamSection,
+    Elements,
+    FiniteElementModel,
+    Material,
+    ShellSection,
+    Spring,
+)
 
 AS_MODELLED = "as_modelled"  # the boundary of a campaign that held the body as the model says
 RIGID_SHEAR = 1e3  # shear factor of a beam that its deck has rigid in shear
@@ -40,7 +48,8 @@ def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structur
     if boundary not in ("free", AS_MODELLED):
         raise InputError(
             "boundary",
-            f"is {boundary}, but this structure is a model of its own: free, or as_modelled with its supports",
+            f"is {boundary}, but this structure is a model of its own: free, or as_modelled with"
+            " its supports",
         )
     held = boundary == AS_MODELLED
     stated = model.supports if held else ()
@@ -48,13 +57,19 @@ def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structur
     links = [Link(m.node, m.leaders, m.dofs, m.weights, m.axes) for m in model.links]
     led = {link.node for link in links}
     supports = {
-        f"support {k} of {s.where}": (s.nodes[~np.isin(s.nodes, [*(led & turned.keys())])], _held_dofs(s))
+        f"support {k} of {s.where}": (
+            s.nodes[~np.isin(s.nodes, [*(led & turned.keys())])],
+            _held_dofs(s),
+        )
         for k, s in enumerate(stated, start=1)
         if not _is_askew(s)
     }
     for node, (axes, dofs) in turned.items():
         if node in led:
-            supports[f"support of led node {node}"] = np.array([node]), tuple(DISPLACEMENTS[dof] for dof in dofs)
+            supports[f"support of led node {node}"] = (
+                np.array([node]),
+                tuple(DISPLACEMENTS[dof] for dof in dofs),
+            )
         else:
             links.append(Link(node, (), dofs, axes=axes))
     mesh = Mesh(
@@ -74,7 +89,8 @@ def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structur
 
 
 def _size(model: FiniteElementModel, mesh: Mesh) -> tuple[float, ...]:
-    """Length, width and height of walls that lie along x, with their axis 1, and along y or z: they are inputs then; else none.
+    """Length, width and height of walls that lie along x, with their axis 1, and along y or z: they
+    are inputs then; else none.
 
     Beams and rigid links would have to be stretched too.
     """
@@ -87,7 +103,10 @@ def _size(model: FiniteElementModel, mesh: Mesh) -> tuple[float, ...]:
         or None in axes_of_walls(mesh).values()
     ):
         return ()
-    whole = np.ptp(mesh.nodes[np.unique(np.concatenate([block.nodes.ravel() for block in mesh.blocks]))], axis=0)
+    whole = np.ptp(
+        mesh.nodes[np.unique(np.concatenate([block.nodes.ravel() for block in mesh.blocks]))],
+        axis=0,
+    )
     return tuple(takewhile(bool, whole.tolist()))
 
 
@@ -105,16 +124,22 @@ def _first_axis(model: FiniteElementModel, name: str) -> tuple[float, float, flo
     return x, y, z
 
 
-def _shell(section: ShellSection, model: FiniteElementModel, axis: tuple[float, float, float]) -> sections.ShellSection:
+def _shell(
+    section: ShellSection, model: FiniteElementModel, axis: tuple[float, float, float]
+) -> sections.ShellSection:
     extra = section.extra_mass / sum(ply.thickness for ply in section.plies)
     plies = []
     for ply in section.plies:
         own = orthotropic(model.materials[ply.material])
-        plies.append(CorePly(replace(own, density=own.density + extra), ply.thickness, ply.angle_deg))
+        plies.append(
+            CorePly(replace(own, density=own.density + extra), ply.thickness, ply.angle_deg)
+        )
     return sections.ShellSection(tuple(plies), axis, section.offset)
 
 
-def _beam(section: BeamSection, material: Material, axis: tuple[float, float, float]) -> beams.BeamSection:
+def _beam(
+    section: BeamSection, material: Material, axis: tuple[float, float, float]
+) -> beams.BeamSection:
     own = orthotropic(material)
     return beams.BeamSection(
         E=own.Ex,
@@ -139,7 +164,13 @@ def orthotropic(material: Material) -> OrthotropicMaterial:
             **dict.fromkeys(("G12", "G13", "G23"), c["G"]),
         }
     return OrthotropicMaterial(
-        Ex=c["E1"], Ey=c["E2"], Gxy=c["G12"], Gxz=c["G13"], Gyz=c["G23"], nu_xy=c["nu12"], density=c["density"]
+        Ex=c["E1"],
+        Ey=c["E2"],
+        Gxy=c["G12"],
+        Gxz=c["G13"],
+        Gyz=c["G23"],
+        nu_xy=c["nu12"],
+        density=c["density"],
     )
 
 
@@ -174,21 +205,28 @@ def _is_askew(support: formats.Support) -> bool:
 def _turned(
     supports: Sequence[formats.Support], links: Sequence[formats.Link]
 ) -> dict[int, tuple[FloatArray, tuple[int, ...]]]:
-    """Axes and dofs of nodes that are held along axes of their own, with all that holds them; of a led node its link's axes.
+    """Axes and dofs of nodes that are held along axes of their own, with all that holds them; of a
+    led node its link's axes.
 
     Raises:
         InputError: two hold a node along different axes.
     """
-    axes = {node: _axes(support) for support in filter(_is_askew, supports) for node in support.nodes.tolist()}
+    axes = {
+        node: _axes(support)
+        for support in filter(_is_askew, supports)
+        for node in support.nodes.tolist()
+    }
     axes |= {link.node: _axes(link) for link in links if link.axes is not None or link.node in axes}
     held: dict[int, set[int]] = {node: set() for node in axes}
     for support in supports:
         for node in held.keys() & set(support.nodes.tolist()):
-            if not _is_whole(support.dofs) and not np.allclose(axes[node], _axes(support), rtol=0, atol=1e-9):
+            if not _is_whole(support.dofs) and not np.allclose(
+                axes[node], _axes(support), rtol=0, atol=1e-9
+            ):
                 raise InputError(
                     "boundary",
-                    f"as_modelled: the support of {support.where} holds a node along other axes than another support; "
-                    "state them along the same",
+                    f"as_modelled: the support of {support.where} holds a node along other axes"
+                    " than another support; state them along the same",
                 )
             held[node] |= set(support.dofs)
     return {node: (axes[node], tuple(sorted(dofs))) for node, dofs in held.items() if dofs}
@@ -205,11 +243,17 @@ def _permutes(axes: FloatArray) -> bool:
 
 
 def _springs(model: FiniteElementModel, *, held: bool) -> tuple[NodeSpring, ...]:
-    """Springs of one stiffness and of one number of nodes together; those to the ground where the body is held.
+    """Springs of one stiffness and of one number of nodes together; those to the ground where the
+    body is held.
 
     One of no stiffness, or whose ends are held along it, acts on nothing.
     """
-    ends = {node for spring in model.springs for node in (spring.node, spring.second) if node is not None}
+    ends = {
+        node
+        for spring in model.springs
+        for node in (spring.node, spring.second)
+        if node is not None
+    }
     free = free_motions(model.supports if held else (), ends)
     groups: dict[tuple[float, int], list[Spring]] = defaultdict(list)
     for spring in model.springs:

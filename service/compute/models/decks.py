@@ -41,12 +41,18 @@ def updated_deck(order: DeckOrder) -> bytes:
     remarks = [*order.remarks, *_joints(in_si(model, order.units), order)]
     updated = _in_deck(model, order.constants, units_of(order.units))
     deck = unpacked(order.content, order.filename)
-    changed = faults_of(lambda: write_deck(deck.content, model, updated, included=deck.included, remarks=remarks))
+    changed = faults_of(
+        lambda: write_deck(deck.content, model, updated, included=deck.included, remarks=remarks)
+    )
     return repacked(order.content, order.filename, changed)
 
 
-def _in_deck(model: FiniteElementModel, constants: Mapping[str, float], units: Units) -> dict[tuple[str, str], float]:
-    """Constants in the deck's units by set and name; no G of a beam whose isotropic material states none."""
+def _in_deck(
+    model: FiniteElementModel, constants: Mapping[str, float], units: Units
+) -> dict[tuple[str, str], float]:
+    """Constants in the deck's units by set and name; no G of a beam whose isotropic material states
+    none.
+    """
     found = {}
     for full, value in constants.items():
         name, _, constant = full.rpartition(".")
@@ -55,22 +61,34 @@ def _in_deck(model: FiniteElementModel, constants: Mapping[str, float], units: U
             continue
         first = model.materials[section.materials[0]]
         if not (
-            isinstance(section, BeamSection) and first.is_isotropic and constant == "G" and "G" not in first.places
+            isinstance(section, BeamSection)
+            and first.is_isotropic
+            and constant == "G"
+            and "G" not in first.places
         ):
             found[name, constant] = value / unit_of(kind_of(constant), units)
     return found
 
 
 def _joints(model: FiniteElementModel, order: DeckOrder) -> list[str]:
-    """What a solver is expected to find, mode by mode, as its own model has none of the joints of walls."""
+    """What a solver is expected to find, mode by mode, as its own model has none of the joints of
+    walls.
+    """
     body = replace(body_of_model(model, order.boundary), with_joints=order.with_joints)
-    as_sent = replace(order, constants={name: value for name, value in order.constants.items() if name not in SIZES})
+    as_sent = replace(
+        order,
+        constants={name: value for name, value in order.constants.items() if name not in SIZES},
+    )
     plain, _ = _frequencies(replace(body, with_joints=False), as_sent)  # the deck's nodes stay
     own, finer = _frequencies(body, order)
     if not body.with_joints:
-        said = ["the constants were found without a model of the joints of walls, as this deck has none"]
+        said = [
+            "the constants were found without a model of the joints of walls, as this deck has none"
+        ]
     elif body.junctions:
-        said = ["the constants were found with a model of the joints of walls, which this deck has not"]
+        said = [
+            "the constants were found with a model of the joints of walls, which this deck has not"
+        ]
     else:
         said = ["no walls meet at an angle: this model and the solver's differ by elements alone"]
     right, where = (own, "") if finer is None else (finer, " on a finer mesh")
@@ -81,16 +99,28 @@ def _joints(model: FiniteElementModel, order: DeckOrder) -> list[str]:
     if finer is not None:
         said.append("and without the error of this mesh, which is stated mode by mode")
     for k, (hz, mesh, of_body) in enumerate(zip(plain, own, right, strict=True), start=1):
-        row = f"mode {k}: expected {hz:.6g} Hz, {100 * (hz / of_body - 1):+.2f} % from {of_body:.6g} Hz{where}"
-        said.append(row if finer is None else f"{row}; by the mesh {100 * (mesh / of_body - 1):+.2f} %")
+        row = (
+            f"mode {k}: expected {hz:.6g} Hz, {100 * (hz / of_body - 1):+.2f} % from {of_body:.6g}"
+            f" Hz{where}"
+        )
+        said.append(
+            row if finer is None else f"{row}; by the mesh {100 * (mesh / of_body - 1):+.2f} %"
+        )
     return said
 
 
 def _frequencies(body: Structure, order: DeckOrder) -> tuple[FloatArray, FloatArray | None]:
-    """The lowest elastic natural frequencies with the updated constants, Hz, and those on a finer mesh."""
-    known = {**body.nominal, **{name: value for name, value in order.constants.items() if name in body.nominal}}
+    """The lowest elastic natural frequencies with the updated constants, Hz, and those on a finer
+    mesh.
+    """
+    known = {
+        **body.nominal,
+        **{name: value for name, value in order.constants.items() if name in body.nominal},
+    }
     q, model = np.array(list(known.values())), body.model
-    springs = np.array([order.constants.get(spring.name, spring.stiffness) for spring in body.springs])
+    springs = np.array(
+        [order.constants.get(spring.name, spring.stiffness) for spring in body.springs]
+    )
     K = model.stiffness.at(np.concatenate([body.stiffness_coefficients(q), springs]))
     modes = body_modes(model, K, model.mass.at(body.mass_coefficients(q)), order.modes)
     return modes.frequency_hz[modes.rigid :], on_finer_mesh(body, modes, q, springs)

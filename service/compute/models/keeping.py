@@ -1,4 +1,5 @@
-"""A model as bytes that a database keeps: its dataclasses as JSON, its arrays beside it, in one npz.
+"""A model as bytes that a database keeps: its dataclasses as JSON, its arrays beside it, in one
+npz.
 
 Not pickles: a worker of a later version may read it.
 """
@@ -63,7 +64,11 @@ def _unpacked(kind: Any, value: Any, arrays: Mapping[str, Any]) -> Any:
         return None if value is None else _unpacked(_chosen(inner, value), value, arrays)
     if isinstance(kind, type) and is_dataclass(kind):
         return kind(
-            **{name: _unpacked(hint, value[name], arrays) for name, hint in _hints(kind).items() if name in value}
+            **{
+                name: _unpacked(hint, value[name], arrays)
+                for name, hint in _hints(kind).items()
+                if name in value
+            }
         )
     if origin is tuple:
         kinds = inner[:1] * len(value) if inner[-1] is Ellipsis else inner

@@ -6,7 +6,14 @@ from typing import Any
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile
-from modalbase.formats.models.meshes import Stated, model_of_mesh, read_gmsh, read_uff_mesh, read_vtk, read_vtu
+from modalbase.formats.models.meshes import (
+    Stated,
+    model_of_mesh,
+    read_gmsh,
+    read_uff_mesh,
+    read_vtk,
+    read_vtu,
+)
 from modalbase.formats.models.meshes.cells import plain
 from modalbase.formats.models.model import FiniteElementModel, Material, Ply, ShellSection, Where
 from modalbase.formats.models.units import units_of
@@ -49,7 +56,8 @@ def mesh_in_si(
         sections: by set, as a client states them.
 
     Raises:
-        FormatError: the file cannot be read, the length is not stated or stated twice, or the sections do not fit the sets.
+        FormatError: the file cannot be read, the length is not stated or stated twice, or the
+            sections do not fit the sets.
     """
     ending = PurePosixPath(filename).suffix.lower()
     mesh = MESHES[ending](content)
@@ -59,9 +67,15 @@ def mesh_in_si(
 def _length(mesh: MeshFile, units: str | None) -> float:
     stated = mesh.length_m if units is None else units_of(units).length
     if stated is None:
-        raise FormatError("units", "are not stated, and the file has none: m-N-kg for coordinates in m, mm-N-t for mm")
+        raise FormatError(
+            "units",
+            "are not stated, and the file has none: m-N-kg for coordinates in m, mm-N-t for mm",
+        )
     if mesh.length_m is not None and abs(stated / mesh.length_m - 1) > 1e-6:
-        raise FormatError("units", f"have the length {stated:g} m, but set 164 of the file says {mesh.length_m:g} m")
+        raise FormatError(
+            "units",
+            f"have the length {stated:g} m, but set 164 of the file says {mesh.length_m:g} m",
+        )
     return stated
 
 
@@ -74,9 +88,17 @@ def _stated(sections: Mapping[str, Mapping[str, Any]]) -> Stated:
         if stated.get("held_dofs"):
             continue
         plies = []
-        for ply in stated.get("plies") or [{**(stated.get("material") or stated["isotropic"]), **stated}]:
-            own = {constant: ply[member] for member, constant in _CONSTANTS.items() if ply.get(member) is not None}
-            plies.append(Ply(_named(own, name, materials), ply["thickness_m"], ply.get("angle_deg", 0.0)))
+        for ply in stated.get("plies") or [
+            {**(stated.get("material") or stated["isotropic"]), **stated}
+        ]:
+            own = {
+                constant: ply[member]
+                for member, constant in _CONSTANTS.items()
+                if ply.get(member) is not None
+            }
+            plies.append(
+                Ply(_named(own, name, materials), ply["thickness_m"], ply.get("angle_deg", 0.0))
+            )
         shells[name] = ShellSection(tuple(plies), Where(0))
     axes = {name: tuple(stated["axis"]) for name, stated in sections.items() if stated.get("axis")}
     held = {

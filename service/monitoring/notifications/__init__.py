@@ -1,1 +1,3 @@
-"""Notifications: an outbox, and what sends from it to webhooks and by mail. It takes values, and knows no monitor."""
+"""Notifications: an outbox, and what sends from it to webhooks and by mail. It takes values, and
+knows no monitor.
+"""

@@ -1,14 +1,18 @@
-"""Where a webhook may go: names are resolved here, once, and the connection goes to the address that was checked.
+"""Where a webhook may go: names are resolved here, once, and the connection goes to the address
+that was checked.
 
-Without this a webhook would let anyone with a project reach what only this server can reach: its own loopback, the
-laboratory's network, a cloud's metadata. An operator allows networks of their own by `MODALBASE_WEBHOOK_NETWORKS`, and ports
-by `MODALBASE_WEBHOOK_PORTS`. What an IPv6 address carries, as NAT64's does, must be allowed besides.
+Without this a webhook would let anyone with a project reach what only this server can reach: its
+own loopback, the laboratory's network, a cloud's metadata. An operator allows networks of their own
+by `MODALBASE_WEBHOOK_NETWORKS`, and ports by `MODALBASE_WEBHOOK_PORTS`. What an IPv6 address
+carries, as NAT64's does, must be allowed besides.
 
-Networks that no public receiver is in: IANA's registries of special-purpose addresses, and what is no unicast at all.
+Networks that no public receiver is in: IANA's registries of special-purpose addresses, and what is
+no unicast at all.
 
-The registries are https://www.iana.org/assignments/iana-ipv4-special-registry and …/iana-ipv6-special-registry. Their entries
-are here whether or not they are said to be globally reachable, for those that are lead to relays and anycast servers.
-Python's `is_global` lacks several, and differs between its versions.
+The registries are https://www.iana.org/assignments/iana-ipv4-special-registry and
+…/iana-ipv6-special-registry. Their entries are here whether or not they are said to be globally
+reachable, for those that are lead to relays and anycast servers. Python's `is_global` lacks
+several, and differs between its versions.
 """
 
 from __future__ import annotations
@@ -127,13 +131,15 @@ def resolve(url: str, settings: Settings) -> Target:
     """The URL with its name resolved, where the operator allows it.
 
     Raises:
-        AddressError: the port is not allowed, or the name stands for nothing, or for an address that is not public and not
-            allowed.
+        AddressError: the port is not allowed, or the name stands for nothing, or for an address
+            that is not public and not allowed.
     """
     parsed = parse_url(url)
     port = parsed.port or {"http": 80, "https": 443}[parsed.scheme]
     if not any(port in ports for ports in settings.allowed_ports):
-        raise AddressError(f"goes to port {port}, which the operator does not allow (MODALBASE_WEBHOOK_PORTS)")
+        raise AddressError(
+            f"goes to port {port}, which the operator does not allow (MODALBASE_WEBHOOK_PORTS)"
+        )
     try:
         found = socket.getaddrinfo(parsed.host, port, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError) as error:
@@ -142,15 +148,17 @@ def resolve(url: str, settings: Settings) -> Target:
     for address in addresses:
         if special := _special(address, settings.allowed_networks):
             raise AddressError(
-                f"{parsed.host} leads to {special}, which is not a public address; an operator may allow its network "
-                "(MODALBASE_WEBHOOK_NETWORKS)"
+                f"{parsed.host} leads to {special}, which is not a public address; an operator may"
+                " allow its network (MODALBASE_WEBHOOK_NETWORKS)"
             )
     host = parsed.netloc.decode("ascii")
     return Target(parsed.copy_with(host=str(addresses[0]), port=port), host, parsed.host)
 
 
 def _special(address: IpAddress, allowed: Sequence[IpNetwork]) -> str | None:
-    """The address, or one that it carries, that is neither public nor allowed, with what it is for; None where all are."""
+    """The address, or one that it carries, that is neither public nor allowed, with what it is for;
+    None where all are.
+    """
     use = special_use(address)
     if use is not None and not any(address in network for network in allowed):
         return f"{address} ({use})"
@@ -159,7 +167,8 @@ def _special(address: IpAddress, allowed: Sequence[IpNetwork]) -> str | None:
 
 def _carried(address: IpAddress) -> list[IPv4Address]:
     """The IPv4 addresses that a form of IPv6 carries; a gateway or a tunnel would lead there."""
-    if isinstance(address, IPv4Address) or address.is_loopback or address.is_unspecified:  # ::1 and :: are IPv6's own
+    # ::1 and :: are IPv6's own
+    if isinstance(address, IPv4Address) or address.is_loopback or address.is_unspecified:
         return []
     if address.sixtofour is not None:
         return [address.sixtofour]
@@ -172,6 +181,6 @@ def _carried(address: IpAddress) -> list[IPv4Address]:
 
 
 _LAST_BITS = tuple(map(IPv6Network, ("64:ff9b::/96", "::ffff:0:0/96", "::/96", "::ffff:0:0:0/96")))
-"""NAT64 (RFC 6052), IPv4-mapped and IPv4-compatible (RFC 4291) and IPv4-translated (RFC 2765): an IPv4 address is the last 32
-bits.
+"""NAT64 (RFC 6052), IPv4-mapped and IPv4-compatible (RFC 4291) and IPv4-translated (RFC 2765): an
+IPv4 address is the last 32 bits.
 """

@@ -1,4 +1,6 @@
-"""Messages are written to the outbox in the transaction of the event, one row for each receiver, and sent afterwards."""
+"""Messages are written to the outbox in the transaction of the event, one row for each receiver,
+and sent afterwards.
+"""
 
 import json
 from collections.abc import Sequence
@@ -12,7 +14,9 @@ from sqlalchemy.orm import Session
 
 from service.monitoring.notifications.tables import Delivery, Webhook
 
-Event = Literal["alarm.raised", "alarm.acknowledged", "alarm.cleared", "alarm.withdrawn", "monitor.no_data"]
+Event = Literal[
+    "alarm.raised", "alarm.acknowledged", "alarm.cleared", "alarm.withdrawn", "monitor.no_data"
+]
 EVENTS: tuple[Event, ...] = get_args(Event)
 TEST = "webhook.test"
 
@@ -26,7 +30,8 @@ def announce(
     monitor_id: UUID | None = None,
     mail_to: Sequence[str] = (),
 ) -> None:
-    """Put an event in the outbox, for every webhook of the project that wants it and these mail addresses.
+    """Put an event in the outbox, for every webhook of the project that wants it and these mail
+    addresses.
 
     Args:
         session: the transaction of what has happened.
@@ -39,7 +44,9 @@ def announce(
     hooks = session.scalars(
         select(Webhook).where(Webhook.project_id == project_id, Webhook.active).order_by(Webhook.id)
     ).all()
-    receivers: list[dict[str, Any]] = [{"webhook_id": hook.id} for hook in hooks if event in hook.events]
+    receivers: list[dict[str, Any]] = [
+        {"webhook_id": hook.id} for hook in hooks if event in hook.events
+    ]
     receivers += [{"recipient": address} for address in mail_to]
     common = {"project_id": project_id, "monitor_id": monitor_id}
     session.add_all(_message(event, data, **common, **receiver) for receiver in receivers)
@@ -58,8 +65,8 @@ def _message(event: str, data: dict[str, Any], **receiver: Any) -> Delivery:
 
 
 def as_mail(delivery: Delivery, sender: str) -> EmailMessage:
-    """A message as mail, in plain text. Its Message-ID is the message's id, so that a mail that is sent twice is seen
-    as one.
+    """A message as mail, in plain text. Its Message-ID is the message's id, so that a mail that is
+    sent twice is seen as one.
 
     Args:
         delivery: the message; its recipient is the mail's.
@@ -78,7 +85,10 @@ def as_mail(delivery: Delivery, sender: str) -> EmailMessage:
         f"state       {data['monitor']['state']}",
     ]
     if alarm := data.get("alarm"):
-        details, unit = alarm["details"], f" {alarm['unit']}" if alarm.get("unit") not in (None, "1") else ""
+        details, unit = (
+            alarm["details"],
+            f" {alarm['unit']}" if alarm.get("unit") not in (None, "1") else "",
+        )
         lines += [
             f"parameter   {alarm['parameter']}",
             f"campaign    {alarm['campaign_id']} of {details['performed_at']}",

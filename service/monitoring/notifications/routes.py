@@ -10,7 +10,16 @@ from pydantic import ConfigDict, Field, field_validator
 from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
-from service.access import CurrentUser, Lookup, Role, SessionDep, SettingsDep, User, project_for, projects_of
+from service.access import (
+    CurrentUser,
+    Lookup,
+    Role,
+    SessionDep,
+    SettingsDep,
+    User,
+    project_for,
+    projects_of,
+)
 from service.errors import Conflict, Invalid, NotFound
 from service.monitoring.notifications.addresses import AddressError, parse_url, resolve
 from service.monitoring.notifications.messages import EVENTS, Event, trial_message
@@ -26,7 +35,9 @@ class WebhookIn(StrictModel):
 
     project: UUID
     url: Text = Field(max_length=2000, description="http:// or https://")
-    events: list[Event] = Field(default_factory=lambda: list(EVENTS), min_length=1, description="default: all of them")
+    events: list[Event] = Field(
+        default_factory=lambda: list(EVENTS), min_length=1, description="default: all of them"
+    )
 
     @field_validator("url")
     @classmethod
@@ -66,7 +77,9 @@ class DeliveryOut(StrictModel):
     webhook_id: UUID | None
     recipient: str | None = Field(description="mail address")
     monitor_id: UUID | None
-    message_id: str = Field(description="the `webhook-id` that the receiver sees, the same in every attempt and replay")
+    message_id: str = Field(
+        description="the `webhook-id` that the receiver sees, the same in every attempt and replay"
+    )
     event: str
     body: str
     state: Literal["waiting", "delivered", "failed"]
@@ -96,8 +109,11 @@ def webhook_for(session: Session, user: User, webhook_id: UUID, role: Role) -> W
     return row
 
 
-def deliveries(session: Session, wanted: ColumnElement[bool], cursor: Cursor, limit: Limit) -> Page[DeliveryOut]:
-    """A page of the deliveries that fulfil a condition, such as `Delivery.webhook_id == id`; newest first.
+def deliveries(
+    session: Session, wanted: ColumnElement[bool], cursor: Cursor, limit: Limit
+) -> Page[DeliveryOut]:
+    """A page of the deliveries that fulfil a condition, such as `Delivery.webhook_id == id`; newest
+    first.
 
     Raises:
         Invalid: the cursor is not one of this list.
@@ -106,16 +122,24 @@ def deliveries(session: Session, wanted: ColumnElement[bool], cursor: Cursor, li
     return paged(session, select(Delivery).where(wanted), cursor, limit, shown, newest_first=True)
 
 
-def deliveries_of_monitor(session: Session, monitor_id: UUID, cursor: Cursor, limit: Limit) -> Page[DeliveryOut]:
+def deliveries_of_monitor(
+    session: Session, monitor_id: UUID, cursor: Cursor, limit: Limit
+) -> Page[DeliveryOut]:
     """What was sent about a monitor, or waits to be, as `deliveries`."""
     return deliveries(session, Delivery.monitor_id == monitor_id, cursor, limit)
 
 
 @router.post("/webhooks", status_code=201)
 def create_webhook(
-    body: WebhookIn, session: SessionDep, user: CurrentUser, settings: SettingsDep, response: Response
+    body: WebhookIn,
+    session: SessionDep,
+    user: CurrentUser,
+    settings: SettingsDep,
+    response: Response,
 ) -> NewWebhookOut:
-    """Have a project's events posted to a URL, signed as Standard Webhooks says. The answer alone shows the secret."""
+    """Have a project's events posted to a URL, signed as Standard Webhooks says. The answer alone
+    shows the secret.
+    """
     project = project_for(session, user, body.project, "owner")
     try:
         resolve(body.url, settings)
@@ -148,10 +172,16 @@ def list_webhooks(
 
 @router.delete("/webhooks/{webhook_id}", status_code=204)
 def delete_webhook(webhook_id: UUID, session: SessionDep, user: CurrentUser) -> None:
-    """Post nothing there any more; what waits is given up, what was sent stays listed with the monitor."""
+    """Post nothing there any more; what waits is given up, what was sent stays listed with the
+    monitor.
+    """
     row = webhook_for(session, user, webhook_id, "owner")
     row.active = False
-    waiting = select(Delivery).where(Delivery.webhook_id == row.id, Delivery.state == "waiting").with_for_update()
+    waiting = (
+        select(Delivery)
+        .where(Delivery.webhook_id == row.id, Delivery.state == "waiting")
+        .with_for_update()
+    )
     for delivery in session.scalars(waiting):
         delivery.state, delivery.last_error = "failed", "the webhook was deleted"
     _any_webhook_for.note(session, user, row, "delete")
@@ -166,7 +196,11 @@ def test_webhook(webhook_id: UUID, session: SessionDep, user: CurrentUser) -> De
 
 @router.get("/webhooks/{webhook_id}/deliveries")
 def list_deliveries(
-    webhook_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+    webhook_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    cursor: Cursor = None,
+    limit: Limit = 100,
 ) -> Page[DeliveryOut]:
     """What was sent to a webhook, or waits to be, newest first."""
     row = webhook_for(session, user, webhook_id, "viewer")
@@ -175,10 +209,14 @@ def list_deliveries(
 
 @router.post("/deliveries/{delivery_id}/replay", status_code=202)
 def replay_delivery(delivery_id: UUID, session: SessionDep, user: CurrentUser) -> DeliveryOut:
-    """Send a message again, under the same `webhook-id`: a receiver that has it already recognises it."""
+    """Send a message again, under the same `webhook-id`: a receiver that has it already recognises
+    it.
+    """
     row = delivery_for(session, user, delivery_id, "editor")
     if row.state == "waiting":
-        raise Conflict(f"the message has not been given up: it is sent again at {row.due_at.isoformat()}")
+        raise Conflict(
+            f"the message has not been given up: it is sent again at {row.due_at.isoformat()}"
+        )
     if row.webhook_id is not None and not session.get_one(Webhook, row.webhook_id).active:
         raise Conflict("the webhook was deleted")
     copied = ("project_id", "monitor_id", "webhook_id", "recipient", "message_id", "event", "body")

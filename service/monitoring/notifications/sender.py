@@ -1,14 +1,18 @@
-"""Sending what is in the outbox: claimed, sent outside any transaction, then noted; tried again later where it failed.
+"""Sending what is in the outbox: claimed, sent outside any transaction, then noted; tried again
+later where it failed.
 
-A worker that dies between sending and noting sends the message again: receivers see at least one copy, and recognise copies by
-their `webhook-id`, which a message keeps through all its attempts and replays.
+A worker that dies between sending and noting sends the message again: receivers see at least one
+copy, and recognise copies by their `webhook-id`, which a message keeps through all its attempts and
+replays.
 
-Each receiver is sent to on its own, one message at a time, and each project has a share: a receiver that is slow delays
-nobody's messages but its own.
+Each receiver is sent to on its own, one message at a time, and each project has a share: a receiver
+that is slow delays nobody's messages but its own.
 
-An attempt to deliver a message is a webhook's post, signed, or a mail. Every attempt ends within a time that is fixed.
+An attempt to deliver a message is a webhook's post, signed, or a mail. Every attempt ends within a
+time that is fixed.
 
-Signatures are those of Standard Webhooks (standardwebhooks.com), which has verifiers in most languages:
+Signatures are those of Standard Webhooks (standardwebhooks.com), which has verifiers in most
+languages:
 
     webhook-signature: v1,base64(HMAC-SHA256(secret, "{webhook-id}.{webhook-timestamp}.{body}"))
 """
@@ -52,7 +56,8 @@ KEPT_CHARACTERS = 300  # of a receiver's answer
 PREFIX = "whsec_"
 ATTEMPTS = 8
 GROWTH = 4.0  # of the pause between attempts
-CLAIM_SECONDS = 1.5 * TOTAL_SECONDS  # after which a message that somebody took and did not note is sent again
+# after which a message that somebody took and did not note is sent again
+CLAIM_SECONDS = 1.5 * TOTAL_SECONDS
 LOOK_SECONDS = 1.0  # between two looks at what others have put into the outbox
 AT_ONCE = 64  # attempts of a process
 OF_A_PROJECT = 8  # of them
@@ -60,13 +65,15 @@ PATIENCE_SECONDS = 5.0  # that attempts under way get when the process ends
 
 
 def new_secret() -> str:
-    """A new secret of a webhook, 32 random bytes as Standard Webhooks writes them: `whsec_` and base64."""
+    """A new secret of a webhook, 32 random bytes as Standard Webhooks writes them: `whsec_` and
+    base64.
+    """
     return PREFIX + base64.b64encode(secrets.token_bytes(32)).decode()
 
 
 def sign(secret: str, message_id: str, timestamp: int, body: bytes) -> str:
-    """The `webhook-signature` of a message by Standard Webhooks, version 1; see the module's docstring. The example is
-    the specification's.
+    """The `webhook-signature` of a message by Standard Webhooks, version 1; see the module's
+    docstring. The example is the specification's.
 
     >>> secret = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
     >>> sign(secret, "msg_p5jXN8AQM9LWM0D4loKWxJek", 1614265330, b'{"test": 2432232314}')
@@ -95,14 +102,16 @@ async def deliver(delivery: Delivery, hook: Webhook | None, settings: Settings) 
     """Try once to bring a message to its receiver."""
     try:
         async with asyncio.timeout(TOTAL_SECONDS):
-            return await (_mail(delivery, settings) if hook is None else post(delivery, hook, settings))
+            return await (
+                _mail(delivery, settings) if hook is None else post(delivery, hook, settings)
+            )
     except TimeoutError:
         return Outcome(None, f"the receiver took longer than {TOTAL_SECONDS:g} s")
 
 
 async def post(delivery: Delivery, hook: Webhook, settings: Settings) -> Outcome:
-    """Post a message to a webhook, signed. The connection goes to the address that was checked; redirects are not
-    followed, for they could lead anywhere.
+    """Post a message to a webhook, signed. The connection goes to the address that was checked;
+    redirects are not followed, for they could lead anywhere.
 
     Args:
         delivery: the message.
@@ -127,13 +136,20 @@ async def post(delivery: Delivery, hook: Webhook, settings: Settings) -> Outcome
         }
         extensions = {"sni_hostname": target.name}
         async with (
-            httpx.AsyncClient(trust_env=False, timeout=STEP_SECONDS, follow_redirects=False) as client,
-            client.stream("POST", target.url, content=body, headers=headers, extensions=extensions) as answer,
+            httpx.AsyncClient(
+                trust_env=False, timeout=STEP_SECONDS, follow_redirects=False
+            ) as client,
+            client.stream(
+                "POST", target.url, content=body, headers=headers, extensions=extensions
+            ) as answer,
         ):
             if answer.is_success:
                 return Outcome(answer.status_code, None)
             said = await anext(answer.aiter_text(KEPT_CHARACTERS), "")
-            return Outcome(answer.status_code, f"the receiver answered {answer.status_code}: {_printable(said)}")
+            return Outcome(
+                answer.status_code,
+                f"the receiver answered {answer.status_code}: {_printable(said)}",
+            )
     except (AddressError, httpx.HTTPError) as error:
         return Outcome(None, f"{type(error).__name__}: {error}"[:KEPT_CHARACTERS])
 
@@ -185,7 +201,8 @@ class Sender:
         self._sessions, self._settings = sessions, settings
         self._loop = asyncio.new_event_loop()
         self._woken, self._ending = asyncio.Event(), False
-        self._under_way: dict[str, UUID] = {}  # receivers that are being sent to, and whose they are
+        # receivers that are being sent to, and whose they are
+        self._under_way: dict[str, UUID] = {}
         self._thread = threading.Thread(target=self._run, daemon=True, name="sender")
 
     def __enter__(self) -> Self:
@@ -224,25 +241,35 @@ class Sender:
         try:
             claimed = await to_thread.run_sync(self._claim)
         except SQLAlchemyError as error:
-            log.warning("the database does not answer; trying again", error=str(error).split("\n", 1)[0])
+            log.warning(
+                "the database does not answer; trying again", error=str(error).split("\n", 1)[0]
+            )
             return []
         for delivery, _ in claimed:
             self._under_way[_receiver(delivery)] = delivery.project_id
         return claimed
 
     def _claim(self) -> list[tuple[Delivery, Webhook | None]]:
-        """Take the oldest due message of each receiver that is free: nobody else takes it while it is being sent."""
+        """Take the oldest due message of each receiver that is free: nobody else takes it while it
+        is being sent.
+        """
         with self._sessions.begin() as session:
             now = datetime.now(UTC)
             first = _RECEIVER.label("receiver"), Delivery.id, Delivery.project_id, Delivery.due_at
             heads = (
                 select(*first)
                 .ext(distinct_on(_RECEIVER))
-                .where(Delivery.state == "waiting", Delivery.due_at <= now, _RECEIVER.not_in(list(self._under_way)))
+                .where(
+                    Delivery.state == "waiting",
+                    Delivery.due_at <= now,
+                    _RECEIVER.not_in(list(self._under_way)),
+                )
                 .order_by(_RECEIVER, Delivery.due_at, Delivery.id)
                 .subquery()
             )
-            rows = session.execute(select(heads.c.id, heads.c.project_id).order_by(heads.c.due_at)).all()
+            rows = session.execute(
+                select(heads.c.id, heads.c.project_id).order_by(heads.c.due_at)
+            ).all()
             chosen = self._fair([(row.id, row.project_id) for row in rows])
             due = session.scalars(
                 select(Delivery)
@@ -252,7 +279,10 @@ class Sender:
             for delivery in due:
                 delivery.attempts += 1
                 delivery.due_at = now + timedelta(seconds=CLAIM_SECONDS)
-            hooks = [None if d.webhook_id is None else session.get_one(Webhook, d.webhook_id) for d in due]
+            hooks = [
+                None if d.webhook_id is None else session.get_one(Webhook, d.webhook_id)
+                for d in due
+            ]
         return list(zip(due, hooks, strict=True))
 
     def _fair(self, heads: list[tuple[UUID, UUID]]) -> list[UUID]:
@@ -271,9 +301,14 @@ class Sender:
             if again is not None:
                 self._loop.call_later(again, self._woken.set)
         except SQLAlchemyError as error:
-            log.warning("a delivery could not be noted; it is sent again", error=str(error).split("\n", 1)[0])
+            log.warning(
+                "a delivery could not be noted; it is sent again",
+                error=str(error).split("\n", 1)[0],
+            )
         except Exception:
-            log.exception("a delivery met an unexpected error; it is tried again", delivery=str(delivery.id))
+            log.exception(
+                "a delivery met an unexpected error; it is tried again", delivery=str(delivery.id)
+            )
         finally:
             self._under_way.pop(_receiver(delivery), None)
             self._woken.set()
@@ -284,14 +319,19 @@ class Sender:
         with self._sessions.begin() as session:
             row = session.get(Delivery, delivery.id, with_for_update=True)
             if row is None or row.attempts != delivery.attempts:
-                return None  # the webhook is gone, or somebody else took the message because this took too long
+                # the webhook is gone, or somebody else took the message because this took too long
+                return None
             row.last_status, row.last_error = outcome.status, outcome.error
             if outcome.error is None:
                 row.state, row.delivered_at = "delivered", datetime.now(UTC)
             elif row.attempts >= ATTEMPTS:
                 row.state = "failed"
             else:
-                pause = self._settings.delivery_pause_seconds * GROWTH ** (row.attempts - 1) * random.uniform(1.0, 1.2)
+                pause = (
+                    self._settings.delivery_pause_seconds
+                    * GROWTH ** (row.attempts - 1)
+                    * random.uniform(1.0, 1.2)
+                )
                 row.due_at = datetime.now(UTC) + timedelta(seconds=pause)
         log.info(
             "delivery",

@@ -1,1 +1,3 @@
-"""Archives: campaigns with all that was measured and found, as one file that others read without this service."""
+"""Archives: campaigns with all that was measured and found, as one file that others read without
+this service.
+"""

@@ -1,4 +1,6 @@
-"""What an archive has of instruments, structures and campaigns; `docs/archives.md` describes each file."""
+"""What an archive has of instruments, structures and campaigns; `docs/archives.md` describes each
+file.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,17 @@ if TYPE_CHECKING:
     from service.store.records.operations import Record
     from service.store.structures.operations import Structure
 
-FRF_COLUMNS = ("id", "label", *DOFS, "quantity", "averages", "window_rate_per_s", "processing_id", "tags", "meta")
+FRF_COLUMNS = (
+    "id",
+    "label",
+    *DOFS,
+    "quantity",
+    "averages",
+    "window_rate_per_s",
+    "processing_id",
+    "tags",
+    "meta",
+)
 MODE_COLUMNS = ("number", "frequency_hz", "damping_ratio", "frequency_sd_hz", "damping_sd")
 RESULT_COLUMNS = ("id", "campaign_id", "campaign", "structure", "verdict")
 COUPON_COLUMNS = (
@@ -67,7 +79,8 @@ def write_archive(
         user: who asks.
         title: of the archive.
         campaign_ids: of the campaigns; their structures are written too.
-        structure_ids: of more structures; where there are any, all instruments are written, else those that campaigns name.
+        structure_ids: of more structures; where there are any, all instruments are written, else
+            those that campaigns name.
         file: takes the zip.
     """
     archive, campaigns = (
@@ -76,7 +89,9 @@ def write_archive(
     )
     structures = structures_of(session, {*structure_ids, *(row.structure_id for row in campaigns)})
     named = None if structure_ids else {pair for row in campaigns for pair in _instruments(row)}
-    instruments = instrument_for.all(session, project_id={row.project_id for row in structures.values()})
+    instruments = instrument_for.all(
+        session, project_id={row.project_id for row in structures.values()}
+    )
     shown = [row for row in instruments if named is None or (row.kind, row.serial) in named]
     archive.json("instruments.json", [shown_as(InstrumentOut, row) for row in shown])
     for _, structure in sorted(structures.items()):
@@ -84,16 +99,22 @@ def write_archive(
     results: list[dict[str, Any]] = []
     for campaign in campaigns:
         _write_campaign(session, archive, campaign)
-        results += _write_results(session, archive, campaign, structures[campaign.structure_id].name)
+        results += _write_results(
+            session, archive, campaign, structures[campaign.structure_id].name
+        )
     constants = [name + end for name in CONSTANTS for end in ("", "_sd", "_low", "_high")]
     archive.table("results.csv", [*RESULT_COLUMNS, *constants], results)
-    names = {row.id: row.name for row in campaigns} | {key: row.name for key, row in structures.items()}
+    names = {row.id: row.name for row in campaigns} | {
+        key: row.name for key, row in structures.items()
+    }
     archive.close(title, user.name, names)
 
 
 def _instruments(campaign: Campaign) -> list[tuple[str, str]]:
     """Kind and serial number of the instruments that a campaign names."""
-    stated = [(kind, campaign.instruments.get(kind, {})) for kind in ("hammer", "sensor", "analyser")]
+    stated = [
+        (kind, campaign.instruments.get(kind, {})) for kind in ("hammer", "sensor", "analyser")
+    ]
     stated += [("sensor", one) for one in campaign.instruments.get("sensors", ())]
     return [(kind, str(one.get("serial"))) for kind, one in stated]
 
@@ -145,7 +166,8 @@ def _write_campaign(session: Session, archive: Archive, campaign: Campaign) -> N
     archive.json(f"{folder}/hit-decisions.json", [shown_as(HitDecisionOut, row) for row in decided])
     processed = documents_of(session, campaign.id)
     archive.json(
-        f"{folder}/processings.json", [{"id": p.id, "options": p.options, "result": p.document} for p in processed]
+        f"{folder}/processings.json",
+        [{"id": p.id, "options": p.options, "result": p.document} for p in processed],
     )
     tables = make_tables(session, frf_for.all(session, campaign_id=[campaign.id]), Cut())
     if tables:
@@ -157,16 +179,27 @@ def _write_campaign(session: Session, archive: Archive, campaign: Campaign) -> N
     archive.table(f"{folder}/frfs.csv", FRF_COLUMNS, shown)
     sets = described_modes(session, mode_set_for.all(session, campaign_id=[campaign.id]))
     archive.json(f"{folder}/mode-sets.json", sets)
-    modes = [{"mode_set": str(one.id), "name": one.name, **mode.model_dump()} for one in sets for mode in one.modes]
+    modes = [
+        {"mode_set": str(one.id), "name": one.name, **mode.model_dump()}
+        for one in sets
+        for mode in one.modes
+    ]
     archive.table(f"{folder}/modes.csv", ("mode_set", "name", *MODE_COLUMNS), modes)
 
 
-def _write_results(session: Session, archive: Archive, campaign: Campaign, structure: str) -> list[dict[str, Any]]:
+def _write_results(
+    session: Session, archive: Archive, campaign: Campaign, structure: str
+) -> list[dict[str, Any]]:
     """The results of a campaign as documents; a row of the table of results each."""
     rows = []
     for key, document, labels in labelled_results(session, campaign.id):
         archive.json(f"campaigns/{campaign.id}/results/{key}.json", {**document, "labels": labels})
-        row = {"id": key, "campaign_id": campaign.id, "campaign": campaign.name, "structure": structure}
+        row = {
+            "id": key,
+            "campaign_id": campaign.id,
+            "campaign": campaign.name,
+            "structure": structure,
+        }
         row["verdict"] = document["verdict"]["level"]
         for one in document["parameters"]:
             low, high = one["interval_95"] or (None, None)
@@ -176,29 +209,65 @@ def _write_results(session: Session, archive: Archive, campaign: Campaign, struc
     return rows
 
 
-MOST_HITS = 500  # of a file; not more than samples either, since a mapping takes a table's longer side for the time
+# of a file; not more than samples either, since a mapping takes a table's longer side for the time
+MOST_HITS = 500
 PLACED = ("file", "variable", "row")
 COLUMNS = (
-    *("id", "label", "filename", "quantity", "point", "direction", "force_point", "force_direction", "hit"),
-    *("sample_rate_hz", "samples", "sensitivity", "window_rate_per_s", "full_scale", "start_sample", "created_at"),
+    *(
+        "id",
+        "label",
+        "filename",
+        "quantity",
+        "point",
+        "direction",
+        "force_point",
+        "force_direction",
+        "hit",
+    ),
+    *(
+        "sample_rate_hz",
+        "samples",
+        "sensitivity",
+        "window_rate_per_s",
+        "full_scale",
+        "start_sample",
+        "created_at",
+    ),
 )
-_ALIKE = ("quantity", "dtype", "samples", "sample_rate_hz", "sensitivity", "window_rate_per_s", "full_scale")
+_ALIKE = (
+    "quantity",
+    "dtype",
+    "samples",
+    "sample_rate_hz",
+    "sensitivity",
+    "window_rate_per_s",
+    "full_scale",
+)
 """What the blocks of one channel in one file have in common."""
 
 
 def write_hits(session: Session, archive: Archive, folder: str, campaign_id: UUID) -> None:
-    """Write all time blocks of a campaign, one at a time: alike hits share a file, an array for each channel."""
+    """Write all time blocks of a campaign, one at a time: alike hits share a file, an array for
+    each channel.
+    """
     rows: list[dict[str, Any]] = []
     stored = session.scalars(query_of(campaign_id).order_by("id")).all()
     for number, hits in enumerate(_alike(stored), 1):
         path = f"{folder}/hits/{number}"
-        channels = {f"{blocks[0].quantity}_{n}": blocks for n, blocks in enumerate(zip(*hits, strict=True), 1)}
+        channels = {
+            f"{blocks[0].quantity}_{n}": blocks
+            for n, blocks in enumerate(zip(*hits, strict=True), 1)
+        }
         with archive.member(f"{path}.npz") as file, ZipFile(file, "w") as arrays:
             for variable, blocks in channels.items():
                 _write_samples(session, arrays, variable, blocks)
         archive.json(f"{path}.json", {"archived": True, **_mapping(channels)})
         rows += [
-            {**{name: getattr(block, name) for name in COLUMNS}, "file": f"hits/{number}.npz", "row": row}
+            {
+                **{name: getattr(block, name) for name in COLUMNS},
+                "file": f"hits/{number}.npz",
+                "row": row,
+            }
             | {"variable": variable, "sha256": block.sha256.hex()}
             for variable, blocks in channels.items()
             for row, block in enumerate(blocks)
@@ -207,7 +276,9 @@ def write_hits(session: Session, archive: Archive, folder: str, campaign_id: UUI
 
 
 def _alike(blocks: Sequence[Record]) -> Iterator[list[list[Record]]]:
-    """Hits whose channels are alike, as many as a file takes; the blocks of each with the force first."""
+    """Hits whose channels are alike, as many as a file takes; the blocks of each with the force
+    first.
+    """
     hits: dict[tuple[int, int, int], list[Record]] = {}
     for block in blocks:
         hits.setdefault((block.force_point, block.force_direction, block.hit), []).append(block)
@@ -221,11 +292,15 @@ def _alike(blocks: Sequence[Record]) -> Iterator[list[list[Record]]]:
         yield from (group[start : start + most] for start in range(0, len(group), most))
 
 
-def _write_samples(session: Session, arrays: ZipFile, variable: str, blocks: Sequence[Record]) -> None:
+def _write_samples(
+    session: Session, arrays: ZipFile, variable: str, blocks: Sequence[Record]
+) -> None:
     """One channel: (hits, samples). It states no time, so that the same hits make the same file."""
     with arrays.open(ZipInfo(f"{variable}.npy"), "w", force_zip64=True) as target:
         shape = len(blocks), blocks[0].samples
-        npy.write_array_header_1_0(target, {"descr": blocks[0].dtype, "fortran_order": False, "shape": shape})
+        npy.write_array_header_1_0(
+            target, {"descr": blocks[0].dtype, "fortran_order": False, "shape": shape}
+        )
         target.writelines(sample_bytes(session, blocks))  # type: ignore[arg-type]  # a record has what a BlockRow has
 
 
@@ -238,9 +313,15 @@ def _mapping(channels: Mapping[str, Sequence[Record]]) -> dict[str, Any]:
         "channels": [
             {
                 "variable": variable,
-                **{name: getattr(blocks[0], name) for name in ("quantity", "sensitivity", "window_rate_per_s")},
+                **{
+                    name: getattr(blocks[0], name)
+                    for name in ("quantity", "sensitivity", "window_rate_per_s")
+                },
                 "full_scale": blocks[0].full_scale,
-                **{name: [getattr(b, name) for b in blocks] for name in ("point", "direction", "label")},
+                **{
+                    name: [getattr(b, name) for b in blocks]
+                    for name in ("point", "direction", "label")
+                },
                 **_starts(blocks),
             }
             for variable, blocks in channels.items()

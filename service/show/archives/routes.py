@@ -27,7 +27,9 @@ FILES = {200: {"content": {MEDIA_TYPE: {}}, "description": "The archive."}}
 
 @router.get("/projects/{project_id}/archive", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
 def get_project_archive(project_id: UUID, session: SessionDep, user: CurrentUser) -> FileResponse:
-    """All of a project as one zip of UFF, npz, CSV and JSON: instruments, structures with coupons and monitors, campaigns."""
+    """All of a project as one zip of UFF, npz, CSV and JSON: instruments, structures with coupons
+    and monitors, campaigns.
+    """
     project = project_for(session, user, project_id)
     structures = structures_in([project.id])
     campaigns = present_campaigns(session, structures)
@@ -36,14 +38,18 @@ def get_project_archive(project_id: UUID, session: SessionDep, user: CurrentUser
 
 @router.get("/campaigns/{campaign_id}/archive", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
 def get_campaign_archive(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> FileResponse:
-    """A campaign with its structure and the instruments that it names as one zip of UFF, npz, CSV and JSON."""
+    """A campaign with its structure and the instruments that it names as one zip of UFF, npz, CSV
+    and JSON.
+    """
     campaign = campaign_for(session, user, campaign_id)
     return _archive(session, user, campaign.name, [campaign.id])
 
 
 @router.get("/search/campaigns/archive", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
 def get_found_archive(wanted: FilterDep, session: SessionDep, user: CurrentUser) -> FileResponse:
-    """All campaigns that a search finds, over all projects, as one zip of UFF, npz, CSV and JSON."""
+    """All campaigns that a search finds, over all projects, as one zip of UFF, npz, CSV and
+    JSON.
+    """
     with bounded(session):
         keys = Search(user, NOUNS["campaign"], wanted).keys(session, MOST_CAMPAIGNS + 1)
     if not keys:
@@ -52,10 +58,17 @@ def get_found_archive(wanted: FilterDep, session: SessionDep, user: CurrentUser)
 
 
 def _archive(
-    session: Session, user: User, title: str, campaigns: Sequence[UUID], structures: Sequence[UUID] = ()
+    session: Session,
+    user: User,
+    title: str,
+    campaigns: Sequence[UUID],
+    structures: Sequence[UUID] = (),
 ) -> FileResponse:
     if len(campaigns) > MOST_CAMPAIGNS:
-        raise Invalid("filter", f"finds more than {MOST_CAMPAIGNS:,} campaigns, which is as many as an archive has")
+        raise Invalid(
+            "filter",
+            f"finds more than {MOST_CAMPAIGNS:,} campaigns, which is as many as an archive has",
+        )
     with _standing_still(session):
         write = partial(write_archive, session, user, title, campaigns, structures)
         return spooled(write, MEDIA_TYPE, "archive.zip", {})

@@ -1,4 +1,5 @@
-"""A zip of UFF, CSV and JSON, with a manifest of SHA-256 and the metadata of an RO-Crate (1.1, https://w3id.org/ro/crate).
+"""A zip of UFF, CSV and JSON, with a manifest of SHA-256 and the metadata of an RO-Crate (1.1,
+https://w3id.org/ro/crate).
 
 The layout is a public format, described in `docs/archives.md`; `FORMAT` counts its versions.
 """
@@ -19,7 +20,12 @@ from pydantic_core import to_jsonable_python
 from fecore import __version__
 from modalbase.archive import CRATE, FORMAT, MANIFEST
 
-KINDS = {"uff": "application/x-uff", "npz": "application/x-npz", "csv": "text/csv", "json": "application/json"}
+KINDS = {
+    "uff": "application/x-uff",
+    "npz": "application/x-npz",
+    "csv": "text/csv",
+    "json": "application/json",
+}
 
 
 class _Digest(io.RawIOBase):
@@ -63,7 +69,11 @@ class Archive:
     def json(self, path: str, value: Any) -> None:
         """A member of JSON, of what a client would be answered."""
         with self.member(path) as file:
-            file.write(json.dumps(to_jsonable_python(value), ensure_ascii=False, allow_nan=False, indent=1).encode())
+            file.write(
+                json.dumps(
+                    to_jsonable_python(value), ensure_ascii=False, allow_nan=False, indent=1
+                ).encode()
+            )
 
     def table(self, path: str, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
         """A member of CSV: a header and a line for each row, objects and lists as JSON."""
@@ -84,7 +94,9 @@ class Archive:
         """
         self.json(CRATE, crate(title, self._now, self.files, names))
         head = {"format": FORMAT, "title": title, "software": f"modalbase {__version__}"}
-        self.json(MANIFEST, {**head, "made_at": self._now, "made_by": made_by, "files": dict(self.files)})
+        self.json(
+            MANIFEST, {**head, "made_at": self._now, "made_by": made_by, "files": dict(self.files)}
+        )
         self._zip.close()
 
 
@@ -95,7 +107,9 @@ def _cell(value: Any) -> Any:
 def crate(
     title: str, now: datetime, files: Mapping[str, Mapping[str, Any]], names: Mapping[UUID, str]
 ) -> dict[str, Any]:
-    """The metadata of an RO-Crate: the archive, a data set for each campaign and structure, and every file."""
+    """The metadata of an RO-Crate: the archive, a data set for each campaign and structure, and
+    every file.
+    """
     folders: dict[str, list[str]] = {}
     for path in files:
         if "/" in path:
@@ -105,7 +119,9 @@ def crate(
         "@id": "./",
         "@type": "Dataset",
         "name": title,
-        "description": f"{title}: measurements of structures and what was found of them, written by modalbase",
+        "description": (
+            f"{title}: measurements of structures and what was found of them, written by modalbase"
+        ),
         "datePublished": now.date().isoformat(),
         "license": "The rights stay with whoever measured; nothing is granted by this file.",
         "hasPart": [{"@id": path} for path in top],
@@ -136,4 +152,7 @@ def crate(
         }
         for path, entry in files.items()
     ]
-    return {"@context": "https://w3id.org/ro/crate/1.1/context", "@graph": [described, root, *datasets, *entries]}
+    return {
+        "@context": "https://w3id.org/ro/crate/1.1/context",
+        "@graph": [described, root, *datasets, *entries],
+    }

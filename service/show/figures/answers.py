@@ -16,7 +16,9 @@ from service.show.figures.paper import MEDIA_TYPES, Format, render
 from service.web.parameters import not_modified
 from service.web.routing import require_used
 
-FigureName = Annotated[str, Path(max_length=60, description="name of the figure, as the text above has it")]
+FigureName = Annotated[
+    str, Path(max_length=60, description="name of the figure, as the text above has it")
+]
 RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {
         "description": "The figure. JSON is Plotly's: `data` (traces) and `layout`.",
@@ -26,8 +28,15 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
                     "type": "object",
                     "required": ["data", "layout"],
                     "properties": {
-                        "data": {"type": "array", "items": {"type": "object"}, "description": "Traces of Plotly."},
-                        "layout": {"type": "object", "description": "Plotly's layout: title, axes, legend, marks."},
+                        "data": {
+                            "type": "array",
+                            "items": {"type": "object"},
+                            "description": "Traces of Plotly.",
+                        },
+                        "layout": {
+                            "type": "object",
+                            "description": "Plotly's layout: title, axes, legend, marks.",
+                        },
                     },
                 }
             },
@@ -46,7 +55,9 @@ class FigureOut(BaseModel):
     href: str = Field(description="address of the figure; its default format is Plotly JSON")
     available: bool = Field(description="whether this result has something to draw")
     reason: str | None = Field(description="why not, in words; null where it is available")
-    query: list[str] = Field(description="parameters of the query that it heeds, besides `format` and `theme`")
+    query: list[str] = Field(
+        description="parameters of the query that it heeds, besides `format` and `theme`"
+    )
 
 
 class FiguresOut(BaseModel):
@@ -78,13 +89,15 @@ class AskedFigure:
         Args:
             draw: makes the figure; not called where the client has kept it as it is now.
             name: of the file, should someone save it; ASCII, without a suffix.
-            version: changes whenever the data that are drawn change; None where nothing says so. A later release may draw
-                another figure, and the address names the rest.
+            version: changes whenever the data that are drawn change; None where nothing says so. A
+                later release may draw another figure, and the address names the rest.
         """
         headers = {}
         if version is not None:
             url = self.request.url
-            key = sha256(f"{__version__} {url.path} {url.query} {version}".encode()).hexdigest()[:32]
+            key = sha256(f"{__version__} {url.path} {url.query} {version}".encode()).hexdigest()[
+                :32
+            ]
             headers = {"ETag": f'"{key}"', "Cache-Control": "private, no-cache"}
             if (unchanged := not_modified(self.request, headers)) is not None:
                 return unchanged
@@ -97,7 +110,11 @@ class AskedFigure:
 def _asked(
     request: Request,
     file_format: Annotated[
-        Format, Query(alias="format", description="Plotly JSON for a page or a notebook; a print as SVG, PNG or PDF")
+        Format,
+        Query(
+            alias="format",
+            description="Plotly JSON for a page or a notebook; a print as SVG, PNG or PDF",
+        ),
     ] = "plotly",
     theme: Annotated[Theme, Query(description="colours for a light or a dark page")] = "light",
 ) -> AskedFigure:
@@ -108,7 +125,8 @@ Asked = Annotated[AskedFigure, Depends(_asked)]  # the parameter of a figure's r
 
 
 def require_figure(name: str, *known: str) -> None:
-    """Refuse a name that no figure has; to be called once it is known that the user may see what is drawn.
+    """Refuse a name that no figure has; to be called once it is known that the user may see what is
+    drawn.
 
     Raises:
         NotFound: there is no such figure.

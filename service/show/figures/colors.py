@@ -16,9 +16,21 @@ HELD_OUT = "rgba(213,94,0,0.12)"
 OUTSIDE = "rgba(119,119,119,0.14)"
 NOTHING = "rgba(0,0,0,0)"
 
-PALETTE = ("#0072B1", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E01", "#8C7A00", "#777777", "#5B3A8E", "#A0522D")
-"""Of things that are neither measured nor a model: distinct for people of any colour vision (Okabe and Ito). The first and the
-sixth differ by one step from those of models, as a dark page exchanges colours by name.
+PALETTE = (
+    "#0072B1",
+    "#E69F00",
+    "#009E73",
+    "#CC79A7",
+    "#56B4E9",
+    "#D55E01",
+    "#8C7A00",
+    "#777777",
+    "#5B3A8E",
+    "#A0522D",
+)
+"""Of things that are neither measured nor a model: distinct for people of any colour vision (Okabe
+and Ito). The first and the sixth differ by one step from those of models, as a dark page exchanges
+colours by name.
 """
 
 _DARK = {

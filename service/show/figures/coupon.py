@@ -1,4 +1,6 @@
-"""The raw curve of a coupon: stress over strain with the chord, its bounds, and what the standard reads off it."""
+"""The raw curve of a coupon: stress over strain with the chord, its bounds, and what the standard
+reads off it.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -16,17 +18,24 @@ _HOVER = "%{x:.4g} %: %{y:.4g} MPa"
 _BEYOND = 1.0  # of the chord's length: how far its line is drawn past the upper bound
 
 
-def coupon_figure(title: str, series: Mapping[str, FloatArray], found: Mapping[str, Any], *, shear: bool) -> Figure:
-    """Stress over strain; of a tensile test with a transverse strain that too, whose slope is Poisson's ratio.
+def coupon_figure(
+    title: str, series: Mapping[str, FloatArray], found: Mapping[str, Any], *, shear: bool
+) -> Figure:
+    """Stress over strain; of a tensile test with a transverse strain that too, whose slope is
+    Poisson's ratio.
 
     Args:
         title: specimen and standard.
-        series: (n,) `force` in N, `strain` and where there are any `strain_back` of the other face and `transverse_strain`; NaN
-            where a gauge was lost.
+        series: (n,) `force` in N, `strain` and where there are any `strain_back` of the other face
+            and `transverse_strain`; NaN where a gauge was lost.
         found: what the standard reports, as it is stored.
         shear: whether it is of D3518: γ = ε_x − ε_y and τ = P/2A, else ε and σ = P/A.
     """
-    along = (series["strain"] + series["strain_back"]) / 2 if "strain_back" in series else series["strain"]
+    along = (
+        (series["strain"] + series["strain_back"]) / 2
+        if "strain_back" in series
+        else series["strain"]
+    )
     transverse = series.get("transverse_strain")
     stress = series["force"] / ((2 if shear else 1) * found["area_m2"])
     strain = along - transverse if shear and transverse is not None else along
@@ -39,8 +48,12 @@ def coupon_figure(title: str, series: Mapping[str, FloatArray], found: Mapping[s
     name = f"bounds, {1e6 * start:.0f} and {1e6 * stop:.0f} µε"
     marks: list[Mark] = [
         Curve(100 * strain[kept], stress[kept] / 1e6, "measured", hover=_HOVER),
-        Curve(100 * ends, (level + modulus * (ends - start)) / 1e6, chord, UPDATED, "dash", hover=None),
-        Points(100 * bounds, (level + modulus * (bounds - start)) / 1e6, name, UPDATED, hover=_HOVER),
+        Curve(
+            100 * ends, (level + modulus * (ends - start)) / 1e6, chord, UPDATED, "dash", hover=None
+        ),
+        Points(
+            100 * bounds, (level + modulus * (bounds - start)) / 1e6, name, UPDATED, hover=_HOVER
+        ),
         *(_offset(found) if shear else _knee(found, strain[rising], stress[rising])),
         *_top(found, shear=shear),
     ]
@@ -48,9 +61,17 @@ def coupon_figure(title: str, series: Mapping[str, FloatArray], found: Mapping[s
     x = Axis(f"strain {letters[0]} [%]")
     panels = [Panel(x, Axis(f"stress {letters[1]} [MPa]"), up=(0.0, 1.0))]
     if not shear and transverse is not None:
-        panels = [replace(panels[0], up=(0.36, 1.0)), Panel(x, Axis("transverse [%]"), up=(0.0, 0.28))]
+        panels = [
+            replace(panels[0], up=(0.36, 1.0)),
+            Panel(x, Axis("transverse [%]"), up=(0.0, 0.28)),
+        ]
         marks += [
-            Curve(100 * along[kept], 100 * transverse[kept], panel=panels[1], hover="%{x:.4g} %: %{y:.4g} %"),
+            Curve(
+                100 * along[kept],
+                100 * transverse[kept],
+                panel=panels[1],
+                hover="%{x:.4g} %: %{y:.4g} %",
+            ),
             *_poisson(along, transverse, found, panels[1]),
         ]
     marks += [Region((100 * start, 100 * stop), BAND, panel=panel) for panel in panels]
@@ -87,14 +108,23 @@ def _offset(found: Mapping[str, Any]) -> list[Mark]:
 
 def _top(found: Mapping[str, Any], *, shear: bool) -> list[Mark]:
     """Strength at its strain; without a mark where the gauge was lost before."""
-    at, stress = ("maximum_stress_strain", "maximum_stress_pa") if shear else ("ultimate_strain", "strength_pa")
+    at, stress = (
+        ("maximum_stress_strain", "maximum_stress_pa")
+        if shear
+        else ("ultimate_strain", "strength_pa")
+    )
     if found[at] is None:
         return []
-    name = f"{'maximum' if shear else 'strength'}, {found[stress] / 1e6:.1f} MPa at {100 * found[at]:.3g} %"
+    name = (
+        f"{'maximum' if shear else 'strength'}, {found[stress] / 1e6:.1f} MPa at"
+        f" {100 * found[at]:.3g} %"
+    )
     return [_point(found[at], found[stress], name, INITIAL, "diamond")]
 
 
-def _poisson(strain: FloatArray, transverse: FloatArray, found: Mapping[str, Any], panel: Panel) -> list[Mark]:
+def _poisson(
+    strain: FloatArray, transverse: FloatArray, found: Mapping[str, Any], panel: Panel
+) -> list[Mark]:
     """The line whose slope is −ν."""
     if (ratio := found["poisson_ratio"]) is None:
         return []

@@ -1,5 +1,6 @@
-"""FRFs: the overlay of one (log magnitude, phase, coherence; measured, of the initial model, of the updated one); the hits of a
-point that it is made of; the agreement of measured and predicted ones, line by line (CSAC, CSF) and by point (SAC, FRAC).
+"""FRFs: the overlay of one (log magnitude, phase, coherence; measured, of the initial model, of the
+updated one); the hits of a point that it is made of; the agreement of measured and predicted ones,
+line by line (CSAC, CSF) and by point (SAC, FRAC).
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,7 +13,16 @@ import numpy as np
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.frf import Dof
 from fecore.normal import Z_95
-from service.show.figures.colors import ALARM, HELD_OUT, INITIAL, MEASURED, OUTSIDE, PALETTE, QUIET, UPDATED
+from service.show.figures.colors import (
+    ALARM,
+    HELD_OUT,
+    INITIAL,
+    MEASURED,
+    OUTSIDE,
+    PALETTE,
+    QUIET,
+    UPDATED,
+)
 from service.show.figures.marks import (
     Axis,
     Band,
@@ -30,7 +40,8 @@ from service.show.figures.marks import (
     shortened,
 )
 
-MOST_LINES = 3200  # lines that a figure draws: of more, the least and the greatest measured magnitude of each stretch
+# lines that a figure draws: of more, the least and the greatest measured magnitude of each stretch
+MOST_LINES = 3200
 _ABOUT = 4.0  # how far the axis of the magnitude goes beyond what was measured
 UNITS = {"accelerance": "(m/s²)/N", "mobility": "(m/s)/N", "receptance": "m/N"}
 MODELS: dict[str, tuple[str, Dash]] = {"initial": (INITIAL, "dot"), "updated": (UPDATED, "dash")}
@@ -43,7 +54,9 @@ def dof_name(dof: Dof) -> str:
 
 @dataclass(frozen=True)
 class Spread:
-    """How sure a predicted FRF is: (L,) standard deviations of ln|H| and of its phase in radians."""
+    """How sure a predicted FRF is: (L,) standard deviations of ln|H| and of its phase in
+    radians.
+    """
 
     log_magnitude: FloatArray
     phase: FloatArray
@@ -75,7 +88,11 @@ def frf_figure(curves: FrfCurves) -> Figure:
     hz = curves.frequency_hz[kept]
     x = Axis("frequency [Hz]")
     size = Axis(f"|{curves.quantity}| [{UNITS.get(curves.quantity, '')}]", *_decades(curves))
-    turns = Axis("phase [°]", range=(-190, 190), ticks={-180: "−180", -90: "−90", 0: "0", 90: "90", 180: "180"})
+    turns = Axis(
+        "phase [°]",
+        range=(-190, 190),
+        ticks={-180: "−180", -90: "−90", 0: "0", 90: "90", 180: "180"},
+    )
     ups = ((0.38, 1.0), (0.0, 0.34)) if curves.coherence is None else ((0.5, 1.0), (0.22, 0.46))
     panels = [Panel(x, y, up=up) for y, up in zip((size, turns), ups, strict=True)]
     marks = [*_interval(curves, kept, panels[1]), *_responses(curves, kept, panels[1])]
@@ -83,14 +100,17 @@ def frf_figure(curves: FrfCurves) -> Figure:
         panels.append(Panel(x, Axis("coherence", range=(0, 1.03)), up=(0.0, 0.18)))
         marks.append(Curve(hz, curves.coherence[kept], digits=4, panel=panels[-1], hover=_HOVER))
     regions = _regions(curves, panels)
-    return Figure(shortened(curves.title), [*marks, *regions], panels, height=560 if len(panels) == 2 else 640)
+    return Figure(
+        shortened(curves.title), [*marks, *regions], panels, height=560 if len(panels) == 2 else 640
+    )
 
 
 _HOVER = "%{x:.5g} Hz: %{y:.4g}"
 
 
 def thinned(magnitude: FloatArray, most: int = MOST_LINES) -> IntArray:
-    """Which lines are drawn: all, or of each stretch those of the least and the greatest magnitude, so that no peak is lost.
+    """Which lines are drawn: all, or of each stretch those of the least and the greatest magnitude,
+    so that no peak is lost.
 
     Args:
         magnitude: (L,) of the measured FRF.
@@ -101,7 +121,10 @@ def thinned(magnitude: FloatArray, most: int = MOST_LINES) -> IntArray:
         return np.arange(count)
     edges = np.linspace(0, count, most // 2 + 1).astype(int)
     stretches = pairwise(edges)
-    ends = [(a + int(np.argmin(magnitude[a:b])), a + int(np.argmax(magnitude[a:b]))) for a, b in stretches]
+    ends = [
+        (a + int(np.argmin(magnitude[a:b])), a + int(np.argmax(magnitude[a:b])))
+        for a, b in stretches
+    ]
     return np.unique(np.concatenate([np.array(ends).ravel(), [0, count - 1]]))
 
 
@@ -110,8 +133,8 @@ Window = tuple[float | None, float | None]
 
 
 def seen_in(window: Window, place: FloatArray, values: FloatArray, most: int) -> IntArray:
-    """Which samples are drawn where a part of them is in view: of that part all, or as many as it has pixels; of the rest those
-    that show its shape.
+    """Which samples are drawn where a part of them is in view: of that part all, or as many as it
+    has pixels; of the rest those that show its shape.
 
     Args:
         window: that is in view.
@@ -121,7 +144,11 @@ def seen_in(window: Window, place: FloatArray, values: FloatArray, most: int) ->
     """
     low, high = window
     first = 0 if low is None else max(int(np.searchsorted(place, low)) - 1, 0)
-    last = place.size if high is None else min(int(np.searchsorted(place, high, "right")) + 1, place.size)
+    last = (
+        place.size
+        if high is None
+        else min(int(np.searchsorted(place, high, "right")) + 1, place.size)
+    )
     inside = first + thinned(values[first:last], most) if last > first else np.empty(0, dtype=int)
     return np.union1d(thinned(values, most), inside)
 
@@ -140,7 +167,9 @@ def _responses(curves: FrfCurves, kept: IntArray, phases: Panel) -> list[Mark]:
 
 
 def _decades(curves: FrfCurves) -> tuple[Kind, tuple[float, float] | None]:
-    """Kind and ends of the axis of the magnitude, about what was measured: a model may fall far below its noise."""
+    """Kind and ends of the axis of the magnitude, about what was measured: a model may fall far
+    below its noise.
+    """
     seen = np.abs(curves.measured)
     seen = seen[seen > 0]
     ends = (float(seen.min()) / _ABOUT, float(seen.max()) * _ABOUT) if seen.size else None
@@ -154,7 +183,9 @@ def _broken(hz: FloatArray, phase: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _interval(curves: FrfCurves, kept: IntArray, phases: Panel) -> list[Mark]:
-    """The updated model's 95 % interval: a factor of the magnitude, and a part of a turn of the phase."""
+    """The updated model's 95 % interval: a factor of the magnitude, and a part of a turn of the
+    phase.
+    """
     if curves.spread is None or not curves.models:
         return []
     hz, updated = curves.frequency_hz[kept], curves.models["updated"][kept]
@@ -179,11 +210,18 @@ def _regions(curves: FrfCurves, panels: list[Panel]) -> list[Mark]:
     if curves.held_band_hz is not None:
         wanted.append((*curves.held_band_hz, HELD_OUT))
     inside = [(max(low, first), min(high, last), color) for low, high, color in wanted]
-    return [Region((low, high), color, panel=panel) for low, high, color in inside if low < high for panel in panels]
+    return [
+        Region((low, high), color, panel=panel)
+        for low, high, color in inside
+        if low < high
+        for panel in panels
+    ]
 
 
 MOST_SAMPLES = 1600
-"""Samples or lines of a hit that a figure draws: of more, the least and the greatest of each stretch."""
+"""Samples or lines of a hit that a figure draws: of more, the least and the greatest of each
+stretch.
+"""
 AFTER = {"acceleration": "m/s²", "velocity": "m/s", "displacement": "m"}
 _BAD = (INITIAL, ALARM, PALETTE[3], PALETTE[6], PALETTE[8], PALETTE[9])
 
@@ -216,14 +254,18 @@ class PointShown:
     coherence: FloatArray | None  # (L,) of two good ones or more, or None
 
 
-def hits_figure(point: PointShown, seconds: Window = (None, None), hertz: Window = (None, None)) -> Figure:
+def hits_figure(
+    point: PointShown, seconds: Window = (None, None), hertz: Window = (None, None)
+) -> Figure:
     """The hits of a point, one below the other: force about the pulse, response, FRF, coherence.
 
-    Good hits are drawn solid and alike; each bad one dashed in a colour of its own, with what was found in the legend.
+    Good hits are drawn solid and alike; each bad one dashed in a colour of its own, with what was
+    found in the legend.
 
     Args:
         point: its hits.
-        seconds: of the records in view, drawn sample by sample; default: of the force the pulse, of the response all.
+        seconds: of the records in view, drawn sample by sample; default: of the force the pulse, of
+            the response all.
         hertz: of the FRFs in view, drawn line by line.
     """
     hz = Axis("frequency [Hz]")
@@ -239,7 +281,11 @@ def hits_figure(point: PointShown, seconds: Window = (None, None), hertz: Window
         ups = [(0.78, 1.0), (0.53, 0.71), (0.17, 0.46), (0.0, 0.11)]
     panels = [Panel(x, y, up=up) for (x, y), up in zip(axes, ups, strict=True)]
     styles = zip(point.hits, _styles(point.hits), strict=True)
-    marks = [mark for hit, style in styles for mark in _marks(point, hit, style, panels, (seconds, hertz))]
+    marks = [
+        mark
+        for hit, style in styles
+        for mark in _marks(point, hit, style, panels, (seconds, hertz))
+    ]
     if point.mean is not None:
         kept = seen_in(hertz, point.frequency_hz, np.abs(point.mean), MOST_SAMPLES)
         place = point.frequency_hz[kept], _size(point.mean[kept])
@@ -253,7 +299,9 @@ def hits_figure(point: PointShown, seconds: Window = (None, None), hertz: Window
 
 
 _WINDOWS = {"x": ("tmin", "tmax", 1e-3), "x2": ("tmin", "tmax", 1.0), "x3": ("fmin", "fmax", 1.0)}
-"""By axis: parameters of the address by which a page that zooms has what is in view, and their unit on the axis."""
+"""By axis: parameters of the address by which a page that zooms has what is in view, and their unit
+on the axis.
+"""
 
 
 _Style = tuple[str, str, str, Dash]  # name in the legend, group, colour, dash
@@ -271,7 +319,11 @@ def _styles(hits: list[HitShown]) -> Iterator[_Style]:
 
 
 def _marks(
-    point: PointShown, hit: HitShown, style: _Style, panels: list[Panel], windows: tuple[Window, Window]
+    point: PointShown,
+    hit: HitShown,
+    style: _Style,
+    panels: list[Panel],
+    windows: tuple[Window, Window],
 ) -> list[Mark]:
     """Force, response and FRF of a hit, in full where they are in view."""
     name, group, color, dash = style
@@ -303,13 +355,18 @@ def _size(values: ComplexArray) -> FloatArray:
 
 
 def _about_the_pulse(point: PointShown) -> tuple[float, float]:
-    """Where the force is drawn, ms: from before the pulses to behind the last second one; the rest can be zoomed to."""
+    """Where the force is drawn, ms: from before the pulses to behind the last second one; the rest
+    can be zoomed to.
+    """
     begin, end = point.pulse_s
     margin = 0.2 * (end - begin)
     return 1e3 * max(begin - margin, 0.0), 1e3 * (end + margin)
 
 
-TITLES = {"csac": "CSAC: agreement in shape, line by line", "csf": "CSF: agreement in level, line by line"}
+TITLES = {
+    "csac": "CSAC: agreement in shape, line by line",
+    "csf": "CSF: agreement in level, line by line",
+}
 
 
 def agreement_figure(
@@ -329,7 +386,9 @@ def agreement_figure(
         Curve(hz, updated, f"updated, mean {np.nanmean(updated):.3f}", UPDATED, digits=4),
         *(Rule(mode) for mode in modes if hz[0] <= mode <= hz[-1]),
     ]
-    return Figure(TITLES[name], marks, [Panel(Axis("frequency [Hz]"), Axis(name.upper(), range=(0, 1.03)))])
+    return Figure(
+        TITLES[name], marks, [Panel(Axis("frequency [Hz]"), Axis(name.upper(), range=(0, 1.03)))]
+    )
 
 
 @dataclass(frozen=True)
@@ -344,8 +403,11 @@ class PointValues:
     held_out: Sequence[bool]  # whether the FRF was held out of the fit
 
 
-def points_figure(values: PointValues, along: tuple[float, float], across: tuple[float, float]) -> Figure:
-    """SAC and FRAC at the points of the specimen, seen from above, each point in the colour of its value.
+def points_figure(
+    values: PointValues, along: tuple[float, float], across: tuple[float, float]
+) -> Figure:
+    """SAC and FRAC at the points of the specimen, seen from above, each point in the colour of its
+    value.
 
     Args:
         values: by point.
@@ -360,11 +422,17 @@ def points_figure(values: PointValues, along: tuple[float, float], across: tuple
     y = Axis("y [m]", range=(across[0] - spread / 4, across[1] + spread / 4))
     marks: list[Mark] = []
     panels = []
-    for title, found, up, middle in (("SAC", values.sac, (0.58, 1.0), 0.8), ("FRAC", values.frac, (0.0, 0.42), 0.2)):
+    for title, found, up, middle in (
+        ("SAC", values.sac, (0.58, 1.0), 0.8),
+        ("FRAC", values.frac, (0.0, 0.42), 0.2),
+    ):
         panel = Panel(x, replace(y), up=up, title=title)
         panels.append(panel)
         marks.append(Region(along, QUIET, across, outline=True, panel=panel))
-        for rows, symbol, words in ((~held, "circle", "fitted"), (held, "diamond", "held out of the fit")):
+        for rows, symbol, words in (
+            (~held, "circle", "fitted"),
+            (held, "diamond", "held out of the fit"),
+        ):
             if rows.any():
                 scale = Scale(title, floor, 1.0, symbol == "circle", middle, 0.45)
                 said: Any = {
@@ -372,5 +440,13 @@ def points_figure(values: PointValues, along: tuple[float, float], across: tuple
                     "hover": f"point %{{customdata}}: {title} %{{marker.color:.4f}}",
                 }
                 place = values.x[rows], values.y[rows], words if title == "SAC" else ""
-                marks.append(Points(*place, found[rows], symbol, 14, scale=scale, panel=panel, **said))
-    return Figure("SAC and FRAC by point on the specimen", marks, panels, height=460, margins={"r": 95, "t": 70})
+                marks.append(
+                    Points(*place, found[rows], symbol, 14, scale=scale, panel=panel, **said)
+                )
+    return Figure(
+        "SAC and FRAC by point on the specimen",
+        marks,
+        panels,
+        height=460,
+        margins={"r": 95, "t": 70},
+    )

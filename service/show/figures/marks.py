@@ -1,7 +1,8 @@
-"""What a figure is described with: marks on panels between axes. `screen` makes Plotly's JSON of a figure, `paper` a print.
+"""What a figure is described with: marks on panels between axes. `screen` makes Plotly's JSON of a
+figure, `paper` a print.
 
-Texts are plain; a line break is a line break. `hover` alone is a template of Plotly's: empty where its own will do, None where
-nothing is said.
+Texts are plain; a line break is a line break. `hover` alone is a template of Plotly's: empty where
+its own will do, None where nothing is said.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +26,8 @@ class Axis:
     """An axis. Panels that have the same one are scaled together."""
 
     title: str = ""  # with the unit
-    kind: Kind = "linear"  # `powers` is logarithmic with numbers as powers of ten, `decades` names these alone
+    # `powers` is logarithmic with numbers as powers of ten, `decades` names these alone
+    kind: Kind = "linear"
     range: Sequence[float] | None = None  # values at its ends; None for what the marks need
     ticks: Mapping[float, str] | None = None  # names by value; None for numbers
     grid: bool = True
@@ -41,7 +43,9 @@ class Axis:
 
 
 def named_axis(title: str, names: Sequence[str], **more: Any) -> Axis:
-    """An axis whose places 0, 1, 2, … have names, every other one where there are many, and so on."""
+    """An axis whose places 0, 1, 2, … have names, every other one where there are many, and so
+    on.
+    """
     step = -(-len(names) // MOST_NAMES) or 1
     ticks: dict[float, str] = {place: names[place] for place in range(0, len(names), step)}
     return Axis(title, ticks=ticks, grid=False, **more)
@@ -53,7 +57,9 @@ def rows_axis(names: Sequence[str]) -> Axis:
 
 
 def decades(values: ArrayLike) -> Kind:
-    """The kind of a logarithmic axis of these values: over more than two decades only powers of ten are named."""
+    """The kind of a logarithmic axis of these values: over more than two decades only powers of ten
+    are named.
+    """
     found = np.asarray(values, dtype=float)
     found = found[np.isfinite(found) & (found > 0)]
     return "decades" if found.size > 0 and found.max() > 100 * found.min() else "powers"
@@ -87,7 +93,9 @@ class Common:
 
 @dataclass(frozen=True, eq=False)
 class Curve(Common):
-    """A line through points; with `symbol` the points are marked too, each in a colour of its own where `dots` has them."""
+    """A line through points; with `symbol` the points are marked too, each in a colour of its own
+    where `dots` has them.
+    """
 
     x: ArrayLike
     y: ArrayLike
@@ -113,8 +121,8 @@ class Band(Common):
 
 @dataclass(frozen=True, eq=False)
 class Scale:
-    """What colours from Cividis stand for: values at both ends, and a bar with a title, its middle and length as shares of the
-    figure's height.
+    """What colours from Cividis stand for: values at both ends, and a bar with a title, its middle
+    and length as shares of the figure's height.
     """
 
     title: str
@@ -127,7 +135,9 @@ class Scale:
 
 @dataclass(frozen=True, eq=False)
 class Points(Common):
-    """Points with error bars: (n,) to both sides, or (2, n) below and above. Colours of numbers are those of the scale."""
+    """Points with error bars: (n,) to both sides, or (2, n) below and above. Colours of numbers are
+    those of the scale.
+    """
 
     x: ArrayLike
     y: ArrayLike
@@ -154,7 +164,9 @@ class Bars(Common):
 
 @dataclass(frozen=True, eq=False)
 class Matrix(Common):
-    """Cells in the colours of a scale, (n, m) values, NaN where there is none; each with a text where there is room."""
+    """Cells in the colours of a scale, (n, m) values, NaN where there is none; each with a text
+    where there is room.
+    """
 
     values: ArrayLike
     cells: Sequence[Sequence[str]]
@@ -174,7 +186,9 @@ class Rule(Common):
 
 @dataclass(frozen=True, eq=False)
 class Region(Common):
-    """A part of a panel below everything else, of its whole height where `up` is None; filled, or its outline alone."""
+    """A part of a panel below everything else, of its whole height where `up` is None; filled, or
+    its outline alone.
+    """
 
     across: tuple[float, float]
     color: str = OUTSIDE
@@ -187,7 +201,9 @@ Mark = Curve | Band | Points | Bars | Matrix | Rule | Region
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """A figure: at least one panel, and marks in the order in which they are drawn and stand in the legend."""
+    """A figure: at least one panel, and marks in the order in which they are drawn and stand in the
+    legend.
+    """
 
     title: str
     marks: Sequence[Mark]
@@ -200,7 +216,13 @@ class Figure:
     meta: Mapping[str, Any] | None = None  # what a page needs to know of it, as JSON
 
 
-SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1": (1.0, "–"), "1/K": (100.0, "%/K")}
+SHOWN = {
+    "Pa": (1e-9, "GPa"),
+    "s": (1e6, "µs"),
+    "m": (1e3, "mm"),
+    "1": (1.0, "–"),
+    "1/K": (100.0, "%/K"),
+}
 """Factor and unit in which values of an SI unit are drawn; others as they are."""
 
 

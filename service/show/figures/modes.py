@@ -1,8 +1,10 @@
-"""Modes: the stabilisation diagram, poles by order of the model over the mode indicator, coloured by how probably each is a
-mode; shapes, measured beside updated; matrices of MAC, autoMAC and sensitivities with their values.
+"""Modes: the stabilisation diagram, poles by order of the model over the mode indicator, coloured
+by how probably each is a mode; shapes, measured beside updated; matrices of MAC, autoMAC and
+sensitivities with their values.
 
-Two points of a shape are joined where the ball between them holds no other (Gabriel and Sokal, Systematic Zoology 18, 1969):
-of a rectangular grid its rows and columns, of irregular points a part of their triangulation, never a zigzag.
+Two points of a shape are joined where the ball between them holds no other (Gabriel and Sokal,
+Systematic Zoology 18, 1969): of a rectangular grid its rows and columns, of irregular points a part
+of their triangulation, never a zigzag.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -32,7 +34,9 @@ from service.show.figures.marks import (
 from service.show.figures.screen import numbers
 
 NEAR = 0.01
-"""Relative distance within which a pole of an order stands for a fitted one: as far as poles of two orders are one."""
+"""Relative distance within which a pole of an order stands for a fitted one: as far as poles of two
+orders are one.
+"""
 KINDS = (
     ("stable in frequency and damping", "circle", 6.0),
     ("stable in frequency", "diamond", 5.0),
@@ -45,14 +49,20 @@ _DASHES: tuple[Dash, ...] = ("solid", "dash", "dot")
 def stabilisation_figure(found: Mapping[str, Any]) -> Figure:
     """Poles by order, the fitted poles above them, and the modes that were chosen.
 
-    A pole of an order has the colour of the fitted pole within 1 % of it; those without one, and all of a document before
-    probabilities, are grey. `ids` are the fitted poles' frequencies, by which a page keeps or drops them.
+    A pole of an order has the colour of the fitted pole within 1 % of it; those without one, and
+    all of a document before probabilities, are grey. `ids` are the fitted poles' frequencies, by
+    which a page keeps or drops them.
 
     Args:
-        found: an identification's document: `stabilisation`, `modes`, `doubtful` and `refused_poles`.
+        found: an identification's document: `stabilisation`, `modes`, `doubtful` and
+            `refused_poles`.
     """
     diagram, modes, doubtful = found["stabilisation"], found["modes"], found["doubtful"]
-    poles = [row for row in (*modes, *doubtful, *found["refused_poles"]) if row["probability"] is not None]
+    poles = [
+        row
+        for row in (*modes, *doubtful, *found["refused_poles"])
+        if row["probability"] is not None
+    ]
     lines = diagram["indicator"]["frequency_hz"]
     x = Axis("frequency [Hz]", range=(min(lines), max(lines)))
     above = Panel(x, Axis("", "log", bare=True), over=True)
@@ -62,7 +72,9 @@ def stabilisation_figure(found: Mapping[str, Any]) -> Figure:
     marks += [Rule(mode["frequency_hz"], MEASURED, "solid") for mode in modes]
     marks += [Rule(mode["frequency_hz"], INITIAL) for mode in doubtful]
     title = "Stabilisation diagram, with the identified modes as upright lines"
-    return Figure(title, marks, [Panel(x, Axis("order of the model")), above], height=520, margins={"r": 90})
+    return Figure(
+        title, marks, [Panel(x, Axis("order of the model")), above], height=520, margins={"r": 90}
+    )
 
 
 def _indicator(indicator: Mapping[str, Any], panel: Panel) -> Iterator[Mark]:
@@ -71,8 +83,21 @@ def _indicator(indicator: Mapping[str, Any], panel: Panel) -> Iterator[Mark]:
     name = "CMIF" if "cmif" in indicator else "rms of the FRFs"
     for number, curve in enumerate(curves):
         size = np.asarray(curve, dtype=float)
-        look: Any = {"digits": 5, "panel": panel, "hover": None, "listed": number == 0, "dash": _DASHES[number]}
-        yield Curve(indicator["frequency_hz"], np.where(size > 0, size, np.nan), name, QUIET, width=1, **look)
+        look: Any = {
+            "digits": 5,
+            "panel": panel,
+            "hover": None,
+            "listed": number == 0,
+            "dash": _DASHES[number],
+        }
+        yield Curve(
+            indicator["frequency_hz"],
+            np.where(size > 0, size, np.nan),
+            name,
+            QUIET,
+            width=1,
+            **look,
+        )
 
 
 def _by_order(diagram: Mapping[str, Any], poles: Sequence[Mapping[str, Any]]) -> Iterator[Mark]:
@@ -86,18 +111,30 @@ def _by_order(diagram: Mapping[str, Any], poles: Sequence[Mapping[str, Any]]) ->
     for coloured in (False, True):
         for (name, symbol, size), kind in zip(KINDS, kinds, strict=True):
             rows = np.flatnonzero(kind & (known == coloured))
-            said = [f"{ratio[k]:.3g} %" + (f", P {probability[k]:.2f}" if coloured else "") for k in rows]
+            said = [
+                f"{ratio[k]:.3g} %" + (f", P {probability[k]:.2f}" if coloured else "")
+                for k in rows
+            ]
             look: Any = {"text": said, "hover": "%{x:.5g} Hz, ζ %{text}, order %{y}"}
             if coloured:
                 look |= {"color": probability[rows], "scale": replace(PROBABILITY, shown=False)}
                 look["ids"] = [poles[near[k]]["frequency_hz"] for k in rows]
             else:
                 look |= {"color": QUIET, "listed": False}
-            yield Points(hz[rows], order[rows], name, symbol=symbol, size=size if coloured else size / 2, **look)
+            yield Points(
+                hz[rows],
+                order[rows],
+                name,
+                symbol=symbol,
+                size=size if coloured else size / 2,
+                **look,
+            )
 
 
 def _nearest(hz: FloatArray, fitted: FloatArray) -> tuple[Any, BoolArray]:
-    """(n,) number of the fitted pole that is nearest to each pole, and whether it is near enough to be the same."""
+    """(n,) number of the fitted pole that is nearest to each pole, and whether it is near enough to
+    be the same.
+    """
     if not fitted.size:
         return np.zeros(hz.size, dtype=int), np.zeros(hz.size, dtype=bool)
     off = np.abs(hz[:, None] / fitted - 1)
@@ -112,14 +149,30 @@ def _fitted(poles: Sequence[Mapping[str, Any]], at: float) -> Mark:
         + "".join(f"\n{each['words']}" for each in row["features"][:2])
         for row in poles
     ]
-    look: Any = {"text": said, "ids": hz, "hover": "fitted: %{x:.5g} Hz, %{text}", "scale": PROBABILITY}
-    return Points(hz, np.full(len(hz), at), "fitted pole", [row["probability"] for row in poles], "square", 10, **look)
+    look: Any = {
+        "text": said,
+        "ids": hz,
+        "hover": "fitted: %{x:.5g} Hz, %{text}",
+        "scale": PROBABILITY,
+    }
+    return Points(
+        hz,
+        np.full(len(hz), at),
+        "fitted pole",
+        [row["probability"] for row in poles],
+        "square",
+        10,
+        **look,
+    )
 
 
-# How far a row of points is set off to the right and up, and how high a body in space is, in shares of length and deflection.
+# How far a row of points is set off to the right and up, and how high a body in space is, in shares
+# of length and deflection.
 _OBLIQUE, _DEPTH, _HEIGHT = 0.18, 0.9, 1.2
 MOST_MODES, MOST_ROWS = 40, 8
-"""Pairs that are drawn at all, the rest is a table's; and in a figure that is no higher than a page."""
+"""Pairs that are drawn at all, the rest is a table's; and in a figure that is no higher than a
+page.
+"""
 
 
 @dataclass(frozen=True)
@@ -133,11 +186,15 @@ class ShapePair:
     updated: FloatArray  # (P,) real; empty where measured shapes alone are drawn
 
 
-def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: FloatArray, which: str = "") -> Figure:
-    """One row of panels a mode: measured on the left, updated on the right if there is one, over the undeformed grid.
+def shapes_figure(
+    pairs: Sequence[ShapePair], points: Sequence[int], places: FloatArray, which: str = ""
+) -> Figure:
+    """One row of panels a mode: measured on the left, updated on the right if there is one, over
+    the undeformed grid.
 
-    `layout.meta` has the same as numbers for an animation: `points`, `x_m`, `y_m` (`z_m` of a body in space), and by mode
-    `measured` and `updated` (None where a point has none), each with its greatest value ±1 and turned to the same sign.
+    `layout.meta` has the same as numbers for an animation: `points`, `x_m`, `y_m` (`z_m` of a body
+    in space), and by mode `measured` and `updated` (None where a point has none), each with its
+    greatest value ±1 and turned to the same sign.
 
     Args:
         pairs: in the order of the measured modes.
@@ -154,7 +211,9 @@ def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: Flo
     for row, pair in enumerate(pairs):
         measured, updated = aligned(pair.measured, pair.updated)
         padded = np.concatenate([measured, np.full(len(points) - measured.size, np.nan)])
-        modes.append({"number": pair.number, "measured": numbers(padded, 5), "updated": numbers(updated, 5)})
+        modes.append(
+            {"number": pair.number, "measured": numbers(padded, 5), "updated": numbers(updated, 5)}
+        )
         up = 1 - (row + 0.8) / len(pairs), 1 - (row + 0.12) / len(pairs)
         sides: list[tuple[FloatArray, str, str, Dash, tuple[float, float]]] = [
             (measured, pair.measured_title, MEASURED, "solid", (0.0, 0.48)),
@@ -180,7 +239,9 @@ def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: Flo
 def _named(places: FloatArray) -> dict[str, list[float | None]]:
     """Coordinates by name; z of bodies in space."""
     used = 3 if places.shape[1] > 2 and np.ptp(places[:, 2]) > 0 else 2
-    return {name: numbers(places[:, axis]) for axis, name in enumerate(("x_m", "y_m", "z_m")[:used])}
+    return {
+        name: numbers(places[:, axis]) for axis, name in enumerate(("x_m", "y_m", "z_m")[:used])
+    }
 
 
 def aligned(measured: ComplexArray, updated: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -195,46 +256,84 @@ def aligned(measured: ComplexArray, updated: FloatArray) -> tuple[FloatArray, Fl
 
 
 def turned(shape: ComplexArray) -> ComplexArray:
-    """A complex shape, turned so that as much of it as possible is real: by half the angle of Σφ²."""
+    """A complex shape, turned so that as much of it as possible is real: by half the angle of
+    Σφ².
+    """
     return np.asarray(shape * np.exp(-0.5j * np.angle(np.sum(shape**2))))
 
 
 class _Grid:
-    """Points of a specimen joined with their neighbours, in an oblique view; each is moved up by its value."""
+    """Points of a specimen joined with their neighbours, in an oblique view; each is moved up by
+    its value.
+    """
 
     def __init__(self, places: FloatArray) -> None:
         low, size = places.min(axis=0), np.ptp(places, axis=0)
         share = (places - low) / np.where(size > 0, size, 1.0)
-        z = _HEIGHT * share[:, 2] if share.shape[1] > 2 else np.zeros(len(share))  # older results have x and y alone
+        # older results have x and y alone
+        z = _HEIGHT * share[:, 2] if share.shape[1] > 2 else np.zeros(len(share))
         self._across = share[:, 0] + _OBLIQUE * share[:, 1]
         self._up = _DEPTH * share[:, 1] + z
         self.height = _DEPTH + float(z.max(initial=0.0))
         self._places = places
         self._chains: dict[int, list[list[int]]] = {}
 
-    def lines(self, values: FloatArray, color: str, dash: Dash, width: float, panel: Panel) -> list[Mark]:
+    def lines(
+        self, values: FloatArray, color: str, dash: Dash, width: float, panel: Panel
+    ) -> list[Mark]:
         """The points joined with their neighbours."""
         up = np.append(self._up[: values.size] + values, np.nan)
         across = np.append(self._across[: values.size], np.nan)
         if values.size not in self._chains:
             self._chains[values.size] = chains(self._places[: values.size])
-        joined = [i for chain in self._chains[values.size] for i in (*chain, -1)]  # a gap behind each line
+        # a gap behind each line
+        joined = [i for chain in self._chains[values.size] for i in (*chain, -1)]
         if not joined:
             return []
-        return [Curve(across[joined], up[joined], "", color, dash, width, digits=4, panel=panel, hover=None)]
+        return [
+            Curve(
+                across[joined],
+                up[joined],
+                "",
+                color,
+                dash,
+                width,
+                digits=4,
+                panel=panel,
+                hover=None,
+            )
+        ]
 
-    def dots(self, values: FloatArray, color: str, labels: Sequence[int], panel: Panel) -> list[Mark]:
+    def dots(
+        self, values: FloatArray, color: str, labels: Sequence[int], panel: Panel
+    ) -> list[Mark]:
         """Marks at the points."""
         if values.size == 0:
             return []
         place = self._across[: values.size], self._up[: values.size] + values
-        said: Any = {"text": [f"{value:+.3f}" for value in values], "hover": "point %{customdata}: %{text}"}
-        return [Points(*place, "", color, size=5, digits=4, panel=panel, ids=list(labels[: values.size]), **said)]
+        said: Any = {
+            "text": [f"{value:+.3f}" for value in values],
+            "hover": "point %{customdata}: %{text}",
+        }
+        return [
+            Points(
+                *place,
+                "",
+                color,
+                size=5,
+                digits=4,
+                panel=panel,
+                ids=list(labels[: values.size]),
+                **said,
+            )
+        ]
 
 
-NEAREST = 128  # candidates of a point: in a grid of up to so many points all, in a larger one all that are near
+# candidates of a point: in a grid of up to so many points all, in a larger one all that are near
+NEAREST = 128
 _STRAIGHT = 0.7  # cosine of the angle up to which a line goes on
-_TOUCHING = 1e-6  # share of a ball's radius within which a point lies on it, such as the other corners of a square
+# share of a ball's radius within which a point lies on it, such as the other corners of a square
+_TOUCHING = 1e-6
 
 
 def joined(places: FloatArray) -> list[tuple[int, int]]:
@@ -248,15 +347,20 @@ def joined(places: FloatArray) -> list[tuple[int, int]]:
     a = np.repeat(np.arange(count), near.shape[1])
     b = near.ravel()
     a, b = a[a < b], b[a < b]
-    third = tree.query((distinct[a] + distinct[b]) / 2, k=[3])[0][:, 0]  # the nearest are the two themselves
+    # the nearest are the two themselves
+    third = tree.query((distinct[a] + distinct[b]) / 2, k=[3])[0][:, 0]
     alone = third > (1 + _TOUCHING) * np.linalg.norm(distinct[a] - distinct[b], axis=1) / 2
     return sorted(
-        (min(i, j), max(i, j)) for i, j in zip(first[a[alone]].tolist(), first[b[alone]].tolist(), strict=True)
+        (min(i, j), max(i, j))
+        for i, j in zip(first[a[alone]].tolist(), first[b[alone]].tolist(), strict=True)
     )
 
 
-def joined_as(lines: Iterable[Sequence[int]], labels: Sequence[int], places: FloatArray) -> list[tuple[int, int]]:
-    """Pairs of numbers of labelled places: along the file's trace lines, or neighbours where it has none between them.
+def joined_as(
+    lines: Iterable[Sequence[int]], labels: Sequence[int], places: FloatArray
+) -> list[tuple[int, int]]:
+    """Pairs of numbers of labelled places: along the file's trace lines, or neighbours where it has
+    none between them.
 
     Args:
         lines: labels along each, 0 lifts the pen.
@@ -270,7 +374,9 @@ def joined_as(lines: Iterable[Sequence[int]], labels: Sequence[int], places: Flo
 
 
 def chains(places: FloatArray) -> list[list[int]]:
-    """Neighbours joined to lines that go on as straight as they can: numbers of the places along each, m."""
+    """Neighbours joined to lines that go on as straight as they can: numbers of the places along
+    each, m.
+    """
     left: dict[int, set[int]] = {}
     pairs = joined(places)
     for i, j in pairs:
@@ -334,16 +440,22 @@ def mac_figure(
     values, count = np.array(matrix, dtype=float), len(columns)
     digits = 2 if count <= _FEWEST_DIGITS else 1
     cells = [
-        ["" if np.isnan(value) or count > _MOST_VALUES else f"{value:.{digits}f}" for value in row] for row in values
+        ["" if np.isnan(value) or count > _MOST_VALUES else f"{value:.{digits}f}" for value in row]
+        for row in values
     ]
     ids = [[[i + 1, j + 1] for j in range(count)] for i in range(len(rows))]
     hover = "%{customdata[0]} and %{customdata[1]}: %{z:.4f}"
     matrix_mark = Matrix(values, cells, Scale("MAC", 0, 1), ids=ids, hover=hover)
-    return _figure(title, matrix_mark, named_axis(across, columns), named_axis(down, rows, down=True))
+    return _figure(
+        title, matrix_mark, named_axis(across, columns), named_axis(down, rows, down=True)
+    )
 
 
-def sensitivities_figure(effects: Mapping[str, FloatArray], known: Mapping[str, bool], modes: Sequence[str]) -> Figure:
-    """How much each frequency changes by one prior standard deviation of each parameter, parameter by mode.
+def sensitivities_figure(
+    effects: Mapping[str, FloatArray], known: Mapping[str, bool], modes: Sequence[str]
+) -> Figure:
+    """How much each frequency changes by one prior standard deviation of each parameter, parameter
+    by mode.
 
     The prior decides a parameter whose row has small values alone.
 
@@ -367,5 +479,8 @@ def sensitivities_figure(effects: Mapping[str, FloatArray], known: Mapping[str, 
 
 def _figure(title: str, matrix: Matrix, across: Axis, down: Axis) -> Figure:
     rows, columns = np.shape(matrix.values)
-    height, margins = min(200 + 34 * max(rows, 4), 900), {"r": 90, "l": 120, "b": 130 if columns > MANY_NAMES else 85}
+    height, margins = (
+        min(200 + 34 * max(rows, 4), 900),
+        {"r": 90, "l": 120, "b": 130 if columns > MANY_NAMES else 85},
+    )
     return Figure(title, [matrix], [Panel(across, down)], height=height, margins=margins)

@@ -1,4 +1,6 @@
-"""A figure for paper: drawn with matplotlib as SVG, PNG or PDF. The same figure gives the same bytes."""
+"""A figure for paper: drawn with matplotlib as SVG, PNG or PDF. The same figure gives the same
+bytes.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,8 @@ MEDIA_TYPES: dict[Format, str] = {
 
 WIDTH_INCHES, HEIGHT_PIXELS = 7.0, 500
 DPI = 200
-PIXELS_AN_INCH = 100.0  # how many of a figure's pixels, of its height and margins, make an inch of paper
+# how many of a figure's pixels, of its height and margins, make an inch of paper
+PIXELS_AN_INCH = 100.0
 _MARGINS = {"l": 84, "r": 21, "t": 45, "b": 85}
 _LETTERS_ACROSS = 80  # of names below an axis, from which they lean
 _LEGEND_LETTERS = 128  # of a legend's line
@@ -66,7 +69,9 @@ def render(figure: Figure, file_format: Format, theme: Theme = "light", dpi: int
         return json.dumps(screen(figure, theme), allow_nan=False, separators=(",", ":")).encode()
     from matplotlib import rc_context
 
-    metadata = {"svg": {"Date": None}, "png": {"Software": None}, "pdf": {"CreationDate": None}}[file_format]
+    metadata = {"svg": {"Date": None}, "png": {"Software": None}, "pdf": {"CreationDate": None}}[
+        file_format
+    ]
     buffer = io.BytesIO()
     with rc_context(_RC):
         draw(figure, theme).savefig(buffer, format=file_format, dpi=dpi, metadata=metadata)
@@ -78,11 +83,15 @@ _STYLE = re.compile(rb' style="([^"]*)"')
 
 
 def _without_styles(svg: bytes) -> bytes:
-    """A drawing with attributes in place of styles, which the policy of an answer of the API refuses: it would be black."""
+    """A drawing with attributes in place of styles, which the policy of an answer of the API
+    refuses: it would be black.
+    """
 
     def attributes(style: re.Match[bytes]) -> bytes:
         stated = dict(each.split(b":", 1) for each in style[1].split(b";") if b":" in each)
-        return b"".join(b' %s="%s"' % (name.strip(), value.strip()) for name, value in stated.items())
+        return b"".join(
+            b' %s="%s"' % (name.strip(), value.strip()) for name, value in stated.items()
+        )
 
     usual = _SHEET.search(svg)
     if usual is not None:  # what all elements have, they inherit
@@ -91,7 +100,9 @@ def _without_styles(svg: bytes) -> bytes:
 
 
 def pixels(figure: Figure, dpi: int = DPI) -> Any:
-    """A figure as (height, width, 3) bytes of red, green and blue, for a program that stores pictures itself."""
+    """A figure as (height, width, 3) bytes of red, green and blue, for a program that stores
+    pictures itself.
+    """
     from matplotlib import rc_context
 
     with rc_context(_RC):
@@ -120,35 +131,60 @@ def draw(figure: Figure, theme: Theme = "light") -> Sheet:
     for panel, axes in panels.items():
         _scale(axes.xaxis, panel.x)
         _scale(axes.yaxis, panel.y)
-        axes.text(0, 1, _folded(panel.title, 120), transform=axes.transAxes, va="bottom", fontsize=7.15, color=ink)
+        axes.text(
+            0,
+            1,
+            _folded(panel.title, 120),
+            transform=axes.transAxes,
+            va="bottom",
+            fontsize=7.15,
+            color=ink,
+        )
     if figure.note:
         axes = panels[figure.panels[0]]
-        middle: Any = {"transform": axes.transAxes, "ha": "center", "va": "center", "fontsize": 8.25, "color": ink}
+        middle: Any = {
+            "transform": axes.transAxes,
+            "ha": "center",
+            "va": "center",
+            "fontsize": 8.25,
+            "color": ink,
+        }
         axes.text(0.5, 0.5, _folded(figure.note, 120), **middle)
     sheet.suptitle(_folded(figure.title, 110), fontsize=9, y=1 - 0.15 / height, color=ink)
     if handles:
-        look: Any = {"ncols": _columns(list(handles)), "frameon": False, "fontsize": 7, "markerscale": 0.7}
+        look: Any = {
+            "ncols": _columns(list(handles)),
+            "frameon": False,
+            "fontsize": 7,
+            "markerscale": 0.7,
+        }
         sheet.legend(handles.values(), handles.keys(), loc="lower center", labelcolor=ink, **look)
     return sheet
 
 
 def _columns(names: list[str]) -> int:
-    """How many columns of a legend fit side by side: each is as wide as its longest name and the sample before it."""
+    """How many columns of a legend fit side by side: each is as wide as its longest name and the
+    sample before it.
+    """
 
     def letters(columns: int) -> int:
-        return sum(max(map(len, column), default=0) + 9 for column in np.array_split(names, columns))
+        return sum(
+            max(map(len, column), default=0) + 9 for column in np.array_split(names, columns)
+        )
 
     return next((columns for columns in (4, 3, 2) if letters(columns) <= _LEGEND_LETTERS), 1)
 
 
 def _folded(text: str, columns: int) -> str:
-    """A text on lines of so many letters; matplotlib's own folding reads TeX even where it shall not."""
+    """A text on lines of so many letters; matplotlib's own folding reads TeX even where it shall
+    not.
+    """
     return "\n".join(textwrap.fill(line, columns) for line in text.split("\n"))
 
 
 def _panels(sheet: Sheet, figure: Figure, theme: Theme) -> dict[Panel, Axes]:
-    """Axes of each panel; what shares an axis is scaled together. Of panels on one axis only the lowest, and the leftmost, have
-    its numbers.
+    """Axes of each panel; what shares an axis is scaled together. Of panels on one axis only the
+    lowest, and the leftmost, have its numbers.
     """
     margin = _MARGINS | dict(figure.margins or {})
     wide, high = PIXELS_AN_INCH * WIDTH_INCHES, figure.height or HEIGHT_PIXELS
@@ -157,17 +193,28 @@ def _panels(sheet: Sheet, figure: Figure, theme: Theme) -> dict[Panel, Axes]:
     drawn: dict[Panel, Axes] = {}
     for panel in figure.panels:
         (from_x, to_x), (from_y, to_y) = panel.across, panel.up
-        box = left + from_x * width, bottom + from_y * height, (to_x - from_x) * width, (to_y - from_y) * height
+        box = (
+            left + from_x * width,
+            bottom + from_y * height,
+            (to_x - from_x) * width,
+            (to_y - from_y) * height,
+        )
         beside = next((axes for other, axes in drawn.items() if other.y is panel.y), None)
         above = next((axes for other, axes in drawn.items() if other.x is panel.x), None)
         axes = drawn[panel] = sheet.add_axes(box, sharex=above, sharey=beside)
         axes.set_facecolor("none" if panel.over else themed(GROUND, theme))
         lowest = panel.up[0] <= min(other.up[0] for other in figure.panels if other.x is panel.x)
-        leftmost = panel.across[0] <= min(other.across[0] for other in figure.panels if other.y is panel.y)
+        leftmost = panel.across[0] <= min(
+            other.across[0] for other in figure.panels if other.y is panel.y
+        )
         _dress(axes.xaxis, panel.x, theme, named=lowest)
         _dress(axes.yaxis, panel.y, theme, named=leftmost)
         for side in axes.spines.values():
-            side.set(color=themed(MEASURED, theme), linewidth=0.6, visible=not (panel.x.hidden and panel.y.hidden))
+            side.set(
+                color=themed(MEASURED, theme),
+                linewidth=0.6,
+                visible=not (panel.x.hidden and panel.y.hidden),
+            )
         axes.set_axisbelow(True)
     return drawn
 
@@ -177,7 +224,9 @@ def _dress(drawn: Drawn, axis: Axis, theme: Theme, *, named: bool) -> None:
     ink, axes = themed(MEASURED, theme), drawn.axes
     which: Any = drawn.axis_name  # type: ignore[attr-defined]  # x or y; matplotlib's types lack it
     labels = {"labelbottom" if which == "x" else "labelleft": named and not axis.bare}
-    axes.tick_params(axis=which, which="both", colors=ink, **labels, **({"left": False} if axis.bare else {}))
+    axes.tick_params(
+        axis=which, which="both", colors=ink, **labels, **({"left": False} if axis.bare else {})
+    )
     if named:
         drawn.set_label_text(axis.title, color=ink)
     if axis.grid and not axis.bare:
@@ -205,7 +254,9 @@ def _scale(drawn: Drawn, axis: Axis) -> None:
         drawn.set_ticks(list(axis.ticks), names)
         drawn.set_tick_params(length=0)
         if across and sum(len(name) + 2 for name in names) > _LETTERS_ACROSS:
-            turned = {"rotation": 90, "va": "center"} if len(names) > MANY_NAMES else {"rotation": 30}
+            turned = (
+                {"rotation": 90, "va": "center"} if len(names) > MANY_NAMES else {"rotation": 30}
+            )
             for label in drawn.get_ticklabels():
                 label.set(**turned, ha="right", rotation_mode="anchor")
     if axis.range is not None:
@@ -215,7 +266,14 @@ def _scale(drawn: Drawn, axis: Axis) -> None:
 
 
 _DASHES = {"solid": "-", "dash": "--", "dot": ":"}
-_SYMBOLS = {"circle": "o", "diamond": "D", "square": "s", "x": "x", "cross": "+", "triangle-up": "^"}
+_SYMBOLS = {
+    "circle": "o",
+    "diamond": "D",
+    "square": "s",
+    "x": "x",
+    "cross": "+",
+    "triangle-up": "^",
+}
 _THIN = ("x", "cross")  # symbols without an inside
 _POINTS = 0.75  # of a CSS pixel
 
@@ -234,17 +292,26 @@ class Pen:
                 return self._curve(mark)
             case Band():
                 look: Any = {"color": self._color(mark.color), "linewidth": 0}
-                return self.axes.fill_between(_values(mark.x), _values(mark.low), _values(mark.high), **look)
+                return self.axes.fill_between(
+                    _values(mark.x), _values(mark.low), _values(mark.high), **look
+                )
             case Points():
                 return self._points(mark)
             case Bars():
                 places, lengths = _values(mark.place), _values(mark.length)
-                return self.axes.barh(places, lengths, mark.width, left=mark.base, color=self._color(mark.color))
+                return self.axes.barh(
+                    places, lengths, mark.width, left=mark.base, color=self._color(mark.color)
+                )
             case Matrix():
                 return self._matrix(mark)
             case Rule():
                 rule = self.axes.axhline if mark.level else self.axes.axvline
-                return rule(mark.at, color=self._color(mark.color), linestyle=_DASHES[mark.dash], linewidth=_POINTS)
+                return rule(
+                    mark.at,
+                    color=self._color(mark.color),
+                    linestyle=_DASHES[mark.dash],
+                    linewidth=_POINTS,
+                )
             case Region():
                 return self._region(mark)
             case _:
@@ -263,7 +330,9 @@ class Pen:
         width = _POINTS * mark.width
         (handle,) = self.axes.plot(x, y, _DASHES[mark.dash], color=color, linewidth=width)
         if mark.symbol:
-            self._dots(mark.symbol, mark.size, x, y, [self._color(each) for each in mark.dots] or color)
+            self._dots(
+                mark.symbol, mark.size, x, y, [self._color(each) for each in mark.dots] or color
+            )
         return handle
 
     def _points(self, mark: Points) -> Any:
@@ -278,16 +347,25 @@ class Pen:
     def _dots(self, symbol: str, size: float, x: Any, y: Any, color: Any) -> Any:
         shape, area = symbol.removesuffix("-open"), (_POINTS * size) ** 2
         thin = shape in _THIN
-        faces = {} if thin else {"edgecolors": color, "facecolors": "none" if shape != symbol else color}
-        width = 0 if isinstance(color, tuple) and color[3] < 1 else 0.8  # seen through, an edge would be a ring
+        faces = (
+            {}
+            if thin
+            else {"edgecolors": color, "facecolors": "none" if shape != symbol else color}
+        )
+        # seen through, an edge would be a ring
+        width = 0 if isinstance(color, tuple) and color[3] < 1 else 0.8
         look: Any = {"marker": _SYMBOLS[shape], "s": area, "linewidths": width, "zorder": 3}
         return self.axes.scatter(x, y, **look, **(faces or {"c": color}))
 
     def _scaled(self, mark: Points, x: Any, y: Any, scale: Scale) -> Any:
         look: Any = {"cmap": "cividis", "vmin": scale.low, "vmax": scale.high}
-        look |= {"linewidths": 1} if mark.symbol in _THIN else {"edgecolors": QUIET, "linewidths": 0.4}
+        look |= (
+            {"linewidths": 1} if mark.symbol in _THIN else {"edgecolors": QUIET, "linewidths": 0.4}
+        )
         area, colors = (_POINTS * mark.size) ** 2, _values(mark.color)
-        drawn = self.axes.scatter(x, y, s=area, marker=_SYMBOLS[mark.symbol], c=colors, zorder=3, **look)
+        drawn = self.axes.scatter(
+            x, y, s=area, marker=_SYMBOLS[mark.symbol], c=colors, zorder=3, **look
+        )
         self._bar_of(drawn, scale)
         return drawn
 
@@ -321,9 +399,13 @@ class Pen:
         place = self.axes.transData if mark.up else self.axes.get_xaxis_transform()
         color = self._color(mark.color)
         look: Any = (
-            {"facecolor": "none", "edgecolor": color, "linewidth": _POINTS} if mark.outline else {"facecolor": color}
+            {"facecolor": "none", "edgecolor": color, "linewidth": _POINTS}
+            if mark.outline
+            else {"facecolor": color}
         )
-        box = Rectangle((left, bottom), right - left, top - bottom, zorder=0.4, transform=place, **look)
+        box = Rectangle(
+            (left, bottom), right - left, top - bottom, zorder=0.4, transform=place, **look
+        )
         return self.axes.add_patch(box)
 
 

@@ -8,9 +8,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from service.show.figures.colors import GRID, GROUND, MEASURED, NOTHING, QUIET, Theme, themed
-from service.show.figures.marks import Axis, Band, Bars, Curve, Figure, Mark, Matrix, Points, Region, Rule, Scale
+from service.show.figures.marks import (
+    Axis,
+    Band,
+    Bars,
+    Curve,
+    Figure,
+    Mark,
+    Matrix,
+    Points,
+    Region,
+    Rule,
+    Scale,
+)
 
-_NOTHING_LEFT = 1e-290  # magnitude below which a number is drawn as 0: the power of ten that rounds it would overflow
+# magnitude below which a number is drawn as 0: the power of ten that rounds it would overflow
+_NOTHING_LEFT = 1e-290
 
 Json = dict[str, Any]
 
@@ -21,16 +34,23 @@ def screen(figure: Figure, theme: Theme = "light") -> Json:
 
 
 def numbers(values: ArrayLike, digits: int = 7) -> list[float | None]:
-    """Numbers for JSON, to as many significant digits as a figure can show; what is not finite is None, a gap."""
+    """Numbers for JSON, to as many significant digits as a figure can show; what is not finite is
+    None, a gap.
+    """
     found = np.asarray(values, dtype=float).ravel()
     finite = np.isfinite(found)
     some = finite & (np.abs(found) > _NOTHING_LEFT)
     decimals = digits - 1 - np.floor(np.log10(np.abs(found, where=some, out=np.ones_like(found))))
     scale = 10.0 ** np.abs(decimals)  # an exact power, so that a rounded number prints short
-    with np.errstate(over="ignore", invalid="ignore"):  # of the two the one is taken that does not overflow
+    # of the two the one is taken that does not overflow
+    with np.errstate(over="ignore", invalid="ignore"):
         up, down = np.round(found * scale) / scale, np.round(found / scale) * scale
     rounded = np.where(some, np.where(decimals >= 0, up, down), 0.0).tolist()
-    return rounded if finite.all() else [value if here else None for value, here in zip(rounded, finite, strict=True)]
+    return (
+        rounded
+        if finite.all()
+        else [value if here else None for value, here in zip(rounded, finite, strict=True)]
+    )
 
 
 def _values(values: ArrayLike, digits: int = 7) -> list[Any]:
@@ -52,7 +72,9 @@ class _Screen:
         self._names: dict[Axis, str] = {}
         for which in "xy":
             axes = dict.fromkeys(getattr(panel, which) for panel in figure.panels)
-            self._names |= {axis: f"{which}{k if k > 1 else ''}" for k, axis in enumerate(axes, start=1)}
+            self._names |= {
+                axis: f"{which}{k if k > 1 else ''}" for k, axis in enumerate(axes, start=1)
+            }
 
     def figure(self) -> Json:
         figure, ground = self._figure, self._color(GROUND)
@@ -63,8 +85,13 @@ class _Screen:
             "plot_bgcolor": ground,
             "hovermode": "closest",
             "legend": {"orientation": "h", "y": -0.15},
-            **{f"{name[0]}axis{name[1:]}": self._axis(axis, name) for axis, name in self._names.items()},
-            "shapes": [self._shape(mark) for mark in figure.marks if isinstance(mark, Rule | Region)],
+            **{
+                f"{name[0]}axis{name[1:]}": self._axis(axis, name)
+                for axis, name in self._names.items()
+            },
+            "shapes": [
+                self._shape(mark) for mark in figure.marks if isinstance(mark, Rule | Region)
+            ],
         }
         optional = {
             "annotations": list(self._notes()),
@@ -74,7 +101,10 @@ class _Screen:
             "barmode": "overlay" if any(isinstance(mark, Bars) for mark in figure.marks) else None,
         }
         layout |= {name: value for name, value in optional.items() if value}
-        return {"data": [trace for mark in figure.marks for trace in self._traces(mark)], "layout": layout}
+        return {
+            "data": [trace for mark in figure.marks for trace in self._traces(mark)],
+            "layout": layout,
+        }
 
     def _color(self, color: str) -> str:
         return themed(color, self._theme)
@@ -96,7 +126,10 @@ class _Screen:
         if axis.range is not None:
             found["range"] = _values(np.log10(axis.range) if axis.log else axis.range)
         if axis.ticks is not None:
-            found |= {"tickvals": list(axis.ticks), "ticktext": [_text(each) for each in axis.ticks.values()]}
+            found |= {
+                "tickvals": list(axis.ticks),
+                "ticktext": [_text(each) for each in axis.ticks.values()],
+            }
         special: tuple[tuple[bool, Json], ...] = (
             (axis.kind in ("powers", "decades"), {"exponentformat": "power"}),
             (axis.kind == "decades", {"dtick": 1}),
@@ -135,10 +168,30 @@ class _Screen:
             along = [mark.at, mark.at]
             (x0, x1), (y0, y1) = ([0, 1], along) if mark.level else (along, [0, 1])
             x, y = (f"{x} domain", y) if mark.level else (x, f"{y} domain")
-            return {"type": "line", "xref": x, "yref": y, "x0": x0, "x1": x1, "y0": y0, "y1": y1, "line": line}
+            return {
+                "type": "line",
+                "xref": x,
+                "yref": y,
+                "x0": x0,
+                "x1": x1,
+                "y0": y0,
+                "y1": y1,
+                "line": line,
+            }
         (x0, x1), (y0, y1) = mark.across, mark.up or (0, 1)
-        found: Json = {"type": "rect", "layer": "below", "xref": x, "yref": y if mark.up else f"{y} domain"}
-        found |= {"x0": x0, "x1": x1, "y0": y0, "y1": y1, "line": {"width": int(mark.outline), "color": color}}
+        found: Json = {
+            "type": "rect",
+            "layer": "below",
+            "xref": x,
+            "yref": y if mark.up else f"{y} domain",
+        }
+        found |= {
+            "x0": x0,
+            "x1": x1,
+            "y0": y0,
+            "y1": y1,
+            "line": {"width": int(mark.outline), "color": color},
+        }
         return found if mark.outline else {**found, "fillcolor": color}
 
     def _traces(self, mark: Mark) -> Iterator[Json]:
@@ -150,19 +203,43 @@ class _Screen:
                     dots = [self._color(each) for each in mark.dots] or self._color(mark.color)
                     drawn["marker"] = {"symbol": mark.symbol, "size": mark.size, "color": dots}
                 yield self._trace(
-                    mark, "scatter", mark.name, x=_values(mark.x), y=_values(mark.y, mark.digits), **drawn
+                    mark,
+                    "scatter",
+                    mark.name,
+                    x=_values(mark.x),
+                    y=_values(mark.y, mark.digits),
+                    **drawn,
                 )
             case Band():
                 # An unseen line, and one that is filled down to it.
-                unseen = {"mode": "lines", "line": {"color": NOTHING, "width": 0}, "x": _values(mark.x)}
+                unseen = {
+                    "mode": "lines",
+                    "line": {"color": NOTHING, "width": 0},
+                    "x": _values(mark.x),
+                }
                 filled = {"fill": "tonexty", "fillcolor": self._color(mark.color)}
                 yield self._trace(mark, "scatter", "", **unseen, y=_values(mark.low, mark.digits))
-                yield self._trace(mark, "scatter", mark.name, **unseen, y=_values(mark.high, mark.digits), **filled)
+                yield self._trace(
+                    mark,
+                    "scatter",
+                    mark.name,
+                    **unseen,
+                    y=_values(mark.high, mark.digits),
+                    **filled,
+                )
             case Points():
                 yield self._points(mark)
             case Bars():
-                places = {"x": numbers(mark.length), "y": _values(mark.place), "base": numbers(mark.base)}
-                look = {"orientation": "h", "width": mark.width, "marker": {"color": self._color(mark.color)}}
+                places = {
+                    "x": numbers(mark.length),
+                    "y": _values(mark.place),
+                    "base": numbers(mark.base),
+                }
+                look = {
+                    "orientation": "h",
+                    "width": mark.width,
+                    "marker": {"color": self._color(mark.color)},
+                }
                 yield self._trace(mark, "bar", mark.name, **places, **look)
             case Matrix():
                 yield self._matrix(mark)
@@ -181,7 +258,12 @@ class _Screen:
         if mark.hover:
             said = {"hovertemplate": f"{mark.hover}<extra></extra>"}
         text = [_text(each) for each in mark.text]
-        optional = {"text": text, "customdata": list(mark.ids), "legendgroup": mark.group, "meta": mark.meta}
+        optional = {
+            "text": text,
+            "customdata": list(mark.ids),
+            "legendgroup": mark.group,
+            "meta": mark.meta,
+        }
         return found | said | {name: value for name, value in optional.items() if value}
 
     def _points(self, mark: Points) -> Json:
@@ -189,13 +271,27 @@ class _Screen:
         if (scale := mark.scale) is None:
             marker["color"] = self._color(mark.color)
         else:
-            marker |= {"color": numbers(mark.color, 4), **_scale(scale, "c"), "showscale": scale.shown}
+            marker |= {
+                "color": numbers(mark.color, 4),
+                **_scale(scale, "c"),
+                "showscale": scale.shown,
+            }
             marker["line"] = {"color": self._color(QUIET), "width": 0.5}
-        found: Json = {"mode": "markers", "x": _values(mark.x), "y": _values(mark.y, mark.digits), "marker": marker}
+        found: Json = {
+            "mode": "markers",
+            "x": _values(mark.x),
+            "y": _values(mark.y, mark.digits),
+            "marker": marker,
+        }
         for which, error in (("error_x", mark.error_x), ("error_y", mark.error_y)):
             if error is not None:
                 below, above = np.broadcast_to(np.asarray(error, float), (2, np.shape(error)[-1]))
-                found[which] = {"type": "data", "array": numbers(above), "color": marker["color"], "thickness": 1.5}
+                found[which] = {
+                    "type": "data",
+                    "array": numbers(above),
+                    "color": marker["color"],
+                    "thickness": 1.5,
+                }
                 if np.ndim(error) == 2:
                     found[which] |= {"symmetric": False, "arrayminus": numbers(below)}
         return self._trace(mark, "scatter", mark.name, **found)
@@ -210,4 +306,9 @@ class _Screen:
 
 def _scale(scale: Scale, letter: str) -> Json:
     bar = {"title": {"text": _text(scale.title)}, "len": scale.length, "y": scale.middle}
-    return {"colorscale": "Cividis", f"{letter}min": scale.low, f"{letter}max": scale.high, "colorbar": bar}
+    return {
+        "colorscale": "Cividis",
+        f"{letter}min": scale.low,
+        f"{letter}max": scale.high,
+        "colorbar": bar,
+    }

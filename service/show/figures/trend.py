@@ -1,9 +1,10 @@
-"""Values over time: those that a search found, over time and over a covariate with their lines, and results beside one another;
-and the series of a monitored parameter, values above, the control chart below, on one axis of time.
+"""Values over time: those that a search found, over time and over a covariate with their lines, and
+results beside one another; and the series of a monitored parameter, values above, the control chart
+below, on one axis of time.
 
-Of a series: raw and covariate-corrected values with ± 1.96 standard deviations, the baseline's mean, and the value beyond which
-one campaign alone is outside; the chart's values and their limit. Campaigns and alarms are marks whose `ids` are their own, so
-that a page can link them.
+Of a series: raw and covariate-corrected values with ± 1.96 standard deviations, the baseline's
+mean, and the value beyond which one campaign alone is outside; the chart's values and their limit.
+Campaigns and alarms are marks whose `ids` are their own, so that a page can link them.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -36,7 +37,8 @@ MOST_RESULTS = 60  # rows of a figure of results
 
 
 def trend_figure(trend: Row) -> Figure:
-    """Values over time above, corrected where that can be done, with both lines; as they are over the covariate below.
+    """Values over time above, corrected where that can be done, with both lines; as they are over
+    the covariate below.
 
     Args:
         trend: what `GET /search/{noun}/trend` answers.
@@ -45,11 +47,14 @@ def trend_figure(trend: Row) -> Figure:
     if not series:
         return words(trend["value"], "; ".join(trend["notes"]) or "nothing was found")
     factor, unit = SHOWN.get(trend["unit"] or "1", (1.0, trend["unit"]))
-    covariate = next((name for line in series[0]["lines"] for name in line["covariates"]), "temperature_c")
+    covariate = next(
+        (name for line in series[0]["lines"] for name in line["covariates"]), "temperature_c"
+    )
     title = trend["value"] if unit == "–" else f"{trend['value']} [{unit}]"
     panels = [
         Panel(Axis("campaign performed (UTC)", "date"), Axis(title), up=(0.52, 1.0)),
-        Panel(Axis(AXES[covariate]), Axis(title), up=(0.0, 0.36)),  # one axis for both would put them in one place
+        # one axis for both would put them in one place
+        Panel(Axis(AXES[covariate]), Axis(title), up=(0.0, 0.36)),
     ]
     marks: list[Mark] = []
     for number, one in enumerate(series):
@@ -73,11 +78,17 @@ def _over_time(one: Row, factor: float, color: str, *, alone: bool) -> Iterator[
         values = factor * np.array(corrected, dtype=float)
     yield Points(times, values, name, color, error_y=_reach(points, factor), **said)
     for line in one["lines"]:
-        beside = " with " + ", ".join(each.split("_")[0] for each in line["covariates"]) if line["covariates"] else ""
+        beside = (
+            " with " + ", ".join(each.split("_")[0] for each in line["covariates"])
+            if line["covariates"]
+            else ""
+        )
         rate = f"{100 * line['relative_per_year']:+.2g} % a year{beside}"
         dash: Dash = "solid" if beside else "dot"
         ends = [factor * value for value in line["ends"]]
-        yield Curve([times[0], times[-1]], ends, rate, color, dash, listed=alone, hover=None, group=name)
+        yield Curve(
+            [times[0], times[-1]], ends, rate, color, dash, listed=alone, hover=None, group=name
+        )
 
 
 def _over(one: Row, covariate: str, factor: float, color: str, panel: Panel) -> Mark:
@@ -85,7 +96,10 @@ def _over(one: Row, covariate: str, factor: float, color: str, panel: Panel) -> 
     points = [point for point in one["points"] if point[covariate] is not None]
     x, y = [point[covariate] for point in points], [factor * point["value"] for point in points]
     group = shortened(f"{one['structure_name']}, {one['name']}")
-    said: Any = {"text": [shortened(point["campaign_name"]) for point in points], "error_y": _reach(points, factor)}
+    said: Any = {
+        "text": [shortened(point["campaign_name"]) for point in points],
+        "error_y": _reach(points, factor),
+    }
     return Points(x, y, "", color, panel=panel, group=group, **said)
 
 
@@ -96,13 +110,16 @@ def _reach(points: Sequence[Row], factor: float) -> Any:
 
 
 def results_figure(rows: Sequence[Row], constants: Mapping[str, str]) -> Figure:
-    """Results beside one another: a row each, a panel for each constant that any of them has, with 95 % intervals.
+    """Results beside one another: a row each, a panel for each constant that any of them has, with
+    95 % intervals.
 
     Args:
         rows: of `GET /search/results`: names, and of each constant estimate, `_low` and `_high`.
         constants: the unit of each constant by name.
     """
-    present = {name: unit for name, unit in constants.items() if any(row[name] is not None for row in rows)}
+    present = {
+        name: unit for name, unit in constants.items() if any(row[name] is not None for row in rows)
+    }
     if not present:
         return words("Results", "nothing was found")
     names = [shortened(f"{row['structure.name']}, {row['campaign.name']}", 40) for row in rows]
@@ -116,7 +133,8 @@ def results_figure(rows: Sequence[Row], constants: Mapping[str, str]) -> Figure:
         panels.append(panel)
         having = [at for at, row in enumerate(rows) if row[name] is not None]
         middle, low, high = (
-            factor * np.array([rows[at][name + end] for at in having], dtype=float) for end in ("", "_low", "_high")
+            factor * np.array([rows[at][name + end] for at in having], dtype=float)
+            for end in ("", "_low", "_high")
         )
         error = np.array([middle - low, high - middle])
         color = PALETTE[place % len(PALETTE)]
@@ -140,13 +158,21 @@ def series_figure(document: Row, parameter: str) -> Figure:
     scale, unit = (1.0, None) if row is None else _shown_in(row)
     time = Axis("campaign performed (UTC)", "date")
     values = Axis(parameter if unit is None else f"{parameter} [{unit}]")
-    panels = [Panel(time, values, up=(0.42, 1.0)), Panel(time, Axis("control chart [sd]"), up=(0.0, 0.32))]
-    where = f"{shortened(document['structure_name'])} – {shortened(document['monitor_name'])}: {parameter}"
+    panels = [
+        Panel(time, values, up=(0.42, 1.0)),
+        Panel(time, Axis("control chart [sd]"), up=(0.0, 0.32)),
+    ]
+    where = (
+        f"{shortened(document['structure_name'])} – {shortened(document['monitor_name'])}:"
+        f" {parameter}"
+    )
     if row is None:
         note = "; ".join(document["notes"]) or "no campaign has been judged yet"
         return Figure(f"{where} (no data)", [], panels, note=note)
     names = {campaign["campaign_id"]: campaign["name"] for campaign in document["campaigns"]}
-    alarms = [a for a in document["alarms"] if a["parameter"] == parameter and a["state"] != "withdrawn"]
+    alarms = [
+        a for a in document["alarms"] if a["parameter"] == parameter and a["state"] != "withdrawn"
+    ]
     marks = [*_values(row, names, scale), *_expectation(row, scale), *_chart(row, names, panels[1])]
     return Figure(f"{where} ({row['state']})", [*marks, *_alarms(alarms, row, scale)], panels)
 
@@ -174,8 +200,12 @@ def _values(row: Row, names: Mapping[str, str], scale: float) -> list[Mark]:
     error = [Z_95 * scale * point["standard_deviation"] for point in points]
     if row["baseline"] is None or not row["baseline"]["covariates"]:
         return [Points(_times(points), raw, "estimate", error_y=error, **said)]
-    corrected = [np.nan if point["corrected"] is None else scale * point["corrected"] for point in points]
-    name = "corrected for " + ", ".join(each["name"].split("_")[0] for each in row["baseline"]["covariates"])
+    corrected = [
+        np.nan if point["corrected"] is None else scale * point["corrected"] for point in points
+    ]
+    name = "corrected for " + ", ".join(
+        each["name"].split("_")[0] for each in row["baseline"]["covariates"]
+    )
     before = Points(_times(points), raw, "raw", QUIET, "circle-open", **said)
     return [before, Points(_times(points), corrected, name, error_y=error, **said)]
 
@@ -196,7 +226,17 @@ def _expectation(row: Row, scale: float) -> list[Mark]:
         return marks
     for sign, listed in _sides(row).items():
         limit = [mean + SIGNS[sign] * scale * point["judged"]["residual_limit"] for point in judged]
-        marks.append(Curve(_times(judged), limit, "limit of one campaign", INITIAL, "dot", listed=listed, hover=None))
+        marks.append(
+            Curve(
+                _times(judged),
+                limit,
+                "limit of one campaign",
+                INITIAL,
+                "dot",
+                listed=listed,
+                hover=None,
+            )
+        )
     return marks
 
 
@@ -211,8 +251,19 @@ def _chart(row: Row, names: Mapping[str, str], panel: Panel) -> list[Mark]:
         limit = [SIGNS[side] * row["limits"]["chart"]] * 2
         line: Any = {"panel": panel, "listed": listed, "hover": None}
         marks += [
-            Curve(_times(judged), values, f"chart, {side}", UPDATED, symbol="circle", size=7, dots=dots, **said),
-            Curve(_times([judged[0], judged[-1]]), limit, "limit of the chart", ALARM, "dash", **line),
+            Curve(
+                _times(judged),
+                values,
+                f"chart, {side}",
+                UPDATED,
+                symbol="circle",
+                size=7,
+                dots=dots,
+                **said,
+            ),
+            Curve(
+                _times([judged[0], judged[-1]]), limit, "limit of the chart", ALARM, "dash", **line
+            ),
         ]
     return marks
 
@@ -220,11 +271,19 @@ def _chart(row: Row, names: Mapping[str, str], panel: Panel) -> list[Mark]:
 def _alarms(alarms: Sequence[Row], row: Row, scale: float) -> list[Mark]:
     """A mark at the campaign that raised each alarm; its ids are the alarm's and the campaign's."""
     places = {point["campaign_id"]: point for point in row["points"]}
-    seen = [(alarm, places[alarm["campaign_id"]]) for alarm in alarms if alarm["campaign_id"] in places]
+    seen = [
+        (alarm, places[alarm["campaign_id"]]) for alarm in alarms if alarm["campaign_id"] in places
+    ]
     if not seen:
         return []
-    values = [scale * (point["raw"] if point["corrected"] is None else point["corrected"]) for _, point in seen]
-    text = [alarm["state"] + (f": {shortened(alarm['note'])}" if alarm["note"] else "") for alarm, _ in seen]
+    values = [
+        scale * (point["raw"] if point["corrected"] is None else point["corrected"])
+        for _, point in seen
+    ]
+    text = [
+        alarm["state"] + (f": {shortened(alarm['note'])}" if alarm["note"] else "")
+        for alarm, _ in seen
+    ]
     ids = [[alarm["alarm_id"], alarm["campaign_id"]] for alarm, _ in seen]
     times = _times([point for _, point in seen])
     return [Points(times, values, "alarm", ALARM, "diamond-open", 16, text=text, ids=ids)]

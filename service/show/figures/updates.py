@@ -1,5 +1,6 @@
-"""What an update found: its parameters beside what was known before, what their variance is made of, their posterior; damping
-laws; how the fits came to their end; campaigns of a joint update beside one another.
+"""What an update found: its parameters beside what was known before, what their variance is made
+of, their posterior; damping laws; how the fits came to their end; campaigns of a joint update
+beside one another.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -36,10 +37,12 @@ _Row = tuple[float, Mapping[str, Any]]  # with its place up the figure
 
 
 def parameters_figure(parameters: Sequence[Mapping[str, Any]], title: str) -> Figure:
-    """Prior and posterior of every parameter with their 95 % intervals, each as a share of its initial value.
+    """Prior and posterior of every parameter with their 95 % intervals, each as a share of its
+    initial value.
 
     Args:
-        parameters: as a result document has them. One that had no initial value is drawn as a share of its estimate.
+        parameters: as a result document has them. One that had no initial value is drawn as a share
+            of its estimate.
         title: of the figure.
     """
     prior: list[_Row] = []
@@ -50,7 +53,9 @@ def parameters_figure(parameters: Sequence[Mapping[str, Any]], title: str) -> Fi
         if row["prior_sd"]:
             reach = Z_95 * row["prior_sd"]
             interval = [row["prior_mean"] - reach, row["prior_mean"] + reach]
-            prior.append((place - 0.15, {**row, "estimate": row["prior_mean"], "interval_95": interval}))
+            prior.append(
+                (place - 0.15, {**row, "estimate": row["prior_mean"], "interval_95": interval})
+            )
     marks = [
         *_drawn(prior, "prior", "prior, 95 %", INITIAL, "diamond-open"),
         *_drawn(sure, "updated", "updated, 95 %", UPDATED, "circle"),
@@ -63,16 +68,25 @@ def parameters_figure(parameters: Sequence[Mapping[str, Any]], title: str) -> Fi
 
 
 def _drawn(rows: Sequence[_Row], said: str, name: str, color: str, symbol: str) -> list[Mark]:
-    """Estimates with their intervals at places up the figure, in per cent of each row's initial value."""
+    """Estimates with their intervals at places up the figure, in per cent of each row's initial
+    value.
+    """
     if not rows:
         return []
     per_cent = np.array([100 / (row["initial"] or row["estimate"]) for _, row in rows])
     middle = per_cent * [row["estimate"] for _, row in rows]
     # (of what is negative, such as a change per kelvin, the lower end is the larger share)
-    low, high = np.sort(per_cent * np.array([row["interval_95"] for _, row in rows], dtype=float).T, axis=0)
-    hover: Any = {"ids": [row["name"] for _, row in rows], "hover": "%{customdata}, " + said + ": %{x:.1f} %"}
+    low, high = np.sort(
+        per_cent * np.array([row["interval_95"] for _, row in rows], dtype=float).T, axis=0
+    )
+    hover: Any = {
+        "ids": [row["name"] for _, row in rows],
+        "hover": "%{customdata}, " + said + ": %{x:.1f} %",
+    }
     error = np.array([middle - low, high - middle])
-    return [Points(middle, [place for place, _ in rows], name, color, symbol, error_x=error, **hover)]
+    return [
+        Points(middle, [place for place, _ in rows], name, color, symbol, error_x=error, **hover)
+    ]
 
 
 MOST_SOURCES = 9
@@ -93,7 +107,9 @@ def budget_figure(parameters: Sequence[Mapping[str, Any]]) -> Figure:
     sources = sorted(shares, key=lambda source: -shares[source].sum())
     if len(sources) > MOST_SOURCES:
         named = sources[: MOST_SOURCES - 1]
-        shares[OTHERS] = sum((shares[source] for source in sources[len(named) :]), np.zeros(len(rows)))
+        shares[OTHERS] = sum(
+            (shares[source] for source in sources[len(named) :]), np.zeros(len(rows))
+        )
         sources = [*named, OTHERS]
     bars, base = [], np.zeros(len(rows))
     for source, color in zip(sources, PALETTE, strict=False):
@@ -105,7 +121,12 @@ def budget_figure(parameters: Sequence[Mapping[str, Any]]) -> Figure:
     return Figure(
         "What the variance of each parameter is made of",
         bars,
-        [Panel(Axis("share of the variance [%]", range=(0, 100)), rows_axis([_named(row) for row in rows]))],
+        [
+            Panel(
+                Axis("share of the variance [%]", range=(0, 100)),
+                rows_axis([_named(row) for row in rows]),
+            )
+        ],
         height=230 + 36 * max(len(rows), 3),
         margins={"l": 120, "b": 120},
     )
@@ -116,7 +137,9 @@ def _named(row: Mapping[str, Any]) -> str:
         return f"{row['name']}  ± –"
     sides = deviations(row["estimate"], row["standard_deviation"], row["interval_95"])
     shares = [f"{100 * each / abs(row['estimate']):.2g}" for each in sides]
-    return f"{row['name']}  " + (f"± {shares[0]} %" if len(shares) == 1 else f"+{shares[0]} −{shares[1]} %")
+    return f"{row['name']}  " + (
+        f"± {shares[0]} %" if len(shares) == 1 else f"+{shares[0]} −{shares[1]} %"
+    )
 
 
 MOST_PARAMETERS = 8
@@ -131,8 +154,8 @@ _REACH = 3.2  # standard deviations that are drawn
 class Marginal:
     """One parameter, in the unit in which it is drawn.
 
-    Its posterior is Gaussian to either side of the estimate, in the logarithm where it must be positive; between the two sides
-    the standard deviation changes smoothly.
+    Its posterior is Gaussian to either side of the estimate, in the logarithm where it must be
+    positive; between the two sides the standard deviation changes smoothly.
     """
 
     title: str  # name and unit
@@ -149,7 +172,9 @@ class Marginal:
         return moved
 
     def density(self, z: FloatArray) -> FloatArray:
-        """The density at these values, in 1 over the drawn unit: the Gaussian one over the slope of the values."""
+        """The density at these values, in 1 over the drawn unit: the Gaussian one over the slope of
+        the values.
+        """
         found: FloatArray = np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi) / np.gradient(self.at(z), z)
         return found
 
@@ -167,31 +192,43 @@ def marginal(row: Mapping[str, Any]) -> Marginal:
 
 
 def posterior_figure(
-    parameters: Sequence[Mapping[str, Any]], correlation: FloatArray, samples: FloatArray | None = None
+    parameters: Sequence[Mapping[str, Any]],
+    correlation: FloatArray,
+    samples: FloatArray | None = None,
 ) -> Figure:
     """A corner plot.
 
     Args:
-        parameters: p rows of a result document, in the order of `correlation`; the first eight are drawn.
+        parameters: p rows of a result document, in the order of `correlation`; the first eight are
+            drawn.
         correlation: (p, p) of the posterior.
         samples: (n, p) of it, SI, drawn in place of contours; None where the posterior is Gaussian.
     """
     count = min(len(parameters), MOST_PARAMETERS)
     found = [marginal(row) for row in parameters[:count]]
     factors = [SHOWN.get(row["unit"], (1.0, ""))[0] for row in parameters[:count]]
-    drawn = None if samples is None else samples[:: -(-len(samples) // _SHOWN_SAMPLES), :count] * factors
+    drawn = (
+        None
+        if samples is None
+        else samples[:: -(-len(samples) // _SHOWN_SAMPLES), :count] * factors
+    )
     size = (1 - _GAP / count * (count - 1)) / count
     starts = [i * (size + _GAP / count) for i in range(count)]
-    limits = [(float(of.at(np.array([-_REACH]))[0]), float(of.at(np.array([_REACH]))[0])) for of in found]
+    limits = [
+        (float(of.at(np.array([-_REACH]))[0]), float(of.at(np.array([_REACH]))[0])) for of in found
+    ]
     columns, rows = (
-        [Axis(of.title, range=ends, few=True) for of, ends in zip(found, limits, strict=True)] for _ in "xy"
+        [Axis(of.title, range=ends, few=True) for of, ends in zip(found, limits, strict=True)]
+        for _ in "xy"
     )
     marks: list[Mark] = []
     panels: list[Panel] = []
     for i, of in enumerate(found):
         up = 1 - starts[i] - size, 1 - starts[i]
         *beside, own = (
-            Panel(columns[j], rows[i] if j < i else Axis(bare=True), (starts[j], starts[j] + size), up)
+            Panel(
+                columns[j], rows[i] if j < i else Axis(bare=True), (starts[j], starts[j] + size), up
+            )
             for j in range(i + 1)
         )
         panels += [*beside, own]
@@ -200,12 +237,16 @@ def posterior_figure(
             if drawn is None:
                 marks += _pair(found[j], of, float(correlation[j, i]), panel)
             else:
-                marks.append(Points(drawn[:, j], drawn[:, i], "", _CLOUD, size=3, panel=panel, hover=None))
+                marks.append(
+                    Points(drawn[:, j], drawn[:, i], "", _CLOUD, size=3, panel=panel, hover=None)
+                )
     title = "Posterior: densities and correlations"
     return Figure(title, marks, panels, height=150 + 115 * count, margins={"l": 95})
 
 
-def _diagonal(of: Marginal, limits: tuple[float, float], panel: Panel, *, first: bool) -> list[Mark]:
+def _diagonal(
+    of: Marginal, limits: tuple[float, float], panel: Panel, *, first: bool
+) -> list[Mark]:
     z = np.linspace(-_REACH, _REACH, 65)
     look: dict[str, Any] = {"panel": panel, "digits": 5, "hover": None}
     curve = Curve(of.at(z), of.density(z), "updated" if first else "", UPDATED, **look)
@@ -218,15 +259,21 @@ def _diagonal(of: Marginal, limits: tuple[float, float], panel: Panel, *, first:
 
 
 def _pair(across: Marginal, up: Marginal, correlation: float, panel: Panel) -> list[Mark]:
-    """Contours that hold 39 % and 95 % of two Gaussian variables, drawn where they lie in values."""
+    """Contours that hold 39 % and 95 % of two Gaussian variables, drawn where they lie in
+    values.
+    """
     angle = np.linspace(0, 2 * np.pi, 61)
-    first, second = np.cos(angle), correlation * np.cos(angle) + np.sqrt(max(1 - correlation**2, 0.0)) * np.sin(angle)
+    first, second = (
+        np.cos(angle),
+        correlation * np.cos(angle) + np.sqrt(max(1 - correlation**2, 0.0)) * np.sin(angle),
+    )
     inner, outer = ((across.at(radius * first), up.at(radius * second)) for radius in _RADII)
     look: dict[str, Any] = {"panel": panel, "digits": 5, "hover": f"correlation {correlation:+.2f}"}
     return [Curve(*inner, "", UPDATED, **look), Curve(*outer, "", UPDATED, "dash", **look)]
 
 
-_ABOUT = 4.0  # how far the axis goes beyond the measured ratios: a law may leave them far below and above
+# how far the axis goes beyond the measured ratios: a law may leave them far below and above
+_ABOUT = 4.0
 
 
 def damping_figure(laws: Sequence[Mapping[str, Any]], modes: Sequence[Mapping[str, Any]]) -> Figure:
@@ -234,18 +281,27 @@ def damping_figure(laws: Sequence[Mapping[str, Any]], modes: Sequence[Mapping[st
 
     Args:
         laws: as a result document has them, each with its `curve`.
-        modes: of the result, with measured ratios and, where they are known, their standard deviations.
+        modes: of the result, with measured ratios and, where they are known, their standard
+            deviations.
     """
     marks: list[Mark] = [
-        _law(law, UPDATED if k == 0 else PALETTE[1 + (k - 1) % 9], k == 0) for k, law in enumerate(laws)
+        _law(law, UPDATED if k == 0 else PALETTE[1 + (k - 1) % 9], k == 0)
+        for k, law in enumerate(laws)
     ]
     seen = [mode for mode in modes if mode["measured_damping"]]
     ratios = np.array([100 * mode["measured_damping"] for mode in seen])
     spread = np.array([100 * Z_95 * (mode["measured_damping_sd"] or 0.0) for mode in seen])
     name = "measured, 95 %" if spread.any() else "measured"
-    said: Any = {"text": [f"mode {mode['number']}" for mode in seen], "hover": "%{text}: %{y:.3g} %"}
+    said: Any = {
+        "text": [f"mode {mode['number']}" for mode in seen],
+        "hover": "%{text}: %{y:.3g} %",
+    }
     error = np.array([np.minimum(spread, 0.95 * ratios), spread])
-    marks.append(Points([mode["measured_hz"] for mode in seen], ratios, name, MEASURED, error_y=error, **said))
+    marks.append(
+        Points(
+            [mode["measured_hz"] for mode in seen], ratios, name, MEASURED, error_y=error, **said
+        )
+    )
     ends = (ratios.min() / _ABOUT, ratios.max() * _ABOUT) if seen else None
     panel = Panel(Axis("frequency [Hz]", "log"), Axis("ζ [%]", "log", ends))
     return Figure("Damping ratios: measured, and the laws", marks, [panel])
@@ -254,7 +310,11 @@ def damping_figure(laws: Sequence[Mapping[str, Any]], modes: Sequence[Mapping[st
 def _law(law: Mapping[str, Any], color: str, reported: bool) -> Mark:
     hz, ratios = law["curve"]["frequency_hz"], np.array(law["curve"]["damping_ratio"], dtype=float)
     ratios = np.where(ratios > 0, 100 * ratios, np.nan)
-    name = law["name"] + (" (reported)" if reported else "") + (" (preferred)" if law["preferred"] else "")
+    name = (
+        law["name"]
+        + (" (reported)" if reported else "")
+        + (" (preferred)" if law["preferred"] else "")
+    )
     if law["by_mechanism"]:  # it has a ratio at modes alone
         return Points(hz, ratios, name, color, "square-open" if reported else "triangle-up-open", 7)
     dash: Dash = "solid" if law["preferred"] else "dash"
@@ -273,8 +333,10 @@ def convergence_figure(
     """Cost, elastic constants and damping coefficients over the iterations.
 
     Args:
-        starts: every start of stage 1 with `cost` by iteration, `chosen`, and `failure` in words or None.
-        parameters: of the chosen start, by name and iteration; drawn as shares of their last values.
+        starts: every start of stage 1 with `cost` by iteration, `chosen`, and `failure` in words or
+            None.
+        parameters: of the chosen start, by name and iteration; drawn as shares of their last
+            values.
         coefficients: of the damping law, in the same way; empty where damping was not fitted.
     """
     axes = [
@@ -287,7 +349,9 @@ def convergence_figure(
     x = Axis("iteration")
     panels = [Panel(x, y, up=(top - height, top)) for y, top in zip(axes, tops, strict=True)]
     names = list(parameters)[:MOST_CONSTANTS]
-    curves = [_cost(number, start) for number, start in enumerate(starts, start=1) if len(start["cost"])]
+    curves = [
+        _cost(number, start) for number, start in enumerate(starts, start=1) if len(start["cost"])
+    ]
     curves += _shares({name: parameters[name] for name in names}, PALETTE[1:], panels[1])
     curves += _shares(coefficients, cycle(reversed(PALETTE)), panels[-1])
     return Figure("Convergence of all starts", curves, panels, height=200 + 170 * len(panels))
@@ -297,15 +361,24 @@ def _cost(number: int, start: Mapping[str, Any]) -> Curve:
     chosen, failed = start["chosen"], start["failure"]
     name = f"start {number}" + (", chosen" if chosen else ", failed" if failed else "")
     look: Any = {"color": UPDATED} if chosen else {"color": QUIET, "dash": "dot"}
-    return Curve(range(len(start["cost"])), start["cost"], name, symbol="x" if failed else "circle", **look)
+    return Curve(
+        range(len(start["cost"])), start["cost"], name, symbol="x" if failed else "circle", **look
+    )
 
 
-def _shares(series: Mapping[str, Sequence[float]], colors: Iterable[str], panel: Panel) -> list[Curve]:
+def _shares(
+    series: Mapping[str, Sequence[float]], colors: Iterable[str], panel: Panel
+) -> list[Curve]:
     """Each series as shares of its last value."""
     look: Any = {"symbol": "circle", "panel": panel}
-    per_cent = {name: [100 * value / (values[-1] or 1.0) for value in values] for name, values in series.items()}
+    per_cent = {
+        name: [100 * value / (values[-1] or 1.0) for value in values]
+        for name, values in series.items()
+    }
     pairs = zip(per_cent.items(), colors, strict=False)
-    return [Curve(range(len(values)), values, name, color, **look) for (name, values), color in pairs]
+    return [
+        Curve(range(len(values)), values, name, color, **look) for (name, values), color in pairs
+    ]
 
 
 _LONGEST = 22  # letters of a campaign's name beside a row
@@ -314,7 +387,9 @@ FAR_Z = 2.0  # |z| from which on a campaign's own estimate is drawn as one that 
 _Own = tuple[Mapping[str, Any], Mapping[str, Any]]
 
 
-def alone_figure(parameters: Sequence[Mapping[str, Any]], campaigns: Sequence[Mapping[str, Any]]) -> Figure:
+def alone_figure(
+    parameters: Sequence[Mapping[str, Any]], campaigns: Sequence[Mapping[str, Any]]
+) -> Figure:
     """What each campaign says of each shared constant by itself, as a share of the joint estimate.
 
     Args:
@@ -327,8 +402,12 @@ def alone_figure(parameters: Sequence[Mapping[str, Any]], campaigns: Sequence[Ma
         for part in campaigns
         if part["alone"].get(parameter["name"]) is not None
     ]
-    names = [f"{parameter['name']}  {shortened(part['name'], _LONGEST)}" for parameter, part in rows]
-    said = ", ".join(f"{shortened(part['name'])}: p {_probability(part['predictive_p'])}" for part in campaigns)
+    names = [
+        f"{parameter['name']}  {shortened(part['name'], _LONGEST)}" for parameter, part in rows
+    ]
+    said = ", ".join(
+        f"{shortened(part['name'])}: p {_probability(part['predictive_p'])}" for part in campaigns
+    )
     return Figure(
         f"Each campaign alone, beside all together ({said})",
         [_joint(rows), *_alone(rows)],
@@ -364,14 +443,24 @@ def _alone(rows: Sequence[_Own]) -> list[Mark]:
         if not chosen:
             continue
         middle = [100 * found["estimate"] / joint for _, joint, found in chosen]
-        reach = [100 * Z_95 * found["standard_deviation"] / abs(joint) for _, joint, found in chosen]
-        said: Any = {"text": [f"z {found['z']:+.2f}" for *_, found in chosen], "hover": "%{x:.1f} %, %{text}"}
-        marks.append(Points(middle, [place for place, *_ in chosen], name, color, symbol, error_x=reach, **said))
+        reach = [
+            100 * Z_95 * found["standard_deviation"] / abs(joint) for _, joint, found in chosen
+        ]
+        said: Any = {
+            "text": [f"z {found['z']:+.2f}" for *_, found in chosen],
+            "hover": "%{x:.1f} %, %{text}",
+        }
+        marks.append(
+            Points(
+                middle, [place for place, *_ in chosen], name, color, symbol, error_x=reach, **said
+            )
+        )
     return marks
 
 
 def errors_figure(campaigns: Sequence[Mapping[str, Any]]) -> Figure:
-    """How far each campaign's frequencies lie from the model's, before and after, in one panel a campaign.
+    """How far each campaign's frequencies lie from the model's, before and after, in one panel a
+    campaign.
 
     Args:
         campaigns: the parts of a joint result, each with `modes`.
@@ -385,10 +474,20 @@ def errors_figure(campaigns: Sequence[Mapping[str, Any]]) -> Figure:
         up = 1 - (number + 0.7) / len(campaigns), 1 - (number + 0.1) / len(campaigns)
         panel = Panel(x, Axis("error [%]"), up=up, title=shortened(part["name"]))
         panels.append(panel)
-        for key, color, symbol in (("initial_hz", INITIAL, "diamond-open"), ("updated_hz", UPDATED, "circle")):
-            error = [np.nan if mode[key] is None else 100 * (mode[key] / mode["measured_hz"] - 1) for mode in modes]
+        for key, color, symbol in (
+            ("initial_hz", INITIAL, "diamond-open"),
+            ("updated_hz", UPDATED, "circle"),
+        ):
+            error = [
+                np.nan if mode[key] is None else 100 * (mode[key] / mode["measured_hz"] - 1)
+                for mode in modes
+            ]
             name = key.removesuffix("_hz") if number == 0 else ""
-            marks.append(Points(range(len(modes)), error, name, color, symbol, panel=panel, hover="%{y:+.3f} %"))
+            marks.append(
+                Points(
+                    range(len(modes)), error, name, color, symbol, panel=panel, hover="%{y:+.3f} %"
+                )
+            )
         marks.append(Rule(0, level=True, panel=panel))
     title = "Errors of the frequencies of the initial and the updated model"
     return Figure(title, marks, panels, height=150 + 170 * len(campaigns))

@@ -1,4 +1,5 @@
-"""What the guide has: its pages and pictures, and the order in which `index.md` lists them; and a page of Markdown as HTML.
+"""What the guide has: its pages and pictures, and the order in which `index.md` lists them; and a
+page of Markdown as HTML.
 
 Titles become anchors, links to other pages lead to their HTML, and what is wide scrolls.
 """
@@ -49,22 +50,25 @@ def render(text: str, name: str, names: Set[str]) -> Rendered:
     Args:
         text: Markdown (CommonMark with tables); HTML in it is shown as it is written.
         name: the page's path below the guide's root.
-        names: of all files of the guide. A link to another place of the source tree becomes plain text, as nothing of it is
-            served.
+        names: of all files of the guide. A link to another place of the source tree becomes plain
+            text, as nothing of it is served.
     """
-    from markdown_it import MarkdownIt  # only here: an API that nobody asks for the guide starts without
+    # only here: an API that nobody asks for the guide starts without
+    from markdown_it import MarkdownIt
 
     markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = markdown.parse(_COMMENT.sub("", text))
     for token in _all(tokens):
         if token.type == "link_open":
             _lead(token, name, names)
-        if token.type in ("th_open", "td_open") and "style" in token.attrs:  # the policy allows no style in place
+        # the policy allows no style in place
+        if token.type in ("th_open", "td_open") and "style" in token.attrs:
             token.attrs = {"class": "num"} if "right" in str(token.attrs["style"]) else {}
     _close_alike(tokens)
     headings = list(_headings(tokens))
     body = "".join(
-        f'<div class="scroll" tabindex="0">{html}</div>\n' if wide else html for wide, html in _pieces(markdown, tokens)
+        f'<div class="scroll" tabindex="0">{html}</div>\n' if wide else html
+        for wide, html in _pieces(markdown, tokens)
     )
     sections = tuple(heading for level, heading in headings if level == "h2")
     return Rendered(headings[0][1].text, body, sections)
@@ -94,7 +98,9 @@ def _lead(token: Token, name: str, names: Set[str]) -> None:
     if target not in names:
         token.tag, token.attrs = "span", {"class": "source"}
     elif path.endswith(".md"):
-        token.attrs["href"] = path.removesuffix(".md") + ".html" + (f"#{fragment}" if fragment else "")
+        token.attrs["href"] = (
+            path.removesuffix(".md") + ".html" + (f"#{fragment}" if fragment else "")
+        )
 
 
 def _close_alike(tokens: list[Token]) -> None:
@@ -120,7 +126,9 @@ def _pieces(markdown: MarkdownIt, tokens: list[Token]) -> Iterator[tuple[bool, s
     """The page's HTML in pieces, each with whether it is wide."""
     piece: list[Token] = []
     for token in tokens:
-        outermost = token.level == 0 and token.type.removesuffix("_open").removesuffix("_close") in _WIDE
+        outermost = (
+            token.level == 0 and token.type.removesuffix("_open").removesuffix("_close") in _WIDE
+        )
         if outermost and not token.type.endswith("_close"):
             yield False, markdown.renderer.render(piece, markdown.options, {})
             piece = []
@@ -136,7 +144,9 @@ FOLDER = Path(__file__).parent / "pages"
 
 PICTURES = {".svg": "image/svg+xml", ".png": "image/png"}
 INDEX = "index.html"
-_ENTRY = re.compile(r"^(?:## (?P<part>.+)|- \[(?P<title>[^\]]+)\]\((?P<page>[^)]+)\.md\))", re.MULTILINE)
+_ENTRY = re.compile(
+    r"^(?:## (?P<part>.+)|- \[(?P<title>[^\]]+)\]\((?P<page>[^)]+)\.md\))", re.MULTILINE
+)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from service.web.parameters import not_modified
 from service.web.routing import page_router
 
 POLICY = (
-    "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; style-src 'self'; img-src 'self'"
+    "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; style-src"
+    " 'self'; img-src 'self'"
 )
 STYLES = ("pages.css", "guide.css")
 
@@ -37,7 +38,9 @@ def get_page(name: str, request: Request) -> Response:
         "Cache-Control": "no-cache",
         "ETag": f'"{hashlib.sha256(content).hexdigest()[:16]}"',
     }
-    return not_modified(request, headers) or Response(content, media_type=media_type, headers=headers)
+    return not_modified(request, headers) or Response(
+        content, media_type=media_type, headers=headers
+    )
 
 
 def _picture(name: str) -> tuple[bytes, str] | None:
@@ -49,5 +52,7 @@ def _picture(name: str) -> tuple[bytes, str] | None:
 
 def _page(name: str, request: Request) -> tuple[bytes, str] | None:
     styles = tuple(address(style) for style in STYLES)
-    html = whole_page(name, root_of(request.url.path), styles, service=request.app.state.settings.pages)
+    html = whole_page(
+        name, root_of(request.url.path), styles, service=request.app.state.settings.pages
+    )
     return None if html is None else (html.encode(), "text/html; charset=utf-8")

@@ -1,7 +1,8 @@
-"""What a person sees in a browser: pages below `/ui/`, made on the server, with figures and forms that use the REST contract.
+"""What a person sees in a browser: pages below `/ui/`, made on the server, with figures and forms
+that use the REST contract.
 
-A page only reads. What it changes it sends to `/api/v1` as a script would, so that every rule has one place. All its files
-are served from here, and its policy lets a browser ask nobody else.
+A page only reads. What it changes it sends to `/api/v1` as a script would, so that every rule has
+one place. All its files are served from here, and its policy lets a browser ask nobody else.
 """
 
 from fastapi import FastAPI

@@ -1,4 +1,6 @@
-"""The page that lays results, campaigns and mode sets side by side: what differs in them, constants, frequencies, shapes."""
+"""The page that lays results, campaigns and mode sets side by side: what differs in them,
+constants, frequencies, shapes.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,9 @@ def get_comparison(
     sets = [mode_set_for(visit.session, visit.user, key) for key in dict.fromkeys(mode_set or ())]
     for key in dict.fromkeys(campaign or ()):
         campaign_for(visit.session, visit.user, key)
-        found = updating.list_update_jobs(visit.session, visit.user, campaign=key, status=["succeeded"], limit=1).items
+        found = updating.list_update_jobs(
+            visit.session, visit.user, campaign=key, status=["succeeded"], limit=1
+        ).items
         jobs += found
         sets += () if found else mode_set_for.all(visit.session, campaign_id=[key])[-1:]
     rows = [row for row in name_jobs(visit, jobs, PARTS) if row.result is not None]
@@ -89,7 +93,12 @@ def _sides(visit: Visit, rows: Sequence[NamedJob], sets: Sequence[ModeSet]) -> l
     several = len(structures) > 1
     said = [(row.campaign, row.structure, moment(row.job.created_at)) for row in rows]
     said += [
-        (campaigns[s.campaign_id].name, structures[campaigns[s.campaign_id].structure_id].name, s.name) for s in sets
+        (
+            campaigns[s.campaign_id].name,
+            structures[campaigns[s.campaign_id].structure_id].name,
+            s.name,
+        )
+        for s in sets
     ]
     names = _told_apart([each if several else (each[0], each[2]) for each in said])
     results = [
@@ -111,7 +120,10 @@ def _told_apart(names: Sequence[tuple[str, ...]]) -> list[str]:
     ['May, bar', 'May, plate', 'June']
     """
     starts = Counter(each[:k] for each in names for k in range(1, len(each) + 1))
-    return [", ".join(next((each[:k] for k in range(1, len(each)) if starts[each[:k]] == 1), each)) for each in names]
+    return [
+        ", ".join(next((each[:k] for k in range(1, len(each)) if starts[each[:k]] == 1), each))
+        for each in names
+    ]
 
 
 def _modes_of(visit: Visit, row: NamedJob) -> ModeSet | None:
@@ -124,7 +136,9 @@ def _modes_of(visit: Visit, row: NamedJob) -> ModeSet | None:
 
 
 def _differences(visit: Visit, sides: Sequence[Side]) -> list[tuple[str, list[str]]]:
-    """What is stated of the sides and not the same of all: of the structure's version, the campaign, the recipe."""
+    """What is stated of the sides and not the same of all: of the structure's version, the
+    campaign, the recipe.
+    """
     stated = [dict(_stated(visit, side)) for side in sides]
     names = dict.fromkeys(name for each in stated for name in each)
     table = [(name, [each.get(name, "–") for each in stated]) for name in names]
@@ -132,18 +146,31 @@ def _differences(visit: Visit, sides: Sequence[Side]) -> list[tuple[str, list[st
 
 
 def _stated(visit: Visit, side: Side) -> Iterator[tuple[str, str]]:
-    members = {"boundary", "performed_at", "temperature_c", "humidity_percent", "instruments", "inputs", "frame"}
+    members = {
+        "boundary",
+        "performed_at",
+        "temperature_c",
+        "humidity_percent",
+        "instruments",
+        "inputs",
+        "frame",
+    }
     yield from leaves(side.campaign.model_dump(mode="json", include=members))
     if side.row is None:
         return
-    structure = describe_version(version_of(visit.session, side.row.job.structure_version_id), side.row.structure)
+    structure = describe_version(
+        version_of(visit.session, side.row.job.structure_version_id), side.row.structure
+    )
     yield from leaves(
-        structure.model_dump(mode="json", exclude={"tags", "meta", "model"}, exclude_none=True), "structure"
+        structure.model_dump(mode="json", exclude={"tags", "meta", "model"}, exclude_none=True),
+        "structure",
     )
     recipe = side.row.job.recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
     if batch := recipe.get("prior_from_coupon_batch"):
         with suppress(NotFound):  # it is gone, and its key says that another one was meant
-            recipe["prior_from_coupon_batch"] = coupons.batches.one(visit.session, visit.user, UUID(batch)).name
+            recipe["prior_from_coupon_batch"] = coupons.batches.one(
+                visit.session, visit.user, UUID(batch)
+            ).name
     yield from leaves({key: value for key, value in recipe.items() if key != "mode_set"}, "recipe")
 
 
@@ -165,7 +192,9 @@ class ByShape:
 
 
 def _by_shape(visit: Visit, sides: Sequence[Side]) -> ByShape | None:
-    """The modes of all sides against the first one's; None where fewer than two sides have modes that are kept."""
+    """The modes of all sides against the first one's; None where fewer than two sides have modes
+    that are kept.
+    """
     there = [(side, side.mode_set) for side in sides if side.mode_set is not None]
     if len(there) < 2:
         return None

@@ -1,4 +1,6 @@
-"""The page of searches: one box, facets, columns to choose, what was found with units and digits, files, saved searches."""
+"""The page of searches: one box, facets, columns to choose, what was found with units and digits,
+files, saved searches.
+"""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,7 +32,9 @@ FILTER = re.compile(r"[=<>(]|\b(?:LIKE|BETWEEN|IN|IS|AND|OR|NOT)\b", re.IGNORECA
 """What a filter has and words have not."""
 
 FOLLOWED_HINTS = {"results": list(CONSTANTS), "modes": list(MODE_VALUES)}
-"""Values that are offered to follow over time, by what is searched; of results any other constant can be named."""
+"""Values that are offered to follow over time, by what is searched; of results any other constant
+can be named.
+"""
 
 PAGES = {
     "structure.id": "structures",
@@ -45,7 +49,9 @@ PAGES = {
 
 @dataclass(frozen=True)
 class Head:
-    """A column of the table: name, heading, unit, whether it has numbers, and the address that sorts by it."""
+    """A column of the table: name, heading, unit, whether it has numbers, and the address that
+    sorts by it.
+    """
 
     name: str
     words: str
@@ -68,7 +74,13 @@ class Asked:
     def query(self) -> dict[str, str]:
         """Parameters of `GET /search/{noun}`."""
         words_or_filter = {"filter" if FILTER.search(self.text) else "q": self.text.strip()}
-        return {k: v for k, v in (words_or_filter | {"sort": self.sort, "fields": ",".join(self.fields)}).items() if v}
+        return {
+            k: v
+            for k, v in (
+                words_or_filter | {"sort": self.sort, "fields": ",".join(self.fields)}
+            ).items()
+            if v
+        }
 
     def address(self, **changed: Any) -> str:
         """The page's query with some of it changed."""
@@ -94,10 +106,15 @@ def get_search(
     cursor: Annotated[str | None, Query(max_length=4000)] = None,
     trend: Annotated[str, Query(max_length=100)] = "",
 ) -> HTMLResponse:
-    """What a filter or words find, over all projects of the visitor; the address has the whole search."""
+    """What a filter or words find, over all projects of the visitor; the address has the whole
+    search.
+    """
     if noun not in SEARCHED:
         raise Invalid("noun", f"expected one of {', '.join(SEARCHED)}")
-    visit, asked = Visit(request, session, user), Asked(noun, text, sort, tuple(fields or ()), trend.strip())
+    visit, asked = (
+        Visit(request, session, user),
+        Asked(noun, text, sort, tuple(fields or ()), trend.strip()),
+    )
     found: dict[str, Any] = {}
     faults = dict.fromkeys(_PLACES.values(), "")
     try:
@@ -115,7 +132,10 @@ def get_search(
         followed=FOLLOWED_HINTS.get(noun),
         columns=_choice(SEARCHED[noun], asked),
         hints=[_hint(one, field, SEARCHED[noun]) for one in NOUNS.values() for field in one.fields],
-        saved=[(kept, _address_of(kept.noun, kept.query)) for kept in list_saved(session, user, None, 200).items],
+        saved=[
+            (kept, _address_of(kept.noun, kept.query))
+            for kept in list_saved(session, user, None, 200).items
+        ],
         projects=[project for project in projects if project.archived_at is None],
         faults=faults,
         **{"trend": None, **found},
@@ -124,8 +144,16 @@ def get_search(
     return shown
 
 
-_PLACES = {"filter": "filter", "sort": "sort", "fields": "fields", "cursor": "cursor", "value": "trend"}
-"""Parameters of the search, and the part of the page beside which what is wrong with them stands; any other is the box."""
+_PLACES = {
+    "filter": "filter",
+    "sort": "sort",
+    "fields": "fields",
+    "cursor": "cursor",
+    "value": "trend",
+}
+"""Parameters of the search, and the part of the page beside which what is wrong with them stands;
+any other is the box.
+"""
 
 
 def _found(visit: Visit, asked: Asked, cursor: str | None) -> dict[str, Any]:
@@ -135,23 +163,37 @@ def _found(visit: Visit, asked: Asked, cursor: str | None) -> dict[str, Any]:
         Invalid: it cannot be read, or takes too long.
     """
     noun, query = SEARCHED[asked.noun], asked.query()
-    names = asked.fields or tuple(name for name in noun.shown if not name.endswith(("id", "_low", "_high")))
+    names = asked.fields or tuple(
+        name for name in noun.shown if not name.endswith(("id", "_low", "_high"))
+    )
     beside = [*_links(noun), *_deviations(noun, names)]
     fields = tuple(dict.fromkeys([*names, *beside]))
     facets = (*noun.facets, *(["tag"] if any(field.name == "tag" for field in noun.fields) else []))
-    search = Search(visit.user, noun, Wanted(query.get("filter"), query.get("q"), asked.sort, fields, facets))
+    search = Search(
+        visit.user, noun, Wanted(query.get("filter"), query.get("q"), asked.sort, fields, facets)
+    )
     with bounded(visit.session):
         rows, following = search.page(visit.session, cursor, ROWS)
         count, counted = search.counts(visit.session)
-    shown = [column for column in search.columns if column.name in {_shown_as(noun, name) for name in names}]
-    values = [dict(zip((column.name for column in search.columns), row, strict=True)) for row in rows]
+    shown = [
+        column
+        for column in search.columns
+        if column.name in {_shown_as(noun, name) for name in names}
+    ]
+    values = [
+        dict(zip((column.name for column in search.columns), row, strict=True)) for row in rows
+    ]
     shown = [one for one in shown if asked.fields or not _is_empty(one, values)]
     return {
         "heads": [_head(column, asked) for column in shown],
         "rows": [[_cell(noun, column, row) for column in shown] for row in values],
         "links": [_link(noun, row) for row in values],
         "count": f"{MOST_COUNTED:,}+" if count > MOST_COUNTED else f"{count:,}",
-        "facets": {name: list(_narrower(asked, name, times)) for name, times in counted.items() if len(times) > 1},
+        "facets": {
+            name: list(_narrower(asked, name, times))
+            for name, times in counted.items()
+            if len(times) > 1
+        },
         "following": asked.address(cursor=following) if following else None,
         "query": urlencode(query),
         "ordered": urlencode({name: value for name, value in query.items() if name != "fields"}),
@@ -160,7 +202,8 @@ def _found(visit: Visit, asked: Asked, cursor: str | None) -> dict[str, Any]:
 
 
 def _trend(visit: Visit, asked: Asked) -> dict[str, Any] | None:
-    """What the page says of the chosen value over time; None where results or modes are not searched, or none is chosen.
+    """What the page says of the chosen value over time; None where results or modes are not
+    searched, or none is chosen.
 
     Raises:
         Invalid: the value is none that can be followed.
@@ -171,7 +214,9 @@ def _trend(visit: Visit, asked: Asked) -> dict[str, Any] | None:
     wanted = Wanted(query.get("filter"), query.get("q"))
     with bounded(visit.session):
         found = trend_of(visit.session, visit.user, asked.noun, wanted, asked.trend, COVARIATES[:1])
-    address = urlencode({**{k: v for k, v in query.items() if k in ("filter", "q")}, "value": asked.trend})
+    address = urlencode(
+        {**{k: v for k, v in query.items() if k in ("filter", "q")}, "value": asked.trend}
+    )
     notes = [*found.notes, *(note for one in found.series for note in one.notes)]
     return {"query": address, "series": found.series, "notes": list(dict.fromkeys(notes))}
 
@@ -205,10 +250,19 @@ def _link(noun: Noun, row: Mapping[str, Any]) -> str:
 
 def _head(column: Column, asked: Asked) -> Head:
     name, field = column.name, column.field
-    now = asked.sort.removeprefix("-") == name and ((asked.sort.startswith("-") and "descending") or "ascending")
+    now = asked.sort.removeprefix("-") == name and (
+        (asked.sort.startswith("-") and "descending") or "ascending"
+    )
     following = f"-{name}" if now == "ascending" else name
     sort = "" if field.kind in ("tags", "json") else asked.address(sort=following)
-    return Head(name, _heading(name), unit_of(field.unit), field.kind in ("number", "whole"), sort, now or "none")
+    return Head(
+        name,
+        _heading(name),
+        unit_of(field.unit),
+        field.kind in ("number", "whole"),
+        sort,
+        now or "none",
+    )
 
 
 def _heading(name: str) -> str:
@@ -227,12 +281,19 @@ def _cell(noun: Noun, column: Column, row: Mapping[str, Any]) -> tuple[str, str]
         sd = row.get(field.sd) if any(one is field for one in noun.fields) else None
         if sd:
             ends = [row.get(f"{field.name}_{end}") for end in ("low", "high")]
-            known = {"unit": field.unit, "estimate": value, "standard_deviation": sd, "interval_95": ends}
+            known = {
+                "unit": field.unit,
+                "estimate": value,
+                "standard_deviation": sd,
+                "interval_95": ends,
+            }
             return in_unit(value, field.unit, sd), spread(known)
         return _without_zeros(in_unit(value, field.unit)), ""
     if isinstance(value, bool):
         return "yes" if value else "no", ""
-    return words(value) if field.name in ("verdict", "boundary", "state") else str(as_text(value)), ""
+    return (
+        words(value) if field.name in ("verdict", "boundary", "state") else str(as_text(value))
+    ), ""
 
 
 def _without_zeros(text: str) -> str:
@@ -243,7 +304,11 @@ def _without_zeros(text: str) -> str:
 def _narrower(asked: Asked, name: str, times: Mapping[str, int]) -> Iterator[tuple[str, int, str]]:
     """Values of a facet, how often each is there, and the address that finds these alone."""
     for value, count in times.items():
-        condition = f"{name} IS NULL" if value == "" else f"{name} = '{value.replace(chr(39), chr(39) * 2)}'"
+        condition = (
+            f"{name} IS NULL"
+            if value == ""
+            else f"{name} = '{value.replace(chr(39), chr(39) * 2)}'"
+        )
         before = asked.query().get("filter")
         text = (
             f"({before}) AND {condition}"
@@ -255,7 +320,11 @@ def _narrower(asked: Asked, name: str, times: Mapping[str, int]) -> Iterator[tup
 
 def _choice(noun: Noun, asked: Asked) -> list[tuple[str, bool]]:
     """All columns of a noun and of what it belongs to, and whether each is chosen."""
-    names = [field.name if one is noun else f"{one.name}.{field.name}" for one in lineage(noun) for field in one.fields]
+    names = [
+        field.name if one is noun else f"{one.name}.{field.name}"
+        for one in lineage(noun)
+        for field in one.fields
+    ]
     members = [name for name in asked.fields if name not in names]
     chosen = asked.fields or noun.shown
     return [(name, name in chosen) for name in [*names, *members] if name != "meta"]
@@ -264,9 +333,15 @@ def _choice(noun: Noun, asked: Asked) -> list[tuple[str, bool]]:
 def _hint(one: Noun, field: Field, here: Noun) -> dict[str, str]:
     """What the box suggests of a field."""
     name = field.name if one is here else f"{one.name}.{field.name}"
-    return {"name": name, "kind": field.kind, "means": field.meaning + (f", {field.unit}" if field.unit else "")}
+    return {
+        "name": name,
+        "kind": field.kind,
+        "means": field.meaning + (f", {field.unit}" if field.unit else ""),
+    }
 
 
 def _address_of(noun: str, query: Mapping[str, str]) -> str:
     fields = tuple(name for name in query.get("fields", "").split(",") if name)
-    return Asked(noun, query.get("filter") or query.get("q", ""), query.get("sort", ""), fields).address()
+    return Asked(
+        noun, query.get("filter") or query.get("q", ""), query.get("sort", ""), fields
+    ).address()

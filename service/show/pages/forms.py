@@ -31,7 +31,8 @@ class Field:
 
     name: str  # JSON pointer of its value without the first slash
     label: str  # in words
-    kind: str  # `number`, `whole`, `text`, `select`, `choices`, `pair`, `numbers`, `switch`, `group`, `table`
+    # `number`, `whole`, `text`, `select`, `choices`, `pair`, `numbers`, `switch`, `group`, `table`
+    kind: str
     help: str = ""  # what the contract says of it
     default: Any = None  # its value where nothing is said
     options: list[tuple[str, str]] = field(default_factory=list)  # value and words of each choice
@@ -41,7 +42,9 @@ class Field:
 
     @property
     def placeholder(self) -> str:
-        """What an empty field shows: the default in the field's unit, of a list how one is written."""
+        """What an empty field shows: the default in the field's unit, of a list how one is
+        written.
+        """
         if self.kind == "numbers":
             return "120; 250"
         if isinstance(self.default, bool) or not isinstance(self.default, int | float):
@@ -62,13 +65,18 @@ def fields_of(model: type[BaseModel], choices: Mapping[str, list[tuple[str, str]
 
 @dataclass(frozen=True)
 class _Schema:
-    """What the nodes of a JSON schema mean: its definitions, and what there is to choose from by name."""
+    """What the nodes of a JSON schema mean: its definitions, and what there is to choose from by
+    name.
+    """
 
     definitions: Mapping[str, Any]
     choices: Mapping[str, list[tuple[str, str]]]
 
     def members(self, node: Mapping[str, Any], prefix: str) -> list[Field]:
-        return [self._field(prefix + name, name, inner) for name, inner in node.get("properties", {}).items()]
+        return [
+            self._field(prefix + name, name, inner)
+            for name, inner in node.get("properties", {}).items()
+        ]
 
     def _field(self, name: str, label: str, outer: Mapping[str, Any]) -> Field:
         node, nullable = self._resolved(outer), False
@@ -87,7 +95,9 @@ class _Schema:
         if name in self.choices:
             return Field(kind="select", options=self.choices[name], **common)
         if "enum" in node:
-            return Field(kind="select", options=[(value, words(value)) for value in node["enum"]], **common)
+            return Field(
+                kind="select", options=[(value, words(value)) for value in node["enum"]], **common
+            )
         if node.get("type") == "object":
             return Field(kind="group", fields=self.members(node, f"{name}/"), **common)
         if node.get("type") == "array":
@@ -99,7 +109,11 @@ class _Schema:
             return Field(kind="pair", **common)
         item = self._resolved(node["items"])
         if "enum" in item:
-            return Field(kind=CHECKED_LIST, options=[(value, words(value)) for value in item["enum"]], **common)
+            return Field(
+                kind=CHECKED_LIST,
+                options=[(value, words(value)) for value in item["enum"]],
+                **common,
+            )
         if item.get("type") == "object":
             return Field(kind="table", fields=self.members(item, ""), **common)
         return Field(kind="numbers", **common)
@@ -134,7 +148,9 @@ def _label(name: str) -> str:
 
 @cache
 def _members() -> dict[str, str]:
-    """Labels of the members of recipes, campaigns and structures, by the last step of their names."""
+    """Labels of the members of recipes, campaigns and structures, by the last step of their
+    names.
+    """
     found: dict[str, str] = {}
 
     def gather(fields: list[Field]) -> None:
@@ -153,7 +169,8 @@ _NAME = re.compile(r"`?(?<![\w/.@-])/?((?:[A-Za-z]\w*[./])*)([A-Za-z]\w*)(?![\w@
 
 
 def page_words(text: str | None) -> str:
-    """A sentence of REST for a page: members have the labels of their fields, calls and options are left out.
+    """A sentence of REST for a page: members have the labels of their fields, calls and options are
+    left out.
 
     >>> page_words("did you mean 33 GPa? What is meant as it is, confirm (`confirm=true`, `--confirm`)")
     'did you mean 33 GPa?'
@@ -163,12 +180,17 @@ def page_words(text: str | None) -> str:
 
     def member(found: re.Match[str]) -> str:
         name, marked = found[2], found[0].startswith("`")
-        if name in _members() and name not in CONSTANTS and (marked or "_" in name):  # a constant is called so
+        # a constant is called so
+        if name in _members() and name not in CONSTANTS and (marked or "_" in name):
             return f"“{_members()[name]}”"
         return found[0].strip("`") if marked else found[0]
 
     plain = _CALL.sub("this page", _ASIDE.sub("", text or ""))
-    return _NAME.sub(member, re.sub(r"\?([a-z_]+)=(\w*)", r"`\1` \2", plain)).replace(" ;", ";").strip()
+    return (
+        _NAME.sub(member, re.sub(r"\?([a-z_]+)=(\w*)", r"`\1` \2", plain))
+        .replace(" ;", ";")
+        .strip()
+    )
 
 
 def labelled(pointer: str) -> str:

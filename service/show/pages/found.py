@@ -1,4 +1,6 @@
-"""What a result opens with: the few findings that change what one would do, each with where it is mended; the rest as notes."""
+"""What a result opens with: the few findings that change what one would do, each with where it is
+mended; the rest as notes.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +12,14 @@ from service.show.pages.forms import page_words
 from service.show.pages.numbers import in_unit
 
 MOST = 3  # findings that a result opens with; a reader does not act on a longer list
-CAMPAIGN, MODES, MODEL, RECIPE, FRFS, DAMPING = "campaign", "modes", "structure", "update", "frfs", "damping"
+CAMPAIGN, MODES, MODEL, RECIPE, FRFS, DAMPING = (
+    "campaign",
+    "modes",
+    "structure",
+    "update",
+    "frfs",
+    "damping",
+)
 PLACES = {
     CAMPAIGN: ("ui/edit/campaigns/{campaign}", "Edit the campaign"),
     MODES: ("ui/campaigns/{campaign}#modes", "Go to the mode sets"),
@@ -40,11 +49,20 @@ REMEDIES: dict[str, tuple[str, str]] = {
     **{kind: (place, "") for place, kinds in _AS_SAID.items() for kind in kinds},
     "joint_needs_frfs": (CAMPAIGN, "Import the FRFs for a joint update."),
     "roving_sensor": (CAMPAIGN, "State the sensor's grid point if it stood still."),
-    "mesh_on_trust": (MODEL, "Compare its frequencies with those of a finer mesh in the program that it is of."),
-    "modes_alone": (MODES, "Leave in-plane modes out of the mode set, and check boundary, frame and geometry."),
+    "mesh_on_trust": (
+        MODEL,
+        "Compare its frequencies with those of a finer mesh in the program that it is of.",
+    ),
+    "modes_alone": (
+        MODES,
+        "Leave in-plane modes out of the mode set, and check boundary, frame and geometry.",
+    ),
     "shapes_unlike": (CAMPAIGN, "Check boundary, geometry, frame and numbering of the points."),
     "modes_absent": (CAMPAIGN, "Check boundary and geometry, and the pairs in the table of modes."),
-    "sign_opposite": (CAMPAIGN, "Correct the direction or polarity of hammer or sensor in the file."),
+    "sign_opposite": (
+        CAMPAIGN,
+        "Correct the direction or polarity of hammer or sensor in the file.",
+    ),
     "frfs_scaled": (CAMPAIGN, "Correct what is wrong: the constants are wrong with it."),
     "frf_turned": (FRFS, "Correct the direction of this FRF, or leave it out."),
     "frf_scaled": (FRFS, "Correct the sensitivity of this FRF, or leave it out."),
@@ -53,9 +71,14 @@ REMEDIES: dict[str, tuple[str, str]] = {
     "damping_of_ratios": (FRFS, "Find out why the FRFs disagree, or use the ratios as they are."),
     "damping_failed": (RECIPE, "Choose another law or band; the elastic constants stand."),
     "optima": (RECIPE, "Fit a wider band, or another law."),
-    "law_inadequate": (DAMPING, "Quote its coefficients only with their intervals, or put the preferred law first."),
+    "law_inadequate": (
+        DAMPING,
+        "Quote its coefficients only with their intervals, or put the preferred law first.",
+    ),
 }
-"""What to do about each kind of finding, and where; the advice is that of the finding's own row where nothing is said here."""
+"""What to do about each kind of finding, and where; the advice is that of the finding's own row
+where nothing is said here.
+"""
 
 
 @dataclass(frozen=True)
@@ -70,7 +93,8 @@ class Step:
 
 
 def opening(document: Mapping[str, Any]) -> tuple[list[Step], list[str]]:
-    """The findings that a result opens with, at most three, the gravest first; and the other sentences as notes.
+    """The findings that a result opens with, at most three, the gravest first; and the other
+    sentences as notes.
 
     A result of an earlier version has no findings; its reasons and warnings are all notes.
     """
@@ -80,15 +104,24 @@ def opening(document: Mapping[str, Any]) -> tuple[list[Step], list[str]]:
     for finding in findings:
         if finding["kind"] in REMEDIES and finding["kind"] not in chosen and len(chosen) < MOST:
             common = but_numbers(finding["text"])
-            alike = list(dict.fromkeys(each["text"] for each in findings if but_numbers(each["text"]) == common))
-            chosen[finding["kind"]] = common, _step(finding, fold(alike).removeprefix(finding["text"]))
+            alike = list(
+                dict.fromkeys(
+                    each["text"] for each in findings if but_numbers(each["text"]) == common
+                )
+            )
+            chosen[finding["kind"]] = (
+                common,
+                _step(finding, fold(alike).removeprefix(finding["text"])),
+            )
     shown = tuple(common for common, _ in chosen.values())
     rest = [text for text in dict.fromkeys(warnings) if not but_numbers(text).startswith(shown)]
     return [step for _, step in chosen.values()], list(map(page_words, rest))
 
 
 def _step(finding: Mapping[str, Any], alike: str) -> Step:
-    """A finding's sentence without its advice, which stands apart; `alike` says what else it holds of."""
+    """A finding's sentence without its advice, which stands apart; `alike` says what else it holds
+    of.
+    """
     place, advice = REMEDIES[finding["kind"]]
     own, text = FINDINGS[finding["kind"]].advice, finding["text"]
     if own and text.endswith(own):
@@ -112,7 +145,8 @@ def _sentence(text: str) -> str:
 class Bar:
     """Prior and posterior of a parameter on one scale, in per cent of the bar's width."""
 
-    prior: tuple[float, float] | None  # where its 95 % begin, and how wide they are; None without a prior
+    # where its 95 % begin, and how wide they are; None without a prior
+    prior: tuple[float, float] | None
     posterior: tuple[float, float]
     estimate: float
     initial: float | None
@@ -131,8 +165,17 @@ def bar(row: Mapping[str, Any]) -> Bar | None:
     low, high = interval
     prior = None
     if row.get("prior_sd"):
-        prior = row["prior_mean"] - Z_95 * row["prior_sd"], row["prior_mean"] + Z_95 * row["prior_sd"]
-    ends = [low, high, row["estimate"], *(prior or ()), *([row["initial"]] if row["initial"] is not None else [])]
+        prior = (
+            row["prior_mean"] - Z_95 * row["prior_sd"],
+            row["prior_mean"] + Z_95 * row["prior_sd"],
+        )
+    ends = [
+        low,
+        high,
+        row["estimate"],
+        *(prior or ()),
+        *([row["initial"]] if row["initial"] is not None else []),
+    ]
     first, last = min(ends), max(ends)
     if last <= first:
         return None
@@ -147,7 +190,10 @@ def bar(row: Mapping[str, Any]) -> Bar | None:
     words = f"95 %: {said[0]} to {said[1]}"
     if prior is not None:
         words = (
-            f"prior {in_unit(prior[0], row['unit'])} to {in_unit(prior[1], row['unit'])}, now {said[0]} to {said[1]}"
+            f"prior {in_unit(prior[0], row['unit'])} to {in_unit(prior[1], row['unit'])}, now"
+            f" {said[0]} to {said[1]}"
         )
     initial = None if row["initial"] is None else round(place(row["initial"]), 2)
-    return Bar(prior and span(prior), span((low, high)), round(place(row["estimate"]), 2), initial, words)
+    return Bar(
+        prior and span(prior), span((low, high)), round(place(row["estimate"]), 2), initial, words
+    )

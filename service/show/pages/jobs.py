@@ -24,10 +24,19 @@ def get_events(
     user: CurrentUser,
     events: Annotated[Events, Depends()],
 ) -> Response:
-    """The states of jobs and monitors as server-sent events, of those among them that the visitor may see."""
+    """The states of jobs and monitors as server-sent events, of those among them that the visitor
+    may see.
+    """
     asked = set(job)
-    seen = set(session.scalars(select(Job.id).where(Job.id.in_(asked), Job.project_id.in_(projects_of(user)))))
-    states = {**look_at_jobs(session, seen), **look_at_monitors(session, monitors_among(session, user, asked))}
+    seen = set(
+        session.scalars(
+            select(Job.id).where(Job.id.in_(asked), Job.project_id.in_(projects_of(user)))
+        )
+    )
+    states = {
+        **look_at_jobs(session, seen),
+        **look_at_monitors(session, monitors_among(session, user, asked)),
+    }
     if not states:
         raise NotFound("job", ", ".join(map(str, job)))
     return events.of_all(states)

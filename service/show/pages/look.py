@@ -1,7 +1,9 @@
-"""How every page is made: who looks, the templates, addresses, and the policy that keeps a browser on this host.
+"""How every page is made: who looks, the templates, addresses, and the policy that keeps a browser
+on this host.
 
-Scripts and styles are served from memory, compressed once, and kept by browsers under their digest. A problem becomes a page
-for a browser that asked for something to look at; who has no session gets the sign-in.
+Scripts and styles are served from memory, compressed once, and kept by browsers under their digest.
+A problem becomes a page for a browser that asked for something to look at; who has no session gets
+the sign-in.
 """
 
 from __future__ import annotations
@@ -43,7 +45,12 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 FOLDER = Path(__file__).parent / "static"
-MEDIA_TYPES = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".txt": "text/plain"}
+MEDIA_TYPES = {
+    ".js": "text/javascript",
+    ".css": "text/css",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain",
+}
 LARGE = 1000  # bytes from which compression is worth a browser's work
 
 files = page_router()
@@ -74,7 +81,9 @@ def _read(file: Path) -> Asset:
 
 
 def address(name: str) -> str:
-    """Where a page finds a file, relative to the service's root; another content has another address."""
+    """Where a page finds a file, relative to the service's root; another content has another
+    address.
+    """
     return f"static/{assets()[name].digest}/{name}"
 
 
@@ -99,11 +108,13 @@ def get_asset(digest: str, name: str, request: Request) -> Response:
 
 PREFIX = "/ui"
 EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
-"""An empty style element, which Plotly makes and fills by the object model; a policy allows it by this digest of nothing."""
+"""An empty style element, which Plotly makes and fills by the object model; a policy allows it by
+this digest of nothing.
+"""
 
 POLICY = (
-    "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; script-src 'self'; "
-    f"style-src 'self' {EMPTY_STYLE}; img-src 'self' data: blob:; connect-src 'self'"
+    "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; script-src"
+    f" 'self'; style-src 'self' {EMPTY_STYLE}; img-src 'self' data: blob:; connect-src 'self'"
 )
 HEADERS = {"Content-Security-Policy": POLICY, "Cache-Control": "no-store"}
 
@@ -143,7 +154,9 @@ def page(request: Request, template: str, status_code: int = 200, **context: Any
         "docs": request.app.state.settings.docs if "app" in request.scope else True,
         **context,
     }
-    return HTMLResponse(_templates().get_template(template).render(shown), status_code, headers=HEADERS)
+    return HTMLResponse(
+        _templates().get_template(template).render(shown), status_code, headers=HEADERS
+    )
 
 
 @dataclass(frozen=True)
@@ -159,9 +172,14 @@ class Visit:
         return page(self.request, template, user=self.user.name, **context)
 
     def in_project(self, project_id: UUID) -> dict[str, Any]:
-        """The project of a page below it, as templates have it, and whether the visitor may change what is in it."""
+        """The project of a page below it, as templates have it, and whether the visitor may change
+        what is in it.
+        """
         project = access.get_project(project_id, self.session, self.user, Response())
-        may_edit = role_in(self.session, self.user, project_id) in ("editor", "owner") and project.archived_at is None
+        may_edit = (
+            role_in(self.session, self.user, project_id) in ("editor", "owner")
+            and project.archived_at is None
+        )
         return {"project": project, "may_edit": may_edit}
 
     def in_structure(self, structure_id: UUID) -> dict[str, Any]:
@@ -176,7 +194,9 @@ class Visit:
 
 
 def _visit(request: Request, session: SessionDep, user: CurrentUser) -> Iterator[Visit]:
-    """A page asks many times and shows one moment: a file that is read has its FRFs, or a browser would wait for them."""
+    """A page asks many times and shows one moment: a file that is read has its FRFs, or a browser
+    would wait for them.
+    """
     session.commit()
     session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
     try:
@@ -192,8 +212,9 @@ PROBLEM = "application/problem+json"
 
 
 class PageErrors:
-    """ASGI layer around all others: a problem document becomes a page that says the same, at a page's address, and wherever
-    else the client prefers HTML, as a browser does that opens a report or a figure in a new tab.
+    """ASGI layer around all others: a problem document becomes a page that says the same, at a
+    page's address, and wherever else the client prefers HTML, as a browser does that opens a report
+    or a figure in a new tab.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -201,7 +222,9 @@ class PageErrors:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI entry."""
-        if scope["type"] != "http" or not (scope["path"].startswith(f"{PREFIX}/") or _is_navigation(scope)):
+        if scope["type"] != "http" or not (
+            scope["path"].startswith(f"{PREFIX}/") or _is_navigation(scope)
+        ):
             await self.app(scope, receive, send)
             return
         start: Message | None = None
@@ -228,7 +251,10 @@ class PageErrors:
 def _is_navigation(scope: Scope) -> bool:
     try:
         accept = Headers(scope=scope).get("accept")
-        return scope["method"] == "GET" and choose_format(None, accept, {"": PROBLEM, "page": "text/html"}) == "page"
+        return (
+            scope["method"] == "GET"
+            and choose_format(None, accept, {"": PROBLEM, "page": "text/html"}) == "page"
+        )
     except NotAcceptable:
         return False
 

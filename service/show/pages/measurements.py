@@ -1,4 +1,6 @@
-"""Pages of what is measured and watched: structure, campaign, the report on a file, a coupon batch, monitors."""
+"""Pages of what is measured and watched: structure, campaign, the report on a file, a coupon batch,
+monitors.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -48,7 +50,9 @@ def get_structure(
     cursor: Cursor = None,
 ) -> HTMLResponse:
     """A structure: its tests side by side with what they gave, coupon batches, monitors."""
-    listed = campaigns.nouns.page(visit.session, visit.user, structure_id, cursor=cursor, limit=MOST, deleted=False)
+    listed = campaigns.nouns.page(
+        visit.session, visit.user, structure_id, cursor=cursor, limit=MOST, deleted=False
+    )
     shown = [c for c in listed.items if _wanted(c, boundary, name)]
     jobs = updating.list_update_jobs(
         visit.session, visit.user, structure=structure_id, status=["succeeded"], limit=MOST
@@ -61,7 +65,11 @@ def get_structure(
         "structure.html",
         **context,
         has_mesh=has_mesh(context["structure"]),
-        model=models.get_model(structure_id, visit.session, visit.user) if context["structure"].model else None,
+        model=(
+            models.get_model(structure_id, visit.session, visit.user)
+            if context["structure"].model
+            else None
+        ),
         sent=sent[0] if sent else None,
         forecast=forecast[0] if forecast else None,
         campaigns=sorted(shown, key=lambda c: c.performed_at or c.created_at),
@@ -71,7 +79,9 @@ def get_structure(
         over_time=over_time(list(newest.values()), {c.id: c.performed_at for c in listed.items}),
         parameters=_parameter_names(newest.values()),
         batches=coupons.batches.page(visit.session, visit.user, structure_id, limit=MOST).items,
-        monitors=monitoring.nouns.page(visit.session, visit.user, structure_id, limit=MOST, deleted=False).items,
+        monitors=monitoring.nouns.page(
+            visit.session, visit.user, structure_id, limit=MOST, deleted=False
+        ).items,
         boundary=boundary,
         name=name,
     )
@@ -117,7 +127,9 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
     listed = frfs.list_frfs(campaign_id, FrfFilter(), visit.session, visit.user, limit=1000)
     campaign = campaign_for(visit.session, visit.user, campaign_id)
     points, counts = specimen_points(visit.session, campaign), _measured_points(listed.items)
-    jobs = updating.list_update_jobs(visit.session, visit.user, campaign=campaign_id, limit=50).items
+    jobs = updating.list_update_jobs(
+        visit.session, visit.user, campaign=campaign_id, limit=50
+    ).items
     blocks = records.list_records(campaign_id, visit.session, visit.user, limit=MOST).items
     processings = records.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items
     done = next((row.result for row in processings if row.result is not None), None)
@@ -131,7 +143,11 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         more_frfs=listed.next_cursor is not None,
         grid=draw_grid(points, context["structure"].geometry, counts),
         space=points_in_space(
-            points, listed.items, counts, frame_of(campaign), trace_lines_of(visit.session, campaign_id)
+            points,
+            listed.items,
+            counts,
+            frame_of(campaign),
+            trace_lines_of(visit.session, campaign_id),
         ),
         has_mesh=has_mesh(context["structure"]),
         point_count=len(points),
@@ -153,47 +169,77 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
 
 def _sent(visit: Visit, campaign_id: UUID) -> list[ImportOut]:
     """The newest files of a campaign, the last one first."""
-    return imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=MOST, newest_first=True).items
+    return imports.of_jobs.page(
+        visit.session, visit.user, campaign_id, limit=MOST, newest_first=True
+    ).items
 
 
 def _reports(sent: Sequence[ImportOut]) -> list[ImportOut]:
-    """Of the files, newest first, those whose reports stand open: the newest, and those that were looked at and never read."""
+    """Of the files, newest first, those whose reports stand open: the newest, and those that were
+    looked at and never read.
+    """
     read = {row.sha256 for row in sent if not row.dry_run and row.status != "failed"}
-    looked_at = {row.sha256: row.id for row in reversed(sent) if row.dry_run and row.sha256 not in read}
+    looked_at = {
+        row.sha256: row.id for row in reversed(sent) if row.dry_run and row.sha256 not in read
+    }
     return [row for number, row in enumerate(sent) if number == 0 or row.id in looked_at.values()]
 
 
 def _starts(looked_at: Sequence[ImportOut], sent: Sequence[ImportOut]) -> dict[UUID, Any]:
-    """The mapping that the form of each file begins with: as it was last stated of these arrays, else as they suggest it."""
+    """The mapping that the form of each file begins with: as it was last stated of these arrays,
+    else as they suggest it.
+    """
     return {
-        row.id: _overruling(next((each.mapping for each in sent if _says_of(each, row)), row.found.mapping), row.found)
+        row.id: _overruling(
+            next((each.mapping for each in sent if _says_of(each, row)), row.found.mapping),
+            row.found,
+        )
         for row in looked_at
         if row.found is not None
     }
 
 
 def _overruling(mapping: dict[str, Any], found: Proposal) -> dict[str, Any]:
-    """A mapping whose units are shown beside those of the file, so that what a person then types in their place counts."""
-    own = {each["variable"]: each["unit"] for each in found.mapping.get("channels", ()) if each.get("unit")}
+    """A mapping whose units are shown beside those of the file, so that what a person then types in
+    their place counts.
+    """
+    own = {
+        each["variable"]: each["unit"]
+        for each in found.mapping.get("channels", ())
+        if each.get("unit")
+    }
     if not own or not isinstance(mapping.get("channels"), list):
         return mapping
     beside = [own.get(channel.get("variable")) for channel in mapping["channels"]]
-    channels = [{"unit": unit, **c, "instead_of": unit} for c, unit in zip(mapping["channels"], beside, strict=True)]
+    channels = [
+        {"unit": unit, **c, "instead_of": unit}
+        for c, unit in zip(mapping["channels"], beside, strict=True)
+    ]
     return {**mapping, "channels": channels}
 
 
 def _says_of(stated: ImportOut, row: ImportOut) -> bool:
-    """Whether a mapping was stated with a file, of the kind of this one, and the file is the same or has the same arrays."""
+    """Whether a mapping was stated with a file, of the kind of this one, and the file is the same
+    or has the same arrays.
+    """
     if not isinstance(stated.mapping, dict) or ("frf" in stated.mapping) != (row.kind == "frfs"):
         return False
-    names = stated.found and row.found and stated.found.variables.keys() == row.found.variables.keys()
+    names = (
+        stated.found and row.found and stated.found.variables.keys() == row.found.variables.keys()
+    )
     return stated.sha256 == row.sha256 or bool(names)
 
 
 def _sets_to_compare(visit: Visit, campaign: CampaignOut) -> list[tuple[UUID, str]]:
-    """Mode sets of the structure, those of this campaign first: key, and a name that says where each is from."""
-    others = campaigns.nouns.page(visit.session, visit.user, campaign.structure_id, limit=MOST, deleted=False).items
-    names = {each.id: "" if each.id == campaign.id else f", {each.name}" for each in (campaign, *others)}
+    """Mode sets of the structure, those of this campaign first: key, and a name that says where
+    each is from.
+    """
+    others = campaigns.nouns.page(
+        visit.session, visit.user, campaign.structure_id, limit=MOST, deleted=False
+    ).items
+    names = {
+        each.id: "" if each.id == campaign.id else f", {each.name}" for each in (campaign, *others)
+    }
     found = [
         (row.id, row.name + names[row.campaign_id], row.campaign_id)
         for row in mode_set_for.all(visit.session, campaign_id=names)
@@ -202,7 +248,9 @@ def _sets_to_compare(visit: Visit, campaign: CampaignOut) -> list[tuple[UUID, st
 
 
 def _decided(visit: Visit, campaign_id: UUID) -> dict[tuple[int, int, int], HitDecisionOut]:
-    """What stands by hand of each hit: of several decisions the newest, which the list has first."""
+    """What stands by hand of each hit: of several decisions the newest, which the list has
+    first.
+    """
     made: dict[tuple[int, int, int], HitDecisionOut] = {}
     for row in records.list_hit_decisions(campaign_id, visit.session, visit.user, limit=MOST).items:
         made.setdefault((row.point, row.direction, row.hit), row)
@@ -245,17 +293,25 @@ def _hit_places(blocks: Sequence[RecordOut]) -> list[HitPlace]:
 def get_points(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
     """The table of a campaign's grid points, in the file's frame."""
     context = visit.in_campaign(campaign_id)
-    return visit.show("grid_points.html", **context, points=stored_points(visit.session, campaign_id))
+    return visit.show(
+        "grid_points.html", **context, points=stored_points(visit.session, campaign_id)
+    )
 
 
 @router.get("/imports/{import_id}")
-def get_import(import_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> HTMLResponse:
-    """What became of a file, dataset by dataset; `part` is the piece that replaces itself when it has ended."""
+def get_import(
+    import_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False
+) -> HTMLResponse:
+    """What became of a file, dataset by dataset; `part` is the piece that replaces itself when it
+    has ended.
+    """
     shown = imports.of_jobs.one(visit.session, visit.user, import_id)
     starts = _starts([shown], _sent(visit, shown.campaign_id))
     if part:
         return visit.show("import_report.html", item=shown, starts=starts)
-    return visit.show("import.html", **visit.in_campaign(shown.campaign_id), item=shown, starts=starts)
+    return visit.show(
+        "import.html", **visit.in_campaign(shown.campaign_id), item=shown, starts=starts
+    )
 
 
 @router.get("/coupon-batches/{batch_id}")
@@ -274,7 +330,9 @@ def get_batch(batch_id: UUID, visit: VisitDep) -> HTMLResponse:
 
 
 def _reading(visit: Visit, coupon_id: UUID) -> dict[str, Any]:
-    """How a specimen's raw curve was read, with which the form of the next one begins; its own sizes left out."""
+    """How a specimen's raw curve was read, with which the form of the next one begins; its own
+    sizes left out.
+    """
     request = coupons.get_curve(coupon_id, visit.session, visit.user).request
     stated = request.model_dump(mode="json", include={"standard", "columns"}, exclude_none=True)
     return {**stated, "dimensions": {"unit": request.dimensions.unit}}
@@ -289,16 +347,22 @@ def get_monitors(visit: VisitDep) -> HTMLResponse:
         alarms=[
             alarm
             for state in ("alarm", "acknowledged")
-            for alarm in monitoring.list_alarms(visit.session, visit.user, state=state, limit=MOST_WATCHED).items
+            for alarm in monitoring.list_alarms(
+                visit.session, visit.user, state=state, limit=MOST_WATCHED
+            ).items
         ],
     )
 
 
 @router.get("/monitors/{monitor_id}")
 def get_monitor(
-    monitor_id: UUID, visit: VisitDep, series: Annotated[int | None, Query(ge=1, le=1_000_000)] = None
+    monitor_id: UUID,
+    visit: VisitDep,
+    series: Annotated[int | None, Query(ge=1, le=1_000_000)] = None,
 ) -> HTMLResponse:
-    """A monitor: a figure of each watched parameter with its limits, what they say, alarms, runs."""
+    """A monitor: a figure of each watched parameter with its limits, what they say, alarms,
+    runs.
+    """
     monitor = monitoring.nouns.one(visit.session, visit.user, monitor_id)
     now = look_at_monitors(visit.session, {monitor_id}).get(monitor_id)
     return visit.show(
@@ -307,6 +371,8 @@ def get_monitor(
         **visit.in_structure(monitor.structure_id),
         monitor=monitor,
         series=monitoring.get_series(monitor_id, visit.session, visit.user, series),
-        alarms=monitoring.list_alarms(visit.session, visit.user, monitor=monitor_id, limit=MOST_WATCHED).items,
+        alarms=monitoring.list_alarms(
+            visit.session, visit.user, monitor=monitor_id, limit=MOST_WATCHED
+        ).items,
         runs=monitoring.list_runs(monitor_id, visit.session, visit.user, series, limit=30).items,
     )

@@ -1,4 +1,6 @@
-"""Numbers as a laboratory writes them: its units, and no more digits than the uncertainty leaves."""
+"""Numbers as a laboratory writes them: its units, and no more digits than the uncertainty
+leaves.
+"""
 
 import math
 import re
@@ -15,7 +17,9 @@ _UNITS = {**UNITS, "_c": "°C", "_percent": "%"}
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """A value with so many significant digits, without an exponent where it can be read without one."""
+    """A value with so many significant digits, without an exponent where it can be read without
+    one.
+    """
     if value is None or not math.isfinite(value):
         return NOTHING
     if value == 0:
@@ -32,7 +36,8 @@ def unit_of(unit: str) -> str:
 
 
 def in_unit(value: float | None, unit: str, sd: float | None = None) -> str:
-    """A value of an SI unit as a laboratory writes it; with a standard deviation to its second digit.
+    """A value of an SI unit as a laboratory writes it; with a standard deviation to its second
+    digit.
 
     >>> in_unit(33.0512e9, "Pa", 0.21e9)
     '33.05'
@@ -50,7 +55,8 @@ def in_unit(value: float | None, unit: str, sd: float | None = None) -> str:
 
 
 def spread(row: Mapping[str, Any]) -> str:
-    """How far an estimate may be off, beside it: two sides where its interval is not about its middle.
+    """How far an estimate may be off, beside it: two sides where its interval is not about its
+    middle.
 
     >>> row = {"unit": "Pa", "estimate": 26.9e9, "standard_deviation": 8e9, "interval_95": [11.3e9, 27e9]}
     >>> spread(row), spread(row | {"interval_95": None})
@@ -59,7 +65,10 @@ def spread(row: Mapping[str, Any]) -> str:
     sd = row["standard_deviation"]
     if row["estimate"] is None or sd is None:
         return f"± {NOTHING}"
-    sides = [in_unit(each, row["unit"], sd) for each in deviations(row["estimate"], sd, row["interval_95"])]
+    sides = [
+        in_unit(each, row["unit"], sd)
+        for each in deviations(row["estimate"], sd, row["interval_95"])
+    ]
     return f"± {sides[0]}" if len(sides) == 1 else f"+{sides[0]} −{sides[1]}"
 
 
@@ -138,11 +147,15 @@ def _in_words(name: str, value: Any) -> tuple[str, str]:
     >>> _in_words("structure geometry length_m", 0.5), _in_words("recipe band_hz", [10.0, 900.0])
     (('structure geometry length', '500.0 mm'), ('recipe band', '10, 900 Hz'))
     """
-    ending, unit = next(((end, unit) for end, unit in _UNITS.items() if name.endswith(end)), ("", ""))
+    ending, unit = next(
+        ((end, unit) for end, unit in _UNITS.items() if name.endswith(end)), ("", "")
+    )
     parts = value if isinstance(value, list) else [value]
     said = ", ".join(_said(each, unit) for each in parts)
     counts = any(isinstance(each, int | float) and not isinstance(each, bool) for each in parts)
-    return words(name.removesuffix(ending) if counts else name), f"{said} {unit_of(unit)}".strip() if counts else said
+    return words(name.removesuffix(ending) if counts else name), (
+        f"{said} {unit_of(unit)}".strip() if counts else said
+    )
 
 
 def _said(value: Any, unit: str) -> str:
@@ -161,12 +174,17 @@ def mean(values: Sequence[float | None]) -> float | None:
 
 def named(rows: Iterable[Any], name: str) -> Any:
     """The row of that name, an object or a mapping; None where there is none."""
-    return next((row for row in rows if (row["name"] if isinstance(row, Mapping) else row.name) == name), None)
+    return next(
+        (row for row in rows if (row["name"] if isinstance(row, Mapping) else row.name) == name),
+        None,
+    )
 
 
 def details(value: Mapping[str, Any]) -> str:
     """Members of a flat object in one line."""
-    return ", ".join(f"{words(key)} {item}" for key, item in value.items() if item not in (None, "", {}, []))
+    return ", ".join(
+        f"{words(key)} {item}" for key, item in value.items() if item not in (None, "", {}, [])
+    )
 
 
 def _time(value: datetime | str) -> datetime:

@@ -1,6 +1,8 @@
-"""What was typed into the fields of a page: read here, so that what a page shows as understood is what it sends.
+"""What was typed into the fields of a page: read here, so that what a page shows as understood is
+what it sends.
 
-A field says in which unit it is and in which REST has it; `attributes` writes that from its label and its name.
+A field says in which unit it is and in which REST has it; `attributes` writes that from its label
+and its name.
 """
 
 import re
@@ -30,12 +32,17 @@ class Typed(StrictModel):
     kind: Literal["number", "whole", "numbers", "array", "points"]
     unit: Annotated[str, Body(max_length=20)] = ""  # of a number without one
     to: Annotated[str, Body(max_length=20)] = ""  # that REST has
-    of: Annotated[str, Body(max_length=200)] | None = None  # parameter whose value it is, which has the units
+    # parameter whose value it is, which has the units
+    of: Annotated[str, Body(max_length=200)] | None = None
 
 
 @router.post("/quantities")
-def read_typed(asked: Annotated[list[Typed], Body(max_length=5000)], _user: CurrentUser) -> list[dict[str, Any]]:
-    """Of each text its `value`, as REST takes it, with `words` for the page; or the `fault` in it."""
+def read_typed(
+    asked: Annotated[list[Typed], Body(max_length=5000)], _user: CurrentUser
+) -> list[dict[str, Any]]:
+    """Of each text its `value`, as REST takes it, with `words` for the page; or the `fault` in
+    it.
+    """
     return [_read(one, place) for place, one in enumerate(asked)]
 
 
@@ -60,7 +67,10 @@ def _read(asked: Typed, place: int) -> dict[str, Any]:
                 return {"value": value, "words": typed.in_words(value, unit, to)}
         values = typed.read_numbers(asked.text, unit, to)
         words = "; ".join(typed.in_words(value, unit, to) for value in values)
-        return {"value": values[0] if asked.kind == "array" and len(values) == 1 else values, "words": words}
+        return {
+            "value": values[0] if asked.kind == "array" and len(values) == 1 else values,
+            "words": words,
+        }
     except typed.UnreadableError as error:
         return {"fault": str(error)}
 
@@ -77,7 +87,9 @@ def units_of_parameter(name: str) -> tuple[str, str]:
 
 
 def attributes(name: str, label: str, kind: str = "number") -> Markup:
-    """The attributes of the field of a quantity: its unit is in brackets in its label, that of REST at the end of its name."""
+    """The attributes of the field of a quantity: its unit is in brackets in its label, that of REST
+    at the end of its name.
+    """
     unit, to = units_of_field(name, label)
     scale = 1.0 if "°C" in (unit, to) else typed.size_of(unit, to)
     said = f' data-unit="{escape(unit)}"' if unit else ""

@@ -1,4 +1,5 @@
-"""The first pages: sign-in, start, projects, a new test, keys; and those that correct, delete and restore.
+"""The first pages: sign-in, start, projects, a new test, keys; and those that correct, delete and
+restore.
 
 A page that deletes a project, a structure or a campaign says first what it will affect.
 """
@@ -59,14 +60,20 @@ def get_projects(visit: VisitDep, cursor: Cursor = None) -> HTMLResponse:
     """All projects."""
     listed = access.list_projects(visit.session, visit.user, cursor=cursor, limit=MOST)
     gone = access.list_projects(visit.session, visit.user, limit=MOST, deleted=True).items
-    return visit.show("projects.html", projects=listed.items, following=listed.next_cursor, gone=gone)
+    return visit.show(
+        "projects.html", projects=listed.items, following=listed.next_cursor, gone=gone
+    )
 
 
 @router.get("/projects/{project_id}")
 def get_project(project_id: UUID, visit: VisitDep, cursor: Cursor = None) -> HTMLResponse:
     """A project: its structures, members and newest updates."""
-    listed = structures.nouns.page(visit.session, visit.user, project_id, cursor=cursor, limit=MOST, deleted=False)
-    stored = storage.get_storage(project_id, visit.session, visit.user, visit.request.app.state.settings)
+    listed = structures.nouns.page(
+        visit.session, visit.user, project_id, cursor=cursor, limit=MOST, deleted=False
+    )
+    stored = storage.get_storage(
+        project_id, visit.session, visit.user, visit.request.app.state.settings
+    )
     people = access.list_members(project_id, visit.session, visit.user, limit=MOST).items
     jobs = updating.list_update_jobs(visit.session, visit.user, project=project_id, limit=10).items
     return visit.show(
@@ -74,7 +81,9 @@ def get_project(project_id: UUID, visit: VisitDep, cursor: Cursor = None) -> HTM
         **visit.in_project(project_id),
         structures=listed.items,
         following=listed.next_cursor,
-        instruments=instruments.page(visit.session, visit.user, project_id, limit=MOST, deleted=False).items,
+        instruments=instruments.page(
+            visit.session, visit.user, project_id, limit=MOST, deleted=False
+        ).items,
         members=people,
         stored=stored,
         jobs=name_jobs(visit, jobs),
@@ -115,24 +124,41 @@ EXAMPLES: dict[str, tuple[str, dict[str, Any]]] = {
         },
     ),
 }
-"""What a new test may be filled in with, by the kind of its structure: words of the link, and the structure."""
+"""What a new test may be filled in with, by the kind of its structure: words of the link, and the
+structure.
+"""
 
 
 @router.get("/new")
 def get_new_test(
-    visit: VisitDep, example: Annotated[str, Query(max_length=20)] = "", structure: UUID | None = None
+    visit: VisitDep,
+    example: Annotated[str, Query(max_length=20)] = "",
+    structure: UUID | None = None,
 ) -> HTMLResponse:
-    """A new test in one form: a structure, new or there, the test, its file; filled in where an example is asked for."""
-    projects = [p for p in access.list_projects(visit.session, visit.user, limit=MOST).items if p.archived_at is None]
+    """A new test in one form: a structure, new or there, the test, its file; filled in where an
+    example is asked for.
+    """
+    projects = [
+        p
+        for p in access.list_projects(visit.session, visit.user, limit=MOST).items
+        if p.archived_at is None
+    ]
     found = structures_to_choose(visit.session, visit.user)
     start = {}
     if example in EXAMPLES:
         test = {"name": "first test", "boundary": "cantilever"}
-        start = {"project": {"name": "laboratory"}, "structure": EXAMPLES[example][1], "campaign": test}
+        start = {
+            "project": {"name": "laboratory"},
+            "structure": EXAMPLES[example][1],
+            "campaign": test,
+        }
     return visit.show(
         "new_test.html",
         projects=projects,
-        structures=[(p.name, [(key, name) for owner, key, name in found if owner == p.id]) for p in reversed(projects)],
+        structures=[
+            (p.name, [(key, name) for owner, key, name in found if owner == p.id])
+            for p in reversed(projects)
+        ],
         chosen=structure,
         examples=[(name, words) for name, (words, _) in EXAMPLES.items()],
         kind=example if example in EXAMPLES else "",
@@ -161,56 +187,101 @@ def get_edit(noun: Noun, item_id: UUID, visit: VisitDep) -> HTMLResponse:
 
 def _project(visit: Visit, key: UUID) -> dict[str, Any]:
     item = visit.in_project(key)["project"]
-    count = len(structures.nouns.page(visit.session, visit.user, key, limit=MOST_COUNTED, deleted=False).items)
+    count = len(
+        structures.nouns.page(
+            visit.session, visit.user, key, limit=MOST_COUNTED, deleted=False
+        ).items
+    )
     return {
         "item": item,
         "above": [("ui/projects", "Projects"), (f"ui/projects/{key}", item.name)],
         "affects": "Name and description stand on pages and in reports that are made from now on.",
-        "hides": f"It hides {_count(count, 'structure')} with all campaigns, results and monitors. "
-        "An owner can restore it from the list of projects until it is purged.",
+        "hides": (
+            f"It hides {_count(count, 'structure')} with all campaigns, results and monitors. "
+            "An owner can restore it from the list of projects until it is purged."
+        ),
         "back": "ui/projects",
         "below": "structures",
-        "gone": structures.nouns.page(visit.session, visit.user, key, limit=MOST_COUNTED, deleted=True).items,
+        "gone": (
+            structures.nouns.page(
+                visit.session, visit.user, key, limit=MOST_COUNTED, deleted=True
+            ).items
+        ),
         "members": access.list_members(key, visit.session, visit.user, limit=MOST_COUNTED).items,
-        "webhooks": webhooks.list_webhooks(visit.session, visit.user, project=key, limit=MOST_COUNTED).items,
+        "webhooks": (
+            webhooks.list_webhooks(visit.session, visit.user, project=key, limit=MOST_COUNTED).items
+        ),
     }
 
 
 def _structure(visit: Visit, key: UUID) -> dict[str, Any]:
     within = visit.in_structure(key)
     item, project = within["structure"], within["project"]
-    tests = len(campaigns.nouns.page(visit.session, visit.user, key, limit=MOST_COUNTED, deleted=False).items)
-    jobs = len(updating.list_update_jobs(visit.session, visit.user, structure=key, limit=MOST_COUNTED).items)
+    tests = len(
+        campaigns.nouns.page(
+            visit.session, visit.user, key, limit=MOST_COUNTED, deleted=False
+        ).items
+    )
+    jobs = len(
+        updating.list_update_jobs(
+            visit.session, visit.user, structure=key, limit=MOST_COUNTED
+        ).items
+    )
     return {
         "item": item,
         "above": [(f"ui/projects/{project.id}", project.name), (f"ui/structures/{key}", item.name)],
-        "affects": f"Another size, density or material is version {item.version + 1}: new updates of "
-        f"{_count(tests, 'campaign')} use it, {_count(jobs, 'earlier update')} keep the version that they were made with.",
-        "hides": f"It hides {_count(tests, 'campaign')}, {_count(jobs, 'update')} and the monitors. "
-        "It can be restored where the project is edited.",
+        "affects": (
+            f"Another size, density or material is version {item.version + 1}: new updates of"
+            f" {_count(tests, 'campaign')} use it, {_count(jobs, 'earlier update')} keep the"
+            " version that they were made with."
+        ),
+        "hides": (
+            f"It hides {_count(tests, 'campaign')}, {_count(jobs, 'update')} and the monitors. "
+            "It can be restored where the project is edited."
+        ),
         "back": f"ui/projects/{project.id}",
         "below": "campaigns",
-        "gone": campaigns.nouns.page(visit.session, visit.user, key, limit=MOST_COUNTED, deleted=True).items,
+        "gone": (
+            campaigns.nouns.page(
+                visit.session, visit.user, key, limit=MOST_COUNTED, deleted=True
+            ).items
+        ),
     }
 
 
 def _campaign(visit: Visit, key: UUID) -> dict[str, Any]:
     within = visit.in_campaign(key, deleted=False)
     item, structure = within["campaign"], within["structure"]
-    jobs = len(updating.list_update_jobs(visit.session, visit.user, campaign=key, limit=MOST_COUNTED).items)
-    measured = len(frfs.list_frfs(key, FrfFilter(), visit.session, visit.user, limit=MOST_COUNTED).items)
+    jobs = len(
+        updating.list_update_jobs(visit.session, visit.user, campaign=key, limit=MOST_COUNTED).items
+    )
+    measured = len(
+        frfs.list_frfs(key, FrfFilter(), visit.session, visit.user, limit=MOST_COUNTED).items
+    )
     sets = len(modes.nouns.page(visit.session, visit.user, key, limit=MOST_COUNTED).items)
     return {
         "item": item,
-        "above": [(f"ui/structures/{structure.id}", structure.name), (f"ui/campaigns/{key}", item.name)],
-        "affects": f"Updates and identifications that are started from now on use what is stated here; "
-        f"{_count(jobs, 'earlier update')} and {_count(sets, 'mode set')} stay as they were computed: repeat them.",
-        "hides": f"It hides {_count(measured, 'FRF')} and {_count(sets, 'mode set')}; results stay. "
-        "It can be restored where the structure is edited.",
+        "above": [
+            (f"ui/structures/{structure.id}", structure.name),
+            (f"ui/campaigns/{key}", item.name),
+        ],
+        "affects": (
+            "Updates and identifications that are started from now on use what is stated here;"
+            f" {_count(jobs, 'earlier update')} and {_count(sets, 'mode set')} stay as they were"
+            " computed: repeat them."
+        ),
+        "hides": (
+            f"It hides {_count(measured, 'FRF')} and {_count(sets, 'mode set')}; results stay. "
+            "It can be restored where the structure is edited."
+        ),
         "back": f"ui/structures/{structure.id}",
         "below": "",
         "gone": [],
-        "boundaries": ["free", "as_modelled"] if structure.model else ["cantilever", "free", "simply_supported"],
+        "boundaries": (
+            ["free", "as_modelled"]
+            if structure.model
+            else ["cantilever", "free", "simply_supported"]
+        ),
     }
 
 

@@ -1,4 +1,5 @@
-"""Pages of updates of one campaign and of several: the form of a recipe, a job on its way, its result; and the next tests.
+"""Pages of updates of one campaign and of several: the form of a recipe, a job on its way, its
+result; and the next tests.
 
 Lists everywhere name update jobs by what they belong to.
 """
@@ -55,7 +56,8 @@ class NamedJob:
     campaign: str  # name of its campaign
     structure: str  # name of its structure
     structure_id: UUID  # key of that
-    result: dict[str, Any] | None  # the parts of its document that were asked for; None where it has none
+    # the parts of its document that were asked for; None where it has none
+    result: dict[str, Any] | None
 
     @property
     def verdict(self) -> str | None:
@@ -63,7 +65,9 @@ class NamedJob:
         return None if self.result is None else str(self.result["verdict"]["level"])
 
 
-def name_jobs(visit: Visit, jobs: Sequence[UpdateJobOut], parts: Sequence[str] = ("verdict",)) -> list[NamedJob]:
+def name_jobs(
+    visit: Visit, jobs: Sequence[UpdateJobOut], parts: Sequence[str] = ("verdict",)
+) -> list[NamedJob]:
     """Jobs that the visitor may see, each with its names and these parts of its result."""
     campaigns = campaigns_of(visit.session, [job.campaign_id for job in jobs])
     structures = structures_of(visit.session, [row.structure_id for row in campaigns.values()])
@@ -80,8 +84,11 @@ def name_jobs(visit: Visit, jobs: Sequence[UpdateJobOut], parts: Sequence[str] =
     ]
 
 
-def over_time(jobs: Sequence[NamedJob], performed: Mapping[UUID, datetime | None]) -> list[dict[str, Any]]:
-    """Estimates with their intervals for a figure over time: one row a result, `parameters` by name.
+def over_time(
+    jobs: Sequence[NamedJob], performed: Mapping[UUID, datetime | None]
+) -> list[dict[str, Any]]:
+    """Estimates with their intervals for a figure over time: one row a result, `parameters` by
+    name.
 
     Args:
         jobs: with the part `parameters` of their results.
@@ -105,38 +112,69 @@ def over_time(jobs: Sequence[NamedJob], performed: Mapping[UUID, datetime | None
 
 router = page_router()
 MOST = 100  # rows of a list on a page
-PRINCIPAL = ("mode_set", "prior_from_coupon_batch", "method", "parameters", "damping_models", "posterior")
+PRINCIPAL = (
+    "mode_set",
+    "prior_from_coupon_batch",
+    "method",
+    "parameters",
+    "damping_models",
+    "posterior",
+)
 """What an engineer chooses first; the rest of a recipe stands below."""
 
 
 @router.get("/campaigns/{campaign_id}/update")
 def get_new_update(
-    campaign_id: UUID, visit: VisitDep, like: Annotated[UUID | None, Query(description="a job to repeat")] = None
+    campaign_id: UUID,
+    visit: VisitDep,
+    like: Annotated[UUID | None, Query(description="a job to repeat")] = None,
 ) -> HTMLResponse:
     """The form of a recipe, made from its schema; filled in as another job's where one is named."""
     context = visit.in_campaign(campaign_id)
     sets = modes.nouns.page(visit.session, visit.user, campaign_id, limit=MOST).items
-    batches = coupons.batches.page(visit.session, visit.user, context["structure"].id, limit=MOST).items
+    batches = coupons.batches.page(
+        visit.session, visit.user, context["structure"].id, limit=MOST
+    ).items
     choices = {
-        "mode_set": [(str(s.id), f"{s.name} ({s.origin}, {counted(len(s.modes), 'mode')})") for s in reversed(sets)],
-        "prior_from_coupon_batch": [(str(b.id), f"{b.name} ({', '.join(b.constants)})") for b in reversed(batches)],
+        "mode_set": [
+            (str(s.id), f"{s.name} ({s.origin}, {counted(len(s.modes), 'mode')})")
+            for s in reversed(sets)
+        ],
+        "prior_from_coupon_batch": [
+            (str(b.id), f"{b.name} ({', '.join(b.constants)})") for b in reversed(batches)
+        ],
     }
     fields = fields_of(RecipeIn, choices)
-    first = sorted((f for f in fields if f.name in PRINCIPAL), key=lambda f: PRINCIPAL.index(f.name))
+    first = sorted(
+        (f for f in fields if f.name in PRINCIPAL), key=lambda f: PRINCIPAL.index(f.name)
+    )
     start: dict[str, Any] = {}
     if like is not None:
         recipe = updating.single.one(visit.session, visit.user, like).recipe
         start = recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
-        start |= {"parameters": [_as_typed(row) for row in start["parameters"]]} if start.get("parameters") else {}
+        start |= (
+            {"parameters": [_as_typed(row) for row in start["parameters"]]}
+            if start.get("parameters")
+            else {}
+        )
     return visit.show(
-        "new_update.html", **context, first=first, more=[f for f in fields if f.name not in PRINCIPAL], start=start
+        "new_update.html",
+        **context,
+        first=first,
+        more=[f for f in fields if f.name not in PRINCIPAL],
+        start=start,
     )
 
 
 def _as_typed(row: Mapping[str, Any]) -> dict[str, Any]:
-    """A parameter of a recipe as its form has it: values in the unit that the parameter is shown in."""
+    """A parameter of a recipe as its form has it: values in the unit that the parameter is shown
+    in.
+    """
     units = units_of_parameter(row["name"])
-    return {name: in_words(value, *units, 15) if name in OF_PARAMETER else value for name, value in row.items()}
+    return {
+        name: in_words(value, *units, 15) if name in OF_PARAMETER else value
+        for name, value in row.items()
+    }
 
 
 @router.get("/update-jobs")
@@ -181,13 +219,22 @@ def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
         figures=figures,
         steps=steps,
         notes=notes,
-        recipe=list(leaves(job.recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True))),
-        partners={pair["measured"]: pair["model"] for pair in (result.get("pairing") or {}).get("partners", [])},
+        recipe=list(
+            leaves(job.recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True))
+        ),
+        partners={
+            pair["measured"]: pair["model"]
+            for pair in (result.get("pairing") or {}).get("partners", [])
+        },
     )
 
 
-def _viewer(visit: Visit, campaign: CampaignOut, job_id: UUID, result: dict[str, Any]) -> dict[str, Any] | None:
-    """The viewer with the FRFs that were used and are still there, and the result's model; None where there is none."""
+def _viewer(
+    visit: Visit, campaign: CampaignOut, job_id: UUID, result: dict[str, Any]
+) -> dict[str, Any] | None:
+    """The viewer with the FRFs that were used and are still there, and the result's model; None
+    where there is none.
+    """
     if campaign.deleted_at is not None:
         return None
     used = {frf["id"] for frf in result["provenance"].get("frfs", [])}
@@ -200,18 +247,29 @@ def _viewer(visit: Visit, campaign: CampaignOut, job_id: UUID, result: dict[str,
 
 @router.get("/projects/{project_id}/joint")
 def get_new_joint(
-    project_id: UUID, visit: VisitDep, campaign: Annotated[list[UUID] | None, Query(max_length=MOST)] = None
+    project_id: UUID,
+    visit: VisitDep,
+    campaign: Annotated[list[UUID] | None, Query(max_length=MOST)] = None,
 ) -> HTMLResponse:
-    """The form of a joint update: campaigns to choose from, then those that were chosen with their mode sets."""
+    """The form of a joint update: campaigns to choose from, then those that were chosen with their
+    mode sets.
+    """
     context = visit.in_project(project_id)
-    found = structures.nouns.page(visit.session, visit.user, project_id, limit=MOST, deleted=False).items
-    tests = [(s, campaigns.nouns.page(visit.session, visit.user, s.id, limit=MOST, deleted=False).items) for s in found]
+    found = structures.nouns.page(
+        visit.session, visit.user, project_id, limit=MOST, deleted=False
+    ).items
+    tests = [
+        (s, campaigns.nouns.page(visit.session, visit.user, s.id, limit=MOST, deleted=False).items)
+        for s in found
+    ]
     chosen = [(s, c) for s, each in tests for c in each if c.id in set(campaign or ())]
     sets: dict[UUID, list[tuple[UUID, str]]] = {c.id: [] for _, c in chosen}
     for row in mode_set_for.all(visit.session, campaign_id=sets):
         sets[row.campaign_id].append((row.id, f"{row.name} ({row.origin})"))
     batches = [
-        b for s in {s.id: s for s, _ in chosen} for b in coupons.batches.page(visit.session, visit.user, s).items
+        b
+        for s in {s.id: s for s, _ in chosen}
+        for b in coupons.batches.page(visit.session, visit.user, s).items
     ]
     parameters = next(f for f in fields_of(RecipeIn, {}) if f.name == "parameters")
     return visit.show(
@@ -227,16 +285,24 @@ def get_new_joint(
 
 @router.get("/structures/{structure_id}/plan")
 def get_plan(structure_id: UUID, visit: VisitDep) -> HTMLResponse:
-    """Where to hit next: the tests to compare, and what was measured so far; the answer is written below the form."""
-    tests = campaigns.nouns.page(visit.session, visit.user, structure_id, limit=MOST, deleted=False).items
+    """Where to hit next: the tests to compare, and what was measured so far; the answer is written
+    below the form.
+    """
+    tests = campaigns.nouns.page(
+        visit.session, visit.user, structure_id, limit=MOST, deleted=False
+    ).items
     names = {test.id: test.name for test in tests}
-    sets = [(row, names[row.campaign_id]) for row in mode_set_for.all(visit.session, campaign_id=names)]
+    sets = [
+        (row, names[row.campaign_id]) for row in mode_set_for.all(visit.session, campaign_id=names)
+    ]
     return visit.show("plan.html", **visit.in_structure(structure_id), sets=sets)
 
 
 @router.get("/joint-updates/{joint_id}")
 def get_joint(joint_id: UUID, visit: VisitDep) -> HTMLResponse:
-    """A joint update: its progress while it runs, then what all campaigns say together, and where they contradict."""
+    """A joint update: its progress while it runs, then what all campaigns say together, and where
+    they contradict.
+    """
     job = updating.joint.one(visit.session, visit.user, joint_id)
     rows = campaigns_of(visit.session, [each.campaign_id for each in job.campaigns])
     names = {str(key): row.name for key, row in rows.items()}
@@ -249,7 +315,11 @@ def get_joint(joint_id: UUID, visit: VisitDep) -> HTMLResponse:
         result=joint_document(visit.session, joint_update_for(visit.session, visit.user, joint_id)),
         figures=shown.list_joint_figures(joint_id, visit.session, visit.user).items,
         alone=_newest_alone(visit, names),
-        asked=[(name, names.get(said, said)) for name, said in _stated(job.request) if said not in ("", "–")],
+        asked=[
+            (name, names.get(said, said))
+            for name, said in _stated(job.request)
+            if said not in ("", "–")
+        ],
     )
 
 
@@ -258,23 +328,37 @@ def _stated(request: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     usual = RecipeIn.model_validate({}).model_dump(mode="json")
 
     def own(part: Mapping[str, Any]) -> dict[str, Any]:
-        changed = {name: value for name, value in (part["recipe"] or {}).items() if value != usual.get(name)}
+        changed = {
+            name: value
+            for name, value in (part["recipe"] or {}).items()
+            if value != usual.get(name)
+        }
         return {name: changed if name == "recipe" else value for name, value in part.items()}
 
     yield from leaves(own({**request, "jobs": [own(job) for job in request["jobs"]]}))
 
 
 def _newest_alone(visit: Visit, names: Mapping[str, str]) -> dict[str, UUID]:
-    """The newest result of each campaign by itself, by the campaign's key; those without one are left out."""
+    """The newest result of each campaign by itself, by the campaign's key; those without one are
+    left out.
+    """
     found = {}
     for key in names:
-        jobs = updating.list_update_jobs(visit.session, visit.user, campaign=UUID(key), status=["succeeded"], limit=1)
+        jobs = updating.list_update_jobs(
+            visit.session, visit.user, campaign=UUID(key), status=["succeeded"], limit=1
+        )
         if jobs.items:
             found[key] = jobs.items[0].id
     return found
 
 
-def joint_updates_of(visit: Visit, project_id: UUID, campaign_id: UUID | None = None) -> Sequence[JointUpdateOut]:
+def joint_updates_of(
+    visit: Visit, project_id: UUID, campaign_id: UUID | None = None
+) -> Sequence[JointUpdateOut]:
     """The newest joint updates of a project, or those of them that a campaign takes part in."""
     listed = updating.joint.page(visit.session, visit.user, project_id, limit=MOST).items
-    return [job for job in listed if campaign_id is None or campaign_id in {each.campaign_id for each in job.campaigns}]
+    return [
+        job
+        for job in listed
+        if campaign_id is None or campaign_id in {each.campaign_id for each in job.campaigns}
+    ]

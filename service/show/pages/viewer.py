@@ -1,7 +1,8 @@
-"""What the pictures of a page start with: the measured points on their structure, and the FRF viewer's choices.
+"""What the pictures of a page start with: the measured points on their structure, and the FRF
+viewer's choices.
 
-Points are drawn to scale in an SVG of our own, and given as the picture in space takes them. The viewer has the FRFs to choose
-from, modes to mark, models and campaigns to lay over them.
+Points are drawn to scale in an SVG of our own, and given as the picture in space takes them. The
+viewer has the FRFs to choose from, modes to mark, models and campaigns to lay over them.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -55,8 +56,11 @@ class Grid:
     labels: bool  # whether there is room for the points' numbers
 
 
-def draw_grid(points: Mapping[int, Point3], geometry: Geometry | None, frfs: Mapping[int, int]) -> Grid | None:
-    """A campaign's points on their specimen, seen along −z; a body that lies along z is seen along −y.
+def draw_grid(
+    points: Mapping[int, Point3], geometry: Geometry | None, frfs: Mapping[int, int]
+) -> Grid | None:
+    """A campaign's points on their specimen, seen along −z; a body that lies along z is seen along
+    −y.
 
     Args:
         points: label to coordinates in the specimen's frame, m.
@@ -84,7 +88,8 @@ def draw_grid(points: Mapping[int, Point3], geometry: Geometry | None, frfs: Map
         return MARGIN + (x - left) * scale, height - middle - (y - bottom) * scale
 
     marks = [
-        Mark(label, *place(*xy), _words(points[label]), frfs.get(label, 0)) for label, xy in sorted(places.items())
+        Mark(label, *place(*xy), _words(points[label]), frfs.get(label, 0))
+        for label, xy in sorted(places.items())
     ]
     outline = None
     if geometry is not None:
@@ -97,12 +102,17 @@ def _across(points: Mapping[int, Point3], geometry: Geometry | None) -> int:
     """Which axis is drawn upwards: y, or z where a body without a geometry is flat in y."""
     if geometry is not None or not points:
         return 1
-    spread = [max(p[i] for p in points.values()) - min(p[i] for p in points.values()) for i in (1, 2)]
+    spread = [
+        max(p[i] for p in points.values()) - min(p[i] for p in points.values()) for i in (1, 2)
+    ]
     return 1 if spread[0] >= spread[1] else 2
 
 
 def _words(xyz: Point3) -> str:
-    return ", ".join(f"{axis} {1e3 * value:.4g}" for axis, value in zip("xyz", xyz, strict=True)) + " mm"
+    return (
+        ", ".join(f"{axis} {1e3 * value:.4g}" for axis, value in zip("xyz", xyz, strict=True))
+        + " mm"
+    )
 
 
 def _bar(wide: float, scale: float) -> tuple[float, str]:
@@ -129,14 +139,19 @@ def points_in_space(
         lines: trace lines of its files.
 
     Returns:
-        `points`, each with `response` and `reference`, unit vectors in the specimen's frame; `joined`, pairs of their numbers;
-        `axes`, the file's directions 1, 2 and 3 as rows in the specimen's frame.
+        `points`, each with `response` and `reference`, unit vectors in the specimen's frame;
+        `joined`, pairs of their numbers; `axes`, the file's directions 1, 2 and 3 as rows in the
+        specimen's frame.
     """
     responses = _directions((row.response_point, row.response_direction) for row in rows)
     references = _directions((row.reference_point, row.reference_direction) for row in rows)
 
     def along(directions: Iterable[int]) -> list[list[float]]:
-        return [(np.sign(d) * frame.axes[abs(d) - 1]).tolist() for d in sorted(directions) if abs(d) <= 3]
+        return [
+            (np.sign(d) * frame.axes[abs(d) - 1]).tolist()
+            for d in sorted(directions)
+            if abs(d) <= 3
+        ]
 
     return {
         "points": [
@@ -172,7 +187,11 @@ Mode = tuple[int, float, float | None]  # number, Hz, damping ratio
 
 
 def viewer_of(
-    visit: Visit, campaign: CampaignOut, frfs: Sequence[FrfOut], sets: Iterable[dict[str, Any]], job: UUID | None = None
+    visit: Visit,
+    campaign: CampaignOut,
+    frfs: Sequence[FrfOut],
+    sets: Iterable[dict[str, Any]],
+    job: UUID | None = None,
 ) -> dict[str, Any]:
     """The data of a viewer.
 
@@ -180,7 +199,8 @@ def viewer_of(
         visit: whose page.
         campaign: whose FRFs can be chosen first; others of its structure can be added.
         frfs: of that campaign.
-        sets: modes to mark, `{id, name, modes: [(number, Hz, damping ratio)]}`; the last is marked at first.
+        sets: modes to mark, `{id, name, modes: [(number, Hz, damping ratio)]}`; the last is marked
+            at first.
         job: an update whose model is laid over them at first, or None.
     """
     rows = [
@@ -188,7 +208,9 @@ def viewer_of(
          f.quantity, f.label, f.averages)
         for f in frfs
     ]  # fmt: skip
-    siblings = campaigns.nouns.page(visit.session, visit.user, campaign.structure_id, limit=MOST, deleted=False).items
+    siblings = campaigns.nouns.page(
+        visit.session, visit.user, campaign.structure_id, limit=MOST, deleted=False
+    ).items
     jobs = updating.list_update_jobs(
         visit.session, visit.user, campaign=campaign.id, status=["succeeded"], limit=MOST
     ).items
@@ -203,5 +225,7 @@ def viewer_of(
 
 def marked(mode_set: ModeSetOut) -> dict[str, Any]:
     """A mode set for marks."""
-    modes: list[Mode] = [(mode.number, mode.frequency_hz, mode.damping_ratio) for mode in mode_set.modes]
+    modes: list[Mode] = [
+        (mode.number, mode.frequency_hz, mode.damping_ratio) for mode in mode_set.modes
+    ]
     return {"id": str(mode_set.id), "name": mode_set.name, "modes": modes}

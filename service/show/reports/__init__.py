@@ -1,1 +1,3 @@
-"""Reports: a result in, a document of headings, tables and figures out; written as HTML or as PDF without a browser."""
+"""Reports: a result in, a document of headings, tables and figures out; written as HTML or as PDF
+without a browser.
+"""

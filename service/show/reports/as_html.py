@@ -72,7 +72,10 @@ def _block(block: Block) -> str:
     match block:
         case Letterhead(name, lines, logo):
             address = "<br>".join(map(escape, lines))
-            return f'<div class="head"><p><strong>{escape(name)}</strong><br>{address}</p>{_logo(logo)}</div>'
+            return (
+                "<div"
+                f' class="head"><p><strong>{escape(name)}</strong><br>{address}</p>{_logo(logo)}</div>'
+            )
         case Heading(text, level):
             return f"<h{level}>{escape(text)}</h{level}>"
         case Paragraph(text, "code"):
@@ -87,9 +90,16 @@ def _block(block: Block) -> str:
             # As an image its ids and styles cannot meet those of another figure on the page.
             source = base64.b64encode(render(figure, "svg")).decode()
             title = escape(figure.title, quote=True)
-            return f'<img alt="{title}" width="{100 * width:.0f}%" src="data:image/svg+xml;base64,{source}">'
+            return (
+                f'<img alt="{title}" width="{100 * width:.0f}%"'
+                f' src="data:image/svg+xml;base64,{source}">'
+            )
         case Signatures(roles):
-            return '<div class="sign">' + "".join(f"<div>{escape(role)}, date</div>" for role in roles) + "</div>"
+            return (
+                '<div class="sign">'
+                + "".join(f"<div>{escape(role)}, date</div>" for role in roles)
+                + "</div>"
+            )
         case PageBreak():
             return '<div class="page"></div>'
 
@@ -109,5 +119,7 @@ def _table(table: Table) -> str:
 
 def _row(tag: str, cells: Sequence[str], numeric: Sequence[bool]) -> str:
     pairs = zip(cells, numeric, strict=True)
-    inner = "".join(f"<{tag}{' class=n' if right else ''}>{escape(text)}</{tag}>" for text, right in pairs)
+    inner = "".join(
+        f"<{tag}{' class=n' if right else ''}>{escape(text)}</{tag}>" for text, right in pairs
+    )
     return f"<tr>{inner}</tr>"

@@ -1,6 +1,7 @@
 """A report as PDF, A4, with ReportLab: no browser and no system library.
 
-The fonts are matplotlib's DejaVu, which have Greek letters and signs; they are embedded. The same report gives the same bytes.
+The fonts are matplotlib's DejaVu, which have Greek letters and signs; they are embedded. The same
+report gives the same bytes.
 """
 
 import io
@@ -28,7 +29,11 @@ from service.show.reports.blocks import (
 MARGIN, WIDTH, HEIGHT = 51.0, 493.0, 745.0  # points, of the text; A4 is 595 by 842
 PICTURE_DPI = 170
 LOGO = 45.0  # points, height of a logo
-_TONES = {"good": ("#00704e", "#eaf6f1"), "careful": ("#b35f00", "#fdf3e4"), "bad": ("#b00020", "#fbeaec")}
+_TONES = {
+    "good": ("#00704e", "#eaf6f1"),
+    "careful": ("#b35f00", "#fdf3e4"),
+    "bad": ("#b00020", "#fbeaec"),
+}
 _SANS, _BOLD, _MONO = "DejaVuSans", "DejaVuSans-Bold", "DejaVuSansMono"
 
 
@@ -37,7 +42,8 @@ def as_pdf(report: Report) -> bytes:
     from reportlab import rl_config
     from reportlab.platypus import SimpleDocTemplate
 
-    rl_config.useA85 = 0  # pictures as bytes: as letters they are a quarter larger and took a quarter of the time
+    # pictures as bytes: as letters they are a quarter larger and took a quarter of the time
+    rl_config.useA85 = 0
     _register_fonts()
     buffer = io.BytesIO()
 
@@ -79,19 +85,29 @@ def _parts(block: Block) -> list[Any]:
             return [_letterhead(block), flow.Spacer(1, 14)]
         case Heading(text, level):
             size = {1: 16.0, 2: 11.5}.get(level, 9.5)
-            heading = flow.Paragraph(escape(text), _style(size, font=_BOLD, before=10 if level > 1 else 0, keep=True))
+            heading = flow.Paragraph(
+                escape(text), _style(size, font=_BOLD, before=10 if level > 1 else 0, keep=True)
+            )
             return [heading]
         case Paragraph(text, tone) if tone in _TONES:
             line, ground = _TONES[tone]
-            return [flow.Paragraph(escape(text), _style(9.5, line=line, ground=ground, before=4, after=8))]
+            return [
+                flow.Paragraph(
+                    escape(text), _style(9.5, line=line, ground=ground, before=4, after=8)
+                )
+            ]
         case Paragraph(text, "code"):
             return [
-                flow.Paragraph(escape(line).replace(" ", "\u00a0"), _style(6, font=_MONO)) for line in text.split("\n")
+                flow.Paragraph(escape(line).replace(" ", "\u00a0"), _style(6, font=_MONO))
+                for line in text.split("\n")
             ]
         case Paragraph(text, tone):
             return [flow.Paragraph(escape(text), _style(7.5 if tone == "small" else 8.5, after=3))]
         case Bullets(items):
-            return [flow.Paragraph(escape(item), _style(8.5, bullet=True), bulletText="•") for item in items]
+            return [
+                flow.Paragraph(escape(item), _style(8.5, bullet=True), bulletText="•")
+                for item in items
+            ]
         case Table():
             return [_table(block), flow.Spacer(1, 5)]
         case Picture(figure, width):
@@ -120,8 +136,8 @@ def _letterhead(block: Letterhead) -> Any:
 
 
 def _picture(figure: Figure, width: float) -> Any:
-    """A figure as a picture of so many points, narrower where it would be higher than the page. It goes from matplotlib's
-    memory into the file without a PNG between them.
+    """A figure as a picture of so many points, narrower where it would be higher than the page. It
+    goes from matplotlib's memory into the file without a PNG between them.
     """
     from PIL.Image import fromarray
     from reportlab.lib.utils import ImageReader
@@ -176,11 +192,16 @@ def _table(table: Table) -> Any:
 
     def cells(row: Sequence[str], font: str) -> list[Any]:
         pairs = zip(row, table.numeric, strict=True)
-        return [flow.Paragraph(escape(text), _style(7.5, font=font, right=right)) for text, right in pairs]
+        return [
+            flow.Paragraph(escape(text), _style(7.5, font=font, right=right))
+            for text, right in pairs
+        ]
 
     head = [cells(table.columns, _BOLD)] if named else []
     body = [cells(row, _SANS) for row in table.rows]
-    drawn = flow.Table(head + body, colWidths=_widths(table), repeatRows=1 if named else 0, splitInRow=1)
+    drawn = flow.Table(
+        head + body, colWidths=_widths(table), repeatRows=1 if named else 0, splitInRow=1
+    )
     rules = [
         ("VALIGN", (0, 0), (-1, -1), "TOP"),
         ("TOPPADDING", (0, 0), (-1, -1), 1.5),
@@ -196,8 +217,8 @@ def _table(table: Table) -> Any:
 
 
 def _widths(table: Table) -> list[float]:
-    """By the longest text of each column, within limits, so that one long cell does not squeeze the others; a word is not
-    broken.
+    """By the longest text of each column, within limits, so that one long cell does not squeeze the
+    others; a word is not broken.
     """
     rows = ([table.columns] if table.columns else []) + list(table.rows)
     lengths = [max(6, *(_length(row[k]) for row in rows)) for k in range(len(table.numeric))]

@@ -1,4 +1,6 @@
-"""What a report is made of. A report is a list of blocks; `as_html` and `as_pdf` write the same list."""
+"""What a report is made of. A report is a list of blocks; `as_html` and `as_pdf` write the same
+list.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +21,9 @@ class Heading:
 
 @dataclass(frozen=True)
 class Paragraph:
-    """Words; a tone other than `plain` is a box in its colour, small print, or text as it stands in a file."""
+    """Words; a tone other than `plain` is a box in its colour, small print, or text as it stands in
+    a file.
+    """
 
     text: str
     tone: Tone = "plain"

@@ -1,4 +1,6 @@
-"""The report of an update: two pages for who ordered the test, the rest as annex for who checks it."""
+"""The report of an update: two pages for who ordered the test, the rest as annex for who checks
+it.
+"""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -33,7 +35,9 @@ _WIDTHS = {
     "posterior": 0.75,
     "convergence": 0.85,
 }
-"""Of figures that are high, as shares of the text's width, so that two fit on a page; of others 0.9."""
+"""Of figures that are high, as shares of the text's width, so that two fit on a page; of others
+0.9.
+"""
 
 
 @dataclass(frozen=True)
@@ -53,20 +57,31 @@ def update_report(facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]]) -
 
     Args:
         facts: what it says.
-        draw: gives a figure by name as one or more for a page each, none where the result has nothing to draw.
+        draw: gives a figure by name as one or more for a page each, none where the result has
+            nothing to draw.
     """
     document = facts.document
     title = f"Updated model: {facts.structure['name']}"
-    footer = f"modalbase {document['provenance']['software']['modalbase']}, update job {document['provenance']['update_job']}"
+    footer = (
+        f"modalbase {document['provenance']['software']['modalbase']}, update job"
+        f" {document['provenance']['update_job']}"
+    )
     head = [] if facts.letterhead is None else [facts.letterhead]
-    return Report(title, footer, [*head, *_first(title, facts), *_second(facts, draw), *_annex(document, draw)])
+    return Report(
+        title,
+        footer,
+        [*head, *_first(title, facts), *_second(facts, draw), *_annex(document, draw)],
+    )
 
 
 def _first(title: str, facts: UpdateFacts) -> list[Block]:
     """The verdict, what was tested, and the parameters."""
     document = facts.document
     verdict = document["verdict"]
-    blocks: list[Block] = [Heading(title, 1), Paragraph(verdict["sentence"], TONES[verdict["level"]])]
+    blocks: list[Block] = [
+        Heading(title, 1),
+        Paragraph(verdict["sentence"], TONES[verdict["level"]]),
+    ]
     if verdict["reasons"]:
         blocks.append(Bullets(verdict["reasons"]))
     blocks += [Heading("Specimen and test"), _pairs(_specimen(facts))]
@@ -76,8 +91,9 @@ def _first(title: str, facts: UpdateFacts) -> list[Block]:
 
 
 _OF_INTERVALS = (
-    "Intervals hold 95 % of what is known: measurement noise, the model's discrepancy, priors, and the errors of dimensions, "
-    "mass, support and instruments. A parameter that is not identifiable is its prior, not a finding."
+    "Intervals hold 95 % of what is known: measurement noise, the model's discrepancy, priors, and"
+    " the errors of dimensions, mass, support and instruments. A parameter that is not identifiable"
+    " is its prior, not a finding."
 )
 
 
@@ -93,11 +109,17 @@ def _specimen(facts: UpdateFacts) -> list[tuple[str, str]]:
         ("size", _size(structure)),
         ("section", _section(structure)),
         ("support", str(campaign["boundary"]).replace("_", " ")),
-        ("tested", ", ".join([str(campaign["performed_at"] or "date not stated")[:16].replace("T", " "), *place])),
+        (
+            "tested",
+            ", ".join(
+                [str(campaign["performed_at"] or "date not stated")[:16].replace("T", " "), *place]
+            ),
+        ),
         ("instruments", _instruments(campaign["instruments"])),
         (
             "data",
-            counted(facts.frfs, "FRF") + ("" if band is None else f", fitted from {band[0]:.4g} to {band[1]:.4g} Hz"),
+            counted(facts.frfs, "FRF")
+            + ("" if band is None else f", fitted from {band[0]:.4g} to {band[1]:.4g} Hz"),
         ),
         ("computed", str(document["provenance"]["computed_at"])[:16].replace("T", " ") + " UTC"),
     ]
@@ -109,7 +131,9 @@ def _size(structure: Mapping[str, Any]) -> str:
         return ""
     body = structure["geometry"] or structure["shape"]
     last = "thickness" if structure["geometry"] else "height"
-    size = " × ".join(f"{1e3 * body[f'{name}_m']:.5g}" for name in ("length", "width", last) if body[f"{name}_m"])
+    size = " × ".join(
+        f"{1e3 * body[f'{name}_m']:.5g}" for name in ("length", "width", last) if body[f"{name}_m"]
+    )
     named = " × ".join(name for name in ("length", "width", last) if body[f"{name}_m"])
     density = structure["density_kg_m3"]
     return f"{size} mm ({named})" + ("" if density is None else f", {density:g} kg/m³")
@@ -156,9 +180,16 @@ def _budget(parameters: Sequence[Mapping[str, Any]]) -> list[Block]:
     for row in parameters:
         if row["budget"]:
             largest = sorted(row["budget"], key=lambda entry: -entry["share"])[:3]
-            named = [f"{entry['source'].replace('_', ' ')} {100 * entry['share']:.0f} %" for entry in largest]
+            named = [
+                f"{entry['source'].replace('_', ' ')} {100 * entry['share']:.0f} %"
+                for entry in largest
+            ]
             rows.append([row["name"], ", ".join(named)])
-    return [Table(["parameter", "largest parts of its variance"], rows, [False, False])] if rows else []
+    return (
+        [Table(["parameter", "largest parts of its variance"], rows, [False, False])]
+        if rows
+        else []
+    )
 
 
 def _second(facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]]) -> list[Block]:
@@ -170,13 +201,20 @@ def _second(facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]]) -> list
         blocks.append(Paragraph(f"The annex lists all {len(rows)} modes.", "small"))
     columns, rows = correlation_cells(document["correlation"])
     if rows:
-        blocks += [Heading("Correlation of measured and predicted FRFs, means"), _table(columns, rows)]
-    blocks += [Picture(figure, 0.86) for figure in draw("frf")] or [Paragraph(_without_frf(document))]
+        blocks += [
+            Heading("Correlation of measured and predicted FRFs, means"),
+            _table(columns, rows),
+        ]
+    blocks += [Picture(figure, 0.86) for figure in draw("frf")] or [
+        Paragraph(_without_frf(document))
+    ]
     return [*blocks, Signatures(("tested by", "checked by", "released by"))]
 
 
 def _without_frf(document: Mapping[str, Any]) -> str:
-    why = next((o["message"] for o in document["outcomes"] if o["stage"] == "damping" and o["message"]), "")
+    why = next(
+        (o["message"] for o in document["outcomes"] if o["stage"] == "damping" and o["message"]), ""
+    )
     return "No FRF is predicted, as the damping was not fitted" + (f": {why}." if why else ".")
 
 
@@ -190,21 +228,35 @@ def _annex(document: Mapping[str, Any], draw: Callable[[str], Sequence[Figure]])
     blocks += [Picture(figure, _WIDTHS.get(name, 0.9)) for name in ANNEX for figure in draw(name)]
     provenance = document["provenance"]
     recipe = json.dumps(provenance["recipe"], ensure_ascii=False, indent=1, sort_keys=True)
-    blocks += [Heading("Recipe"), Paragraph(recipe, "code"), Heading("Origin"), _pairs(_origin(provenance))]
+    blocks += [
+        Heading("Recipe"),
+        Paragraph(recipe, "code"),
+        Heading("Origin"),
+        _pairs(_origin(provenance)),
+    ]
     hashes = [[frf["id"], _content(frf)] for frf in provenance["frfs"]]
     if hashes:
-        blocks += [Heading("FRFs and their SHA-256"), Table(["FRF", "SHA-256 of its values"], hashes, [False, False])]
+        blocks += [
+            Heading("FRFs and their SHA-256"),
+            Table(["FRF", "SHA-256 of its values"], hashes, [False, False]),
+        ]
     return blocks
 
 
 def _content(frf: Mapping[str, Any]) -> str:
-    """What says that an FRF is the one that was used: its digest, or of one that the update made itself its time blocks."""
-    return frf.get("sha256") or f"made by this update of {counted(len(frf['records']), 'time block')}"
+    """What says that an FRF is the one that was used: its digest, or of one that the update made
+    itself its time blocks.
+    """
+    return (
+        frf.get("sha256") or f"made by this update of {counted(len(frf['records']), 'time block')}"
+    )
 
 
 def _origin(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
     software = ", ".join(f"{name} {version}" for name, version in provenance["software"].items())
-    durations = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in provenance["durations_s"].items())
+    durations = ", ".join(
+        f"{name} {seconds:.2f} s" for name, seconds in provenance["durations_s"].items()
+    )
     return [
         ("update job", provenance["update_job"]),
         ("campaign", provenance["campaign"]),

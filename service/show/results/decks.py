@@ -1,4 +1,6 @@
-"""The updated model as a deck of a finite element program, and the user's own deck with the numbers of a result."""
+"""The updated model as a deck of a finite element program, and the user's own deck with the numbers
+of a result.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ Program = Literal["calculix", "abaqus", "nastran"]
 Element = Literal["solid", "shell"]
 
 SPARE = 12
-"""Modes beyond twice those of the result: rigid motions, and motions in the plane, which an update does not know."""
+"""Modes beyond twice those of the result: rigid motions, and motions in the plane, which an update
+does not know.
+"""
 
 WRITERS: dict[tuple[Program, Element], Callable[[Deck], str]] = {
     ("calculix", "solid"): write_solids,
@@ -51,12 +55,15 @@ SUFFIXES: dict[Program, str] = {"calculix": "inp", "abaqus": "inp", "nastran": "
 
 
 NO_DECK_OF_A_SHAPE = (
-    "this body in space is a shape, of which no deck is written: its mesh is at GET /structures/{id}/model/mesh?format=uff (or "
-    "vtu), and the constants of its walls are the result's parameters"
+    "this body in space is a shape, of which no deck is written: its mesh is at GET"
+    " /structures/{id}/model/mesh?format=uff (or vtu), and the constants of its walls are the"
+    " result's parameters"
 )
 
 
-def written_deck(session: Session, job: UpdateJob, program: Program, element: Element | None) -> str:
+def written_deck(
+    session: Session, job: UpdateJob, program: Program, element: Element | None
+) -> str:
     """The deck of a job's updated model, as text.
 
     Raises:
@@ -65,12 +72,16 @@ def written_deck(session: Session, job: UpdateJob, program: Program, element: El
     """
     writer = WRITERS.get((program, element or USUAL[program]))
     if writer is None:
-        raise Invalid("element", f"there is no {program} deck of {element}s; there is one of {USUAL[program]}s")
+        raise Invalid(
+            "element",
+            f"there is no {program} deck of {element}s; there is one of {USUAL[program]}s",
+        )
     return writer(updated_deck(session, job))
 
 
 def updated_deck(session: Session, job: UpdateJob) -> Deck:
-    """What a deck says of a job's updated model: the structure as it was when the job was queued, with its estimates.
+    """What a deck says of a job's updated model: the structure as it was when the job was queued,
+    with its estimates.
 
     Raises:
         Conflict: the job has no result, no elastic constants, or elastic supports.
@@ -80,31 +91,45 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     if recipe.springs:
         names = ", ".join(spring.name for spring in recipe.springs)
         raise Conflict(
-            f"a deck cannot hold the recipe's elastic supports ({names}); update without them, and add them by hand"
+            f"a deck cannot hold the recipe's elastic supports ({names}); update without them, and"
+            " add them by hand"
         )
     if recipe.zones_m:
-        raise Conflict("a deck cannot hold the recipe's zones of other stiffness; update without them")
+        raise Conflict(
+            "a deck cannot hold the recipe's zones of other stiffness; update without them"
+        )
     campaign = campaign_of(session, job.campaign_id)
     structure = describe_version(version_of(session, job.structure_version_id), "")
     if structure.model is not None:
         raise Conflict(
-            "this body in space is a deck that was sent: GET /update-jobs/{id}/deck is it with the updated numbers"
+            "this body in space is a deck that was sent: GET /update-jobs/{id}/deck is it with the"
+            " updated numbers"
         )
     if structure.shape is not None:
         raise Conflict(NO_DECK_OF_A_SHAPE)
     specimen = body_of(structure, campaign.boundary, recipe)
-    assert isinstance(specimen, Specimen | LayeredSpecimen), "what is in space has a shape or is a model"
+    assert isinstance(specimen, Specimen | LayeredSpecimen), (
+        "what is in space has a shape or is a model"
+    )
     if isinstance(specimen, LayeredSpecimen) or specimen.pieces or specimen.layers:
         raise Conflict(
-            "a deck describes one homogenised layer of one thickness; this structure has constants of plies, plies of "
-            "unlike density, or pieces"
+            "a deck describes one homogenised layer of one thickness; this structure has constants"
+            " of plies, plies of unlike density, or pieces"
         )
     estimates = {row["name"]: row["estimate"] for row in document["parameters"]}
     parametrisation = parametrise(specimen, recipe_parameters(session, recipe, specimen)[0])
     if lacking := [name for name in parametrisation.names if estimates.get(name) is None]:
-        raise Conflict(f"the result has no {', '.join(lacking)}: no elastic constants were estimated")
+        raise Conflict(
+            f"the result has no {', '.join(lacking)}: no elastic constants were estimated"
+        )
     theta = np.array([estimates[name] for name in parametrisation.names])
-    c = dict(zip(parametrisation.constant_names, map(float, parametrisation.constants(theta)), strict=True))
+    c = dict(
+        zip(
+            parametrisation.constant_names,
+            map(float, parametrisation.constants(theta)),
+            strict=True,
+        )
+    )
     sensor, remark = _sensor(session, job, document)
     added = Instruments.model_validate(campaign.instruments).added_masses
     masses = (*sensor, *(Mass(each.x_m, each.y_m, each.mass_kg) for each in added))
@@ -150,7 +175,9 @@ def _rayleigh(document: dict[str, Any]) -> tuple[float, float] | None:
     return None
 
 
-def _sensor(session: Session, job: UpdateJob, document: dict[str, Any]) -> tuple[tuple[Mass, ...], str | None]:
+def _sensor(
+    session: Session, job: UpdateJob, document: dict[str, Any]
+) -> tuple[tuple[Mass, ...], str | None]:
     """The sensor where it stayed at a point, as the update had it; and a remark where it moved."""
     campaign = campaign_of(session, job.campaign_id)
     instruments = Instruments.model_validate(campaign.instruments)
@@ -182,7 +209,8 @@ def deck_order(session: Session, job: UpdateJob) -> DeckOrder:
         raise Conflict(NO_DECK_OF_A_SHAPE)
     if key is None:
         raise Conflict(
-            "no deck was sent as this structure's model: GET /update-jobs/{id}/cards writes one of a strip or plate"
+            "no deck was sent as this structure's model: GET /update-jobs/{id}/cards writes one of"
+            " a strip or plate"
         )
     document = result_document(session, job)
     constants = _constants(document)
@@ -190,10 +218,14 @@ def deck_order(session: Session, job: UpdateJob) -> DeckOrder:
         raise Conflict("the result has no elastic constants, so the deck stays as it is")
     model, row = load_model(session, key), model_for.row(session, key)
     if isinstance(model, MatrixModel):
-        raise Conflict("the structure is matrices, which stay as they are: multiply each by its factor of the result")
+        raise Conflict(
+            "the structure is matrices, which stay as they are: multiply each by its factor of the"
+            " result"
+        )
     if model.format not in WRITTEN or row.units is None:
         raise Conflict(
-            f"{row.filename} is a mesh without properties, which has no numbers to update: the result has them"
+            f"{row.filename} is a mesh without properties, which has no numbers to update: the"
+            " result has them"
         )
     return DeckOrder(
         content=deck_of(session, row),
@@ -203,7 +235,10 @@ def deck_order(session: Session, job: UpdateJob) -> DeckOrder:
         constants=constants,
         modes=min(len(document["modes"]), MOST_MODES),
         with_joints=job.recipe.get("junctions") != "off",
-        remarks=(*origin(job, document), f"numbers in {row.units}; each that was updated has a comment"),
+        remarks=(
+            *origin(job, document),
+            f"numbers in {row.units}; each that was updated has a comment",
+        ),
     )
 
 

@@ -1,4 +1,6 @@
-"""What the figures of an update are drawn from: its result, its predicted FRFs and the measured ones; which FRF is meant."""
+"""What the figures of an update are drawn from: its result, its predicted FRFs and the measured
+ones; which FRF is meant.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,8 @@ class UpdateFigures:
 
     @cached_property
     def light(self) -> dict[str, Any]:
-        """Band, and where the result came from: the members that a figure of FRFs needs, without reading the others.
+        """Band, and where the result came from: the members that a figure of FRFs needs, without
+        reading the others.
 
         Raises:
             Conflict: the job has no result, yet or ever.
@@ -78,12 +81,16 @@ class UpdateFigures:
         if self.arrays["frequency_hz"].size == 0:
             damping = next((o for o in self.document["outcomes"] if o["stage"] == "damping"), None)
             why = f": {damping['message']}" if damping and damping["message"] else ""
-            raise Conflict(f"this update predicts no FRFs, because its damping was not fitted to any{why}")
+            raise Conflict(
+                f"this update predicts no FRFs, because its damping was not fitted to any{why}"
+            )
 
     @cached_property
     def dofs(self) -> list[tuple[Dof, Dof]]:
         """Response and reference of each predicted FRF, in the specimen's frame."""
-        pairs = zip(self.arrays["responses"].tolist(), self.arrays["references"].tolist(), strict=True)
+        pairs = zip(
+            self.arrays["responses"].tolist(), self.arrays["references"].tolist(), strict=True
+        )
         return [(Dof(*response), Dof(*reference)) for response, reference in pairs]
 
     def measured_frf(self, row: int) -> Frf:
@@ -94,7 +101,9 @@ class UpdateFigures:
         return used_frfs(self.session, self.job, frfs_of(self.session, ids), self.dofs)[row]
 
     def measured(self, frf: Frf) -> tuple[ComplexArray, FloatArray | None]:
-        """(L,) measured values on the predicted lines, and the coherence, or None where none was stored."""
+        """(L,) measured values on the predicted lines, and the coherence, or None where none was
+        stored.
+        """
         frequency = self.arrays["frequency_hz"]
         first = int(np.searchsorted(frequency_axis(self.session, frf), frequency[0] * (1 - 1e-9)))
         ((_, values, coherence),) = FrfTable(
@@ -103,7 +112,9 @@ class UpdateFigures:
         return values.astype(complex), coherence
 
     def moving_point(self, row: int) -> int:
-        """The point that distinguishes an FRF from the others: that of the side which moved; of both, the response's."""
+        """The point that distinguishes an FRF from the others: that of the side which moved; of
+        both, the response's.
+        """
         response, reference = self.dofs[row]
         return reference.point if self._responses_stay else response.point
 
@@ -114,7 +125,9 @@ class UpdateFigures:
 
     @property
     def plan(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """From where to where the specimen goes along x and y, m, as it was when the job was queued; of a model, the points."""
+        """From where to where the specimen goes along x and y, m, as it was when the job was
+        queued; of a model, the points.
+        """
         structure = describe_version(version_of(self.session, self.job.structure_version_id), "")
         size = structure.geometry or structure.shape
         if size is not None:
@@ -122,7 +135,7 @@ class UpdateFigures:
         places = self.arrays["shape_places_m"]
         low, high = places.min(axis=0), places.max(axis=0)
         thin = 0.01 * float(np.max(high - low))
-        (x, y) = ((float(a) - thin, float(b) + thin) for a, b in zip(low[:2], high[:2], strict=True))
+        x, y = ((float(a) - thin, float(b) + thin) for a, b in zip(low[:2], high[:2], strict=True))
         return x, y
 
 
@@ -136,7 +149,8 @@ class JointFigures:
 
 
 AnyFigures = UpdateFigures | JointFigures
-Drawn = TypeVar("Drawn", UpdateFigures, JointFigures)  # what the figures of one kind of result are drawn from
+# what the figures of one kind of result are drawn from
+Drawn = TypeVar("Drawn", UpdateFigures, JointFigures)
 
 
 @dataclass(frozen=True)
@@ -144,12 +158,13 @@ class Wanted:
     """What the query of a figure's route says."""
 
     point: int | None = None  # grid point whose FRF is drawn; None for the first one
-    reference: int | None = None  # the other point of the FRF, where one point alone does not say which; or None
+    # the other point of the FRF, where one point alone does not say which; or None
+    reference: int | None = None
     # fmin, fmax: lines that are drawn, Hz; None for all
     fmin: float | None = None
     fmax: float | None = None
-    # measured, model: numbers from 1 of a measured mode and of one of the model, whose shapes are drawn; None for all
-    # pairs
+    # measured, model: numbers from 1 of a measured mode and of one of the model, whose shapes are
+    # drawn; None for all pairs
     measured: int | None = None
     model: int | None = None
 
@@ -158,7 +173,8 @@ ANYTHING = Wanted()
 
 
 def update_frf_figure(data: UpdateFigures, wanted: Wanted) -> Figure:
-    """The overlay of one FRF of an update that predicted some. Its `meta` says which points there are.
+    """The overlay of one FRF of an update that predicted some. Its `meta` says which points there
+    are.
 
     Raises:
         NotFound: there is no FRF at the points.
@@ -176,7 +192,10 @@ def update_frf_figure(data: UpdateFigures, wanted: Wanted) -> Figure:
         sds = [data.arrays.row(name, row)[lines] for name in ("log_magnitude_sd", "phase_sd")]
         spread = Spread(*sds)
     curves = FrfCurves(
-        title=f"FRF {dof_name(response)} / {dof_name(reference)}{', held out of the fit' if held else ''}",
+        title=(
+            f"FRF {dof_name(response)} /"
+            f" {dof_name(reference)}{', held out of the fit' if held else ''}"
+        ),
         quantity=frf.quantity,
         frequency_hz=frequency[lines],
         measured=measured[lines],
@@ -198,7 +217,10 @@ def _row_at(data: UpdateFigures, wanted: Wanted) -> int:
     if wanted.point is not None and wanted.point == wanted.reference:
         found = [row for row in found if pairs[row][0] == pairs[row][1]]
     if not found:
-        raise NotFound(f"FRF at point {' and '.join(map(str, named))} in this result; there are points {_listed(data)}")
+        raise NotFound(
+            f"FRF at point {' and '.join(map(str, named))} in this result; there are points"
+            f" {_listed(data)}"
+        )
     # Of those that share a fixed point the one whose moving point is the wanted one.
     moving = 1 if len({pair[1] for pair in pairs}) >= len({pair[0] for pair in pairs}) else 0
     return next((row for row in found if pairs[row][moving] == wanted.point), found[0])

@@ -1,4 +1,6 @@
-"""The figures of an update by name: what each is called, and how it is drawn from the job's result."""
+"""The figures of an update by name: what each is called, and how it is drawn from the job's
+result.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -48,7 +50,8 @@ class NamedFigure(Generic[Drawn]):
 
     title: str  # what it shows, in one line
     draw: Callable[[Drawn, Wanted], Figure]  # draws it
-    why_not: Callable[[Drawn], str | None]  # says why the result has nothing for it; nothing where it has
+    # says why the result has nothing for it; nothing where it has
+    why_not: Callable[[Drawn], str | None]
     arrays: tuple[str, ...] = ()  # that must be kept, which an earlier version may not have done
     query: tuple[str, ...] = ()  # parameters of the query that it heeds
     # draws it as several figures of which each fits on a page; None where one does
@@ -63,7 +66,9 @@ class NamedFigure(Generic[Drawn]):
         return why or (_OLDER if any(name not in data.arrays for name in self.arrays) else None)
 
 
-def draw_figure(figures: Mapping[str, NamedFigure[Drawn]], data: Drawn, name: str, wanted: Wanted = ANYTHING) -> Figure:
+def draw_figure(
+    figures: Mapping[str, NamedFigure[Drawn]], data: Drawn, name: str, wanted: Wanted = ANYTHING
+) -> Figure:
     """One of the figures of a kind of result.
 
     Raises:
@@ -77,7 +82,9 @@ def draw_figure(figures: Mapping[str, NamedFigure[Drawn]], data: Drawn, name: st
 
 
 def draw_sheets(data: UpdateFigures, name: str) -> Sequence[Figure]:
-    """A figure for paper: as many figures as it needs pages, none where the result has nothing to draw."""
+    """A figure for paper: as many figures as it needs pages, none where the result has nothing to
+    draw.
+    """
     figure = FIGURES[name]
     if figure.lacks(data) is not None:
         return ()
@@ -89,7 +96,10 @@ def _no_result(data: AnyFigures) -> None:
 
 
 _no_prediction = UpdateFigures.require_prediction
-_OLDER = "this result was computed by an earlier version, which kept no data for this figure; run the update again"
+_OLDER = (
+    "this result was computed by an earlier version, which kept no data for this figure; run the"
+    " update again"
+)
 
 
 def _no_mac(data: UpdateFigures) -> str | None:
@@ -108,7 +118,9 @@ def _one_temperature(data: AnyFigures) -> str | None:
 def _mac(data: UpdateFigures, _: Wanted) -> Figure:
     document = data.document
     matrix = document["correlation"]["mac_matrix"]
-    across = document.get("model_modes") or [{"number": j + 1, "frequency_hz": None} for j in range(len(matrix[0]))]
+    across = document.get("model_modes") or [
+        {"number": j + 1, "frequency_hz": None} for j in range(len(matrix[0]))
+    ]
     columns = [_mode_name(mode["number"], mode["frequency_hz"]) for mode in across]
     title = "MAC of measured and updated shapes"
     return mac_figure(matrix, _measured_names(data), columns, title, "mode of the updated model")
@@ -131,14 +143,19 @@ def _automac(data: UpdateFigures, _: Wanted) -> Figure:
 
 def _no_shapes(data: UpdateFigures) -> str | None:
     has_points = bool(data.document["provenance"]["frfs"]) or "shapes_updated" in data.arrays
-    return None if has_points else "there are no FRFs and the modes have no shapes, so there is nothing to draw"
+    return (
+        None
+        if has_points
+        else "there are no FRFs and the modes have no shapes, so there is nothing to draw"
+    )
 
 
 def _shapes(data: UpdateFigures, wanted: Wanted) -> Figure:
     found = _shape_pairs(data, wanted)
     if not found:
         return words(
-            "Mode shapes, measured and updated", "this mode has no partner; choose a mode of the other side too"
+            "Mode shapes, measured and updated",
+            "this mode has no partner; choose a mode of the other side too",
         )
     which = f"the first {MOST_MODES} of {len(found)} pairs" if len(found) > MOST_MODES else ""
     return _drawn_shapes(data, wanted, found[:MOST_MODES], which)
@@ -150,18 +167,24 @@ def _shape_sheets(data: UpdateFigures) -> list[Figure]:
         return [_shapes(data, ANYTHING)]
     sheets = np.array_split(found[:MOST_MODES], -(-min(len(found), MOST_MODES) // MOST_ROWS))
     return [
-        _drawn_shapes(data, ANYTHING, sheet.tolist(), f"modes {sheet[0, 0] + 1} to {sheet[-1, 0] + 1}")
+        _drawn_shapes(
+            data, ANYTHING, sheet.tolist(), f"modes {sheet[0, 0] + 1} to {sheet[-1, 0] + 1}"
+        )
         for sheet in sheets
     ]
 
 
-def _drawn_shapes(data: UpdateFigures, wanted: Wanted, found: Sequence[tuple[int, int]], which: str) -> Figure:
+def _drawn_shapes(
+    data: UpdateFigures, wanted: Wanted, found: Sequence[tuple[int, int]], which: str
+) -> Figure:
     arrays, modes = data.arrays, data.document["modes"]
     pairs = [
         ShapePair(
             number=modes[i]["number"],
             measured_title=f"mode {modes[i]['number']}, measured: {modes[i]['measured_hz']:.4g} Hz",
-            updated_title=_updated_title(modes[i]) if wanted.model is None else _model_title(data, i, j),
+            updated_title=(
+                _updated_title(modes[i]) if wanted.model is None else _model_title(data, i, j)
+            ),
             measured=arrays["shapes_measured"][i].astype(complex),
             updated=arrays["shapes_updated"][j].astype(float),
         )
@@ -171,9 +194,14 @@ def _drawn_shapes(data: UpdateFigures, wanted: Wanted, found: Sequence[tuple[int
 
 
 def _shape_pairs(data: UpdateFigures, wanted: Wanted) -> list[tuple[int, int]]:
-    """Places of the modes whose shapes are drawn: the pairs of the result, those of one measured mode, or any two."""
+    """Places of the modes whose shapes are drawn: the pairs of the result, those of one measured
+    mode, or any two.
+    """
     measured, model = len(data.document["modes"]), len(data.arrays["shapes_updated"])
-    for name, number, most in (("measured", wanted.measured, measured), ("model", wanted.model, model)):
+    for name, number, most in (
+        ("measured", wanted.measured, measured),
+        ("model", wanted.model, model),
+    ):
         if number is not None and number > most:
             raise NotFound(f"{name} mode {number} in this result; there are 1 to {most}")
     if wanted.measured is not None and wanted.model is not None:
@@ -198,7 +226,9 @@ def _updated_title(mode: dict[str, Any]) -> str:
 
 
 def _parameters(title: str) -> Callable[[AnyFigures, Wanted], Figure]:
-    return lambda data, _: parameters_figure(data.document["parameters"], f"{title}: prior and updated, 95 % intervals")
+    return lambda data, _: parameters_figure(
+        data.document["parameters"], f"{title}: prior and updated, 95 % intervals"
+    )
 
 
 def _no_posterior(data: AnyFigures) -> str | None:
@@ -216,14 +246,18 @@ def _posterior(data: AnyFigures, _: Wanted) -> Figure:
 
 
 def _sensitivities(data: UpdateFigures, _: Wanted) -> Figure:
-    effects = dict(zip(data.arrays["parameter_names"].tolist(), data.arrays["parameter_effects"], strict=True))
+    effects = dict(
+        zip(data.arrays["parameter_names"].tolist(), data.arrays["parameter_effects"], strict=True)
+    )
     known = {row["name"]: row["identifiable"] for row in data.document["parameters"]}
     return sensitivities_figure(effects, known, _measured_names(data))
 
 
 def _no_budget(data: AnyFigures) -> str | None:
     known = any(row["budget"] for row in data.document["parameters"])
-    return None if known else "this result does not say what the variance of its parameters is made of"
+    return (
+        None if known else "this result does not say what the variance of its parameters is made of"
+    )
 
 
 def _none_alone(data: JointFigures) -> str | None:
@@ -237,10 +271,17 @@ def _agreement(name: str) -> Callable[[UpdateFigures, Wanted], Figure]:
         low, high = wanted.fmin or 0.0, np.inf if wanted.fmax is None else wanted.fmax
         kept = (hz >= low) & (hz <= high)
         if not kept.any():
-            raise NotFound(f"line of the fitted band, {hz[0]:g} to {hz[-1]:g} Hz, between {low:g} and {high:g} Hz")
+            raise NotFound(
+                f"line of the fitted band, {hz[0]:g} to {hz[-1]:g} Hz, between {low:g} and"
+                f" {high:g} Hz"
+            )
         initial, updated = data.arrays[name][:, kept].astype(float)
         return agreement_figure(
-            name, hz[kept], initial, updated, [mode["measured_hz"] for mode in data.document["modes"]]
+            name,
+            hz[kept],
+            initial,
+            updated,
+            [mode["measured_hz"] for mode in data.document["modes"]],
         )
 
     return draw
@@ -256,11 +297,15 @@ def _sac(data: UpdateFigures, _: Wanted) -> Figure:
     labels = [data.moving_point(row) for row in rows]
     at = np.array([places[label] for label in labels])
     values = {
-        name: np.array([np.nan if v is None else v for _, found, _ in parts for v in found[name]], dtype=float)
+        name: np.array(
+            [np.nan if v is None else v for _, found, _ in parts for v in found[name]], dtype=float
+        )
         for name in ("sac", "frac")
     }
     held = [is_held for places, _, is_held in parts for _ in places]
-    return points_figure(PointValues(labels, at[:, 0], at[:, 1], values["sac"], values["frac"], held), *data.plan)
+    return points_figure(
+        PointValues(labels, at[:, 0], at[:, 1], values["sac"], values["frac"], held), *data.plan
+    )
 
 
 def _convergence(data: UpdateFigures, _: Wanted) -> Figure:
@@ -271,14 +316,18 @@ def _convergence(data: UpdateFigures, _: Wanted) -> Figure:
     constants = {name: [step["parameters"][name] for step in steps] for name in names}
     history = np.array(document["damping_fit"]["history"], dtype=float)
     laws = document["damping_models"]
-    coefficients = dict(zip(laws[0]["coefficients"], history.T.tolist(), strict=True)) if history.size else {}
+    coefficients = (
+        dict(zip(laws[0]["coefficients"], history.T.tolist(), strict=True)) if history.size else {}
+    )
     return convergence_figure(document["starts"], constants, coefficients)
 
 
 def _no_laws(data: UpdateFigures) -> str | None:
     laws = data.document["damping_models"]
     if not laws:
-        damping = next((o["message"] for o in data.document["outcomes"] if o["stage"] == "damping"), "")
+        damping = next(
+            (o["message"] for o in data.document["outcomes"] if o["stage"] == "damping"), ""
+        )
         return f"no damping law was fitted: {damping or 'no measured mode has a damping ratio'}"
     return _OLDER if laws[0]["curve"] is None else None
 
@@ -286,7 +335,12 @@ def _no_laws(data: UpdateFigures) -> str | None:
 def _no_identification(data: UpdateFigures) -> str | None:
     known = data.document["identification"] is not None
     return (
-        None if known else "this update was given its modes and identified none, so there is no stabilisation diagram"
+        None
+        if known
+        else (
+            "this update was given its modes and identified none, so there is no stabilisation"
+            " diagram"
+        )
     )
 
 
@@ -298,13 +352,20 @@ _LINES = ("fmin", "fmax")
 
 FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
     "frf": NamedFigure(
-        "FRF: measured, initial and updated", update_frf_figure, _no_prediction, (), ("point", "reference", *_LINES)
+        "FRF: measured, initial and updated",
+        update_frf_figure,
+        _no_prediction,
+        (),
+        ("point", "reference", *_LINES),
     ),
     "parameters": NamedFigure(
         "Parameters: prior and updated with 95 % intervals", _parameters("Parameters"), _no_result
     ),
     "sensitivities": NamedFigure(
-        "Sensitivities of the frequencies, parameter by mode", _sensitivities, _no_result, ("parameter_effects",)
+        "Sensitivities of the frequencies, parameter by mode",
+        _sensitivities,
+        _no_result,
+        ("parameter_effects",),
     ),
     "budget": NamedFigure(
         "What the variance of each parameter is made of",
@@ -321,10 +382,18 @@ FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
         _shape_sheets,
     ),
     "mac": NamedFigure("MAC of measured and updated shapes", _mac, _no_mac),
-    "automac": NamedFigure("AutoMAC of the measured shapes", _automac, _no_mac, ("shapes_measured",)),
-    "csac": NamedFigure("CSAC: agreement in shape by line", _agreement("csac"), _no_prediction, ("csac",), _LINES),
-    "csf": NamedFigure("CSF: agreement in level by line", _agreement("csf"), _no_prediction, ("csf",), _LINES),
-    "sac": NamedFigure("SAC and FRAC by point on the specimen", _sac, _no_prediction, ("fitted", "shape_points")),
+    "automac": NamedFigure(
+        "AutoMAC of the measured shapes", _automac, _no_mac, ("shapes_measured",)
+    ),
+    "csac": NamedFigure(
+        "CSAC: agreement in shape by line", _agreement("csac"), _no_prediction, ("csac",), _LINES
+    ),
+    "csf": NamedFigure(
+        "CSF: agreement in level by line", _agreement("csf"), _no_prediction, ("csf",), _LINES
+    ),
+    "sac": NamedFigure(
+        "SAC and FRAC by point on the specimen", _sac, _no_prediction, ("fitted", "shape_points")
+    ),
     "damping": NamedFigure(
         "Damping ratios and the laws",
         lambda data, _: damping_figure(data.document["damping_models"], data.document["modes"]),
@@ -342,7 +411,9 @@ FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
 
 JOINT_FIGURES: dict[str, NamedFigure[JointFigures]] = {
     "parameters": NamedFigure(
-        "Parameters of the material: prior and updated", _parameters("One material from all campaigns"), _no_result
+        "Parameters of the material: prior and updated",
+        _parameters("One material from all campaigns"),
+        _no_result,
     ),
     "campaigns": NamedFigure(
         "Each campaign alone, beside all together",

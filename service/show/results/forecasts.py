@@ -1,4 +1,6 @@
-"""Routes of what is shown of a forecast: its FRFs, its mesh and its shapes, as those of a result are."""
+"""Routes of what is shown of a forecast: its FRFs, its mesh and its shapes, as those of a result
+are.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,14 @@ from sqlalchemy.orm import Session
 from modalbase.formats.frfs import FrfRow
 from service.access import CurrentUser, SessionDep
 from service.errors import Conflict
-from service.show.results.space import At, ResultMeshOut, ShapeOut, file_of_result, mesh_of_result, model_shape
+from service.show.results.space import (
+    At,
+    ResultMeshOut,
+    ShapeOut,
+    file_of_result,
+    mesh_of_result,
+    model_shape,
+)
 from service.store.forecasts.operations import forecast_arrays, forecast_for
 from service.store.frfs.data import PredictedTable
 from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES
@@ -62,10 +71,18 @@ def _table(session: Session, row: Forecast) -> PredictedTable:
         raise Conflict("this forecast has no FRFs: ask again with a damping_ratio")
     pairs = zip(arrays["responses"].tolist(), arrays["references"].tolist(), strict=True)
     frfs = [
-        FrfRow(point, along, hit, way, f"{_axis(point, along)} by {_axis(hit, way)}", id=str(row.id))
+        FrfRow(
+            point, along, hit, way, f"{_axis(point, along)} by {_axis(hit, way)}", id=str(row.id)
+        )
         for (point, along), (hit, way) in pairs
     ]
-    places = dict(zip(arrays["shape_points"].tolist(), map(tuple, arrays["shape_places_m"].tolist()), strict=True))
+    places = dict(
+        zip(
+            arrays["shape_points"].tolist(),
+            map(tuple, arrays["shape_places_m"].tolist()),
+            strict=True,
+        )
+    )
     return PredictedTable(
         frequency_hz=frequency,
         values=values,
@@ -86,13 +103,17 @@ def get_forecast_frfs(
     user: CurrentUser,
     form: Annotated[str, form_of(MEDIA_TYPES, "as of measured FRFs; default: by Accept")],
 ) -> Response:
-    """Accelerances of the nominal model: every point to measure by every reference, in the formats of measured FRFs.
+    """Accelerances of the nominal model: every point to measure by every reference, in the formats
+    of measured FRFs.
 
-    Values are in single precision, in the structure's frame. Without a damping ratio there are none, and the answer is 409.
+    Values are in single precision, in the structure's frame. Without a damping ratio there are
+    none, and the answer is 409.
     """
     written, table = FORMATS[form], _table(session, forecast_for(session, user, forecast_id))
     name = f"forecast.{written.suffix}"
-    return spooled(lambda file: written.write([table], file), written.media_type, name, {"Vary": "Accept"})
+    return spooled(
+        lambda file: written.write([table], file), written.media_type, name, {"Vary": "Accept"}
+    )
 
 
 @router.get("/forecasts/{forecast_id}/mesh", response_model=ResultMeshOut, responses=MESH_FILES)
@@ -102,15 +123,20 @@ def get_forecast_mesh(
     user: CurrentUser,
     request: Request,
     form: MeshForm,
-    at: Annotated[At, Query(description="of a file: shapes at the mesh's nodes, or at the chosen points")] = "nodes",
+    at: Annotated[
+        At, Query(description="of a file: shapes at the mesh's nodes, or at the chosen points")
+    ] = "nodes",
 ) -> Any:
     """The mesh that was solved, the chosen points on it, and its modes.
 
-    As VTU or UFF (sets 2411, 2412, 55) it has all shapes too, each with its largest displacement 1, in the structure's frame.
+    As VTU or UFF (sets 2411, 2412, 55) it has all shapes too, each with its largest displacement 1,
+    in the structure's frame.
     """
     shown = ForecastInSpace(session, forecast_for(session, user, forecast_id))
     if form == "json":
-        require_used(request, "the mesh as JSON", {"at"}, "it has both; `mesh/shapes` answers its shapes")
+        require_used(
+            request, "the mesh as JSON", {"at"}, "it has both; `mesh/shapes` answers its shapes"
+        )
         return mesh_of_result(shown)
     return mesh_answer(file_of_result(shown, at), form, f"forecast-{forecast_id}")
 

@@ -1,7 +1,8 @@
 """The FRFs that the updated model predicts, as tables that are written like measured ones.
 
-A prediction has one FRF for each measured one that could be used, in the order in which the result's provenance names them.
-Each is given the degrees of freedom of its measured FRF, in the file's coordinates.
+A prediction has one FRF for each measured one that could be used, in the order in which the
+result's provenance names them. Each is given the degrees of freedom of its measured FRF, in the
+file's coordinates.
 """
 
 from __future__ import annotations
@@ -39,7 +40,9 @@ class Chosen:
     reference: int | None = None
 
 
-def predicted_table(session: Session, job: UpdateJob, model: Model, chosen: Chosen, cut: Cut) -> PredictedTable:
+def predicted_table(
+    session: Session, job: UpdateJob, model: Model, chosen: Chosen, cut: Cut
+) -> PredictedTable:
     """The FRFs of a job's model.
 
     Raises:
@@ -58,7 +61,9 @@ def predicted_table(session: Session, job: UpdateJob, model: Model, chosen: Chos
         raise NotFound("predicted FRF at these points and in this direction in this result")
     lines = cut.lines(frequency)
     said = [
-        {name: getattr(measured[i], name) for name in (*DOFS, "label")} | {"id": str(measured[i].id)} for i in wanted
+        {name: getattr(measured[i], name) for name in (*DOFS, "label")}
+        | {"id": str(measured[i].id)}
+        for i in wanted
     ]
     return PredictedTable(
         frequency_hz=frequency[lines],
@@ -74,11 +79,15 @@ def _dofs(table: IntArray) -> list[Dof]:
     return [Dof(int(point), int(direction)) for point, direction in table]
 
 
-def used_frfs(session: Session, job: UpdateJob, measured: list[Frf], dofs: list[tuple[Dof, Dof]]) -> list[Frf]:
-    """The measured FRFs that the predictions at these degrees of freedom, in the specimen's frame, belong to.
+def used_frfs(
+    session: Session, job: UpdateJob, measured: list[Frf], dofs: list[tuple[Dof, Dof]]
+) -> list[Frf]:
+    """The measured FRFs that the predictions at these degrees of freedom, in the specimen's frame,
+    belong to.
 
     Raises:
-        Conflict: FRFs were left out of the update and the campaign's frame was changed since, so none can say which.
+        Conflict: FRFs were left out of the update and the campaign's frame was changed since, so
+            none can say which.
     """
     if len(measured) == len(dofs):
         return measured
@@ -88,7 +97,8 @@ def used_frfs(session: Session, job: UpdateJob, measured: list[Frf], dofs: list[
         match = next((frf for frf in left if _dofs_in(frame, frf) == pair), None)
         if match is None:
             raise Conflict(
-                "the campaign's frame was changed after this update: restore it, or no prediction finds its FRF"
+                "the campaign's frame was changed after this update: restore it, or no prediction"
+                " finds its FRF"
             )
         used.append(match)
     return used

@@ -24,12 +24,14 @@ if TYPE_CHECKING:
 
 
 def report_of(session: Session, user: User, job: UpdateJob, settings: Settings) -> Report:
-    """The report of an update, with the structure as it was then, under the laboratory's name where the settings have one.
+    """The report of an update, with the structure as it was then, under the laboratory's name where
+    the settings have one.
 
     Raises:
         Conflict: the job has no result, yet or ever.
     """
-    from service.show.reports.update_report import (  # with the terminal's tables, by the first report
+    # with the terminal's tables, by the first report
+    from service.show.reports.update_report import (
         UpdateFacts,
         update_report,
     )

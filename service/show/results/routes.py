@@ -1,4 +1,6 @@
-"""Routes of what is shown of a result: predicted FRFs, the updated model's deck, figures and the report."""
+"""Routes of what is shown of a result: predicted FRFs, the updated model's deck, figures and the
+report.
+"""
 
 from collections.abc import Mapping
 from hashlib import sha256
@@ -13,7 +15,14 @@ from service.access import CurrentUser, SessionDep, SettingsDep
 from service.compute.models.decks import updated_deck
 from service.errors import Invalid
 from service.jobs.aside import read_aside
-from service.show.figures.answers import RESPONSES, Asked, FigureName, FigureOut, FiguresOut, require_figure
+from service.show.figures.answers import (
+    RESPONSES,
+    Asked,
+    FigureName,
+    FigureOut,
+    FiguresOut,
+    require_figure,
+)
 from service.show.reports.as_html import POLICY, as_html
 from service.show.reports.as_pdf import as_pdf
 from service.show.results.decks import SUFFIXES, Element, Program, deck_order, written_deck
@@ -57,18 +66,24 @@ def get_predicted_frfs(
     request: Request,
     cut: CutDep,
     form: Annotated[str, form_of(MEDIA_TYPES, "as of measured FRFs; default: by Accept")],
-    model: Annotated[Model, Query(description="with the updated parameters, or with the initial ones")] = "updated",
+    model: Annotated[
+        Model, Query(description="with the updated parameters, or with the initial ones")
+    ] = "updated",
     point: Annotated[Whole, Query(description="response point")] = None,
-    direction: Annotated[int | None, Query(ge=-6, le=6, description="signed response direction")] = None,
+    direction: Annotated[
+        int | None, Query(ge=-6, le=6, description="signed response direction")
+    ] = None,
     reference: Annotated[Whole, Query(description="reference point")] = None,
 ) -> Response:
-    """FRFs that the model predicts where FRFs were measured, in the formats, coordinates and order of the measured ones.
+    """FRFs that the model predicts where FRFs were measured, in the formats, coordinates and order
+    of the measured ones.
 
     `id` and `label` are those of the measured FRF. Values are in single precision.
     """
     job, written = update_job_for(session, user, job_id), FORMATS[form]
     table = predicted_table(session, job, model, Chosen(point, direction, reference), cut)
-    # A result never changes: the query says which part of it this is, and only UFF holds grid points, which may.
+    # A result never changes: the query says which part of it this is, and only UFF holds grid
+    # points, which may.
     headers = {"Vary": "Accept"}
     if written.one_table:
         headers["ETag"] = f'"{job.id}-{form}-{sha256(request.url.query.encode()).hexdigest()[:16]}"'
@@ -85,24 +100,36 @@ def get_cards(
     user: CurrentUser,
     program: Annotated[Program, Query(alias="format", description="whose cards")] = "calculix",
     element: Annotated[
-        Element | None, Query(description="by default `solid` for CalculiX, `shell` for Abaqus and Nastran")
+        Element | None,
+        Query(description="by default `solid` for CalculiX, `shell` for Abaqus and Nastran"),
     ] = None,
 ) -> PlainTextResponse:
-    """The updated model as a deck that CalculiX, Abaqus or Nastran runs: mesh, material, thickness, damping, supports."""
+    """The updated model as a deck that CalculiX, Abaqus or Nastran runs: mesh, material, thickness,
+    damping, supports.
+    """
     text = written_deck(session, update_job_for(session, user, job_id), program, element)
     name = f"update-{job_id}.{SUFFIXES[program]}"
-    return PlainTextResponse(text, headers={"Content-Disposition": f'attachment; filename="{name}"'})
+    return PlainTextResponse(
+        text, headers={"Content-Disposition": f'attachment; filename="{name}"'}
+    )
 
 
 @router.get("/update-jobs/{job_id}/deck", response_class=FileResponse)
 def get_deck(job_id: UUID, session: SessionDep, user: CurrentUser) -> Response:
-    """The deck that was sent as the structure's model, with the updated numbers and a comment at each; all else stays.
+    """The deck that was sent as the structure's model, with the updated numbers and a comment at
+    each; all else stays.
 
-    Its head says how far each mode of a solver's own model is expected to be off, as that has no model of the joints of walls.
+    Its head says how far each mode of a solver's own model is expected to be off, as that has no
+    model of the joints of walls.
     """
     order = deck_order(session, update_job_for(session, user, job_id))
     content = from_thread.run(read_aside, updated_deck, order)
-    return spooled(lambda file: _write(file, content), "application/octet-stream", f"updated-{order.filename}", {})
+    return spooled(
+        lambda file: _write(file, content),
+        "application/octet-stream",
+        f"updated-{order.filename}",
+        {},
+    )
 
 
 def _write(file: IO[bytes], content: bytes) -> None:
@@ -119,24 +146,33 @@ def list_figures(job_id: UUID, session: SessionDep, user: CurrentUser) -> Figure
 @router.get("/update-jobs/{job_id}/figures/{name}", response_class=Response, responses=RESPONSES)
 def get_figure(
     job_id: UUID,
-    name: Annotated[str, Path(max_length=60, description=f"one of {', '.join(FIGURES)}", examples=["frf"])],
+    name: Annotated[
+        str, Path(max_length=60, description=f"one of {', '.join(FIGURES)}", examples=["frf"])
+    ],
     session: SessionDep,
     user: CurrentUser,
     asked: Asked,
-    point: Annotated[Whole, Query(description="`frf`: grid point whose FRF is drawn; default: the first one")] = None,
-    reference: Annotated[Whole, Query(description="`frf`: the other point, where one alone does not say which")] = None,
+    point: Annotated[
+        Whole, Query(description="`frf`: grid point whose FRF is drawn; default: the first one")
+    ] = None,
+    reference: Annotated[
+        Whole, Query(description="`frf`: the other point, where one alone does not say which")
+    ] = None,
     fmin: Annotated[Hertz, Query(description="`frf`, `csac`, `csf`: lines from here, Hz")] = None,
     fmax: Annotated[Hertz, Query(description="`frf`, `csac`, `csf`: lines up to here, Hz")] = None,
     measured: Annotated[
-        Mode, Query(description="`shapes`: number of a measured mode, as rows of the MAC count them")
+        Mode,
+        Query(description="`shapes`: number of a measured mode, as rows of the MAC count them"),
     ] = None,
     model: Annotated[
-        Mode, Query(description="`shapes`: number of a mode of the updated model, as its columns do")
+        Mode,
+        Query(description="`shapes`: number of a mode of the updated model, as its columns do"),
     ] = None,
 ) -> Response:
     """A figure of the result: Plotly JSON, or the same figure as SVG, PNG or PDF.
 
-    Where the result has nothing to draw, such as the FRFs of a job whose damping failed, the answer is 409 and says why.
+    Where the result has nothing to draw, such as the FRFs of a job whose damping failed, the answer
+    is 409 and says why.
     """
     require_order(fmin, fmax)
     job = update_job_for(session, user, job_id)
@@ -144,7 +180,8 @@ def get_figure(
     require_figure(name, *FIGURES)
     asked.require_used(name, FIGURES[name].query, _OF_FIGURES)
     wanted = Wanted(point, reference, fmin, fmax, measured, model)
-    return asked.answer(lambda: draw_figure(FIGURES, data, name, wanted), name, str(job.id))  # a result never changes
+    # a result never changes
+    return asked.answer(lambda: draw_figure(FIGURES, data, name, wanted), name, str(job.id))
 
 
 @router.get("/update-jobs/{job_id}/mesh", response_model=ResultMeshOut, responses=MESH_FILES)
@@ -156,16 +193,25 @@ def get_result_mesh(
     form: MeshForm,
     at: Annotated[
         At,
-        Query(description="of a file: shapes at the mesh's nodes, measured ones expanded; or at the measured points"),
+        Query(
+            description=(
+                "of a file: shapes at the mesh's nodes, measured ones expanded; or at the measured"
+                " points"
+            )
+        ),
     ] = "nodes",
 ) -> Any:
-    """The mesh of the updated model, the measured points on it, and the modes whose shapes `mesh/shapes` answers.
+    """The mesh of the updated model, the measured points on it, and the modes whose shapes
+    `mesh/shapes` answers.
 
-    As VTU or UFF (sets 2411, 2412, 55) it has all shapes too, each with its largest displacement 1, in the structure's frame.
+    As VTU or UFF (sets 2411, 2412, 55) it has all shapes too, each with its largest displacement 1,
+    in the structure's frame.
     """
     data = UpdateFigures(session, update_job_for(session, user, job_id))
     if form == "json":
-        require_used(request, "the mesh as JSON", {"at"}, "it has both; `mesh/shapes` answers its shapes")
+        require_used(
+            request, "the mesh as JSON", {"at"}, "it has both; `mesh/shapes` answers its shapes"
+        )
         return mesh_of_result(data)
     return mesh_answer(file_of_result(data, at), form, f"update-{job_id}")
 
@@ -175,10 +221,14 @@ def get_result_shape(
     job_id: UUID,
     session: SessionDep,
     user: CurrentUser,
-    measured: Annotated[Mode, Query(description="number of a measured mode, which is expanded over the mesh")] = None,
+    measured: Annotated[
+        Mode, Query(description="number of a measured mode, which is expanded over the mesh")
+    ] = None,
     model: Annotated[Mode, Query(description="number of a mode of the updated model")] = None,
 ) -> ShapeOut:
-    """A shape on the mesh, in space: of a measured mode or of one of the model; name one of them."""
+    """A shape on the mesh, in space: of a measured mode or of one of the model; name one of
+    them.
+    """
     data = UpdateFigures(session, update_job_for(session, user, job_id))
     if measured is not None and model is None:
         return measured_shape(data, measured)
@@ -194,12 +244,19 @@ def get_report(
     user: CurrentUser,
     settings: SettingsDep,
     file_format: Annotated[
-        Literal["html", "pdf"], Query(alias="format", description="a page that stands alone, or A4 for print")
+        Literal["html", "pdf"],
+        Query(alias="format", description="a page that stands alone, or A4 for print"),
     ] = "html",
 ) -> Response:
-    """The report of a result: two pages for who ordered the test, the rest as annex for who checks it."""
+    """The report of a result: two pages for who ordered the test, the rest as annex for who checks
+    it.
+    """
     report = report_of(session, user, update_job_for(session, user, job_id), settings)
-    write, kind = (as_html, "text/html; charset=utf-8") if file_format == "html" else (as_pdf, "application/pdf")
+    write, kind = (
+        (as_html, "text/html; charset=utf-8")
+        if file_format == "html"
+        else (as_pdf, "application/pdf")
+    )
     described = {"Content-Disposition": f'inline; filename="report-{job_id}.{file_format}"'}
     if file_format == "html":  # it stands alone: no script, styles and pictures within
         described["Content-Security-Policy"] = POLICY
@@ -210,24 +267,35 @@ def get_report(
 def list_joint_figures(joint_id: UUID, session: SessionDep, user: CurrentUser) -> FiguresOut:
     """Names of the figures of a joint update, and which of them its result can be drawn as."""
     row = joint_update_for(session, user, joint_id)
-    return FiguresOut(items=_described(JointFigures(row, joint_document(session, row)), JOINT_FIGURES, "joint-updates"))
+    return FiguresOut(
+        items=_described(
+            JointFigures(row, joint_document(session, row)), JOINT_FIGURES, "joint-updates"
+        )
+    )
 
 
-@router.get("/joint-updates/{joint_id}/figures/{name}", response_class=Response, responses=RESPONSES)
+@router.get(
+    "/joint-updates/{joint_id}/figures/{name}", response_class=Response, responses=RESPONSES
+)
 def get_joint_figure(
     joint_id: UUID, name: FigureName, session: SessionDep, user: CurrentUser, asked: Asked
 ) -> Response:
-    """A figure of a joint update: `parameters`, `campaigns`, `frequencies`, `budget` or `posterior`.
+    """A figure of a joint update: `parameters`, `campaigns`, `frequencies`, `budget` or
+    `posterior`.
 
-    `campaigns` shows what each campaign says alone of each constant, beside all of them together: where they contradict.
+    `campaigns` shows what each campaign says alone of each constant, beside all of them together:
+    where they contradict.
     """
     row = joint_update_for(session, user, joint_id)
     require_figure(name, *JOINT_FIGURES)
     data = JointFigures(row, joint_document(session, row))
-    return asked.answer(lambda: draw_figure(JOINT_FIGURES, data, name), name, str(row.id))  # a result never changes
+    # a result never changes
+    return asked.answer(lambda: draw_figure(JOINT_FIGURES, data, name), name, str(row.id))
 
 
-def _described(data: Drawn, figures: Mapping[str, NamedFigure[Drawn]], kind: str) -> list[FigureOut]:
+def _described(
+    data: Drawn, figures: Mapping[str, NamedFigure[Drawn]], kind: str
+) -> list[FigureOut]:
     """Every figure of a result, and why one of them has nothing to draw."""
     return [
         FigureOut(

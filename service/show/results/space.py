@@ -1,9 +1,11 @@
-"""A result in space: its mesh with the measured points, and shapes on it, those of the model and the measured ones expanded.
+"""A result in space: its mesh with the measured points, and shapes on it, those of the model and
+the measured ones expanded.
 
-A measured shape φ at the points is expanded by the model's shapes (SEREP: O'Callahan, Avitabile and Riemer, IMAC VII, 1989):
-with Ψ those of the model at the points and Φ those on its mesh, φ_mesh = Φ Ψ⁺ φ. Of the model's modes those nearest in
-frequency take part, at most one for two measured values, so that what they miss says how well they describe the measurement;
-and combinations of them that the points hardly see are left out of the pseudo-inverse.
+A measured shape φ at the points is expanded by the model's shapes (SEREP: O'Callahan, Avitabile and
+Riemer, IMAC VII, 1989): with Ψ those of the model at the points and Φ those on its mesh, φ_mesh = Φ
+Ψ⁺ φ. Of the model's modes those nearest in frequency take part, at most one for two measured
+values, so that what they miss says how well they describe the measurement; and combinations of them
+that the points hardly see are left out of the pseudo-inverse.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,7 +25,9 @@ from service.store.structures.model_routes import MeshBlockOut, PlacesOut
 from service.web import StrictModel
 
 UNSEEN = 0.03
-"""Share of the best seen combination of modes below which the points leave open how much there is of one."""
+"""Share of the best seen combination of modes below which the points leave open how much there is
+of one.
+"""
 
 DIGITS = 5
 
@@ -54,7 +58,9 @@ class MeasuredPointOut(StrictModel):
     x_m: float = Field(description="m")
     y_m: float = Field(description="m")
     z_m: float = Field(description="m")
-    response: list[list[float]] = Field(description="unit vectors along which shapes are known there")
+    response: list[list[float]] = Field(
+        description="unit vectors along which shapes are known there"
+    )
     held_out: bool = Field(description="whether no measured shape is known there")
 
 
@@ -81,7 +87,10 @@ class ResultMeshOut(StrictModel):
     blocks: list[MeshBlockOut] = Field(description="elements of one kind and set each")
     points: list[MeasuredPointOut]
     joined: list[tuple[int, int]] = Field(
-        description="rows of `points` from 0: along the files' trace lines, else neighbours; none that is held out"
+        description=(
+            "rows of `points` from 0: along the files' trace lines, else neighbours; none that is"
+            " held out"
+        )
     )
     measured: list[MeasuredModeOut] = Field(description="measured modes with shapes")
     model: list[ModelModeOut] = Field(description="modes of the updated model")
@@ -97,9 +106,15 @@ class MotionOut(StrictModel):
 class ShapeOut(StrictModel):
     """A shape; its largest displacement is 1."""
 
-    nodes: MotionOut = Field(description="of the mesh; of a measured mode expanded by the model's shapes")
-    points: MotionOut = Field(description="of the measured points along their directions: as measured, not expanded")
-    missed_percent: float | None = Field(description="of a measured shape that the expansion misses at its points, rms")
+    nodes: MotionOut = Field(
+        description="of the mesh; of a measured mode expanded by the model's shapes"
+    )
+    points: MotionOut = Field(
+        description="of the measured points along their directions: as measured, not expanded"
+    )
+    missed_percent: float | None = Field(
+        description="of a measured shape that the expansion misses at its points, rms"
+    )
     words: str = Field(description="what was measured and what expanded")
 
 
@@ -120,26 +135,38 @@ def mesh_of_result(data: InSpace) -> ResultMeshOut:
     elements = [arrays[f"mesh_elements_{k}"].tolist() for k in range(len(arrays["mesh_kinds"]))]
     measured = data.document["modes"] if known else []
     return ResultMeshOut(
-        nodes=PlacesOut(**{f"{axis}_m": np.round(nodes[:, k], 7).tolist() for k, axis in enumerate("xyz")}),
+        nodes=PlacesOut(
+            **{f"{axis}_m": np.round(nodes[:, k], 7).tolist() for k, axis in enumerate("xyz")}
+        ),
         blocks=[
             MeshBlockOut(set=name, kind=kind, numbers=list(range(1, len(rows) + 1)), nodes=rows)
             for (kind, name), rows in zip(blocks, elements, strict=True)
         ],
         points=[
             MeasuredPointOut(
-                label=label, x_m=x, y_m=y, z_m=z, response=_directions(arrays, label), held_out=k not in own
+                label=label,
+                x_m=x,
+                y_m=y,
+                z_m=z,
+                response=_directions(arrays, label),
+                held_out=k not in own,
             )
             for k, (label, (x, y, z)) in enumerate(zip(labels, places.tolist(), strict=True))
         ],
         joined=[
-            (int(own[i]), int(own[j])) for i, j in joined_as(data.trace_lines, [labels[k] for k in own], places[own])
+            (int(own[i]), int(own[j]))
+            for i, j in joined_as(data.trace_lines, [labels[k] for k in own], places[own])
         ],
         measured=[
             MeasuredModeOut(number=k + 1, frequency_hz=mode["measured_hz"], model=partners.get(k))
             for k, mode in enumerate(measured)
         ],
         model=[
-            ModelModeOut(number=mode["number"], frequency_hz=mode["frequency_hz"], kind=motion_words(mode) or "")
+            ModelModeOut(
+                number=mode["number"],
+                frequency_hz=mode["frequency_hz"],
+                kind=motion_words(mode) or "",
+            )
             for mode in data.document["model_modes"]
         ],
     )
@@ -156,15 +183,20 @@ def measured_shape(data: InSpace, number: int) -> ShapeOut:
     measured = arrays["shapes_measured"].astype(complex)
     _require_mode(number, len(measured) if measured.shape[1] else 0, "measured")
     shape = turned(measured[number - 1])
-    near = _nearest(data, data.document["modes"][number - 1]["measured_hz"], max(1, shape.size // 2))
+    near = _nearest(
+        data, data.document["modes"][number - 1]["measured_hz"], max(1, shape.size // 2)
+    )
     at_points = arrays["shapes_updated"][near].astype(float)[:, : shape.size]
     share = np.linalg.pinv(at_points.T, rcond=UNSEEN) @ shape
     missed = 100 * float(np.linalg.norm(at_points.T @ share - shape) / np.linalg.norm(shape))
     everywhere = np.einsum(
-        "m,mnk->nk", share * arrays["mesh_largest"][near], arrays["mesh_shapes"][near].astype(np.float32)
+        "m,mnk->nk",
+        share * arrays["mesh_largest"][near],
+        arrays["mesh_shapes"][near].astype(np.float32),
     )
     words = (
-        f"{counted(shape.size, 'measured value')}, expanded over the mesh by {counted(len(near), 'mode')} of the model"
+        f"{counted(shape.size, 'measured value')}, expanded over the mesh by"
+        f" {counted(len(near), 'mode')} of the model"
     )
     words += f", which miss {missed:.1f} % of them"
     return _shape(data, shape, everywhere, missed, words)
@@ -184,9 +216,15 @@ def model_shape(data: InSpace, number: int) -> ShapeOut:
     partner = next((i for i, j in arrays["shape_pairs"].tolist() if j == number - 1), None)
     at_points = arrays["shapes_updated"][number - 1].astype(float)
     measured = arrays["shapes_measured"]
-    if partner is not None and measured.shape[1]:  # in step with its partner, which is turned to be real
-        against = float(turned(measured[partner].astype(complex)).real @ at_points[: measured.shape[1]])
-        everywhere, at_points = (np.sign(against) or 1.0) * everywhere, (np.sign(against) or 1.0) * at_points
+    # in step with its partner, which is turned to be real
+    if partner is not None and measured.shape[1]:
+        against = float(
+            turned(measured[partner].astype(complex)).real @ at_points[: measured.shape[1]]
+        )
+        everywhere, at_points = (
+            (np.sign(against) or 1.0) * everywhere,
+            (np.sign(against) or 1.0) * at_points,
+        )
     return _shape(data, at_points, everywhere, None, "of the model")
 
 
@@ -200,7 +238,8 @@ def _arrays(data: InSpace) -> Any:
     arrays = data.arrays
     if "mesh_shapes" not in arrays:
         raise Conflict(
-            "this result keeps no mesh: it has no shapes, or an earlier version computed it; run the update again"
+            "this result keeps no mesh: it has no shapes, or an earlier version computed it; run"
+            " the update again"
         )
     return arrays
 
@@ -211,8 +250,12 @@ def _require_mode(number: int, count: int, side: str) -> None:
 
 
 def _points(data: InSpace) -> tuple[list[int], IntArray, IntArray]:
-    """Labels of the points, their first rows among those of the shapes, and the point of each row."""
-    labels, first, of = np.unique(data.arrays["shape_points"], return_index=True, return_inverse=True)
+    """Labels of the points, their first rows among those of the shapes, and the point of each
+    row.
+    """
+    labels, first, of = np.unique(
+        data.arrays["shape_points"], return_index=True, return_inverse=True
+    )
     return labels.tolist(), first, of
 
 
@@ -222,16 +265,25 @@ def _directions(arrays: Any, label: int) -> list[list[float]]:
 
 
 def _shape(
-    data: InSpace, values: ComplexArray | FloatArray, everywhere: Any, missed: float | None, words: str
+    data: InSpace,
+    values: ComplexArray | FloatArray,
+    everywhere: Any,
+    missed: float | None,
+    words: str,
 ) -> ShapeOut:
-    """Values along the directions of the first rows of the points, and displacements of the nodes, by one scale."""
+    """Values along the directions of the first rows of the points, and displacements of the nodes,
+    by one scale.
+    """
     labels, _, of = _points(data)
     directions = data.arrays["shape_directions"].astype(float)[: values.size]
     at_points = np.zeros((len(labels), 3), dtype=complex)
     np.add.at(at_points, of[: values.size], values[:, None] * directions)
     scale = max(float(np.linalg.norm(np.abs(everywhere), axis=1).max(initial=0.0)), 1e-300)
     return ShapeOut(
-        nodes=_motion(everywhere / scale), points=_motion(at_points / scale), missed_percent=missed, words=words
+        nodes=_motion(everywhere / scale),
+        points=_motion(at_points / scale),
+        missed_percent=missed,
+        words=words,
     )
 
 
@@ -244,7 +296,8 @@ At = Literal["nodes", "points"]
 
 
 def file_of_result(data: InSpace, at: At) -> MeshFile:
-    """The mesh with the model's shapes and the measured ones expanded; or the measured points with both as they are there.
+    """The mesh with the model's shapes and the measured ones expanded; or the measured points with
+    both as they are there.
 
     Raises:
         Conflict: as of `mesh_of_result`.
@@ -252,8 +305,15 @@ def file_of_result(data: InSpace, at: At) -> MeshFile:
     found = mesh_of_result(data)
     if at == "nodes":
         nodes = columns(found.nodes.model_dump())
-        numbers = data.arrays["mesh_numbers"] if "mesh_numbers" in data.arrays else np.arange(1, len(nodes) + 1)
-        cells = [Cells(block.kind, block.set, np.array(block.numbers), np.array(block.nodes)) for block in found.blocks]
+        numbers = (
+            data.arrays["mesh_numbers"]
+            if "mesh_numbers" in data.arrays
+            else np.arange(1, len(nodes) + 1)
+        )
+        cells = [
+            Cells(block.kind, block.set, np.array(block.numbers), np.array(block.nodes))
+            for block in found.blocks
+        ]
     else:
         nodes = np.array([(point.x_m, point.y_m, point.z_m) for point in found.points])
         numbers = np.array([point.label for point in found.points])
@@ -275,12 +335,21 @@ def file_of_result(data: InSpace, at: At) -> MeshFile:
         label = f"measured mode {mode.number}{expanded}"
         shape = measured_shape(data, mode.number)
         zeta = damping.get(mode.number)
-        shapes.append(_mode(shape, at, label, mode.number, mode.frequency_hz, points=numbers, damping=zeta))
+        shapes.append(
+            _mode(shape, at, label, mode.number, mode.frequency_hz, points=numbers, damping=zeta)
+        )
     return MeshFile(numbers, nodes, cells, shapes)
 
 
 def _mode(
-    shape: ShapeOut, at: At, label: str, number: int, hz: float, *, points: np.ndarray, damping: float | None = None
+    shape: ShapeOut,
+    at: At,
+    label: str,
+    number: int,
+    hz: float,
+    *,
+    points: np.ndarray,
+    damping: float | None = None,
 ) -> ModeShape:
     motion: MotionOut = getattr(shape, at)
     values = np.array(motion.real).reshape(-1, 3) + 1j * np.array(motion.imag).reshape(-1, 3)

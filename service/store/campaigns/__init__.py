@@ -1,1 +1,3 @@
-"""Campaigns: one measurement of a structure each, its grid points, and the frame of its coordinates."""
+"""Campaigns: one measurement of a structure each, its grid points, and the frame of its
+coordinates.
+"""

@@ -41,7 +41,9 @@ WORDS = (
 
 
 class Campaign(Identified, Labelled, Base):
-    """One measurement of a structure. A deleted campaign keeps its row, so that results keep their lineage."""
+    """One measurement of a structure. A deleted campaign keeps its row, so that results keep their
+    lineage.
+    """
 
     __tablename__ = "campaigns"
     __table_args__ = (
@@ -70,7 +72,9 @@ class GridPointRow(Base):
 
     __tablename__ = "grid_points"
 
-    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"), primary_key=True)
+    campaign_id: Mapped[UUID] = mapped_column(
+        ForeignKey("campaigns.id", ondelete="CASCADE"), primary_key=True
+    )
     label: Mapped[Big] = mapped_column(primary_key=True)
     x_m: Mapped[float]
     y_m: Mapped[float]
@@ -82,10 +86,11 @@ campaign_of, campaigns_of = campaign_for.row, campaign_for.rows
 
 
 def frame_of(campaign: Campaign) -> Frame:
-    """The campaign's frame: how points and directions of its files lie in the specimen's coordinates.
+    """The campaign's frame: how points and directions of its files lie in the specimen's
+    coordinates.
 
-    A campaign that states none has its files in the specimen's frame already: x along the length from the clamped
-    end, y across, z out of plane.
+    A campaign that states none has its files in the specimen's frame already: x along the length
+    from the clamped end, y across, z out of plane.
     """
     if campaign.frame is None:
         return SPECIMEN
@@ -99,16 +104,24 @@ def create_campaign(session: Session, user: User, structure_id: UUID, body: Camp
     described = body.model_dump(mode="json")
     require_demanded(session, structure.project_id, "campaign", described)
     described["performed_at"] = body.performed_at
-    return campaign_for.add(session, user, Campaign(structure_id=structure.id, **described), name=body.name)
+    return campaign_for.add(
+        session, user, Campaign(structure_id=structure.id, **described), name=body.name
+    )
 
 
 def change_campaign(session: Session, user: User, campaign: Campaign, patch: CampaignPatch) -> None:
-    """Apply a patch to a locked campaign; the audit trail keeps the fields as they were and as they are now."""
+    """Apply a patch to a locked campaign; the audit trail keeps the fields as they were and as they
+    are now.
+    """
     now = patch.model_dump(mode="json", exclude_unset=True)
     was = describe(campaign).model_dump(mode="json", include=set(now))
     for field in patch.model_fields_set:
         value = getattr(patch, field)
-        setattr(campaign, field, value.model_dump(mode="json") if isinstance(value, BaseModel) else value)
+        setattr(
+            campaign,
+            field,
+            value.model_dump(mode="json") if isinstance(value, BaseModel) else value,
+        )
     demanded = describe(campaign).model_dump(mode="json")
     require_demanded(session, campaign_for.project_of(session, campaign), "campaign", demanded)
     campaign.updated_at = transaction_time(session)
@@ -117,7 +130,9 @@ def change_campaign(session: Session, user: User, campaign: Campaign, patch: Cam
 
 
 def describe(campaign: Campaign) -> CampaignOut:
-    """A campaign as clients see it; instruments, frame and inputs are filled up with their defaults. No query."""
+    """A campaign as clients see it; instruments, frame and inputs are filled up with their
+    defaults. No query.
+    """
     return shown_as(
         CampaignOut,
         campaign,
@@ -127,15 +142,23 @@ def describe(campaign: Campaign) -> CampaignOut:
     )
 
 
-def dated_campaigns(session: Session, structure_id: UUID, since: datetime | None) -> Sequence[Campaign]:
-    """A structure's campaigns that state a date, from one on, in the order of their dates; read afresh."""
+def dated_campaigns(
+    session: Session, structure_id: UUID, since: datetime | None
+) -> Sequence[Campaign]:
+    """A structure's campaigns that state a date, from one on, in the order of their dates; read
+    afresh.
+    """
     query = select(Campaign).where(
-        Campaign.structure_id == structure_id, Campaign.deleted_at.is_(None), Campaign.performed_at.is_not(None)
+        Campaign.structure_id == structure_id,
+        Campaign.deleted_at.is_(None),
+        Campaign.performed_at.is_not(None),
     )
     if since is not None:
         query = query.where(Campaign.performed_at >= since)
     order = (Campaign.performed_at, Campaign.id)
-    return session.scalars(query.order_by(*order), execution_options={"populate_existing": True}).all()
+    return session.scalars(
+        query.order_by(*order), execution_options={"populate_existing": True}
+    ).all()
 
 
 def campaigns_in(structures: Select[UUID] | Sequence[UUID]) -> Select[UUID]:
@@ -160,7 +183,8 @@ Coordinates = tuple[float, float, float]
 
 
 def stored_points(session: Session, campaign_id: UUID) -> dict[int, Coordinates]:
-    """The grid points of a campaign: label to coordinates in m, in the file's frame, ordered by label.
+    """The grid points of a campaign: label to coordinates in m, in the file's frame, ordered by
+    label.
 
     `service.store.frfs.data.specimen_points` gives them in the specimen's frame.
     """
@@ -173,8 +197,8 @@ def stored_points(session: Session, campaign_id: UUID) -> dict[int, Coordinates]
 
 
 def list_points(session: Session, campaign_id: UUID) -> GridPoints:
-    """All grid points of a campaign as clients see them, ordered by label, in the file's frame; empty where it has
-    none.
+    """All grid points of a campaign as clients see them, ordered by label, in the file's frame;
+    empty where it has none.
     """
     return GridPoints(
         items=[
@@ -185,17 +209,20 @@ def list_points(session: Session, campaign_id: UUID) -> GridPoints:
 
 
 def replace_points(session: Session, campaign_id: UUID, points: GridPoints) -> None:
-    """Store these points, in the file's frame, in place of all that the campaign has, which the transaction holds."""
+    """Store these points, in the file's frame, in place of all that the campaign has, which the
+    transaction holds.
+    """
     session.execute(delete(GridPointRow).where(GridPointRow.campaign_id == campaign_id))
     if points.items:
         session.execute(
-            insert(GridPointRow), [{"campaign_id": campaign_id, **point.model_dump()} for point in points.items]
+            insert(GridPointRow),
+            [{"campaign_id": campaign_id, **point.model_dump()} for point in points.items],
         )
 
 
 def to_csv(points: GridPoints) -> str:
-    """Points as CSV: the header `label,x_m,y_m,z_m`, one line for each point, numbers in the shortest form that is
-    exact.
+    """Points as CSV: the header `label,x_m,y_m,z_m`, one line for each point, numbers in the
+    shortest form that is exact.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\r\n")
@@ -205,8 +232,8 @@ def to_csv(points: GridPoints) -> str:
 
 
 def from_csv(body: bytes) -> GridPoints:
-    """Points of a table of text with the columns `label,x_m,y_m,z_m` in any order and unit of length (`x_mm`); z may be
-    missing and is then 0.
+    """Points of a table of text with the columns `label,x_m,y_m,z_m` in any order and unit of
+    length (`x_mm`); z may be missing and is then 0.
 
     Raises:
         Invalid: the text is not such a table; names the line and the column.
@@ -231,7 +258,9 @@ def from_csv(body: bytes) -> GridPoints:
         raise Invalid("", error.errors()[0]["msg"]) from None
 
 
-def add_points(session: Session, campaign_id: UUID, points: Iterable[tuple[int, Coordinates]]) -> None:
+def add_points(
+    session: Session, campaign_id: UUID, points: Iterable[tuple[int, Coordinates]]
+) -> None:
     """Store more points, by label; none of them is there already."""
     with copy_rows(session, GridPointRow) as write:
         for label, xyz in points:
@@ -240,7 +269,9 @@ def add_points(session: Session, campaign_id: UUID, points: Iterable[tuple[int, 
 
 def point_digests(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, str]:
     """Digest of each campaign's points; those without any are left out."""
-    one = func.concat_ws(" ", GridPointRow.label, GridPointRow.x_m, GridPointRow.y_m, GridPointRow.z_m)
+    one = func.concat_ws(
+        " ", GridPointRow.label, GridPointRow.x_m, GridPointRow.y_m, GridPointRow.z_m
+    )
     digest = func.md5(func.string_agg(one, aggregate_order_by(literal(","), one)))
     query = (
         select(GridPointRow.campaign_id, digest)

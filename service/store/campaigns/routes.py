@@ -9,7 +9,13 @@ from service.access import CurrentUser, SessionDep, SettingsDep
 from service.access.nouns import NounRoutes
 from service.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
 from service.store.campaigns import operations
-from service.store.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch, GridPoints, GridPointsPage
+from service.store.campaigns.schemas import (
+    CampaignIn,
+    CampaignOut,
+    CampaignPatch,
+    GridPoints,
+    GridPointsPage,
+)
 from service.web import IF_MATCH, Cursor, api_router, etag_of, require_match
 from service.web.json_body import BULK_VALUES, checked, parse_json
 from service.web.openapi import TEXT, reads
@@ -30,7 +36,8 @@ nouns = NounRoutes(
 
 nouns.creating(
     "create_campaign",
-    "Describe a measurement: boundary, date, climate, instruments, and the frame of the file's coordinates.",
+    "Describe a measurement: boundary, date, climate, instruments, and the frame of the file's"
+    " coordinates.",
     CampaignIn,
     operations.create_campaign,
     tagged=True,
@@ -45,14 +52,18 @@ nouns.changing(
     operations.change_campaign,
     measured=True,
 )
-nouns.deleting("delete_campaign", "Hide a campaign and what is in it. It stays stored and can be restored.")
+nouns.deleting(
+    "delete_campaign", "Hide a campaign and what is in it. It stays stored and can be restored."
+)
 nouns.restoring("restore_campaign", "Bring a deleted campaign back.")
 
 
 points_router = api_router(tags=["grid points"])
 
 MEDIA_TYPES = {"json": "application/json", "csv": "text/csv"}
-POINTS_FILES: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
+POINTS_FILES: dict[int | str, dict[str, Any]] = {
+    200: {"content": {"text/csv": {"schema": {"type": "string"}}}}
+}
 
 
 @points_router.get(
@@ -69,9 +80,13 @@ def get_grid_points(
     response: Response,
     form: Annotated[str, form_of(MEDIA_TYPES)],
     cursor: Cursor = None,
-    limit: Annotated[int | None, Query(ge=1, le=1000, description="rows in a page; default: all at once")] = None,
+    limit: Annotated[
+        int | None, Query(ge=1, le=1000, description="rows in a page; default: all at once")
+    ] = None,
 ) -> GridPoints | Response:
-    """All grid points of a campaign, in the file's coordinates, as JSON or CSV; JSON in pages where a limit is stated."""
+    """All grid points of a campaign, in the file's coordinates, as JSON or CSV; JSON in pages where
+    a limit is stated.
+    """
     campaign = operations.campaign_for(session, user, campaign_id)
     points = operations.list_points(session, campaign.id)
     headers = {"ETag": etag_of(points), "Vary": "Accept"}
@@ -108,12 +123,16 @@ def put_grid_points(
     request: Request,
     response: Response,
 ) -> GridPoints:
-    """Store these points in place of all that are there, from JSON `{items: [{label, x_m, y_m, z_m}]}` or CSV.
+    """Store these points in place of all that are there, from JSON
+    `{items: [{label, x_m, y_m, z_m}]}` or CSV.
 
     Where points are there that would change, If-Match must name the version that is replaced.
     """
     if upload.file.size > settings.json_limit_bytes:
-        raise PayloadTooLarge(f"the body has {upload.file.size} bytes, the operator allows {settings.json_limit_bytes}")
+        raise PayloadTooLarge(
+            f"the body has {upload.file.size} bytes, the operator allows"
+            f" {settings.json_limit_bytes}"
+        )
     points = _points_of(upload.file.path.read_bytes(), upload.content_type)
     campaign = operations.campaign_for(session, user, campaign_id, "editor", lock=True)
     before = operations.list_points(session, campaign.id)
@@ -122,7 +141,9 @@ def put_grid_points(
         require_match(request, etag_of(before))
     if changed:  # else the results of the campaign would be outdated by nothing
         operations.replace_points(session, campaign.id, points)
-        operations.campaign_for.note(session, user, campaign, "grid_points.put", count=len(points.items))
+        operations.campaign_for.note(
+            session, user, campaign, "grid_points.put", count=len(points.items)
+        )
     stored = operations.list_points(session, campaign.id)
     response.headers["ETag"] = etag_of(stored)
     return stored
@@ -132,5 +153,7 @@ def _points_of(body: bytes, content_type: str) -> GridPoints:
     if content_type == "text/csv":
         return operations.from_csv(body)
     if content_type not in ("application/json", ""):
-        raise UnsupportedMediaType(f"the body is {content_type}, expected application/json or text/csv")
+        raise UnsupportedMediaType(
+            f"the body is {content_type}, expected application/json or text/csv"
+        )
     return checked(GridPoints, parse_json(body, most_values=BULK_VALUES))

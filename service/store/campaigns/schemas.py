@@ -21,7 +21,9 @@ Vector = tuple[Coordinate, Coordinate, Coordinate]
 
 
 class FrameIn(StrictModel):
-    """Where the file's coordinates put the specimen: origin and unit axes of the specimen, in the file's coordinates."""
+    """Where the file's coordinates put the specimen: origin and unit axes of the specimen, in the
+    file's coordinates.
+    """
 
     origin_m: Vector = (0.0, 0.0, 0.0)
     x_axis: Vector = (1.0, 0.0, 0.0)
@@ -42,10 +44,13 @@ class AddedMass(StrictModel):
     x_m: Coordinate = Field(description="m, on the specimen, from its end x = 0")
     y_m: Coordinate = Field(0.0, description="m, from its centre line")
     z_m: Coordinate = Field(
-        0.0, description="m, on the surface of a body in space; of a strip or plate it does not count"
+        0.0,
+        description="m, on the surface of a body in space; of a strip or plate it does not count",
     )
     mass_kg: float = Field(gt=0, le=1000)
-    rotary_inertia_kg_m2: float = Field(0.0, ge=0, le=1000, description="about x and y through its place; 0: a point")
+    rotary_inertia_kg_m2: float = Field(
+        0.0, ge=0, le=1000, description="about x and y through its place; 0: a point"
+    )
 
 
 class SensorAt(StrictModel):
@@ -53,44 +58,68 @@ class SensorAt(StrictModel):
 
     model: Text = Field("", max_length=200)
     serial: Text = Field("", max_length=200)
-    points: list[Point] = Field(min_length=1, max_length=10_000, description="where it measured responses")
+    points: list[Point] = Field(
+        min_length=1, max_length=10_000, description="where it measured responses"
+    )
 
 
 class Instruments(StrictModel):
-    """What was measured with. A sensor of a mass but no point stood where all responses are, or moved with them."""
+    """What was measured with. A sensor of a mass but no point stood where all responses are, or
+    moved with them.
+    """
 
     hammer: Details = Field(default_factory=dict, max_length=100)
     sensor: Details = Field(default_factory=dict, max_length=100)
     analyser: Details = Field(default_factory=dict, max_length=100)
     sensors: list[SensorAt] = Field(
-        default_factory=list, max_length=1000, description="where others than `sensor` measured the responses"
+        default_factory=list,
+        max_length=1000,
+        description="where others than `sensor` measured the responses",
     )
     sensor_mass_kg: Annotated[float, SENSOR_MASS] | None = Field(
         default=None, ge=0, le=1000, description="kg; 0 for a sensor that does not touch"
     )
     sensor_point: Point | None = Field(
-        default=None, description="grid point where the sensor sits; none where it moves with the response"
+        default=None,
+        description="grid point where the sensor sits; none where it moves with the response",
     )
     added_masses: list[AddedMass] = Field(
-        default_factory=list, max_length=100, description="what the specimen carried besides the sensor, weighed"
+        default_factory=list,
+        max_length=100,
+        description="what the specimen carried besides the sensor, weighed",
     )
 
 
 class CampaignInputs(StrictModel):
-    """How well is known what a test was done with: standard deviations. null: a careful laboratory's; 0: exactly known."""
+    """How well is known what a test was done with: standard deviations. null: a careful
+    laboratory's; 0: exactly known.
+    """
 
-    clamp_compliance_sd: Deviation = Field(None, description="of EI/kL of a clamped edge, 1 at most; half-normal")
-    sensor_mass_sd_kg: Deviation = Field(None, description="where no sensor is stated: half-normal; null is 1 g there")
-    channel_delay_sd_s: Deviation = Field(None, description="of the delay between response and force")
+    clamp_compliance_sd: Deviation = Field(
+        None, description="of EI/kL of a clamped edge, 1 at most; half-normal"
+    )
+    sensor_mass_sd_kg: Deviation = Field(
+        None, description="where no sensor is stated: half-normal; null is 1 g there"
+    )
+    channel_delay_sd_s: Deviation = Field(
+        None, description="of the delay between response and force"
+    )
     window_rate_per_s: Deviation = Field(
         None,
-        description="1/τ of an exponential window exp(-t/τ) on the response; 0: there was none; null: what the FRFs state, "
-        "or nobody knows",
+        description=(
+            "1/τ of an exponential window exp(-t/τ) on the response; 0: there was none; null: what"
+            " the FRFs state, or nobody knows"
+        ),
     )
     window_time_constant_s: float | None = Field(
-        None, gt=0, le=1e9, description="τ of that window, where the analyser states it in place of the rate"
+        None,
+        gt=0,
+        le=1e9,
+        description="τ of that window, where the analyser states it in place of the rate",
     )
-    window_rate_sd_per_s: Deviation = Field(None, description="of a stated window's rate; null is 0")
+    window_rate_sd_per_s: Deviation = Field(
+        None, description="of a stated window's rate; null is 0"
+    )
 
     @model_validator(mode="after")
     def _one_window(self) -> Self:
@@ -110,7 +139,9 @@ class StatedInputs(CampaignInputs):
 class CampaignIn(StrictModel):
     """A campaign as a client describes it."""
 
-    model_config = example(name="March", boundary="cantilever", performed_at="2026-03-02T09:30:00Z", temperature_c=21.5)
+    model_config = example(
+        name="March", boundary="cantilever", performed_at="2026-03-02T09:30:00Z", temperature_c=21.5
+    )
 
     name: Name
     boundary: Boundary
@@ -119,7 +150,9 @@ class CampaignIn(StrictModel):
     humidity_percent: float | None = Field(None, ge=0, le=100)
     instruments: Instruments = Instruments.model_construct()  # nothing stated, and nothing to check
     frame: FrameIn | None = None
-    inputs: StatedInputs | None = Field(None, description="window, and how well clamp, sensor and channels are known")
+    inputs: StatedInputs | None = Field(
+        None, description="window, and how well clamp, sensor and channels are known"
+    )
     notes: Text = Field("", max_length=10_000)
     tags: Tags = Field([])
     meta: Meta = Field({})
@@ -201,4 +234,6 @@ class GridPoints(StrictModel):
 class GridPointsPage(GridPoints):
     """All points of a campaign, or a page of them where a limit is stated."""
 
-    next_cursor: str | None = Field(None, description="of a page; left out where all points are there at once")
+    next_cursor: str | None = Field(
+        None, description="of a page; left out where all points are there at once"
+    )

@@ -1,1 +1,3 @@
-"""Coupons: results of tensile tests (ASTM D3039, D3518) in batches, and what they say as a prior of an update."""
+"""Coupons: results of tensile tests (ASTM D3039, D3518) in batches, and what they say as a prior of
+an update.
+"""

@@ -23,11 +23,15 @@ if TYPE_CHECKING:
 
 
 class CouponCurve(Base):
-    """The raw curve that a specimen's results were reduced from: the machine's file, and its series in SI."""
+    """The raw curve that a specimen's results were reduced from: the machine's file, and its series
+    in SI.
+    """
 
     __tablename__ = "coupon_curves"
 
-    coupon_id: Mapped[UUID] = mapped_column(ForeignKey("coupons.id", ondelete="CASCADE"), primary_key=True)
+    coupon_id: Mapped[UUID] = mapped_column(
+        ForeignKey("coupons.id", ondelete="CASCADE"), primary_key=True
+    )
     filename: Mapped[str]
     file_sha256: Mapped[bytes]
     file_size: Mapped[int]
@@ -42,15 +46,23 @@ class CouponCurve(Base):
     data: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
 
 
-UNITS = {"force": "N", "strain": "m/m", "strain_back": "m/m", "transverse_strain": "m/m", "time": "s"}
+UNITS = {
+    "force": "N",
+    "strain": "m/m",
+    "strain_back": "m/m",
+    "transverse_strain": "m/m",
+    "time": "s",
+}
 
 
 def new_curve(coupon: Coupon, sent: RawCurve) -> CouponCurve:
-    """The row of a specimen's curve, to be added to a session: the machine's file and the series in SI, each with its
-    SHA-256, and how the file was read and reduced.
+    """The row of a specimen's curve, to be added to a session: the machine's file and the series in
+    SI, each with its SHA-256, and how the file was read and reduced.
     """
     reduced = sent.reduced
-    data = b"".join(np.ascontiguousarray(values, "<f8").tobytes() for values in reduced.series.values())
+    data = b"".join(
+        np.ascontiguousarray(values, "<f8").tobytes() for values in reduced.series.values()
+    )
     return CouponCurve(
         coupon_id=coupon.id,
         filename=sent.filename,
@@ -86,7 +98,9 @@ def series_of(curve: CouponCurve) -> dict[str, FloatArray]:
     Raises:
         Damaged: the bytes are not the ones that were stored.
     """
-    table = np.frombuffer(verified(curve.data, curve.sha256, "curve"), "<f8").reshape(len(curve.series), curve.points)
+    table = np.frombuffer(verified(curve.data, curve.sha256, "curve"), "<f8").reshape(
+        len(curve.series), curve.points
+    )
     return {name: row.astype(np.float64) for name, row in zip(curve.series, table, strict=True)}
 
 
@@ -100,9 +114,16 @@ def file_of(curve: CouponCurve) -> bytes:
 
 
 def describe_curve(curve: CouponCurve) -> CouponCurveOut:
-    """A curve as clients see it: its file, how it was read, units, number of points, and what the standard reports."""
+    """A curve as clients see it: its file, how it was read, units, number of points, and what the
+    standard reports.
+    """
     return CouponCurveOut(
-        file=CurveFile(filename=curve.filename, size=curve.file_size, sha256=curve.file_sha256.hex(), **curve.reading),
+        file=CurveFile(
+            filename=curve.filename,
+            size=curve.file_size,
+            sha256=curve.file_sha256.hex(),
+            **curve.reading,
+        ),
         series=curve.series,
         points=curve.points,
         sha256=curve.sha256.hex(),
@@ -113,7 +134,8 @@ def describe_curve(curve: CouponCurve) -> CouponCurveOut:
 
 
 def as_json(curve: CouponCurve) -> dict[str, Any]:
-    """The series of a curve by name, in SI, with null where the machine wrote nothing, and their units.
+    """The series of a curve by name, in SI, with null where the machine wrote nothing, and their
+    units.
 
     Raises:
         Damaged: the bytes are not the ones that were stored.
@@ -122,7 +144,8 @@ def as_json(curve: CouponCurve) -> dict[str, Any]:
         "units": {name: UNITS[name] for name in curve.series},
         "series": {
             name: [
-                value if known else None for value, known in zip(row.tolist(), np.isfinite(row).tolist(), strict=True)
+                value if known else None
+                for value, known in zip(row.tolist(), np.isfinite(row).tolist(), strict=True)
             ]
             for name, row in series_of(curve).items()
         },
@@ -130,8 +153,8 @@ def as_json(curve: CouponCurve) -> dict[str, Any]:
 
 
 def as_csv(curve: CouponCurve) -> str:
-    """The series of a curve as CSV: one line for each point; the header states the units. A cell is empty where the
-    machine wrote nothing.
+    """The series of a curve as CSV: one line for each point; the header states the units. A cell is
+    empty where the machine wrote nothing.
 
     Raises:
         Damaged: the bytes are not the ones that were stored.

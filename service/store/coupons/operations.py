@@ -1,4 +1,6 @@
-"""Coupon batches and their specimens: their tables, and what can be done with them: record, summarise, use as a prior."""
+"""Coupon batches and their specimens: their tables, and what can be done with them: record,
+summarise, use as a prior.
+"""
 
 from __future__ import annotations
 
@@ -89,7 +91,9 @@ PROPERTY_OF: dict[Constant, str] = {"Ex": "E_Pa", "Ey": "E_Pa", "Gxy": "G_Pa", "
 """Which measured property of a specimen a constant of the structure is."""
 
 UNLIKE_DIMENSION = 3.0
-"""Ratio of a dimension to that of the batch's other specimens from which on it is thought to be a mistake."""
+"""Ratio of a dimension to that of the batch's other specimens from which on it is thought to be a
+mistake.
+"""
 
 UNITS = {"E_Pa": "Pa", "G_Pa": "Pa", "nu": "1", "strength_Pa": "Pa", "ultimate_strain": "1"}
 
@@ -112,24 +116,30 @@ def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn
         if name not in there
     ]:
         raise Invalid(faults)
-    return batch_for.add(session, user, CouponBatch(structure_id=structure.id, **body.model_dump()), name=body.name)
+    return batch_for.add(
+        session, user, CouponBatch(structure_id=structure.id, **body.model_dump()), name=body.name
+    )
 
 
-def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequence[CouponIn]) -> list[Coupon]:
+def add_coupons(
+    session: Session, user: User, batch: CouponBatch, bodies: Sequence[CouponIn]
+) -> list[Coupon]:
     """Record specimens with their results, all or none.
 
     Returns:
         The rows, in the order given.
 
     Raises:
-        Invalid: a specimen measures what the batch does not give without saying of which direction it is.
+        Invalid: a specimen measures what the batch does not give without saying of which direction
+            it is.
         Conflict: a specimen of that name is in the batch already.
     """
     along = [name for name in ("Ex", "Ey") if name in batch.constants]
     faults = [
         Fault(
             f"/{i}/E_Pa" if len(bodies) > 1 else "/E_Pa",
-            "the batch gives Ex and Ey, and E_Pa could be either; record each direction in a batch of its own",
+            "the batch gives Ex and Ey, and E_Pa could be either; record each direction in a batch"
+            " of its own",
         )
         for i, body in enumerate(bodies)
         if body.E_Pa is not None and len(along) == 2
@@ -153,8 +163,8 @@ def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequen
 
 
 def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: RawCurve) -> Coupon:
-    """Record the specimen of a raw curve with file, curve and what came of them by its standard (ASTM D3039 or D3518),
-    or nothing. One that is sent again as it was is there already.
+    """Record the specimen of a raw curve with file, curve and what came of them by its standard
+    (ASTM D3039 or D3518), or nothing. One that is sent again as it was is there already.
 
     Raises:
         Conflict: the batch has this run of this file already.
@@ -176,8 +186,8 @@ def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: 
 
 
 def exclude(session: Session, user: User, coupon: Coupon, body: ExclusionIn) -> None:
-    """Decide whether a locked specimen counts in the batch's statistics. It stays recorded; the audit trail keeps what was
-    before.
+    """Decide whether a locked specimen counts in the batch's statistics. It stays recorded; the
+    audit trail keeps what was before.
     """
     was = {"excluded": coupon.excluded, "exclusion_reason": coupon.exclusion_reason}
     coupon.excluded, coupon.exclusion_reason = body.excluded, body.exclusion_reason
@@ -186,14 +196,16 @@ def exclude(session: Session, user: User, coupon: Coupon, body: ExclusionIn) -> 
 
 
 def summarise(session: Session, batch: CouponBatch) -> Summary:
-    """The statistics of a batch, by ASTM D3039: mean, standard deviation with n − 1, and coefficient of variation.
+    """The statistics of a batch, by ASTM D3039: mean, standard deviation with n − 1, and
+    coefficient of variation.
 
-    Excluded specimens do not count and are listed with their reasons. Constants follow from the specimens; where
-    none measures a constant, its published mean stands in. Warnings say what the standard asks for and is not met,
-    such as fewer than five specimens.
+    Excluded specimens do not count and are listed with their reasons. Constants follow from the
+    specimens; where none measures a constant, its published mean stands in. Warnings say what the
+    standard asks for and is not met, such as fewer than five specimens.
 
-    `priors` has mean and standard deviation of each constant as of one more piece. Of a constant that has no standard
-    deviation (one specimen, or a published mean without one) it is an assumed one, which `basis` says.
+    `priors` has mean and standard deviation of each constant as of one more piece. Of a constant
+    that has no standard deviation (one specimen, or a published mean without one) it is an assumed
+    one, which `basis` says.
     """
     coupons = coupon_for.all(session, batch_id=[batch.id])
     counted = [coupon for coupon in coupons if not coupon.excluded]
@@ -206,27 +218,44 @@ def summarise(session: Session, batch: CouponBatch) -> Summary:
     coded = [coupon.failure_code for coupon in counted if coupon.failure_code is not None]
     at_grip = sum(failed_at_grip(code) for code in coded)
     if 2 * at_grip > len(coded):
-        warnings.append(f"{at_grip} of {len(coded)} failed in or next to the grips: see how force enters the specimens")
+        warnings.append(
+            f"{at_grip} of {len(coded)} failed in or next to the grips: see how force enters the"
+            " specimens"
+        )
     return Summary(
         batch_id=batch.id,
         properties={name: _statistic(s, UNITS[name], "specimens") for name, s in measured.items()},
         constants=constants,
         priors=_priors(constants, warnings),
-        excluded=[Excluded(specimen=c.specimen, reason=c.exclusion_reason or "") for c in coupons if c.excluded],
+        excluded=[
+            Excluded(specimen=c.specimen, reason=c.exclusion_reason or "")
+            for c in coupons
+            if c.excluded
+        ],
         warnings=warnings,
     )
 
 
 def same_curve(session: Session, batch: CouponBatch, sent: RawCurve) -> Coupon | None:
-    """The specimen of the batch that came of the same file and the same request; None where there is none."""
+    """The specimen of the batch that came of the same file and the same request; None where there
+    is none.
+    """
     query = select(Coupon).join(CouponCurve, CouponCurve.coupon_id == Coupon.id)
     own = Coupon.batch_id == batch.id, Coupon.specimen == sent.request.specimen
-    found = session.scalars(query.where(*own, CouponCurve.file_sha256 == hashlib.sha256(sent.data).digest())).first()
-    same = found is not None and found.curve is not None and found.curve.request == sent.request.model_dump(mode="json")
+    found = session.scalars(
+        query.where(*own, CouponCurve.file_sha256 == hashlib.sha256(sent.data).digest())
+    ).first()
+    same = (
+        found is not None
+        and found.curve is not None
+        and found.curve.request == sent.request.model_dump(mode="json")
+    )
     return found if same else None
 
 
-def unlike_the_batch(session: Session, batch: CouponBatch, data: bytes, reduced: Reduced) -> list[str]:
+def unlike_the_batch(
+    session: Session, batch: CouponBatch, data: bytes, reduced: Reduced
+) -> list[str]:
     """What is odd about a specimen beside those that the batch has already.
 
     Raises:
@@ -241,20 +270,24 @@ def unlike_the_batch(session: Session, batch: CouponBatch, data: bytes, reduced:
     digest = hashlib.sha256(data).digest()
     for specimen, sha256, reading, _ in others:
         if sha256 == digest and reading["run"] == reduced.reading["run"]:
-            raise Conflict(f"the batch has run {reading['run']} of this file already, as specimen {specimen}")
+            raise Conflict(
+                f"the batch has run {reading['run']} of this file already, as specimen {specimen}"
+            )
     found = []
     for name in ("width_m", "thickness_m") if others else ():
         usual, own = median(reduction[name] for *_, reduction in others), reduced.reduction[name]
         if not 1 / UNLIKE_DIMENSION < own / usual < UNLIKE_DIMENSION:
             found.append(
-                f"the {name.removesuffix('_m')} is {1e3 * own:.4g} mm, {own / usual:.3g} times that of the batch's other "
-                f"specimens ({1e3 * usual:.4g} mm): is it in another unit?"
+                f"the {name.removesuffix('_m')} is {1e3 * own:.4g} mm, {own / usual:.3g} times that"
+                f" of the batch's other specimens ({1e3 * usual:.4g} mm): is it in another unit?"
             )
     return found
 
 
 def describe_all(session: Session, batches: Sequence[CouponBatch]) -> list[BatchOut]:
-    """Batches as clients see them, in the order given, each with the number of its specimens; one query for all counts."""
+    """Batches as clients see them, in the order given, each with the number of its specimens; one
+    query for all counts.
+    """
     counts = session.execute(
         select(Coupon.batch_id, func.count())
         .where(Coupon.batch_id.in_([b.id for b in batches]))
@@ -265,7 +298,9 @@ def describe_all(session: Session, batches: Sequence[CouponBatch]) -> list[Batch
 
 
 def describe_coupon(coupon: Coupon) -> CouponOut:
-    """A specimen as clients see it, with the warnings of the reduction where it came as a raw curve."""
+    """A specimen as clients see it, with the warnings of the reduction where it came as a raw
+    curve.
+    """
     curve = coupon.curve
     warnings = [] if curve is None else curve.reduction["warnings"]
     return shown_as(CouponOut, coupon, has_curve=curve is not None, warnings=warnings)
@@ -288,7 +323,9 @@ def _priors(constants: dict[Constant, Statistic], warnings: list[str]) -> dict[C
     return priors
 
 
-def _constants(batch: CouponBatch, measured: dict[str, Statistics]) -> tuple[dict[Constant, Statistic], list[str]]:
+def _constants(
+    batch: CouponBatch, measured: dict[str, Statistics]
+) -> tuple[dict[Constant, Statistic], list[str]]:
     constants: dict[Constant, Statistic] = {}
     warnings: list[str] = []
     for name in batch.constants:
@@ -303,7 +340,9 @@ def _constants(batch: CouponBatch, measured: dict[str, Statistics]) -> tuple[dic
         if own is not None and published is not None:
             warnings.append(f"{name}: the specimens are used, not the published mean")
         if value.n is None:
-            warnings.append(f"{name}: a published mean that does not say how many specimens it stands for")
+            warnings.append(
+                f"{name}: a published mean that does not say how many specimens it stands for"
+            )
         elif value.n < FEWEST_SPECIMENS:
             said = f"{value.n} {'' if own is None else 'valid '}specimen{'s' * (value.n != 1)}"
             warnings.append(f"{name}: {said}; D3039 asks for at least {FEWEST_SPECIMENS}")

@@ -1,4 +1,6 @@
-"""From a testing machine's file and the readings of a specimen to what its standard reports. No database, no web."""
+"""From a testing machine's file and the readings of a specimen to what its standard reports. No
+database, no web.
+"""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,10 +14,21 @@ from fecore.coupons import d3039, d3518
 from fecore.coupons.curves import Curve
 from fecore.errors import InputError
 from modalbase.formats.errors import FormatError
-from modalbase.formats.machine_csv import Column, MachineFile, Quantity, Run, factor, read_machine_csv
+from modalbase.formats.machine_csv import (
+    Column,
+    MachineFile,
+    Quantity,
+    Run,
+    factor,
+    read_machine_csv,
+)
 from service.store.coupons.schemas import CouponIn, CurveCouponIn, Series
 
-GAUGE = {"strain": "gauge_length", "strain_back": "gauge_length", "transverse_strain": "transverse_gauge_length"}
+GAUGE = {
+    "strain": "gauge_length",
+    "strain_back": "gauge_length",
+    "transverse_strain": "transverse_gauge_length",
+}
 """Which gauge length turns the elongation of a series into its strain."""
 
 _UNLOADED = 0.02  # of the largest force: a curve that begins below it begins unloaded
@@ -43,14 +56,17 @@ def reduce_curve(path: Path, request: CurveCouponIn) -> Reduced:
     """
     gauges: dict[str, float | None] = {name: _gauge_m(request, name) for name in request.columns}
     columns: dict[str, Column] = {
-        name: Column(c.header, _quantity(name, gauges[name]), c.unit) for name, c in request.columns.items()
+        name: Column(c.header, _quantity(name, gauges[name]), c.unit)
+        for name, c in request.columns.items()
     }
     try:
         file = read_machine_csv(path.read_bytes(), columns, request.delimiter, request.decimal)
     except FormatError as error:
         raise InputError(error.place, error.message) from error
     number, run = _chosen(file, request.run)
-    zeros: dict[str, float] = {name: _zero(run.columns[name], name, file.units[name], request) for name in request.zero}
+    zeros: dict[str, float] = {
+        name: _zero(run.columns[name], name, file.units[name], request) for name in request.zero
+    }
     series = {
         name: (np.asarray(values) - zeros.get(name, 0.0)) / (gauges[name] or 1.0)
         for name, values in run.columns.items()
@@ -88,22 +104,26 @@ def _zero(values: FloatArray, name: Series, unit: str, request: CurveCouponIn) -
 
 
 def _untared(series: dict[str, FloatArray], file: MachineFile) -> str:
-    """What helps where a strain begins far from 0 while the force begins near it, or the other way; else nothing."""
+    """What helps where a strain begins far from 0 while the force begins near it, or the other way;
+    else nothing.
+    """
     force = np.abs(series["force"])
     begins_unloaded = force.size and force[0] <= _UNLOADED * np.nanmax(force)
     for name in GAUGE:
         first = series[name][0] if name in series and series[name].size else 0.0
         if begins_unloaded and abs(first) > _TARED:
             return (
-                f"{name} begins at {first:.4g} m/m ({file.units[name]} in the file) with hardly any force. Where it was not "
-                "tared, zero it at its first reading, or at the reading that it has without load. A script states that "
+                f"{name} begins at {first:.4g} m/m ({file.units[name]} in the file) with hardly any"
+                " force. Where it was not "
+                "tared, zero it at its first reading, or at the reading that it has without load. A"
+                " script states that "
                 f'(`"zero": {{"{name}": "first"}}`)'
             )
     begins_loaded = force.size and force[0] > _UNLOADED * np.nanmax(force)
     if begins_loaded and all(abs(series[name][0]) <= _TARED for name in GAUGE if name in series):
         return (
-            f"force begins at {series['force'][0]:.4g} N with hardly any strain, and counts in the strength: where it was not "
-            'tared, state "zero": {"force": "first"}'
+            f"force begins at {series['force'][0]:.4g} N with hardly any strain, and counts in the"
+            ' strength: where it was not tared, state "zero": {"force": "first"}'
         )
     return ""
 
@@ -111,7 +131,11 @@ def _untared(series: dict[str, FloatArray], file: MachineFile) -> str:
 def _gauge_m(request: CurveCouponIn, series: str) -> float | None:
     """Gauge length of a series that is recorded as an elongation, m; None of any other."""
     length: float | None = getattr(request.dimensions, GAUGE[series]) if series in GAUGE else None
-    return None if length is None else length * factor("length", request.dimensions.unit, "dimensions.unit")
+    return (
+        None
+        if length is None
+        else length * factor("length", request.dimensions.unit, "dimensions.unit")
+    )
 
 
 def _quantity(series: str, gauge_m: float | None) -> Quantity:
@@ -124,15 +148,21 @@ def _chosen(file: MachineFile, wanted: int | None) -> tuple[int, Run]:
     """The run that counts, and its number."""
     runs = len(file.runs)
     if wanted is None and runs > 1:
-        lines = ", ".join(f"{i} (lines {run.first_line} to {run.last_line})" for i, run in enumerate(file.runs, 1))
-        raise InputError("run", f"is missing: the machine was restarted; say which of its runs counts: {lines}")
+        lines = ", ".join(
+            f"{i} (lines {run.first_line} to {run.last_line})" for i, run in enumerate(file.runs, 1)
+        )
+        raise InputError(
+            "run", f"is missing: the machine was restarted; say which of its runs counts: {lines}"
+        )
     number = wanted or 1
     if number > runs:
         raise InputError("run", f"is {number}, the file has {runs}")
     return number, file.runs[number - 1]
 
 
-def _by_standard(series: dict[str, FloatArray], request: CurveCouponIn) -> tuple[CouponIn, dict[str, Any]]:
+def _by_standard(
+    series: dict[str, FloatArray], request: CurveCouponIn
+) -> tuple[CouponIn, dict[str, Any]]:
     metres = factor("length", request.dimensions.unit, "dimensions.unit")
     width = [metres * reading for reading in request.dimensions.width]
     thickness = [metres * reading for reading in request.dimensions.thickness]
@@ -155,7 +185,9 @@ def _by_standard(series: dict[str, FloatArray], request: CurveCouponIn) -> tuple
         }
     else:
         start = (
-            d3518.START_RANGE[0] / 2 + d3518.START_RANGE[1] / 2 if request.chord_start is None else request.chord_start
+            d3518.START_RANGE[0] / 2 + d3518.START_RANGE[1] / 2
+            if request.chord_start is None
+            else request.chord_start
         )
         result = d3518.reduce(curve, width, thickness, start, request.ends)
         values = {"G_Pa": result.modulus_pa, "strength_Pa": result.maximum_stress_pa}
@@ -168,4 +200,8 @@ def _by_standard(series: dict[str, FloatArray], request: CurveCouponIn) -> tuple
         **values,
     )
     reduction = asdict(result)
-    return coupon, {**reduction, "chord_range": list(result.chord_range), "warnings": list(result.warnings)}
+    return coupon, {
+        **reduction,
+        "chord_range": list(result.chord_range),
+        "warnings": list(result.warnings),
+    }

@@ -1,6 +1,7 @@
 """Routes of coupon batches and coupons.
 
-`POST …/coupons` takes results as JSON, or a raw curve as multipart with fields `coupon` (JSON) and `file`.
+`POST …/coupons` takes results as JSON, or a raw curve as multipart with fields `coupon` (JSON) and
+`file`.
 """
 
 import shutil
@@ -63,7 +64,9 @@ async def _received(request: Request, settings: SettingsDep) -> list[CouponIn] |
     if kind == "multipart/form-data":
         return await _curve(request, settings.json_limit_bytes)
     if kind and not is_json(kind):
-        raise UnsupportedMediaType(f"the body is {kind}, expected application/json or multipart/form-data")
+        raise UnsupportedMediaType(
+            f"the body is {kind}, expected application/json or multipart/form-data"
+        )
     body = await run_in_threadpool(parse_json, await request.body())
     if not isinstance(body, list):
         return [checked(CouponIn, body)]
@@ -80,12 +83,17 @@ async def _curve(request: Request, limit: int) -> RawCurve:
         stated = form.text_of("coupon")
         if stated is None:
             raise Invalid(
-                "/coupon", "is missing: send what is known of the specimen as JSON in multipart field `coupon`"
+                "/coupon",
+                "is missing: send what is known of the specimen as JSON in multipart field"
+                " `coupon`",
             )
         if form.file.size is None or form.file.size > limit:
-            raise PayloadTooLarge(f"the file has {form.file.size} bytes, the operator allows {limit}")
+            raise PayloadTooLarge(
+                f"the file has {form.file.size} bytes, the operator allows {limit}"
+            )
         sent = checked(CurveCouponIn, parse_json(stated.encode("utf-8", "surrogatepass")))
-        with tempfile.NamedTemporaryFile(prefix="modalbase-curve-") as file:  # not in memory while others are read
+        # not in memory while others are read
+        with tempfile.NamedTemporaryFile(prefix="modalbase-curve-") as file:
             await run_in_threadpool(shutil.copyfileobj, form.file.file, file)
             file.flush()
             async with without_slot(request.scope):
@@ -105,7 +113,9 @@ COUPONS = {
 """What is read, by media type."""
 
 router = api_router(tags=["coupons"])
-batches = NounRoutes(router, operations.batch_for, BatchOut, operations.describe_all, "coupon-batches", "batch_id")
+batches = NounRoutes(
+    router, operations.batch_for, BatchOut, operations.describe_all, "coupon-batches", "batch_id"
+)
 coupons = NounRoutes(
     router,
     operations.coupon_for,
@@ -123,7 +133,8 @@ ORIGINAL: dict[int | str, dict[str, Any]] = {200: {"content": {"application/octe
 
 batches.creating(
     "create_batch",
-    "Open a batch: which constants it gives, and published means of those that have no specimens here.",
+    "Open a batch: which constants it gives, and published means of those that have no specimens"
+    " here.",
     BatchIn,
     operations.create_batch,
     measured=True,
@@ -134,12 +145,18 @@ batches.getting("get_batch", "A coupon batch.")
 
 @router.post("/coupon-batches/{batch_id}/coupons", status_code=201, openapi_extra=reads(COUPONS))
 def create_coupons(
-    batch_id: UUID, body: CouponBody, session: SessionDep, user: CurrentUser, confirm: Confirm = False
+    batch_id: UUID,
+    body: CouponBody,
+    session: SessionDep,
+    user: CurrentUser,
+    confirm: Confirm = False,
 ) -> Page[CouponOut]:
-    """Record specimens: results of one, or of several as a list, in JSON; or the raw curve of one as multipart.
+    """Record specimens: results of one, or of several as a list, in JSON; or the raw curve of one
+    as multipart.
 
-    The multipart fields are `file`, as the testing machine wrote it, and `coupon`, JSON with the dimensions, the columns
-    and their units. The curve is reduced by D3039 or D3518 and kept with its results. All are stored, or none.
+    The multipart fields are `file`, as the testing machine wrote it, and `coupon`, JSON with the
+    dimensions, the columns and their units. The curve is reduced by D3039 or D3518 and kept with
+    its results. All are stored, or none.
     """
     batch = operations.batch_for(session, user, batch_id, "editor")
     if isinstance(body, RawCurve):
@@ -152,12 +169,16 @@ def create_coupons(
     return Page(items=[operations.describe_coupon(row) for row in rows])
 
 
-coupons.listing("list_coupons", "Specimens of a batch, excluded ones included.", owners="coupon-batches")
+coupons.listing(
+    "list_coupons", "Specimens of a batch, excluded ones included.", owners="coupon-batches"
+)
 
 
 @router.get("/coupon-batches/{batch_id}/summary")
 def get_summary(batch_id: UUID, session: SessionDep, user: CurrentUser) -> Summary:
-    """Mean, n-1 standard deviation and coefficient of variation of each property, and the constants that follow."""
+    """Mean, n-1 standard deviation and coefficient of variation of each property, and the constants
+    that follow.
+    """
     return operations.summarise(session, operations.batch_for(session, user, batch_id))
 
 
@@ -166,9 +187,16 @@ coupons.getting("get_coupon", "A specimen.", tagged=True)
 
 @router.patch("/coupons/{coupon_id}", openapi_extra=IF_MATCH)
 def change_coupon(
-    coupon_id: UUID, body: ExclusionIn, session: SessionDep, user: CurrentUser, request: Request, response: Response
+    coupon_id: UUID,
+    body: ExclusionIn,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    response: Response,
 ) -> CouponOut:
-    """Exclude a specimen from its batch with a reason, or take it back in. It stays recorded either way."""
+    """Exclude a specimen from its batch with a reason, or take it back in. It stays recorded either
+    way.
+    """
     coupon = operations.coupon_for(session, user, coupon_id, "editor", lock=True)
     require_match(request, etag_of(coupons.shown(session, coupon)))
     operations.exclude(session, user, coupon, body)
@@ -177,8 +205,12 @@ def change_coupon(
 
 @router.get("/coupons/{coupon_id}/curve")
 def get_curve(coupon_id: UUID, session: SessionDep, user: CurrentUser) -> CouponCurveOut:
-    """Where a specimen's raw curve came from, how it was read, and all that its standard reports of it."""
-    return curves.describe_curve(curves.curve_of(session, operations.coupon_for(session, user, coupon_id)))
+    """Where a specimen's raw curve came from, how it was read, and all that its standard reports of
+    it.
+    """
+    return curves.describe_curve(
+        curves.curve_of(session, operations.coupon_for(session, user, coupon_id))
+    )
 
 
 @router.get("/coupons/{coupon_id}/curve/data", response_class=Response, responses=CURVES)

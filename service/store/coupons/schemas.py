@@ -1,4 +1,6 @@
-"""What a client sends and gets about coupon batches, coupons and their raw curves. Moduli and strengths in Pa."""
+"""What a client sends and gets about coupon batches, coupons and their raw curves. Moduli and
+strengths in Pa.
+"""
 
 from collections.abc import Iterator
 from datetime import datetime
@@ -12,7 +14,15 @@ from fecore.coupons.curves import Ends
 from fecore.errors import InputError
 from modalbase.formats.machine_csv import factor
 from service.web import Name, StrictModel, Text, example, wrong
-from service.web.quantities import COUPON_SIZE, MODULUS, MODULUS_SD, STRAIN, Modulus, Quantity, Strength
+from service.web.quantities import (
+    COUPON_SIZE,
+    MODULUS,
+    MODULUS_SD,
+    STRAIN,
+    Modulus,
+    Quantity,
+    Strength,
+)
 
 Constant = Literal["Ex", "Ey", "Gxy", "nu_xy"]
 Standard = Literal["D3039", "D3518"]
@@ -26,7 +36,9 @@ def _failure_code(code: str) -> str:
 
 
 FailureCode = Annotated[
-    Text, Field(max_length=20, description="three parts: type, area, location"), AfterValidator(_failure_code)
+    Text,
+    Field(max_length=20, description="three parts: type, area, location"),
+    AfterValidator(_failure_code),
 ]
 
 
@@ -37,7 +49,9 @@ class _Excludable(StrictModel):
     @model_validator(mode="after")
     def _with_a_reason(self) -> Self:
         if self.excluded != (self.exclusion_reason is not None):
-            raise wrong("a specimen is excluded with a reason, and a reason excludes: state both or neither")
+            raise wrong(
+                "a specimen is excluded with a reason, and a reason excludes: state both or neither"
+            )
         return self
 
 
@@ -45,25 +59,36 @@ class PublishedMean(StrictModel):
     """A mean that is known without its specimens, from a paper or a data sheet."""
 
     mean: float = Field(description="Pa; a Poisson's ratio has no unit")
-    standard_deviation: float | None = Field(None, gt=0, description="between specimens, in the mean's unit")
+    standard_deviation: float | None = Field(
+        None, gt=0, description="between specimens, in the mean's unit"
+    )
     n: int | None = Field(None, ge=1, le=1_000_000, description="how many specimens it stands for")
 
 
 class BatchIn(StrictModel):
-    """A batch: which constants of the structure it gives, and a published mean of each that has no specimens here."""
+    """A batch: which constants of the structure it gives, and a published mean of each that has no
+    specimens here.
+    """
 
     model_config = example(name="0°, D3039", constants=["Ex"])
 
     name: Name
-    constants: list[Constant] = Field(min_length=1, max_length=4, description="elastic constants that the batch gives")
+    constants: list[Constant] = Field(
+        min_length=1, max_length=4, description="elastic constants that the batch gives"
+    )
     sets: list[Name] = Field(
         default_factory=list,
         max_length=200,
-        description="of a body in space: its sets that are made of this material; default: all that are of one material",
+        description=(
+            "of a body in space: its sets that are made of this material; default: all that are of"
+            " one material"
+        ),
     )
     published: dict[Constant, PublishedMean] = Field(default_factory=dict)
     conditions: dict[Text, Text] = Field(
-        default_factory=dict, max_length=50, description="conditioning, speed, machine, gauge, grips, in words"
+        default_factory=dict,
+        max_length=50,
+        description="conditioning, speed, machine, gauge, grips, in words",
     )
 
     @field_validator("constants")
@@ -87,7 +112,11 @@ class BatchIn(StrictModel):
         for name, value in self.published.items():
             if name != "nu_xy":
                 yield f"published/{name}/mean", value.mean, MODULUS
-                yield f"published/{name}/standard_deviation", value.standard_deviation or 0.0, MODULUS_SD
+                yield (
+                    f"published/{name}/standard_deviation",
+                    value.standard_deviation or 0.0,
+                    MODULUS_SD,
+                )
 
 
 class BatchOut(StrictModel):
@@ -98,7 +127,9 @@ class BatchOut(StrictModel):
     name: str
     constants: list[Constant]
     sets: list[str] = Field(
-        description="of a body in space, that are made of the material; none: all that are of one material"
+        description=(
+            "of a body in space, that are made of the material; none: all that are of one material"
+        )
     )
     published: dict[Constant, PublishedMean]
     conditions: dict[Text, Text]
@@ -126,7 +157,10 @@ class CouponIn(_Excludable):
             raise wrong("D3518 gives a shear modulus G_Pa, not E_Pa or nu")
         if self.standard == "D3039" and self.G_Pa is not None:
             raise wrong("D3039 gives E_Pa and nu; a shear modulus comes from D3518")
-        if all(value is None for value in (self.E_Pa, self.G_Pa, self.nu, self.strength_Pa, self.ultimate_strain)):
+        if all(
+            value is None
+            for value in (self.E_Pa, self.G_Pa, self.nu, self.strength_Pa, self.ultimate_strain)
+        ):
             raise wrong("the specimen has no result")
         return self
 
@@ -154,7 +188,9 @@ class CouponOut(StrictModel):
     failure_code: str | None
     excluded: bool
     exclusion_reason: str | None
-    has_curve: bool = Field(description="whether the values come from a raw curve, which `…/curve` gives")
+    has_curve: bool = Field(
+        description="whether the values come from a raw curve, which `…/curve` gives"
+    )
     warnings: list[str] = Field(description="of the reduction of its raw curve")
     created_at: datetime
 
@@ -170,10 +206,16 @@ class Prior(StrictModel):
 class Statistic(StrictModel):
     """Mean and scatter of a property over the specimens that count."""
 
-    n: int | None = Field(description="specimens that count; null where a published mean does not say")
+    n: int | None = Field(
+        description="specimens that count; null where a published mean does not say"
+    )
     mean: float
-    standard_deviation: float | None = Field(description="n-1 in the denominator; null below two specimens")
-    cv_percent: float | None = Field(description="coefficient of variation, 100 standard_deviation / |mean|")
+    standard_deviation: float | None = Field(
+        description="n-1 in the denominator; null below two specimens"
+    )
+    cv_percent: float | None = Field(
+        description="coefficient of variation, 100 standard_deviation / |mean|"
+    )
     unit: str
     source: Literal["specimens", "published"]
 
@@ -189,9 +231,13 @@ class Summary(StrictModel):
     """A batch in numbers: what was measured, and what it gives as constants of the structure."""
 
     batch_id: UUID
-    properties: dict[str, Statistic] = Field(description="per measured property: E_Pa, G_Pa, nu, strength_Pa, ...")
+    properties: dict[str, Statistic] = Field(
+        description="per measured property: E_Pa, G_Pa, nu, strength_Pa, ..."
+    )
     constants: dict[Constant, Statistic] = Field(description="per constant that the batch gives")
-    priors: dict[Constant, Prior] = Field(description="what the constants say as priors of an update")
+    priors: dict[Constant, Prior] = Field(
+        description="what the constants say as priors of an update"
+    )
     excluded: list[Excluded]
     warnings: list[str]
 
@@ -206,7 +252,10 @@ class ColumnIn(StrictModel):
     """Where a series stands in the machine's file."""
 
     header: Name | Annotated[int, Field(ge=1, le=1000)] = Field(
-        description="the column's name, unit and capitals apart; or its number, from 1, where there is no header"
+        description=(
+            "the column's name, unit and capitals apart; or its number, from 1, where there is no"
+            " header"
+        )
     )
     unit: Annotated[Text, Field(max_length=20)] | None = Field(
         None, description="such as kN, %, µε; needed where the file does not state it"
@@ -215,7 +264,9 @@ class ColumnIn(StrictModel):
 
 def _as_column(value: Any) -> Any:
     """`"Load"` is short for `{"header": "Load"}`."""
-    return {"header": value} if isinstance(value, str | int) and not isinstance(value, bool) else value
+    return (
+        {"header": value} if isinstance(value, str | int) and not isinstance(value, bool) else value
+    )
 
 
 Column = Annotated[ColumnIn, BeforeValidator(_as_column)]
@@ -228,41 +279,59 @@ class Dimensions(StrictModel):
     width: list[Reading] = Field(min_length=1, max_length=100)
     thickness: list[Reading] = Field(min_length=1, max_length=100)
     gauge_length: Reading | None = Field(
-        None, description="of the extensometer; with it the columns of longitudinal strain hold elongations"
+        None,
+        description=(
+            "of the extensometer; with it the columns of longitudinal strain hold elongations"
+        ),
     )
     transverse_gauge_length: Reading | None = Field(
-        None, description="of the transverse extensometer; with it that column holds a change of width"
+        None,
+        description="of the transverse extensometer; with it that column holds a change of width",
     )
 
     def measured(self) -> Iterator[tuple[str, float, Quantity]]:
         """The readings in m."""
         metres = factor("length", self.unit, "unit")
         for name, readings in (("width", self.width), ("thickness", self.thickness)):
-            yield from ((f"{name}/{number}", metres * value, COUPON_SIZE) for number, value in enumerate(readings))
+            yield from (
+                (f"{name}/{number}", metres * value, COUPON_SIZE)
+                for number, value in enumerate(readings)
+            )
         for name in ("gauge_length", "transverse_gauge_length"):
             yield name, metres * (getattr(self, name) or 0.0), COUPON_SIZE
 
 
 class CurveCouponIn(_Excludable):
-    """A specimen as it was tested: its dimensions, and how its raw curve is to be read and reduced."""
+    """A specimen as it was tested: its dimensions, and how its raw curve is to be read and
+    reduced.
+    """
 
     specimen: Name
     standard: Standard = "D3039"
     dimensions: Dimensions
-    columns: dict[Series, Column] = Field(description="series to column; force and strain are needed")
-    delimiter: Literal["\t", ";", ",", " "] | None = Field(None, description="found out where it is not stated")
+    columns: dict[Series, Column] = Field(
+        description="series to column; force and strain are needed"
+    )
+    delimiter: Literal["\t", ";", ",", " "] | None = Field(
+        None, description="found out where it is not stated"
+    )
     decimal: Literal[".", ","] | None = Field(None, description="found out where it is not stated")
     run: int | None = Field(
         None, ge=1, le=1000, description="which run counts, from 1, where the machine was restarted"
     )
     zero: dict[Series, Literal["first"] | Annotated[float, Field(ge=-1e9, le=1e9)]] = Field(
         default_factory=dict,
-        description="reading of a series at zero, which is taken off: `first`, its first point, or a number in the unit of its "
-        "column; for an extension that was not tared",
+        description=(
+            "reading of a series at zero, which is taken off: `first`, its first point, or a number"
+            " in the unit of its column; for an extension that was not tared"
+        ),
     )
-    ends: Ends = Field("nearest", description="ends of the chord: nearest measured points, or interpolated")
+    ends: Ends = Field(
+        "nearest", description="ends of the chord: nearest measured points, or interpolated"
+    )
     chord_range: tuple[Strain, Strain] | None = Field(
-        None, description="D3039, m/m; default 1000 to 3000 µε, or 25 to 50 % of a low ultimate strain"
+        None,
+        description="D3039, m/m; default 1000 to 3000 µε, or 25 to 50 % of a low ultimate strain",
     )
     chord_start: Strain | None = Field(None, description="D3518, shear strain m/m; default 2000 µε")
     failure_code: FailureCode | None = None
@@ -307,7 +376,9 @@ class CouponCurveOut(StrictModel):
     file: CurveFile
     series: list[str]
     points: int
-    sha256: str = Field(description="of the series as stored: little-endian doubles, one series after the other")
+    sha256: str = Field(
+        description="of the series as stored: little-endian doubles, one series after the other"
+    )
     request: CurveCouponIn
     reduction: dict[str, Any] = Field(description="all that the standard reports of a specimen, SI")
     software: str = Field(description="version that reduced it")

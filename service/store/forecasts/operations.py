@@ -22,7 +22,12 @@ from service.jobs.resource import JobNoun
 from service.store.campaigns.schemas import Boundary, GridPoint, labels_once
 from service.store.storage import book, require_room
 from service.store.structures.models import load_model
-from service.store.structures.operations import describe_version, present_structure, structure_for, version_of
+from service.store.structures.operations import (
+    describe_version,
+    present_structure,
+    structure_for,
+    version_of,
+)
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import usual_boundary
 from service.store.updating.loading import body_for
@@ -36,7 +41,10 @@ class ForecastPointIn(GridPoint):
     """A point that could be hit or measured, in the structure's frame."""
 
     direction: int | None = Field(
-        None, ge=1, le=3, description="1, 2, 3 along x, y, z; default: that in which the modes move it most"
+        None,
+        ge=1,
+        le=3,
+        description="1, 2, 3 along x, y, z; default: that in which the modes move it most",
     )
 
 
@@ -46,13 +54,20 @@ class ForecastIn(StrictModel):
     model_config = example(damping_ratio=0.01)
 
     boundary: Boundary | None = Field(
-        None, description="default: cantilever; of a model that was sent free, and as_modelled with its own supports"
+        None,
+        description=(
+            "default: cantilever; of a model that was sent free, and as_modelled with its own"
+            " supports"
+        ),
     )
     modes: int | None = Field(
         None,
         ge=1,
         le=MOST_MODES,
-        description="how many of the lowest, where no band is stated; default: 10, or all where there are fewer",
+        description=(
+            "how many of the lowest, where no band is stated; default: 10, or all where there are"
+            " fewer"
+        ),
     )
     highest_hz: Hertz | None = Field(
         None, description="of the band; all modes in it are solved for, so `modes` is left out"
@@ -65,12 +80,20 @@ class ForecastIn(StrictModel):
     )
     points_to_measure: int = Field(12, ge=1, le=500, description="how many of them to choose")
     references: int = Field(
-        1, ge=1, le=20, description="how many places to choose where one hits all the time, or where sensors stay"
+        1,
+        ge=1,
+        le=20,
+        description="how many places to choose where one hits all the time, or where sensors stay",
     )
-    damping_ratio: float | None = Field(None, gt=0, lt=1, description="of all modes; states it who wants FRFs")
+    damping_ratio: float | None = Field(
+        None, gt=0, lt=1, description="of all modes; states it who wants FRFs"
+    )
     line_spacing_hz: Hertz | None = Field(
         None,
-        description="of the FRFs; default: four lines in the half-power width of the first mode, 20,000 lines at most",
+        description=(
+            "of the FRFs; default: four lines in the half-power width of the first mode, 20,000"
+            " lines at most"
+        ),
     )
 
     def to_core(self) -> ForecastOrder:
@@ -97,7 +120,9 @@ class Forecast(Base):
 
     id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
     structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
-    structure_version_id: Mapped[UUID] = mapped_column(ForeignKey("structure_versions.id", deferrable=True))
+    structure_version_id: Mapped[UUID] = mapped_column(
+        ForeignKey("structure_versions.id", deferrable=True)
+    )
     request: Mapped[dict[str, Any]]
     document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     arrays: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
@@ -120,12 +145,20 @@ def _body(session: Session, structure: StructureIn, asked: ForecastIn) -> Body:
 
 def _store(session: Session, row: Forecast, items: Iterator[ForecastOutput]) -> None:
     for output in items:
-        book(session, structure_for, structure_for.row(session, row.structure_id), "results", len(output.arrays))
+        book(
+            session,
+            structure_for,
+            structure_for.row(session, row.structure_id),
+            "results",
+            len(output.arrays),
+        )
         row.document, row.arrays = output.document, output.arrays
 
 
 forecast_for = Lookup(Forecast, "forecast", "structure_id", structure_for)
-FORECASTS = JobNoun("forecasts", forecast_for, _load, compute_forecast, _store, libraries=CORE_LIBRARIES)
+FORECASTS = JobNoun(
+    "forecasts", forecast_for, _load, compute_forecast, _store, libraries=CORE_LIBRARIES
+)
 
 
 def start_forecast(session: Session, user: User, structure_id: UUID, asked: ForecastIn) -> Forecast:
@@ -137,12 +170,19 @@ def start_forecast(session: Session, user: User, structure_id: UUID, asked: Fore
         QuotaExceeded: the project has no room for a result.
     """
     if asked.modes is not None and asked.highest_hz is not None:
-        raise Invalid("/modes", "is stated beside `highest_hz`, whose band has all its modes solved for: leave one out")
+        raise Invalid(
+            "/modes",
+            "is stated beside `highest_hz`, whose band has all its modes solved for: leave one out",
+        )
     structure = structure_for(session, user, structure_id, "editor")
     version, described = present_structure(session, structure.id)
     _body(session, described, asked)
     require_room(session, structure.project_id)
-    row = Forecast(structure_id=structure.id, structure_version_id=version.id, request=asked.model_dump(mode="json"))
+    row = Forecast(
+        structure_id=structure.id,
+        structure_version_id=version.id,
+        request=asked.model_dump(mode="json"),
+    )
     return FORECASTS.start(session, user, row)
 
 
@@ -152,5 +192,7 @@ def forecast_arrays(session: Session, row: Forecast) -> Mapping[str, Any]:
     Raises:
         Conflict: it has none, yet or ever.
     """
-    with np.load(io.BytesIO(FORECASTS.result(session, row, row.arrays)), allow_pickle=False) as arrays:
+    with np.load(
+        io.BytesIO(FORECASTS.result(session, row, row.arrays)), allow_pickle=False
+    ) as arrays:
         return dict(arrays)

@@ -19,11 +19,20 @@ class ForecastModeOut(StrictModel):
     frequency_hz: float = Field(description="on the structure's own mesh, Hz")
     finer_mesh_hz: float | None = Field(
         None,
-        description="on a finer mesh, Hz; null of strips, whose mesh is fine, and where the mesh is taken on trust",
+        description=(
+            "on a finer mesh, Hz; null of strips, whose mesh is fine, and where the mesh is taken"
+            " on trust"
+        ),
     )
-    kind: str = Field(description="bending, torsion, in-plane; of a body in space also axial and walls")
-    share_at_references: float = Field(description="of its largest displacement, at the reference that shows it best")
-    share_at_points: float = Field(description="of its largest displacement, at the point that shows it best")
+    kind: str = Field(
+        description="bending, torsion, in-plane; of a body in space also axial and walls"
+    )
+    share_at_references: float = Field(
+        description="of its largest displacement, at the reference that shows it best"
+    )
+    share_at_points: float = Field(
+        description="of its largest displacement, at the point that shows it best"
+    )
 
 
 class ForecastPointOut(StrictModel):
@@ -34,9 +43,13 @@ class ForecastPointOut(StrictModel):
     y_m: float = Field(description="in the structure's frame, m")
     z_m: float = Field(description="in the structure's frame, m")
     direction: int = Field(description="1, 2, 3 along x, y, z")
-    reference: bool = Field(description="whether one hits there all the time, or a sensor stays there")
+    reference: bool = Field(
+        description="whether one hits there all the time, or a sensor stays there"
+    )
     measured: bool = Field(description="whether it is one of the points to measure")
-    least_share: float = Field(description="of its largest displacement, of the mode that it shows least")
+    least_share: float = Field(
+        description="of its largest displacement, of the mode that it shows least"
+    )
 
 
 class ForecastFoundOut(StrictModel):
@@ -46,11 +59,15 @@ class ForecastFoundOut(StrictModel):
     model_modes: list[ForecastModeOut] = Field(description="elastic modes, the lowest first")
     points: list[ForecastPointOut] = Field(description="where to hit and where to measure")
     largest_mac: float | None = Field(
-        description="between two modes at the points to measure: near 1 these do not distinguish them"
+        description=(
+            "between two modes at the points to measure: near 1 these do not distinguish them"
+        )
     )
     sentence: str = Field(description="where to hit and what it shows, in words")
     frfs: int = Field(
-        description="how many `frfs/data` has: each point to measure by each reference; 0 without damping"
+        description=(
+            "how many `frfs/data` has: each point to measure by each reference; 0 without damping"
+        )
     )
     lines: int = Field(description="of each")
     line_spacing_hz: float | None = Field(description="Hz; null without damping")
@@ -67,7 +84,11 @@ class ForecastOut(JobOut):
 
 
 of_jobs = JobRoutes(
-    router, FORECASTS, ForecastOut, "forecast_id", lambda _, rows: [{"found": row.document} for row in rows]
+    router,
+    FORECASTS,
+    ForecastOut,
+    "forecast_id",
+    lambda _, rows: [{"found": row.document} for row in rows],
 )
 
 
@@ -83,4 +104,6 @@ of_jobs.creating(
 )
 of_jobs.listing("list_forecasts", "Forecasts of a structure, newest first.")
 of_jobs.getting("get_forecast", "How far a forecast is, and what the model says.")
-of_jobs.cancelling("cancel_forecast", "Ask for a forecast's end; one that has ended already stays as it is.")
+of_jobs.cancelling(
+    "cancel_forecast", "Ask for a forecast's end; one that has ended already stays as it is."
+)

@@ -1,4 +1,6 @@
-"""Spectra out of the database: streamed, verified, cut to a band and stride; and a campaign as the core takes it."""
+"""Spectra out of the database: streamed, verified, cut to a band and stride; and a campaign as the
+core takes it.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ def require_order(fmin: float | None, fmax: float | None) -> None:
 
 @dataclass(frozen=True)
 class Cut:
-    """Which lines of a spectrum: from `fmin` to `fmax`, Hz, both included, every `stride`-th of them."""
+    """Which lines of a spectrum: from `fmin` to `fmax`, Hz, both included, every `stride`-th of
+    them.
+    """
 
     fmin: float | None = None
     fmax: float | None = None
@@ -62,18 +66,24 @@ class Cut:
         """
         low = -np.inf if self.fmin is None else self.fmin
         high = np.inf if self.fmax is None else self.fmax
-        first, end = np.searchsorted(frequency_hz, low), np.searchsorted(frequency_hz, high, side="right")
+        first, end = (
+            np.searchsorted(frequency_hz, low),
+            np.searchsorted(frequency_hz, high, side="right"),
+        )
         if first == end:
             raise Invalid(
                 "fmin",
-                f"no line lies in {low:g} to {high:g} Hz; the lines go from {frequency_hz[0]:g} to {frequency_hz[-1]:g} Hz",
+                f"no line lies in {low:g} to {high:g} Hz; the lines go from {frequency_hz[0]:g} to"
+                f" {frequency_hz[-1]:g} Hz",
             )
         return slice(int(first), int(end), self.stride)
 
 
 @dataclass(frozen=True)
 class FrfTable:
-    """FRFs on one frequency axis, spectra still in the database; `modalbase.formats.frfs` writes it."""
+    """FRFs on one frequency axis, spectra still in the database; `modalbase.formats.frfs` writes
+    it.
+    """
 
     session: Session  # where the spectra are read
     frfs: Sequence[Frf]  # N rows without their spectra
@@ -147,7 +157,8 @@ class PredictedTable(Frfs):
     """FRFs of a model, in memory, which are written like measured ones."""
 
     description: str  # whose they are, in words
-    points_of: Callable[[], Mapping[int, tuple[float, float, float]]]  # label to coordinates of the points, m
+    # label to coordinates of the points, m
+    points_of: Callable[[], Mapping[int, tuple[float, float, float]]]
 
     @property
     def points(self) -> Mapping[int, tuple[float, float, float]]:
@@ -156,10 +167,14 @@ class PredictedTable(Frfs):
 
 
 def frequency_axis(session: Session, frf: Frf) -> FloatArray:
-    """The frequency lines of an FRF, (L,), Hz: from start, step and count, or the stored array where the axis is
-    uneven.
+    """The frequency lines of an FRF, (L,), Hz: from start, step and count, or the stored array
+    where the axis is uneven.
     """
-    stored = None if frf.step_hz is not None else session.scalars(select(Frf.axis).where(Frf.id == frf.id)).one()
+    stored = (
+        None
+        if frf.step_hz is not None
+        else session.scalars(select(Frf.axis).where(Frf.id == frf.id)).one()
+    )
     return Axis(frf.start_hz, frf.step_hz, frf.lines, stored).frequency_hz()
 
 
@@ -172,7 +187,9 @@ def make_tables(session: Session, frfs: Sequence[Frf], cut: Cut) -> list[FrfTabl
     groups: dict[tuple[object, ...], list[Frf]] = {}
     for frf in frfs:
         uneven = frequency_axis(session, frf).tobytes() if frf.step_hz is None else None
-        groups.setdefault((frf.quantity, frf.start_hz, frf.step_hz, frf.lines, uneven), []).append(frf)
+        groups.setdefault((frf.quantity, frf.start_hz, frf.step_hz, frf.lines, uneven), []).append(
+            frf
+        )
     tables = []
     for rows in groups.values():
         frequency = frequency_axis(session, rows[0])
@@ -182,7 +199,10 @@ def make_tables(session: Session, frfs: Sequence[Frf], cut: Cut) -> list[FrfTabl
 
 
 BY_QUERY = ("?quantity=", "?import_id=, ?point= or ?reference=")
-BY_FILTER = ("?filter=, such as quantity = 'accelerance'", "?filter=, such as lines = 801 AND start_hz = 0")
+BY_FILTER = (
+    "?filter=, such as quantity = 'accelerance'",
+    "?filter=, such as lines = 801 AND start_hz = 0",
+)
 """How a request chooses FRFs of one quantity, and on one axis."""
 
 
@@ -198,12 +218,16 @@ def only_table(tables: Sequence[Written], choice: tuple[str, str] = BY_QUERY) ->
     """
     kinds = {table.quantity for table in tables}
     if len(kinds) > 1:
-        raise Conflict(f"the FRFs are of several quantities ({', '.join(sorted(kinds))}); choose one with {choice[0]}")
+        raise Conflict(
+            f"the FRFs are of several quantities ({', '.join(sorted(kinds))}); choose one with"
+            f" {choice[0]}"
+        )
     if len(tables) > 1:
         first, second = tables[0].frfs[0], tables[1].frfs[0]
         raise Conflict(
-            f"the FRFs are on different frequency axes: {first.id} has {_axis(first)}, {second.id} has {_axis(second)}; "
-            f"choose with {choice[1]}, read them one by one, or all as ?format=uff"
+            f"the FRFs are on different frequency axes: {first.id} has {_axis(first)}, {second.id}"
+            f" has {_axis(second)}; choose with {choice[1]}, read them one by one, or all as"
+            " ?format=uff"
         )
     return tables[0]
 
@@ -213,7 +237,9 @@ def _axis(frf: Frf) -> str:
 
 
 def _stream(session: Session, frfs: Sequence[Frf], *columns: str) -> Iterator[tuple[Any, ...]]:
-    """The rows with these columns, in their order: the server reads the next spectrum while one is worked on."""
+    """The rows with these columns, in their order: the server reads the next spectrum while one is
+    worked on.
+    """
     query = (
         f"SELECT {', '.join(columns)} FROM unnest(%s::uuid[]) WITH ORDINALITY AS wanted (id, place)"
         " JOIN frfs USING (id) ORDER BY place"
@@ -227,16 +253,19 @@ def _stream(session: Session, frfs: Sequence[Frf], *columns: str) -> Iterator[tu
 class MeasuredFrfs:
     """FRFs of one quantity on one frequency axis."""
 
-    frfs: FrfSet  # in the specimen's frame; `variance` where every FRF has a coherence and a number of averages
+    # in the specimen's frame; `variance` where every FRF has a coherence and a number of averages
+    frfs: FrfSet
     ids: tuple[UUID, ...]  # N ids of their rows
     sha256s: tuple[str, ...]  # N digests of their spectra, hexadecimal
-    # rates of the exponential windows that they state to carry, and their standard deviations, 1/s; None of those that
-    # state nothing
+    # rates of the exponential windows that they state to carry, and their standard deviations, 1/s;
+    # None of those that state nothing
     windows: frozenset[tuple[float | None, float | None]]
 
     @property
     def window(self) -> tuple[float | None, float | None]:
-        """The rate that all of them state, and its standard deviation, 1/s; None where they state none, or different ones."""
+        """The rate that all of them state, and its standard deviation, 1/s; None where they state
+        none, or different ones.
+        """
         return next(iter(self.windows)) if len(self.windows) == 1 else (None, None)
 
     @property
@@ -247,8 +276,8 @@ class MeasuredFrfs:
             return []
         shown = ", ".join(f"{rate:g}" for rate in rates)
         return [
-            f"FRFs carry an exponential window of {shown} per second: every decay rate ζω is seen too large by it, and so "
-            "is the Rayleigh coefficient a0 by twice it"
+            f"FRFs carry an exponential window of {shown} per second: every decay rate ζω is seen"
+            " too large by it, and so is the Rayleigh coefficient a0 by twice it"
         ]
 
 
@@ -263,7 +292,8 @@ class MeasuredCampaign:
     frame: Frame  # of the file's coordinates
     boundary: str  # cantilever, free or simply_supported
     sensor_mass_kg: float  # mass of the sensor, 0 where none is stated
-    sensor_point: int | None  # grid point where the sensor sits; None where it roves or is not stated
+    # grid point where the sensor sits; None where it roves or is not stated
+    sensor_point: int | None
     added_masses: tuple[AddedMass, ...]  # what the specimen carried besides the sensor
     inputs: CampaignInputs  # how well is known what the test was done with
     temperature_c: float | None  # in the test, °C; None where nobody stated it
@@ -272,13 +302,16 @@ class MeasuredCampaign:
     warnings: tuple[str, ...]  # FRFs that were left out, and why
 
     def without_frfs(self, none: str) -> str:
-        """Why no FRF can be used: it has `none`, which says what to do, or none of those that it has states its place."""
+        """Why no FRF can be used: it has `none`, which says what to do, or none of those that it
+        has states its place.
+        """
         if not self.warnings:
             return none
         count = len(self.warnings)
         return (
-            f"has {count} {'FRF' if count == 1 else 'FRFs'}, and none states point and direction of response and reference "
-            "(0 in the file): state them in the file, delete its import, and import it again"
+            f"has {count} {'FRF' if count == 1 else 'FRFs'}, and none states point and direction of"
+            " response and reference (0 in the file): state them in the file, delete its import,"
+            " and import it again"
         )
 
 
@@ -317,14 +350,26 @@ def specimen_points(session: Session, campaign: Campaign) -> dict[int, tuple[flo
     if not stored:
         return {}
     moved = frame_of(campaign).points(np.array(list(stored.values())))
-    return {label: (float(x), float(y), float(z)) for label, (x, y, z) in zip(stored, moved, strict=True)}
+    return {
+        label: (float(x), float(y), float(z))
+        for label, (x, y, z) in zip(stored, moved, strict=True)
+    }
 
 
-def _frf_sets(session: Session, campaign: Campaign, frame: Frame, warnings: list[str]) -> list[MeasuredFrfs]:
+def _frf_sets(
+    session: Session, campaign: Campaign, frame: Frame, warnings: list[str]
+) -> list[MeasuredFrfs]:
     usable = []
     for row in frf_for.all(session, campaign_id=[campaign.id]):
-        if 0 in (row.response_point, row.response_direction, row.reference_point, row.reference_direction):
-            warnings.append(f"FRF {row.id} ({row.label}) states no point or direction and is left out")
+        if 0 in (
+            row.response_point,
+            row.response_direction,
+            row.reference_point,
+            row.reference_direction,
+        ):
+            warnings.append(
+                f"FRF {row.id} ({row.label}) states no point or direction and is left out"
+            )
         else:
             usable.append(row)
     sets = [_measured(table, frame) for table in make_tables(session, usable, Cut())]
@@ -338,7 +383,9 @@ def _measured(table: FrfTable, frame: Frame) -> MeasuredFrfs:
         frequency_hz=table.frequency_hz,
         values=values,
         responses=tuple(frame.dof(Dof(row.response_point, row.response_direction)) for row in rows),
-        references=tuple(frame.dof(Dof(row.reference_point, row.reference_direction)) for row in rows),
+        references=tuple(
+            frame.dof(Dof(row.reference_point, row.reference_direction)) for row in rows
+        ),
         quantity=rows[0].quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
         variance=_variance(table, values),
     )
@@ -351,11 +398,14 @@ def _measured(table: FrfTable, frame: Frame) -> MeasuredFrfs:
 
 
 def _variance(table: FrfTable, values: np.ndarray) -> FloatArray | None:
-    """E|n|² = |H|² (1 - γ²) / (γ² n_d) of an H1 estimate from n_d averages (Bendat & Piersol, Random Data, 9.2.4).
+    """E|n|² = |H|² (1 - γ²) / (γ² n_d) of an H1 estimate from n_d averages (Bendat & Piersol,
+    Random Data, 9.2.4).
 
-    FRFs made of time blocks carry the variance that the scatter of their hits showed, and it is used instead. NaN where the
-    noise is not known: FRFs without a coherence or with fewer than two averages, lines that are zero or whose coherence is
-    not strictly between 0 and 1, as analysers write it where rounding or a silent channel made it.
+    FRFs made of time blocks carry the variance that the scatter of their hits showed, and it is
+    used instead. NaN where the
+    noise is not known: FRFs without a coherence or with fewer than two averages, lines that are
+    zero or whose coherence is not strictly between 0 and 1, as analysers write it where rounding or
+    a silent channel made it.
 
     None where nothing is known.
     """
@@ -366,5 +416,7 @@ def _variance(table: FrfTable, values: np.ndarray) -> FloatArray | None:
         averages = row.averages or 0
         if gamma is not None and averages > 1:
             known = (gamma > 0) & (gamma < 1) & (values[i] != 0)
-            variance[i, known] = np.abs(values[i, known]) ** 2 * (1 - gamma[known]) / (gamma[known] * averages)
+            variance[i, known] = (
+                np.abs(values[i, known]) ** 2 * (1 - gamma[known]) / (gamma[known] * averages)
+            )
     return None if np.isnan(variance).all() else variance

@@ -50,12 +50,16 @@ if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
 
 
-DRIVING_POINT = "response_point = reference_point AND abs(response_direction) = abs(reference_direction)"
+DRIVING_POINT = (
+    "response_point = reference_point AND abs(response_direction) = abs(reference_direction)"
+)
 """Of the few FRFs that have force and response at one point and axis."""
 
 
 class Frf(Identified, Labelled, Base):
-    """One FRF. Spectra lie in their own columns, out of line and uncompressed, and are loaded only when asked for."""
+    """One FRF. Spectra lie in their own columns, out of line and uncompressed, and are loaded only
+    when asked for.
+    """
 
     __tablename__ = "frfs"
     __table_args__ = (
@@ -130,15 +134,21 @@ def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -
     """
     book(session, campaign_for, campaign, "frfs", new.path.stat().st_size)
     keys = new_keys(session, new.count)
-    with new.path.open("rb") as file, copy_rows(session, Frf, ("id", "campaign_id", *COLUMNS)) as write:
+    with (
+        new.path.open("rb") as file,
+        copy_rows(session, Frf, ("id", "campaign_id", *COLUMNS)) as write,
+    ):
         for key in keys:
             write([key, campaign.id, *pickle.load(file)])
     campaign_for.note(session, user, campaign, "frf.create", count=new.count)
     return frfs_of(session, keys)
 
 
-def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, new: Averages) -> list[UUID]:
-    """Store FRFs of a processing in the job's transaction; those that come in parts are stored part by part.
+def store_processed(
+    session: Session, campaign_id: UUID, processing_id: UUID, new: Averages
+) -> list[UUID]:
+    """Store FRFs of a processing in the job's transaction; those that come in parts are stored part
+    by part.
 
     Returns:
         Their keys, in order.
@@ -153,7 +163,8 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
         "campaign_id": campaign_id,
         "processing_id": processing_id,
         "quantity": new.frfs.quantity,
-        # Too few hits, or too little noise, show nothing of a window: then the FRFs state nothing of one.
+        # Too few hits, or too little noise, show nothing of a window: then the FRFs state nothing
+        # of one.
         "window_rate_per_s": None if new.rate_sd_per_s is None else new.rate_per_s,
         "window_rate_sd_per_s": new.rate_sd_per_s,
         **encode_axis(new.frfs.frequency_hz).columns(),
@@ -161,13 +172,21 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
     hits = new.hits.tolist()
     keys = new_keys(session, len(hits))
     with copy_rows(session, Frf, PROCESSED_COLUMNS) as write:
-        for i, (key, response, force) in enumerate(zip(keys, new.frfs.responses, new.frfs.references, strict=True)):
+        for i, (key, response, force) in enumerate(
+            zip(keys, new.frfs.responses, new.frfs.references, strict=True)
+        ):
             variance = None if new.frfs.variance is None else new.frfs.variance[i]
             known = None if variance is None or np.isnan(variance).any() else encode(variance)
             row = {
                 "id": key,
                 "label": f"{hits[i]} hits at point {force.point}",
-                **dict(zip(DOFS, (response.point, response.direction, force.point, force.direction), strict=True)),
+                **dict(
+                    zip(
+                        DOFS,
+                        (response.point, response.direction, force.point, force.direction),
+                        strict=True,
+                    )
+                ),
                 "averages": hits[i],
                 **common,
                 **encode(new.frfs.values[i]).columns(),
@@ -188,22 +207,43 @@ def processings_present(session: Session, campaign_id: UUID) -> set[UUID]:
 def processings_of(session: Session, keys: Collection[UUID]) -> set[UUID]:
     """Processings that made some FRFs."""
     made = Frf.id.in_(keys), Frf.processing_id.is_not(None)
-    return {key for key in session.scalars(select(Frf.processing_id).distinct().where(*made)) if key is not None}
+    return {
+        key
+        for key in session.scalars(select(Frf.processing_id).distinct().where(*made))
+        if key is not None
+    }
 
 
-def frfs_changed(session: Session, campaign_id: UUID, used: Collection[UUID], after: datetime) -> datetime | None:
-    """When the first present FRF of a campaign came after a moment that is none of those used; None where none came."""
-    came = Frf.campaign_id == campaign_id, Frf.created_at > after, Frf.id.not_in(used), *present(Frf)
+def frfs_changed(
+    session: Session, campaign_id: UUID, used: Collection[UUID], after: datetime
+) -> datetime | None:
+    """When the first present FRF of a campaign came after a moment that is none of those used; None
+    where none came.
+    """
+    came = (
+        Frf.campaign_id == campaign_id,
+        Frf.created_at > after,
+        Frf.id.not_in(used),
+        *present(Frf),
+    )
     found: datetime | None = session.scalar(select(func.min(Frf.created_at)).where(*came))
     return found
 
 
-def supersede(session: Session, campaign_id: UUID, processing_id: UUID, remade: Collection[UUID]) -> None:
-    """Mark FRFs of earlier processings as made anew by one: those of these keys, and those between the places of its own."""
+def supersede(
+    session: Session, campaign_id: UUID, processing_id: UUID, remade: Collection[UUID]
+) -> None:
+    """Mark FRFs of earlier processings as made anew by one: those of these keys, and those between
+    the places of its own.
+    """
     newer = aliased(Frf)
     between = [getattr(newer, dof) == getattr(Frf, dof) for dof in DOFS]
-    same = exists().where(newer.campaign_id == campaign_id, newer.processing_id == processing_id, *between)
-    earlier = update(Frf).where(Frf.campaign_id == campaign_id, Frf.processing_id != processing_id, *present(Frf))
+    same = exists().where(
+        newer.campaign_id == campaign_id, newer.processing_id == processing_id, *between
+    )
+    earlier = update(Frf).where(
+        Frf.campaign_id == campaign_id, Frf.processing_id != processing_id, *present(Frf)
+    )
     session.execute(
         earlier.where(or_(Frf.id.in_(remade), same)).values(superseded_by=processing_id),
         execution_options={"synchronize_session": False},
@@ -213,7 +253,9 @@ def supersede(session: Session, campaign_id: UUID, processing_id: UUID, remade: 
 def quantities_of(session: Session, import_id: UUID) -> list[str]:
     """What the FRFs of an import are."""
     return list(
-        session.scalars(select(Frf.quantity).where(Frf.import_id == import_id).distinct().order_by(Frf.quantity))
+        session.scalars(
+            select(Frf.quantity).where(Frf.import_id == import_id).distinct().order_by(Frf.quantity)
+        )
     )
 
 
@@ -225,7 +267,9 @@ def remove_frfs(session: Session, import_id: UUID) -> int:
 
 
 def describe(frf: Frf) -> FrfOut:
-    """An FRF as clients see it: degrees of freedom, quantity, unit, axis and SHA-256. The values are not read."""
+    """An FRF as clients see it: degrees of freedom, quantity, unit, axis and SHA-256. The values
+    are not read.
+    """
     return shown_as(
         FrfOut,
         frf,
@@ -238,7 +282,8 @@ def describe(frf: Frf) -> FrfOut:
 
 @contextmanager
 def writing_frfs(session: Session) -> Iterator[Callable[[Mapping[str, Any]], None]]:
-    """Stream FRFs of a file into the database; while the block runs, the session can do nothing else.
+    """Stream FRFs of a file into the database; while the block runs, the session can do nothing
+    else.
 
     Yields:
         What takes an FRF: the value of each of `READ_COLUMNS`, by name.
@@ -247,8 +292,11 @@ def writing_frfs(session: Session) -> Iterator[Callable[[Mapping[str, Any]], Non
         yield lambda row: write([row[column] for column in READ_COLUMNS])
 
 
-def label_frfs(session: Session, user: User, campaign: Campaign, wanted: Select[Frf], labels: Labels) -> int:
-    """Give some FRFs of a campaign these tags and metadata in place of theirs, and return how many there are.
+def label_frfs(
+    session: Session, user: User, campaign: Campaign, wanted: Select[Frf], labels: Labels
+) -> int:
+    """Give some FRFs of a campaign these tags and metadata in place of theirs, and return how many
+    there are.
 
     Raises:
         Invalid: they are not what the project demands.
@@ -256,7 +304,11 @@ def label_frfs(session: Session, user: User, campaign: Campaign, wanted: Select[
     stated = labels.model_dump()
     require_demanded(session, campaign_for.project_of(session, campaign), "frfs", stated)
     keys = select(wanted.subquery().c.id)
-    count = len(session.scalars(update(Frf).where(Frf.id.in_(keys)).values(**stated).returning(Frf.id)).all())
+    count = len(
+        session.scalars(
+            update(Frf).where(Frf.id.in_(keys)).values(**stated).returning(Frf.id)
+        ).all()
+    )
     campaign_for.note(session, user, campaign, "frfs.label", count=count, **stated)
     return count
 
@@ -274,16 +326,33 @@ def frfs_of(session: Session, keys: Sequence[UUID]) -> list[Frf]:
 
 
 def frf_extents(session: Session, campaign_id: UUID) -> Sequence[Row[float, float, int, int]]:
-    """First and last line (`start_hz`, `end_hz`), `response_point` and `reference_point` of each FRF of a campaign."""
+    """First and last line (`start_hz`, `end_hz`), `response_point` and `reference_point` of each
+    FRF of a campaign.
+    """
     columns = (Frf.start_hz, Frf.end_hz, Frf.response_point, Frf.reference_point)
-    return session.execute(select(*columns).where(Frf.campaign_id == campaign_id, *present(Frf))).all()
+    return session.execute(
+        select(*columns).where(Frf.campaign_id == campaign_id, *present(Frf))
+    ).all()
 
 
 def frf_digests(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, tuple[str, datetime]]:
-    """Digest and newest time of each campaign's FRFs; reads no spectrum. Campaigns without any are left out."""
-    parts = (Frf.response_point, Frf.response_direction, Frf.reference_point, Frf.reference_direction, Frf.quantity)
-    one = func.concat_ws(" ", func.encode(Frf.sha256, "hex"), *parts, Frf.start_hz, Frf.step_hz, Frf.lines)
+    """Digest and newest time of each campaign's FRFs; reads no spectrum. Campaigns without any are
+    left out.
+    """
+    parts = (
+        Frf.response_point,
+        Frf.response_direction,
+        Frf.reference_point,
+        Frf.reference_direction,
+        Frf.quantity,
+    )
+    one = func.concat_ws(
+        " ", func.encode(Frf.sha256, "hex"), *parts, Frf.start_hz, Frf.step_hz, Frf.lines
+    )
     digest = func.md5(func.string_agg(one, aggregate_order_by(literal(","), one)))
     query = select(Frf.campaign_id, digest, func.max(Frf.created_at))
     query = query.where(Frf.campaign_id.in_(campaign_ids), *present(Frf))
-    return {key: (found, newest) for key, found, newest in session.execute(query.group_by(Frf.campaign_id))}
+    return {
+        key: (found, newest)
+        for key, found, newest in session.execute(query.group_by(Frf.campaign_id))
+    }

@@ -30,7 +30,15 @@ from service.access import CurrentUser, SessionDep, present
 from service.errors import Invalid, NotFound
 from service.store.campaigns.operations import campaign_for, stored_points
 from service.store.frfs import operations
-from service.store.frfs.data import BY_QUERY, Cut, FrfTable, PredictedTable, make_tables, only_table, require_order
+from service.store.frfs.data import (
+    BY_QUERY,
+    Cut,
+    FrfTable,
+    PredictedTable,
+    make_tables,
+    only_table,
+    require_order,
+)
 from service.store.frfs.operations import Frf
 from service.store.frfs.schemas import UNITS, FrfOut, LabelledFrfs
 from service.web import Cursor, Limit, Page, api_router, paged
@@ -44,7 +52,11 @@ Table = FrfTable | PredictedTable
 def write_json(table: Written, file: IO[bytes]) -> None:
     """`{quantity, unit, frequency_hz, frfs: [{id, response_point, …, real, imag, coherence}]}`."""
     quantity = table.quantity
-    head = {"quantity": quantity, "unit": UNITS[quantity], "frequency_hz": table.frequency_hz.tolist()}  # type: ignore[index]
+    head = {
+        "quantity": quantity,
+        "unit": UNITS[quantity],
+        "frequency_hz": table.frequency_hz.tolist(),
+    }  # type: ignore[index]
     file.write(json.dumps(head, ensure_ascii=False)[:-1].encode() + b', "frfs": [')
     for i, (frf, values, coherence) in enumerate(table.both()):
         item = {
@@ -56,16 +68,21 @@ def write_json(table: Written, file: IO[bytes]) -> None:
             "imag": values.imag.tolist(),
             "coherence": None if coherence is None else coherence.tolist(),
         }
-        file.write((b", " if i else b"") + json.dumps(item, ensure_ascii=False, allow_nan=False).encode())
+        file.write(
+            (b", " if i else b"") + json.dumps(item, ensure_ascii=False, allow_nan=False).encode()
+        )
     file.write(b"]}")
 
 
 def write_uff(tables: Sequence[Table], file: IO[bytes], *, binary: bool) -> None:
-    """Grid points of the campaign (set 2411), FRFs and their coherences (set 58b, or 58 as text), SI.
+    """Grid points of the campaign (set 2411), FRFs and their coherences (set 58b, or 58 as text),
+    SI.
 
     The binary form keeps every bit; the text keeps 13 digits.
     """
-    contents: Iterator[uff.Content] = (uff.GridPoint(label, xyz) for label, xyz in tables[0].points.items())
+    contents: Iterator[uff.Content] = (
+        uff.GridPoint(label, xyz) for label, xyz in tables[0].points.items()
+    )
     for block in encode(itertools.chain(contents, _functions(tables)), binary=binary):
         file.write(block)
 
@@ -77,7 +94,8 @@ class Format:
     media_type: str  # of the file
     suffix: str  # of its name
     value_bytes: int  # about what a value takes, its coherence included
-    write: Callable[[Sequence[Table], IO[bytes]], None]  # writes tables; where `one_table`, there is one
+    # writes tables; where `one_table`, there is one
+    write: Callable[[Sequence[Table], IO[bytes]], None]
     one_table: bool = True  # only FRFs of one quantity on one axis can be written
 
 
@@ -139,7 +157,12 @@ def _uff_axis(table: Table) -> uff.Axis:
 router = api_router(tags=["FRFs"])
 
 MEDIA_TYPES = {name: form.media_type for name, form in FORMATS.items()}
-FILES = {200: {"content": {media_type: {} for media_type in MEDIA_TYPES.values()}, "description": "The spectra."}}
+FILES = {
+    200: {
+        "content": {media_type: {} for media_type in MEDIA_TYPES.values()},
+        "description": "The spectra.",
+    }
+}
 
 Hertz = Annotated[float | None, Query(ge=0, le=1e12, allow_inf_nan=False)]
 Whole = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
@@ -150,13 +173,17 @@ class FrfFilter:
     """Which FRFs of a campaign; None does not narrow. A band is that of FRFs with a line in it."""
 
     point: Annotated[Whole, Query(description="response point")] = None
-    direction: Annotated[int | None, Query(ge=-6, le=6, description="signed response direction")] = None
+    direction: Annotated[
+        int | None, Query(ge=-6, le=6, description="signed response direction")
+    ] = None
     reference: Annotated[Whole, Query(description="reference point")] = None
     quantity: Annotated[Quantity | None, Query(description="of these only")] = None
     import_id: Annotated[UUID | None, Query(description="of this import only")] = None
     fmin: Annotated[Hertz, Query(description="Hz")] = None
     fmax: Annotated[Hertz, Query(description="Hz")] = None
-    superseded: Annotated[bool, Query(description="also those that a later processing made anew")] = False
+    superseded: Annotated[
+        bool, Query(description="also those that a later processing made anew")
+    ] = False
 
     def __post_init__(self) -> None:
         """Refuse a band whose ends are the wrong way round."""
@@ -174,7 +201,9 @@ class FrfFilter:
             (Frf.start_hz, le, self.fmax),
         )
         passed = [compared(column, value) for column, compared, value in asked if value is not None]
-        return select(Frf).where(Frf.campaign_id == campaign_id, *present(Frf, superseded=self.superseded), *passed)
+        return select(Frf).where(
+            Frf.campaign_id == campaign_id, *present(Frf, superseded=self.superseded), *passed
+        )
 
     def rows(self, session: Session, campaign_id: UUID, most: int | None = None) -> Sequence[Frf]:
         """The first of them, or all.
@@ -193,13 +222,17 @@ FilterDep = Annotated[FrfFilter, Depends()]
 
 @dataclass(frozen=True)
 class Spectra:
-    """How a client wants spectra: their cut, the name of a format, and what it has of them already."""
+    """How a client wants spectra: their cut, the name of a format, and what it has of them
+    already.
+    """
 
     request: Request
     cut: Cut
     form: str
 
-    def of(self, session: Session, frfs: Sequence[Frf], choice: tuple[str, str] = BY_QUERY) -> Response:
+    def of(
+        self, session: Session, frfs: Sequence[Frf], choice: tuple[str, str] = BY_QUERY
+    ) -> Response:
         """The spectra of FRFs as a file; 304 where the client has it.
 
         Args:
@@ -209,7 +242,10 @@ class Spectra:
         """
         form, campaigns = FORMATS[self.form], {frf.campaign_id for frf in frfs}
         if not form.one_table and len(campaigns) > 1:
-            why = f"a UFF file has the grid points of one campaign; these FRFs are of {len(campaigns)}"
+            why = (
+                "a UFF file has the grid points of one campaign; these FRFs are of"
+                f" {len(campaigns)}"
+            )
             raise Invalid("format", why)
         tables = make_tables(session, frfs, self.cut)
         if form.one_table:
@@ -219,7 +255,9 @@ class Spectra:
             return unchanged
         size = form.value_bytes * sum(len(table.frfs) * table.frequency_hz.size for table in tables)
         send = in_memory if fits_memory(self.request, size) else spooled
-        return send(lambda file: form.write(tables, file), form.media_type, f"frfs.{form.suffix}", headers)
+        return send(
+            lambda file: form.write(tables, file), form.media_type, f"frfs.{form.suffix}", headers
+        )
 
 
 def _cut(
@@ -237,7 +275,9 @@ CutDep = Annotated[Cut, Depends(_cut)]
 def _spectra(
     request: Request,
     cut: CutDep,
-    form: Annotated[str, form_of(MEDIA_TYPES, "uff is set 58b, uff-ascii set 58; default: by Accept")],
+    form: Annotated[
+        str, form_of(MEDIA_TYPES, "uff is set 58b, uff-ascii set 58; default: by Accept")
+    ],
 ) -> Spectra:
     return Spectra(request, cut, form)
 
@@ -256,16 +296,22 @@ def list_frfs(
 ) -> Page[FrfOut]:
     """FRFs of a campaign, without their spectra."""
     campaign = campaign_for(session, user, campaign_id)
-    return paged(session, wanted.query(campaign.id), cursor, limit, partial(map, operations.describe))
+    return paged(
+        session, wanted.query(campaign.id), cursor, limit, partial(map, operations.describe)
+    )
 
 
 @router.put("/campaigns/{campaign_id}/frfs/labels")
 def label_frfs(
     campaign_id: UUID, labels: Labels, wanted: FilterDep, session: SessionDep, user: CurrentUser
 ) -> LabelledFrfs:
-    """Give a set of FRFs, all of the campaign or those that the query leaves, tags and metadata in place of theirs."""
+    """Give a set of FRFs, all of the campaign or those that the query leaves, tags and metadata in
+    place of theirs.
+    """
     campaign = campaign_for(session, user, campaign_id, "editor")
-    return LabelledFrfs(count=operations.label_frfs(session, user, campaign, wanted.query(campaign.id), labels))
+    return LabelledFrfs(
+        count=operations.label_frfs(session, user, campaign, wanted.query(campaign.id), labels)
+    )
 
 
 @router.get("/campaigns/{campaign_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
@@ -278,7 +324,8 @@ def get_campaign_data(
 ) -> Response:
     """Spectra of a campaign's FRFs, with their band and stride, as JSON, npz, CSV, Arrow or UFF.
 
-    UFF holds the grid points too, and FRFs of any axes and quantities; the others need one axis and one quantity.
+    UFF holds the grid points too, and FRFs of any axes and quantities; the others need one axis and
+    one quantity.
     """
     return spectra.of(session, wanted.rows(session, campaign_for(session, user, campaign_id).id))
 
@@ -290,8 +337,12 @@ def get_frf(frf_id: UUID, session: SessionDep, user: CurrentUser) -> FrfOut:
 
 
 @router.get("/frfs/{frf_id}/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
-def get_frf_data(frf_id: UUID, session: SessionDep, user: CurrentUser, spectra: SpectraDep) -> Response:
-    """Spectrum of one FRF, in a band and with a stride if wanted, as JSON, npz, CSV, Arrow or UFF."""
+def get_frf_data(
+    frf_id: UUID, session: SessionDep, user: CurrentUser, spectra: SpectraDep
+) -> Response:
+    """Spectrum of one FRF, in a band and with a stride if wanted, as JSON, npz, CSV, Arrow or
+    UFF.
+    """
     return spectra.of(session, [operations.frf_for(session, user, frf_id)])
 
 

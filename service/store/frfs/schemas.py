@@ -1,4 +1,5 @@
-"""What a client sends and gets about FRFs. Bodies are read in a child process, checked in full, and left as rows to store.
+"""What a client sends and gets about FRFs. Bodies are read in a child process, checked in full, and
+left as rows to store.
 
 This module imports no database, since the child imports it.
 """
@@ -21,7 +22,9 @@ from service.store.campaigns.schemas import Point
 from service.web import StrictModel, Text, wrong
 from service.web.json_body import BULK_VALUES, checked, parse_json
 
-Direction = Annotated[int, Field(ge=-6, le=6, description="±1 … ±3 along x, y, z, ±4 … ±6 about them")]
+Direction = Annotated[
+    int, Field(ge=-6, le=6, description="±1 … ±3 along x, y, z, ±4 … ±6 about them")
+]
 UNITS: dict[Quantity, str] = {"accelerance": "m/s²/N", "mobility": "m/s/N", "receptance": "m/N"}
 
 
@@ -30,7 +33,9 @@ class FrfOut(StrictModel):
 
     id: UUID
     campaign_id: UUID
-    import_id: UUID | None = Field(description="the import that it came with; null where a script posted it")
+    import_id: UUID | None = Field(
+        description="the import that it came with; null where a script posted it"
+    )
     dataset: int | None = Field(description="number of the dataset in the file")
     label: str
     response_point: int
@@ -47,14 +52,21 @@ class FrfOut(StrictModel):
     dtype: str = Field(description="precision that the file had: complex64 or complex128")
     sha256: str = Field(description="of the spectrum's little-endian bytes")
     has_coherence: bool
-    processing_id: UUID | None = Field(None, description="the processing of time blocks that made it")
+    processing_id: UUID | None = Field(
+        None, description="the processing of time blocks that made it"
+    )
     superseded_by: UUID | None = Field(
         None, description="the later processing that made it anew, or found no good hit for it"
     )
     window_rate_per_s: float | None = Field(
-        None, description="rate of the exponential window that it carries: every decay rate is larger by this"
+        None,
+        description=(
+            "rate of the exponential window that it carries: every decay rate is larger by this"
+        ),
     )
-    window_rate_sd_per_s: float | None = Field(None, description="its standard deviation, where a processing saw it")
+    window_rate_sd_per_s: float | None = Field(
+        None, description="its standard deviation, where a processing saw it"
+    )
     tags: list[str]
     meta: dict[str, Any]
     created_at: datetime
@@ -95,7 +107,8 @@ class FrfsIn(StrictModel):
 
 
 def write_rows(body: Path, target: Path) -> int:
-    """Read a JSON body and write the rows that are to be stored, each a pickled list in the order of `COLUMNS`.
+    """Read a JSON body and write the rows that are to be stored, each a pickled list in the order
+    of `COLUMNS`.
 
     Returns:
         The number of rows.
@@ -123,10 +136,16 @@ def from_json(body: bytes) -> Frfs:
         for name in ("real", "coherence"):
             values = getattr(frf, name)
             if values is not None and len(values) != lines:
-                raise Invalid(f"/frfs/{i}/{name}", f"has {len(values)} values, frequency_hz has {lines}")
+                raise Invalid(
+                    f"/frfs/{i}/{name}", f"has {len(values)} values, frequency_hz has {lines}"
+                )
     values = np.array([np.array(frf.real) + 1j * np.array(frf.imag) for frf in sent.frfs])
     coherence = None
     if any(frf.coherence is not None for frf in sent.frfs):
-        coherence = np.array([frf.coherence or [np.nan] * lines for frf in sent.frfs], dtype=np.float64)
-    rows = tuple(FrfRow.between([getattr(f, key) for key in DOFS], f.label, f.averages) for f in sent.frfs)
+        coherence = np.array(
+            [frf.coherence or [np.nan] * lines for frf in sent.frfs], dtype=np.float64
+        )
+    rows = tuple(
+        FrfRow.between([getattr(f, key) for key in DOFS], f.label, f.averages) for f in sent.frfs
+    )
     return Frfs(np.array(sent.frequency_hz), values, rows, sent.quantity, coherence)

@@ -1,4 +1,6 @@
-"""Storing what the child process read of a file: grid points, FRFs, coherences, modes and the reports, in one transaction."""
+"""Storing what the child process read of a file: grid points, FRFs, coherences, modes and the
+reports, in one transaction.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +17,26 @@ if TYPE_CHECKING:
 
 from fecore.body.specimen import off_specimen
 from modalbase.formats.records import TimeBlock
-from modalbase.formats.uff import DatasetReport, Function, GridPoint, ModeShape, TimeResponse, TraceLine
+from modalbase.formats.uff import (
+    DatasetReport,
+    Function,
+    GridPoint,
+    ModeShape,
+    TimeResponse,
+    TraceLine,
+)
 from service.compute.arrays_of_files import Found
 from service.compute.frf_rows import EncodedFrf
 from service.compute.models.alignment import distances
 from service.compute.reading import Kept
 from service.errors import Conflict, Invalid, PayloadTooLarge
-from service.store.campaigns.operations import add_points, campaign_for, campaign_of, frame_of, stored_points
+from service.store.campaigns.operations import (
+    add_points,
+    campaign_for,
+    campaign_of,
+    frame_of,
+    stored_points,
+)
 from service.store.frfs.operations import add_coherence
 from service.store.modes.operations import store_read_modes
 from service.store.records.operations import RecordIntake
@@ -30,13 +45,19 @@ from service.store.structures.models import body_in_space
 from service.store.structures.operations import present_structure
 
 SAME_POINT_M = 1e-6
-"""Coordinates of one point in two files may differ by this: a file may have them in single precision."""
+"""Coordinates of one point in two files may differ by this: a file may have them in single
+precision.
+"""
 MOST_NAMED = 10
 MOST_POINTS = 1_000_000  # of a campaign, as many as PUT grid-points takes
 RATIO, FREE_BYTES = 8, 64 * 1024 * 1024
-"""Spectra of a UFF file may take so many times its size, or so much whatever that is. The densest text makes 4."""
+"""Spectra of a UFF file may take so many times its size, or so much whatever that is. The densest
+text makes 4.
+"""
 HELD_BYTES = 1024 * 1024 * 1024
-"""Coherences and mode shapes of one file that the worker holds until their FRFs and points are known."""
+"""Coherences and mode shapes of one file that the worker holds until their FRFs and points are
+known.
+"""
 LABEL_BYTES = 64  # that a label of a trace line takes until it is stored
 LISTED = 20_000
 """Datasets of one file that are reported one by one; of more, their number is."""
@@ -45,9 +66,13 @@ Pair = tuple[int, int, int, int, int]
 
 
 class Intake:
-    """One import's way into the tables: FRFs stream in as they come, the rest follows when the whole file was seen."""
+    """One import's way into the tables: FRFs stream in as they come, the rest follows when the
+    whole file was seen.
+    """
 
-    def __init__(self, session: Session, row: Import, file_bytes: int, records: RecordIntake) -> None:
+    def __init__(
+        self, session: Session, row: Import, file_bytes: int, records: RecordIntake
+    ) -> None:
         self.session = session
         self.row = row
         self.found = Found("uff")
@@ -97,7 +122,8 @@ class Intake:
         self.held_bytes += size
         if self.held_bytes > HELD_BYTES:
             raise PayloadTooLarge(
-                f"the file's coherences and mode shapes take more than {HELD_BYTES} bytes; import it in parts"
+                f"the file's coherences and mode shapes take more than {HELD_BYTES} bytes; import"
+                " it in parts"
             )
 
     def finish(self) -> None:
@@ -107,12 +133,18 @@ class Intake:
         if self.counts["records"] and not self.row.dry_run:
             counted = bool(self.blocks) or self.found.counted
             source = {"filename": self.row.filename, "import_id": self.row.id}
-            self.records.store(self.session, self.row.campaign_id, self.unused.keys(), counted=counted, **source)
+            self.records.store(
+                self.session, self.row.campaign_id, self.unused.keys(), counted=counted, **source
+            )
         self._write_points()
         self._write_coherences()
         self._write_modes()
         self.reports = [
-            replace(r, outcome="ignored", reason=self.unused[r.number]) if r.number in self.unused else r
+            (
+                replace(r, outcome="ignored", reason=self.unused[r.number])
+                if r.number in self.unused
+                else r
+            )
             for r in sorted(self.reports, key=lambda r: r.number)
         ]
         if not any(self.counts.values()) and not self.row.dry_run:
@@ -123,7 +155,10 @@ class Intake:
         self.row.counts = self.counts
         self.row.format, self.row.kind = self.found.format, self.found.kind
         if self.found.kind is not None:
-            self.row.found = {name: getattr(self.found, name) for name in ("variables", "mapping", "blocks", "table")}
+            self.row.found = {
+                name: getattr(self.found, name)
+                for name in ("variables", "mapping", "blocks", "table")
+            }
         self.row.trace_lines = [line.points for line in self.lines] or None
         self.row.datasets = [asdict(report) for report in self.reports[:LISTED]]
         self.row.warnings = self._warnings()
@@ -137,9 +172,9 @@ class Intake:
                 self.new_points.append(point)
             elif np.max(np.abs(np.subtract(known, point.xyz_m))) > SAME_POINT_M:
                 raise Conflict(
-                    f"grid point {point.number} lies at {_metres(point.xyz_m)} in the file and at {_metres(known)} in the "
-                    "campaign, or it is in the file twice; correct the one that is wrong (PUT grid-points), or import "
-                    "into a campaign of its own"
+                    f"grid point {point.number} lies at {_metres(point.xyz_m)} in the file and at"
+                    f" {_metres(known)} in the campaign, or it is in the file twice; correct the"
+                    " one that is wrong (PUT grid-points), or import into a campaign of its own"
                 )
         if len(self.points) > MOST_POINTS:
             raise PayloadTooLarge(f"the campaign would have more than {MOST_POINTS} grid points")
@@ -170,7 +205,8 @@ class Intake:
         self.frf_bytes += frf.size
         if self.found.format == "uff" and self.frf_bytes > max(FREE_BYTES, RATIO * self.file_bytes):
             raise PayloadTooLarge(
-                f"the file has {self.file_bytes} bytes and unpacks to more than {RATIO} times that; import it in parts"
+                f"the file has {self.file_bytes} bytes and unpacks to more than {RATIO} times that;"
+                " import it in parts"
             )
         if frf.dataset is not None:
             self.pairs[_pair(frf)] = frf.dataset
@@ -185,14 +221,20 @@ class Intake:
             add_points(self.session, self.row.campaign_id, points)
 
     def _write_coherences(self) -> None:
-        """Each coherence goes to the FRF between the same points; one that has none is reported as ignored."""
+        """Each coherence goes to the FRF between the same points; one that has none is reported as
+        ignored.
+        """
         for dataset, pair, function in self.coherences:
             values = function.values.real
-            if pair not in self.pairs and function.abscissa.start == 0:  # an FRF without its line at 0 Hz
+            # an FRF without its line at 0 Hz
+            if pair not in self.pairs and function.abscissa.start == 0:
                 pair, values = (*pair[:-1], pair[-1] - 1), values[1:]
             frf = self.pairs.get(pair)
             if frf is None:
-                self.unused[dataset] = "is a coherence of two points between which the file has no FRF on as many lines"
+                self.unused[dataset] = (
+                    "is a coherence of two points between which the file has no FRF on as many"
+                    " lines"
+                )
             elif not self.row.dry_run:
                 self.frf_bytes += values.nbytes
                 add_coherence(self.session, self.row.id, frf, values)
@@ -203,7 +245,11 @@ class Intake:
             store_read_modes(self.session, row.campaign_id, row.id, row.filename, self.modes)
 
     def _refuse_nothing(self) -> None:
-        why = [f"dataset {r.number} (type {r.type}, byte {r.offset}): {r.reason}" for r in self.reports if r.reason]
+        why = [
+            f"dataset {r.number} (type {r.type}, byte {r.offset}): {r.reason}"
+            for r in self.reports
+            if r.reason
+        ]
         why = why or ["it holds no hit, FRF, point or mode", *self.found.notes]
         more = f"; and {len(why) - MOST_NAMED} more" if len(why) > MOST_NAMED else ""
         raise Invalid("file", "nothing in it can be stored. " + "; ".join(why[:MOST_NAMED]) + more)
@@ -212,10 +258,15 @@ class Intake:
         warnings = list(self.found.notes)
         refused = sum(r.outcome == "refused" for r in self.reports)
         if refused:
-            warnings.append(f"{refused} of {len(self.reports)} datasets were refused; see datasets for the reasons")
+            warnings.append(
+                f"{refused} of {len(self.reports)} datasets were refused; see datasets for the"
+                " reasons"
+            )
         if more := Counter(report.outcome for report in self.reports[LISTED:]):
             shown = ", ".join(f"{count} {outcome}" for outcome, count in sorted(more.items()))
-            warnings.append(f"{more.total()} datasets after the first {LISTED} are not listed: {shown}")
+            warnings.append(
+                f"{more.total()} datasets after the first {LISTED} are not listed: {shown}"
+            )
         if unknown := self.named - self.points.keys():
             warnings.append(
                 f"FRFs name grid points that have no coordinates yet: {_shown(unknown)}; "
@@ -223,8 +274,9 @@ class Intake:
             )
         if off := self._off_specimen():
             warnings.append(
-                f"FRFs name grid points off the specimen: {_shown(off)}; an update will refuse them: check the structure's "
-                "dimensions, the points' coordinates and the campaign's frame; GET /campaigns/{id}/alignment lists distances"
+                f"FRFs name grid points off the specimen: {_shown(off)}; an update will refuse"
+                " them: check the structure's dimensions, the points' coordinates and the"
+                " campaign's frame; GET /campaigns/{id}/alignment lists distances"
             )
         return warnings
 
@@ -247,7 +299,9 @@ class Intake:
 
 def _shown(labels: Collection[int]) -> str:
     """The first of some points."""
-    return ", ".join(map(str, sorted(labels)[:MOST_NAMED])) + (" …" if len(labels) > MOST_NAMED else "")
+    return ", ".join(map(str, sorted(labels)[:MOST_NAMED])) + (
+        " …" if len(labels) > MOST_NAMED else ""
+    )
 
 
 def _pair(item: EncodedFrf | Function) -> Pair:

@@ -25,7 +25,12 @@ from service.store.imports.intake import Intake
 from service.store.modes.operations import remove_mode_sets
 from service.store.records.operations import RecordIntake, remove_records
 from service.store.storage import book
-from service.store.storage.originals import forget_originals, keep_original, original_sizes, write_original
+from service.store.storage.originals import (
+    forget_originals,
+    keep_original,
+    original_sizes,
+    write_original,
+)
 from service.store.structures.models import models_files
 
 if TYPE_CHECKING:
@@ -34,7 +39,9 @@ if TYPE_CHECKING:
 
 
 class Import(Base):
-    """One reading of an uploaded file into a campaign; its key is its job's, and so is its status."""
+    """One reading of an uploaded file into a campaign; its key is its job's, and so is its
+    status.
+    """
 
     __tablename__ = "imports"
     __table_args__ = (Index(None, "campaign_id", "sha256"),)
@@ -72,7 +79,8 @@ def _store(session: Session, row: Import, items: Iterator[Kept]) -> None:
         PayloadTooLarge: more is in the file than one import may bring.
         Invalid: nothing at all of the file could be read.
     """
-    # Imports into one campaign are stored one after the other, so that each sees the points of the one before.
+    # Imports into one campaign are stored one after the other, so that each sees the points of the
+    # one before.
     one_at_a_time(session, str(row.campaign_id))
     size = original_sizes(session, [row.sha256])[row.sha256]
     with RecordIntake() as records:
@@ -88,12 +96,18 @@ IMPORTS = JobNoun("imports", import_for, _load, read_upload, _store)
 
 
 def start_import(
-    session: Session, user: User, campaign_id: UUID, file: Spooled, wanted: Import, *, urgent: bool = False
+    session: Session,
+    user: User,
+    campaign_id: UUID,
+    file: Spooled,
+    wanted: Import,
+    *,
+    urgent: bool = False,
 ) -> tuple[Import, bool]:
     """Store the file and queue its reading, in one transaction.
 
-    The same bytes are not read into a campaign twice: the import that has them, or is about to, is returned instead. Bytes
-    that the campaign has as another quantity or kind are refused.
+    The same bytes are not read into a campaign twice: the import that has them, or is about to, is
+    returned instead. Bytes that the campaign has as another quantity or kind are refused.
 
     Args:
         session: the request's transaction.
@@ -101,7 +115,8 @@ def start_import(
         campaign_id: the campaign that takes the file.
         file: where it lies, with its SHA-256.
         wanted: the row to be: what the client calls the file, and what to do with it.
-        urgent: a request waits for it: it has a queue of its own, and is read also where the campaign has these bytes already.
+        urgent: a request waits for it: it has a queue of its own, and is read also where the
+            campaign has these bytes already.
 
     Returns:
         The import, and whether it is a new one.
@@ -124,14 +139,18 @@ def start_import(
 
 
 def _has_file(session: Session, campaign: Campaign, sha256: bytes) -> bool:
-    """Whether an import into the campaign has brought this file already, be it a dry run or one that failed."""
+    """Whether an import into the campaign has brought this file already, be it a dry run or one
+    that failed.
+    """
     query = select(Import.id).where(Import.campaign_id == campaign.id, Import.sha256 == sha256)
     return session.scalars(query.limit(1)).first() is not None
 
 
 def _same_bytes(session: Session, wanted: Import) -> Import | None:
     """The import that has these bytes, read by the same mapping, or is about to."""
-    same_mapping = Import.mapping.is_(None) if wanted.mapping is None else Import.mapping == wanted.mapping
+    same_mapping = (
+        Import.mapping.is_(None) if wanted.mapping is None else Import.mapping == wanted.mapping
+    )
     return session.scalars(
         select(Import)
         .join(Job, Job.id == Import.id)
@@ -158,15 +177,20 @@ def _require_alike(session: Session, known: Import, wanted: Import) -> None:
         stated = getattr(wanted, name)
         if stated is None or read == [stated]:
             continue
-        state = f"has read it as {' and '.join(read)}" if read else f"reads it without a stated {name}, or found none"
+        state = (
+            f"has read it as {' and '.join(read)}"
+            if read
+            else f"reads it without a stated {name}, or found none"
+        )
         raise Conflict(
-            f"{name} is {stated}, and import {known.id} ({known.filename}) {state}; where that is wrong, "
-            f"DELETE /imports/{known.id} first, then send the file again"
+            f"{name} is {stated}, and import {known.id} ({known.filename}) {state}; where that is"
+            f" wrong, DELETE /imports/{known.id} first, then send the file again"
         )
 
 
 def remove_import(session: Session, user: User, row: Import) -> None:
-    """Remove what a file brought into its campaign: FRFs, time blocks and modes; grid points stay, and so does the audit trail.
+    """Remove what a file brought into its campaign: FRFs, time blocks and modes; grid points stay,
+    and so does the audit trail.
 
     Args:
         session: the request's transaction.
@@ -199,8 +223,12 @@ def campaigns_with(jobs: Select[UUID]) -> Select[UUID]:
     return select(Import.campaign_id).where(Import.id.in_(jobs))
 
 
-def import_progress(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, tuple[int, datetime | None]]:
-    """How many imports into each campaign wait or run, and when the last one ended; without any it is left out."""
+def import_progress(
+    session: Session, campaign_ids: Sequence[UUID]
+) -> dict[UUID, tuple[int, datetime | None]]:
+    """How many imports into each campaign wait or run, and when the last one ended; without any it
+    is left out.
+    """
     coming = func.count().filter(Job.state.in_(("queued", "running")))
     query = (
         select(Import.campaign_id, coming, func.max(Job.finished_at))
@@ -212,8 +240,12 @@ def import_progress(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID
 
 
 def trace_lines_of(session: Session, campaign_id: UUID) -> list[list[int]]:
-    """Labels of the points along each trace line of a campaign's files, whoever asks; 0 lifts the pen."""
+    """Labels of the points along each trace line of a campaign's files, whoever asks; 0 lifts the
+    pen.
+    """
     query = select(Import.trace_lines).where(
-        Import.campaign_id == campaign_id, Import.dry_run.is_(False), Import.trace_lines.is_not(None)
+        Import.campaign_id == campaign_id,
+        Import.dry_run.is_(False),
+        Import.trace_lines.is_not(None),
     )
     return [line for lines in session.scalars(query.order_by(Import.id)) for line in lines or ()]

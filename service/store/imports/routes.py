@@ -1,4 +1,6 @@
-"""What a client gets about imports; the routes of imports, of the original files, and of purging for good."""
+"""What a client gets about imports; the routes of imports, of the original files, and of purging
+for good.
+"""
 
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
@@ -64,15 +66,22 @@ class ImportOut(JobOut):
     sha256: str
     dry_run: bool
     quantity: Quantity | None
-    format: FormatName | None = Field(description="by what is in the file; null until that was read")
+    format: FormatName | None = Field(
+        description="by what is in the file; null until that was read"
+    )
     kind: Kind | None = Field(
-        description="what an npz, .mat, CSV, wav or TDMS holds, as stated or found; null of UFF, which may hold both"
+        description=(
+            "what an npz, .mat, CSV, wav or TDMS holds, as stated or found; null of UFF, which may"
+            " hold both"
+        )
     )
     mapping: Any = Field(description="which variable is what, as it was stated")
     found: Proposal | None = Field(
         description="arrays of an npz, .mat, CSV, wav or TDMS, and a mapping that suggests itself"
     )
-    already_imported: bool = Field(False, description="these bytes are in the campaign already; nothing new was queued")
+    already_imported: bool = Field(
+        False, description="these bytes are in the campaign already; nothing new was queued"
+    )
     counts: Counts | None = Field(description="what was read; null until it succeeded")
     datasets: list[DatasetOutcome]
     warnings: list[str]
@@ -80,8 +89,12 @@ class ImportOut(JobOut):
 
 router = api_router(tags=["imports"])
 
-QuantityQuery = Annotated[Quantity | None, Query(description="what an FRF is whose file does not say so, in SI units")]
-MappingQuery = Annotated[str | None, Query(description="which variable is what, as JSON", max_length=20_000)]
+QuantityQuery = Annotated[
+    Quantity | None, Query(description="what an FRF is whose file does not say so, in SI units")
+]
+MappingQuery = Annotated[
+    str | None, Query(description="which variable is what, as JSON", max_length=20_000)
+]
 
 
 def _with_files(session: Session, rows: Sequence[Import]) -> Iterator[dict[str, Any]]:
@@ -118,29 +131,35 @@ def read_mapping(stated: str | None, sent: Upload) -> dict[str, Any] | None:
 MAPPED_UPLOAD = upload("mapping", "which variable is what, as JSON")
 
 
-@router.post("/campaigns/{campaign_id}/imports", status_code=202, openapi_extra=reads(MAPPED_UPLOAD))
+@router.post(
+    "/campaigns/{campaign_id}/imports", status_code=202, openapi_extra=reads(MAPPED_UPLOAD)
+)
 def start_import(
     campaign_id: UUID,
     sent: UploadDep,
     session: SessionDep,
     user: CurrentUser,
     response: Response,
-    filename: Annotated[Name | None, Query(description="name of a file that is sent as raw body")] = None,
+    filename: Annotated[
+        Name | None, Query(description="name of a file that is sent as raw body")
+    ] = None,
     dry_run: Annotated[bool, Query(description="only report what the file holds")] = False,
     quantity: QuantityQuery = None,
     kind: Annotated[
-        Kind | None, Query(description="what an npz, .mat or CSV holds; default: by its mapping and its arrays")
+        Kind | None,
+        Query(description="what an npz, .mat or CSV holds; default: by its mapping and its arrays"),
     ] = None,
     mapping: MappingQuery = None,
 ) -> ImportOut:
-    """Send a file as raw body or as multipart field `file`: UFF, npz, .mat, CSV, wav or TDMS; a job reads it.
+    """Send a file as raw body or as multipart field `file`: UFF, npz, .mat, CSV, wav or TDMS; a job
+    reads it.
 
-    Its format is recognised by its content. Hits, and FRFs of a .mat, need a `mapping` that says which variable is what, as
-    parameter or as multipart field; `dry_run` proposes one.
+    Its format is recognised by its content. Hits, and FRFs of a .mat, need a `mapping` that says
+    which variable is what, as parameter or as multipart field; `dry_run` proposes one.
 
-    The answer is 202 with the import's address in `Location`. Bytes that are in the campaign already are not read again:
-    then it is 200 with the address of the import that has them, and `already_imported` is true; with another `quantity` or
-    `kind` it is 409.
+    The answer is 202 with the import's address in `Location`. Bytes that are in the campaign
+    already are not read again: then it is 200 with the address of the import that has them, and
+    `already_imported` is true; with another `quantity` or `kind` it is 409.
     """
     if sent.file.size == 0:
         raise Invalid("", "the body is empty, expected a file: UFF, npz, .mat, CSV, wav or TDMS")
@@ -158,9 +177,12 @@ def start_import(
 
 of_jobs.listing(
     "list_imports",
-    "Imports into a campaign, oldest first. A page is shorter where reports on many datasets would make it heavy.",
+    "Imports into a campaign, oldest first. A page is shorter where reports on many datasets would"
+    " make it heavy.",
 )
-of_jobs.getting("get_import", "How far an import is, what it brought in, and what became of each dataset.")
+of_jobs.getting(
+    "get_import", "How far an import is, what it brought in, and what became of each dataset."
+)
 
 
 @router.get("/imports/{import_id}/records")
@@ -171,12 +193,17 @@ def get_import_records(import_id: UUID, session: SessionDep, user: CurrentUser) 
 
 
 @router.get("/imports/{import_id}/original", response_class=FileResponse)
-def get_original(import_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> Response:
+def get_original(
+    import_id: UUID, session: SessionDep, user: CurrentUser, request: Request
+) -> Response:
     """The file as it was uploaded, byte for byte; its ETag is its SHA-256."""
     row = operations.import_for(session, user, import_id)
     headers = {"ETag": f'"{row.sha256.hex()}"'}
     return not_modified(request, headers) or spooled(
-        lambda file: copy_original(session, row.sha256, file), "application/octet-stream", row.filename, headers
+        lambda file: copy_original(session, row.sha256, file),
+        "application/octet-stream",
+        row.filename,
+        headers,
     )
 
 
@@ -196,13 +223,17 @@ def purge_project(project_id: UUID, session: SessionDep, user: CurrentUser) -> N
 
 @purging.post("/structures/{structure_id}/purge", status_code=204)
 def purge_structure(structure_id: UUID, session: SessionDep, user: CurrentUser) -> None:
-    """Remove a deleted structure with its campaigns, results and monitors for good. Nothing brings it back."""
+    """Remove a deleted structure with its campaigns, results and monitors for good. Nothing brings
+    it back.
+    """
     _purge(session, user, structure_for, structure_id)
 
 
 @purging.post("/campaigns/{campaign_id}/purge", status_code=204)
 def purge_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> None:
-    """Remove a deleted campaign with its FRFs, original files and results for good. Nothing brings it back."""
+    """Remove a deleted campaign with its FRFs, original files and results for good. Nothing brings
+    it back.
+    """
     _purge(session, user, campaign_for, campaign_id)
 
 
@@ -214,7 +245,9 @@ def _purge(session: Session, user: User, find: Lookup[Any], key: UUID) -> None:
 
 
 def _forget_more(session: Session, project_id: UUID) -> None:
-    """End the jobs that were for what is gone, and remove the original files that no import has any more."""
+    """End the jobs that were for what is gone, and remove the original files that no import has any
+    more.
+    """
     session.flush()
     cancel_purged(session, project_id)
     forget_originals(session, select(Import.sha256), models_files())

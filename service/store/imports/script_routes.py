@@ -1,7 +1,8 @@
 """`POST …/records` and `POST …/frfs`: what a script sends is stored when it is answered.
 
-JSON is stored in the request. A file goes the way of every file: its import is queued, and the request waits for the job
-without slot and transaction. What takes longer than `import_wait_seconds` is answered 202 with the import's address.
+JSON is stored in the request. A file goes the way of every file: its import is queued, and the
+request waits for the job without slot and transaction. What takes longer than `import_wait_seconds`
+is answered 202 with the import's address.
 """
 
 import tempfile
@@ -23,7 +24,15 @@ from service.access import CurrentUser, SessionDep, SettingsDep, User
 from service.access.dependencies import Beforehand
 from service.access.once import KeyHeader, digest_of, keep, made_before
 from service.compute.arrays_of_files import hits_of
-from service.errors import Conflict, Fault, Invalid, PayloadTooLarge, ServiceError, Unavailable, UnsupportedMediaType
+from service.errors import (
+    Conflict,
+    Fault,
+    Invalid,
+    PayloadTooLarge,
+    ServiceError,
+    Unavailable,
+    UnsupportedMediaType,
+)
 from service.jobs.aside import read_aside
 from service.jobs.events import ChangesDep, shown
 from service.jobs.tables import Job
@@ -52,7 +61,12 @@ router = api_router(tags=[])
 
 RECORDS = reads(MAPPED_UPLOAD | {"application/json": {"type": "object", "required": ["variables"]}})
 FRFS = reads(
-    {"application/json": FrfsIn, "application/x-npz": BINARY, "text/csv": TEXT, "application/x-matlab-data": BINARY}
+    {
+        "application/json": FrfsIn,
+        "application/x-npz": BINARY,
+        "text/csv": TEXT,
+        "application/x-matlab-data": BINARY,
+    }
 )
 LATER: dict[int | str, dict[str, Any]] = {
     202: {"model": ImportOut, "description": "the file is not read yet; `Location` is its import"}
@@ -65,7 +79,12 @@ FRF_FORMATS: dict[str, FormatName] = {
     "application/x-matlab-data": "mat",
 }
 """Media types of files with FRFs."""
-SUFFIX_OF = {"application/x-npz": ".npz", "text/csv": ".csv", "audio/wav": ".wav", "audio/x-wav": ".wav"}
+SUFFIX_OF = {
+    "application/x-npz": ".npz",
+    "text/csv": ".csv",
+    "audio/wav": ".wav",
+    "audio/x-wav": ".wav",
+}
 RECORD_SUFFIXES: dict[str, FormatName] = {
     **{f".{form}": form for form in FORMATS if form != "uff"},
     **dict.fromkeys(TEXT_NAMES, "csv"),
@@ -99,17 +118,22 @@ class Reading:
             await self._changes.ended(job, job_id, caller, self._seconds)
         return job_id
 
-    def _started(self, session: Session, user: User, campaign_id: UUID, file: Spooled, wanted: Import) -> UUID:
+    def _started(
+        self, session: Session, user: User, campaign_id: UUID, file: Spooled, wanted: Import
+    ) -> UUID:
         """A new import, or that of the same request under the same `Idempotency-Key`."""
 
         def started() -> UUID:
-            return operations.start_import(session, user, campaign_id, file, wanted, urgent=True)[0].id
+            return operations.start_import(session, user, campaign_id, file, wanted, urgent=True)[
+                0
+            ].id
 
         if self._once is None:
             return started()
         name = f"file of {self._request.scope['route'].label}", self._once
         about = {
-            part: getattr(wanted, part) for part in ("filename", "dry_run", "quantity", "format", "kind", "mapping")
+            part: getattr(wanted, part)
+            for part in ("filename", "dry_run", "quantity", "format", "kind", "mapping")
         }
         sha256 = digest_of({"campaign_id": campaign_id, "file": file.sha256.hex(), **about})
         if (row := made_before(session, user, *name, sha256)) is not None:
@@ -136,9 +160,13 @@ async def _records(
     campaign_id: UUID,
     reading: ReadingDep,
     upload: UploadDep,
-    filename: Annotated[Name | None, Query(description="name of a file that is sent as raw body")] = None,
+    filename: Annotated[
+        Name | None, Query(description="name of a file that is sent as raw body")
+    ] = None,
     mapping: MappingQuery = None,
-    dry_run: Annotated[bool, Query(description="only report what the file holds, and propose a mapping")] = False,
+    dry_run: Annotated[
+        bool, Query(description="only report what the file holds, and propose a mapping")
+    ] = False,
 ) -> _Came:
     if upload.file.size == 0:
         raise Invalid("", "the body is empty, expected time blocks")
@@ -165,7 +193,11 @@ async def _records(
 
 
 @router.post(
-    "/campaigns/{campaign_id}/records", status_code=201, openapi_extra=RECORDS, responses=LATER, tags=["records"]
+    "/campaigns/{campaign_id}/records",
+    status_code=201,
+    openapi_extra=RECORDS,
+    responses=LATER,
+    tags=["records"],
 )
 def create_records(
     campaign_id: UUID,
@@ -174,11 +206,13 @@ def create_records(
     user: CurrentUser,
     response: Response,
 ) -> StoredRecords | Proposal | ImportOut:
-    """Send time blocks of hits as npz, .mat, CSV or wav with a mapping, or as JSON `{variables, mapping}`.
+    """Send time blocks of hits as npz, .mat, CSV or wav with a mapping, or as JSON
+    `{variables, mapping}`.
 
-    All are stored, or none. The answer judges the hits of the points concerned, so a script beside the hammer knows
-    after each hit whether it was good. A file is an import: one that is not read within `import_wait_seconds` is
-    answered 202 with its address.
+    All are stored, or none. The answer judges the hits of the points concerned, so a script beside
+    the hammer knows
+    after each hit whether it was good. A file is an import: one that is not read within
+    `import_wait_seconds` is answered 202 with its address.
     """
     sent = came.sent
     if isinstance(sent, UUID):
@@ -195,7 +229,9 @@ def create_records(
     if came.dry_run:
         response.status_code = 200
         return shown_as(Proposal, found)
-    rows = records.store_records(session, user, campaign_id, came.filename, blocks, counted=found.counted)
+    rows = records.store_records(
+        session, user, campaign_id, came.filename, blocks, counted=found.counted
+    )
     return judged(session, campaign_id, rows)
 
 
@@ -238,14 +274,24 @@ async def _frfs(
             "expected application/x-npz, application/json, text/csv or application/x-matlab-data"
         )
     if form != "npz" and quantity is None and stated is None:
-        raise Invalid("quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must")
+        raise Invalid(
+            "quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must"
+        )
     _require_taken(FORMATS[form], "frfs", mapping=stated, quantity=quantity)
     name = upload.filename or f"frfs.{form}"
-    wanted = Import(filename=name, dry_run=False, quantity=quantity, format=form, kind="frfs", mapping=stated)
+    wanted = Import(
+        filename=name, dry_run=False, quantity=quantity, format=form, kind="frfs", mapping=stated
+    )
     yield await reading.of(campaign_id, upload.file, wanted)
 
 
-@router.post("/campaigns/{campaign_id}/frfs", status_code=201, openapi_extra=FRFS, responses=LATER, tags=["FRFs"])
+@router.post(
+    "/campaigns/{campaign_id}/frfs",
+    status_code=201,
+    openapi_extra=FRFS,
+    responses=LATER,
+    tags=["FRFs"],
+)
 def create_frfs(
     campaign_id: UUID,
     came: Annotated[frfs.NewFrfs | UUID, Depends(_frfs)],
@@ -253,10 +299,11 @@ def create_frfs(
     user: CurrentUser,
     response: Response,
 ) -> Page[FrfOut] | ImportOut:
-    """Send FRFs of a script as npz, JSON or CSV, as `GET …/frfs/data` writes them, or an analyser's .mat with a mapping.
+    """Send FRFs of a script as npz, JSON or CSV, as `GET …/frfs/data` writes them, or an analyser's
+    .mat with a mapping.
 
-    All are stored, or none; at most 10,000 at a time. A file is an import: one that is not read within
-    `import_wait_seconds` is answered 202 with its address.
+    All are stored, or none; at most 10,000 at a time. A file is an import: one that is not read
+    within `import_wait_seconds` is answered 202 with its address.
     """
     if isinstance(came, UUID):
         state = _ended(session, user, came, response)
@@ -264,11 +311,15 @@ def create_frfs(
             return state
         rows = frfs.frf_for.all(session, import_id=[came])
     else:
-        rows = frfs.store_frfs(session, user, campaign_for(session, user, campaign_id, "editor"), came)
+        rows = frfs.store_frfs(
+            session, user, campaign_for(session, user, campaign_id, "editor"), came
+        )
     return Page(items=[frfs.describe(row) for row in rows])
 
 
-def _ended(session: SessionDep, user: CurrentUser, import_id: UUID, response: Response) -> ImportOut:
+def _ended(
+    session: SessionDep, user: CurrentUser, import_id: UUID, response: Response
+) -> ImportOut:
     """A file's import: one that goes on is answered 202.
 
     Raises:

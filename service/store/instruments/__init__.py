@@ -1,1 +1,3 @@
-"""Instruments of a project, with their calibrations; campaigns name them by kind and serial number."""
+"""Instruments of a project, with their calibrations; campaigns name them by kind and serial
+number.
+"""

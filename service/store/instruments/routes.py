@@ -1,7 +1,8 @@
 """Instruments: the table, what clients see of it, and the routes.
 
-A campaign names an instrument by kind and serial number, as `instruments.sensor.serial`: one that is registered later is
-that of earlier campaigns too. The calibration that counts for a campaign is the last one before it.
+A campaign names an instrument by kind and serial number, as `instruments.sensor.serial`: one that
+is registered later is that of earlier campaigns too. The calibration that counts for a campaign is
+the last one before it.
 """
 
 from __future__ import annotations
@@ -46,7 +47,9 @@ class Calibration(StrictModel):
     """One calibration."""
 
     performed_on: date
-    valid_until: date | None = Field(None, description="last day on which it counts; null where none is stated")
+    valid_until: date | None = Field(
+        None, description="last day on which it counts; null where none is stated"
+    )
     sensitivity: float | None = Field(None, description="in `unit`; null where it is not stated")
     unit: Text = Field("", max_length=50, description="of the sensitivity, such as mV/N")
     certificate: Text = Field("", max_length=200, description="its number, or where it lies")
@@ -149,16 +152,21 @@ def _state(session: Session, user: User, row: Instrument, act: str, stated: dict
 
 nouns.creating(
     "create_instrument",
-    "Register a hammer, sensor or analyser. Campaigns that state its kind and serial number name it.",
+    "Register a hammer, sensor or analyser. Campaigns that state its kind and serial number"
+    " name it.",
     InstrumentIn,
     _create,
 )
 nouns.listing("list_instruments", "Instruments of a project, with their calibrations.", hides=True)
 nouns.getting("get_instrument", "An instrument with its calibrations, oldest first.", tagged=True)
 nouns.changing(
-    "change_instrument", "Change an instrument: notes, serial number, a new calibration.", InstrumentPatch, _change
+    "change_instrument",
+    "Change an instrument: notes, serial number, a new calibration.",
+    InstrumentPatch,
+    _change,
 )
 nouns.deleting(
-    "delete_instrument", "Hide an instrument: campaigns no longer name it. It stays stored and can be restored."
+    "delete_instrument",
+    "Hide an instrument: campaigns no longer name it. It stays stored and can be restored.",
 )
 nouns.restoring("restore_instrument", "Bring a deleted instrument back.")

@@ -1,5 +1,6 @@
-"""Mode sets, their modes and identifications: the tables, and what can be done with mode sets: type in, store, read; and the
-job that finds the modes of a campaign in its FRFs and keeps them as a mode set.
+"""Mode sets, their modes and identifications: the tables, and what can be done with mode sets: type
+in, store, read; and the job that finds the modes of a campaign in its FRFs and keeps them as a mode
+set.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -45,12 +46,16 @@ class ModeSet(Identified, Base):
     origin: Mapped[str]
     covariance: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))
     details: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
-    settings: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))  # by which a job identified it
-    superseded_by: Mapped[UUID | None]  # the mode set that a later job identified by the same settings
+    # by which a job identified it
+    settings: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    # the mode set that a later job identified by the same settings
+    superseded_by: Mapped[UUID | None]
 
 
 class Identification(Base):
-    """One identification of modes from a campaign's FRFs; its key is its job's. Its mode set names it as `job_id`."""
+    """One identification of modes from a campaign's FRFs; its key is its job's. Its mode set names
+    it as `job_id`.
+    """
 
     __tablename__ = "identifications"
     __table_args__ = (Index(None, "campaign_id", "id"),)
@@ -67,7 +72,9 @@ class Mode(Base):
     __tablename__ = "modes"
     __table_args__ = (Index(None, "frequency_hz"),)
 
-    mode_set_id: Mapped[UUID] = mapped_column(ForeignKey("mode_sets.id", ondelete="CASCADE"), primary_key=True)
+    mode_set_id: Mapped[UUID] = mapped_column(
+        ForeignKey("mode_sets.id", ondelete="CASCADE"), primary_key=True
+    )
     number: Mapped[int] = mapped_column(primary_key=True)
     frequency_hz: Mapped[float]
     damping_ratio: Mapped[float | None]
@@ -98,7 +105,9 @@ def create_mode_set(session: Session, user: User, campaign_id: UUID, body: ModeS
 
 
 DETAILS = ("warnings", "doubtful", "refused", "refused_poles")
-"""What of the document about an identification its mode set has too, so that nobody sees the modes without it."""
+"""What of the document about an identification its mode set has too, so that nobody sees the modes
+without it.
+"""
 
 
 def keep_identified(
@@ -111,12 +120,15 @@ def keep_identified(
     job_id: UUID,
     settings: dict[str, Any],
 ) -> ModeSet:
-    """Store modes that a job found in the specimen's frame, with their directions in the file's coordinates, as all stored
-    shapes are, with covariance and how they were found. Those that an earlier job found by the same settings leave.
+    """Store modes that a job found in the specimen's frame, with their directions in the file's
+    coordinates, as all stored shapes are, with covariance and how they were found. Those that an
+    earlier job found by the same settings leave.
     """
     details = {part: document[part] for part in DETAILS}
     said = {row["frequency_hz"]: row for row in (*document["modes"], *document["doubtful"])}
-    details["evidence"] = [{part: said[float(hz)][part] for part in EVIDENCE} for hz in modes.frequency_hz]
+    details["evidence"] = [
+        {part: said[float(hz)][part] for part in EVIDENCE} for hz in modes.frequency_hz
+    ]
     covariance = None if modes.covariance is None else modes.covariance.tolist()
     found = {
         "job_id": job_id,
@@ -142,7 +154,11 @@ def keep_identified(
     )
     one_at_a_time(session, f"mode sets of {campaign_id}")
     store(session, mode_set, rows)
-    same = (ModeSet.campaign_id == campaign_id, ModeSet.settings == settings, ModeSet.id != mode_set.id)
+    same = (
+        ModeSet.campaign_id == campaign_id,
+        ModeSet.settings == settings,
+        ModeSet.id != mode_set.id,
+    )
     session.execute(
         update(ModeSet).where(*same, *present(ModeSet)).values(superseded_by=mode_set.id),
         execution_options={"synchronize_session": False},
@@ -154,7 +170,9 @@ def store_read_modes(
     session: Session, campaign_id: UUID, import_id: UUID, name: str, modes: Iterable[ModeShape]
 ) -> None:
     """Store the mode shapes of a file as a set."""
-    mode_set = ModeSet(campaign_id=campaign_id, import_id=import_id, name=name, origin="file", details={})
+    mode_set = ModeSet(
+        campaign_id=campaign_id, import_id=import_id, name=name, origin="file", details={}
+    )
     store(session, mode_set, map(_read, sorted(modes, key=lambda mode: mode.frequency_hz)))
 
 
@@ -167,7 +185,10 @@ def store(session: Session, mode_set: ModeSet, modes: Iterable[dict[str, Any]]) 
     """Store a set with its modes, numbered from 1."""
     session.add(mode_set)
     session.flush()
-    rows = [{"mode_set_id": mode_set.id, "number": number, **mode} for number, mode in enumerate(modes, 1)]
+    rows = [
+        {"mode_set_id": mode_set.id, "number": number, **mode}
+        for number, mode in enumerate(modes, 1)
+    ]
     session.execute(insert(Mode), rows)
 
 
@@ -177,11 +198,20 @@ def _stated(mode: ModeIn) -> dict[str, Any]:
 
 
 def _read(mode: ModeShape) -> dict[str, Any]:
-    """A mode of a file; its values are along x, y, z of each point, and about them where it has rotations."""
+    """A mode of a file; its values are along x, y, z of each point, and about them where it has
+    rotations.
+    """
     count, axes = mode.values.shape
-    points, directions = np.repeat(mode.points, axes).tolist(), np.tile(np.arange(1, axes + 1), count).tolist()
+    points, directions = (
+        np.repeat(mode.points, axes).tolist(),
+        np.tile(np.arange(1, axes + 1), count).tolist(),
+    )
     shape = _shape(points, directions, mode.values.ravel())
-    return {"frequency_hz": mode.frequency_hz, "damping_ratio": _finite(mode.damping_ratio), "shape": shape}
+    return {
+        "frequency_hz": mode.frequency_hz,
+        "damping_ratio": _finite(mode.damping_ratio),
+        "shape": shape,
+    }
 
 
 _PARTS = ("point", "direction", "real", "imag")
@@ -189,21 +219,26 @@ _PARTS = ("point", "direction", "real", "imag")
 
 def _shape(points: list[int], directions: list[int], values: ComplexArray) -> dict[str, Any]:
     """A shape as it is stored, a list each."""
-    return dict(zip(_PARTS, (points, directions, values.real.tolist(), values.imag.tolist()), strict=True))
+    return dict(
+        zip(_PARTS, (points, directions, values.real.tolist(), values.imag.tolist()), strict=True)
+    )
 
 
 def load_modes(session: Session, mode_set_id: UUID) -> MeasuredModes:
     """A mode set as the core wants it, directions in the file's coordinates.
 
-    Rigid-body modes of a file (0 Hz) are left out. Shapes are given where every mode has one, at the degrees of freedom
-    that all of them share. Typed-in standard deviations become a diagonal covariance where every mode has them.
+    Rigid-body modes of a file (0 Hz) are left out. Shapes are given where every mode has one, at
+    the degrees of freedom that all of them share. Typed-in standard deviations become a diagonal
+    covariance where every mode has them.
     """
     mode_set = session.get_one(ModeSet, mode_set_id)
     rows = [row for row in modes_of(session, [mode_set.id])[mode_set.id] if row.frequency_hz > 0]
     dofs = _shared_dofs(rows)
     return MeasuredModes(
         frequency_hz=np.array([row.frequency_hz for row in rows]),
-        damping_ratio=np.array([np.nan if row.damping_ratio is None else row.damping_ratio for row in rows]),
+        damping_ratio=np.array(
+            [np.nan if row.damping_ratio is None else row.damping_ratio for row in rows]
+        ),
         shapes=np.array([_values_at(row, dofs) for row in rows]) if dofs else None,
         dofs=tuple(dofs),
         covariance=_covariance(mode_set, rows),
@@ -212,9 +247,14 @@ def load_modes(session: Session, mode_set_id: UUID) -> MeasuredModes:
 
 
 def describe_all(session: Session, mode_sets: Sequence[ModeSet]) -> list[ModeSetOut]:
-    """Mode sets as clients see them, in the order given, with all modes and shapes; one query for all modes."""
+    """Mode sets as clients see them, in the order given, with all modes and shapes; one query for
+    all modes.
+    """
     modes = modes_of(session, [mode_set.id for mode_set in mode_sets])
-    return [shown_as(ModeSetOut, s, modes=[_mode(row, _evidence(s, row)) for row in modes[s.id]]) for s in mode_sets]
+    return [
+        shown_as(ModeSetOut, s, modes=[_mode(row, _evidence(s, row)) for row in modes[s.id]])
+        for s in mode_sets
+    ]
 
 
 def _evidence(mode_set: ModeSet, row: Mode) -> dict[str, Any]:
@@ -226,7 +266,9 @@ def _evidence(mode_set: ModeSet, row: Mode) -> dict[str, Any]:
 def _probability(mode_set: ModeSet, rows: Sequence[Mode]) -> NDArray[np.float64] | None:
     if "evidence" not in mode_set.details:
         return None
-    return np.array([_evidence(mode_set, row).get("probability", 1.0) for row in rows], dtype=np.float64)
+    return np.array(
+        [_evidence(mode_set, row).get("probability", 1.0) for row in rows], dtype=np.float64
+    )
 
 
 def _mode(row: Mode, evidence: dict[str, Any]) -> ModeOut:
@@ -237,26 +279,34 @@ def _mode(row: Mode, evidence: dict[str, Any]) -> ModeOut:
 
 
 def modes_of(session: Session, ids: Sequence[UUID]) -> dict[UUID, list[Mode]]:
-    """The modes of each of these mode sets, in the order of their numbers; an empty list for a set without modes."""
+    """The modes of each of these mode sets, in the order of their numbers; an empty list for a set
+    without modes.
+    """
     found: dict[UUID, list[Mode]] = {i: [] for i in ids}
-    for row in session.scalars(select(Mode).where(Mode.mode_set_id.in_(ids)).order_by(Mode.mode_set_id, Mode.number)):
+    for row in session.scalars(
+        select(Mode).where(Mode.mode_set_id.in_(ids)).order_by(Mode.mode_set_id, Mode.number)
+    ):
         found[row.mode_set_id].append(row)
     return found
 
 
 def shape_of(row: Mode) -> dict[tuple[int, int], complex]:
-    """The shape of a mode: (point, axis) to its complex value along the positive axis, 1 to 6; empty where the mode has
-    none.
+    """The shape of a mode: (point, axis) to its complex value along the positive axis, 1 to 6;
+    empty where the mode has none.
     """
     shape = row.shape or {"point": [], "direction": [], "real": [], "imag": []}
     return {
         (p, abs(d)): complex(re, im) * (1 if d > 0 else -1)
-        for p, d, re, im in zip(shape["point"], shape["direction"], shape["real"], shape["imag"], strict=True)
+        for p, d, re, im in zip(
+            shape["point"], shape["direction"], shape["real"], shape["imag"], strict=True
+        )
     }
 
 
 def _shared_dofs(rows: Sequence[Mode]) -> list[Dof]:
-    """Degrees of freedom that every mode has; axes along which no mode moves anywhere were not measured."""
+    """Degrees of freedom that every mode has; axes along which no mode moves anywhere were not
+    measured.
+    """
     if not rows or any(row.shape is None for row in rows):
         return []
     shapes = [shape_of(row) for row in rows]
@@ -283,8 +333,12 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def newest_stated(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, tuple[UUID, datetime]]:
-    """Key and time of each campaign's newest mode set that no job has identified; those without one are left out."""
+def newest_stated(
+    session: Session, campaign_ids: Sequence[UUID]
+) -> dict[UUID, tuple[UUID, datetime]]:
+    """Key and time of each campaign's newest mode set that no job has identified; those without one
+    are left out.
+    """
     query = (
         select(ModeSet.campaign_id, ModeSet.id, ModeSet.created_at)
         .where(ModeSet.campaign_id.in_(campaign_ids), ModeSet.origin.in_(("typed", "file")))
@@ -308,7 +362,9 @@ class IdentificationIn(PolesIn):
 def _load(session: Session, row: Identification, _workspace: Path) -> IdentificationInputs:
     campaign = load_measured_campaign(session, row.campaign_id)
     if not campaign.frf_sets:
-        raise InputError("campaign", campaign.without_frfs("has no FRFs; import some, or process its hits"))
+        raise InputError(
+            "campaign", campaign.without_frfs("has no FRFs; import some, or process its hits")
+        )
     asked = IdentificationIn.model_validate(row.options)
     frfs = tuple(used.frfs for used in campaign.frf_sets)
     windows = [remark for used in campaign.frf_sets for remark in used.window_remark]
@@ -326,10 +382,14 @@ def _store(session: Session, row: Identification, items: Iterator[Identification
 
 
 identification_for = Lookup(Identification, "identification", "campaign_id", campaign_for)
-IDENTIFICATIONS = JobNoun("identifications", identification_for, _load, find_modes, _store, libraries=CORE_LIBRARIES)
+IDENTIFICATIONS = JobNoun(
+    "identifications", identification_for, _load, find_modes, _store, libraries=CORE_LIBRARIES
+)
 
 
-def start_identification(session: Session, user: User, campaign_id: UUID, body: IdentificationIn) -> Identification:
+def start_identification(
+    session: Session, user: User, campaign_id: UUID, body: IdentificationIn
+) -> Identification:
     """Queue an identification of a campaign's modes, in the caller's transaction.
 
     Raises:

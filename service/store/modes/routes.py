@@ -1,4 +1,6 @@
-"""Routes of mode sets and of identifications; a mode set as a UFF file, and edited by hand: poles kept or dropped, and why."""
+"""Routes of mode sets and of identifications; a mode set as a UFF file, and edited by hand: poles
+kept or dropped, and why.
+"""
 
 import bisect
 import itertools
@@ -48,12 +50,15 @@ MEDIA_TYPES = {"json": "application/json", "uff": "text/x-uff"}
 UFF: dict[int | str, dict[str, Any]] = {200: {"content": {MEDIA_TYPES["uff"]: {}}}}
 
 
-nouns = NounRoutes(router, operations.mode_set_for, ModeSetOut, operations.describe_all, "mode-sets", "mode_set_id")
+nouns = NounRoutes(
+    router, operations.mode_set_for, ModeSetOut, operations.describe_all, "mode-sets", "mode_set_id"
+)
 
 
 nouns.creating(
     "create_mode_set",
-    "Type in modes that were identified elsewhere: frequencies, and where known damping ratios and shapes.",
+    "Type in modes that were identified elsewhere: frequencies, and where known damping ratios and"
+    " shapes.",
     ModeSetIn,
     operations.create_mode_set,
 )
@@ -63,7 +68,9 @@ nouns.creating(
 def edit_mode_set(
     mode_set_id: UUID, body: EditIn, session: SessionDep, user: CurrentUser, response: Response
 ) -> ModeSetOut:
-    """Keep or drop poles by hand: a new mode set that records who decided what and why; the old one stays as it is."""
+    """Keep or drop poles by hand: a new mode set that records who decided what and why; the old one
+    stays as it is.
+    """
     mode_set = operations.mode_set_for(session, user, mode_set_id, "editor")
     return nouns.made(session, keep_or_drop(session, user, mode_set, body), response)
 
@@ -82,7 +89,12 @@ def get_mode_set(
     mode_set = operations.mode_set_for(session, user, mode_set_id)
     if form == "uff":
         media_type = MEDIA_TYPES["uff"]
-        return spooled(lambda file: write_uff(session, mode_set, file), media_type, "modes.uff", {"Vary": "Accept"})
+        return spooled(
+            lambda file: write_uff(session, mode_set, file),
+            media_type,
+            "modes.uff",
+            {"Vary": "Accept"},
+        )
     return nouns.shown(session, mode_set)
 
 
@@ -95,32 +107,44 @@ class IdentificationOut(JobOut):
     campaign_id: UUID
     options: IdentificationIn
     mode_set: UUID | None = Field(description="the modes that it found")
-    result: dict[str, Any] | None = Field(description="quality of the modes, what was left out, stabilisation diagram")
+    result: dict[str, Any] | None = Field(
+        description="quality of the modes, what was left out, stabilisation diagram"
+    )
 
 
 def _with_modes(session: Session, rows: Sequence[Identification]) -> list[dict[str, Any]]:
     """Their mode sets and results, where they have succeeded."""
     keys = [row.id for row in rows]
-    found = dict(session.execute(select(ModeSet.job_id, ModeSet.id).where(ModeSet.job_id.in_(keys))).all())
-    return [{"mode_set": found.get(row.id), "result": row.document and up_to_date(row.document)} for row in rows]
+    found = dict(
+        session.execute(select(ModeSet.job_id, ModeSet.id).where(ModeSet.job_id.in_(keys))).all()
+    )
+    return [
+        {"mode_set": found.get(row.id), "result": row.document and up_to_date(row.document)}
+        for row in rows
+    ]
 
 
-of_jobs = JobRoutes(identifications, IDENTIFICATIONS, IdentificationOut, "identification_id", _with_modes)
+of_jobs = JobRoutes(
+    identifications, IDENTIFICATIONS, IdentificationOut, "identification_id", _with_modes
+)
 
 
 of_jobs.creating(
     "start_identification",
-    "Queue an identification of modes from the campaign's FRFs; a mode set comes of it. `{}` is a body.",
+    "Queue an identification of modes from the campaign's FRFs; a mode set comes of it. `{}` is a"
+    " body.",
     IdentificationIn,
     start_identification,
     status=202,
 )
 of_jobs.cancelling(
-    "cancel_identification", "Ask for an identification's end; one that has ended already stays as it is."
+    "cancel_identification",
+    "Ask for an identification's end; one that has ended already stays as it is.",
 )
 of_jobs.listing("list_identifications", "Identifications of a campaign, newest first.", 20)
 of_jobs.getting(
-    "get_identification", "How far an identification is, which modes it found, and how well the data support them."
+    "get_identification",
+    "How far an identification is, which modes it found, and how well the data support them.",
 )
 
 
@@ -133,9 +157,12 @@ def write_uff(session: Session, mode_set: ModeSet, file: IO[bytes]) -> None:
     rows = modes_of(session, [mode_set.id])[mode_set.id]
     bare = [str(row.number) for row in rows if not shape_of(row)]
     if bare:
-        raise Conflict(f"mode {', '.join(bare)} has no shape, and set 55 holds nothing else; use ?format=json")
+        raise Conflict(
+            f"mode {', '.join(bare)} has no shape, and set 55 holds nothing else; use ?format=json"
+        )
     points: Iterator[uff.Content] = (
-        uff.GridPoint(label, xyz) for label, xyz in stored_points(session, mode_set.campaign_id).items()
+        uff.GridPoint(label, xyz)
+        for label, xyz in stored_points(session, mode_set.campaign_id).items()
     )
     for block in encode(itertools.chain(points, (_shape(mode_set, row) for row in rows))):
         file.write(block)
@@ -145,7 +172,10 @@ def _shape(mode_set: ModeSet, row: Mode) -> uff.ModeShape:
     stored = shape_of(row)
     labels = sorted({point for point, _ in stored})
     axes = 6 if any(axis > 3 for _, axis in stored) else 3
-    values = np.array([[stored.get((point, axis), 0.0) for axis in range(1, axes + 1)] for point in labels], complex)
+    values = np.array(
+        [[stored.get((point, axis), 0.0) for axis in range(1, axes + 1)] for point in labels],
+        complex,
+    )
     return uff.ModeShape(
         dataset=0,
         label=f"{mode_set.name}, mode {row.number}",
@@ -166,7 +196,8 @@ _MODE = ("frequency_hz", "damping_ratio", "frequency_sd_hz", "damping_sd", "shap
 
 
 def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) -> ModeSet:
-    """A new mode set with the modes of another one, less those dropped, and with the poles beside it that were kept.
+    """A new mode set with the modes of another one, less those dropped, and with the poles beside
+    it that were kept.
 
     Args:
         session: the request's transaction.
@@ -189,19 +220,33 @@ def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) 
     for number, decision in enumerate(body.decisions):
         pole = _pole(f"decisions.{number}.frequency_hz", decision, poles)
         if any(pole is earlier for earlier in named):
-            raise InputError(f"decisions.{number}", f"is a second one on {pole['frequency_hz']:.6g} Hz; expected one")
+            raise InputError(
+                f"decisions.{number}",
+                f"is a second one on {pole['frequency_hz']:.6g} Hz; expected one",
+            )
         named.append(pole)
         if decision.keep and pole not in rows:
             place = bisect.bisect([row["frequency_hz"] for row in rows], pole["frequency_hz"])
             rows.insert(place, {part: pole.get(part) for part in _MODE})
-            evidence.insert(place, {part: pole[part] for part in ("probability", "features") if part in pole})
+            evidence.insert(
+                place, {part: pole[part] for part in ("probability", "features") if part in pole}
+            )
             places.insert(place, None)
-            beside = {part: [one for one in poles if one is not pole] for part, poles in beside.items()}
+            beside = {
+                part: [one for one in poles if one is not pole] for part, poles in beside.items()
+            }
         elif not decision.keep and pole in rows:
             place = rows.index(pole)
             del rows[place], evidence[place], places[place]
         at = {"by": user.name, "at": datetime.now(UTC).isoformat()}
-        decided.append({"frequency_hz": pole["frequency_hz"], "keep": decision.keep, "reason": decision.reason, **at})
+        decided.append(
+            {
+                "frequency_hz": pole["frequency_hz"],
+                "keep": decision.keep,
+                "reason": decision.reason,
+                **at,
+            }
+        )
     if not rows:
         raise InputError("decisions", "drop every mode of the set; keep at least one")
     details = {**mode_set.details, **beside, "evidence": evidence}
@@ -209,9 +254,19 @@ def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) 
     details["decisions"] = [*mode_set.details.get("decisions", []), *decided]
     covariance = _covariance(mode_set, places)
     edited = ModeSet(
-        campaign_id=mode_set.campaign_id, name=body.name, origin="edited", covariance=covariance, details=details
+        campaign_id=mode_set.campaign_id,
+        name=body.name,
+        origin="edited",
+        covariance=covariance,
+        details=details,
     )
-    book(session, campaign_for, campaign_of(session, mode_set.campaign_id), "modes", len(str(rows)) + len(str(details)))
+    book(
+        session,
+        campaign_for,
+        campaign_of(session, mode_set.campaign_id),
+        "modes",
+        len(str(rows)) + len(str(details)),
+    )
     store(session, edited, rows)
     session.refresh(edited)
     mode_set_for.note(session, user, edited, "edit", name=body.name, edited_from=str(mode_set.id))
@@ -224,10 +279,15 @@ def _pole(field: str, decision: DecisionIn, poles: list[dict[str, Any]]) -> dict
     Raises:
         InputError: there is none at that frequency.
     """
-    near = min(poles, key=lambda pole: abs(pole["frequency_hz"] - decision.frequency_hz), default=None)
+    near = min(
+        poles, key=lambda pole: abs(pole["frequency_hz"] - decision.frequency_hz), default=None
+    )
     if near is None or abs(near["frequency_hz"] / decision.frequency_hz - 1) > _SAME:
         there = ", ".join(f"{pole['frequency_hz']:.6g}" for pole in poles[:30])
-        raise InputError(field, f"is {decision.frequency_hz:g}, and no pole of the set is there; it has {there} Hz")
+        raise InputError(
+            field,
+            f"is {decision.frequency_hz:g}, and no pole of the set is there; it has {there} Hz",
+        )
     return near
 
 

@@ -15,7 +15,9 @@ Origin = Literal["typed", "file", "identified", "edited"]
 
 
 class ShapeValue(StrictModel):
-    """Displacement of a mode at a point, in a signed direction of the file's coordinates, arbitrarily scaled."""
+    """Displacement of a mode at a point, in a signed direction of the file's coordinates,
+    arbitrarily scaled.
+    """
 
     point: Point
     direction: int = Field(ge=-6, le=6, description="±1 … ±3 along x, y, z, ±4 … ±6 about them")
@@ -34,7 +36,9 @@ class ModeIn(StrictModel):
     """One mode as a client knows it; standard deviations where it knows them too."""
 
     frequency_hz: float = Field(gt=0, le=1e9, description="undamped natural frequency")
-    damping_ratio: float | None = Field(None, ge=0, lt=1, description="viscous damping ratio, not per cent")
+    damping_ratio: float | None = Field(
+        None, ge=0, lt=1, description="viscous damping ratio, not per cent"
+    )
     frequency_sd_hz: float | None = Field(None, gt=0, le=1e9)
     damping_sd: float | None = Field(None, gt=0, lt=1)
     shape: list[ShapeValue] | None = Field(None, min_length=1, max_length=1_000_000)
@@ -58,7 +62,10 @@ class ModeSetIn(StrictModel):
 
     model_config = example(
         name="typed in",
-        modes=[{"frequency_hz": 25.61, "damping_ratio": 0.1556}, {"frequency_hz": 160.85, "damping_ratio": 0.0284}],
+        modes=[
+            {"frequency_hz": 25.61, "damping_ratio": 0.1556},
+            {"frequency_hz": 160.85, "damping_ratio": 0.0284},
+        ],
     )
 
     name: Name
@@ -76,7 +83,10 @@ class PolesIn(StrictModel):
     highest_order: int = Field(40, ge=4, le=200, description="of the linear stage")
     most_modes: int = Field(100, ge=1, le=200, description="poles of the fitted series")
     threshold: float = Field(
-        0.9, ge=0.1, lt=1, description="probability from which a pole is a mode; below, it is uncertain"
+        0.9,
+        ge=0.1,
+        lt=1,
+        description="probability from which a pole is a mode; below, it is uncertain",
     )
 
     def options(self) -> Options:
@@ -86,14 +96,18 @@ class PolesIn(StrictModel):
             InputError: the band is empty.
         """
         if self.band_hz is not None and not self.band_hz[0] < self.band_hz[1]:
-            raise InputError("band_hz", f"is ({self.band_hz[0]:g}, {self.band_hz[1]:g}), expected low < high")
+            raise InputError(
+                "band_hz", f"is ({self.band_hz[0]:g}, {self.band_hz[1]:g}), expected low < high"
+            )
         return Options(self.band_hz, self.highest_order, self.most_modes, self.threshold)
 
 
 class FeatureOut(StrictModel):
     """One reason for or against a pole being a mode."""
 
-    name: str = Field(description="phase, rise, share, damping, apart, shape or reach; twin in older results")
+    name: str = Field(
+        description="phase, rise, share, damping, apart, shape or reach; twin in older results"
+    )
     value: float = Field(description="of the feature, as the page on modes defines it")
     weight: float = Field(description="what it adds to ln(P/(1 − P))")
     words: str = Field(description="the feature in a sentence, with its value")
@@ -118,10 +132,14 @@ class DecisionIn(StrictModel):
     """What a person decides of one pole."""
 
     frequency_hz: float = Field(
-        gt=0, le=1e9, description="of a mode of the set, or of an uncertain or refused pole beside it"
+        gt=0,
+        le=1e9,
+        description="of a mode of the set, or of an uncertain or refused pole beside it",
     )
     keep: bool = Field(description="whether the pole is in the new set")
-    reason: str = Field(min_length=1, max_length=2000, description="why, for those who read the new set")
+    reason: str = Field(
+        min_length=1, max_length=2000, description="why, for those who read the new set"
+    )
 
 
 class EditIn(StrictModel):
@@ -129,11 +147,19 @@ class EditIn(StrictModel):
 
     model_config = example(
         name="checked by hand",
-        decisions=[{"frequency_hz": 50.0, "keep": False, "reason": "hum of the mains: it is there without a hit, too"}],
+        decisions=[
+            {
+                "frequency_hz": 50.0,
+                "keep": False,
+                "reason": "hum of the mains: it is there without a hit, too",
+            }
+        ],
     )
 
     name: Name
-    decisions: list[DecisionIn] = Field(min_length=1, max_length=10_000, description="one for each pole in question")
+    decisions: list[DecisionIn] = Field(
+        min_length=1, max_length=10_000, description="one for each pole in question"
+    )
 
 
 class ModeSetOut(StrictModel):
@@ -145,11 +171,16 @@ class ModeSetOut(StrictModel):
     origin: Origin
     import_id: UUID | None = Field(description="the import that it came with")
     job_id: UUID | None = Field(description="the job that identified it")
-    superseded_by: UUID | None = Field(None, description="the newer set that a job identified by the same settings")
+    superseded_by: UUID | None = Field(
+        None, description="the newer set that a job identified by the same settings"
+    )
     modes: list[ModeOut]
     details: dict[str, Any] = Field(
-        description="of an identified set, what stands beside its modes: `warnings`, `doubtful` modes with the reason of "
-        "each, `refused` FRFs, `refused_poles`, `evidence` for each mode; of an edited set `edited_from` and `decisions` as "
-        "well, each with who made it; empty for others, and for sets of versions up to 0.2"
+        description=(
+            "of an identified set, what stands beside its modes: `warnings`, `doubtful` modes with"
+            " the reason of each, `refused` FRFs, `refused_poles`, `evidence` for each mode; of an"
+            " edited set `edited_from` and `decisions` as well, each with who made it; empty for"
+            " others, and for sets of versions up to 0.2"
+        )
     )
     created_at: datetime

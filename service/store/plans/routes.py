@@ -49,19 +49,27 @@ class PlannedTestIn(StrictModel):
     """A test that could be made."""
 
     boundary: Boundary
-    structure_id: UUID | None = Field(None, description="another structure of the same material; default: this one")
+    structure_id: UUID | None = Field(
+        None, description="another structure of the same material; default: this one"
+    )
     highest_hz: Hertz = Field(1000.0, description="of the band")
     added_masses: list[AddedMass] = Field(default_factory=list, max_length=10)
     points_m: list[Place] | None = Field(
         None,
         min_length=1,
         max_length=200,
-        description="x and y that can be hit; default: eleven stations by three rows. Of a body in space x, y and z, hit along "
-        "the wall's normal; default: 33 places spread over its walls",
+        description=(
+            "x and y that can be hit; default: eleven stations by three rows. Of a body in space x,"
+            " y and z, hit along the wall's normal; default: 33 places spread over its walls"
+        ),
     )
-    sensor: int | None = Field(None, ge=0, description="number of the sensor's point among these; default: the last")
+    sensor: int | None = Field(
+        None, ge=0, description="number of the sensor's point among these; default: the last"
+    )
     sensor_mass_kg: float = Field(0.0, ge=0, le=100)
-    noise: float = Field(0.02, ge=1e-6, le=1, description="of an FRF, as a share of its root mean square")
+    noise: float = Field(
+        0.02, ge=1e-6, le=1, description="of an FRF, as a share of its root mean square"
+    )
     damping_ratio: float = Field(0.01, ge=1e-6, lt=1)
     line_spacing_hz: float = Field(0.5, ge=1e-6, le=1e6)
 
@@ -69,12 +77,18 @@ class PlannedTestIn(StrictModel):
 class PlannedCouponsIn(StrictModel):
     """Coupons that could be tested; the body is one more piece of their material."""
 
-    constants: list[Constant] = Field(min_length=1, max_length=4, description="elastic constants that they give")
+    constants: list[Constant] = Field(
+        min_length=1, max_length=4, description="elastic constants that they give"
+    )
     sets: list[Name] = Field(
-        default_factory=list, max_length=200, description="of a body in space, that they are cut from; default: all"
+        default_factory=list,
+        max_length=200,
+        description="of a body in space, that they are cut from; default: all",
     )
     pieces: int = Field(5, ge=2, le=1000)
-    scatter: float = Field(0.05, gt=0, le=1, description="relative standard deviation between pieces, as expected")
+    scatter: float = Field(
+        0.05, gt=0, le=1, description="relative standard deviation between pieces, as expected"
+    )
 
 
 class MadeTestIn(StrictModel):
@@ -85,13 +99,17 @@ class MadeTestIn(StrictModel):
 
 
 class PlanIn(StrictModel):
-    """What to compare; `{}` compares the boundaries of this structure, and of a strip or plate a mass at its end too."""
+    """What to compare; `{}` compares the boundaries of this structure, and of a strip or plate a
+    mass at its end too.
+    """
 
     model_config = example()
 
     tests: list[PlannedTestIn] | None = Field(None, min_length=1, max_length=12)
     made: list[MadeTestIn] = Field(
-        default_factory=list, max_length=12, description="campaigns of this material so far; what they show is known"
+        default_factory=list,
+        max_length=12,
+        description="campaigns of this material so far; what they show is known",
     )
     points_to_hit: int | None = Field(
         None, ge=1, le=200, description="choose so many of each test's points; default: all"
@@ -100,7 +118,10 @@ class PlanIn(StrictModel):
         default_factory=list, max_length=12, description="coupons to compare with the tests"
     )
     about: Name | None = Field(
-        None, description="constant for which tests are ranked and points chosen, such as flange.E1; default: all"
+        None,
+        description=(
+            "constant for which tests are ranked and points chosen, such as flange.E1; default: all"
+        ),
     )
 
 
@@ -117,7 +138,9 @@ class PlanItemOut(StrictModel):
     shrinks_most: str
     frequencies_hz: list[float] = Field(description="of the modes that it would show")
     points_m: list[Place] = Field(description="to hit, in the order of what they add")
-    share_of_all_points: float = Field(description="of the information of hitting all points, that these keep")
+    share_of_all_points: float = Field(
+        description="of the information of hitting all points, that these keep"
+    )
 
 
 class PlanOut(StrictModel):
@@ -138,10 +161,14 @@ def order_of(session: Session, user: User, structure_id: UUID, body: PlanIn) -> 
     structure = structure_for(session, user, structure_id, "editor")
     _, own = present_structure(session, structure.id)
     tests, sent = [], []
-    for number, asked in enumerate(body.tests if body.tests is not None else _proposed(session, own)):
+    for number, asked in enumerate(
+        body.tests if body.tests is not None else _proposed(session, own)
+    ):
         name, described = str(structure.id), own
         if asked.structure_id is not None:
-            other = structure_for.named(session, user, asked.structure_id, f"/tests/{number}/structure_id")
+            other = structure_for.named(
+                session, user, asked.structure_id, f"/tests/{number}/structure_id"
+            )
             name, described = str(other.id), present_structure(session, other.id)[1]
         with within(f"tests.{number}"):
             tests.append(_test(session, number, asked, described, name, own))
@@ -172,7 +199,10 @@ def order_of(session: Session, user: User, structure_id: UUID, body: PlanIn) -> 
 def _proposed(session: Session, structure: StructureIn) -> list[PlannedTestIn]:
     """Every boundary; of a strip or plate also with a mass at the end."""
     if structure.model is not None:
-        return [PlannedTestIn.model_validate({"boundary": boundary}) for boundary in ("free", AS_MODELLED)]
+        return [
+            PlannedTestIn.model_validate({"boundary": boundary})
+            for boundary in ("free", AS_MODELLED)
+        ]
     boundaries = ("cantilever", "free", "simply_supported")
     plain = joint_body(session, structure, "free", USUAL)
     if not isinstance(plain, OrientedSpecimen):
@@ -180,15 +210,27 @@ def _proposed(session: Session, structure: StructureIn) -> list[PlannedTestIn]:
     mass = _ADDED * plain.material.density * plain.length * plain.width * plain.thickness
     added = {"x_m": plain.length, "y_m": 0.0, "mass_kg": mass}
     pairs = [(boundary, masses) for boundary, masses in product(boundaries, ([], [added]))]
-    allowed = [pair for pair in pairs if pair[0] != "simply_supported" or not pair[1]]  # its end does not move
-    return [PlannedTestIn.model_validate({"boundary": b, "added_masses": masses}) for b, masses in allowed]
+    # its end does not move
+    allowed = [pair for pair in pairs if pair[0] != "simply_supported" or not pair[1]]
+    return [
+        PlannedTestIn.model_validate({"boundary": b, "added_masses": masses})
+        for b, masses in allowed
+    ]
 
 
 def _test(
-    session: Session, number: int, asked: PlannedTestIn, structure: StructureIn, specimen: str, first: StructureIn
+    session: Session,
+    number: int,
+    asked: PlannedTestIn,
+    structure: StructureIn,
+    specimen: str,
+    first: StructureIn,
 ) -> PlannedTest:
     at = f"/tests/{number}"
-    masses = tuple(PointMass(m.x_m, m.y_m, m.mass_kg, m.rotary_inertia_kg_m2, z=m.z_m) for m in asked.added_masses)
+    masses = tuple(
+        PointMass(m.x_m, m.y_m, m.mass_kg, m.rotary_inertia_kg_m2, z=m.z_m)
+        for m in asked.added_masses
+    )
     body = joint_body(session, structure, asked.boundary, USUAL, masses=masses, first=first)
     if isinstance(body, MatrixBody):
         raise Invalid(
@@ -198,7 +240,9 @@ def _test(
     points, axes = _points(asked, body, at)
     sensor = len(points) - 1 if asked.sensor is None else asked.sensor
     if sensor >= len(points):
-        raise Invalid(f"{at}/sensor", f"is {sensor}, expected one of the {len(points)} points, from 0")
+        raise Invalid(
+            f"{at}/sensor", f"is {sensor}, expected one of the {len(points)} points, from 0"
+        )
     return PlannedTest(
         name=_name(number, asked, structure),
         body=body,
@@ -216,13 +260,17 @@ def _test(
 
 def _name(number: int, asked: PlannedTestIn, structure: StructureIn) -> str:
     grams = ", ".join(f"{1e3 * mass.mass_kg:.3g} g" for mass in asked.added_masses)
-    return f"{number + 1}: {structure.name}, {asked.boundary}" + (f", with {grams}" if grams else "")
+    return f"{number + 1}: {structure.name}, {asked.boundary}" + (
+        f", with {grams}" if grams else ""
+    )
 
 
 def _points(
     asked: PlannedTestIn, body: OrientedSpecimen | Structure, at: str
 ) -> tuple[tuple[tuple[float, ...], ...], dict[int, FloatArray]]:
-    """The points that can be hit; of a body in space with its walls' normals as their third directions."""
+    """The points that can be hit; of a body in space with its walls' normals as their third
+    directions.
+    """
     if isinstance(body, OrientedSpecimen):
         return tuple(_grid(body) if asked.points_m is None else asked.points_m), {}
     surfaces = body.model.surfaces
@@ -235,7 +283,10 @@ def _points(
         except OffSpecimenError as error:
             raise Invalid(f"{at}/points_m/{error.index}", error.message) from error
     across = [np.linalg.svd(normal[None])[2] for normal in normals]
-    axes = {k: np.array([*turned[1:], normal]) for k, (turned, normal) in enumerate(zip(across, normals, strict=True))}
+    axes = {
+        k: np.array([*turned[1:], normal])
+        for k, (turned, normal) in enumerate(zip(across, normals, strict=True))
+    }
     return tuple(tuple(map(float, place)) for place in places), axes
 
 
@@ -248,19 +299,28 @@ def _grid(body: OrientedSpecimen) -> list[tuple[float, float]]:
     return [(float(x), float(y)) for x in along for y in across]
 
 
-def _coupons(number: int, asked: PlannedCouponsIn, body: OrientedSpecimen | Structure) -> PlannedCoupons:
+def _coupons(
+    number: int, asked: PlannedCouponsIn, body: OrientedSpecimen | Structure
+) -> PlannedCoupons:
     sets = body.mesh.sets if isinstance(body, Structure) else ()
     if missing := set(asked.sets).difference(sets):
         has = ", ".join(sets) or "none"
-        raise Invalid(f"/coupons/{number}/sets", f"name {', '.join(sorted(missing))}; the sets of this body: {has}")
+        raise Invalid(
+            f"/coupons/{number}/sets",
+            f"name {', '.join(sorted(missing))}; the sets of this body: {has}",
+        )
     own = coupon_constants(body, asked.sets)
-    names = tuple(dict.fromkeys(name for constant in asked.constants for name in own.get(constant, ())))
+    names = tuple(
+        dict.fromkeys(name for constant in asked.constants for name in own.get(constant, ()))
+    )
     relative = prior(Statistics(asked.pieces, 1.0, asked.scatter)).standard_deviation
     words = ", ".join(asked.constants) + (f" of {', '.join(asked.sets)}" if asked.sets else "")
     return PlannedCoupons(f"coupons {number + 1}: {words}", names, relative, asked.pieces)
 
 
-def _made(session: Session, user: User, number: int, each: MadeTestIn, first: StructureIn) -> Campaign:
+def _made(
+    session: Session, user: User, number: int, each: MadeTestIn, first: StructureIn
+) -> Campaign:
     at = f"/made/{number}"
     campaign = campaign_for.named(session, user, each.campaign_id, f"{at}/campaign_id")
     check_mode_set(session, user, each.mode_set, campaign.id, f"{at}/mode_set")
@@ -269,7 +329,14 @@ def _made(session: Session, user: User, number: int, each: MadeTestIn, first: St
     return Campaign(
         name=f"{number + 1}: {loaded.structure.name}, {campaign.name}",
         specimen=str(campaign.structure_id),
-        body=joint_body(session, loaded.structure, loaded.boundary, USUAL, masses=carried_masses(loaded), first=first),
+        body=joint_body(
+            session,
+            loaded.structure,
+            loaded.boundary,
+            USUAL,
+            masses=carried_masses(loaded),
+            first=first,
+        ),
         modes=modes_in_frame(load_modes(session, each.mode_set), loaded.frame),
         points=dict(loaded.points),
         inputs=stated.to_core(),
@@ -279,7 +346,8 @@ def _made(session: Session, user: User, number: int, each: MadeTestIn, first: St
 
 @router.post("/structures/{structure_id}/plans")
 def plan(structure_id: UUID, body: PlanIn, session: SessionDep, user: CurrentUser) -> PlanOut:
-    """Rank tests by what they would add to what is known of the material, or of a body's sets. `{}` compares boundaries.
+    """Rank tests by what they would add to what is known of the material, or of a body's sets. `{}`
+    compares boundaries.
 
     Nothing is stored; send it again with each new campaign in `made`. It takes a minute at most.
     """

@@ -1,4 +1,6 @@
-"""Time blocks in the database: their table; list, find, store, delete; what a file brings of them."""
+"""Time blocks in the database: their table; list, find, store, delete; what a file brings of
+them.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,19 @@ from typing import Any
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import ARRAY, ForeignKey, Index, LargeBinary, Select, Uuid, any_, delete, func, literal, select
+from sqlalchemy import (
+    ARRAY,
+    ForeignKey,
+    Index,
+    LargeBinary,
+    Select,
+    Uuid,
+    any_,
+    delete,
+    func,
+    literal,
+    select,
+)
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
@@ -29,7 +43,9 @@ from service.web import shown_as
 
 
 class Record(Identified, Base):
-    """One channel's time block of one hit, in SI; its samples lie out of line and are loaded only when asked for."""
+    """One channel's time block of one hit, in SI; its samples lie out of line and are loaded only
+    when asked for.
+    """
 
     __tablename__ = "records"
     __table_args__ = (
@@ -72,16 +88,27 @@ class Record(Identified, Base):
 COLUMNS = tuple(one.name for one in Record.__table__.columns if one.name != "created_at")
 """What is stated of a time block."""
 
-_STATED = tuple(name for name in COLUMNS if name in TimeBlock.__dataclass_fields__ and name not in ("hit", "samples"))
+_STATED = tuple(
+    name
+    for name in COLUMNS
+    if name in TimeBlock.__dataclass_fields__ and name not in ("hit", "samples")
+)
 _TYPES = {name: str(np.dtype(name)) for name in ("<f4", "<f8")}
 
 record_for = Lookup(Record, "record", "campaign_id", campaign_for)
 
 
 def store_records(
-    session: Session, user: User, campaign_id: UUID, filename: str, blocks: Sequence[TimeBlock], *, counted: bool
+    session: Session,
+    user: User,
+    campaign_id: UUID,
+    filename: str,
+    blocks: Sequence[TimeBlock],
+    *,
+    counted: bool,
 ) -> list[Record]:
-    """Store time blocks of a script, all or none, each with the SHA-256 of its samples; see `write_records`.
+    """Store time blocks of a script, all or none, each with the SHA-256 of its samples; see
+    `write_records`.
 
     Raises:
         Conflict: the campaign has a hit of that number there already.
@@ -90,10 +117,15 @@ def store_records(
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
     if not counted:
         require_new(session, campaign.id, blocks)
-    keys = write_records(session, campaign.id, blocks, len(blocks), counted=counted, filename=filename)
-    written = Record.id == any_(literal(keys, ARRAY(Uuid)))  # one parameter, however many blocks there are
+    keys = write_records(
+        session, campaign.id, blocks, len(blocks), counted=counted, filename=filename
+    )
+    # one parameter, however many blocks there are
+    written = Record.id == any_(literal(keys, ARRAY(Uuid)))
     stored = list(session.scalars(select(Record).where(written).order_by(Record.id)))
-    campaign_for.note(session, user, campaign, "record.create", count=len(blocks), filename=filename)
+    campaign_for.note(
+        session, user, campaign, "record.create", count=len(blocks), filename=filename
+    )
     return stored
 
 
@@ -156,9 +188,18 @@ def _last_hits(session: Session, campaign_id: UUID) -> dict[Place, int]:
 
 
 def require_new(session: Session, campaign_id: UUID, blocks: Sequence[TimeBlock]) -> None:
-    """Raise `Conflict` where the campaign has one of these blocks already, or they hold one twice; samples are not read."""
+    """Raise `Conflict` where the campaign has one of these blocks already, or they hold one twice;
+    samples are not read.
+    """
     points = {block.force_point for block in blocks}
-    key_of = (Record.force_point, Record.force_direction, Record.hit, Record.quantity, Record.point, Record.direction)
+    key_of = (
+        Record.force_point,
+        Record.force_direction,
+        Record.hit,
+        Record.quantity,
+        Record.point,
+        Record.direction,
+    )
     query = select(*key_of).where(Record.campaign_id == campaign_id, Record.force_point.in_(points))
     known = {tuple(row) for row in session.execute(query)}
     seen: set[tuple[Any, ...]] = set()
@@ -168,8 +209,9 @@ def require_new(session: Session, campaign_id: UUID, blocks: Sequence[TimeBlock]
         if key in known or key in seen:
             where = "twice in what was sent" if key in seen else "in the campaign already"
             raise Conflict(
-                f"hit {block.hit} of point {block.force_point} is {where} ({block.quantity} at point {block.point}); "
-                "delete it there, number the hits anew, or leave the numbers out"
+                f"hit {block.hit} of point {block.force_point} is {where} ({block.quantity} at"
+                f" point {block.point}); delete it there, number the hits anew, or leave the"
+                " numbers out"
             )
         seen.add(key)
 
@@ -182,13 +224,19 @@ def remove_record(session: Session, user: User, record_id: UUID) -> None:
     """
     row = record_for(session, user, record_id, "editor", lock=True)  # of two at once, one deletes
     record_for.note(session, user, row, "delete", sha256=row.sha256.hex(), hit=row.hit)
-    (size,) = session.execute(delete(Record).where(Record.id == row.id).returning(func.octet_length(Record.data))).one()
+    (size,) = session.execute(
+        delete(Record).where(Record.id == row.id).returning(func.octet_length(Record.data))
+    ).one()
     book(session, campaign_for, campaign_of(session, row.campaign_id), "records", -size)
 
 
 def remove_records(session: Session, import_id: UUID) -> int:
     """Remove the time blocks that an import brought, and give their bytes."""
-    gone = delete(Record).where(Record.import_id == import_id).returning(func.octet_length(Record.data))
+    gone = (
+        delete(Record)
+        .where(Record.import_id == import_id)
+        .returning(func.octet_length(Record.data))
+    )
     return sum(session.scalars(gone))
 
 
@@ -200,12 +248,16 @@ def query_of(campaign_id: UUID, point: int | None = None, hit: int | None = None
     return query if hit is None else query.where(Record.hit == hit)
 
 
-def block_rows(session: Session, campaign_id: UUID, points: set[int] | None = None) -> dict[Place, list[BlockRow]]:
-    """What is said of a campaign's blocks, by place, in the order in which places were first hit; also of blocks whose
-    hit is not `whole`.
+def block_rows(
+    session: Session, campaign_id: UUID, points: set[int] | None = None
+) -> dict[Place, list[BlockRow]]:
+    """What is said of a campaign's blocks, by place, in the order in which places were first hit;
+    also of blocks whose hit is not `whole`.
     """
     names = BlockRow.__dataclass_fields__
-    query = select(*(getattr(Record, name) for name in names)).where(Record.campaign_id == campaign_id)
+    query = select(*(getattr(Record, name) for name in names)).where(
+        Record.campaign_id == campaign_id
+    )
     if points is not None:
         query = query.where(Record.force_point.in_(points))
     found: dict[Place, list[BlockRow]] = {}
@@ -216,7 +268,8 @@ def block_rows(session: Session, campaign_id: UUID, points: set[int] | None = No
 
 
 def sample_bytes(session: Session, rows: Sequence[BlockRow]) -> Iterator[bytes]:
-    """The stored bytes of blocks, one at a time, in their order, after their SHA-256 has been verified.
+    """The stored bytes of blocks, one at a time, in their order, after their SHA-256 has been
+    verified.
 
     Raises:
         Damaged: the bytes are not the ones that were stored.
@@ -244,7 +297,9 @@ def samples_of(session: Session, rows: Sequence[BlockRow]) -> Iterator[FloatArra
 
 def describe(row: Record) -> RecordOut:
     """A time block as clients see it. The samples are not read."""
-    return shown_as(RecordOut, row, unit=UNITS[row.quantity], sha256=row.sha256.hex(), dtype=_TYPES[row.dtype])
+    return shown_as(
+        RecordOut, row, unit=UNITS[row.quantity], sha256=row.sha256.hex(), dtype=_TYPES[row.dtype]
+    )
 
 
 Channel = tuple[str, int, int, int, int]
@@ -257,9 +312,9 @@ _IN_MEMORY = 1 << 20  # bytes of blocks before a file is made: most imports hold
 class RecordIntake:
     """The way of a file's time blocks into a campaign.
 
-    The n-th force block of a place is its n-th hit, and the n-th block of each sensor belongs to it; a block that states no
-    place of the force belongs to the force block last seen. Hits go on behind those that the campaign has. A context manager,
-    which removes what lies on disk.
+    The n-th force block of a place is its n-th hit, and the n-th block of each sensor belongs to
+    it; a block that states no place of the force belongs to the force block last seen. Hits go on
+    behind those that the campaign has. A context manager, which removes what lies on disk.
     """
 
     def __init__(self) -> None:
@@ -305,17 +360,22 @@ class RecordIntake:
             _, force = self._forces.get((place, hit), (0, None))
             if force is None:
                 refused[dataset] = (
-                    f"is a response to hit {hit} at point {place[0]}, of which the file has no force block"
+                    f"is a response to hit {hit} at point {place[0]}, of which the file has no"
+                    " force block"
                 )
             elif force != form:
                 refused[dataset] = (
-                    f"has {form[1]} samples at {form[0]:g} Hz, the force of its hit {force[1]} at {force[0]:g} Hz"
+                    f"has {form[1]} samples at {form[0]:g} Hz, the force of its hit {force[1]} at"
+                    f" {force[0]:g} Hz"
                 )
             else:
                 answered.add((place, hit))
         for (place, hit), (dataset, _) in self._forces.items():
             if (place, hit) not in answered:
-                refused[dataset] = f"is the force of hit {hit} at point {place[0]}, of which the file has no response"
+                refused[dataset] = (
+                    f"is the force of hit {hit} at point {place[0]}, of which the file has no"
+                    " response"
+                )
         return refused
 
     def hold(self, block: TimeBlock) -> None:
@@ -324,9 +384,16 @@ class RecordIntake:
         self._mapped.append(replace(block, samples=_NONE))
 
     def store(
-        self, session: Session, campaign_id: UUID, refused: Collection[int] = (), *, counted: bool, **source: Any
+        self,
+        session: Session,
+        campaign_id: UUID,
+        refused: Collection[int] = (),
+        *,
+        counted: bool,
+        **source: Any,
     ) -> None:
-        """Write the blocks that were not refused, one at a time; `source` is what `write_records` takes besides.
+        """Write the blocks that were not refused, one at a time; `source` is what `write_records`
+        takes besides.
 
         Raises:
             Conflict: the campaign has a hit of a stated number there already.
@@ -335,7 +402,11 @@ class RecordIntake:
         campaign_of(session, campaign_id, lock=True)  # against a script that sends the same hits
         if not counted:
             require_new(session, campaign_id, self._mapped)
-        held = [*(dataset for dataset, _ in self._forces.values()), *self._others, *range(len(self._mapped))]
+        held = [
+            *(dataset for dataset, _ in self._forces.values()),
+            *self._others,
+            *range(len(self._mapped)),
+        ]
         kept = (block for number, block in self._read(len(held)) if number not in refused)
         count = sum(number not in refused for number in held)
         write_records(session, campaign_id, kept, count, counted=counted, **source)

@@ -1,5 +1,6 @@
-"""Hits are judged: one by one by hand, where a person decides, says why, and each later processing keeps to it; all that are
-stored as they are looked at; and by a processing, a job that keeps the FRFs of the good ones.
+"""Hits are judged: one by one by hand, where a person decides, says why, and each later processing
+keeps to it; all that are stored as they are looked at; and by a processing, a job that keeps the
+FRFs of the good ones.
 """
 
 import json
@@ -21,13 +22,23 @@ from fecore.frf import Dof
 from service.access import Lookup, User
 from service.access.users import first_event
 from service.compute.hits import BlockRow, Place, by_sensors, describe_verdict, hits_of, whole
-from service.compute.processing import PointFile, ProcessingInputs, ProcessingOutput, process_records
+from service.compute.processing import (
+    PointFile,
+    ProcessingInputs,
+    ProcessingOutput,
+    process_records,
+)
 from service.db.base import Base, Big, Identified, one_at_a_time
 from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.data import specimen_points
-from service.store.frfs.operations import processings_of, processings_present, store_processed, supersede
+from service.store.frfs.operations import (
+    processings_of,
+    processings_present,
+    store_processed,
+    supersede,
+)
 from service.store.records.operations import Record, block_rows, describe, sample_bytes, samples_of
 from service.store.records.schemas import (
     HitDecisionIn,
@@ -81,7 +92,9 @@ def decisions_of(campaign_id: UUID) -> Select[HitDecision]:
 
 
 def standing(session: Session, campaign_id: UUID) -> dict[tuple[Dof, int], HitDecision]:
-    """The last decision about each hit that is neither taken back nor older than the hit, which may have been measured anew."""
+    """The last decision about each hit that is neither taken back nor older than the hit, which may
+    have been measured anew.
+    """
     place = HitDecision.point, HitDecision.direction, HitDecision.hit
     first_block = (
         select(Record.id)
@@ -106,11 +119,14 @@ def hits_in(rows: Iterable[Sequence[BlockRow]]) -> Iterator[tuple[Place, int]]:
     return ((row.place, row.hit) for group in rows for row in group)
 
 
-def decisions(overrules: Sequence[OverruleIn], hits: Iterable[tuple[Place, int]]) -> dict[tuple[Dof, int], bool]:
+def decisions(
+    overrules: Sequence[OverruleIn], hits: Iterable[tuple[Place, int]]
+) -> dict[tuple[Dof, int], bool]:
     """Which hits are used, whatever the criteria say.
 
     Args:
-        overrules: as the user stated them; without a direction, the one is meant in which the point was hit.
+        overrules: as the user stated them; without a direction, the one is meant in which the point
+            was hit.
         hits: place and number of each hit that there is.
 
     Raises:
@@ -123,7 +139,9 @@ def decisions(overrules: Sequence[OverruleIn], hits: Iterable[tuple[Place, int]]
     for number, one in enumerate(overrules):
         field = f"overrules.{number}"
         if found.setdefault((_meant(one, there, field), one.hit), one.use) != one.use:
-            raise InputError(field, f"contradicts another about {_named(one)}: use it, or leave it out")
+            raise InputError(
+                field, f"contradicts another about {_named(one)}: use it, or leave it out"
+            )
     return found
 
 
@@ -132,13 +150,17 @@ _MOST_PLACES = 8  # that a message names
 
 def _meant(one: HitNamed, there: set[tuple[Place, int]], field: str) -> Dof:
     """Where the hit is that is meant; `field` names it in an error."""
-    own = sorted({direction for (point, direction), hit in there if (point, hit) == (one.point, one.hit)})
+    own = sorted(
+        {direction for (point, direction), hit in there if (point, hit) == (one.point, one.hit)}
+    )
     if one.direction is None and len(own) > 1:
         listed = ", ".join(map(str, own))
         where = f"{field}.direction".lstrip(".")
         raise InputError(where, f"is missing: there is {_named(one)} in directions {listed}")
     if not own or one.direction not in (None, *own):
-        raise InputError(field or "hit", f"means {_named(one)}, which does not exist; there are {_listed(there)}")
+        raise InputError(
+            field or "hit", f"means {_named(one)}, which does not exist; there are {_listed(there)}"
+        )
     return Dof(one.point, own[0] if one.direction is None else one.direction)
 
 
@@ -160,28 +182,38 @@ def _listed(there: set[tuple[Place, int]]) -> str:
 
 
 MOST_LOOKED_AT = 64
-"""Blocks of the points concerned above which an answer does not judge their hits; a processing does."""
+"""Blocks of the points concerned above which an answer does not judge their hits; a processing
+does.
+"""
 
 
 def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> StoredRecords:
-    """Blocks as clients see them, with the judgement of all hits of their points where these are not too many.
+    """Blocks as clients see them, with the judgement of all hits of their points where these are
+    not too many.
 
-    A hit of which a block was deleted is no reason to refuse later ones: it is named instead of judged.
+    A hit of which a block was deleted is no reason to refuse later ones: it is named instead of
+    judged.
     """
-    answer = StoredRecords(items=[describe(row) for row in stored], hits=[], coherence={}, incomplete=[])
+    answer = StoredRecords(
+        items=[describe(row) for row in stored], hits=[], coherence={}, incomplete=[]
+    )
     known = block_rows(session, campaign_id, {row.force_point for row in stored})
     places = [whole(rows) for rows in known.values()]
     answer.incomplete = [sentence for _, sentences in places for sentence in sentences]
     if sum(len(rows) for rows, _ in places) > MOST_LOOKED_AT:
         return answer
     alike = [of_sensors for rows, _ in places for of_sensors in by_sensors(rows)]
-    alike.sort(key=lambda rows: max(row.id for row in rows))  # the coherence of a place is that of its newest hits
+    # the coherence of a place is that of its newest hits
+    alike.sort(key=lambda rows: max(row.id for row in rows))
     by_hand = standing(session, campaign_id)
     overrules = {hit: bool(decision.good) for hit, decision in by_hand.items()}
     found = signal.inspect(
-        [hits_of(rows, samples_of(session, rows)) for rows in alike], signal.Processing(overrules=overrules)
+        [hits_of(rows, samples_of(session, rows)) for rows in alike],
+        signal.Processing(overrules=overrules),
     )
-    answer.hits = [_stored(verdict, by_hand.get((verdict.force, verdict.number))) for verdict in found.verdicts]
+    answer.hits = [
+        _stored(verdict, by_hand.get((verdict.force, verdict.number))) for verdict in found.verdicts
+    ]
     answer.coherence = {str(dof.point): value for dof, value in found.coherence.items()}
     return answer
 
@@ -207,7 +239,9 @@ _STRIP = 1 / 3  # width over length up to which a body is a strip
 
 
 def _load(session: Session, row: Processing, workspace: Path) -> ProcessingInputs:
-    inputs = load_records(session, row.campaign_id, workspace, ProcessingIn.model_validate(row.options))
+    inputs = load_records(
+        session, row.campaign_id, workspace, ProcessingIn.model_validate(row.options)
+    )
     if inputs is None:
         raise InputError("campaign", "has no time blocks; POST records first")
     return inputs
@@ -218,8 +252,8 @@ def load_records(
 ) -> ProcessingInputs | None:
     """A campaign's hits, ready to be processed; None where it has no time blocks.
 
-    The samples are put on the worker's disk, a file for each place and its sensors, as the server sends them: memory
-    holds one block at a time.
+    The samples are put on the worker's disk, a file for each place and its sensors, as the server
+    sends them: memory holds one block at a time.
     """
     stored = block_rows(session, campaign_id)
     known = [whole(rows) for rows in stored.values()]
@@ -248,7 +282,9 @@ def load_records(
 
 
 def _strip(session: Session, campaign_id: UUID) -> signal.Strip | None:
-    """The body of a campaign, where its structure says that it is a strip of known mass and stiffness."""
+    """The body of a campaign, where its structure says that it is a strip of known mass and
+    stiffness.
+    """
     structure_id = campaign_of(session, campaign_id).structure_id
     _, structure = present_structure(session, structure_id)
     geometry, density = structure.geometry, structure.density_kg_m3
@@ -260,7 +296,9 @@ def _strip(session: Session, campaign_id: UUID) -> signal.Strip | None:
         return signal.Strip(density * area, stack.bending_stiffness(geometry.width_m))
     if structure.material is None:
         return None
-    return signal.Strip(density * area, structure.material.Ex_Pa * area * geometry.thickness_m**2 / 12)
+    return signal.Strip(
+        density * area, structure.material.Ex_Pa * area * geometry.thickness_m**2 / 12
+    )
 
 
 def _store(session: Session, row: Processing, items: Iterator[signal.Averages | str]) -> None:
@@ -274,13 +312,19 @@ def _store(session: Session, row: Processing, items: Iterator[signal.Averages | 
 
 
 def _supersede_earlier(session: Session, row: Processing) -> None:
-    """FRFs of earlier processings leave where a time block of theirs was looked at anew, be it that no hit was good."""
+    """FRFs of earlier processings leave where a time block of theirs was looked at anew, be it that
+    no hit was good.
+    """
     one_at_a_time(session, f"processings of {row.campaign_id}")
-    blocks = {str(block.id) for rows in block_rows(session, row.campaign_id).values() for block in rows}
+    blocks = {
+        str(block.id) for rows in block_rows(session, row.campaign_id).values() for block in rows
+    }
     earlier = processings_present(session, row.campaign_id) - {row.id}
     documents = session.scalars(_judged(row.campaign_id).where(Processing.id.in_(earlier)))
     made = [frf for one in documents for frf in (one.document or {})["frfs"]]
-    remade = {UUID(frf["id"]) for frf in made if any(block["id"] in blocks for block in frf["records"])}
+    remade = {
+        UUID(frf["id"]) for frf in made if any(block["id"] in blocks for block in frf["records"])
+    }
     supersede(session, row.campaign_id, row.id, remade)
 
 
@@ -291,9 +335,14 @@ def _with_keys(document: dict[str, Any], keys: Sequence[UUID]) -> dict[str, Any]
 
 
 def keep_processing(
-    session: Session, job_id: UUID, campaign_id: UUID, options: ProcessingIn, output: ProcessingOutput
+    session: Session,
+    job_id: UUID,
+    campaign_id: UUID,
+    options: ProcessingIn,
+    output: ProcessingOutput,
 ) -> dict[str, Any]:
-    """Keep what a job of another kind processed on its way, as a processing of the same key with its FRFs.
+    """Keep what a job of another kind processed on its way, as a processing of the same key with
+    its FRFs.
 
     Returns:
         The processing's document.
@@ -301,16 +350,22 @@ def keep_processing(
     row = Processing(id=job_id, campaign_id=campaign_id, options=options.model_dump(mode="json"))
     session.add(row)
     session.flush()
-    row.document = _with_keys(output.document, store_processed(session, campaign_id, job_id, output.processed))
+    row.document = _with_keys(
+        output.document, store_processed(session, campaign_id, job_id, output.processed)
+    )
     _supersede_earlier(session, row)
     return row.document
 
 
 processing_for = Lookup(Processing, "processing", "campaign_id", campaign_for)
-PROCESSINGS = JobNoun("processings", processing_for, _load, process_records, _store, libraries=CORE_LIBRARIES)
+PROCESSINGS = JobNoun(
+    "processings", processing_for, _load, process_records, _store, libraries=CORE_LIBRARIES
+)
 
 
-def start_processing(session: Session, user: User, campaign_id: UUID, body: ProcessingIn) -> Processing:
+def start_processing(
+    session: Session, user: User, campaign_id: UUID, body: ProcessingIn
+) -> Processing:
     """Queue a processing of a campaign's records, in the caller's transaction.
 
     Raises:
@@ -326,8 +381,11 @@ def start_processing(session: Session, user: User, campaign_id: UUID, body: Proc
     return PROCESSINGS.start(session, user, row)
 
 
-def hits_changed(session: Session, campaign_id: UUID, frfs: Collection[UUID], after: datetime) -> datetime | None:
-    """When the hits that some FRFs were made of changed first after a moment: by new time blocks, one deleted, or a decision.
+def hits_changed(
+    session: Session, campaign_id: UUID, frfs: Collection[UUID], after: datetime
+) -> datetime | None:
+    """When the hits that some FRFs were made of changed first after a moment: by new time blocks,
+    one deleted, or a decision.
 
     None where they did not, or where no processing made the FRFs.
     """
@@ -335,10 +393,17 @@ def hits_changed(session: Session, campaign_id: UUID, frfs: Collection[UUID], af
     if not made_by:
         return None
     documents = session.scalars(select(Processing.document).where(Processing.id.in_(made_by)))
-    blocks = {UUID(block["id"]) for one in documents for frf in (one or {})["frfs"] for block in frf["records"]}
+    blocks = {
+        UUID(block["id"])
+        for one in documents
+        for frf in (one or {})["frfs"]
+        for block in frf["records"]
+    }
     times = [
         session.scalar(
-            select(func.min(table.created_at)).where(table.campaign_id == campaign_id, table.created_at > after)
+            select(func.min(table.created_at)).where(
+                table.campaign_id == campaign_id, table.created_at > after
+            )
         )
         for table in (Record, HitDecision)
     ]
@@ -349,7 +414,9 @@ def hits_changed(session: Session, campaign_id: UUID, frfs: Collection[UUID], af
 
 def newest_document(session: Session, campaign_id: UUID) -> Processing | None:
     """The newest processing of a campaign that has judged its hits."""
-    return session.scalars(_judged(campaign_id).order_by(Processing.id.desc()).limit(1)).one_or_none()
+    return session.scalars(
+        _judged(campaign_id).order_by(Processing.id.desc()).limit(1)
+    ).one_or_none()
 
 
 def documents_of(session: Session, campaign_id: UUID) -> Sequence[Processing]:
@@ -358,4 +425,6 @@ def documents_of(session: Session, campaign_id: UUID) -> Sequence[Processing]:
 
 
 def _judged(campaign_id: UUID) -> Select[Processing]:
-    return select(Processing).where(Processing.campaign_id == campaign_id, Processing.document.is_not(None))
+    return select(Processing).where(
+        Processing.campaign_id == campaign_id, Processing.document.is_not(None)
+    )

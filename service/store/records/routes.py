@@ -14,14 +14,25 @@ from service.jobs.routes import JobRoutes
 from service.store.campaigns.operations import campaign_for
 from service.store.records import operations
 from service.store.records.processings import PROCESSINGS, decide, decisions_of, start_processing
-from service.store.records.schemas import UNITS, HitDecisionIn, HitDecisionOut, ProcessingIn, ProcessingOut, RecordOut
+from service.store.records.schemas import (
+    UNITS,
+    HitDecisionIn,
+    HitDecisionOut,
+    ProcessingIn,
+    ProcessingOut,
+    RecordOut,
+)
 from service.web import Cursor, Limit, Page, api_router, paged, shown_as
 
 router = api_router(tags=["records"])
 
 
 of_jobs = JobRoutes(
-    router, PROCESSINGS, ProcessingOut, "processing_id", lambda _, rows: [{"result": row.document} for row in rows]
+    router,
+    PROCESSINGS,
+    ProcessingOut,
+    "processing_id",
+    lambda _, rows: [{"result": row.document} for row in rows],
 )
 
 Whole = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
@@ -41,7 +52,11 @@ def list_records(
     """Time blocks of a campaign, without their samples."""
     campaign = campaign_for(session, user, campaign_id)
     return paged(
-        session, operations.query_of(campaign.id, point, hit), cursor, limit, partial(map, operations.describe)
+        session,
+        operations.query_of(campaign.id, point, hit),
+        cursor,
+        limit,
+        partial(map, operations.describe),
     )
 
 
@@ -51,7 +66,9 @@ def get_record(record_id: UUID, session: SessionDep, user: CurrentUser) -> Recor
     return operations.describe(operations.record_for(session, user, record_id))
 
 
-@router.get("/records/{record_id}/data", responses={200: {"content": {m: {} for m in MEDIA_TYPES.values()}}})
+@router.get(
+    "/records/{record_id}/data", responses={200: {"content": {m: {} for m in MEDIA_TYPES.values()}}}
+)
 def get_record_data(
     record_id: UUID,
     session: SessionDep,
@@ -65,13 +82,24 @@ def get_record_data(
     (samples,) = operations.samples_of(session, wanted)
     time = np.arange(samples.size) / row.sample_rate_hz
     if file_format == "json":
-        shown = {"sample_rate_hz": row.sample_rate_hz, "unit": UNITS[row.quantity], "samples": samples.tolist()}
+        shown = {
+            "sample_rate_hz": row.sample_rate_hz,
+            "unit": UNITS[row.quantity],
+            "samples": samples.tolist(),
+        }
         return JSONResponse(shown)
     file = io.BytesIO()
     if file_format == "npz":
         np.savez(file, time_s=time, samples=samples, sample_rate_hz=np.array(row.sample_rate_hz))
     else:
-        np.savetxt(file, np.column_stack((time, samples)), "%.9g", ",", header=f"time_s,{row.quantity}", comments="")
+        np.savetxt(
+            file,
+            np.column_stack((time, samples)),
+            "%.9g",
+            ",",
+            header=f"time_s,{row.quantity}",
+            comments="",
+        )
     return Response(file.getvalue(), media_type=MEDIA_TYPES[file_format])
 
 
@@ -82,16 +110,26 @@ def delete_record(record_id: UUID, session: SessionDep, user: CurrentUser) -> No
 
 
 @router.post("/campaigns/{campaign_id}/hit-decisions", status_code=201)
-def judge_hit(campaign_id: UUID, body: HitDecisionIn, session: SessionDep, user: CurrentUser) -> HitDecisionOut:
-    """Accept or refuse a hit by hand: every later processing keeps to it, and the decision says who made it, when and why."""
+def judge_hit(
+    campaign_id: UUID, body: HitDecisionIn, session: SessionDep, user: CurrentUser
+) -> HitDecisionOut:
+    """Accept or refuse a hit by hand: every later processing keeps to it, and the decision says who
+    made it, when and why.
+    """
     return shown_as(HitDecisionOut, decide(session, user, campaign_id, body))
 
 
 @router.get("/campaigns/{campaign_id}/hit-decisions")
 def list_hit_decisions(
-    campaign_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+    campaign_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    cursor: Cursor = None,
+    limit: Limit = 100,
 ) -> Page[HitDecisionOut]:
-    """Decisions about a campaign's hits, newest first; of several about one hit the newest counts."""
+    """Decisions about a campaign's hits, newest first; of several about one hit the newest
+    counts.
+    """
     campaign = campaign_for(session, user, campaign_id)
     shown = partial(map, partial(shown_as, HitDecisionOut))
     return paged(session, decisions_of(campaign.id), cursor, limit, shown, newest_first=True)
@@ -99,12 +137,14 @@ def list_hit_decisions(
 
 of_jobs.creating(
     "start_processing",
-    "Queue a processing of the campaign's records: hits are judged, the good ones become FRFs. `{}` is a body.",
+    "Queue a processing of the campaign's records: hits are judged, the good ones become FRFs. `{}`"
+    " is a body.",
     ProcessingIn,
     start_processing,
     status=202,
 )
 of_jobs.listing("list_processings", "Processings of a campaign, newest first.", 20)
 of_jobs.getting(
-    "get_processing", "How far a processing is, how it judged every hit, and which FRFs rest on which records."
+    "get_processing",
+    "How far a processing is, how it judged every hit, and which FRFs rest on which records.",
 )

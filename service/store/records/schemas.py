@@ -17,7 +17,12 @@ from service.web import StrictModel, example
 from service.web.json_body import parse_json
 
 ChannelQuantity = Literal["force", "acceleration", "velocity", "displacement"]
-UNITS: dict[str, str] = {"force": "N", "acceleration": "m/s²", "velocity": "m/s", "displacement": "m"}
+UNITS: dict[str, str] = {
+    "force": "N",
+    "acceleration": "m/s²",
+    "velocity": "m/s",
+    "displacement": "m",
+}
 
 
 class RecordOut(StrictModel):
@@ -49,10 +54,22 @@ class HitFindingOut(StrictModel):
     """One criterion of one hit."""
 
     criterion: Literal[
-        "double", "overload", "quiet", "hard", "late", "early", "cut", "place", "polarity", "height", "swapped"
+        "double",
+        "overload",
+        "quiet",
+        "hard",
+        "late",
+        "early",
+        "cut",
+        "place",
+        "polarity",
+        "height",
+        "swapped",
     ]
     number: float | None = Field(description="null where it is infinite")
-    limit: float | None = Field(description="the number that alone would refuse the hit; null where none would")
+    limit: float | None = Field(
+        description="the number that alone would refuse the hit; null where none would"
+    )
     failed: bool
     sentence: str
 
@@ -74,22 +91,35 @@ class HitOut(StrictModel):
 class Proposal(StrictModel):
     """What a dry run says of a file."""
 
-    variables: dict[str, str] = Field(description="type, shape, least and greatest value of each array")
-    mapping: dict[str, Any] = Field(description="by what the file says, in its own words; null is what it does not say")
+    variables: dict[str, str] = Field(
+        description="type, shape, least and greatest value of each array"
+    )
+    mapping: dict[str, Any] = Field(
+        description="by what the file says, in its own words; null is what it does not say"
+    )
     blocks: int | None = Field(description="time blocks that the stated mapping makes of the file")
     table: dict[str, Any] | None = Field(
         None,
-        description="how a table of text was read: encoding, separator, decimal sign, lines of headings, units and data, "
-        "columns; `table` of a mapping states what is wrong of it",
+        description=(
+            "how a table of text was read: encoding, separator, decimal sign, lines of headings,"
+            " units and data, columns; `table` of a mapping states what is wrong of it"
+        ),
     )
 
 
 class WindowsIn(StrictModel):
-    """Windows; both are chosen from the hits where no object is sent, and `{}` is neither of them."""
+    """Windows; both are chosen from the hits where no object is sent, and `{}` is neither of
+    them.
+    """
 
-    force_length_s: float | None = Field(None, gt=0, le=100, description="about the pulse; null: the whole block")
+    force_length_s: float | None = Field(
+        None, gt=0, le=100, description="about the pulse; null: the whole block"
+    )
     rate_per_s: float = Field(
-        0.0, ge=0, le=1e4, description="of the exponential window on both channels, 1/s; 0: there is none"
+        0.0,
+        ge=0,
+        le=1e4,
+        description="of the exponential window on both channels, 1/s; 0: there is none",
     )
 
 
@@ -97,7 +127,9 @@ class HitNamed(StrictModel):
     """A hit of a campaign."""
 
     point: Point
-    direction: Direction | None = Field(None, description="null: the one in which the point was hit")
+    direction: Direction | None = Field(
+        None, description="null: the one in which the point was hit"
+    )
     hit: int = Field(ge=1, le=9_999_999_999)
 
 
@@ -112,7 +144,9 @@ class HitDecisionIn(HitNamed):
 
     model_config = example(point=8, hit=3, good=False, why="a cable was touched")
 
-    good: bool | None = Field(description="whether the hit is used; null takes earlier decisions back")
+    good: bool | None = Field(
+        description="whether the hit is used; null takes earlier decisions back"
+    )
     why: str = Field(min_length=1, max_length=2000, description="for those who read the FRFs")
 
 
@@ -124,7 +158,9 @@ class HitDecisionOut(StrictModel):
     point: int
     direction: int
     hit: int
-    good: bool | None = Field(description="whether the hit is used; null: earlier decisions were taken back")
+    good: bool | None = Field(
+        description="whether the hit is used; null: earlier decisions were taken back"
+    )
     why: str
     by: str = Field(description="who decided")
     created_at: datetime
@@ -133,7 +169,9 @@ class HitDecisionOut(StrictModel):
 class StoredHit(HitOut):
     """The judgement of one hit that is stored, and who overruled it."""
 
-    decision: HitDecisionOut | None = Field(description="the standing decision by hand, with who, when and why")
+    decision: HitDecisionOut | None = Field(
+        description="the standing decision by hand, with who, when and why"
+    )
 
 
 class StoredRecords(StrictModel):
@@ -142,11 +180,16 @@ class StoredRecords(StrictModel):
     items: list[RecordOut]
     hits: list[StoredHit] = Field(description="all hits of these points as they are judged now")
     coherence: dict[str, float] = Field(
-        description="mean coherence of the good hits in the excited band, by force point; of the sensors of its newest hit"
+        description=(
+            "mean coherence of the good hits in the excited band, by force point; of the sensors of"
+            " its newest hit"
+        )
     )
     incomplete: list[str] = Field(
-        description="hits of these points that are not judged, since their force or every response was deleted; "
-        "delete what is left of them before a processing"
+        description=(
+            "hits of these points that are not judged, since their force or every response was"
+            " deleted; delete what is left of them before a processing"
+        )
     )
 
 
@@ -158,12 +201,22 @@ class ProcessingIn(StrictModel):
     estimator: Estimator = "H1"
     windows: WindowsIn | None = Field(
         None,
-        description="null: a force window, and where needed an exponential one, chosen from the hits; {}: no windows",
+        description=(
+            "null: a force window, and where needed an exponential one, chosen from the hits; {}:"
+            " no windows"
+        ),
     )
-    band_hz: tuple[Annotated[float, Field(ge=0, le=1e7)], Annotated[float, Field(gt=0, le=1e7)]] | None = None
-    delay_s: float = Field(0.0, gt=-1, lt=1, description="lag of the response, to be taken out; at most half a block")
+    band_hz: (
+        tuple[Annotated[float, Field(ge=0, le=1e7)], Annotated[float, Field(gt=0, le=1e7)]] | None
+    ) = None
+    delay_s: float = Field(
+        0.0, gt=-1, lt=1, description="lag of the response, to be taken out; at most half a block"
+    )
     false_discovery: float = Field(
-        FALSE_DISCOVERY, ge=0, le=0.9, description="a hit is refused where its probability of being good is below"
+        FALSE_DISCOVERY,
+        ge=0,
+        le=0.9,
+        description="a hit is refused where its probability of being good is below",
     )
     overrules: list[OverruleIn] = Field(default_factory=list, max_length=100_000)
 
@@ -173,7 +226,11 @@ class ProcessingIn(StrictModel):
         Raises:
             InputError: the band is empty.
         """
-        windows = None if self.windows is None else Windows(self.windows.force_length_s, self.windows.rate_per_s)
+        windows = (
+            None
+            if self.windows is None
+            else Windows(self.windows.force_length_s, self.windows.rate_per_s)
+        )
         return Processing(self.estimator, windows, self.band_hz, self.delay_s, self.false_discovery)
 
 
@@ -183,12 +240,15 @@ class ProcessingOut(JobOut):
     campaign_id: UUID
     options: ProcessingIn
     result: dict[str, Any] | None = Field(
-        description="choices made, judgement of every hit, and each FRF with the records that it rests on"
+        description=(
+            "choices made, judgement of every hit, and each FRF with the records that it rests on"
+        )
     )
 
 
 def from_json(body: bytes) -> tuple[Variables, Any]:
-    """Arrays and mapping of a JSON body `{"variables": {"force": [...], ...}, "mapping": {...}}`; None without a mapping.
+    """Arrays and mapping of a JSON body `{"variables": {"force": [...], ...}, "mapping": {...}}`;
+    None without a mapping.
 
     Raises:
         Invalid: an array does not hold numbers alone; each fault with its pointer.
@@ -205,5 +265,7 @@ def from_json(body: bytes) -> tuple[Variables, Any]:
         try:
             variables[name] = np.array(values, dtype=np.float64)
         except (TypeError, ValueError):
-            raise Invalid(pointer(["variables", name]), "is not a number or a regular array of numbers") from None
+            raise Invalid(
+                pointer(["variables", name]), "is not a number or a regular array of numbers"
+            ) from None
     return variables, sent.get("mapping")

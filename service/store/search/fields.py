@@ -1,4 +1,6 @@
-"""What a field and a noun of search are; a name of a filter to its field, or a message that names the nearest ones."""
+"""What a field and a noun of search are; a name of a filter to its field, or a message that names
+the nearest ones.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -15,7 +17,9 @@ Kind = Literal["text", "number", "whole", "time", "truth", "id", "tags", "json"]
 META = "meta"
 """The field of free metadata, whose members are fields too: `meta.client`."""
 
-OfPart = Callable[[FromClause, Mapping[str, FromClause], ColumnElement[bool]], ColumnElement[bool] | None]
+OfPart = Callable[
+    [FromClause, Mapping[str, FromClause], ColumnElement[bool]], ColumnElement[bool] | None
+]
 
 
 @dataclass(frozen=True)
@@ -27,10 +31,12 @@ class Field:
     meaning: str  # in words
     unit: str = ""  # of a number; empty where it has none
     column: str = ""  # of the noun's table, where it is not called like the field
-    value: Callable[[FromClause], ColumnElement[Any]] | None = None  # from the noun's table, where it is no column
+    # from the noun's table, where it is no column
+    value: Callable[[FromClause], ColumnElement[Any]] | None = None
     nullable: bool = False  # whether it may be unknown
     among: tuple[str, ...] = ()  # the values that a text can have, where they are few
-    sd: str = ""  # name of the field of its standard deviation, which says how many of its digits mean something
+    # name of the field of its standard deviation, which says how many of its digits mean something
+    sd: str = ""
     via: str = ""  # noun of whose `column` a condition on it is; `value` is what is shown
 
     def of(self, table: FromClause) -> ColumnElement[Any]:
@@ -46,17 +52,21 @@ class Noun:
     table: str  # its name
     fields: tuple[Field, ...]  # all of them
     owner: str = ""  # noun that it belongs to; empty of a project
-    common: str = ""  # column that a row and its owner have alike, where the owner is not named by its id
+    # column that a row and its owner have alike, where the owner is not named by its id
+    common: str = ""
     key: tuple[str, ...] = ("id",)  # columns that name a row
-    shown: tuple[str, ...] = ()  # fields of an answer where none are asked for; those of owners with the noun in front
+    # fields of an answer where none are asked for; those of owners with the noun in front
+    shown: tuple[str, ...] = ()
     facets: tuple[str, ...] = ()  # fields whose values are counted
     hidden: bool = False  # whether a row may be deleted and kept
-    words: str = ""  # what a free search reads of a row, in SQL as an index has it; empty where nothing
+    # what a free search reads of a row, in SQL as an index has it; empty where nothing
+    words: str = ""
     made: Callable[[], FromClause] | None = None  # makes the rows where they are in no table
-    # a field of a name that is not among `fields`, where there can be any number; None of another name
+    # a field of a name that is not among `fields`, where there can be any number; None of another
+    # name
     more: Callable[[str], Field | None] | None = None
-    # that a row of which something is asked concerns what is at hand below its owner, such as one FRF of a campaign;
-    # None where nothing is
+    # that a row of which something is asked concerns what is at hand below its owner, such as one
+    # FRF of a campaign; None where nothing is
     of_part: OfPart | None = None
 
     def rows(self) -> FromClause:
@@ -64,7 +74,11 @@ class Noun:
         if self.made:
             return self.made()
         table = Base.metadata.tables[self.table]
-        return table.alias() if "superseded_by" not in table.c else select(table).where(*present(table.c)).subquery()
+        return (
+            table.alias()
+            if "superseded_by" not in table.c
+            else select(table).where(*present(table.c)).subquery()
+        )
 
     def owned_by(self, row: FromClause, owner: FromClause) -> ColumnElement[bool]:
         """That one row belongs to another."""
@@ -73,7 +87,9 @@ class Noun:
         return row.c[f"{self.owner}_id"] == owner.c.id
 
 
-def find_field(nouns: Mapping[str, Noun], here: Noun, name: str, parameter: str) -> tuple[Noun, Field]:
+def find_field(
+    nouns: Mapping[str, Noun], here: Noun, name: str, parameter: str
+) -> tuple[Noun, Field]:
     """The noun and the field that a name means.
 
     Args:
@@ -98,5 +114,7 @@ def find_field(nouns: Mapping[str, Noun], here: Noun, name: str, parameter: str)
         return noun, found
     known = {f"{noun.name}.{field.name}" for noun in nouns.values() for field in noun.fields}
     asked = name if point else f"{here.name}.{name}"
-    near = get_close_matches(asked, sorted(known), 4, 0.5) or sorted(n for n in known if n.startswith(f"{here.name}."))
+    near = get_close_matches(asked, sorted(known), 4, 0.5) or sorted(
+        n for n in known if n.startswith(f"{here.name}.")
+    )
     raise Invalid(parameter, f"there is no field {name[:100]!r}; the nearest are {', '.join(near)}")

@@ -1,8 +1,9 @@
-"""Values in filters: what a field of a kind is compared with, checked, and the comparison in SQL. And conditions on tags and on
+"""Values in filters: what a field of a kind is compared with, checked, and the comparison in SQL.
+And conditions on tags and on
 free metadata: an index has the rows that have any; a condition that is not negated asks it.
 
-A thing has any number of tags, and `tag = 'winter'` is true where one of them is. A value of the metadata has the type that it
-is compared as, or it is not known.
+A thing has any number of tags, and `tag = 'winter'` is true where one of them is. A value of the
+metadata has the type that it is compared as, or it is not known.
 """
 
 import math
@@ -88,7 +89,9 @@ def bound(field: Field, name: str, value: Any) -> ColumnElement[Any]:
     raise _mismatch(field, name, value)
 
 
-def compared(field: Field, name: str, op: str, column: ColumnElement[Any], value: Any) -> ColumnElement[bool]:
+def compared(
+    field: Field, name: str, op: str, column: ColumnElement[Any], value: Any
+) -> ColumnElement[bool]:
     """A comparison of a field with a value.
 
     Raises:
@@ -113,23 +116,34 @@ def compared(field: Field, name: str, op: str, column: ColumnElement[Any], value
     }[op]
 
 
-def within(field: Field, name: str, column: ColumnElement[Any], low: Any, high: Any) -> ColumnElement[bool]:
+def within(
+    field: Field, name: str, column: ColumnElement[Any], low: Any, high: Any
+) -> ColumnElement[bool]:
     """That a field lies between two values, both included."""
     if field.kind in ("truth", "id"):
         raise Invalid("filter", f"{name} cannot be BETWEEN two values; compare it with = or <>")
     return and_(compared(field, name, ">=", column, low), compared(field, name, "<=", column, high))
 
 
-def matching(field: Field, name: str, column: ColumnElement[Any], pattern: Any) -> ColumnElement[bool]:
-    r"""That a text is like a pattern: `%` any text, `_` one character, `\` before either for itself."""
+def matching(
+    field: Field, name: str, column: ColumnElement[Any], pattern: Any
+) -> ColumnElement[bool]:
+    r"""That a text is like a pattern: `%` any text, `_` one character, `\` before either for
+    itself.
+    """
     if field.kind != "text" or not isinstance(pattern, str):
         raise Invalid("filter", f"{name} LIKE takes a field of text and a pattern in single quotes")
     if (len(pattern) - len(pattern.rstrip("\\"))) % 2:
-        raise Invalid("filter", rf"the pattern {pattern[:100]!r} of {name} ends in a single \; write \\ for itself")
+        raise Invalid(
+            "filter",
+            rf"the pattern {pattern[:100]!r} of {name} ends in a single \; write \\ for itself",
+        )
     return column.like(literal(pattern, Text))
 
 
-def in_time(field: Field, name: str, op: str, column: ColumnElement[Any], value: Any) -> ColumnElement[bool]:
+def in_time(
+    field: Field, name: str, op: str, column: ColumnElement[Any], value: Any
+) -> ColumnElement[bool]:
     """`T_AFTER`, `T_BEFORE` a moment or an interval, `T_DURING` an interval; `'..'` is an open end.
 
     Raises:
@@ -184,12 +198,20 @@ def folded(column: ColumnElement[Any]) -> ColumnElement[Any]:
 
 def _mismatch(field: Field, name: str, value: Any) -> Invalid:
     unit = f" in {field.unit}" if field.unit else ""
-    return Invalid("filter", f"{name} is compared with {_shown(value)}, expected {EXPECTED[field.kind]}{unit}")
+    return Invalid(
+        "filter", f"{name} is compared with {_shown(value)}, expected {EXPECTED[field.kind]}{unit}"
+    )
 
 
 def _shown(value: Any) -> str:
     if isinstance(value, dict):
-        return "an expression" if "op" in value else "another field" if "property" in value else str(value)[:60]
+        return (
+            "an expression"
+            if "op" in value
+            else "another field"
+            if "property" in value
+            else str(value)[:60]
+        )
     return "nothing" if value is None else repr(value)[:60]
 
 
@@ -201,7 +223,9 @@ _TYPES: dict[str, tuple[Kind, Any]] = {
 """By the name of a JSON type: the kind of a field of such values, and their type in SQL."""
 
 
-def has_tag(name: str, op: str, tags: ColumnElement[Any], values: Sequence[Any]) -> ColumnElement[bool]:
+def has_tag(
+    name: str, op: str, tags: ColumnElement[Any], values: Sequence[Any]
+) -> ColumnElement[bool]:
     """A condition on tags: `=`, `<>`, `LIKE` with a text, `IS NULL`.
 
     Raises:
@@ -226,10 +250,18 @@ def as_compared(field: Field, values: Sequence[Any]) -> Field:
     Raises:
         Invalid: they are none that JSON has.
     """
-    value = values[0][0] if values and isinstance(values[0], list) and values[0] else values[0] if values else ""
+    value = (
+        values[0][0]
+        if values and isinstance(values[0], list) and values[0]
+        else values[0]
+        if values
+        else ""
+    )
     names = {str: "string", int: "number", float: "number", bool: "boolean"}
     if type(value) not in names:
-        raise Invalid("filter", f"{field.name} takes a text in single quotes, a number, TRUE or FALSE")
+        raise Invalid(
+            "filter", f"{field.name} takes a text in single quotes, a number, TRUE or FALSE"
+        )
     json_type = names[type(value)]
     kind, sql = _TYPES[json_type]
 
@@ -242,9 +274,11 @@ def as_compared(field: Field, values: Sequence[Any]) -> Field:
     return replace(field, kind=kind, value=typed)
 
 
-def has_member(meta: ColumnElement[Any], path: Sequence[str], op: str, value: Any) -> ColumnElement[bool]:
-    """That metadata has a member, which is what an index of it can say: of `=` with its value, unless that is a number, of
-    which JSON keeps all digits.
+def has_member(
+    meta: ColumnElement[Any], path: Sequence[str], op: str, value: Any
+) -> ColumnElement[bool]:
+    """That metadata has a member, which is what an index of it can say: of `=` with its value,
+    unless that is a number, of which JSON keeps all digits.
     """
     some = [meta != text("'{}'"), meta.has_key(path[0])]
     if op == "=" and isinstance(value, str | bool):

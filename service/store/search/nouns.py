@@ -1,6 +1,8 @@
-"""The nouns that can be searched, with all their fields: the one declaration, for SQL, messages and documents.
+"""The nouns that can be searched, with all their fields: the one declaration, for SQL, messages and
+documents.
 
-Search only reads, and joins what other modules keep apart: it names tables and columns, and asks no other noun's operations.
+Search only reads, and joins what other modules keep apart: it names tables and columns, and asks no
+other noun's operations.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -32,7 +34,13 @@ def _instrument(*members: str) -> Value:
 def _one_of(name: str, values: Iterable[str], *, nullable: bool = False) -> Field:
     """A text that has one of these values."""
     among = tuple(map(str, values))
-    return Field(name, "text", literals.listed([f"`{value}`" for value in among]), among=among, nullable=nullable)
+    return Field(
+        name,
+        "text",
+        literals.listed([f"`{value}`" for value in among]),
+        among=among,
+        nullable=nullable,
+    )
 
 
 def _driving(t: FromClause) -> ColumnElement[Any]:
@@ -72,11 +80,21 @@ def _constants() -> Iterator[Field]:
         for end, meaning in _ENDS.items():
             column = f"{name}{end}".lower()
             sd = f"{name}_sd"
-            yield Field(name + end, "number", meaning.format(name), unit, column=column, nullable=True, sd=sd)
+            yield Field(
+                name + end,
+                "number",
+                meaning.format(name),
+                unit,
+                column=column,
+                nullable=True,
+                sd=sd,
+            )
 
 
 def _other_constant(name: str) -> Field | None:
-    """A constant that has no column, such as `flange.E1` of a set, or the `_sd`, `_low`, `_high` of one."""
+    """A constant that has no column, such as `flange.E1` of a set, or the `_sd`, `_low`, `_high` of
+    one.
+    """
     end = next((end for end in _ENDS if end and name.endswith(end)), "")
     base = name.removesuffix(end)
     unit = UNITS.get(kind_of(base))
@@ -84,18 +102,30 @@ def _other_constant(name: str) -> Field | None:
         return None
     path = (base, end.removeprefix("_") or "estimate")
     value = lambda t: t.c.constants[path].astext.cast(Double)  # noqa: E731
-    return Field(name, "number", _ENDS[end].format(base), unit, value=value, nullable=True, sd=f"{base}_sd")
+    return Field(
+        name, "number", _ENDS[end].format(base), unit, value=value, nullable=True, sd=f"{base}_sd"
+    )
 
 
 _LINEAGE = ("campaign.id", "campaign.name", "structure.name")
 
 _ALL = (
-    Noun("project", "projects", fields=(ID, NAME, Field("description", "text", "in words"), *LABELS, CREATED)),
+    Noun(
+        "project",
+        "projects",
+        fields=(ID, NAME, Field("description", "text", "in words"), *LABELS, CREATED),
+    ),
     Noun(
         "structure",
         "structures",
         owner="project",
-        fields=(ID, NAME, Field("version", "whole", "number of its present version"), *LABELS, CREATED),
+        fields=(
+            ID,
+            NAME,
+            Field("version", "whole", "number of its present version"),
+            *LABELS,
+            CREATED,
+        ),
         shown=("id", "name", "project.id", "project.name", "created_at"),
         facets=("project.name",),
         hidden=True,
@@ -113,15 +143,53 @@ _ALL = (
             Field("temperature_c", "number", "air temperature", "°C", nullable=True),
             Field("humidity_percent", "number", "relative humidity", "%", nullable=True),
             Field("notes", "text", "in words"),
-            Field("hammer", "text", "model of the hammer", value=_instrument("hammer", "model"), nullable=True),
-            Field("sensor", "text", "model of the sensor", value=_instrument("sensor", "model"), nullable=True),
-            Field("hammer_serial", "text", "its number", value=_instrument("hammer", "serial"), nullable=True),
-            Field("sensor_serial", "text", "its number", value=_instrument("sensor", "serial"), nullable=True),
-            Field("analyser", "text", "model of the analyser", value=_instrument("analyser", "model"), nullable=True),
+            Field(
+                "hammer",
+                "text",
+                "model of the hammer",
+                value=_instrument("hammer", "model"),
+                nullable=True,
+            ),
+            Field(
+                "sensor",
+                "text",
+                "model of the sensor",
+                value=_instrument("sensor", "model"),
+                nullable=True,
+            ),
+            Field(
+                "hammer_serial",
+                "text",
+                "its number",
+                value=_instrument("hammer", "serial"),
+                nullable=True,
+            ),
+            Field(
+                "sensor_serial",
+                "text",
+                "its number",
+                value=_instrument("sensor", "serial"),
+                nullable=True,
+            ),
+            Field(
+                "analyser",
+                "text",
+                "model of the analyser",
+                value=_instrument("analyser", "model"),
+                nullable=True,
+            ),
             *LABELS,
             CREATED,
         ),
-        shown=("id", "name", "structure.id", "structure.name", "boundary", "performed_at", "temperature_c"),
+        shown=(
+            "id",
+            "name",
+            "structure.id",
+            "structure.name",
+            "boundary",
+            "performed_at",
+            "temperature_c",
+        ),
         facets=("boundary", "structure.name"),
         hidden=True,
         words=CAMPAIGN_WORDS,
@@ -137,7 +205,12 @@ _ALL = (
             Field("response_direction", "whole", "±1 … ±3 along x, y, z, ±4 … ±6 about them"),
             Field("reference_point", "whole", "grid point of the force"),
             Field("reference_direction", "whole", "as of the response"),
-            Field("driving_point", "truth", "whether response and force are at one point and axis", value=_driving),
+            Field(
+                "driving_point",
+                "truth",
+                "whether response and force are at one point and axis",
+                value=_driving,
+            ),
             _sensor("sensor", "model", "model of the sensor that measured it"),
             _sensor("sensor_serial", "serial", "its number"),
             _one_of("quantity", get_args(Quantity)),
@@ -171,10 +244,25 @@ _ALL = (
             Field("samples", "whole", "number of samples"),
             CREATED,
         ),
-        shown=("id", *_LINEAGE, "quantity", "point", "direction", "force_point", "hit", "sample_rate_hz", "samples"),
+        shown=(
+            "id",
+            *_LINEAGE,
+            "quantity",
+            "point",
+            "direction",
+            "force_point",
+            "hit",
+            "sample_rate_hz",
+            "samples",
+        ),
         facets=("quantity", "structure.name"),
     ),
-    Noun("mode_set", "mode_sets", owner="campaign", fields=(ID, NAME, _one_of("origin", get_args(Origin)), CREATED)),
+    Noun(
+        "mode_set",
+        "mode_sets",
+        owner="campaign",
+        fields=(ID, NAME, _one_of("origin", get_args(Origin)), CREATED),
+    ),
     Noun(
         "mode",
         "modes",
@@ -183,8 +271,20 @@ _ALL = (
         fields=(
             Field("number", "whole", "in its set, from 1"),
             Field("frequency_hz", "number", "natural frequency", "Hz", sd="frequency_sd_hz"),
-            Field("damping_ratio", "number", "viscous damping ratio ζ, not per cent", nullable=True, sd="damping_sd"),
-            Field("frequency_sd_hz", "number", "standard deviation of the frequency", "Hz", nullable=True),
+            Field(
+                "damping_ratio",
+                "number",
+                "viscous damping ratio ζ, not per cent",
+                nullable=True,
+                sd="damping_sd",
+            ),
+            Field(
+                "frequency_sd_hz",
+                "number",
+                "standard deviation of the frequency",
+                "Hz",
+                nullable=True,
+            ),
             Field("damping_sd", "number", "standard deviation of the damping ratio", nullable=True),
         ),
         shown=(
@@ -197,7 +297,13 @@ _ALL = (
         "result",
         "update_results",
         owner="campaign",
-        fields=(ID, _one_of("verdict", get_args(Level), nullable=True), *_constants(), *LABELS, CREATED),
+        fields=(
+            ID,
+            _one_of("verdict", get_args(Level), nullable=True),
+            *_constants(),
+            *LABELS,
+            CREATED,
+        ),
         shown=(
             *("id", *_LINEAGE, "campaign.temperature_c", "verdict"),
             *(f"{name}{member}" for name in CONSTANTS for member in ("", "_low", "_high")),
@@ -217,7 +323,12 @@ _ALL = (
             Field("model", "text", "model of it"),
             Field("calibrated_on", "time", "last calibration before the campaign", nullable=True),
             Field("calibrated_until", "time", "last day on which that counts", nullable=True),
-            Field("calibration_expired", "truth", "whether the campaign came after that day", nullable=True),
+            Field(
+                "calibration_expired",
+                "truth",
+                "whether the campaign came after that day",
+                nullable=True,
+            ),
         ),
         made=used_instruments,
         of_part=at_response,

@@ -1,7 +1,8 @@
-"""What a search finds: a page of rows in any order, how many there are, and how often each value of a facet.
+"""What a search finds: a page of rows in any order, how many there are, and how often each value of
+a facet.
 
-A search is one read-only transaction with a limit of time. It sees rows of the projects that the user is a member of, and
-whatever a filter names it reaches from such a row, within its project.
+A search is one read-only transaction with a limit of time. It sees rows of the projects that the
+user is a member of, and whatever a filter names it reaches from such a row, within its project.
 """
 
 import base64
@@ -12,7 +13,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from psycopg.errors import QueryCanceled
-from sqlalchemy import CTE, ColumnElement, FromClause, Select, and_, func, literal, literal_column, or_, select, tuple_
+from sqlalchemy import (
+    CTE,
+    ColumnElement,
+    FromClause,
+    Select,
+    and_,
+    func,
+    literal,
+    literal_column,
+    or_,
+    select,
+    tuple_,
+)
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
@@ -38,8 +51,10 @@ class Wanted:
     """What is searched for."""
 
     filter: str | None = None  # CQL2 text
-    words: str | None = None  # that names, notes or instruments have, of the row or of what it belongs to
-    sort: str | None = None  # name of a field, `-` in front for descending; by the key where there is none
+    # that names, notes or instruments have, of the row or of what it belongs to
+    words: str | None = None
+    # name of a field, `-` in front for descending; by the key where there is none
+    sort: str | None = None
     fields: tuple[str, ...] = ()  # names of the columns; the noun's own choice where there are none
     facets: tuple[
         str, ...
@@ -78,9 +93,13 @@ class Search:
         self._order_by = [*([self._order.value] if self._order else []), *self._key]
         self.facets = [self._column(name, "facets") for name in wanted.facets or noun.facets]
         if len(self.facets) > MOST_FACETED:
-            raise Invalid("facets", f"names {len(self.facets)} fields, at most {MOST_FACETED} are counted")
+            raise Invalid(
+                "facets", f"names {len(self.facets)} fields, at most {MOST_FACETED} are counted"
+            )
         self._from = self._joined(chain)
-        self._where: list[ColumnElement[bool]] = [self._scope["project"].c.id.in_(projects_of(user))]
+        self._where: list[ColumnElement[bool]] = [
+            self._scope["project"].c.id.in_(projects_of(user))
+        ]
         self._where += [self._scope[one.name].c.deleted_at.is_(None) for one in chain if one.hidden]
         if wanted.filter and wanted.filter.strip():
             self._where.append(condition(wanted.filter, self._noun, self._scope))
@@ -89,7 +108,9 @@ class Search:
             raise Invalid("q", f"has {len(words)} words, at most {MOST_WORDS} are looked for")
         self._where += [self._has_word(chain, word) for word in words]
 
-    def page(self, session: Session, cursor: str | None, limit: int) -> tuple[list[tuple[Any, ...]], str | None]:
+    def page(
+        self, session: Session, cursor: str | None, limit: int
+    ) -> tuple[list[tuple[Any, ...]], str | None]:
         """Rows as tuples of the columns' values, and the cursor of the next page.
 
         Raises:
@@ -103,7 +124,8 @@ class Search:
     def page_query(self, cursor: str | None, limit: int) -> Select[Any]:
         """The query of a page's rows and of one more: the columns, then what orders them.
 
-        The rows are found by their keys first, for which indexes often do; the columns are fetched of those alone.
+        The rows are found by their keys first, for which indexes often do; the columns are fetched
+        of those alone.
 
         Raises:
             Invalid: the cursor is not one of this order.
@@ -128,14 +150,18 @@ class Search:
                 return
 
     def counts(self, session: Session) -> tuple[int, dict[str, dict[str, int]]]:
-        """How many rows there are, and how often each value of each facet; of the first `MOST_COUNTED` + 1 rows."""
+        """How many rows there are, and how often each value of each facet; of the first
+        `MOST_COUNTED` + 1 rows.
+        """
         some = self.some().cte()
         found = {facet.name: dict[str, int]() for facet in self.facets}
         total = self._count_values(session, some, found)
         for facet, value in zip(self.facets, some.c, strict=True):
             if facet.field.kind == "tags":
                 tag, times = func.unnest(value).label("tag"), func.count()
-                query = select(tag, times).group_by(tag).order_by(times.desc(), tag).limit(MOST_FACETS)
+                query = (
+                    select(tag, times).group_by(tag).order_by(times.desc(), tag).limit(MOST_FACETS)
+                )
                 found[facet.name] = dict(session.execute(query).all())
         return total, found
 
@@ -143,12 +169,18 @@ class Search:
         """Count the rows, and the values of facets of which a row has one, in one pass."""
         pairs = zip(self.facets, some.c, strict=True)
         single = {facet.name: value for facet, value in pairs if facet.field.kind != "tags"}
-        left_out = [func.grouping(value) for value in single.values()]  # 1 where a row is not counted by it
+        # 1 where a row is not counted by it
+        left_out = [func.grouping(value) for value in single.values()]
         times = func.count()
-        rank = func.row_number().over(partition_by=left_out or None, order_by=(times.desc(), *single.values()))
+        rank = func.row_number().over(
+            partition_by=left_out or None, order_by=(times.desc(), *single.values())
+        )
         sets = func.grouping_sets(tuple_(), *map(tuple_, single.values()))
         counted = (
-            select(*left_out, *single.values(), times, rank.label("rank")).select_from(some).group_by(sets).subquery()
+            select(*left_out, *single.values(), times, rank.label("rank"))
+            .select_from(some)
+            .group_by(sets)
+            .subquery()
         )
         total, width = 0, len(single)
         for row in session.execute(select(counted).where(counted.c.rank <= MOST_FACETS)):
@@ -160,9 +192,9 @@ class Search:
 
     def some(self) -> Select[Any]:
         """The query of the facets' values in the rows that are counted."""
-        return self._query(*(one.value.label(f"facet_{i}") for i, one in enumerate(self.facets))).limit(
-            MOST_COUNTED + 1
-        )
+        return self._query(
+            *(one.value.label(f"facet_{i}") for i, one in enumerate(self.facets))
+        ).limit(MOST_COUNTED + 1)
 
     def keys(self, session: Session, most: int) -> list[Any]:
         """Ids of the rows, of so many at the most, in their order."""
@@ -188,7 +220,9 @@ class Search:
         return joined
 
     def _has_word(self, chain: Sequence[Noun], word: str) -> ColumnElement[bool]:
-        """That the row, or what it belongs to, has a word; the index of each noun is asked by itself."""
+        """That the row, or what it belongs to, has a word; the index of each noun is asked by
+        itself.
+        """
         found: list[ColumnElement[bool]] = []
         for noun in chain:
             if noun.words:
@@ -207,10 +241,18 @@ class Search:
             *([self._order.field] if self._order else []),
             *(_key_field(self._noun, name) for name in self._noun.key),
         ]
-        bound = [None if value is None else _bound(field, value) for field, value in zip(fields, values, strict=True)]
-        if any(value is None for value in bound[1:]) or (bound[0] is None and not fields[0].nullable):
+        bound = [
+            None if value is None else _bound(field, value)
+            for field, value in zip(fields, values, strict=True)
+        ]
+        if any(value is None for value in bound[1:]) or (
+            bound[0] is None and not fields[0].nullable
+        ):
             raise _no_cursor()
-        keys, last = tuple_(*self._order_by), tuple_(*(value for value in bound if value is not None))
+        keys, last = (
+            tuple_(*self._order_by),
+            tuple_(*(value for value in bound if value is not None)),
+        )
         if self._order is None or not fields[0].nullable:
             return keys < last if self._descending else keys > last
         order, rest = self._order_by[0], tuple_(*self._order_by[1:])
@@ -233,7 +275,8 @@ def bounded(session: Session, seconds: float = SECONDS) -> Iterator[None]:
     """
     connection = session.connection()
     milliseconds = int(1000 * seconds)
-    # PostgreSQL's own cost of a page out of order is that of a disk with arms: it would read tables whole that fit in memory.
+    # PostgreSQL's own cost of a page out of order is that of a disk with arms: it would read tables
+    # whole that fit in memory.
     settings = f"SET LOCAL statement_timeout = {milliseconds}; SET LOCAL random_page_cost = 1.1"
     connection.exec_driver_sql(f"BEGIN READ ONLY; {settings}")
     try:
@@ -241,7 +284,9 @@ def bounded(session: Session, seconds: float = SECONDS) -> Iterator[None]:
     except DBAPIError as error:
         if isinstance(error.orig, QueryCanceled):
             raise Invalid(
-                "filter", f"takes longer than {seconds:g} s and was ended; narrow it, such as by a structure or a date"
+                "filter",
+                f"takes longer than {seconds:g} s and was ended; narrow it, such as by a structure"
+                " or a date",
             ) from None
         raise
     finally:
@@ -267,7 +312,9 @@ def _bound(field: Field, value: Any) -> ColumnElement[Any]:
 
 
 def _encode(values: Sequence[Any]) -> str:
-    text = json.dumps(list(values), default=lambda one: one.isoformat() if hasattr(one, "isoformat") else str(one))
+    text = json.dumps(
+        list(values), default=lambda one: one.isoformat() if hasattr(one, "isoformat") else str(one)
+    )
     return base64.urlsafe_b64encode(text.encode()).rstrip(b"=").decode()
 
 
@@ -283,4 +330,6 @@ def _decode(cursor: str) -> list[Any]:
 
 
 def _no_cursor() -> Invalid:
-    return Invalid("cursor", "is not a cursor of this search; take `next_cursor` of a page in the same order")
+    return Invalid(
+        "cursor", "is not a cursor of this search; take `next_cursor` of a page in the same order"
+    )

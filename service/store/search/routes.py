@@ -1,5 +1,5 @@
-"""Routes of search: rows of one noun over all projects of the user, found by a filter in CQL2 text and by words, as JSON, CSV
-and Arrow; and trends.
+"""Routes of search: rows of one noun over all projects of the user, found by a filter in CQL2 text
+and by words, as JSON, CSV and Arrow; and trends.
 """
 
 import csv
@@ -28,7 +28,15 @@ from service.store.search.fields import Kind, Noun
 from service.store.search.nouns import NOUNS, SEARCHED
 from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded, names_in
 from service.store.search.translate import LONGEST
-from service.store.search.trends import COVARIATES, FOLLOWED, POINT_COLUMNS, Trending, TrendOut, flat, trend_of
+from service.store.search.trends import (
+    COVARIATES,
+    FOLLOWED,
+    POINT_COLUMNS,
+    Trending,
+    TrendOut,
+    flat,
+    trend_of,
+)
 from service.web import Limit, api_router
 from service.web.downloads import spooled
 from service.web.parameters import form_of
@@ -49,7 +57,9 @@ _TOGETHER = 1000  # rows of a record batch
 
 
 def write_csv(columns: Sequence[Column], rows: Iterable[tuple[Any, ...]], file: IO[bytes]) -> None:
-    """A header of names and a line for each row, numbers in the shortest form that is exact, times as ISO 8601."""
+    """A header of names and a line for each row, numbers in the shortest form that is exact, times
+    as ISO 8601.
+    """
     text = io.TextIOWrapper(file, "utf-8", newline="", write_through=True)
     writer = csv.writer(text, lineterminator="\r\n")
     writer.writerow(column.name for column in columns)
@@ -57,7 +67,9 @@ def write_csv(columns: Sequence[Column], rows: Iterable[tuple[Any, ...]], file: 
     text.detach()
 
 
-def write_lines(columns: Sequence[Column], rows: Iterable[tuple[Any, ...]], file: IO[bytes]) -> None:
+def write_lines(
+    columns: Sequence[Column], rows: Iterable[tuple[Any, ...]], file: IO[bytes]
+) -> None:
     """A line of JSON for each row, with a member for each column."""
     names = [column.name for column in columns]
     for row in rows:
@@ -65,20 +77,32 @@ def write_lines(columns: Sequence[Column], rows: Iterable[tuple[Any, ...]], file
         file.write(json.dumps(item, ensure_ascii=False, allow_nan=False).encode() + b"\n")
 
 
-def write_arrow(columns: Sequence[Column], rows: Iterable[tuple[Any, ...]], file: IO[bytes]) -> None:
-    """An Arrow IPC stream with a column for each field: text, float64, int64, bool, or microseconds UTC."""
+def write_arrow(
+    columns: Sequence[Column], rows: Iterable[tuple[Any, ...]], file: IO[bytes]
+) -> None:
+    """An Arrow IPC stream with a column for each field: text, float64, int64, bool, or microseconds
+    UTC.
+    """
     schema = na.struct({column.name: _TYPES[column.field.kind] for column in columns})
     with StreamWriter.from_writable(file) as writer:
         for batch in _batches(rows):
-            children = [_array(column, [row[i] for row in batch]) for i, column in enumerate(columns)]
-            writer.write_array(na.c_array_from_buffers(schema, len(batch), [None], children=children))
+            children = [
+                _array(column, [row[i] for row in batch]) for i, column in enumerate(columns)
+            ]
+            writer.write_array(
+                na.c_array_from_buffers(schema, len(batch), [None], children=children)
+            )
 
 
 def shown(value: Any) -> Any:
     """A value as JSON and CSV have it."""
     if isinstance(value, datetime):
         return value.astimezone(UTC).isoformat().replace("+00:00", "Z")
-    return value if value is None or isinstance(value, bool | int | float | list | dict) else str(value)
+    return (
+        value
+        if value is None or isinstance(value, bool | int | float | list | dict)
+        else str(value)
+    )
 
 
 def as_text(value: Any) -> Any:
@@ -94,10 +118,15 @@ def _array(column: Column, values: list[Any]) -> Any:
         values = [None if one is None else str(as_text(one)) for one in values]
     if kind != "time":
         return na.c_array(values, _TYPES[kind])
-    since = np.array([0 if one is None else (one - _EPOCH) // timedelta(microseconds=1) for one in values], np.int64)
+    since = np.array(
+        [0 if one is None else (one - _EPOCH) // timedelta(microseconds=1) for one in values],
+        np.int64,
+    )
     known = np.array([one is not None for one in values], bool)
     buffers = [np.packbits(known, bitorder="little"), since]
-    return na.c_array_from_buffers(_TYPES[kind], len(values), buffers, null_count=int((~known).sum()))
+    return na.c_array_from_buffers(
+        _TYPES[kind], len(values), buffers, null_count=int((~known).sum())
+    )
 
 
 def _batches(rows: Iterable[tuple[Any, ...]]) -> Iterator[list[tuple[Any, ...]]]:
@@ -119,7 +148,9 @@ MEDIA_TYPES = {
 }
 MOST_SPECTRA = 20_000
 """FRFs of a file."""
-WRITERS: dict[str, tuple[Callable[[Sequence[Column], Iterable[tuple[Any, ...]], IO[bytes]], None], str]] = {
+WRITERS: dict[
+    str, tuple[Callable[[Sequence[Column], Iterable[tuple[Any, ...]], IO[bytes]], None], str]
+] = {
     "jsonl": (write_lines, "jsonl"),
     "csv": (write_csv, "csv"),
     "arrow": (write_arrow, "arrows"),
@@ -131,7 +162,9 @@ class Found(BaseModel):
 
     items: list[dict[str, Any]] = Field(description="rows: a member for each column")
     next_cursor: str | None
-    count: int | None = Field(description="rows in all; of more than 10,000, 10,000. null after the first page")
+    count: int | None = Field(
+        description="rows in all; of more than 10,000, 10,000. null after the first page"
+    )
     more: bool = Field(description="whether there are more rows than were counted")
     facets: dict[str, dict[str, int]] = Field(
         description="by field: its values and how many of the counted rows have each"
@@ -141,7 +174,10 @@ class Found(BaseModel):
 def _filter(
     condition: Annotated[
         str | None,
-        Query(alias="filter", description=f"CQL2 text, at most {LONGEST} characters: `campaign.temperature_c > 25`"),
+        Query(
+            alias="filter",
+            description=f"CQL2 text, at most {LONGEST} characters: `campaign.temperature_c > 25`",
+        ),
     ] = None,
     words: Annotated[
         str | None,
@@ -159,7 +195,9 @@ FilterDep = Annotated[Wanted, Depends(_filter)]
 
 def _ordered(
     wanted: FilterDep,
-    sort: Annotated[str | None, Query(max_length=100, description="a field; `-` in front for descending")] = None,
+    sort: Annotated[
+        str | None, Query(max_length=100, description="a field; `-` in front for descending")
+    ] = None,
 ) -> Wanted:
     return replace(wanted, sort=sort)
 
@@ -170,18 +208,27 @@ OrderedDep = Annotated[Wanted, Depends(_ordered)]
 
 def _wanted(
     wanted: OrderedDep,
-    fields: Annotated[str | None, Query(max_length=LONGEST, description="columns, with commas between")] = None,
+    fields: Annotated[
+        str | None, Query(max_length=LONGEST, description="columns, with commas between")
+    ] = None,
     facets: Annotated[
-        str | None, Query(max_length=LONGEST, description="fields whose values are counted, with commas between")
+        str | None,
+        Query(
+            max_length=LONGEST, description="fields whose values are counted, with commas between"
+        ),
     ] = None,
 ) -> Wanted:
     return replace(wanted, fields=names_in(fields), facets=names_in(facets))
 
 
 WantedDep = Annotated[Wanted, Depends(_wanted)]
-After = Annotated[str | None, Query(max_length=4000, description="`next_cursor` of the page before")]
+After = Annotated[
+    str | None, Query(max_length=4000, description="`next_cursor` of the page before")
+]
 _OF_PAGES = {"cursor", "limit", "facets"}
-Form = Annotated[str, form_of(MEDIA_TYPES, f"default: by Accept; files have all rows, at most {MOST_ROWS:,}")]
+Form = Annotated[
+    str, form_of(MEDIA_TYPES, f"default: by Accept; files have all rows, at most {MOST_ROWS:,}")
+]
 
 
 def _add(address: str, noun: Noun) -> None:
@@ -197,12 +244,23 @@ def _add(address: str, noun: Noun) -> None:
         limit: Limit = 100,
     ) -> Any:
         if form != "json":
-            require_used(request, f"the {form} of a search", _OF_PAGES, "a file has all rows at once, and no counts")
+            require_used(
+                request,
+                f"the {form} of a search",
+                _OF_PAGES,
+                "a file has all rows at once, and no counts",
+            )
         found = Search(user, noun, wanted)
         with bounded(session):
-            return _page(found, session, cursor, limit) if form == "json" else _file(found, session, form)
+            return (
+                _page(found, session, cursor, limit)
+                if form == "json"
+                else _file(found, session, form)
+            )
 
-    files: dict[str, Any] = {kind: {} for kind in MEDIA_TYPES.values() if kind != "application/json"}
+    files: dict[str, Any] = {
+        kind: {} for kind in MEDIA_TYPES.values() if kind != "application/json"
+    }
     router.get(
         f"/search/{address}",
         name=f"search_{address}",
@@ -216,8 +274,9 @@ def _described(address: str, noun: Noun) -> str:
     title = "FRFs" if address == "frfs" else address.capitalize()
     names = ", ".join(f"`{field.name}`" for field in noun.fields)
     return (
-        f"{title} of all projects that one may see, by a filter and by words, in any order, with counts.\n\n"
-        f"Fields: {names}; those of other nouns with the noun in front, such as `campaign.temperature_c`."
+        f"{title} of all projects that one may see, by a filter and by words, in any order, with"
+        f" counts.\n\nFields: {names}; those of other nouns with the noun in front, such as"
+        " `campaign.temperature_c`."
     )
 
 
@@ -226,10 +285,14 @@ for _address, _noun in SEARCHED.items():
 
 Covariates = Annotated[
     str,
-    Query(max_length=100, description=f"fitted beside time, with commas between; of {', '.join(COVARIATES)}"),
+    Query(
+        max_length=100,
+        description=f"fitted beside time, with commas between; of {', '.join(COVARIATES)}",
+    ),
 ]
 Value = Annotated[
-    str | None, Query(max_length=100, description="what is followed; default: Ex, or frequency_hz of modes")
+    str | None,
+    Query(max_length=100, description="what is followed; default: Ex, or frequency_hz of modes"),
 ]
 TREND_TYPES = {name: MEDIA_TYPES[name] for name in ("json", "csv")}
 TrendForm = Annotated[str, form_of(TREND_TYPES, "default: by Accept; CSV has the points")]
@@ -244,7 +307,9 @@ def _trend(noun: Trending) -> Callable[..., TrendOut]:
         covariates: Covariates = COVARIATES[0],
     ) -> TrendOut:
         with bounded(session):
-            return trend_of(session, user, noun, wanted, value or FOLLOWED[noun], names_in(covariates))
+            return trend_of(
+                session, user, noun, wanted, value or FOLLOWED[noun], names_in(covariates)
+            )
 
     return trend
 
@@ -255,21 +320,28 @@ ModeTrend = Annotated[TrendOut, Depends(_trend("modes"))]
 """The same of modes."""
 
 
-@router.get("/search/results/trend", response_model=TrendOut, responses={200: {"content": {"text/csv": {}}}})
+@router.get(
+    "/search/results/trend", response_model=TrendOut, responses={200: {"content": {"text/csv": {}}}}
+)
 def get_result_trend(form: TrendForm, trend: ResultTrend) -> Any:
-    """A constant of the results that a search finds, over time and temperature: a series for each structure, and lines.
+    """A constant of the results that a search finds, over time and temperature: a series for each
+    structure, and lines.
 
-    Each campaign counts once, with its newest result. A line has the change a year, with and without the covariates; scatter
-    between campaigns is in its interval.
+    Each campaign counts once, with its newest result. A line has the change a year, with and
+    without the covariates; scatter between campaigns is in its interval.
     """
     return _as(form, trend)
 
 
-@router.get("/search/modes/trend", response_model=TrendOut, responses={200: {"content": {"text/csv": {}}}})
+@router.get(
+    "/search/modes/trend", response_model=TrendOut, responses={200: {"content": {"text/csv": {}}}}
+)
 def get_mode_trend(form: TrendForm, trend: ModeTrend) -> Any:
-    """Frequency or damping of the modes that a search finds, over time and temperature: a series for each mode of a structure.
+    """Frequency or damping of the modes that a search finds, over time and temperature: a series
+    for each mode of a structure.
 
-    Modes are followed from campaign to campaign by MAC and frequency; each campaign counts once, with its newest mode set.
+    Modes are followed from campaign to campaign by MAC and frequency; each campaign counts once,
+    with its newest mode set.
     """
     return _as(form, trend)
 
@@ -286,7 +358,9 @@ def _as(form: str, trend: TrendOut) -> Any:
 
 
 @router.get("/search/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
-def get_found_data(wanted: FilterDep, session: SessionDep, user: CurrentUser, spectra: SpectraDep) -> Response:
+def get_found_data(
+    wanted: FilterDep, session: SessionDep, user: CurrentUser, spectra: SpectraDep
+) -> Response:
     """Spectra of all FRFs that a search finds, in the order of their ids, as one file.
 
     UFF takes FRFs of one campaign; the others need one axis and one quantity.
@@ -296,7 +370,10 @@ def get_found_data(wanted: FilterDep, session: SessionDep, user: CurrentUser, sp
     if not keys:
         raise NotFound("FRF that the search finds")
     if len(keys) > MOST_SPECTRA:
-        raise Invalid("filter", f"finds more than {MOST_SPECTRA:,} FRFs, the most that a file holds; narrow it")
+        raise Invalid(
+            "filter",
+            f"finds more than {MOST_SPECTRA:,} FRFs, the most that a file holds; narrow it",
+        )
     return spectra.of(session, frfs_of(session, keys), BY_FILTER)
 
 
@@ -326,5 +403,8 @@ def _file(found: Search, session: Session, form: str) -> FileResponse:
 def _few(rows: Iterable[tuple[Any, ...]]) -> Iterable[tuple[Any, ...]]:
     for number, row in enumerate(rows):
         if number == MOST_ROWS:
-            raise Invalid("filter", f"finds more than {MOST_ROWS:,} rows, the most that a file holds; narrow it")
+            raise Invalid(
+                "filter",
+                f"finds more than {MOST_ROWS:,} rows, the most that a file holds; narrow it",
+            )
         yield row

@@ -17,7 +17,19 @@ from service.errors import Conflict, Fault, Invalid, NotFound
 from service.store.search.nouns import SEARCHED
 from service.store.search.operations import Search, Wanted, names_in
 from service.store.search.translate import LONGEST
-from service.web import Cursor, Limit, Name, Page, StrictModel, Text, api_router, example, paged, shown_as, wrong
+from service.web import (
+    Cursor,
+    Limit,
+    Name,
+    Page,
+    StrictModel,
+    Text,
+    api_router,
+    example,
+    paged,
+    shown_as,
+    wrong,
+)
 
 router = api_router(tags=["search"])
 
@@ -38,7 +50,10 @@ class SearchIn(StrictModel):
     """A search to keep, as `GET /search/{noun}` takes it."""
 
     model_config = example(
-        project="00000000-0000-0000-0000-000000000000", name="soft", noun="results", filter="Ex < 30e9"
+        project="00000000-0000-0000-0000-000000000000",
+        name="soft",
+        noun="results",
+        filter="Ex < 30e9",
     )
 
     project: UUID = Field(description="whose members see it")
@@ -71,35 +86,53 @@ class SearchOut(StrictModel):
 saved_for = Lookup(SavedSearch, "saved search", "project_id")
 
 
-def list_saved(session: Session, user: User, cursor: Cursor = None, limit: int = 100) -> Page[SearchOut]:
+def list_saved(
+    session: Session, user: User, cursor: Cursor = None, limit: int = 100
+) -> Page[SearchOut]:
     """Searches that are kept in the user's projects."""
     query = select(SavedSearch).where(SavedSearch.project_id.in_(projects_of(user)))
     return paged(session, query, cursor, limit, partial(map, partial(shown_as, SearchOut)))
 
 
 @router.post("/searches", status_code=201)
-def save_search(body: SearchIn, session: SessionDep, user: CurrentUser, response: Response) -> SearchOut:
-    """Keep a search under a name, for all members of a project. It finds what whoever asks may see."""
+def save_search(
+    body: SearchIn, session: SessionDep, user: CurrentUser, response: Response
+) -> SearchOut:
+    """Keep a search under a name, for all members of a project. It finds what whoever asks may
+    see.
+    """
     try:
         project = project_for(session, user, body.project, "editor")
     except NotFound as error:
         raise Invalid("/project", str(error)) from None
     try:
-        Search(user, SEARCHED[body.noun], Wanted(body.filter, body.q, body.sort, names_in(body.fields)))
+        Search(
+            user, SEARCHED[body.noun], Wanted(body.filter, body.q, body.sort, names_in(body.fields))
+        )
     except Invalid as error:
-        raise Invalid([Fault(f"/{fault.pointer}", fault.detail) for fault in error.faults]) from None
-    query = {name: text for name in ("filter", "q", "sort", "fields") if (text := getattr(body, name))}
-    kept = insert(SavedSearch).values(project_id=project.id, name=body.name, noun=body.noun, query=query)
+        raise Invalid(
+            [Fault(f"/{fault.pointer}", fault.detail) for fault in error.faults]
+        ) from None
+    query = {
+        name: text for name in ("filter", "q", "sort", "fields") if (text := getattr(body, name))
+    }
+    kept = insert(SavedSearch).values(
+        project_id=project.id, name=body.name, noun=body.noun, query=query
+    )
     row = session.scalars(kept.on_conflict_do_nothing().returning(SavedSearch)).one_or_none()
     if row is None:
-        raise Conflict(f"the project has a search {body.name!r} already; delete it first, or take another name")
+        raise Conflict(
+            f"the project has a search {body.name!r} already; delete it first, or take another name"
+        )
     saved_for.note(session, user, row, "create", name=body.name)
     response.headers["Location"] = f"/api/v1/searches/{row.id}"
     return shown_as(SearchOut, row)
 
 
 @router.get("/searches")
-def list_searches(session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100) -> Page[SearchOut]:
+def list_searches(
+    session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[SearchOut]:
     """Searches that are kept in one's projects."""
     return list_saved(session, user, cursor, limit)
 

@@ -1,9 +1,11 @@
 """A filter in CQL2 text (OGC 21-065) to a condition in SQL.
 
-A filter becomes a tree of AND, OR and conditions on one field each; NOT is moved down to the conditions (De Morgan). A
-condition on the noun that is searched, or on what that belongs to, is asked of the row itself. Any other noun is asked by
-EXISTS, from what both have in common downwards, and what one AND says of a noun, and of what belongs to it, is said of one row:
-`campaign.temperature_c > 25 AND campaign.boundary = 'free'` finds structures with one campaign that is both.
+A filter becomes a tree of AND, OR and conditions on one field each; NOT is moved down to the
+conditions (De Morgan). A condition on the noun that is searched, or on what that belongs to, is
+asked of the row itself. Any other noun is asked by EXISTS, from what both have in common downwards,
+and what one AND says of a noun, and of what belongs to it, is said of one row:
+`campaign.temperature_c > 25 AND campaign.boundary = 'free'` finds structures with one campaign that
+is both.
 """
 
 from __future__ import annotations
@@ -54,7 +56,8 @@ def condition(text: str, noun: Noun, scope: Scope) -> ColumnElement[bool]:
         scope: the noun and all that it belongs to.
 
     Raises:
-        Invalid: the filter is too long, cannot be read, names an unknown field, or compares it with something else.
+        Invalid: the filter is too long, cannot be read, names an unknown field, or compares it with
+            something else.
     """
     _require_short(text)
     try:
@@ -88,7 +91,9 @@ def _require_short(text: str) -> None:
 
 def _place(error: Exception) -> str:
     lines = str(error).strip().splitlines()
-    return f" at line and column {lines[0].removeprefix('--> ').strip()}, {lines[-1].strip(' =')}"[:400]
+    return f" at line and column {lines[0].removeprefix('--> ').strip()}, {lines[-1].strip(' =')}"[
+        :400
+    ]
 
 
 class _Reader:
@@ -108,7 +113,8 @@ class _Reader:
         if depth > DEEPEST:
             raise Invalid("filter", f"has more than {DEEPEST} levels")
         if not isinstance(node, dict) or "op" not in node:
-            if isinstance(node, dict) and "property" in node:  # a field that is true or not by itself
+            # a field that is true or not by itself
+            if isinstance(node, dict) and "property" in node:
                 node = {"op": "=", "args": [node, True]}
             else:
                 raise Invalid("filter", "is no condition, such as campaign.temperature_c > 25")
@@ -128,15 +134,21 @@ class _Reader:
             op, args = _MIRRORED[op], [args[1], args[0]]
         if op != "in" and op not in _TESTS:
             ops = ", ".join(name.upper() for name in ("and", "or", "not", "in", *_TESTS))
-            raise Invalid("filter", f"uses {op[:40].upper()!r}, which is not read here; there is {ops}")
+            raise Invalid(
+                "filter", f"uses {op[:40].upper()!r}, which is not read here; there is {ops}"
+            )
         if not _is_field(args[0]):
             raise Invalid(
-                "filter", f"{op.upper()} compares no field; a field stands on one side of it, a value on the other"
+                "filter",
+                f"{op.upper()} compares no field; a field stands on one side of it, a value on the"
+                " other",
             )
         if op == "in":
             if not isinstance(args[1], list) or not args[1]:
                 raise Invalid("filter", "IN takes values in brackets, such as ('a', 'b')")
-            return Branch(negated, tuple(self.condition("=", [args[0], one], negated) for one in args[1]))
+            return Branch(
+                negated, tuple(self.condition("=", [args[0], one], negated) for one in args[1])
+            )
         if negated and op in _OPPOSITE:
             op, negated = _OPPOSITE[op], False
         return self.leaf(op, args, negated)
@@ -155,20 +167,27 @@ class _Reader:
         if path:
             field = literals.as_compared(field, values)
         if folded and field.kind != "text":
-            raise Invalid("filter", f"CASEI takes a text; {name} is {literals.EXPECTED[field.kind]}")
+            raise Invalid(
+                "filter", f"CASEI takes a text; {name} is {literals.EXPECTED[field.kind]}"
+            )
 
         def test(row: FromClause) -> ColumnElement[bool]:
             column = field.of(row)
             if field.kind == "tags":
                 return literals.has_tag(name, op, column, values)
-            return _TESTS[op](field, name, op, literals.folded(column) if folded else column, values)
+            return _TESTS[op](
+                field, name, op, literals.folded(column) if folded else column, values
+            )
 
         def asked(row: FromClause) -> ColumnElement[bool]:
             found = test(row)
             if negated:
                 return not_(found)
             if path and op != "isnull":
-                return and_(literals.has_member(row.c[META], path, op if not folded else "", values[0]), found)
+                return and_(
+                    literals.has_member(row.c[META], path, op if not folded else "", values[0]),
+                    found,
+                )
             return found
 
         return Leaf(noun, asked)
@@ -191,7 +210,8 @@ _TAKES: dict[str, tuple[int | None, str]] = {
 
 
 def _require_arguments(op: str, args: Any) -> None:
-    """Refuse an operator with another number of arguments than it takes; unknown ones are refused by their names.
+    """Refuse an operator with another number of arguments than it takes; unknown ones are refused
+    by their names.
 
     Raises:
         Invalid: says what it takes.
@@ -199,7 +219,9 @@ def _require_arguments(op: str, args: Any) -> None:
     number, words = _TAKES.get(op, (len(args), ""))
     if len(args) != number and not (number is None and args):
         raise Invalid(
-            "filter", f"{op.upper()} takes {words}; it has {len(args)} argument{'s' if len(args) != 1 else ''}"
+            "filter",
+            f"{op.upper()} takes {words}; it has {len(args)}"
+            f" argument{'s' if len(args) != 1 else ''}",
         )
 
 
@@ -243,17 +265,26 @@ def _folded(value: Any) -> Any:
     )
 
 
-_TESTS: dict[str, Callable[[Field, str, str, ColumnElement[Any], list[Any]], ColumnElement[bool]]] = {
-    **dict.fromkeys(literals.COMPARISONS, lambda f, n, op, c, v: literals.compared(f, n, op, c, v[0])),
+_TESTS: dict[
+    str, Callable[[Field, str, str, ColumnElement[Any], list[Any]], ColumnElement[bool]]
+] = {
+    **dict.fromkeys(
+        literals.COMPARISONS, lambda f, n, op, c, v: literals.compared(f, n, op, c, v[0])
+    ),
     "between": lambda f, n, _, c, v: literals.within(f, n, c, v[0], v[1]),
     "like": lambda f, n, _, c, v: literals.matching(f, n, c, v[0]),
     "isnull": lambda _f, _n, _, c, _v: c.is_(None),
-    **dict.fromkeys(("t_after", "t_before", "t_during"), lambda f, n, op, c, v: literals.in_time(f, n, op, c, v[0])),
+    **dict.fromkeys(
+        ("t_after", "t_before", "t_during"),
+        lambda f, n, op, c, v: literals.in_time(f, n, op, c, v[0]),
+    ),
 }
 
 
 def _all(trees: Sequence[Leaf | Branch], scope: Scope) -> ColumnElement[bool]:
-    """That all trees hold; those that speak of a noun out of reach, and of the same one first, of one row of it."""
+    """That all trees hold; those that speak of a noun out of reach, and of the same one first, of
+    one row of it.
+    """
     found: list[ColumnElement[bool]] = []
     below: dict[str, list[Leaf | Branch]] = {}
     for tree in _flat(trees):
@@ -279,13 +310,19 @@ def _all(trees: Sequence[Leaf | Branch], scope: Scope) -> ColumnElement[bool]:
 
 def _flat(trees: Sequence[Leaf | Branch]) -> list[Leaf | Branch]:
     return [
-        part for tree in trees for part in (_flat(tree.parts) if isinstance(tree, Branch) and tree.together else [tree])
+        part
+        for tree in trees
+        for part in (_flat(tree.parts) if isinstance(tree, Branch) and tree.together else [tree])
     ]
 
 
 def _first_steps(tree: Leaf | Branch, scope: Scope) -> set[str]:
-    """The nouns through which a tree leaves what is at hand; the empty name stands for what is at hand itself."""
+    """The nouns through which a tree leaves what is at hand; the empty name stands for what is at
+    hand itself.
+    """
     if isinstance(tree, Leaf):
-        return {next((one.name for one in reversed(lineage(tree.noun)) if one.name not in scope), "")} - {""}
+        return {
+            next((one.name for one in reversed(lineage(tree.noun)) if one.name not in scope), "")
+        } - {""}
     parts = [_first_steps(part, scope) for part in tree.parts]
     return set.union(*parts) | ({""} if set() in parts and any(parts) else set())

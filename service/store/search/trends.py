@@ -1,6 +1,8 @@
-"""What a search found over time and temperature: a constant of results, or the modes of mode sets tracked over campaigns.
+"""What a search found over time and temperature: a constant of results, or the modes of mode sets
+tracked over campaigns.
 
-Each structure has series of its own. A line is laid through each, with and without the covariates (`fecore.trend.line`).
+Each structure has series of its own. A line is laid through each, with and without the covariates
+(`fecore.trend.line`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -45,10 +47,14 @@ class TrendPoint(StrictModel):
     humidity_percent: float | None
     number: int | None = Field(description="of the mode in its set; null of a constant")
     value: float = Field(
-        description="SI; of a constant with every input held at what was stated, so that campaigns compare"
+        description=(
+            "SI; of a constant with every input held at what was stated, so that campaigns compare"
+        )
     )
     standard_deviation: float | None = Field(description="of the value; null where nobody says")
-    interval_95: tuple[float, float] | None = Field(description="all that is not known; null where nobody says")
+    interval_95: tuple[float, float] | None = Field(
+        description="all that is not known; null where nobody says"
+    )
 
 
 class TrendLine(StrictModel):
@@ -60,7 +66,9 @@ class TrendLine(StrictModel):
     interval_95: tuple[float, float] = Field(description="of the change a year")
     relative_per_year: float = Field(description="the same as a share of the mean")
     relative_interval_95: tuple[float, float]
-    effects: dict[str, tuple[float, float]] = Field(description="change by one unit of each covariate, and its sd")
+    effects: dict[str, tuple[float, float]] = Field(
+        description="change by one unit of each covariate, and its sd"
+    )
     ends: tuple[float, float] = Field(description="the line at the first and at the last campaign")
     corrected: list[float | None] = Field(
         description="value of each point at the covariates' means; null: one not known"
@@ -99,25 +107,39 @@ _FIELDS = (
 
 
 def trend_of(
-    session: Session, user: User, noun: Trending, wanted: Wanted, value: str, covariates: Sequence[str] = COVARIATES[:1]
+    session: Session,
+    user: User,
+    noun: Trending,
+    wanted: Wanted,
+    value: str,
+    covariates: Sequence[str] = COVARIATES[:1],
 ) -> TrendOut:
-    """A constant of results, such as `Ex` or `flange.E1`, or the frequency or damping of modes, of whatever a search finds.
+    """A constant of results, such as `Ex` or `flange.E1`, or the frequency or damping of modes, of
+    whatever a search finds.
 
-    Each campaign counts once, with its newest result or mode set that is found. Modes are tracked by MAC and frequency.
+    Each campaign counts once, with its newest result or mode set that is found. Modes are tracked
+    by MAC and frequency.
 
     Raises:
         Invalid: nothing that is found has such a value, there is too much, or a covariate is none.
     """
     if unknown := set(covariates) - set(COVARIATES):
         raise Invalid(
-            "covariates", f"{', '.join(sorted(unknown))[:100]} is no covariate; there are {', '.join(COVARIATES)}"
+            "covariates",
+            f"{', '.join(sorted(unknown))[:100]} is no covariate; there are"
+            f" {', '.join(COVARIATES)}",
         )
     unit, older, found = (_constants if noun == "results" else _modes)(session, user, wanted, value)
     groups: dict[tuple[UUID, str], list[Row]] = {}
-    for row in sorted((row for row in found if row["performed_at"] is not None), key=lambda row: row["performed_at"]):
+    for row in sorted(
+        (row for row in found if row["performed_at"] is not None),
+        key=lambda row: row["performed_at"],
+    ):
         groups.setdefault((row["structure_id"], row["series"]), []).append(row)
     if len(groups) > MOST_SERIES:
-        raise Invalid("filter", f"makes {len(groups)} series, at most {MOST_SERIES} are followed; narrow it")
+        raise Invalid(
+            "filter", f"makes {len(groups)} series, at most {MOST_SERIES} are followed; narrow it"
+        )
     undated = sum(row["performed_at"] is None for row in found)
     notes = [
         f"{count} left out, {why}"
@@ -131,46 +153,82 @@ def trend_of(
     return TrendOut.model_construct(value=value, unit=unit, series=series, notes=notes)
 
 
-def _constants(session: Session, user: User, wanted: Wanted, value: str) -> tuple[str | None, int, list[Row]]:
+def _constants(
+    session: Session, user: User, wanted: Wanted, value: str
+) -> tuple[str | None, int, list[Row]]:
     """Unit of a constant, how many results are older ones, and a row for each that has it."""
     rows = _rows(session, user, "result", wanted, {"id": "id"}, MOST_ROWS)
     newest = {row["campaign_id"]: row for row in rows}
     documents = result_parts(session, [row["id"] for row in newest.values()], ("parameters",))
-    constants = {key: {one["name"]: one for one in parts["parameters"]} for key, parts in documents.items()}
+    constants = {
+        key: {one["name"]: one for one in parts["parameters"]} for key, parts in documents.items()
+    }
     names = sorted({name for known in constants.values() for name in known})
     if names and value not in names:
-        raise Invalid("value", f"no result that was found has {value[:60]!r}; there is {', '.join(names[:40])}")
+        raise Invalid(
+            "value",
+            f"no result that was found has {value[:60]!r}; there is {', '.join(names[:40])}",
+        )
     unit, found = None, []
     for row in newest.values():
         if one := constants[row["id"]].get(value):
-            own = one["comparable"] or {**one, "standard_deviation": one["noise_standard_deviation"]}
+            own = one["comparable"] or {
+                **one,
+                "standard_deviation": one["noise_standard_deviation"],
+            }
             unit, interval = one["unit"], tuple(one["interval_95"])
             found.append(
-                {**row, "series": value, "value": own["estimate"], "sd": own["standard_deviation"], "ends": interval}
+                {
+                    **row,
+                    "series": value,
+                    "value": own["estimate"],
+                    "sd": own["standard_deviation"],
+                    "ends": interval,
+                }
             )
     return unit, len(rows) - len(newest), found
 
 
 def _modes(session: Session, user: User, wanted: Wanted, value: str) -> tuple[str, int, list[Row]]:
-    """Unit of a value of modes, how many mode sets are older ones, and a row for each mode, with the name of its track."""
+    """Unit of a value of modes, how many mode sets are older ones, and a row for each mode, with
+    the name of its track.
+    """
     if value not in MODE_VALUES:
         raise Invalid("value", f"is {value[:60]!r}, expected one of {', '.join(MODE_VALUES)}")
     unit, sd = MODE_VALUES[value]
-    fields = {"id": "mode_set.id", "number": "number", "hz": "frequency_hz", "value": value, "sd": sd}
+    fields = {
+        "id": "mode_set.id",
+        "number": "number",
+        "hz": "frequency_hz",
+        "value": value,
+        "sd": sd,
+    }
     rows = _rows(session, user, "mode", wanted, fields, MOST_MODES)
     newest = {row["campaign_id"]: row["id"] for row in rows}
     kept = [row for row in rows if newest[row["campaign_id"]] == row["id"] and row["hz"] > 0]
     _name_tracks(session, [row for row in kept if row["performed_at"] is not None])
-    return unit, len({row["id"] for row in rows}) - len(newest), [row for row in kept if row["value"] is not None]
+    return (
+        unit,
+        len({row["id"] for row in rows}) - len(newest),
+        [row for row in kept if row["value"] is not None],
+    )
 
 
-def _rows(session: Session, user: User, noun: str, wanted: Wanted, fields: Mapping[str, str], most: int) -> list[Row]:
-    """What a search finds, in the order of ids: its structure, its place, and these fields by name."""
-    search = Search(user, NOUNS[noun], Wanted(wanted.filter, wanted.words, None, (*_FIELDS, *fields.values())))
+def _rows(
+    session: Session, user: User, noun: str, wanted: Wanted, fields: Mapping[str, str], most: int
+) -> list[Row]:
+    """What a search finds, in the order of ids: its structure, its place, and these fields by
+    name.
+    """
+    search = Search(
+        user, NOUNS[noun], Wanted(wanted.filter, wanted.words, None, (*_FIELDS, *fields.values()))
+    )
     names = ("structure_id", "structure_name", *PLACE, *fields)
     rows = [dict(zip(names, row, strict=True)) for row in islice(search.rows(session), most + 1)]
     if len(rows) > most:
-        raise Invalid("filter", f"finds more than {most:,} {noun}s, too many for a trend; narrow it")
+        raise Invalid(
+            "filter", f"finds more than {most:,} {noun}s, too many for a trend; narrow it"
+        )
     return rows
 
 
@@ -178,17 +236,24 @@ def _name_tracks(session: Session, rows: Sequence[Row]) -> None:
     """Give each mode the name of its track within its structure as `series`."""
     sets = modes_of(session, list({row["id"] for row in rows}))
     shapes = {(key, mode.number): shape_of(mode) for key, modes in sets.items() for mode in modes}
-    ordered = sorted(rows, key=lambda row: (row["structure_id"], row["performed_at"], row["id"], row["number"]))
+    ordered = sorted(
+        rows, key=lambda row: (row["structure_id"], row["performed_at"], row["id"], row["number"])
+    )
     for _, of_structure in groupby(ordered, key=lambda row: row["structure_id"]):
         campaigns = [list(group) for _, group in groupby(of_structure, key=lambda row: row["id"])]
-        seen = [[TrackedMode(row["hz"], shapes[row["id"], row["number"]]) for row in modes] for modes in campaigns]
+        seen = [
+            [TrackedMode(row["hz"], shapes[row["id"], row["number"]]) for row in modes]
+            for modes in campaigns
+        ]
         for modes, numbers in zip(campaigns, track(seen), strict=True):
             for row, number in zip(modes, numbers, strict=True):
                 row["series"] = f"mode {number + 1}"
 
 
 def _series(rows: Sequence[Row], covariates: Sequence[str]) -> TrendSeries:
-    """A series of rows in time order, with the line without covariates and the one with them, or why one is missing."""
+    """A series of rows in time order, with the line without covariates and the one with them, or
+    why one is missing.
+    """
     lines: list[TrendLine] = []
     notes: list[str] = []
     series = _as_series(rows)
@@ -198,25 +263,41 @@ def _series(rows: Sequence[Row], covariates: Sequence[str]) -> TrendSeries:
         except InputError as error:
             notes.append(f"no line{' with ' + ' and '.join(names) if names else ''}: {error}")
     if any(not row["sd"] for row in rows):
-        notes.append("some standard deviations are not known: the scatter alone says how well the lines are known")
+        notes.append(
+            "some standard deviations are not known: the scatter alone says how well the lines are"
+            " known"
+        )
     about = {name: rows[-1][name] for name in ("structure_id", "structure_name")}
     points = [_point(row) for row in rows]
-    return TrendSeries.model_construct(None, name=rows[0]["series"], points=points, lines=lines, notes=notes, **about)
+    return TrendSeries.model_construct(
+        None, name=rows[0]["series"], points=points, lines=lines, notes=notes, **about
+    )
 
 
 def _point(row: Row) -> TrendPoint:
     value, sd = row["value"], row["sd"]
     ends = row.get("ends") or (None if sd is None else (value - Z_95 * sd, value + Z_95 * sd))
     place = {name: row[name] for name in ("id", *PLACE)}
-    known = {"number": row.get("number"), "value": value, "standard_deviation": sd, "interval_95": ends}
+    known = {
+        "number": row.get("number"),
+        "value": value,
+        "standard_deviation": sd,
+        "interval_95": ends,
+    }
     return TrendPoint.model_construct(None, **place, **known)
 
 
 def _as_series(rows: Sequence[Row]) -> Series:
-    """What the core fits; where some standard deviations are not known all are taken as next to nothing."""
+    """What the core fits; where some standard deviations are not known all are taken as next to
+    nothing.
+    """
     values = np.array([row["value"] for row in rows])
     nothing = np.full(values.size, 1e-9 * np.abs(values).max() or 1e-9)
-    sd = np.array([row["sd"] for row in rows], dtype=float) if all(row["sd"] for row in rows) else nothing
+    sd = (
+        np.array([row["sd"] for row in rows], dtype=float)
+        if all(row["sd"] for row in rows)
+        else nothing
+    )
     measured = {name: np.array([row[name] for row in rows], dtype=float) for name in COVARIATES}
     return Series("value", [row["performed_at"] for row in rows], values, sd, measured)
 
@@ -224,7 +305,12 @@ def _as_series(rows: Sequence[Row]) -> Series:
 def _line(series: Series, names: Sequence[str]) -> TrendLine:
     found = line(series, names, float(series.estimate.mean()))
     corrected = [float(value) if np.isfinite(value) else None for value in found.corrected]
-    own = {"covariates": list(names), "campaigns": found.used, "effects": found.effects, "ends": found.ends}
+    own = {
+        "covariates": list(names),
+        "campaigns": found.used,
+        "effects": found.effects,
+        "ends": found.ends,
+    }
     return shown_as(TrendLine, found.rate, corrected=corrected, **own)
 
 
@@ -238,7 +324,15 @@ POINT_COLUMNS = (
 def flat(trend: TrendOut) -> Iterator[tuple[Any, ...]]:
     """A row for each point, with these columns; `corrected` is of the line with covariates."""
     for series in trend.series:
-        corrected = next((one.corrected for one in series.lines if one.covariates), [None] * len(series.points))
+        corrected = next(
+            (one.corrected for one in series.lines if one.covariates), [None] * len(series.points)
+        )
         for point, value in zip(series.points, corrected, strict=True):
             own = (getattr(point, name) for name in POINT_COLUMNS[2:-3])
-            yield series.structure_name, series.name, *own, *(point.interval_95 or (None, None)), value
+            yield (
+                series.structure_name,
+                series.name,
+                *own,
+                *(point.interval_95 or (None, None)),
+                value,
+            )

@@ -1,11 +1,14 @@
 """The account of what each project stores, and its limit.
 
-The limit travels with the session (`service.db.engine.make_sessions`), since it holds for whatever a transaction stores,
-a request's and a job's alike. A session without one has no limit: the operator's commands.
+The limit travels with the session (`service.db.engine.make_sessions`), since it holds for whatever
+a transaction stores, a request's and a job's alike. A session without one has no limit: the
+operator's commands.
 
-Bytes are compared with the limit twice. Before they are stored, so that what has no room costs little; transactions that
-store at the same moment do not see each other's bytes then. So each compares again when it commits, one after the other
-within a project: what does not fit by then is rolled back. A project's account is held for the commit alone.
+Bytes are compared with the limit twice. Before they are stored, so that what has no room costs
+little; transactions that store at the same moment do not see each other's bytes then. So each
+compares again when it commits, one after the other
+within a project: what does not fit by then is rolled back. A project's account is held for the
+commit alone.
 """
 
 from collections import Counter
@@ -22,7 +25,9 @@ from service.errors import QuotaExceeded
 
 
 class StoredBytes(Identified, Base):
-    """Bytes that one request or job stored; negative where it removed some. It goes with what it was stored for."""
+    """Bytes that one request or job stored; negative where it removed some. It goes with what it
+    was stored for.
+    """
 
     __tablename__ = "stored_bytes"
     __table_args__ = (
@@ -32,7 +37,9 @@ class StoredBytes(Identified, Base):
     )
 
     project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
-    structure_id: Mapped[UUID | None] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
+    structure_id: Mapped[UUID | None] = mapped_column(
+        ForeignKey("structures.id", ondelete="CASCADE")
+    )
     campaign_id: Mapped[UUID | None] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
     kind: Mapped[str]
     size: Mapped[Big]
@@ -61,7 +68,8 @@ def require_room(session: Session, project_id: UUID, size: int = 1) -> None:
     Args:
         session: the transaction.
         project_id: which project.
-        size: bytes that are about to be stored; 1 asks whether there is any room, before a job is queued that will store.
+        size: bytes that are about to be stored; 1 asks whether there is any room, before a job is
+            queued that will store.
 
     Raises:
         QuotaExceeded: the project would have more bytes than it may.
@@ -75,7 +83,8 @@ def require_room(session: Session, project_id: UUID, size: int = 1) -> None:
 
 
 def book(session: Session, find: Lookup[Row], owner: Row, kind: Kind, size: int) -> None:
-    """Enter bytes into a project's account, in the transaction that stores them and before it does where they are known.
+    """Enter bytes into a project's account, in the transaction that stores them and before it does
+    where they are known.
 
     Args:
         session: the transaction.
@@ -85,7 +94,8 @@ def book(session: Session, find: Lookup[Row], owner: Row, kind: Kind, size: int)
         size: how many; negative where they are removed.
 
     Raises:
-        QuotaExceeded: the project would have more bytes than it may. At the transaction's commit too.
+        QuotaExceeded: the project would have more bytes than it may. At the transaction's commit
+            too.
     """
     if not size:
         return
@@ -93,7 +103,9 @@ def book(session: Session, find: Lookup[Row], owner: Row, kind: Kind, size: int)
     if size > 0:
         require_room(session, project_id, size)
     with_which = {f"{find.kind}_id": owner.id} if find.kind in ("campaign", "structure") else {}  # type: ignore[attr-defined]
-    session.execute(insert(StoredBytes).values(project_id=project_id, **with_which, kind=kind, size=size))
+    session.execute(
+        insert(StoredBytes).values(project_id=project_id, **with_which, kind=kind, size=size)
+    )
     if size > 0:
         booked: Counter[UUID] = session.info.setdefault(BOOKED, Counter())
         booked[project_id] += size
@@ -101,13 +113,17 @@ def book(session: Session, find: Lookup[Row], owner: Row, kind: Kind, size: int)
 
 
 def _require_that_all_fits(session: Session) -> None:
-    """What `book` cannot see: the bytes of transactions that have committed since. The lock ends with the transaction."""
+    """What `book` cannot see: the bytes of transactions that have committed since. The lock ends
+    with the transaction.
+    """
     booked: Counter[UUID] = session.info.pop(BOOKED, Counter())
     allowed: int | None = session.info.get(QUOTA)
     if allowed is None:
         return
     for project_id, size in sorted(booked.items()):
-        session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(f"storage {project_id}", 0))))
+        session.execute(
+            select(func.pg_advisory_xact_lock(func.hashtextextended(f"storage {project_id}", 0)))
+        )
         used = sum(used_bytes(session, project_id).values())
         if used > allowed:
             raise QuotaExceeded(used - size, allowed, size)

@@ -1,4 +1,6 @@
-"""Uploaded files in the database: in chunks, under their SHA-256, each stored once however often it is uploaded."""
+"""Uploaded files in the database: in chunks, under their SHA-256, each stored once however often it
+is uploaded.
+"""
 
 from __future__ import annotations
 
@@ -31,18 +33,23 @@ class Original(Base):
 
 
 class OriginalChunk(Base):
-    """A stretch of an uploaded file, of a size that fills a page: the table's `toast_tuple_target` keeps it there."""
+    """A stretch of an uploaded file, of a size that fills a page: the table's `toast_tuple_target`
+    keeps it there.
+    """
 
     __tablename__ = "original_chunks"
 
-    sha256: Mapped[bytes] = mapped_column(ForeignKey("originals.sha256", ondelete="CASCADE"), primary_key=True)
+    sha256: Mapped[bytes] = mapped_column(
+        ForeignKey("originals.sha256", ondelete="CASCADE"), primary_key=True
+    )
     number: Mapped[int] = mapped_column(primary_key=True)
     data: Mapped[bytes] = mapped_column(LargeBinary)
 
 
 CHUNK_BYTES = 8092
-"""A row with a chunk of this size just fills a page, so that it is stored there at once; PostgreSQL would cut a larger one
-into pieces of 2 kB, each with an entry in an index and a record in the log of its own.
+"""A row with a chunk of this size just fills a page, so that it is stored there at once; PostgreSQL
+would cut a larger one into pieces of 2 kB, each with an entry in an index and a record in the log
+of its own.
 """
 READ_BYTES = 1024 * 1024
 
@@ -66,7 +73,10 @@ def keep_original(session: Session, file: Spooled) -> None:
 
     """
     new = session.execute(
-        insert(Original).values(sha256=file.sha256, size=file.size).on_conflict_do_nothing().returning(Original.sha256)
+        insert(Original)
+        .values(sha256=file.sha256, size=file.size)
+        .on_conflict_do_nothing()
+        .returning(Original.sha256)
     ).one_or_none()
     if new is None:
         return
@@ -76,8 +86,8 @@ def keep_original(session: Session, file: Spooled) -> None:
 
 
 def original_chunks(session: Session, sha256: bytes) -> Iterator[bytes]:
-    """The bytes of a stored file, block by block, without verifying them; until the last one is taken, the session can
-    do nothing else.
+    """The bytes of a stored file, block by block, without verifying them; until the last one is
+    taken, the session can do nothing else.
 
     `copy_original` verifies what it copies.
     """

@@ -1,1 +1,3 @@
-"""Structures: what a specimen nominally is (geometry, density, laminate or homogenised material), in versions."""
+"""Structures: what a specimen nominally is (geometry, density, laminate or homogenised material),
+in versions.
+"""

@@ -1,4 +1,6 @@
-"""A mesh as a page draws it, written as JSON in pieces: 200,000 nodes as lists of Python would take half a gigabyte."""
+"""A mesh as a page draws it, written as JSON in pieces: 200,000 nodes as lists of Python would take
+half a gigabyte.
+"""
 
 import json
 from collections.abc import Iterator, Sequence

@@ -1,5 +1,5 @@
-"""Routes of the models that users send; and meshes as an answer: JSON for pages, VTU for viewers, UFF for programs of modal
-analysis.
+"""Routes of the models that users send; and meshes as an answer: JSON for pages, VTU for viewers,
+UFF for programs of modal analysis.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -33,7 +33,11 @@ from service.web.parameters import HOW, form_of, not_modified
 from service.web.quantities import unusual
 from service.web.uploads import UploadDep
 
-MEDIA_TYPES = {"json": "application/json", "vtu": "application/vnd.kitware.vtu+xml", "uff": "application/x-uff"}
+MEDIA_TYPES = {
+    "json": "application/json",
+    "vtu": "application/vnd.kitware.vtu+xml",
+    "uff": "application/x-uff",
+}
 MESH_FILES: dict[int | str, dict[str, Any]] = {
     200: {
         "description": "The mesh.",
@@ -46,7 +50,9 @@ MeshForm = Annotated[str, form_of(MEDIA_TYPES, "default: by Accept, else json")]
 """Name of the format that a request wants."""
 
 
-def mesh_answer(mesh: MeshFile, form: str, name: str, headers: Mapping[str, str] | None = None) -> Response:
+def mesh_answer(
+    mesh: MeshFile, form: str, name: str, headers: Mapping[str, str] | None = None
+) -> Response:
     """A file for download."""
 
     def write(file: IO[bytes]) -> None:
@@ -117,7 +123,9 @@ class IgnoredOut(StrictModel):
 
     card: str = Field(description="its name")
     lines: list[int] = Field(description="where they stand")
-    file: str | None = Field(None, description="of an include that has them; null of the deck itself")
+    file: str | None = Field(
+        None, description="of an include that has them; null of the deck itself"
+    )
     loss: str = Field(description="what is lost by that")
     changes: bool = Field(description="whether modes change by that; the sender accepted it")
 
@@ -166,10 +174,18 @@ class ModelOut(JobOut):
     filename: str
     size: int = Field(description="bytes")
     sha256: str
-    units: str | None = Field(description="that its numbers are in: length-force-mass; null: not stated, so not read")
-    accepted: list[str] = Field(description="cards that may be left out although modes change, unusual values meant so")
-    sections: dict[str, Section] | None = Field(description="that were stated of a mesh's sets; null of a deck")
-    version: int | None = Field(description="the structure's version that first was this model; null until it was read")
+    units: str | None = Field(
+        description="that its numbers are in: length-force-mass; null: not stated, so not read"
+    )
+    accepted: list[str] = Field(
+        description="cards that may be left out although modes change, unusual values meant so"
+    )
+    sections: dict[str, Section] | None = Field(
+        description="that were stated of a mesh's sets; null of a deck"
+    )
+    version: int | None = Field(
+        description="the structure's version that first was this model; null until it was read"
+    )
     found: FoundModelOut | None = Field(description="null until it was read")
 
 
@@ -193,7 +209,9 @@ class MeshBlockOut(StrictModel):
     set: str = Field(description="whose elements they are")
     kind: str = Field(description="quad8, quad4, tri6, tri3, beam2 or beam3")
     numbers: list[int] = Field(description="the deck's")
-    nodes: list[list[int]] = Field(description="rows of `nodes` from 0: corners in order, then middles of sides")
+    nodes: list[list[int]] = Field(
+        description="rows of `nodes` from 0: corners in order, then middles of sides"
+    )
 
 
 class MeshSupportOut(StrictModel):
@@ -252,45 +270,63 @@ THERE: dict[int | str, dict[str, Any]] = {
 MESH_UPLOAD = upload("sections", "of a mesh: what each set is, as JSON")
 
 
-@router.post("/structures/{structure_id}/model", status_code=202, openapi_extra=reads(MESH_UPLOAD), responses=THERE)
+@router.post(
+    "/structures/{structure_id}/model",
+    status_code=202,
+    openapi_extra=reads(MESH_UPLOAD),
+    responses=THERE,
+)
 def send_model(
     structure_id: UUID,
     sent: UploadDep,
     session: SessionDep,
     user: CurrentUser,
     response: Response,
-    filename: Annotated[Name | None, Query(description="name of a file that is sent as raw body")] = None,
-    units: Annotated[Name | None, Query(description="length-force-mass, such as m-N-kg, mm-N-t, in-lbf-slinch")] = None,
+    filename: Annotated[
+        Name | None, Query(description="name of a file that is sent as raw body")
+    ] = None,
+    units: Annotated[
+        Name | None, Query(description="length-force-mass, such as m-N-kg, mm-N-t, in-lbf-slinch")
+    ] = None,
     accept: Annotated[
         list[Name] | None,
         Query(
-            description="answers to what is asked of it: cards that may be left out although modes change, or what is unusual "
-            "and meant so, such as `density:GAUGE`",
+            description=(
+                "answers to what is asked of it: cards that may be left out although modes change,"
+                " or what is unusual "
+                "and meant so, such as `density:GAUGE`"
+            ),
             max_length=100,
         ),
     ] = None,
     sections: Annotated[
-        str | None, Query(description="of a mesh, as JSON: by set what `Section` says", max_length=20_000)
+        str | None,
+        Query(description="of a mesh, as JSON: by set what `Section` says", max_length=20_000),
     ] = None,
     confirm: Confirm = False,
 ) -> ModelOut:
-    """Send a deck of Abaqus, CalculiX (.inp) or Nastran (.bdf) as raw body or as multipart field `file`; a job reads it.
+    """Send a deck of Abaqus, CalculiX (.inp) or Nastran (.bdf) as raw body or as multipart field
+    `file`; a job reads it.
 
-    Or matrices of any solver: a .npz, or a .zip of .mtx, .sti, .mas or .pch with nodes.csv. Or a mesh without properties of
-    gmsh (.msh), VTK (.vtu, .vtk) or UFF (.unv, .uff): `sections`, as parameter or as multipart field, then states what each
-    set is, in SI; sets are physical groups, cell data or property tables.
+    Or matrices of any solver: a .npz, or a .zip of .mtx, .sti, .mas or .pch with nodes.csv. Or a
+    mesh without properties of gmsh (.msh), VTK (.vtu, .vtk) or UFF (.unv, .uff): `sections`, as
+    parameter or as multipart field, then states what each set is, in SI; sets are physical groups,
+    cell data or property tables.
 
-    A deck has no units, so `units` states them; without, the job fails and says which fit. Once it was read, the structure's
-    next version is this model.
+    A deck has no units, so `units` states them; without, the job fails and says which fit. Once it
+    was read, the structure's next version is this model.
     """
     text = sent.text_of("sections", sections)
-    stated = None if text is None else checked(dict[str, Section], parse_parameter("sections", text))
+    stated = (
+        None if text is None else checked(dict[str, Section], parse_parameter("sections", text))
+    )
     _require_usual(stated or {}, accept or [], confirm)
     wanted = StructureModel(
         filename=filename or sent.filename or "",
         units=units,
         accepted=accept or [],
-        sections=stated and {name: each.model_dump(exclude_none=True) for name, each in stated.items()},
+        sections=stated
+        and {name: each.model_dump(exclude_none=True) for name, each in stated.items()},
     )
     row, new = models.start_model(session, user, structure_id, sent.file, wanted)
     response.status_code = 202 if new else 200
@@ -303,8 +339,12 @@ of_jobs.listing("list_models", "Models that were sent to a structure, newest fir
 
 @router.get("/structures/{structure_id}/model")
 def get_model(structure_id: UUID, session: SessionDep, user: CurrentUser) -> ModelOut:
-    """The model that a structure is: counts, sets with area and mass, materials, supports, ignored cards, junctions."""
-    return of_jobs.shown(session, models.model_of_structure(session, structure_for(session, user, structure_id)))
+    """The model that a structure is: counts, sets with area and mass, materials, supports, ignored
+    cards, junctions.
+    """
+    return of_jobs.shown(
+        session, models.model_of_structure(session, structure_for(session, user, structure_id))
+    )
 
 
 @router.get("/structures/{structure_id}/model/mesh", response_model=MeshOut, responses=MESH_FILES)
@@ -316,10 +356,13 @@ def get_model_mesh(
     form: MeshForm,
     boundary: Annotated[
         Literal["cantilever", "free", "simply_supported", "as_modelled"] | None,
-        Query(description="how it is held; default: as a model that was sent says, else not at all"),
+        Query(
+            description="how it is held; default: as a model that was sent says, else not at all"
+        ),
     ] = None,
 ) -> Any:
-    """Nodes and elements of the structure, m: of the model that was sent, or of the strip, plate or shape that is described.
+    """Nodes and elements of the structure, m: of the model that was sent, or of the strip, plate or
+    shape that is described.
 
     As VTU or UFF (sets 2411 and 2412) nodes and elements alone.
     """
@@ -336,10 +379,15 @@ def get_model_mesh(
 
 
 @router.get("/structures/{structure_id}/model/original", response_class=FileResponse)
-def get_model_original(structure_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> Response:
+def get_model_original(
+    structure_id: UUID, session: SessionDep, user: CurrentUser, request: Request
+) -> Response:
     """The deck as it was sent, byte for byte; its ETag is its SHA-256."""
     row = models.model_of_structure(session, structure_for(session, user, structure_id))
     headers = {"ETag": f'"{row.sha256.hex()}"'}
     return not_modified(request, headers) or spooled(
-        lambda file: copy_original(session, row.sha256, file), "application/octet-stream", row.filename, headers
+        lambda file: copy_original(session, row.sha256, file),
+        "application/octet-stream",
+        row.filename,
+        headers,
     )

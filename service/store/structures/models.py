@@ -1,4 +1,5 @@
-"""Models that users send: a deck is kept as it came, a job reads it, and the structure's next version is that model. And the
+"""Models that users send: a deck is kept as it came, a job reads it, and the structure's next
+version is that model. And the
 mesh that a structure is: of such a model, or of the strip or shape that is described.
 """
 
@@ -29,7 +30,13 @@ from service.access import Lookup, User
 from service.compute.models.bodies import AS_MODELLED, body_of_model
 from service.compute.models.keeping import model_of
 from service.compute.models.matrices import body_of_matrices
-from service.compute.models.reading import DeckInputs, DeckOutput, faults_of, read_deck, require_deck
+from service.compute.models.reading import (
+    DeckInputs,
+    DeckOutput,
+    faults_of,
+    read_deck,
+    require_deck,
+)
 from service.errors import Conflict, Damaged, Invalid
 from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
@@ -65,7 +72,11 @@ def _store(session: Session, row: StructureModel, items: Iterator[DeckOutput]) -
     for output in items:
         structure = structure_for.row(session, row.structure_id)
         book(session, structure_for, structure, "files", len(output.arrays))
-        row.document, row.arrays, row.arrays_sha256 = output.document, output.arrays, sha256(output.arrays).digest()
+        row.document, row.arrays, row.arrays_sha256 = (
+            output.document,
+            output.arrays,
+            sha256(output.arrays).digest(),
+        )
         session.flush()
         take_model(session, structure.id, row.id)
 
@@ -85,7 +96,8 @@ def start_model(
         The model, and whether it is a new one.
 
     Raises:
-        Invalid: there is no file, it has no name or one whose end says no deck, or its units are none.
+        Invalid: there is no file, it has no name or one whose end says no deck, or its units are
+            none.
         QuotaExceeded: the project has no room for the file.
     """
     structure = structure_for(session, user, structure_id, "editor", lock=True)
@@ -104,16 +116,25 @@ def start_model(
     return MODELS.start(session, user, wanted, sha256=file.sha256.hex()), True
 
 
-def _same_model(session: Session, structure: Structure, wanted: StructureModel) -> StructureModel | None:
-    """The newest model of a structure, where it has these bytes, read alike, and waits, is read, or is the present version."""
+def _same_model(
+    session: Session, structure: Structure, wanted: StructureModel
+) -> StructureModel | None:
+    """The newest model of a structure, where it has these bytes, read alike, and waits, is read, or
+    is the present version.
+    """
     query = select(StructureModel, Job.state).join(Job, Job.id == StructureModel.id)
-    newest = query.where(StructureModel.structure_id == structure.id).order_by(StructureModel.id.desc()).limit(1)
+    newest = (
+        query.where(StructureModel.structure_id == structure.id)
+        .order_by(StructureModel.id.desc())
+        .limit(1)
+    )
     found = session.execute(newest).one_or_none()
     if found is None:
         return None
     row, state = found
     same = all(
-        getattr(row, part) == getattr(wanted, part) for part in ("sha256", "filename", "units", "accepted", "sections")
+        getattr(row, part) == getattr(wanted, part)
+        for part in ("sha256", "filename", "units", "accepted", "sections")
     )
     there = state in ("queued", "running") or row.id == current_version(session, structure).model
     return row if same and there else None
@@ -173,7 +194,9 @@ def sets_of(session: Session, structure: Structure) -> list[str]:
 
 def versions_of_models(session: Session, keys: list[UUID]) -> dict[UUID, int]:
     """Numbers of the first versions that are these models."""
-    query = select(StructureVersion.model, StructureVersion.number).where(StructureVersion.model.in_(keys))
+    query = select(StructureVersion.model, StructureVersion.number).where(
+        StructureVersion.model.in_(keys)
+    )
     latest_first = session.execute(query.order_by(StructureVersion.number.desc()))
     return {key: number for key, number in latest_first if key is not None}
 
@@ -203,20 +226,29 @@ def mesh_of(session: Session, version: StructureVersion, boundary: str | None) -
     return DrawnMesh(
         np.arange(1, len(mesh.nodes) + 1),
         mesh.nodes,
-        [_cells(block, np.arange(len(block.nodes)) + start) for block, start in zip(mesh.blocks, first, strict=False)],
+        [
+            _cells(block, np.arange(len(block.nodes)) + start)
+            for block, start in zip(mesh.blocks, first, strict=False)
+        ],
         [Held(mesh.select(each.where), each.dofs) for each in supports],
         [],
     )
 
 
 def body_in_space(session: Session, structure: StructureIn) -> core.Structure | MatrixBody | None:
-    """The body of a shape or a model, whoever asks, to see which points lie on it; None of a strip or plate."""
+    """The body of a shape or a model, whoever asks, to see which points lie on it; None of a strip
+    or plate.
+    """
     if structure.shape is not None:
         return core.Structure(structure.shape.mesh(), structure.shape.sections(1.0))
     if structure.model is None:
         return None
     model = load_model(session, structure.model)
-    return body_of_matrices(model, AS_MODELLED) if isinstance(model, MatrixModel) else body_of_model(model)
+    return (
+        body_of_matrices(model, AS_MODELLED)
+        if isinstance(model, MatrixModel)
+        else body_of_model(model)
+    )
 
 
 def described_mesh(version: StructureVersion) -> Mesh:
@@ -230,7 +262,10 @@ def described_mesh(version: StructureVersion) -> Mesh:
         return structure.shape.mesh()
     g = structure.geometry
     if g is None:
-        raise Conflict("the structure states neither a geometry nor a shape, and is no model, so it has no mesh")
+        raise Conflict(
+            "the structure states neither a geometry nor a shape, and is no model, so it has no"
+            " mesh"
+        )
     pieces = [piece.to_core() for piece in structure.pieces or ()]
     return strip(g.length_m, g.width_m, pieces=pieces, thickness=g.thickness_m)
 
@@ -238,7 +273,9 @@ def described_mesh(version: StructureVersion) -> Mesh:
 def _of_model(model: FiniteElementModel | MatrixModel, *, held: bool) -> DrawnMesh:
     if isinstance(model, MatrixModel):
         every = np.arange(len(model.numbers))
-        return DrawnMesh(model.numbers, model.nodes, [Cells("point", "nodes", every + 1, every[:, None])], [], [])
+        return DrawnMesh(
+            model.numbers, model.nodes, [Cells("point", "nodes", every + 1, every[:, None])], [], []
+        )
     return DrawnMesh(
         model.numbers,
         model.nodes,

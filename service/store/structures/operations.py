@@ -1,4 +1,5 @@
-"""Structures: a row a structure and a row a version that never changes, and what can be done with them.
+"""Structures: a row a structure and a row a version that never changes, and what can be done with
+them.
 
 Every change of what a structure physically is makes a new version.
 """
@@ -10,7 +11,17 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import JSON, ForeignKey, Index, LargeBinary, Select, UniqueConstraint, func, select, text
+from sqlalchemy import (
+    JSON,
+    ForeignKey,
+    Index,
+    LargeBinary,
+    Select,
+    UniqueConstraint,
+    func,
+    select,
+    text,
+)
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, Session, mapped_column, relationship
 
@@ -80,8 +91,8 @@ class StructureVersion(Identified, Base):
 
 
 class StructureModel(Base):
-    """A model that a user sent: a deck, what was read of it, and its arrays in SI. Its key is its job's, and so is its
-    status.
+    """A model that a user sent: a deck, what was read of it, and its arrays in SI. Its key is its
+    job's, and so is its status.
     """
 
     __tablename__ = "structure_models"
@@ -104,19 +115,26 @@ structures_of = structure_for.rows
 
 
 def current_version(session: Session, structure: Structure) -> StructureVersion:
-    """The version of a structure that is valid now, which new campaigns and new updates refer to."""
+    """The version of a structure that is valid now, which new campaigns and new updates refer
+    to.
+    """
     return session.scalars(
         select(StructureVersion).where(
-            StructureVersion.structure_id == structure.id, StructureVersion.number == structure.version
+            StructureVersion.structure_id == structure.id,
+            StructureVersion.number == structure.version,
         )
     ).one()
 
 
-def create_structure(session: Session, user: User, project_id: UUID, body: StructureIn) -> Structure:
+def create_structure(
+    session: Session, user: User, project_id: UUID, body: StructureIn
+) -> Structure:
     """Store a new structure in version 1 and note it in the audit trail."""
     project = project_for(session, user, project_id, "editor")
     require_demanded(session, project.id, "structure", body.model_dump(mode="json"))
-    structure = Structure(project_id=project.id, name=body.name, version=1, tags=body.tags, meta=body.meta)
+    structure = Structure(
+        project_id=project.id, name=body.name, version=1, tags=body.tags, meta=body.meta
+    )
     session.add(structure)
     session.flush()
     _add_version(session, structure, body)
@@ -125,9 +143,11 @@ def create_structure(session: Session, user: User, project_id: UUID, body: Struc
     return structure
 
 
-def change_structure(session: Session, user: User, structure: Structure, patch: StructurePatch) -> None:
-    """Apply a patch to a locked structure. A new name stays in the version; a change of geometry, density, laminate,
-    material or inputs makes the next one.
+def change_structure(
+    session: Session, user: User, structure: Structure, patch: StructurePatch
+) -> None:
+    """Apply a patch to a locked structure. A new name stays in the version; a change of geometry,
+    density, laminate, material or inputs makes the next one.
 
     Results that were computed keep the version that they were computed with.
 
@@ -138,7 +158,16 @@ def change_structure(session: Session, user: User, structure: Structure, patch: 
     after = _patched(before, patch)
     require_demanded(session, structure.project_id, "structure", after.model_dump(mode="json"))
     structure.name, structure.tags, structure.meta = after.name, after.tags, after.meta
-    physical = ("geometry", "density_kg_m3", "laminate", "material", "inputs", "pieces", "shape", "model")
+    physical = (
+        "geometry",
+        "density_kg_m3",
+        "laminate",
+        "material",
+        "inputs",
+        "pieces",
+        "shape",
+        "model",
+    )
     if any(getattr(after, field) != getattr(before, field) for field in physical):
         structure.version += 1
         _add_version(session, structure, after)
@@ -148,13 +177,15 @@ def change_structure(session: Session, user: User, structure: Structure, patch: 
 
 
 def describe(session: Session, structure: Structure) -> StructureOut:
-    """The structure in its current version, as clients see it: one query, for the version and the one before."""
+    """The structure in its current version, as clients see it: one query, for the version and the
+    one before.
+    """
     return describe_all(session, [structure])[0]
 
 
 def describe_all(session: Session, structures: Sequence[Structure]) -> list[StructureOut]:
-    """Several structures in their current versions, as clients see them, in the order given; one query for all
-    versions.
+    """Several structures in their current versions, as clients see them, in the order given; one
+    query for all versions.
     """
     query = (
         select(StructureVersion)
@@ -164,11 +195,18 @@ def describe_all(session: Session, structures: Sequence[Structure]) -> list[Stru
             StructureVersion.number.in_([Structure.version, Structure.version - 1]),
         )
     )
-    versions = {(version.structure_id, version.number): version for version in session.scalars(query)}
-    return [_described(s, versions[s.id, s.version], versions.get((s.id, s.version - 1))) for s in structures]
+    versions = {
+        (version.structure_id, version.number): version for version in session.scalars(query)
+    }
+    return [
+        _described(s, versions[s.id, s.version], versions.get((s.id, s.version - 1)))
+        for s in structures
+    ]
 
 
-def _described(structure: Structure, version: StructureVersion, before: StructureVersion | None) -> StructureOut:
+def _described(
+    structure: Structure, version: StructureVersion, before: StructureVersion | None
+) -> StructureOut:
     now, then = _physical(version), {} if before is None else _physical(before)
     replaced = [name for name in _BODIES if then.get(name) and not now[name]]
     return shown_as(StructureOut, structure, **now, replaced=replaced)
@@ -177,8 +215,8 @@ def _described(structure: Structure, version: StructureVersion, before: Structur
 def describe_version(version: StructureVersion, name: str) -> StructureIn:
     """A structure as it was in a version, in the form of a request.
 
-    It was checked when it came in, perhaps by rules of that time, so it is not checked again: an old result must
-    stay readable.
+    It was checked when it came in, perhaps by rules of that time, so it is not checked again: an
+    old result must stay readable.
 
     Args:
         version: the stored version.
@@ -188,8 +226,16 @@ def describe_version(version: StructureVersion, name: str) -> StructureIn:
 
 
 def _physical(version: StructureVersion) -> dict[str, Any]:
-    pieces = None if version.pieces is None else [Piece.model_validate(piece) for piece in version.pieces]
-    sizes = {"length_m": version.length_m, "width_m": version.width_m, "thickness_m": version.thickness_m}
+    pieces = (
+        None
+        if version.pieces is None
+        else [Piece.model_validate(piece) for piece in version.pieces]
+    )
+    sizes = {
+        "length_m": version.length_m,
+        "width_m": version.width_m,
+        "thickness_m": version.thickness_m,
+    }
     return {
         "geometry": None if None in sizes.values() else Geometry.model_validate(sizes),
         "density_kg_m3": version.density_kg_m3,
@@ -206,12 +252,20 @@ def _patched(before: StructureOut, patch: StructurePatch) -> StructureIn:
     sent = {field: getattr(patch, field) for field in patch.model_fields_set}
     nulls = [field for field, value in sent.items() if value is None]
     if nulls:
-        raise Invalid([Fault(f"/{field}", "cannot be null; leave it out to keep it") for field in nulls])
+        raise Invalid(
+            [Fault(f"/{field}", "cannot be null; leave it out to keep it") for field in nulls]
+        )
     if "laminate" in sent and "material" in sent:
         raise Invalid("/material", "state a laminate or a material, not both")
     merged = before.model_dump(include=set(StructureIn.model_fields))
     merged.update(patch.model_dump(exclude_unset=True))
-    replaced = [name for member, others in _INSTEAD.items() if member in sent for name in others if name not in sent]
+    replaced = [
+        name
+        for member, others in _INSTEAD.items()
+        if member in sent
+        for name in others
+        if name not in sent
+    ]
     return checked(StructureIn, merged | dict.fromkeys(replaced))
 
 
@@ -235,9 +289,13 @@ def _require_inputs(body: StructureIn) -> None:
     if body.geometry is not None:
         lacks["height_sd_m"] = "is of a body in space; a strip or plate has thickness_sd_m"
         if body.laminate is None:
-            lacks["ply_angle_sd_deg"] = "is of the plies of a laminate; a material has fibre_angle_sd_deg"
+            lacks["ply_angle_sd_deg"] = (
+                "is of the plies of a laminate; a material has fibre_angle_sd_deg"
+            )
     faults = [
-        Fault(f"/inputs/{name}", why) for name, why in lacks.items() if getattr(body.inputs, name, None) is not None
+        Fault(f"/inputs/{name}", why)
+        for name, why in lacks.items()
+        if getattr(body.inputs, name, None) is not None
     ]
     if faults:
         raise Invalid(faults)
@@ -271,25 +329,34 @@ def _known_model(session: Session, structure: Structure, key: UUID | None) -> UU
     if key is None:
         return None
     known = select(StructureModel.id).where(
-        StructureModel.id == key, StructureModel.structure_id == structure.id, StructureModel.arrays.is_not(None)
+        StructureModel.id == key,
+        StructureModel.structure_id == structure.id,
+        StructureModel.arrays.is_not(None),
     )
     if session.scalars(known).one_or_none() is None:
         raise Invalid(
-            "/model", f"{key} is no model that was read for this structure; POST /structures/{{id}}/model sends one"
+            "/model",
+            f"{key} is no model that was read for this structure; POST /structures/{{id}}/model"
+            " sends one",
         )
     return key
 
 
 def take_model(session: Session, structure_id: UUID, key: UUID) -> int:
-    """Make a structure's next version, which is this model, and return its number; what it was before is in the version before.
+    """Make a structure's next version, which is this model, and return its number; what it was
+    before is in the version before.
 
     The caller has the structure's row locked.
     """
-    structure = session.get_one(Structure, structure_id, with_for_update=True, populate_existing=True)
+    structure = session.get_one(
+        Structure, structure_id, with_for_update=True, populate_existing=True
+    )
     before = describe(session, structure)
     structure.version += 1
     _add_version(
-        session, structure, checked(StructureIn, {"name": structure.name, "model": key, "inputs": before.inputs})
+        session,
+        structure,
+        checked(StructureIn, {"name": structure.name, "model": key, "inputs": before.inputs}),
     )
     structure.updated_at = transaction_time(session)
     return structure.version
@@ -318,10 +385,13 @@ def structures_to_choose(session: Session, user: User) -> list[tuple[UUID, UUID,
         Structure.id.in_(structures_in(projects_of(user)))
     )
     return [
-        (project, key, name) for project, key, name in session.execute(query.order_by(Structure.name, Structure.id))
+        (project, key, name)
+        for project, key, name in session.execute(query.order_by(Structure.name, Structure.id))
     ]
 
 
 def structures_in(projects: Select[UUID] | Sequence[UUID]) -> Select[UUID]:
     """Keys of the structures of some projects that are not deleted, as part of a query."""
-    return select(Structure.id).where(Structure.project_id.in_(projects), Structure.deleted_at.is_(None))
+    return select(Structure.id).where(
+        Structure.project_id.in_(projects), Structure.deleted_at.is_(None)
+    )

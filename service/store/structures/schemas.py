@@ -31,7 +31,9 @@ Deviation = Annotated[float | None, Field(ge=0, le=1e9)]
 """A standard deviation: null where nobody stated it, 0 for what is exactly known."""
 
 THICKNESS_AGREEMENT = 0.05
-"""How far, relatively, the plies' thicknesses may add up to something else than the measured thickness."""
+"""How far, relatively, the plies' thicknesses may add up to something else than the measured
+thickness.
+"""
 
 
 class Geometry(StrictModel):
@@ -78,7 +80,9 @@ class Laminate(StrictModel):
 
 
 class Piece(StrictModel):
-    """A stretch along x where the strip is thicker or thinner than the geometry says, on both faces alike."""
+    """A stretch along x where the strip is thicker or thinner than the geometry says, on both faces
+    alike.
+    """
 
     from_m: float = Field(ge=0, le=1000, description="x of its beginning")
     to_m: Length
@@ -97,14 +101,18 @@ Pieces = Annotated[
     list[Piece],
     Field(
         max_length=50,
-        description="steps and tapers of thickness along x, in the order of x; the geometry's thickness holds elsewhere; "
-        "[]: one thickness",
+        description=(
+            "steps and tapers of thickness along x, in the order of x; the geometry's thickness"
+            " holds elsewhere; []: one thickness"
+        ),
     ),
 ]
 
 
 class StructureInputs(StrictModel):
-    """How well a structure's own values are known: standard deviations. null: a careful laboratory's; 0: exactly known."""
+    """How well a structure's own values are known: standard deviations. null: a careful
+    laboratory's; 0: exactly known.
+    """
 
     length_sd_m: Annotated[Deviation, LENGTH_SD] = None
     width_sd_m: Annotated[Deviation, LENGTH_SD] = None
@@ -112,24 +120,36 @@ class StructureInputs(StrictModel):
     thickness_sd_m: Annotated[Deviation, THICKNESS_SD] = None
     density_sd_kg_m3: Annotated[Deviation, DENSITY_SD] = None
     nu_xy_sd: Deviation = None
-    fibre_angle_sd_deg: Deviation = Field(None, description="of the fibres' direction about the stated one")
+    fibre_angle_sd_deg: Deviation = Field(
+        None, description="of the fibres' direction about the stated one"
+    )
     ply_angle_sd_deg: Deviation = Field(
-        None, description="of each ply's angle about the stated one, where constants of plies are updated"
+        None,
+        description=(
+            "of each ply's angle about the stated one, where constants of plies are updated"
+        ),
     )
 
 
 class StructureIn(StrictModel):
     """A structure as a client describes it.
 
-    A name is enough to measure and identify it. An update needs the geometry and the density of a strip or plate, and a
-    laminate or a material, not both; or a shape.
+    A name is enough to measure and identify it. An update needs the geometry and the density of a
+    strip or plate, and a laminate or a material, not both; or a shape.
     """
 
     model_config = example(
         name="FRP beam",
         geometry={"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.010},
         density_kg_m3=2012,
-        material={"Ex_Pa": 33e9, "Ey_Pa": 32e9, "Gxy_Pa": 5.7e9, "Gxz_Pa": 4.5e9, "Gyz_Pa": 4.5e9, "nu_xy": 0.15},
+        material={
+            "Ex_Pa": 33e9,
+            "Ey_Pa": 32e9,
+            "Gxy_Pa": 5.7e9,
+            "Gxz_Pa": 4.5e9,
+            "Gyz_Pa": 4.5e9,
+            "nu_xy": 0.15,
+        },
     )
 
     name: Name
@@ -149,7 +169,10 @@ class StructureIn(StrictModel):
 
     model: UUID | None = Field(
         None,
-        description="id of a model that was sent to the structure: the body that it is; instead of a geometry or shape",
+        description=(
+            "id of a model that was sent to the structure: the body that it is; instead of a"
+            " geometry or shape"
+        ),
     )
     tags: Tags = Field([])
     meta: Meta = Field({})
@@ -157,7 +180,9 @@ class StructureIn(StrictModel):
     @model_validator(mode="after")
     def _one_body(self) -> Self:
         named = [
-            name for name in ("shape", "model", "geometry", "laminate", "material", "pieces") if getattr(self, name)
+            name
+            for name in ("shape", "model", "geometry", "laminate", "material", "pieces")
+            if getattr(self, name)
         ]
         if len(named) > 1 and named[0] in ("shape", "model"):
             raise wrong(f"a {named[0]} has its own {' and '.join(named[1:])}")
@@ -180,15 +205,20 @@ class StructureIn(StrictModel):
         if self.laminate is not None and self.material is not None:
             raise wrong("state a laminate or a material, not both")
         if self.laminate is not None and self.geometry is not None:
-            total, measured = sum(ply.thickness_m for ply in self.laminate.plies), self.geometry.thickness_m
+            total, measured = (
+                sum(ply.thickness_m for ply in self.laminate.plies),
+                self.geometry.thickness_m,
+            )
             if abs(total - measured) > THICKNESS_AGREEMENT * measured:
-                raise wrong(f"the plies are {total:.6g} m thick together, the geometry says {measured} m")
+                raise wrong(
+                    f"the plies are {total:.6g} m thick together, the geometry says {measured} m"
+                )
         return self
 
 
 class StructurePatch(StrictModel):
-    """Members to change; null is not a value here. A laminate takes the place of a material, and a geometry, a shape or a model
-    that of the other two, with all that was stated of them.
+    """Members to change; null is not a value here. A laminate takes the place of a material, and a
+    geometry, a shape or a model that of the other two, with all that was stated of them.
     """
 
     model_config = example(density_kg_m3=2020)
@@ -198,10 +228,14 @@ class StructurePatch(StrictModel):
     density_kg_m3: Density | None = None
     laminate: Laminate | None = None
     material: Material | None = None
-    inputs: StructureInputs | None = Field(None, description="takes the place of the former; {} clears it")
+    inputs: StructureInputs | None = Field(
+        None, description="takes the place of the former; {} clears it"
+    )
     pieces: Pieces | None = None
     shape: Shape | None = None
-    model: UUID | None = Field(None, description="an earlier model of the structure, to go back to it")
+    model: UUID | None = Field(
+        None, description="an earlier model of the structure, to go back to it"
+    )
     tags: Tags | None = None
     meta: Meta | None = None
 
@@ -213,7 +247,9 @@ class StructureOut(StrictModel):
     project_id: UUID
     name: str
     version: int = Field(
-        description="counts from 1; every change of geometry, density, section or inputs makes a new one"
+        description=(
+            "counts from 1; every change of geometry, density, section or inputs makes a new one"
+        )
     )
     geometry: Geometry | None
     density_kg_m3: float | None
@@ -224,7 +260,9 @@ class StructureOut(StrictModel):
     shape: Shape | None
     model: UUID | None = Field(description="id of the model that it is; null where it is none")
     replaced: list[str] = Field(
-        description="what the version before had and another member has taken the place of, such as `shape`"
+        description=(
+            "what the version before had and another member has taken the place of, such as `shape`"
+        )
     )
     tags: list[str]
     meta: dict[str, Any]

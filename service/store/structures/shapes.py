@@ -1,4 +1,6 @@
-"""Bodies by their shape: profiles and panels of a few dimensions, with the materials or plies of their walls."""
+"""Bodies by their shape: profiles and panels of a few dimensions, with the materials or plies of
+their walls.
+"""
 
 import math
 from typing import Annotated, Literal, Self
@@ -28,11 +30,13 @@ MOST_ELEMENTS = 6000
 
 
 def check_poisson(nu: float, along: float | None, across: float | None) -> float:
-    """Refuse ν with ν² E_across / E_along ≥ 1: the plane-stress stiffness would not be positive definite."""
+    """Refuse ν with ν² E_across / E_along ≥ 1: the plane-stress stiffness would not be positive
+    definite.
+    """
     if along is not None and across is not None and nu * nu * across / along >= 1:
         raise wrong(
-            f"{nu} makes the stiffness not positive definite: its magnitude must be below {math.sqrt(along / across):.6g}, "
-            "the root of E1/E2"
+            f"{nu} makes the stiffness not positive definite: its magnitude must be below"
+            f" {math.sqrt(along / across):.6g}, the root of E1/E2"
         )
     return nu
 
@@ -46,7 +50,9 @@ class PlyMaterial(StrictModel):
     G13_Pa: Modulus
     G23_Pa: Modulus
     nu_12: Poisson
-    density_kg_m3: Density | None = Field(None, description="kg/m³; the structure's density where it is not given")
+    density_kg_m3: Density | None = Field(
+        None, description="kg/m³; the structure's density where it is not given"
+    )
 
     @field_validator("nu_12")
     @classmethod
@@ -74,7 +80,9 @@ class Ply(PlyMaterial):
 
     def to_core(self, density: float) -> CorePly:
         """The core's ply, with the structure's density where it states none of its own."""
-        return CorePly(self.material(self.density_kg_m3 or density), self.thickness_m, self.angle_deg)
+        return CorePly(
+            self.material(self.density_kg_m3 or density), self.thickness_m, self.angle_deg
+        )
 
 
 class IsotropicMaterial(StrictModel):
@@ -86,7 +94,9 @@ class IsotropicMaterial(StrictModel):
 
 
 class Section(StrictModel):
-    """What a set of a mesh is: a thickness of one material, or plies; or dofs of its nodes that are held."""
+    """What a set of a mesh is: a thickness of one material, or plies; or dofs of its nodes that are
+    held.
+    """
 
     model_config = example(
         thickness_m=0.004,
@@ -95,11 +105,16 @@ class Section(StrictModel):
         axis=[1, 0, 0],
     )  # fmt: skip
 
-    thickness_m: Annotated[Length, THICKNESS] | None = Field(None, description="m; of plies their sum")
+    thickness_m: Annotated[Length, THICKNESS] | None = Field(
+        None, description="m; of plies their sum"
+    )
     material: PlyMaterial | None = Field(None, description="with its density; 1 lies along `axis`")
     isotropic: IsotropicMaterial | None = Field(None, description="instead of a material")
     plies: list[Ply] | None = Field(
-        None, min_length=1, max_length=1000, description="along the elements' normals, each with its density"
+        None,
+        min_length=1,
+        max_length=1000,
+        description="along the elements' normals, each with its density",
     )
     axis: list[float] | None = Field(
         None,
@@ -110,15 +125,24 @@ class Section(StrictModel):
     held_dofs: list[Annotated[int, Field(ge=1, le=6)]] | None = Field(
         None,
         min_length=1,
-        description="of a set of lines or points that holds the body; 1, 2, 3 along x, y, z; 4, 5, 6 about",
+        description=(
+            "of a set of lines or points that holds the body; 1, 2, 3 along x, y, z; 4, 5, 6 about"
+        ),
     )
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
         materials = [each for each in (self.material, self.isotropic) if each is not None]
-        named = (self.thickness_m is not None and len(materials) == 1) + bool(self.plies) + bool(self.held_dofs)
+        named = (
+            (self.thickness_m is not None and len(materials) == 1)
+            + bool(self.plies)
+            + bool(self.held_dofs)
+        )
         if named != 1 or (materials and self.thickness_m is None):
-            raise wrong("state thickness_m and a material or isotropic one, or plies, or held_dofs: one of these alone")
+            raise wrong(
+                "state thickness_m and a material or isotropic one, or plies, or held_dofs: one of"
+                " these alone"
+            )
         if any(each.density_kg_m3 is None for each in (*materials, *(self.plies or ()))):
             raise wrong("a density_kg_m3 is missing: a mesh has none, and nothing would vibrate")
         if self.axis is not None and not any(self.axis):
@@ -129,8 +153,12 @@ class Section(StrictModel):
 class Wall(StrictModel):
     """A wall of a shape: a thickness of one material, or plies."""
 
-    thickness_m: Annotated[Length, THICKNESS] | None = Field(None, description="m; of plies their sum")
-    material: PlyMaterial | None = Field(None, description="where it is not the shape's; 1 lies along x")
+    thickness_m: Annotated[Length, THICKNESS] | None = Field(
+        None, description="m; of plies their sum"
+    )
+    material: PlyMaterial | None = Field(
+        None, description="where it is not the shape's; 1 lies along x"
+    )
     plies: list[Ply] | None = Field(
         None,
         min_length=1,
@@ -146,8 +174,8 @@ class Wall(StrictModel):
 class Shape(StrictModel):
     """A body extruded along x: y and z from the middle of the outer dimensions, z up.
 
-    A flange or a plate lies on top (of an angle below, with its web on the left); webs and ribs stand. A panel's ribs lie
-    below its plate.
+    A flange or a plate lies on top (of an angle below, with its web on the left); webs and ribs
+    stand. A panel's ribs lie below its plate.
     """
 
     model_config = example(
@@ -155,20 +183,37 @@ class Shape(StrictModel):
         length_m=1.5,
         width_m=0.06,
         height_m=0.12,
-        material={"E1_Pa": 23e9, "E2_Pa": 8.5e9, "G12_Pa": 3e9, "G13_Pa": 3e9, "G23_Pa": 2.4e9, "nu_12": 0.27},
+        material={
+            "E1_Pa": 23e9,
+            "E2_Pa": 8.5e9,
+            "G12_Pa": 3e9,
+            "G13_Pa": 3e9,
+            "G23_Pa": 2.4e9,
+            "nu_12": 0.27,
+        },
         walls={"flange": {"thickness_m": 0.006}, "web": {"thickness_m": 0.006}},
     )
 
-    kind: Kind = Field(description="what the section is: its walls, and where they lie, follow from it")
+    kind: Kind = Field(
+        description="what the section is: its walls, and where they lie, follow from it"
+    )
     length_m: Annotated[Length, LENGTH]
     width_m: Annotated[Length, WIDTH] = Field(description="m along y, outside")
-    height_m: Annotated[Length, WIDTH] | None = Field(None, description="m along z, outside; a strip has none")
-    ribs_m: list[float] = Field(
-        default_factory=list, max_length=100, description="y of each rib of a panel, rising", validate_default=True
+    height_m: Annotated[Length, WIDTH] | None = Field(
+        None, description="m along z, outside; a strip has none"
     )
-    material: PlyMaterial | None = Field(None, description="of the walls that state none of their own; 1 lies along x")
+    ribs_m: list[float] = Field(
+        default_factory=list,
+        max_length=100,
+        description="y of each rib of a panel, rising",
+        validate_default=True,
+    )
+    material: PlyMaterial | None = Field(
+        None, description="of the walls that state none of their own; 1 lies along x"
+    )
     walls: dict[str, Wall] = Field(
-        max_length=2, description="by name: flange and web; of a panel plate and rib; of a strip strip"
+        max_length=2,
+        description="by name: flange and web; of a panel plate and rib; of a strip strip",
     )
 
     @field_validator("height_m")
@@ -183,7 +228,9 @@ class Shape(StrictModel):
     def _panels_alone_have_ribs(cls, ribs: list[float], info: ValidationInfo) -> list[float]:
         kind = info.data.get("kind")
         if kind is not None and bool(ribs) != (kind == "panel"):
-            raise wrong("a panel has at least one rib" if kind == "panel" else f"{kind} has no ribs")
+            raise wrong(
+                "a panel has at least one rib" if kind == "panel" else f"{kind} has no ribs"
+            )
         return ribs
 
     @field_validator("walls")
@@ -201,7 +248,8 @@ class Shape(StrictModel):
     @field_validator("walls")
     @classmethod
     def _walls_fit(cls, walls: dict[str, Wall], info: ValidationInfo) -> dict[str, Wall]:
-        if len(info.data) < len(cls.model_fields) - 1:  # what is wrong with another member is said there
+        # what is wrong with another member is said there
+        if len(info.data) < len(cls.model_fields) - 1:
             return walls
         try:
             cls.model_construct(**info.data, walls=walls).mesh()
@@ -225,8 +273,8 @@ class Shape(StrictModel):
         if (number := L * walls / side**2) > MOST_ELEMENTS:
             raise InputError(
                 "length_m",
-                f"of {L:g} m takes {number:.0f} elements of {1e3 * side:.3g} mm, at most {MOST_ELEMENTS} are taken; "
-                "are all dimensions in m?",
+                f"of {L:g} m takes {number:.0f} elements of {1e3 * side:.3g} mm, at most"
+                f" {MOST_ELEMENTS} are taken; are all dimensions in m?",
             )
         if self.kind == "strip":
             return core.strip(L, b, math.ceil(across * L / b), across)
@@ -252,7 +300,8 @@ class Shape(StrictModel):
             )  # fmt: skip
             if density is None and any(ply.density_kg_m3 is None for ply in plies):
                 raise InputError(
-                    "density_kg_m3", f"is stated neither by the structure nor for its wall {name}: a model needs it"
+                    "density_kg_m3",
+                    f"is stated neither by the structure nor for its wall {name}: a model needs it",
                 )
             found[name] = ShellSection(tuple(ply.to_core(density or 0.0) for ply in plies))
         return found

@@ -1,4 +1,6 @@
-"""The test over the model: how far each measured point of a campaign lies from the structure's walls."""
+"""The test over the model: how far each measured point of a campaign lies from the structure's
+walls.
+"""
 
 from uuid import UUID
 
@@ -38,7 +40,9 @@ class AlignedPointOut(StrictModel):
 class AlignmentOut(StrictModel):
     """How a campaign's points lie on the structure's model."""
 
-    rms_m: float | None = Field(description="root mean square of the distances, m; null without points")
+    rms_m: float | None = Field(
+        description="root mean square of the distances, m; null without points"
+    )
     off: list[int] = Field(description="labels of the points that an update refuses")
     items: list[AlignedPointOut]
 
@@ -55,9 +59,24 @@ def get_alignment(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> 
     points = np.array(list(places.values()))
     found: Distances = from_thread.run(read_aside, distances, body, points)
     items = [
-        AlignedPointOut(label=label, x_m=x, y_m=y, z_m=z, distance_m=float(away), set=name, normal=n, off=bool(off))
+        AlignedPointOut(
+            label=label,
+            x_m=x,
+            y_m=y,
+            z_m=z,
+            distance_m=float(away),
+            set=name,
+            normal=n,
+            off=bool(off),
+        )
         for label, (x, y, z), away, name, n, off in zip(
-            places, places.values(), found.distance_m, found.sets, found.normal.tolist(), found.off, strict=True
+            places,
+            places.values(),
+            found.distance_m,
+            found.sets,
+            found.normal.tolist(),
+            found.off,
+            strict=True,
         )
     ]
     rms = float(np.sqrt(np.mean(found.distance_m**2)))
@@ -102,15 +121,20 @@ class FoundFrameOut(StrictModel):
 
 
 class FoundFramesOut(StrictModel):
-    """Frames that fit, the best first. Several: the body and the grid are alike from several sides, so name pairs."""
+    """Frames that fit, the best first. Several: the body and the grid are alike from several sides,
+    so name pairs.
+    """
 
     frames: list[FoundFrameOut] = Field(description="the best first")
     sentence: str = Field(description="what was found, in words")
 
 
 @router.post("/campaigns/{campaign_id}/alignment")
-def find_alignment(campaign_id: UUID, body: AlignIn, session: SessionDep, user: CurrentUser) -> FoundFramesOut:
-    """Find the frame that brings a campaign's points onto the structure: by named pairs, or by the closest points.
+def find_alignment(
+    campaign_id: UUID, body: AlignIn, session: SessionDep, user: CurrentUser
+) -> FoundFramesOut:
+    """Find the frame that brings a campaign's points onto the structure: by named pairs, or by the
+    closest points.
 
     Nothing is stored: `PATCH /campaigns/{id}` with a `frame` takes it.
     """
@@ -126,17 +150,22 @@ def find_alignment(campaign_id: UUID, body: AlignIn, session: SessionDep, user: 
         wanted = np.array([(pair.x_m, pair.y_m, pair.z_m) for pair in body.pairs])
     points = np.array(list(places.values())).reshape(-1, 3)
     found: tuple[Motion, ...] = from_thread.run(read_aside, motions_of, model, points, wanted)
-    return FoundFramesOut(frames=[_frame(motion, list(places)) for motion in found], sentence=_said(found))
+    return FoundFramesOut(
+        frames=[_frame(motion, list(places)) for motion in found], sentence=_said(found)
+    )
 
 
 def _frame(motion: Motion, labels: list[int]) -> FoundFrameOut:
     """x_specimen = Rx + t, and a frame is x_specimen = Eᵀ(x − origin): E = Rᵀ, origin = −Rᵀt."""
     origin = (-motion.turn.T @ motion.shift).tolist()
     frame = FrameIn(
-        origin_m=tuple(origin), x_axis=tuple(motion.turn[0].tolist()), y_axis=tuple(motion.turn[1].tolist())
+        origin_m=tuple(origin),
+        x_axis=tuple(motion.turn[0].tolist()),
+        y_axis=tuple(motion.turn[1].tolist()),
     )
     items = [
-        ResidualOut(label=label, distance_m=float(away)) for label, away in zip(labels, motion.residual, strict=True)
+        ResidualOut(label=label, distance_m=float(away))
+        for label, away in zip(labels, motion.residual, strict=True)
     ]
     return FoundFrameOut(frame=frame, rms_m=motion.rms, items=items)
 

@@ -1,4 +1,6 @@
-"""Many campaigns in one call: their updates are queued together or none of them is; or they are one joint update."""
+"""Many campaigns in one call: their updates are queued together or none of them is; or they are one
+joint update.
+"""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -19,12 +21,19 @@ from service.store.storage import require_room
 from service.store.structures.operations import present_structure
 from service.store.updating.bodies import coupon_constants
 from service.store.updating.loading import joint_body, parameters_of
-from service.store.updating.operations import JOINT_UPDATES, check_mode_set, require_used, start_update
+from service.store.updating.operations import (
+    JOINT_UPDATES,
+    check_mode_set,
+    require_used,
+    start_update,
+)
 from service.store.updating.schemas import USUAL, UpdateBatchIn
 from service.store.updating.tables import JointUpdate, UpdateJob
 
 
-def start_batch(session: Session, user: User, batch: UpdateBatchIn, priority: int) -> list[UpdateJob]:
+def start_batch(
+    session: Session, user: User, batch: UpdateBatchIn, priority: int
+) -> list[UpdateJob]:
     """Queue every update of a batch, in the caller's transaction.
 
     Raises:
@@ -38,7 +47,9 @@ def start_batch(session: Session, user: User, batch: UpdateBatchIn, priority: in
         try:
             if job.recipe is not None:
                 require_used(session, user, job.campaign_id, job.recipe)
-            rows.append(start_update(session, user, job.campaign_id, job.recipe or common, priority))
+            rows.append(
+                start_update(session, user, job.campaign_id, job.recipe or common, priority)
+            )
         except (ServiceError, FecoreError) as error:
             faults += _placed(error, index)
     if faults:
@@ -75,7 +86,15 @@ def _placed(error: ServiceError | FecoreError, index: int) -> list[Fault]:
     return [Fault(at, str(error))]
 
 
-_SINGLE_ONLY = ("springs", "zones_m", "damping_models", "hold_out", "posterior", "prior_from_coupon_batch", "method")
+_SINGLE_ONLY = (
+    "springs",
+    "zones_m",
+    "damping_models",
+    "hold_out",
+    "posterior",
+    "prior_from_coupon_batch",
+    "method",
+)
 """Members of a recipe that a joint update has no use for: they must be left at their defaults."""
 
 
@@ -83,7 +102,8 @@ def start_joint(session: Session, user: User, request: UpdateBatchIn, priority: 
     """Queue one update of several campaigns together, in the caller's transaction.
 
     Raises:
-        Invalid: the request contradicts itself or names what is not the user's, each fault with its pointer.
+        Invalid: the request contradicts itself or names what is not the user's, each fault with its
+            pointer.
     """
     faults: list[Fault] = []
     campaigns, projects, bodies, specimens, temperatures = [], set(), [], set(), []
@@ -95,20 +115,32 @@ def start_joint(session: Session, user: User, request: UpdateBatchIn, priority: 
             specimens.add(job.specimen or campaign.structure_id)
             temperatures.append(campaign.temperature_c)
             version, structure = present_structure(session, campaign.structure_id)
-            campaigns.append({"campaign_id": str(campaign.id), "structure_version_id": str(version.id)})
+            campaigns.append(
+                {"campaign_id": str(campaign.id), "structure_version_id": str(version.id)}
+            )
             bodies.append(joint_body(session, structure, campaign.boundary, common))
     if faults:
         raise Invalid(faults)
-    faults += [*_faults(session, user, request, bodies[0]), *_faults_of_bodies(request, bodies, temperatures)]
+    faults += [
+        *_faults(session, user, request, bodies[0]),
+        *_faults_of_bodies(request, bodies, temperatures),
+    ]
     if request.scatter and len(specimens) == 1:
-        why = "is between specimens, and all campaigns are of one; name the specimen of each job, or leave scatter out"
+        why = (
+            "is between specimens, and all campaigns are of one; name the specimen of each job, or"
+            " leave scatter out"
+        )
         faults.append(Fault("/scatter", why))
     if len(projects) > 1:
-        faults.append(Fault("/jobs", "belong to several projects; a joint update takes campaigns of one"))
+        faults.append(
+            Fault("/jobs", "belong to several projects; a joint update takes campaigns of one")
+        )
     if faults:
         raise Invalid(faults)
     (project_id,) = projects
-    row = JointUpdate(project_id=project_id, request=request.model_dump(mode="json"), campaigns=campaigns)
+    row = JointUpdate(
+        project_id=project_id, request=request.model_dump(mode="json"), campaigns=campaigns
+    )
     require_room(session, project_id)
     return JOINT_UPDATES.start(session, user, row, priority=priority)
 
@@ -124,8 +156,12 @@ def _faults(session: Session, user: User, request: UpdateBatchIn, body: Body) ->
         faults.append(Fault("/coupon_batches", "names a batch twice"))
     for number, key in enumerate(request.coupon_batches):
         with pointing(faults, f"/coupon_batches/{number}"):
-            coupon_constants(body, batch_for.named(session, user, key, f"/coupon_batches/{number}").sets)
-    recipes = [("/recipe", request.recipe)] + [(f"/jobs/{n}/recipe", job.recipe) for n, job in enumerate(request.jobs)]
+            coupon_constants(
+                body, batch_for.named(session, user, key, f"/coupon_batches/{number}").sets
+            )
+    recipes = [("/recipe", request.recipe)] + [
+        (f"/jobs/{n}/recipe", job.recipe) for n, job in enumerate(request.jobs)
+    ]
     for at, recipe in recipes:
         if recipe is None:
             continue
@@ -152,15 +188,17 @@ def _faults(session: Session, user: User, request: UpdateBatchIn, body: Body) ->
             except Invalid as error:
                 faults += _placed(error, number)
     if request.recipe is not None and request.recipe.mode_set is not None:
-        faults.append(Fault("/recipe/mode_set", "belongs to one campaign: state it in that job's recipe"))
+        faults.append(
+            Fault("/recipe/mode_set", "belongs to one campaign: state it in that job's recipe")
+        )
     return faults
 
 
 def _faults_of_bodies(
     request: UpdateBatchIn, bodies: Sequence[Body], temperatures: Sequence[float | None]
 ) -> list[Fault]:
-    """Parameters that a body has not, temperatures that a reference needs, and what is asked of bodies in space that strips
-    and plates alone have.
+    """Parameters that a body has not, temperatures that a reference needs, and what is asked of
+    bodies in space that strips and plates alone have.
     """
     faults: list[Fault] = []
     recipe = request.recipe or USUAL
@@ -174,7 +212,10 @@ def _faults_of_bodies(
                 parametrise(body, parameters)
         if not isinstance(body, OrientedSpecimen) and request.jobs[number].angle_deg is not None:
             faults.append(
-                Fault(f"/jobs/{number}/angle_deg", "is of strips and plates; a body in space lies as it is stated")
+                Fault(
+                    f"/jobs/{number}/angle_deg",
+                    "is of strips and plates; a body in space lies as it is stated",
+                )
             )
     return faults
 

@@ -1,4 +1,6 @@
-"""From a described structure to the core's body: a strip of one homogenised layer or of its plies, or a body in space."""
+"""From a described structure to the core's body: a strip of one homogenised layer or of its plies,
+or a body in space.
+"""
 
 import math
 from collections.abc import Sequence
@@ -28,10 +30,11 @@ def body_of(
     masses: tuple[PointMass, ...] = (),
     model: FiniteElementModel | MatrixModel | None = None,
 ) -> Specimen | LayeredSpecimen | Structure | MatrixBody:
-    """What a recipe updates: with its springs, and with plies where it names constants of plies (E1, angle_2).
+    """What a recipe updates: with its springs, and with plies where it names constants of plies
+    (E1, angle_2).
 
-    A recipe that names no parameters updates one homogenised layer where the laminate has one, else the plies; of a body in
-    space the constants of each set.
+    A recipe that names no parameters updates one homogenised layer where the laminate has one, else
+    the plies; of a body in space the constants of each set.
 
     Args:
         structure: as it is described.
@@ -41,31 +44,46 @@ def body_of(
         model: in SI, of a structure that is one.
 
     Raises:
-        InputError: the structure lacks what a model needs, or its laminate has no equivalent single layer and the recipe
-            names constants of one.
+        InputError: the structure lacks what a model needs, or its laminate has no equivalent single
+            layer and the recipe names constants of one.
     """
     springs = tuple(spring.to_core() for spring in recipe.springs)
     if is_in_space(structure):
         if recipe.zones_m:
             raise InputError("zones_m", "are of strips and plates; a body in space has sets")
         if isinstance(model, MatrixModel):
-            if recipe.junctions == "off" or any(spring.edge is not None for spring in recipe.springs):
+            if recipe.junctions == "off" or any(
+                spring.edge is not None for spring in recipe.springs
+            ):
                 raise InputError("recipe", "names junctions or an edge, and matrices have neither")
             return carrying(replace(body_of_matrices(model, boundary), springs=springs), masses)
-        body = nominal_body(structure, boundary) if model is None else body_of_model(model, boundary)
+        body = (
+            nominal_body(structure, boundary) if model is None else body_of_model(model, boundary)
+        )
         _require_edges(recipe, body)
         joined = recipe.junctions == "on"
-        return carrying(replace(body, springs=(*body.springs, *springs), with_joints=joined), masses)
+        return carrying(
+            replace(body, springs=(*body.springs, *springs), with_joints=joined), masses
+        )
     require_no_choice_of_joints(recipe)
-    return replace(_named(structure, boundary, recipe, masses), springs=springs, zones=tuple(recipe.zones_m))
+    return replace(
+        _named(structure, boundary, recipe, masses), springs=springs, zones=tuple(recipe.zones_m)
+    )
 
 
 def _require_edges(recipe: RecipeIn, body: Structure) -> None:
-    """Refuse a spring along an edge that a body in space has not; its stiffness is per metre of the walls' edges there."""
+    """Refuse a spring along an edge that a body in space has not; its stiffness is per metre of the
+    walls' edges there.
+    """
     for number, spring in enumerate(recipe.springs):
         if spring.edge is not None and spring.edge not in body.mesh.node_sets:
-            edges = ", ".join(name for name in ("start", "end") if name in body.mesh.node_sets) or "none"
-            raise InputError(f"springs.{number}.edge", f"is {spring.edge}; this body in space has {edges}")
+            edges = (
+                ", ".join(name for name in ("start", "end") if name in body.mesh.node_sets)
+                or "none"
+            )
+            raise InputError(
+                f"springs.{number}.edge", f"is {spring.edge}; this body in space has {edges}"
+            )
 
 
 def require_inputs(inputs: InputsIn, body: Body) -> None:
@@ -80,11 +98,15 @@ def require_inputs(inputs: InputsIn, body: Body) -> None:
     for member, tolerance in OF_CONSTANTS.items():
         if getattr(inputs, member) is not None and tolerance not in used:
             has = ", ".join(name for name, of in OF_CONSTANTS.items() if of in used)
-            raise InputError(f"inputs.{member}", f"is of what the body that is updated has not; it has {has or 'none'}")
+            raise InputError(
+                f"inputs.{member}",
+                f"is of what the body that is updated has not; it has {has or 'none'}",
+            )
 
 
 def coupon_constants(body: Body, sets: Sequence[str]) -> dict[str, list[str]]:
-    """Which constants of a body each constant of a coupon batch is: of a body in space those of its sets.
+    """Which constants of a body each constant of a coupon batch is: of a body in space those of its
+    sets.
 
     Args:
         body: that is updated.
@@ -102,7 +124,9 @@ def coupon_constants(body: Body, sets: Sequence[str]) -> dict[str, list[str]]:
         section = body.sections.get(name)
         if section is None:
             raise InputError(
-                "coupons", f"are of the set {name}, which this body has not; it has {', '.join(body.mesh.sets)}"
+                "coupons",
+                f"are of the set {name}, which this body has not; it has"
+                f" {', '.join(body.mesh.sets)}",
             )
         if isinstance(section, ShellSection) and len(section.materials) > 1 and not sets:
             continue
@@ -117,7 +141,9 @@ _OF_BEAM = {"Ex": "E", "Gxy": "G"}
 
 
 def is_in_space(structure: StructureIn) -> bool:
-    """Whether a structure has sets with constants of their own: by its shape, or as a model that was sent."""
+    """Whether a structure has sets with constants of their own: by its shape, or as a model that
+    was sent.
+    """
     return structure.shape is not None or structure.model is not None
 
 
@@ -172,18 +198,23 @@ def nominal_body(structure: StructureIn, boundary: str) -> Structure:
     )
 
 
-def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointMass, ...] = ()) -> Specimen:
+def nominal_specimen(
+    structure: StructureIn, boundary: str, masses: tuple[PointMass, ...] = ()
+) -> Specimen:
     """A structure as the core's specimen, with nominal constants.
 
     Raises:
-        InputError: the structure lacks what a model needs, or is a laminate without an equivalent single layer.
+        InputError: the structure lacks what a model needs, or is a laminate without an equivalent
+            single layer.
     """
     g, density = _known(structure)
     pieces = tuple(piece.to_core() for piece in structure.pieces or ())
     if structure.laminate is not None:
-        # Shear stresses that balance bending ply by ply: for plies alike that is κ = 5/6, in a sandwich the core gives way.
+        # Shear stresses that balance bending ply by ply: for plies alike that is κ = 5/6, in a
+        # sandwich the core gives way.
         plies = [ply.to_core(density) for ply in structure.laminate.plies]
-        # The structure's own thickness and density were measured on the whole; the plies' are nominal.
+        # The structure's own thickness and density were measured on the whole; the plies' are
+        # nominal.
         material = replace(homogenise(section(plies)), density=density)
     else:
         assert structure.material is not None, "a structure has a laminate or a material"
@@ -193,7 +224,9 @@ def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointM
 
 
 def layers_of(structure: StructureIn) -> tuple[tuple[float, float], ...]:
-    """(thickness, density) of the plies of a structure's laminate where these differ in density; none where they do not."""
+    """(thickness, density) of the plies of a structure's laminate where these differ in density;
+    none where they do not.
+    """
     if structure.laminate is None:
         return ()
     plies = [ply.to_core(structure.density_kg_m3 or 0.0) for ply in structure.laminate.plies]
@@ -217,21 +250,29 @@ def _known(structure: StructureIn) -> tuple[Geometry, float]:
     if is_in_space(structure):
         raise InputError("structure", "is a body in space, which a strip or plate is expected for")
     g, density = structure.geometry, structure.density_kg_m3
-    lacking = [name for name, value in (("geometry", g), ("density_kg_m3", density)) if value is None]
-    lacking += ["laminate or material"] if structure.laminate is None and structure.material is None else []
+    lacking = [
+        name for name, value in (("geometry", g), ("density_kg_m3", density)) if value is None
+    ]
+    lacking += (
+        ["laminate or material"]
+        if structure.laminate is None and structure.material is None
+        else []
+    )
     if g is None or density is None or lacking:
         raise InputError(
             "structure",
-            f"states no {', no '.join(lacking)}: an update needs them for its model; an identification does not",
+            f"states no {', no '.join(lacking)}: an update needs them for its model; an"
+            " identification does not",
         )
     return g, density
 
 
 def material_of(structure: StructureIn) -> tuple[OrthotropicMaterial, float]:
-    """A structure's material in its own axes, and the angle in degrees at which the specimen was cut.
+    """A structure's material in its own axes, and the angle in degrees at which the specimen was
+    cut.
 
-    A laminate whose plies are alike in all but thickness is one material at the plies' angle. Any other section is
-    homogenised in the specimen's axes.
+    A laminate whose plies are alike in all but thickness is one material at the plies' angle. Any
+    other section is homogenised in the specimen's axes.
 
     Raises:
         InputError: the structure lacks what a model needs.
@@ -242,7 +283,8 @@ def material_of(structure: StructureIn) -> tuple[OrthotropicMaterial, float]:
         return ply.material(structure.density_kg_m3 or ply.density_kg_m3 or 0.0), ply.angle_deg
     if laminate is not None and any(ply.angle_deg % 90 for ply in laminate.plies):
         raise InputError(
-            "laminate", "has plies at several angles; a joint update takes one material: plies that lie alike"
+            "laminate",
+            "has plies at several angles; a joint update takes one material: plies that lie alike",
         )
     return nominal_specimen(structure, "free").material, 0.0
 
@@ -265,7 +307,9 @@ def _is_one_material(laminate: Laminate) -> bool:
 
 
 def oriented(plain: Specimen, material: OrthotropicMaterial, angle_deg: float) -> OrientedSpecimen:
-    """The specimen with the material of several, in the material's own axes; its density is its own."""
+    """The specimen with the material of several, in the material's own axes; its density is its
+    own.
+    """
     return OrientedSpecimen(
         plain.length,
         plain.width,

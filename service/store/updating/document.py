@@ -1,7 +1,9 @@
 """The result of an update as a JSON document, and the arrays that are stored beside it.
 
-The arrays are an npz that is not compressed, in a column that is stored as it is (`STORAGE EXTERNAL`), so PostgreSQL reads only
-the parts asked for. Measured on 33 FRFs of 1,000 lines: 1.1 MB read whole took 27 ms, two rows take 3.
+The arrays are an npz that is not compressed, in a column that is stored as it is
+(`STORAGE EXTERNAL`), so PostgreSQL reads only
+the parts asked for. Measured on 33 FRFs of 1,000 lines: 1.1 MB read whole took 27 ms, two rows take
+3.
 """
 
 import io
@@ -15,7 +17,13 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from fecore.updating.campaigns import CampaignsResult
-from fecore.updating.result import Correlation, FrfCorrelation, HeldOut, PosteriorSummary, UpdateResult
+from fecore.updating.result import (
+    Correlation,
+    FrfCorrelation,
+    HeldOut,
+    PosteriorSummary,
+    UpdateResult,
+)
 from service.compute.identifying import up_to_date as identification_up_to_date
 from service.db.bytea import read_slice
 from service.store.updating.result_schemas import JointResultOut, ResultOut
@@ -27,7 +35,10 @@ VERSION = 3
 MARKS = ("version", "outcomes")
 """Members that show the version of a document."""
 
-LARGE_PARTS = {"stabilisation": ("identification", "stabilisation"), "convergence": ("convergence",)}
+LARGE_PARTS = {
+    "stabilisation": ("identification", "stabilisation"),
+    "convergence": ("convergence",),
+}
 """Parts of a document that only a figure needs, and where they stand."""
 
 
@@ -44,12 +55,22 @@ def slim(document: Mapping[str, Any], leave_out: Iterable[str]) -> dict[str, Any
 
 
 def describe(
-    result: UpdateResult, identification: dict[str, Any] | None, warnings: Iterable[str], provenance: dict[str, Any]
+    result: UpdateResult,
+    identification: dict[str, Any] | None,
+    warnings: Iterable[str],
+    provenance: dict[str, Any],
 ) -> dict[str, Any]:
     """The document that `GET /update-jobs/{id}/result` answers."""
-    laws = [{**vars(law), "curve": dict(zip(_CURVE, law.curve, strict=True))} for law in result.damping_models]
+    laws = [
+        {**vars(law), "curve": dict(zip(_CURVE, law.curve, strict=True))}
+        for law in result.damping_models
+    ]
     shapes = result.shapes
-    modes = [] if shapes is None else zip(shapes.frequency_hz.tolist(), shapes.kinds, shapes.shares, strict=True)
+    modes = (
+        []
+        if shapes is None
+        else zip(shapes.frequency_hz.tolist(), shapes.kinds, shapes.shares, strict=True)
+    )
     members = {
         **{name: getattr(result, name) for name in _AS_THEY_ARE},
         "warnings": [*warnings, *result.warnings],
@@ -65,7 +86,10 @@ def describe(
             for k, (hz, kind, shares) in enumerate(modes, start=1)
         ],
         "identifiability": {"null_directions": list(result.null_directions)},
-        "discrepancy": {"frequency": result.frequency_discrepancy, "damping": result.damping_discrepancy},
+        "discrepancy": {
+            "frequency": result.frequency_discrepancy,
+            "damping": result.damping_discrepancy,
+        },
         "identification": identification,
         "posterior": _posterior(result.posterior),
         "provenance": provenance,
@@ -82,14 +106,19 @@ _AS_THEY_ARE = (
 
 
 def describe_joint(
-    result: CampaignsResult, warnings: Iterable[str], sources: Sequence[dict[str, Any]], provenance: dict[str, Any]
+    result: CampaignsResult,
+    warnings: Iterable[str],
+    sources: Sequence[dict[str, Any]],
+    provenance: dict[str, Any],
 ) -> dict[str, Any]:
     """The document of a joint update, each campaign's part with the ids of what it was made of."""
     members = {
         **vars(result),
         "warnings": [*result.warnings, *warnings],
         "posterior": {"names": result.free, "correlation": result.correlation},
-        "campaigns": [{**vars(part), **source} for part, source in zip(result.campaigns, sources, strict=True)],
+        "campaigns": [
+            {**vars(part), **source} for part, source in zip(result.campaigns, sources, strict=True)
+        ],
         "damping_models": result.damping,
         "discrepancy": {"frequency": result.discrepancy, "scatter": result.scatter},
         "provenance": provenance,
@@ -115,7 +144,10 @@ def _correlation(correlation: Correlation) -> dict[str, Any]:
     return {
         **_agreement(correlation.updated),
         "initial": _agreement(correlation.initial),
-        "held_out": {"frfs": _held_out(correlation.held_out_frfs), "band": _held_out(correlation.held_out_band)},
+        "held_out": {
+            "frfs": _held_out(correlation.held_out_frfs),
+            "band": _held_out(correlation.held_out_band),
+        },
         "mac_matrix": correlation.mac_matrix,
     }
 
@@ -130,18 +162,22 @@ def _held_out(held: HeldOut | None) -> dict[str, Any] | None:
 def _agreement(agreement: FrfCorrelation | None) -> dict[str, Any]:
     if agreement is None:
         return {"sac": [], "frac": [], "csac_mean": None, "csf_mean": None}
-    means = {f"{name}_mean": float(np.nanmean(getattr(agreement, name))) for name in ("csac", "csf")}
+    means = {
+        f"{name}_mean": float(np.nanmean(getattr(agreement, name))) for name in ("csac", "csf")
+    }
     return {"sac": agreement.sac, "frac": agreement.frac, **means}
 
 
 _NO_VERDICT = (
-    "modalbase 0.1.0, which computed this result, judged none and left the errors of dimensions, mass, support and instruments "
-    "out of its intervals: they are too narrow; run the update again"
+    "modalbase 0.1.0, which computed this result, judged none and left the errors of dimensions,"
+    " mass, support and instruments out of its intervals: they are too narrow; run the update again"
 )
 
 
 def up_to_date(document: Document) -> dict[str, Any]:
-    """A stored document, or some of its members and its `MARKS`, as the present version writes them."""
+    """A stored document, or some of its members and its `MARKS`, as the present version writes
+    them.
+    """
     for step in _STEPS[_version(document) - 1 :]:
         document = step(document)
     return {**document, "version": VERSION}
@@ -152,17 +188,29 @@ def _version(document: Document) -> int:
 
 
 def _from_1(document: Document) -> Document:
-    """0.1.0 failed a job unless both stages succeeded, and its only uncertainty was noise and the model's discrepancy."""
+    """0.1.0 failed a job unless both stages succeeded, and its only uncertainty was noise and the
+    model's discrepancy.
+    """
     return {
         **dict.fromkeys(("verdict", "warnings")),
         **document,
-        "verdict": {"level": "with_care", "sentence": f"Use with care: {_NO_VERDICT}.", "reasons": []},
+        "verdict": {
+            "level": "with_care",
+            "sentence": f"Use with care: {_NO_VERDICT}.",
+            "reasons": [],
+        },
         "warnings": [_NO_VERDICT, *document.get("warnings", ())],
-        "outcomes": [{"stage": stage, "status": "succeeded", "message": ""} for stage in ("elastic", "damping")],
+        "outcomes": [
+            {"stage": stage, "status": "succeeded", "message": ""}
+            for stage in ("elastic", "damping")
+        ],
         "parameters": [
             {
                 **row,
-                "comparable": {"estimate": row["estimate"], "standard_deviation": row["noise_standard_deviation"]},
+                "comparable": {
+                    "estimate": row["estimate"],
+                    "standard_deviation": row["noise_standard_deviation"],
+                },
                 "budget": [],
                 "confounded_with": [],
             }
@@ -173,7 +221,9 @@ def _from_1(document: Document) -> Document:
 
 
 def _from_2(document: Document) -> Document:
-    """What 0.2.0 had not from its beginning is here too: some of its first builds left results behind."""
+    """What 0.2.0 had not from its beginning is here too: some of its first builds left results
+    behind.
+    """
     costs = [step["cost"] for step in document.get("convergence", ())]
     identified = document.get("identification")
     return {
@@ -218,7 +268,9 @@ class _Column(io.RawIOBase):
         return self._place
 
     def readinto(self, buffer: Any) -> int:
-        found = read_slice(self._session, "update_results", "prediction", self._key, self._place, len(buffer))
+        found = read_slice(
+            self._session, "update_results", "prediction", self._key, self._place, len(buffer)
+        )
         buffer[: len(found)] = found
         self._place += len(found)
         return len(found)
@@ -235,7 +287,8 @@ class StoredArrays(Mapping[str, Any]):
             key: of the update job.
             size: of its arrays' bytes.
         """
-        # Everything is read through this one buffer: it takes for granted that nobody else moves the column's place.
+        # Everything is read through this one buffer: it takes for granted that nobody else moves
+        # the column's place.
         self._file = io.BufferedReader(_Column(session, key, size), _BUFFER)
         self._read: dict[str, Any] = {}
 
@@ -271,9 +324,13 @@ class StoredArrays(Mapping[str, Any]):
             header = file.tell()
         assert not in_columns, "tables are written row by row"
         self._file.seek(info.header_offset)
-        local = self._file.read(30)  # of an archive's member: at 26 and 28 the lengths of its name and extra field
+        # of an archive's member: at 26 and 28 the lengths of its name and extra field
+        local = self._file.read(30)
         begin = (
-            info.header_offset + 30 + int.from_bytes(local[26:28], "little") + int.from_bytes(local[28:30], "little")
+            info.header_offset
+            + 30
+            + int.from_bytes(local[26:28], "little")
+            + int.from_bytes(local[28:30], "little")
         )
         size = dtype.itemsize * int(np.prod(inner))
         self._file.seek(begin + header + number * size)

@@ -52,7 +52,8 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
     """Everything that a queued update needs.
 
     Raises:
-        InputError: the campaign has neither FRFs nor time blocks, or its contents do not fit together.
+        InputError: the campaign has neither FRFs nor time blocks, or its contents do not fit
+            together.
     """
     recipe = RecipeIn.model_validate(job.recipe)
     campaign = _as_of(session, job.campaign_id, job.structure_version_id)
@@ -63,12 +64,15 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
             raise InputError(
                 "campaign",
                 campaign.without_frfs(
-                    "has no FRFs and no time blocks; import a UFF file or POST records first, or name a mode set in the recipe"
+                    "has no FRFs and no time blocks; import a UFF file or POST records first, or"
+                    " name a mode set in the recipe"
                 ),
             )
         campaign = _with_sensor_of(campaign, records)
     used, modes, inputs = _measured(session, campaign, recipe)
-    specimen = body_for(session, campaign.structure, campaign.boundary, recipe, carried_masses(campaign))
+    specimen = body_for(
+        session, campaign.structure, campaign.boundary, recipe, carried_masses(campaign)
+    )
     parameters, prior_warnings = recipe_parameters(session, recipe, specimen)
     core = inputs.to_core()
     left_in = used.window_remark if used is not None and core.window_rate is None else []
@@ -77,12 +81,23 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
     measured = None
     if records is None:
         warm = campaign.temperature_c
-        measured = Measurement(frfs, campaign.points, modes, roving_mass(campaign), core, axes, temperature_c=warm)
+        measured = Measurement(
+            frfs, campaign.points, modes, roving_mass(campaign), core, axes, temperature_c=warm
+        )
     return UpdateInputs(
         measurement=measured,
-        hits=None
-        if records is None
-        else Hits(records, campaign.points, campaign.frame, _roving_over(campaign), core, campaign.temperature_c),
+        hits=(
+            None
+            if records is None
+            else Hits(
+                records,
+                campaign.points,
+                campaign.frame,
+                _roving_over(campaign),
+                core,
+                campaign.temperature_c,
+            )
+        ),
         specimen=specimen,
         recipe=replace(recipe.to_core(), parameters=parameters),
         warnings=(*campaign.warnings, *_left_out(campaign), *left_in, *prior_warnings),
@@ -91,7 +106,11 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
 
 
 def body_for(
-    session: Session, structure: StructureIn, boundary: str, recipe: RecipeIn, masses: tuple[PointMass, ...] = ()
+    session: Session,
+    structure: StructureIn,
+    boundary: str,
+    recipe: RecipeIn,
+    masses: tuple[PointMass, ...] = (),
 ) -> Body:
     """What a recipe updates of a structure, whether it is described or a model that was sent.
 
@@ -106,7 +125,8 @@ def load_joint(session: Session, row: JointUpdate, _workspace: Path) -> JointInp
     """Everything that a queued joint update needs.
 
     Raises:
-        InputError: a campaign has nothing to update with, or cannot be taken together with the others.
+        InputError: a campaign has nothing to update with, or cannot be taken together with the
+            others.
         ChildEnded: a campaign was purged since.
     """
     request = UpdateBatchIn.model_validate(row.request)
@@ -114,9 +134,14 @@ def load_joint(session: Session, row: JointUpdate, _workspace: Path) -> JointInp
         raise ChildEnded(PURGED)
     versions = [UUID(each["structure_version_id"]) for each in row.campaigns]
     common = request.recipe or USUAL
-    loaded = [_as_of(session, job.campaign_id, version) for job, version in zip(request.jobs, versions, strict=True)]
+    loaded = [
+        _as_of(session, job.campaign_id, version)
+        for job, version in zip(request.jobs, versions, strict=True)
+    ]
     campaigns = []
-    for number, (job, campaign, names) in enumerate(zip(request.jobs, loaded, _names(session, loaded), strict=True)):
+    for number, (job, campaign, names) in enumerate(
+        zip(request.jobs, loaded, _names(session, loaded), strict=True)
+    ):
         with within(f"jobs.{number}"):
             campaigns.append(_campaign(session, job, common, campaign, names, loaded[0].structure))
     scatter = SCATTER if request.scatter is None else request.scatter
@@ -132,25 +157,43 @@ def load_joint(session: Session, row: JointUpdate, _workspace: Path) -> JointInp
 
 
 def _as_of(session: Session, campaign_id: UUID, version_id: UUID) -> MeasuredCampaign:
-    """The campaign with the structure as it was when the job was queued, whatever became of it since."""
-    campaign, version = load_measured_campaign(session, campaign_id), version_of(session, version_id)
+    """The campaign with the structure as it was when the job was queued, whatever became of it
+    since.
+    """
+    campaign, version = (
+        load_measured_campaign(session, campaign_id),
+        version_of(session, version_id),
+    )
     described = describe_version(version, campaign.structure.name)
-    return replace(campaign, structure=described, structure_version_id=version.id, structure_version=version.number)
+    return replace(
+        campaign,
+        structure=described,
+        structure_version_id=version.id,
+        structure_version=version.number,
+    )
 
 
 def _measured(
     session: Session, campaign: MeasuredCampaign, recipe: RecipeIn
 ) -> tuple[MeasuredFrfs | None, MeasuredModes | None, InputsIn]:
-    """The largest set of FRFs, the recipe's modes in the specimen's frame, and how well the inputs are known."""
+    """The largest set of FRFs, the recipe's modes in the specimen's frame, and how well the inputs
+    are known.
+    """
     used, modes = campaign.frf_sets[0] if campaign.frf_sets else None, None
     if recipe.mode_set is not None:
         modes = modes_in_frame(load_modes(session, recipe.mode_set), campaign.frame)
     window = (None, None) if used is None else used.window
-    return used, modes, recipe.inputs.or_as_stated(campaign.structure.inputs, campaign.inputs, window)
+    return (
+        used,
+        modes,
+        recipe.inputs.or_as_stated(campaign.structure.inputs, campaign.inputs, window),
+    )
 
 
 def _with_sensor_of(campaign: MeasuredCampaign, records: ProcessingInputs) -> MeasuredCampaign:
-    """The campaign with the sensor where all time blocks of responses were recorded, as it would have it of its FRFs."""
+    """The campaign with the sensor where all time blocks of responses were recorded, as it would
+    have it of its FRFs.
+    """
     points = {row.point for file in records.points for row in file.rows if row.quantity != "force"}
     if campaign.sensor_point is not None or len(points) != 1:
         return campaign
@@ -166,7 +209,12 @@ def carried_masses(campaign: MeasuredCampaign) -> tuple[PointMass, ...]:
     point, flat = _sensor_point(campaign), not is_in_space(campaign.structure)
     added = tuple(
         PointMass(
-            each.x_m, each.y_m, each.mass_kg, each.rotary_inertia_kg_m2, weighed=True, z=0.0 if flat else each.z_m
+            each.x_m,
+            each.y_m,
+            each.mass_kg,
+            each.rotary_inertia_kg_m2,
+            weighed=True,
+            z=0.0 if flat else each.z_m,
         )
         for each in campaign.added_masses
     )
@@ -179,17 +227,23 @@ def carried_masses(campaign: MeasuredCampaign) -> tuple[PointMass, ...]:
 
 
 def roving_mass(campaign: MeasuredCampaign) -> float:
-    """Mass in kg of a sensor that moved with the response; 0 where it has none or sat at a point."""
+    """Mass in kg of a sensor that moved with the response; 0 where it has none or sat at a
+    point.
+    """
     return campaign.sensor_mass_kg if campaign.frf_sets and _sensor_point(campaign) is None else 0.0
 
 
 def _roving_over(campaign: MeasuredCampaign) -> float:
-    """The same for a campaign of time blocks, whose sensor's point is known where it stood still."""
+    """The same for a campaign of time blocks, whose sensor's point is known where it stood
+    still.
+    """
     return campaign.sensor_mass_kg if campaign.sensor_point is None else 0.0
 
 
 def _sensor_point(campaign: MeasuredCampaign) -> int | None:
-    """Where the sensor sat: where the campaign says, or where all responses were measured; None where it moved."""
+    """Where the sensor sat: where the campaign says, or where all responses were measured; None
+    where it moved.
+    """
     if campaign.sensor_point is not None or not campaign.frf_sets:
         return campaign.sensor_point
     points = {dof.point for dof in campaign.frf_sets[0].frfs.responses}
@@ -201,14 +255,20 @@ def modes_in_frame(modes: MeasuredModes, frame: Frame) -> MeasuredModes:
     return replace(modes, dofs=tuple(frame.dof(dof) for dof in modes.dofs))
 
 
-def recipe_parameters(session: Session, recipe: RecipeIn, body: Body) -> tuple[tuple[Parameter, ...], list[str]]:
-    """The recipe's parameters, with a coupon batch's mean and scatter where the recipe states none, and warnings."""
+def recipe_parameters(
+    session: Session, recipe: RecipeIn, body: Body
+) -> tuple[tuple[Parameter, ...], list[str]]:
+    """The recipe's parameters, with a coupon batch's mean and scatter where the recipe states none,
+    and warnings.
+    """
     parameters: Sequence[Parameter] = recipe.parameters_of(body)
     if recipe.prior_from_coupon_batch is None:
         return tuple(parameters), []
     batch = batch_for.row(session, recipe.prior_from_coupon_batch)
     summary = summarise(session, batch)
-    measured = {own: name for name, names in coupon_constants(body, batch.sets).items() for own in names}
+    measured = {
+        own: name for name, names in coupon_constants(body, batch.sets).items() for own in names
+    }
     warnings = [f"coupons: {warning}" for warning in summary.warnings]
     filled, without_scatter = [], []
     for parameter in parameters:
@@ -220,39 +280,55 @@ def recipe_parameters(session: Session, recipe: RecipeIn, body: Body) -> tuple[t
         mean = known.mean if parameter.prior_mean is None else parameter.prior_mean
         free = not parameter.fixed and parameter.tied_to is None
         scattered = summary.constants[constant].standard_deviation is not None
-        spread = known.standard_deviation if parameter.prior_sd is None and free and scattered else parameter.prior_sd
+        spread = (
+            known.standard_deviation
+            if parameter.prior_sd is None and free and scattered
+            else parameter.prior_sd
+        )
         if free and spread is None:
             without_scatter.append(parameter.name)
         filled.append(replace(parameter, prior_mean=mean, prior_sd=spread))
     if without_scatter:
         names = ", ".join(without_scatter)
-        warnings.append(f"{names}: the coupon batch states no scatter, so the prior is its mean ± 30 %")
+        warnings.append(
+            f"{names}: the coupon batch states no scatter, so the prior is its mean ± 30 %"
+        )
     return tuple(filled), warnings
 
 
 def _left_out(campaign: MeasuredCampaign) -> list[str]:
     return [
-        f"{len(other.ids)} FRFs ({other.frfs.quantity}, {other.frfs.frequency_hz.size} lines) lie on another frequency axis "
-        "or are of another quantity than the largest set, and were not used"
+        f"{len(other.ids)} FRFs ({other.frfs.quantity}, {other.frfs.frequency_hz.size} lines) lie"
+        " on another frequency axis or are of another quantity than the largest set, and were not"
+        " used"
         for other in campaign.frf_sets[1:]
     ]
 
 
-def _provenance(job: UpdateJob, campaign: MeasuredCampaign, used: MeasuredFrfs | None) -> dict[str, Any]:
+def _provenance(
+    job: UpdateJob, campaign: MeasuredCampaign, used: MeasuredFrfs | None
+) -> dict[str, Any]:
     return {
         "update_job": str(job.id),
         "campaign": str(campaign.campaign_id),
         "structure_version": str(campaign.structure_version_id),
-        "frfs": []
-        if used is None
-        else [{"id": str(key), "sha256": digest} for key, digest in zip(used.ids, used.sha256s, strict=True)],
+        "frfs": (
+            []
+            if used is None
+            else [
+                {"id": str(key), "sha256": digest}
+                for key, digest in zip(used.ids, used.sha256s, strict=True)
+            ]
+        ),
         "mode_set": job.recipe["mode_set"],
         "recipe": job.recipe,
     }
 
 
 def parameters_of(recipe: RecipeIn, body: Body) -> tuple[Parameter, ...]:
-    """The parameters of a joint update: the recipe's, or all constants of the material, of the sets, or factors."""
+    """The parameters of a joint update: the recipe's, or all constants of the material, of the
+    sets, or factors.
+    """
     usual = MATERIAL_PARAMETERS if isinstance(body, OrientedSpecimen) else default_parameters(body)
     return recipe.to_core().parameters or usual
 
@@ -276,7 +352,8 @@ def joint_body(
         recipe: of all campaigns.
         masses: what the body carried.
         first: the structure whose material all share; default: this one.
-        angle_deg: of the material's x axis from the specimen's; default: as the structure's plies lie.
+        angle_deg: of the material's x axis from the specimen's; default: as the structure's plies
+            lie.
 
     Raises:
         InputError: the structure lacks what a model needs.
@@ -287,24 +364,34 @@ def joint_body(
         assert isinstance(body, Structure | MatrixBody), "a structure in space is one"
         return body
     require_no_choice_of_joints(recipe)
-    plain = replace(nominal_specimen(of_its_material(structure), boundary, masses), layers=layers_of(structure))
+    plain = replace(
+        nominal_specimen(of_its_material(structure), boundary, masses), layers=layers_of(structure)
+    )
     own = material_of(structure)[1] if angle_deg is None else angle_deg
     return oriented(plain, material_of(first or structure)[0], own)
 
 
 def _names(session: Session, campaigns: list[MeasuredCampaign]) -> list[tuple[str, str]]:
-    """Names that distinguish the campaigns, with a number where two have the same; and those of their specimens.
+    """Names that distinguish the campaigns, with a number where two have the same; and those of
+    their specimens.
 
     A specimen has its structure's name, with the structure's id where two structures share it.
     """
     rows = [campaign_of(session, each.campaign_id) for each in campaigns]
     own = [f"{each.structure.name}, {row.name}" for each, row in zip(campaigns, rows, strict=True)]
-    numbered = [name if own.count(name) == 1 else f"{name} ({number})" for number, name in enumerate(own, start=1)]
+    numbered = [
+        name if own.count(name) == 1 else f"{name} ({number})"
+        for number, name in enumerate(own, start=1)
+    ]
     named: dict[str, set[UUID]] = {}
     for row, each in zip(rows, campaigns, strict=True):
         named.setdefault(each.structure.name, set()).add(row.structure_id)
     specimens = [
-        each.structure.name if len(named[each.structure.name]) == 1 else f"{each.structure.name} {row.structure_id}"
+        (
+            each.structure.name
+            if len(named[each.structure.name]) == 1
+            else f"{each.structure.name} {row.structure_id}"
+        )
         for row, each in zip(rows, campaigns, strict=True)
     ]
     return list(zip(numbered, specimens, strict=True))
@@ -318,14 +405,18 @@ def _campaign(
     names: tuple[str, str],
     first: StructureIn,
 ) -> JointCampaign:
-    """One campaign of a joint update; `names` are its own and its specimen's, `first` the first campaign's structure."""
+    """One campaign of a joint update; `names` are its own and its specimen's, `first` the first
+    campaign's structure.
+    """
     recipe = job.recipe or common
     if not campaign.frf_sets and recipe.mode_set is None:
         none = "has no FRFs; import some, or name a mode set in this job's recipe"
         raise InputError("campaign_id", campaign.without_frfs(none))
     if roving_mass(campaign) and recipe.mode_set is None:
         raise InputError(
-            "campaign_id", "had a sensor that moved, so its FRFs have no common modes; name a mode set in its recipe"
+            "campaign_id",
+            "had a sensor that moved, so its FRFs have no common modes; name a mode set in its"
+            " recipe",
         )
     body = joint_body(
         session,
@@ -344,14 +435,22 @@ def _campaign(
         specimen=job.specimen or names[1],
         body=body,
         measurement=Measurement(
-            frfs, campaign.points, modes, 0.0, inputs.to_core(), axes, temperature_c=campaign.temperature_c
+            frfs,
+            campaign.points,
+            modes,
+            0.0,
+            inputs.to_core(),
+            axes,
+            temperature_c=campaign.temperature_c,
         ),
         recipe=recipe.to_core(),
         provenance={
             "campaign_id": str(campaign.campaign_id),
             "structure_version_id": str(campaign.structure_version_id),
             "mode_set": None if recipe.mode_set is None else str(recipe.mode_set),
-            "angle_deg": math.degrees(body.fibre_angle) if isinstance(body, OrientedSpecimen) else None,
+            "angle_deg": (
+                math.degrees(body.fibre_angle) if isinstance(body, OrientedSpecimen) else None
+            ),
             "inputs": inputs.model_dump(mode="json"),
         },
         warnings=campaign.warnings,
@@ -370,7 +469,12 @@ def _coupons(
         warnings += [f"coupons: {text}" for text in summary.warnings]
         of_body = coupon_constants(body, batch.sets)
         for name, prior in summary.priors.items():
-            said = prior.mean, prior.standard_deviation, f"coupon batch {batch.name}", summary.constants[name].n or 1
+            said = (
+                prior.mean,
+                prior.standard_deviation,
+                f"coupon batch {batch.name}",
+                summary.constants[name].n or 1,
+            )
             owns = wanted.intersection(of_body.get(name, ()))
             found += [Coupon(own, *said) for own in sorted(owns)]
     return tuple(found), tuple(warnings)

@@ -43,17 +43,23 @@ if TYPE_CHECKING:
 
 def _store(session: Session, row: UpdateJob, items: Iterator[UpdateOutput]) -> None:
     for output in items:
-        document = describe_result(output.result, output.identification, output.warnings, output.provenance)
+        document = describe_result(
+            output.result, output.identification, output.warnings, output.provenance
+        )
         if output.processing is not None and not frf_extents(session, row.campaign_id):
             options = RecipeIn.model_validate(row.recipe).processing
             done = keep_processing(session, row.id, row.campaign_id, options, output.processing)
             document["provenance"]["processing"] = str(row.id)
-            document["provenance"]["frfs"] = [{"id": frf["id"], "records": frf["records"]} for frf in done["frfs"]]
+            document["provenance"]["frfs"] = [
+                {"id": frf["id"], "records": frf["records"]} for frf in done["frfs"]
+            ]
         if output.identified is not None:
             found = document["identification"]
             settings = {part: row.recipe.get(part) for part in ("identification", "band_hz")}
             how: dict[str, Any] = {"job_id": row.id, "settings": settings}
-            kept = keep_identified(session, row.campaign_id, "identified by an update", output.identified, found, **how)
+            kept = keep_identified(
+                session, row.campaign_id, "identified by an update", output.identified, found, **how
+            )
             document["provenance"]["mode_set"] = str(kept.id)
         size = len(output.prediction) + len(json.dumps(document))
         book(session, campaign_for, campaign_of(session, row.campaign_id), "results", size)
@@ -66,18 +72,33 @@ def _keep(session: Session, job: UpdateJob, document: dict[str, Any], prediction
     others: dict[str, dict[str, float | None]] = {}
     for one in document["parameters"]:
         name, (low, high) = one["name"], one["interval_95"] or (None, None)
-        values = {"estimate": one["estimate"], "sd": one["standard_deviation"], "low": low, "high": high}
+        values = {
+            "estimate": one["estimate"],
+            "sd": one["standard_deviation"],
+            "low": low,
+            "high": high,
+        }
         if name in CONSTANTS:
-            columns |= {f"{name}_{end}".lower().removesuffix("_estimate"): value for end, value in values.items()}
+            columns |= {
+                f"{name}_{end}".lower().removesuffix("_estimate"): value
+                for end, value in values.items()
+            }
         else:
             others[name] = values
-    stored = {"document": document, "prediction": prediction, "verdict": document["verdict"]["level"], **columns}
+    stored = {
+        "document": document,
+        "prediction": prediction,
+        "verdict": document["verdict"]["level"],
+        **columns,
+    }
     session.add(UpdateResult(id=job.id, campaign_id=job.campaign_id, constants=others, **stored))
 
 
 def _store_joint(session: Session, row: JointUpdate, items: Iterator[JointOutput]) -> None:
     for output in items:
-        document = describe_joint_result(output.result, output.warnings, output.sources, output.provenance)
+        document = describe_joint_result(
+            output.result, output.warnings, output.sources, output.provenance
+        )
         book(session, joint_update_for, row, "results", len(json.dumps(document)))
         row.document = document
 
@@ -86,10 +107,21 @@ update_job_for = Lookup(UpdateJob, "update job", "campaign_id", campaign_for, de
 """A job outlives its campaign's deletion."""
 joint_update_for = Lookup(JointUpdate, "joint update", "project_id")
 UPDATES = JobNoun(
-    "update-jobs", update_job_for, load_update, compute_update, _store, "update", libraries=CORE_LIBRARIES
+    "update-jobs",
+    update_job_for,
+    load_update,
+    compute_update,
+    _store,
+    "update",
+    libraries=CORE_LIBRARIES,
 )
 JOINT_UPDATES = JobNoun(
-    "joint-updates", joint_update_for, load_joint, compute_joint, _store_joint, libraries=CORE_LIBRARIES
+    "joint-updates",
+    joint_update_for,
+    load_joint,
+    compute_joint,
+    _store_joint,
+    libraries=CORE_LIBRARIES,
 )
 
 
@@ -138,21 +170,29 @@ def _check(session: Session, user: User, campaign: Campaign, recipe: RecipeIn) -
 
 
 def require_used(session: Session, user: User, campaign_id: UUID, recipe: RecipeIn) -> None:
-    """Refuse what a request's recipe states and an update of the campaign does not use. A monitor's recipe is of campaigns
-    to come, so this is asked of requests alone.
+    """Refuse what a request's recipe states and an update of the campaign does not use. A monitor's
+    recipe is of campaigns to come, so this is asked of requests alone.
 
     Raises:
-        Invalid: how time blocks become FRFs is stated, and the campaign has FRFs; or how modes are identified, beside the
-            modes.
+        Invalid: how time blocks become FRFs is stated, and the campaign has FRFs; or how modes are
+            identified, beside the modes.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
     if recipe.processing != USUAL.processing and frf_extents(session, campaign.id):
-        raise Invalid("/processing", "is of campaigns with time blocks and no FRFs; this one has FRFs: leave it out")
+        raise Invalid(
+            "/processing",
+            "is of campaigns with time blocks and no FRFs; this one has FRFs: leave it out",
+        )
     if recipe.mode_set is not None and recipe.identification != USUAL.identification:
-        raise Invalid("/identification", "is of updates that find their modes; `mode_set` gives them: leave one out")
+        raise Invalid(
+            "/identification",
+            "is of updates that find their modes; `mode_set` gives them: leave one out",
+        )
 
 
-def check_mode_set(session: Session, user: User, key: UUID, campaign_id: UUID, pointer: str) -> None:
+def check_mode_set(
+    session: Session, user: User, key: UUID, campaign_id: UUID, pointer: str
+) -> None:
     """A mode set that a request names must be the user's and of the campaign.
 
     Raises:
@@ -162,8 +202,11 @@ def check_mode_set(session: Session, user: User, key: UUID, campaign_id: UUID, p
         raise Invalid(pointer, f"{key} belongs to another campaign")
 
 
-def check_prior_batch(session: Session, user: User, recipe: RecipeIn, structure_id: UUID, pointer: str) -> None:
-    """The coupon batch that a recipe takes its priors from must be the user's and of the structure's material.
+def check_prior_batch(
+    session: Session, user: User, recipe: RecipeIn, structure_id: UUID, pointer: str
+) -> None:
+    """The coupon batch that a recipe takes its priors from must be the user's and of the
+    structure's material.
 
     Raises:
         Invalid: it is not; the pointer says where the batch is named.
@@ -174,7 +217,9 @@ def check_prior_batch(session: Session, user: User, recipe: RecipeIn, structure_
             raise Invalid(pointer, f"{batch.id} belongs to another structure")
 
 
-def _check_parameters(session: Session, recipe: RecipeIn, structure: StructureIn, campaign: Campaign) -> None:
+def _check_parameters(
+    session: Session, recipe: RecipeIn, structure: StructureIn, campaign: Campaign
+) -> None:
     """A recipe that contradicts itself is refused before it is queued, with the core's message."""
     recipe.inputs.to_core()
     body = body_for(session, structure, campaign.boundary, recipe)
@@ -188,7 +233,9 @@ def _check_parameters(session: Session, recipe: RecipeIn, structure: StructureIn
 
 
 def _check_data(session: Session, recipe: RecipeIn, campaign: Campaign) -> None:
-    """What the recipe keeps of the FRFs must leave something to fit. Looks at axes and points, never at a spectrum."""
+    """What the recipe keeps of the FRFs must leave something to fit. Looks at axes and points,
+    never at a spectrum.
+    """
     rows = frf_extents(session, campaign.id)
     if not rows:
         return  # an import may be on its way; the job says so if nothing has come by then
@@ -205,7 +252,9 @@ def _check_data(session: Session, recipe: RecipeIn, campaign: Campaign) -> None:
         points = set(recipe.hold_out.points)
         used = {point for row in rows for point in (row.response_point, row.reference_point)}
         if unknown := sorted(points - used):
-            raise Invalid("/hold_out/points", f"{', '.join(map(str, unknown))} have no FRF in this campaign")
+            raise Invalid(
+                "/hold_out/points", f"{', '.join(map(str, unknown))} have no FRF in this campaign"
+            )
         if all(row.response_point in points or row.reference_point in points for row in rows):
             fixed = set.intersection(*({row.response_point, row.reference_point} for row in rows))
             if not fixed or points >= used:
@@ -222,7 +271,8 @@ def joint_document(session: Session, row: JointUpdate) -> dict[str, Any]:
 
 
 def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
-    """The result of an update, computed by whichever version: the JSON document of `docs/results.md`.
+    """The result of an update, computed by whichever version: the JSON document of
+    `docs/results.md`.
 
     Raises:
         Conflict: the job has none, yet or ever; the message says which.
@@ -257,7 +307,8 @@ def _result(session: Session, row: UpdateJob) -> UpdateResult:
 
 
 def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
-    """The arrays that were stored beside a result: predicted FRFs and what belongs to them, each read when it is asked for.
+    """The arrays that were stored beside a result: predicted FRFs and what belongs to them, each
+    read when it is asked for.
 
     Raises:
         Conflict: the job has none, yet or ever; the message says which.
@@ -267,7 +318,9 @@ def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
 
 def arrays_of(session: Session, key: UUID) -> StoredArrays | None:
     """The same of an update job by its key; None where it has no result."""
-    size = session.scalars(select(func.length(UpdateResult.prediction)).filter_by(id=key)).one_or_none()
+    size = session.scalars(
+        select(func.length(UpdateResult.prediction)).filter_by(id=key)
+    ).one_or_none()
     return None if size is None else StoredArrays(session, key, size)
 
 
@@ -277,19 +330,32 @@ def result_documents(session: Session, keys: Sequence[UUID]) -> dict[UUID, dict[
     return {key: up_to_date(document) for key, document in session.execute(query)}
 
 
-def labelled_results(session: Session, campaign_id: UUID) -> Iterator[tuple[UUID, dict[str, Any], dict[str, Any]]]:
-    """The results of a campaign, oldest first: key of the update job, document, tags and metadata."""
-    query = select(UpdateResult).where(UpdateResult.campaign_id == campaign_id).order_by(UpdateResult.id)
+def labelled_results(
+    session: Session, campaign_id: UUID
+) -> Iterator[tuple[UUID, dict[str, Any], dict[str, Any]]]:
+    """The results of a campaign, oldest first: key of the update job, document, tags and
+    metadata.
+    """
+    query = (
+        select(UpdateResult)
+        .where(UpdateResult.campaign_id == campaign_id)
+        .order_by(UpdateResult.id)
+    )
     for row in session.scalars(query):
         yield row.id, up_to_date(row.document), {"tags": row.tags, "meta": row.meta}
 
 
-def result_parts(session: Session, keys: Sequence[UUID], parts: Sequence[str]) -> dict[UUID, dict[str, Any]]:
-    """Members of results by update job, without reading the rest of the documents; jobs without a result are left out."""
+def result_parts(
+    session: Session, keys: Sequence[UUID], parts: Sequence[str]
+) -> dict[UUID, dict[str, Any]]:
+    """Members of results by update job, without reading the rest of the documents; jobs without a
+    result are left out.
+    """
     read = (*MARKS, *parts)
     columns = [UpdateResult.document[part] for part in read]
     rows = session.execute(select(UpdateResult.id, *columns).where(UpdateResult.id.in_(keys)))
     found = {
-        key: up_to_date({n: v for n, v in zip(read, values, strict=True) if v is not None}) for key, *values in rows
+        key: up_to_date({n: v for n, v in zip(read, values, strict=True) if v is not None})
+        for key, *values in rows
     }
     return {key: {part: document.get(part) for part in parts} for key, document in found.items()}

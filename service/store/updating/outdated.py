@@ -1,4 +1,6 @@
-"""What changed since a result was computed, of what it was computed from: found when the result is read, stored nowhere."""
+"""What changed since a result was computed, of what it was computed from: found when the result is
+read, stored nowhere.
+"""
 
 from __future__ import annotations
 
@@ -37,12 +39,16 @@ class ResultNowOut(ResultOut):
     """A result as it stands today."""
 
     outdated: OutdatedOut | None = Field(
-        description="what changed since it was computed, of what it was computed from; null where nothing did"
+        description=(
+            "what changed since it was computed, of what it was computed from; null where"
+            " nothing did"
+        )
     )
 
 
 def outdated(session: Session, job: UpdateJob, document: dict[str, Any]) -> OutdatedOut | None:
-    """What changed since a job read its inputs; None where the same request would compute from the same.
+    """What changed since a job read its inputs; None where the same request would compute from the
+    same.
 
     Args:
         session: where to look.
@@ -57,7 +63,9 @@ def outdated(session: Session, job: UpdateJob, document: dict[str, Any]) -> Outd
     used = [UUID(frf["id"]) for frf in document["provenance"]["frfs"]]
     changes = {
         "structure": version.created_at if version.id != job.structure_version_id else None,
-        "campaign": first_event(session, "campaign.change", [campaign.id], began, job.project_id, OF_THE_TEST),
+        "campaign": first_event(
+            session, "campaign.change", [campaign.id], began, job.project_id, OF_THE_TEST
+        ),
         "points": first_event(session, "grid_points.put", [campaign.id], began, job.project_id),
         "hits": hits_changed(session, job.campaign_id, used, began),
         "frfs": frfs_changed(session, job.campaign_id, used, began),

@@ -23,9 +23,11 @@ router = api_router(tags=["imports"])
 
 @router.delete("/imports/{import_id}", status_code=204)
 def delete_import(import_id: UUID, session: SessionDep, user: CurrentUser) -> None:
-    """Remove an import with its FRFs, time blocks and modes, such as one of a wrong `quantity`; grid points stay.
+    """Remove an import with its FRFs, time blocks and modes, such as one of a wrong `quantity`;
+    grid points stay.
 
-    409 while it runs, and where an update of the campaign may rest on it: results keep what they were computed from.
+    409 while it runs, and where an update of the campaign may rest on it: results keep what they
+    were computed from.
     """
     row = import_for(session, user, import_id, "editor", lock=True)
     _require_unused(session, row)
@@ -42,12 +44,19 @@ def _require_unused(session: Session, row: Import) -> None:
     if not (brought.get("frfs") or brought.get("modes")):
         return
     of_campaign = or_(
-        select(UpdateJob.id).where(UpdateJob.id == Job.id, UpdateJob.campaign_id == row.campaign_id).exists(),
+        select(UpdateJob.id)
+        .where(UpdateJob.id == Job.id, UpdateJob.campaign_id == row.campaign_id)
+        .exists(),
         select(JointUpdate.id)
-        .where(JointUpdate.id == Job.id, cast(JointUpdate.campaigns, Text).contains(str(row.campaign_id)))
+        .where(
+            JointUpdate.id == Job.id,
+            cast(JointUpdate.campaigns, Text).contains(str(row.campaign_id)),
+        )
         .exists(),
     )
-    later = select(Job.id).where(Job.id > row.id, Job.state.in_(("queued", "running", "succeeded")), of_campaign)
+    later = select(Job.id).where(
+        Job.id > row.id, Job.state.in_(("queued", "running", "succeeded")), of_campaign
+    )
     if (update := session.scalars(later.order_by(Job.id).limit(1)).first()) is not None:
         raise Conflict(
             f"update {update} of the campaign may rest on what the import brought; "

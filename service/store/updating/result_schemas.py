@@ -1,7 +1,9 @@
-"""What a result is as JSON: one declaration for what is stored, for the OpenAPI document and for who reads it elsewhere.
+"""What a result is as JSON: one declaration for what is stored, for the OpenAPI document and for
+who reads it elsewhere.
 
-The worker makes a document of the core's dataclasses by these models (`fecore.updating.result`); their arrays become lists, and
-what is not finite null. A stored document is brought up to date when it is read (`service.store.updating.document`).
+The worker makes a document of the core's dataclasses by these models (`fecore.updating.result`);
+their arrays become lists, and what is not finite null. A stored document is brought up to date when
+it is read (`service.store.updating.document`).
 """
 
 from typing import Annotated, Any, Literal
@@ -21,7 +23,9 @@ def _short(values: Any) -> Any:
     """Numbers of a curve that is only drawn, to five digits."""
     listed = _listed(values)
     return (
-        [None if value is None else float(f"{value:.5g}") for value in listed] if isinstance(listed, list) else values
+        [None if value is None else float(f"{value:.5g}") for value in listed]
+        if isinstance(listed, list)
+        else values
     )
 
 
@@ -54,7 +58,9 @@ class FindingOut(Part):
     """Something that a user must know."""
 
     kind: str = Field(description="its id, the same in every result")
-    level: Literal["with_care", "do_not_use"] | None = Field(description="what it means for the use of the result")
+    level: Literal["with_care", "do_not_use"] | None = Field(
+        description="what it means for the use of the result"
+    )
     text: str = Field(description="what was found and what to do")
 
 
@@ -62,7 +68,9 @@ class OutcomeOut(Part):
     """How a stage ended; stages fail alone."""
 
     stage: str = Field(description="`elastic` or `damping`")
-    status: Literal["succeeded", "failed", "skipped"] = Field(description="skipped: there was nothing to work on")
+    status: Literal["succeeded", "failed", "skipped"] = Field(
+        description="skipped: there was nothing to work on"
+    )
     message: str = Field(description="why, where it did not succeed")
 
 
@@ -70,16 +78,22 @@ class BudgetOut(Part):
     """One source's part in a parameter's uncertainty."""
 
     source: str = Field(description="noise, discrepancy, a prior, or an input of the laboratory")
-    standard_deviation: float = Field(description="that it alone would give, in the parameter's unit")
+    standard_deviation: float = Field(
+        description="that it alone would give, in the parameter's unit"
+    )
     share: float = Field(description="of the parameter's variance, 0 to 1")
     provenance: str = Field(description="where the source's own standard deviation comes from")
 
 
 class ComparableOut(Part):
-    """A parameter with every input held at what was stated, to compare with other tests of the same body."""
+    """A parameter with every input held at what was stated, to compare with other tests of the same
+    body.
+    """
 
     estimate: float = Field(description="in the parameter's unit")
-    standard_deviation: float = Field(description="by measurement noise alone, in the parameter's unit")
+    standard_deviation: float = Field(
+        description="by measurement noise alone, in the parameter's unit"
+    )
 
 
 class ParameterOut(Part):
@@ -90,23 +104,39 @@ class ParameterOut(Part):
     initial: Number = Field(description="value of the model before, in its unit; null for damping")
     estimate: float = Field(description="value after, in its unit")
     standard_deviation: float = Field(description="everything included, in its unit")
-    noise_standard_deviation: float = Field(description="under measurement noise alone, in its unit")
-    interval_95: tuple[float, float] = Field(description="95 % interval, everything included, in its unit")
+    noise_standard_deviation: float = Field(
+        description="under measurement noise alone, in its unit"
+    )
+    interval_95: tuple[float, float] = Field(
+        description="95 % interval, everything included, in its unit"
+    )
     identifiable: bool = Field(
-        description="whether the data say more than half of what is known of it; of a tied one, of what it is tied to"
+        description=(
+            "whether the data say more than half of what is known of it; of a tied one, of what it"
+            " is tied to"
+        )
     )
     prior_mean: Number = Field(description="in its unit; null without a prior")
     prior_sd: Number = Field(description="in its unit; null without a prior")
-    comparable: ComparableOut | None = Field(None, description="what to compare with other tests of the same body")
+    comparable: ComparableOut | None = Field(
+        None, description="what to compare with other tests of the same body"
+    )
     budget: list[BudgetOut] = Field(description="what its variance is made of, the largest first")
-    confounded_with: list[str] = Field(description="parameters with which it moves where the data see nothing")
+    confounded_with: list[str] = Field(
+        description="parameters with which it moves where the data see nothing"
+    )
     tied_to: str | None = Field(
-        None, description="the parameter whose ratio to it the recipe fixes; null where it is estimated itself"
+        None,
+        description=(
+            "the parameter whose ratio to it the recipe fixes; null where it is estimated itself"
+        ),
     )
 
 
 class ModeComparisonOut(Part):
-    """A measured mode beside the model's; null where there is no partner or nothing was measured."""
+    """A measured mode beside the model's; null where there is no partner or nothing was
+    measured.
+    """
 
     number: int = Field(description="of the measured mode, from 1")
     kind: str | None = Field(description="the model's motion: bending or torsion")
@@ -117,11 +147,21 @@ class ModeComparisonOut(Part):
     mac: Number = Field(description="of measured and updated shape, 0 to 1")
     measured_damping: Number = Field(None, description="measured damping ratio ζ, not per cent")
     predicted_damping: Number = Field(None, description="of the updated model, not per cent")
-    measured_damping_sd: Number = Field(None, description="standard deviation of the measured ratio")
-    motion: dict[str, float] | None = Field(None, description="shares of the updated model's motion, by kind, 0 to 1")
-    energy: dict[str, float] | None = Field(None, description="shares of its strain energy, by set and spring, 0 to 1")
+    measured_damping_sd: Number = Field(
+        None, description="standard deviation of the measured ratio"
+    )
+    motion: dict[str, float] | None = Field(
+        None, description="shares of the updated model's motion, by kind, 0 to 1"
+    )
+    energy: dict[str, float] | None = Field(
+        None, description="shares of its strain energy, by set and spring, 0 to 1"
+    )
     own_mesh_hz: Number = Field(
-        None, description="of the updated model on the structure's own mesh, Hz; null where a finer one was not needed"
+        None,
+        description=(
+            "of the updated model on the structure's own mesh, Hz; null where a finer one was not"
+            " needed"
+        ),
     )
 
 
@@ -130,7 +170,9 @@ class AgreementOut(Part):
 
     sac: Numbers = Field(description="spectral assurance criterion of each FRF")
     frac: Numbers = Field(description="frequency response assurance criterion of each FRF")
-    csac_mean: Number = Field(description="mean over the lines of the cross signature assurance criterion")
+    csac_mean: Number = Field(
+        description="mean over the lines of the cross signature assurance criterion"
+    )
     csf_mean: Number = Field(description="mean over the lines of the cross signature scale factor")
 
 
@@ -139,7 +181,9 @@ class HeldOutAgreementOut(AgreementOut):
 
     points: list[int] = Field(description="points of held-out FRFs; empty for a held-out band")
     band_hz: tuple[float, float] = Field(description="lines compared, Hz")
-    coverage_95: Number = Field(description="share of the values inside their 95 % prediction intervals, 0 to 1")
+    coverage_95: Number = Field(
+        description="share of the values inside their 95 % prediction intervals, 0 to 1"
+    )
 
 
 class HeldOutOut(Part):
@@ -154,7 +198,9 @@ class CorrelationOut(AgreementOut):
 
     initial: AgreementOut = Field(description="of the initial model")
     held_out: HeldOutOut = Field(description="on data that no fit has seen")
-    mac_matrix: Table | None = Field(description="rows measured, columns updated model; null without shapes")
+    mac_matrix: Table | None = Field(
+        description="rows measured, columns updated model; null without shapes"
+    )
 
 
 class CurveOut(Part):
@@ -172,9 +218,15 @@ class DampingLawOut(Part):
     bic: Number = Field(description="Bayesian information criterion; the least is preferred")
     preferred: bool = Field(description="whether it has the least of all")
     missed: Numbers = Field(description="relative miss of the ratio of each paired mode")
-    standard_deviations: dict[str, float] | None = Field(None, description="of the coefficients, by name, SI")
-    curve: CurveOut | None = Field(None, description="its damping ratios over the range of the modes")
-    by_mechanism: bool | None = Field(None, description="whether it damps the shares of strain energy")
+    standard_deviations: dict[str, float] | None = Field(
+        None, description="of the coefficients, by name, SI"
+    )
+    curve: CurveOut | None = Field(
+        None, description="its damping ratios over the range of the modes"
+    )
+    by_mechanism: bool | None = Field(
+        None, description="whether it damps the shares of strain energy"
+    )
 
 
 class CommonLawOut(Part):
@@ -185,7 +237,9 @@ class CommonLawOut(Part):
     standard_deviations: dict[str, float] = Field(description="of the coefficients, by name, SI")
     bic: Number = Field(description="Bayesian information criterion; the least is preferred")
     preferred: bool = Field(description="whether it has the least of all")
-    missed_by: dict[str, float] = Field(description="root mean square of the misses of each campaign's ratios")
+    missed_by: dict[str, float] = Field(
+        description="root mean square of the misses of each campaign's ratios"
+    )
 
 
 class OverTemperatureOut(Part):
@@ -196,7 +250,9 @@ class OverTemperatureOut(Part):
     estimate: Curve = Field(description="at each temperature")
     low: Curve = Field(description="lower end of its 95 % interval")
     high: Curve = Field(description="upper end of its 95 % interval")
-    law: str | None = Field(None, description="whose coefficient it is; null of an elastic constant")
+    law: str | None = Field(
+        None, description="whose coefficient it is; null of an elastic constant"
+    )
 
 
 class TemperatureCurveOut(Part):
@@ -219,7 +275,9 @@ class StartOut(Part):
     """A start of stage 1, iterate by iterate."""
 
     chosen: bool = Field(description="whether the result is its end")
-    failure: Annotated[str | None, BeforeValidator(lambda text: text or None)] = Field(description="null: it converged")
+    failure: Annotated[str | None, BeforeValidator(lambda text: text or None)] = Field(
+        description="null: it converged"
+    )
     cost: list[float] = Field(description="of each iterate")
     parameters: dict[str, Numbers] = Field(description="by name, of each iterate, SI")
 
@@ -238,22 +296,32 @@ class RivalPairingOut(Part):
 
     partners: list[PartnerOut] = Field(description="of the measured modes")
     parameters: dict[str, float] = Field(description="at that point, by name, SI")
-    log_evidence: float = Field(description="logarithm of how much more the chosen pairing is supported")
+    log_evidence: float = Field(
+        description="logarithm of how much more the chosen pairing is supported"
+    )
 
 
 class PairingOut(Part):
     """Which measured mode is which of the model's."""
 
-    by: Literal["shapes", "order"] = Field(description="what decided: `order` with fewer than three dofs, or no shapes")
-    partners: list[PartnerOut] = Field(description="of the measured modes; one that is not named has none")
-    rival: RivalPairingOut | None = Field(description="the next best pairing that was found; null: none")
+    by: Literal["shapes", "order"] = Field(
+        description="what decided: `order` with fewer than three dofs, or no shapes"
+    )
+    partners: list[PartnerOut] = Field(
+        description="of the measured modes; one that is not named has none"
+    )
+    rival: RivalPairingOut | None = Field(
+        description="the next best pairing that was found; null: none"
+    )
 
 
 class PosteriorOut(Part):
     """How the posterior was had, and how the parameters correlate."""
 
     method: str = Field("laplace", description="laplace or mcmc")
-    names: list[str] = Field(default_factory=list, description="rows and columns of the correlation")
+    names: list[str] = Field(
+        default_factory=list, description="rows and columns of the correlation"
+    )
     correlation: Table | None = Field(None, description="of these parameters")
 
 
@@ -262,7 +330,9 @@ class ResultOut(Part):
 
     verdict: VerdictOut = Field(description="whether the result may be used")
     warnings: list[str] = Field(description="in words; read them first")
-    findings: list[FindingOut] = Field(default_factory=list, description="the update's warnings, each with its id")
+    findings: list[FindingOut] = Field(
+        default_factory=list, description="the update's warnings, each with its id"
+    )
     outcomes: list[OutcomeOut] = Field(description="how each stage ended")
     parameters: list[ParameterOut] = Field(description="updated parameters, SI")
     modes: list[ModeComparisonOut] = Field(description="measured modes beside the model's")
@@ -280,22 +350,32 @@ class ResultOut(Part):
         None, description="number, frequency, kind and shares of the model's modes"
     )
     identifiability: dict[str, Any] = Field(description="directions that the data do not see")
-    discrepancy: dict[str, Any] = Field(description="relative standard deviation of what the model cannot say")
+    discrepancy: dict[str, Any] = Field(
+        description="relative standard deviation of what the model cannot say"
+    )
     reference_temperature_c: float | None = Field(
-        None, description="temperature at which the parameters are given, °C; null: nobody stated one"
+        None,
+        description="temperature at which the parameters are given, °C; null: nobody stated one",
     )
     curve: TemperatureCurveOut | None = Field(
-        None, description="constants over temperature, where the reference is not the campaign's own"
+        None,
+        description="constants over temperature, where the reference is not the campaign's own",
     )
     band_hz: tuple[float, float] | None = Field(description="lines of the damping update, Hz")
     channel_delay_s: Number = Field(description="lag of the response that was found, s")
     identification: dict[str, Any] | None = Field(
-        description="how the modes were found; its `stabilisation` with `?include=stabilisation` only"
+        description=(
+            "how the modes were found; its `stabilisation` with `?include=stabilisation` only"
+        )
     )
     posterior: PosteriorOut = Field(description="how the posterior was had")
-    provenance: dict[str, Any] = Field(description="inputs with their SHA-256, recipe, versions, host, durations")
+    provenance: dict[str, Any] = Field(
+        description="inputs with their SHA-256, recipe, versions, host, durations"
+    )
     version: int = Field(
-        description="of this document's form; results of earlier versions are shown in the present one"
+        description=(
+            "of this document's form; results of earlier versions are shown in the present one"
+        )
     )
 
 
@@ -308,12 +388,16 @@ class AloneOut(Part):
 
 
 class CampaignPartOut(Part):
-    """What one campaign has to do with a joint result; beside this the ids of what it was made of."""
+    """What one campaign has to do with a joint result; beside this the ids of what it was made
+    of.
+    """
 
     name: str = Field(description="structure and campaign")
     specimen: str = Field(description="campaigns of one specimen share its dimensions")
     predictive_p: Number = Field(description="of its frequencies, given the other campaigns")
-    contradicts: bool = Field(description="whether it or one of its inputs is the likeliest cause of a conflict")
+    contradicts: bool = Field(
+        description="whether it or one of its inputs is the likeliest cause of a conflict"
+    )
     alone: dict[str, AloneOut] = Field(description="the constants by this campaign alone")
     own: list[ParameterOut] = Field(description="its own unknowns and its specimen's")
     modes: list[ModeComparisonOut] = Field(description="measured modes beside the model's")
@@ -332,12 +416,20 @@ class SaidOut(Part):
 class CauseOut(Part):
     """A source of data that may be wrong."""
 
-    kind: Literal["input", "coupons", "campaign", "mass", "foot", "support", "stiffness", "scatter"] = Field(
+    kind: Literal[
+        "input", "coupons", "campaign", "mass", "foot", "support", "stiffness", "scatter"
+    ] = Field(
         description="what it is; a mass, a foot and a support that gives way are those of a body"
     )
     name: str = Field(description="of the source")
-    p: float = Field(description="probability of a larger difference from the other data, if it is as good as stated")
-    evidence: float = Field(description="logarithm of how much likelier the data are if it is wrong")
+    p: float = Field(
+        description=(
+            "probability of a larger difference from the other data, if it is as good as stated"
+        )
+    )
+    evidence: float = Field(
+        description="logarithm of how much likelier the data are if it is wrong"
+    )
     owner: str = Field(description="the campaign or specimen that it belongs to; empty: all")
     said: list[SaidOut] = Field(description="what it says, constant by constant")
 
@@ -346,11 +438,18 @@ class ConflictOut(Part):
     """Data that contradict each other."""
 
     cause: CauseOut = Field(description="the likeliest")
-    rivals: list[CauseOut] = Field(description="other causes that are not ruled out, the likeliest first")
-    cleared: list[str] = Field(description="what no longer contradicts the rest once the cause is allowed for")
-    moved: float = Field(description="how far a constant then moves at most, in its standard deviations")
+    rivals: list[CauseOut] = Field(
+        description="other causes that are not ruled out, the likeliest first"
+    )
+    cleared: list[str] = Field(
+        description="what no longer contradicts the rest once the cause is allowed for"
+    )
+    moved: float = Field(
+        description="how far a constant then moves at most, in its standard deviations"
+    )
     odds: Number = Field(
-        default=None, description="logarithm of how much likelier the cause is than the next explanation"
+        default=None,
+        description="logarithm of how much likelier the cause is than the next explanation",
     )
 
 
@@ -359,18 +458,30 @@ class JointResultOut(Part):
 
     verdict: VerdictOut = Field(description="whether the result may be used")
     warnings: list[str] = Field(description="in words; read them first")
-    findings: list[FindingOut] = Field(default_factory=list, description="the update's warnings, each with its id")
-    parameters: list[ParameterOut] = Field(description="the material's constants in its own axes, SI")
+    findings: list[FindingOut] = Field(
+        default_factory=list, description="the update's warnings, each with its id"
+    )
+    parameters: list[ParameterOut] = Field(
+        description="the material's constants in its own axes, SI"
+    )
     posterior: PosteriorOut = Field(description="how the constants correlate")
     campaigns: list[CampaignPartOut] = Field(description="what each campaign has to do with it")
-    odd_one_out: str | None = Field(description="the campaign in which the first conflict's causes lie; null: none")
-    conflicts: list[ConflictOut] = Field(default_factory=list, description="data that contradict each other")
+    odd_one_out: str | None = Field(
+        description="the campaign in which the first conflict's causes lie; null: none"
+    )
+    conflicts: list[ConflictOut] = Field(
+        default_factory=list, description="data that contradict each other"
+    )
     damping_models: list[CommonLawOut] = Field(description="damping laws of the material, ranked")
     reference_temperature_c: float | None = Field(
-        None, description="temperature at which the parameters are given, °C; null: nobody stated one"
+        None,
+        description="temperature at which the parameters are given, °C; null: nobody stated one",
     )
     curve: TemperatureCurveOut | None = Field(
-        None, description="constants and damping over temperature; null where all campaigns are at one"
+        None,
+        description="constants and damping over temperature; null where all campaigns are at one",
     )
-    discrepancy: dict[str, Any] = Field(description="relative: of a frequency, and of a modulus between specimens")
+    discrepancy: dict[str, Any] = Field(
+        description="relative: of a frequency, and of a modulus between specimens"
+    )
     provenance: dict[str, Any] = Field(description="the request, versions, host")

@@ -21,7 +21,13 @@ from service.store.updating.batches import start_batch, start_joint
 from service.store.updating.document import LARGE_PARTS, slim
 from service.store.updating.outdated import ResultNowOut, outdated
 from service.store.updating.result_schemas import JointResultOut
-from service.store.updating.schemas import JointUpdateOut, RecipeIn, UpdateBatchIn, UpdateBatchOut, UpdateJobOut
+from service.store.updating.schemas import (
+    JointUpdateOut,
+    RecipeIn,
+    UpdateBatchIn,
+    UpdateBatchOut,
+    UpdateJobOut,
+)
 from service.store.updating.tables import UpdateJob
 from service.web import (
     IF_MATCH,
@@ -46,12 +52,20 @@ def _with_campaigns(session: Session, rows: Sequence[UpdateJob]) -> list[dict[st
 
 
 single = JobRoutes(router, operations.UPDATES, UpdateJobOut, "job_id", _with_campaigns)
-joint = JobRoutes(router, operations.JOINT_UPDATES, JointUpdateOut, "joint_id", lambda _, rows: [{} for _ in rows])
+joint = JobRoutes(
+    router, operations.JOINT_UPDATES, JointUpdateOut, "joint_id", lambda _, rows: [{} for _ in rows]
+)
 
-Priority = Annotated[int, Query(ge=-100, le=100, description="of the project's waiting jobs the highest runs first")]
+Priority = Annotated[
+    int, Query(ge=-100, le=100, description="of the project's waiting jobs the highest runs first")
+]
 
 Include = Annotated[
-    str | None, Query(max_length=100, description=f"parts to add, with commas between them: {', '.join(LARGE_PARTS)}")
+    str | None,
+    Query(
+        max_length=100,
+        description=f"parts to add, with commas between them: {', '.join(LARGE_PARTS)}",
+    ),
 ]
 
 
@@ -83,7 +97,8 @@ def start_updates(
 ) -> UpdateBatchOut:
     """Queue updates of many campaigns: all of them, or with any fault none.
 
-    With `joint` they are one update: one material from all campaigns, at `/joint-updates/{id}`, which `Location` names.
+    With `joint` they are one update: one material from all campaigns, at `/joint-updates/{id}`,
+    which `Location` names.
     """
     require_usual(batch, confirm)
     if batch.joint:
@@ -100,25 +115,37 @@ def list_update_jobs(
     project: Annotated[UUID | None, Query(description="of this project only")] = None,
     structure: Annotated[UUID | None, Query(description="of this structure only")] = None,
     campaign: Annotated[UUID | None, Query(description="of this campaign only")] = None,
-    status: Annotated[list[JobState] | None, Query(description="in these states only; may be repeated")] = None,
+    status: Annotated[
+        list[JobState] | None, Query(description="in these states only; may be repeated")
+    ] = None,
     cursor: Cursor = None,
     limit: Limit = 100,
 ) -> Page[UpdateJobOut]:
     """Update jobs that you may see, newest first; those of deleted structures are left out."""
-    query = select(UpdateJob).where(UpdateJob.campaign_id.in_(campaigns_in(structures_in(projects_of(user)))))
+    query = select(UpdateJob).where(
+        UpdateJob.campaign_id.in_(campaigns_in(structures_in(projects_of(user))))
+    )
     if project is not None:
         query = query.where(UpdateJob.project_id == project_for(session, user, project).id)
     if structure is not None:
-        query = query.where(UpdateJob.campaign_id.in_(campaigns_in([structure_for(session, user, structure).id])))
+        query = query.where(
+            UpdateJob.campaign_id.in_(campaigns_in([structure_for(session, user, structure).id]))
+        )
     if campaign is not None:
-        query = query.where(UpdateJob.campaign_id == campaign_for(session, user, campaign, deleted=True).id)
+        query = query.where(
+            UpdateJob.campaign_id == campaign_for(session, user, campaign, deleted=True).id
+        )
     if status is not None:
         query = query.join(Job, Job.id == UpdateJob.id).where(Job.state.in_(status))
-    return paged(session, query, cursor, limit, partial(single.all_shown, session), newest_first=True)
+    return paged(
+        session, query, cursor, limit, partial(single.all_shown, session), newest_first=True
+    )
 
 
 single.getting("get_update_job", "How far an update is, or what became of it.")
-single.cancelling("cancel_update_job", "Ask for an update's end; one that has ended already stays as it is.")
+single.cancelling(
+    "cancel_update_job", "Ask for an update's end; one that has ended already stays as it is."
+)
 single.retrying("retry_update_job", "Queue an update again that failed or was cancelled.")
 single.watching(
     "watch_update_job",
@@ -129,15 +156,23 @@ single.watching(
 )
 
 
-@router.get("/update-jobs/{job_id}/result", response_model=None, responses={200: {"model": ResultNowOut}})
-def get_result(job_id: UUID, session: SessionDep, user: CurrentUser, include: Include = None) -> dict[str, Any]:
-    """Verdict and warnings first, then parameters, modes, correlation, and where all of it came from.
+@router.get(
+    "/update-jobs/{job_id}/result", response_model=None, responses={200: {"model": ResultNowOut}}
+)
+def get_result(
+    job_id: UUID, session: SessionDep, user: CurrentUser, include: Include = None
+) -> dict[str, Any]:
+    """Verdict and warnings first, then parameters, modes, correlation, and where all of it came
+    from.
 
-    What only a figure needs is left out unless `include` names it: the stabilisation diagram, the iterates.
+    What only a figure needs is left out unless `include` names it: the stabilisation diagram, the
+    iterates.
     """
     named = set(filter(None, (include or "").split(",")))
     if unknown := named - set(LARGE_PARTS):
-        raise Invalid("include", f"names {', '.join(sorted(unknown))}; there are {', '.join(LARGE_PARTS)}")
+        raise Invalid(
+            "include", f"names {', '.join(sorted(unknown))}; there are {', '.join(LARGE_PARTS)}"
+        )
     job = operations.update_job_for(session, user, job_id)
     document = operations.result_document(session, job)
     changed = outdated(session, job, document)
@@ -146,7 +181,9 @@ def get_result(job_id: UUID, session: SessionDep, user: CurrentUser, include: In
 
 
 @router.get("/update-jobs/{job_id}/labels")
-def get_result_labels(job_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> Labels:
+def get_result_labels(
+    job_id: UUID, session: SessionDep, user: CurrentUser, response: Response
+) -> Labels:
     """Tags and metadata of a result."""
     labels = operations.result_labels(session, operations.update_job_for(session, user, job_id))
     response.headers["ETag"] = etag_of(labels)
@@ -155,7 +192,12 @@ def get_result_labels(job_id: UUID, session: SessionDep, user: CurrentUser, resp
 
 @router.put("/update-jobs/{job_id}/labels", openapi_extra=IF_MATCH)
 def label_result(
-    job_id: UUID, labels: Labels, session: SessionDep, user: CurrentUser, request: Request, response: Response
+    job_id: UUID,
+    labels: Labels,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    response: Response,
 ) -> Labels:
     """Give a result tags and metadata in place of its own; the result itself stays as it is."""
     row = operations.update_job_for(session, user, job_id, "editor", lock=True)
@@ -167,14 +209,22 @@ def label_result(
 
 joint.listing("list_joint_updates", "Joint updates of a project, newest first.")
 joint.getting("get_joint_update", "How far a joint update is, or what became of it.")
-joint.cancelling("cancel_joint_update", "Ask for a joint update's end; one that has ended already stays as it is.")
+joint.cancelling(
+    "cancel_joint_update",
+    "Ask for a joint update's end; one that has ended already stays as it is.",
+)
 joint.watching(
     "watch_joint_update",
-    "The job's state now and whenever it changes, as server-sent events of the type `job`; ends when the job has.",
+    "The job's state now and whenever it changes, as server-sent events of the type `job`; ends"
+    " when the job has.",
 )
 
 
-@router.get("/joint-updates/{joint_id}/result", response_model=None, responses={200: {"model": JointResultOut}})
+@router.get(
+    "/joint-updates/{joint_id}/result",
+    response_model=None,
+    responses={200: {"model": JointResultOut}},
+)
 def get_joint_result(joint_id: UUID, session: SessionDep, user: CurrentUser) -> dict[str, Any]:
     """The material's constants from all campaigns, each campaign's part, and whether they agree."""
     return operations.joint_document(session, operations.joint_update_for(session, user, joint_id))

@@ -1,4 +1,6 @@
-"""Recipes as clients send them, and update jobs as they see them. Every recipe field is optional."""
+"""Recipes as clients send them, and update jobs as they see them. Every recipe field is
+optional.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,8 @@ DampingModel = Literal[
 
 PRIORS = {
     **dict.fromkeys(
-        ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "E1", "E2", "G12", "G13", "G23"), (quantities.MODULUS, quantities.MODULUS_SD)
+        ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "E1", "E2", "G12", "G13", "G23"),
+        (quantities.MODULUS, quantities.MODULUS_SD),
     ),
     "density": (quantities.DENSITY, quantities.DENSITY_SD),
     "length": (quantities.LENGTH, quantities.LENGTH_SD),
@@ -51,18 +54,27 @@ PRIORS = {
 
 
 class ParameterIn(StrictModel):
-    """A constant to update; SI. Without a mean the structure's nominal value, without a spread 30 % of the mean."""
+    """A constant to update; SI. Without a mean the structure's nominal value, without a spread 30 %
+    of the mean.
+    """
 
     name: Name = Field(
-        description=f"{', '.join(CONSTANTS)}; of a laminate also its plies' {', '.join(PLY_CONSTANTS)} (E1_2 and so on of the "
-        "second ply material from the bottom) and angle_1, angle_2, … in rad; or the name of one of the recipe's springs; "
-        "`Ex.per_K`, `web.G12.per_K`, `a1.per_K`: relative change per kelvin, of which the usual prior has what is not stated"
+        description=(
+            f"{', '.join(CONSTANTS)}; of a laminate also its plies' {', '.join(PLY_CONSTANTS)}"
+            " (E1_2 and so on of the second ply material from the bottom) and angle_1, angle_2, …"
+            " in rad; or the name of one of the recipe's springs; `Ex.per_K`, `web.G12.per_K`,"
+            " `a1.per_K`: relative change per kelvin, of which the usual prior has what is not"
+            " stated"
+        )
     )
     prior_mean: float | None = None
     prior_sd: float | None = None
     fixed: bool = False
     tied_to: Name | None = Field(
-        None, description="follows that parameter in the ratio of the nominal values, give or take prior_sd"
+        None,
+        description=(
+            "follows that parameter in the ratio of the nominal values, give or take prior_sd"
+        ),
     )
 
     def measured(self) -> Iterator[tuple[str, float, quantities.Quantity]]:
@@ -73,10 +85,14 @@ class ParameterIn(StrictModel):
 
 
 class SpringIn(StrictModel):
-    """An elastic support, which a parameter of the same name updates; it adds to the campaign's boundary."""
+    """An elastic support, which a parameter of the same name updates; it adds to the campaign's
+    boundary.
+    """
 
     name: Name
-    stiffness: float = Field(gt=0, le=1e18, description="N/m or N·m/rad at a point; per metre of edge on an edge")
+    stiffness: float = Field(
+        gt=0, le=1e18, description="N/m or N·m/rad at a point; per metre of edge on an edge"
+    )
     direction: int = Field(ge=1, le=6, description="1, 2, 3 along x, y, z; 4, 5, 6 about them")
     edge: Edge | None = None
     point_m: tuple[float, float] | None = Field(None, description="x and y on the specimen")
@@ -94,13 +110,19 @@ class HoldOutIn(StrictModel):
     """What the fits do not see and the result is checked against."""
 
     points: list[Int64] | None = Field(
-        None, max_length=10_000, description="grid points whose FRFs are held out; default: every eighth FRF; []: none"
+        None,
+        max_length=10_000,
+        description="grid points whose FRFs are held out; default: every eighth FRF; []: none",
     )
-    band_hz: Band | None = Field(None, description="lines held out; those above the fitted band always are")
+    band_hz: Band | None = Field(
+        None, description="lines held out; those above the fitted band always are"
+    )
 
 
 class InputsIn(CampaignInputs, StructureInputs):
-    """How well the laboratory knows what it hands in; what is null here is as the campaign and the structure state it."""
+    """How well the laboratory knows what it hands in; what is null here is as the campaign and the
+    structure state it.
+    """
 
     def or_as_stated(
         self,
@@ -119,7 +141,9 @@ class InputsIn(CampaignInputs, StructureInputs):
         for stated in (InputsIn.window(*window), campaign, self):
             values = stated.model_dump(exclude_none=True)
             if values.keys() & _WINDOWS:
-                found = {name: value for name, value in found.items() if not name.startswith("window_")}
+                found = {
+                    name: value for name, value in found.items() if not name.startswith("window_")
+                }
             found |= values
         return InputsIn.model_validate(found)
 
@@ -139,7 +163,9 @@ class InputsIn(CampaignInputs, StructureInputs):
             density_sd=self.density_sd_kg_m3,
             nu_xy_sd=self.nu_xy_sd,
             fibre_angle_sd=None if angle is None else math.radians(angle),
-            ply_angle_sd=None if self.ply_angle_sd_deg is None else math.radians(self.ply_angle_sd_deg),
+            ply_angle_sd=(
+                None if self.ply_angle_sd_deg is None else math.radians(self.ply_angle_sd_deg)
+            ),
             clamp_compliance_sd=self.clamp_compliance_sd,
             sensor_mass_sd=self.sensor_mass_sd_kg,
             delay_sd=self.channel_delay_sd_s,
@@ -167,7 +193,11 @@ class IdentificationRecipeIn(PolesIn):
     """How an update identifies modes where it is given none; `{}` will do."""
 
     include_doubtful: bool = Field(
-        True, description="use the uncertain poles, from probability 0.1 on, too; each is weighed by its probability"
+        True,
+        description=(
+            "use the uncertain poles, from probability 0.1 on, too; each is weighed by its"
+            " probability"
+        ),
     )
 
 
@@ -177,60 +207,98 @@ class RecipeIn(StrictModel):
     model_config = example()
 
     method: Literal["two_stage", "joint"] = Field(
-        "two_stage", description="joint: constants and damping together from the FRFs, without modes"
+        "two_stage",
+        description="joint: constants and damping together from the FRFs, without modes",
     )
-    mode_set: UUID | None = Field(None, description="measured modes; without it they are identified from the FRFs")
+    mode_set: UUID | None = Field(
+        None, description="measured modes; without it they are identified from the FRFs"
+    )
     identification: IdentificationRecipeIn = IdentificationRecipeIn(
         band_hz=None, highest_order=40, most_modes=100, threshold=0.9, include_doubtful=True
     )
-    springs: list[SpringIn] = Field(default_factory=list, max_length=20, description="elastic supports of the specimen")
+    springs: list[SpringIn] = Field(
+        default_factory=list, max_length=20, description="elastic supports of the specimen"
+    )
     zones_m: list[float] = Field(
         default_factory=list,
         max_length=12,
-        description="x in m of lines between zones whose stiffness may have changed by a factor each: the parameters zone_1, "
-        "zone_2, …, nearly all expected to be 1",
+        description=(
+            "x in m of lines between zones whose stiffness may have changed by a factor each: the"
+            " parameters zone_1, zone_2, …, nearly all expected to be 1"
+        ),
     )
     junctions: Literal["on", "off"] = Field(
         "on",
-        description="of a body in space: `off` updates it as a solver has it, walls joined at their middle surfaces without a "
-        "model of the joint, and takes an error of 1.6 % of a frequency for that",
+        description=(
+            "of a body in space: `off` updates it as a solver has it, walls joined at their middle"
+            " surfaces without a model of the joint, and takes an error of 1.6 % of a frequency for"
+            " that"
+        ),
     )
     parameters: list[ParameterIn] | None = Field(
         None,
         max_length=20,
-        description="default: Ex, Ey, Gxy, Gxz, and Gyz tied to Gxz, nominal ± 30 %; of a laminate that couples bending with "
-        "twisting or membrane forces: E1, E2, G12, G13, and G23 tied to G13",
+        description=(
+            "default: Ex, Ey, Gxy, Gxz, and Gyz tied to Gxz, nominal ± 30 %; of a laminate that"
+            " couples bending with twisting or membrane forces: E1, E2, G12, G13, and G23 tied"
+            " to G13"
+        ),
     )
     prior_from_coupon_batch: UUID | None = Field(
-        None, description="means and spreads of the constants that the batch gives, where the recipe states none"
+        None,
+        description=(
+            "means and spreads of the constants that the batch gives, where the recipe states none"
+        ),
     )
     processing: ProcessingIn = Field(
         default_factory=lambda: ProcessingIn.model_validate({}),
         description="how time blocks become FRFs, where the campaign has time blocks and no FRFs",
     )
-    use_shapes: bool = Field(False, description="fit the mode shapes too, not the frequencies alone")
+    use_shapes: bool = Field(
+        False, description="fit the mode shapes too, not the frequencies alone"
+    )
     damping_models: list[DampingModel] = Field(
-        ["rayleigh", "caughey3", "caughey4", "generalised", "mechanism", "mechanism_viscous", "modal"],
+        [
+            "rayleigh",
+            "caughey3",
+            "caughey4",
+            "generalised",
+            "mechanism",
+            "mechanism_viscous",
+            "modal",
+        ],
         min_length=1,
         max_length=10,
-        description="laws to rank; the first one's coefficients are reported as parameters. Those by mechanism damp the shares "
-        "of strain energy: eta_E and eta_G (loss factors), b_E and b_G (viscous), one for each modulus, or the springs' own",
+        description=(
+            "laws to rank; the first one's coefficients are reported as parameters. Those by"
+            " mechanism damp the shares of strain energy: eta_E and eta_G (loss factors), b_E and"
+            " b_G (viscous), one for each modulus, or the springs' own"
+        ),
     )
     weighting: Weighting = "noise"
-    band_hz: Band | None = Field(None, description="lines of the damping update; default: past the highest mode")
+    band_hz: Band | None = Field(
+        None, description="lines of the damping update; default: past the highest mode"
+    )
     hold_out: HoldOutIn = HoldOutIn(points=None, band_hz=None)
     reference_temperature_c: float | None = Field(
         None,
         gt=-273.15,
         le=1000,
-        description="temperature at which the constants are asked for; default: that of the campaign, or 23 where campaigns of "
-        "a joint update have several",
+        description=(
+            "temperature at which the constants are asked for; default: that of the campaign, or 23"
+            " where campaigns of a joint update have several"
+        ),
     )
     inputs: InputsIn = Field(
         default_factory=lambda: InputsIn.model_validate({}),
-        description="what the laboratory does not know exactly; null members are as campaign and structure state them",
+        description=(
+            "what the laboratory does not know exactly; null members are as campaign and structure"
+            " state them"
+        ),
     )
-    posterior: Literal["laplace", "mcmc"] = Field("laplace", description="Gaussian, or sampled with emcee")
+    posterior: Literal["laplace", "mcmc"] = Field(
+        "laplace", description="Gaussian, or sampled with emcee"
+    )
     seed: int = Field(0, ge=0, le=2**32 - 1)
 
     def parameters_of(self, body: Body) -> tuple[Parameter, ...]:
@@ -238,7 +306,8 @@ class RecipeIn(StrictModel):
         return self.to_core().parameters or default_parameters(body)
 
     def to_core(self) -> core.Recipe:
-        """The recipe as the core takes it; priors of a coupon batch are put in by who loads the batch.
+        """The recipe as the core takes it; priors of a coupon batch are put in by who loads the
+        batch.
 
         Raises:
             InputError: the identification's band is empty.
@@ -247,15 +316,18 @@ class RecipeIn(StrictModel):
             identification = self.identification.options()
         return core.Recipe(
             method=self.method,
-            parameters=None
-            if self.parameters is None
-            else tuple(Parameter(**parameter.model_dump()) for parameter in self.parameters),
+            parameters=(
+                None
+                if self.parameters is None
+                else tuple(Parameter(**parameter.model_dump()) for parameter in self.parameters)
+            ),
             use_shapes=self.use_shapes,
             damping_models=tuple(self.damping_models),
             weighting=self.weighting,
             band_hz=self.band_hz,
             hold_out=core.HoldOut(
-                None if self.hold_out.points is None else tuple(self.hold_out.points), self.hold_out.band_hz
+                None if self.hold_out.points is None else tuple(self.hold_out.points),
+                self.hold_out.band_hz,
             ),
             posterior=self.posterior,
             seed=self.seed,
@@ -285,35 +357,50 @@ class BatchJobIn(StrictModel):
     campaign_id: UUID
     recipe: RecipeIn | None = Field(None, description="default: the batch's recipe")
     specimen: Name | None = Field(
-        None, description="of a joint update: campaigns of one specimen share its dimensions; default: the structure"
+        None,
+        description=(
+            "of a joint update: campaigns of one specimen share its dimensions; default: the"
+            " structure"
+        ),
     )
     angle_deg: float | None = Field(
         None,
         ge=-360,
         le=360,
-        description="of a joint update: of the material's x axis from the specimen's; default: that of a laminate whose plies "
-        "lie alike, else 0",
+        description=(
+            "of a joint update: of the material's x axis from the specimen's; default: that of a"
+            " laminate whose plies lie alike, else 0"
+        ),
     )
 
 
 class UpdateBatchIn(StrictModel):
     """Updates to queue together, or one joint update of campaigns of one material."""
 
-    recipe: RecipeIn | None = Field(None, description="of the jobs that have none of their own; default: {}")
+    recipe: RecipeIn | None = Field(
+        None, description="of the jobs that have none of their own; default: {}"
+    )
     jobs: list[BatchJobIn] = Field(min_length=1, max_length=1000)
     joint: bool = Field(
         False,
-        description="one posterior of the material from all campaigns: its constants are shared; geometry, density and angle "
-        "are each specimen's own, the length and the clamp each campaign's",
+        description=(
+            "one posterior of the material from all campaigns: its constants are shared; geometry,"
+            " density and angle are each specimen's own, the length and the clamp each campaign's"
+        ),
     )
     scatter: float | None = Field(
         None,
         ge=0,
         le=1,
-        description="of a joint update: scale of the moduli's scatter between specimens; default 0.02; 0: none",
+        description=(
+            "of a joint update: scale of the moduli's scatter between specimens; default 0.02; 0:"
+            " none"
+        ),
     )
     coupon_batches: list[UUID] = Field(
-        default_factory=list, max_length=20, description="of a joint update: coupons of the same material, as data"
+        default_factory=list,
+        max_length=20,
+        description="of a joint update: coupons of the same material, as data",
     )
 
 
@@ -325,7 +412,9 @@ class JointCampaignOut(StrictModel):
 
 
 class JointUpdateOut(JobOut):
-    """A joint update: how far it is, or what became of it. Its result is at `/joint-updates/{id}/result`."""
+    """A joint update: how far it is, or what became of it. Its result is at
+    `/joint-updates/{id}/result`.
+    """
 
     project_id: UUID
     campaigns: list[JointCampaignOut]

@@ -24,20 +24,27 @@ BAR = BeamSpecimen(0.5, 0.04, 0.01, 30e9, 0.3, 2012.0, dofs=ALL)
 def hz_and_kinds(body: BeamSpecimen, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Of the elastic modes."""
     found = modes(body, count)
-    return found.frequency_hz[found.rigid :], np.array(mode_kinds(body.model, found.shapes[:, found.rigid :]))
+    return found.frequency_hz[found.rigid :], np.array(
+        mode_kinds(body.model, found.shapes[:, found.rigid :])
+    )
 
 
 def section_of(body: BeamSpecimen) -> tuple[dict[str, float], dict[str, float]]:
     """Coefficients of stiffness and mass by name."""
     q = np.array(list(body.nominal.values()))
-    names = ([name.rpartition(".")[2] for name in matrix.names] for matrix in (body.model.stiffness, body.model.mass))
+    names = (
+        [name.rpartition(".")[2] for name in matrix.names]
+        for matrix in (body.model.stiffness, body.model.mass)
+    )
     values = body.stiffness_coefficients(q), body.mass_coefficients(q)
     stiffness, mass = (dict(zip(n, v, strict=True)) for n, v in zip(names, values, strict=True))
     return stiffness, mass
 
 
 def simply_supported_hz(body: BeamSpecimen, count: int) -> np.ndarray:
-    """Timoshenko's simply supported beam: w ~ sin, θ ~ cos, a 2 × 2 eigenproblem for each half wave number."""
+    """Timoshenko's simply supported beam: w ~ sin, θ ~ cos, a 2 × 2 eigenproblem for each half wave
+    number.
+    """
     stiffness, inertia = section_of(body)
     shear, bending, mass, rotary = stiffness["GA2"], stiffness["EI1"], inertia["m"], inertia["mI1"]
     found = []
@@ -66,8 +73,11 @@ def test_axial_and_torsional_frequencies_are_those_of_bars() -> None:
     hz, kinds = hz_and_kinds(body, 20)
     stiffness, inertia = section_of(body)
     torsion = hz[kinds == "torsion"]
-    # Free bars: f = n/2L √(stiffness/inertia); 40 quadratic elements are exact to 1e-6 for the first two.
-    np.testing.assert_allclose(torsion[:2], np.array([1, 2]) * np.sqrt(stiffness["GJ"] / inertia["mJ"]), rtol=1e-6)
+    # Free bars: f = n/2L √(stiffness/inertia); 40 quadratic elements are exact to 1e-6 for the
+    # first two.
+    np.testing.assert_allclose(
+        torsion[:2], np.array([1, 2]) * np.sqrt(stiffness["GJ"] / inertia["mJ"]), rtol=1e-6
+    )
     assert np.min(np.abs(hz / np.sqrt(stiffness["EA"] / inertia["m"]) - 1)) < 1e-6
 
 
@@ -85,18 +95,30 @@ def test_torsion_stiffness_of_known_sections() -> None:
 def test_beam_and_plate_agree_on_the_papers_strip() -> None:
     mass, one = PointMass(0.49, 0.015, 0.0048), np.ones(())
     plain = replace(BAR, masses=(mass,), dofs=(2, 3, 4)).structure
-    torsion = rectangle_torsion(PAPER.Gxy * one, PAPER.Gxz * one, 0.04 * one, 0.01 * one) / PAPER.Gxy
-    part = replace(BeamSection.rectangle(0.04, 0.01, PAPER.Ex, PAPER.Gxy, PAPER.density), torsion=float(torsion))
-    beam = replace(plain, sections={"beam": replace(part, shear=(5 / 6, 5 / 6 * PAPER.Gxz / PAPER.Gxy))})
+    torsion = (
+        rectangle_torsion(PAPER.Gxy * one, PAPER.Gxz * one, 0.04 * one, 0.01 * one) / PAPER.Gxy
+    )
+    part = replace(
+        BeamSection.rectangle(0.04, 0.01, PAPER.Ex, PAPER.Gxy, PAPER.density),
+        torsion=float(torsion),
+    )
+    beam = replace(
+        plain, sections={"beam": replace(part, shear=(5 / 6, 5 / 6 * PAPER.Gxz / PAPER.Gxy))}
+    )
     ours = modes(beam, 5)
     shell = plate((0.5, 0.04), (40, 4), of_boundary("cantilever"), [mass])
     theirs = solve(shell, paper_section(), 5)
-    # A beam's clamp holds no anticlastic bending (1e-3) and lets the section warp, which the plate's does not (2 %).
-    np.testing.assert_allclose(ours.frequency_hz[[0, 1, 3, 4]], theirs.frequency_hz[[0, 1, 3, 4]], rtol=2e-3)
+    # A beam's clamp holds no anticlastic bending (1e-3) and lets the section warp, which the
+    # plate's does not (2 %).
+    np.testing.assert_allclose(
+        ours.frequency_hz[[0, 1, 3, 4]], theirs.frequency_hz[[0, 1, 3, 4]], rtol=2e-3
+    )
     assert 0.97 < ours.frequency_hz[2] / theirs.frequency_hz[2] < 1
     corner, up = np.array([[0.5, 0.02, 0.0]]), np.array([[0.0, 0, 1]])
     seen = np.abs(beam.model.observe(corner, up) @ ours.shapes[:, :3])
-    np.testing.assert_allclose(seen, np.abs(shell.model.observe(corner, up) @ theirs.shapes[:, :3]), rtol=3e-2)
+    np.testing.assert_allclose(
+        seen, np.abs(shell.model.observe(corner, up) @ theirs.shapes[:, :3]), rtol=3e-2
+    )
 
 
 BEAM = BeamSpecimen(0.5, 0.04, 0.010, modulus=30e9, poisson=0.3, density=2012.0)
@@ -112,7 +134,9 @@ def test_derivatives_agree_with_closed_forms_and_differences() -> None:
     bends = NAMES[0].index("beam.EI1")
     shears = [row for row, name in enumerate(NAMES[0]) if "G" in name]
     np.testing.assert_allclose(found.stiffness_by[:, 0], found.stiffness / E, rtol=1e-14)
-    np.testing.assert_allclose(found.stiffness_by[shears, 1], -found.stiffness[shears] / (1 + nu), rtol=1e-14)
+    np.testing.assert_allclose(
+        found.stiffness_by[shears, 1], -found.stiffness[shears] / (1 + nu), rtol=1e-14
+    )
     by_size = found.stiffness[bends] * np.array([1 / width, 3 / thickness])
     np.testing.assert_allclose(found.stiffness_by[bends, 3:5], by_size)
     np.testing.assert_allclose(found.mass_by[:, 2], found.mass / density, rtol=1e-14)
@@ -122,18 +146,26 @@ def test_derivatives_agree_with_closed_forms_and_differences() -> None:
         difference = (up.stiffness - down.stiffness) / (2e-5 * value)
         # Central differences err by 1e-10 relative and round-off/step, 1e-11 of the value.
         np.testing.assert_allclose(
-            found.stiffness_by[:, p], difference, rtol=1e-8, atol=1e-9 * found.stiffness.max() / value
+            found.stiffness_by[:, p],
+            difference,
+            rtol=1e-8,
+            atol=1e-9 * found.stiffness.max() / value,
         )
 
 
 def test_bending_and_torsion_give_both_constants_back() -> None:
-    forward = forward_model(BEAM, 9, Parameter("E", prior_mean=25e9), Parameter("nu", prior_sd=0.3), points=grid())
+    forward = forward_model(
+        BEAM, 9, Parameter("E", prior_mean=25e9), Parameter("nu", prior_sd=0.3), points=grid()
+    )
     truth = np.array([31e9, 0.22])
     state = forward.solve(truth)
     dofs = tuple(Dof(point, 3) for point in forward.points)
-    modes = MeasuredModes(state.frequency_hz[:5], np.full(5, 0.02), state.shapes[:5].astype(complex), dofs)
+    modes = MeasuredModes(
+        state.frequency_hz[:5], np.full(5, 0.02), state.shapes[:5].astype(complex), dofs
+    )
     result = update_elastic(forward, modes)
     sd = np.sqrt(np.diag(result.covariance))
-    assert np.all(np.abs(result.theta - truth) < 0.5 * sd)  # priors of 30 % may pull a little, no more
+    # priors of 30 % may pull a little, no more
+    assert np.all(np.abs(result.theta - truth) < 0.5 * sd)
     np.testing.assert_allclose(result.theta, truth, rtol=5e-3)
     assert all(verdict.identifiable for verdict in result.identifiability)

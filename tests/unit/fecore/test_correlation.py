@@ -8,7 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fecore.correlation import _FREQUENCY_SCALE as FREQUENCY_SCALE
-from fecore.correlation import Pairing, auto_mac, csac, csf, frac, frequency_error, mac, pair_modes, sac
+from fecore.correlation import (
+    Pairing,
+    auto_mac,
+    csac,
+    csf,
+    frac,
+    frequency_error,
+    mac,
+    pair_modes,
+    sac,
+)
 
 
 def random_complex(*shape: int, seed: int = 0) -> np.ndarray:
@@ -23,8 +33,16 @@ def test_mac_of_a_worked_pair() -> None:
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)
-@given(st.integers(1, 5), st.integers(1, 8), st.floats(-150, 150), st.floats(0, 6.28), st.integers(0, 99))
-def test_mac_does_not_see_scale_or_phase(n: int, p: int, power: float, phase: float, seed: int) -> None:
+@given(
+    st.integers(1, 5),
+    st.integers(1, 8),
+    st.floats(-150, 150),
+    st.floats(0, 6.28),
+    st.integers(0, 99),
+)
+def test_mac_does_not_see_scale_or_phase(
+    n: int, p: int, power: float, phase: float, seed: int
+) -> None:
     a, b = random_complex(n, p, seed=seed), random_complex(3, p, seed=seed + 1)
     first = mac(a, b)
     assert np.all((first >= 0) & (first <= 1))
@@ -65,7 +83,9 @@ def test_pairing_is_the_best_of_all_permutations() -> None:
         hz = np.linspace(100, 100.1, 5)  # so close that frequency does not matter
         pairing = pair_modes(measured, model, hz[:4], hz, minimum_mac=0.0)
         worth = np.maximum(-np.log(1.05 - mac(measured, model)), 1e-6)
-        best = max(itertools.permutations(range(5), 4), key=lambda order: sum(worth[range(4), list(order)]))
+        best = max(
+            itertools.permutations(range(5), 4), key=lambda order: sum(worth[range(4), list(order)])
+        )
         assert pairing.pairs == tuple(enumerate(best))
 
 
@@ -83,7 +103,9 @@ def test_one_good_pair_is_not_given_up_for_two_poor_ones() -> None:
 ALIASED = np.array([[1, 0, 0], [0.1, 1, 1], [0.1, 1, 1.02]])  # the last two are sampled alike
 ALIKE = np.array([[1, 0, 0], [1, 0.1, 0], [1, 0.05, 0]])
 MIXED, ONE = np.array([[1.01, 0.01, 0.01, 0.01], [0.01, 0.01, 1.01, 0.01], [1, 1, 1, 1]]), np.eye(1)
-INSIDE, OUTSIDE = ([100 * (1 - by), 100, 100 * (1 + by)] for by in (0.9 * FREQUENCY_SCALE, 1.1 * FREQUENCY_SCALE))
+INSIDE, OUTSIDE = (
+    [100 * (1 - by), 100, 100 * (1 + by)] for by in (0.9 * FREQUENCY_SCALE, 1.1 * FREQUENCY_SCALE)
+)
 
 
 # fmt: off
@@ -95,7 +117,8 @@ PAIRINGS = [
     pytest.param(None, None, [0.3], [0.5], {}, {"pairs": ((0, 0),)}, id="slow"),
     pytest.param(ONE, ONE, [10], [29.9], {}, {"pairs": ((0, 0),)}, id="just below thrice as high"),
     pytest.param(ONE, ONE, [10], [30.1], {}, {"pairs": ()}, id="more than thrice as high"),
-    pytest.param(MIXED, np.eye(4), [10, 30, 35], [10, 20, 30, 400], {"minimum_mac": 0.5},  # 400 Hz was not measured
+    # 400 Hz was not measured
+    pytest.param(MIXED, np.eye(4), [10, 30, 35], [10, 20, 30, 400], {"minimum_mac": 0.5},
                  {"pairs": ((0, 0), (1, 2)), "unpaired_measured": (2,), "unpaired_model": (1,)}, id="some of both alone"),
     pytest.param(np.eye(3)[[1]], np.eye(3), [100], INSIDE, {}, {"pairs": ((0, 1),), "unpaired_model": (0, 2)},
                  id="a little outside of the measured ones"),
@@ -112,7 +135,9 @@ PAIRINGS = [
 # fmt: on
 
 
-@pytest.mark.parametrize(("measured", "model", "measured_hz", "model_hz", "choices", "expected"), PAIRINGS)
+@pytest.mark.parametrize(
+    ("measured", "model", "measured_hz", "model_hz", "choices", "expected"), PAIRINGS
+)
 def test_who_is_paired_with_whom(measured, model, measured_hz, model_hz, choices, expected) -> None:
     pairing = pair_modes(measured, model, measured_hz, model_hz, **choices)
     assert {name: getattr(pairing, name) for name in expected} == expected
@@ -128,9 +153,13 @@ def test_who_is_paired_with_whom(measured, model, measured_hz, model_hz, choices
         (0.92, 3, 0),
     ],  # however far off, no more than four times as much
 )
-def test_a_distance_in_frequency_costs_as_much_as_some_mac(likeness: float, scales: float, partner: int) -> None:
+def test_a_distance_in_frequency_costs_as_much_as_some_mac(
+    likeness: float, scales: float, partner: int
+) -> None:
     model = [[np.sqrt(likeness), np.sqrt(1 - likeness)], [1, 0]]
-    assert pair_modes([[1, 0]], model, [100], [100, 100 * np.exp(scales * FREQUENCY_SCALE)]).pairs == ((0, partner),)
+    assert pair_modes(
+        [[1, 0]], model, [100], [100, 100 * np.exp(scales * FREQUENCY_SCALE)]
+    ).pairs == ((0, partner),)
 
 
 def test_an_error_is_relative_to_the_measured_frequency() -> None:
@@ -142,7 +171,10 @@ def test_messages_count_modes_from_one() -> None:
     assert pairing.messages([10, 35], [9, 10.5, 11]) == (
         "measured mode 2 (35.00 Hz) has no partner in the model",
         "model mode 1 (9.00 Hz) was not measured",
-        "measured mode 1 (10.00 Hz) is paired with model mode 2 (10.50 Hz), but model mode 3 (11.00 Hz) fits nearly as well",
+        (
+            "measured mode 1 (10.00 Hz) is paired with model mode 2 (10.50 Hz), but model mode 3"
+            " (11.00 Hz) fits nearly as well"
+        ),
     )
 
 
@@ -156,7 +188,11 @@ def test_two_measured_modes_of_a_mixed_pair_both_have_partners_and_few_dofs_say_
     assert found.mac.diagonal() == pytest.approx([1.0, 1.0])
     assert not pair_modes(turn @ shapes, shapes, [100.0, 100.1], [100.2, 100.3], 0.6).pairs
     # Two shapes span much of what a few dofs can show.
-    few = pair_modes(turn @ np.eye(2, 8), np.eye(2, 8), [100.0, 100.1], [100.2, 100.3], 0.6, mixing=0.01)
+    few = pair_modes(
+        turn @ np.eye(2, 8), np.eye(2, 8), [100.0, 100.1], [100.2, 100.3], 0.6, mixing=0.01
+    )
     assert not few.pairs
     # A hidden mode mixes with none.
-    assert not pair_modes(turn @ shapes, shapes, [100.0, 100.1], [100.2, 100.3], 0.6, hidden=(1,), mixing=0.01).pairs
+    assert not pair_modes(
+        turn @ shapes, shapes, [100.0, 100.1], [100.2, 100.3], 0.6, hidden=(1,), mixing=0.01
+    ).pairs

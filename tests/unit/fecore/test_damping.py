@@ -48,7 +48,9 @@ def test_slopes_against_differences(law) -> None:
 @given(st.floats(0.1, 500), st.floats(1e-7, 1e-3))
 def test_rayleigh_is_equation_9_in_radians(a0: float, a1: float) -> None:
     expected = (a0 / OMEGA + a1 * OMEGA) / 2
-    np.testing.assert_allclose(damping_ratio(RAYLEIGH, np.array([a0, a1]), OMEGA), expected, rtol=1e-14)
+    np.testing.assert_allclose(
+        damping_ratio(RAYLEIGH, np.array([a0, a1]), OMEGA), expected, rtol=1e-14
+    )
     np.testing.assert_allclose(fit_ratios(RAYLEIGH, OMEGA, expected), [a0, a1], rtol=1e-9)
 
 
@@ -61,17 +63,25 @@ def test_the_rate_is_that_of_the_damping_matrix(law) -> None:
     from scipy.linalg import eigh
 
     value, phi = eigh(K, M)
-    coefficients = np.linspace(1, 2, len(law.coefficient_names)) * 1e-2 / np.abs(law.basis(np.sqrt(value))).max(axis=0)
+    coefficients = (
+        np.linspace(1, 2, len(law.coefficient_names))
+        * 1e-2
+        / np.abs(law.basis(np.sqrt(value))).max(axis=0)
+    )
     w, V = np.linalg.eig(np.linalg.solve(M, K))
     C = M @ (V @ np.diag(damping_rate(law, coefficients, np.sqrt(w.real))) @ np.linalg.inv(V)).real
     np.testing.assert_allclose(C, C.T, atol=1e-10 * np.abs(C).max())
     np.testing.assert_allclose(
-        phi.T @ C @ phi, np.diag(damping_rate(law, coefficients, np.sqrt(value))), atol=1e-10 * np.abs(C).max()
+        phi.T @ C @ phi,
+        np.diag(damping_rate(law, coefficients, np.sqrt(value))),
+        atol=1e-10 * np.abs(C).max(),
     )
 
 
 def test_rigid_body_modes_keep_mass_proportional_damping_only() -> None:
-    rate = damping_rate(CaugheySeries("all", (-1, 0, 1)), np.array([1e4, 3.0, 1e-5]), np.array([0.0, 100.0]))
+    rate = damping_rate(
+        CaugheySeries("all", (-1, 0, 1)), np.array([1e4, 3.0, 1e-5]), np.array([0.0, 100.0])
+    )
     assert rate[0] == 3.0
     with pytest.raises(InputError, match="omega"):
         damping_ratio(RAYLEIGH, np.array([1.0, 1e-5]), np.array([0.0]))
@@ -81,4 +91,6 @@ def test_negative_damping_is_found_in_a_band_and_not_outside_it() -> None:
     coefficients = np.array([-20.0, 1e-4])
     crossing = np.sqrt(20 / 1e-4)
     assert negative_band(RAYLEIGH, coefficients, 1.01 * crossing, 5000.0) is None
-    assert negative_band(RAYLEIGH, coefficients, 100.0, 5000.0) == pytest.approx((100.0, crossing), rel=0.01)
+    assert negative_band(RAYLEIGH, coefficients, 100.0, 5000.0) == pytest.approx(
+        (100.0, crossing), rel=0.01
+    )

@@ -40,7 +40,8 @@ def test_rigid_body_modes_are_exact_and_the_rest_orthogonal_to_them() -> None:
     assert modes.eigenvalue[6] > 1e5
     np.testing.assert_allclose(modes.shapes.T @ (M @ modes.shapes), np.eye(14), atol=1e-12)
     dense = eigh(K.toarray(), M.toarray(), eigvals_only=True)
-    np.testing.assert_allclose(modes.eigenvalue[6:], dense[6:14], rtol=1e-6)  # the dense solver's own error
+    # the dense solver's own error
+    np.testing.assert_allclose(modes.eigenvalue[6:], dense[6:14], rtol=1e-6)
 
 
 def test_repeated_roots_of_a_square_plate_are_complete() -> None:
@@ -53,7 +54,9 @@ def test_repeated_roots_of_a_square_plate_are_complete() -> None:
 
 
 def test_modes_are_complete_where_there_are_fewer_different_roots_than_modes() -> None:
-    """What the factor makes of a block then lies in the block, and the search goes on from a new one."""
+    """What the factor makes of a block then lies in the block, and the search goes on from a new
+    one.
+    """
     value = np.repeat([2.0, 3.0], 30)
     modes = normal_modes(sparse.csc_array(np.diag(value)), sparse.csc_array(np.eye(60)), 40)
     np.testing.assert_allclose(modes.eigenvalue, value[:40], rtol=1e-11)
@@ -75,12 +78,16 @@ def test_negative_pivots_of_banded_matrices_are_the_negative_eigenvalues(monkeyp
 def test_a_pivot_of_zero_is_refused(widest, monkeypatch) -> None:
     monkeypatch.setattr(fecore.dynamics.factor, "_WIDEST_BAND", widest)
     with pytest.raises(ModelError, match="a pivot vanishes"):
-        fecore.dynamics.factor.negative_eigenvalues(sparse.csc_array(np.array([[0.0, 0.0], [0.0, 1.0]])))
+        fecore.dynamics.factor.negative_eigenvalues(
+            sparse.csc_array(np.array([[0.0, 0.0], [0.0, 1.0]]))
+        )
 
 
 @pytest.mark.parametrize("seed", range(30))
 def test_any_pattern_is_eliminated_front_by_front(seed) -> None:
-    """Random graphs of nodes with some dofs each, also in pieces; definite and indefinite, with one elimination."""
+    """Random graphs of nodes with some dofs each, also in pieces; definite and indefinite, with one
+    elimination.
+    """
     random = np.random.default_rng(seed)
     nodes, dofs = int(random.integers(1, 60)), int(random.integers(1, 7))
     ends = random.integers(0, nodes, (2, int(random.integers(0, 3 * nodes))))
@@ -100,7 +107,9 @@ def test_any_pattern_is_eliminated_front_by_front(seed) -> None:
     np.testing.assert_allclose(definite @ factor.solve(right), right, atol=1e-11 * size)
     L = factor.colour(np.eye(size))
     np.testing.assert_allclose(L @ L.T, definite.toarray(), atol=1e-13 * size * size)
-    assert elimination.negative_pivots(sparse.csc_array(full)) == np.sum(np.linalg.eigvalsh(full) < 0)
+    assert elimination.negative_pivots(sparse.csc_array(full)) == np.sum(
+        np.linalg.eigvalsh(full) < 0
+    )
     assert elimination.factorise(sparse.csc_array(full - (1 + lowest) * np.eye(size))) is None
 
 
@@ -141,7 +150,12 @@ def test_both_factorisations_solve_and_colour(widest, monkeypatch) -> None:
         fecore.dynamics.factor.factorise(sparse.csc_array(-1.0 * K))
 
 
-@given(size=st.integers(1, 40), share=st.floats(0, 1), alike=st.booleans(), seed=st.integers(0, 2**32 - 1))
+@given(
+    size=st.integers(1, 40),
+    share=st.floats(0, 1),
+    alike=st.booleans(),
+    seed=st.integers(0, 2**32 - 1),
+)
 @settings(deadline=None)
 def test_largest_eigenpairs_are_lapacks(size, share, alike, seed) -> None:
     """Also for repeated roots and spectra over eight decades, as those of a plate are."""
@@ -158,7 +172,9 @@ def test_largest_eigenpairs_are_lapacks(size, share, alike, seed) -> None:
     round_off = 1e-15 * size * np.linalg.cond(B)
     np.testing.assert_allclose(found, exact, atol=round_off)
     np.testing.assert_allclose(vectors.T @ B @ vectors, np.eye(count), atol=round_off)
-    np.testing.assert_allclose(vectors.T @ A @ vectors, np.diag(found), atol=round_off * np.abs(A).max())
+    np.testing.assert_allclose(
+        vectors.T @ A @ vectors, np.diag(found), atol=round_off * np.abs(A).max()
+    )
 
 
 def test_where_inverse_iteration_fails_the_vectors_come_from_all(monkeypatch) -> None:

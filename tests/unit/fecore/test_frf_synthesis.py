@@ -17,7 +17,9 @@ A = np.array([42.25, 1.10e-5])  # the paper's
 
 
 def forward(boundary: str, count: int, *, reduced: bool) -> ForwardModel:
-    specimen = Specimen(0.5, 0.04, 0.01, PAPER, boundary, (PointMass(0.49, 0.015, 0.0048),), divisions=(20, 2))
+    specimen = Specimen(
+        0.5, 0.04, 0.01, PAPER, boundary, (PointMass(0.49, 0.015, 0.0048),), divisions=(20, 2)
+    )
     return forward_model(specimen, count, points=PLACES, reduced=reduced)
 
 
@@ -25,7 +27,9 @@ def direct(state: ForwardState, frequency: np.ndarray, quantity: Quantity) -> np
     """FRFs of all points under a load at the first, solved line by line."""
     model, c, rows = state.forward.specimen.model, state.coefficients, state.forward.observation
     K, M = model.stiffness.at(c.stiffness), model.mass.at(c.mass)
-    return direct_frf(K, M, A[0] * M + A[1] * K, rows, rows[[0]].toarray().ravel(), frequency, quantity)
+    return direct_frf(
+        K, M, A[0] * M + A[1] * K, rows, rows[[0]].toarray().ravel(), frequency, quantity
+    )
 
 
 @pytest.mark.parametrize(("boundary", "reduced"), [("cantilever", False), ("free", True)])
@@ -49,9 +53,12 @@ def test_residual_terms_each_gain_an_order() -> None:
     errors = []
     for terms in range(4):
         cut = ModalFrfModel(frfs.eigenvalue, frfs.residues, frfs.residual[:, :terms], frfs.shift)
-        found = cut.synthesise(frequency, damping_rate(RAYLEIGH, A, cut.omega), "receptance", (A[0], A[1]))
+        found = cut.synthesise(
+            frequency, damping_rate(RAYLEIGH, A, cut.omega), "receptance", (A[0], A[1])
+        )
         errors.append(np.abs(found - exact).max())
-    # The first mode left out is at 2024 Hz, so each term is worth (1000/2024)² ≈ 1/4 at the top of the band.
+    # The first mode left out is at 2024 Hz, so each term is worth (1000/2024)² ≈ 1/4 at the top of
+    # the band.
     for terms in range(1, 4):
         assert errors[terms] < errors[terms - 1] / 3
 
@@ -83,4 +90,6 @@ def test_reciprocity_and_signed_directions() -> None:
 
     one = frf(DOFS[0], DOFS[2])
     np.testing.assert_allclose(one, frf(DOFS[2], DOFS[0]), rtol=1e-6, atol=1e-5 * np.abs(one).max())
-    np.testing.assert_allclose(one, -frf(Dof(0, -3), DOFS[2]), rtol=1e-6, atol=1e-5 * np.abs(one).max())
+    np.testing.assert_allclose(
+        one, -frf(Dof(0, -3), DOFS[2]), rtol=1e-6, atol=1e-5 * np.abs(one).max()
+    )

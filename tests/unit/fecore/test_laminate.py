@@ -1,4 +1,6 @@
-"""Laminates: rotation, shear by plies, one layer in their place, and updating of each ply's constants."""
+"""Laminates: rotation, shear by plies, one layer in their place, and updating of each ply's
+constants.
+"""
 
 from dataclasses import replace
 
@@ -28,7 +30,9 @@ angles = st.floats(-180, 180)
 @settings(derandomize=True, max_examples=50, deadline=None)
 @given(angles)
 def test_rotation_keeps_the_invariants(angle: float) -> None:
-    """Tsai and Pagano's U1 … U5 combinations that no rotation changes (Reddy, section 2.4), and the shears' trace."""
+    """Tsai and Pagano's U1 … U5 combinations that no rotation changes (Reddy, section 2.4), and the
+    shears' trace.
+    """
     straight, skew = (section([Ply(PLY, 1e-3, turn)]) for turn in (0.0, angle))
     Q, turned = straight.A, skew.A
     for first, second in (
@@ -47,7 +51,9 @@ def test_rotation_keeps_the_invariants(angle: float) -> None:
 def test_a_stack_mirrored_about_its_middle_does_not_couple(half: list[float]) -> None:
     laminate = section([Ply(PLY, 1e-3, angle) for angle in (*half, *reversed(half))])
     assert not laminate.is_coupled
-    assert np.abs(laminate.B).max() < 1e-12 * np.sqrt(np.abs(laminate.A).max() * np.abs(laminate.D).max())
+    assert np.abs(laminate.B).max() < 1e-12 * np.sqrt(
+        np.abs(laminate.A).max() * np.abs(laminate.D).max()
+    )
 
 
 def test_ply_wise_shear_of_one_ply_is_five_sixths() -> None:
@@ -61,7 +67,8 @@ GLASS = OrthotropicMaterial(Ex=38e9, Ey=9e9, Gxy=4e9, Gxz=4e9, Gyz=3e9, nu_xy=0.
 def test_one_layer_is_itself() -> None:
     same = homogenise(section([Ply(GLASS, 0.01)]))
     for name in ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy", "density"):
-        assert getattr(same, name) == pytest.approx(getattr(GLASS, name), rel=1e-12)  # a 3 × 3 inverse's round-off
+        # a 3 × 3 inverse's round-off
+        assert getattr(same, name) == pytest.approx(getattr(GLASS, name), rel=1e-12)
 
 
 def test_cross_ply_keeps_its_bending_and_shear_stiffness() -> None:
@@ -92,7 +99,9 @@ def test_a_stack_of_more_plies_than_can_be_updated_keeps_their_angles() -> None:
     assert not any(name.startswith("angle") for name in body.nominal)
     turned = stack(*(0.0, 90.0) * 21)
     assert not np.allclose(
-        body.stiffness_coefficients(constants(body)), turned.stiffness_coefficients(constants(turned)), rtol=1e-3
+        body.stiffness_coefficients(constants(body)),
+        turned.stiffness_coefficients(constants(turned)),
+        rtol=1e-3,
     )
 
 
@@ -123,19 +132,26 @@ def test_other_dimensions_and_angles_are_those_of_a_body_built_with_them(angles)
 def test_bending_stiffness_of_a_strip_of_one_direction(angles) -> None:
     body = stack(*angles)
     modulus = CARBON.Ex if angles[0] == 0 else CARBON.Ey
-    expected = modulus * body.width * body.thickness**3 / 12  # free to bend across, so without Poisson's ratio
+    # free to bend across, so without Poisson's ratio
+    expected = modulus * body.width * body.thickness**3 / 12
     assert body.bending_stiffness(constants(body)) == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_sandwich_vibrates_as_allens_closed_form() -> None:
-    """Simply supported, thin faces: ω² = D k⁴ / (m (1 + D k²/S)) with D = E t d²/2(1 - ν²), S = G d²/c (Allen 1969, ch. 5)."""
+    """Simply supported, thin faces: ω² = D k⁴ / (m (1 + D k²/S)) with D = E t d²/2(1 - ν²), S = G
+    d²/c (Allen 1969, ch. 5).
+    """
     E, nu, G, t, c, side = 68.9e9, 0.33, 80e6, 0.0004, 0.02, 1.0
-    face = OrthotropicMaterial(E, E, E / 2 / (1 + nu), E / 2 / (1 + nu), E / 2 / (1 + nu), nu, 2768.0)
+    face = OrthotropicMaterial(
+        E, E, E / 2 / (1 + nu), E / 2 / (1 + nu), E / 2 / (1 + nu), nu, 2768.0
+    )
     core = OrthotropicMaterial(1e5, 1e5, 4e4, G, G, 0.0, 60.0)
     plies = (Ply(face, t), Ply(core, c), Ply(face, t))
     mass, d = 2 * t * 2768 + c * 60, c + t
     held = edges(*["simply_supported"] * 4)
-    body = LayeredSpecimen(side, side, c + 2 * t, plies, mass / (c + 2 * t), divisions=(10, 10), supports=held)
+    body = LayeredSpecimen(
+        side, side, c + 2 * t, plies, mass / (c + 2 * t), divisions=(10, 10), supports=held
+    )
     assert "G13_2" in body.nominal
     k2 = np.pi**2 * np.array([2.0, 5.0, 5.0, 8.0]) / side**2
     D, S = E * t * d**2 / 2 / (1 - nu**2), G * d**2 / c

@@ -31,10 +31,14 @@ class Point:
 
 def rosenbrock(x: FloatArray) -> Point:
     """r = (10 (y - x²), 1 - x), minimum 0 at (1, 1)."""
-    return Point(x, np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]]), np.array([[-20 * x[0], 10], [-1, 0]]))
+    return Point(
+        x, np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]]), np.array([[-20 * x[0], 10], [-1, 0]])
+    )
 
 
-def mover(at: Callable[[FloatArray], Point], allowed: Callable[[FloatArray], bool] = lambda _: True):
+def mover(
+    at: Callable[[FloatArray], Point], allowed: Callable[[FloatArray], bool] = lambda _: True
+):
     return lambda point, step: at(point.x + step) if allowed(point.x + step) else None
 
 
@@ -42,19 +46,25 @@ def mover(at: Callable[[FloatArray], Point], allowed: Callable[[FloatArray], boo
 def test_a_curved_valley_is_followed_to_its_end(start: tuple[float, float]) -> None:
     found = minimise(rosenbrock(np.array(start)), mover(rosenbrock), Stopping(absolute=1e-24))
     assert found.outcome == "converged"
-    np.testing.assert_allclose(found.point.x, [1, 1], atol=1e-10)  # round-off of the residuals, over the valley's slope
+    # round-off of the residuals, over the valley's slope
+    np.testing.assert_allclose(found.point.x, [1, 1], atol=1e-10)
 
 
 def test_a_linear_problem_takes_the_normal_equations_answer_in_any_units() -> None:
     random = np.random.default_rng(1)
-    A, b, units = random.standard_normal((30, 4)), random.standard_normal(30), np.array([1e-9, 1.0, 1e6, 1e12])
+    A, b, units = (
+        random.standard_normal((30, 4)),
+        random.standard_normal(30),
+        np.array([1e-9, 1.0, 1e6, 1e12]),
+    )
 
     def at(x: FloatArray) -> Point:
         return Point(x, A / units @ x - b, A / units)
 
     found = minimise(at(np.zeros(4)), mover(at))
     exact = np.linalg.lstsq(A, b, rcond=None)[0] * units
-    # What an undamped step could still gain is 10⁻¹⁰ of E, so x is within 10⁻⁵ of the residual's own size.
+    # What an undamped step could still gain is 10⁻¹⁰ of E, so x is within 10⁻⁵ of the residual's
+    # own size.
     assert found.outcome == "converged"
     np.testing.assert_allclose(found.point.x, exact, rtol=1e-4)
 
@@ -73,7 +83,9 @@ def test_a_step_out_of_bounds_is_shortened() -> None:
 
 @pytest.mark.parametrize("slope", [0.0, 1.0, 1e7, 7e-12])
 def test_a_direction_that_changes_nothing_is_said_to_be_singular(slope: float) -> None:
-    """x₂ alone, or x₁ = -s x₂, in whatever units; round-off gives the matrix a curvature that is nearly nothing."""
+    """x₂ alone, or x₁ = -s x₂, in whatever units; round-off gives the matrix a curvature that is
+    nearly nothing.
+    """
 
     def at(x: FloatArray) -> Point:
         rows = np.array([[1.0, slope], [0.1, 0.1 * slope], [1 / 3, slope / 3]])

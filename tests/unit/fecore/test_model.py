@@ -16,7 +16,8 @@ MESH = (0.5, 0.04), (20, 2)
 def test_points_are_interpolated_by_shape_functions_in_every_direction() -> None:
     model = plate(*MESH, (), membrane=True).model
     x, y = model.mesh.nodes[:, :2].T
-    field = np.column_stack([1 + x * y, y**2, x**2 - x * y, 3 * x, 2 - y])  # all within the element's polynomials
+    # all within the element's polynomials
+    field = np.column_stack([1 + x * y, y**2, x**2 - x * y, 3 * x, 2 - y])
     points = np.random.default_rng(0).uniform([0, -0.02, 0.003], [0.5, 0.02, 0.003], (15, 3))
     px, py, pz = points.T
     # On a face a point moves by the wall's rotation too: θ × z.
@@ -37,11 +38,14 @@ def test_stiff_springs_are_a_clamp_and_soft_ones_carry_a_rigid_body() -> None:
     assert soft.model.rigid_modes.shape[1] == 2
     mass = 0.5 * 0.04 * 0.01 * PAPER.density
     heave = solve(soft, paper_section(), 3).omega[2]
-    assert heave == pytest.approx(np.sqrt(100.0 / mass), rel=5e-4)  # the strip itself bends a little
+    # the strip itself bends a little
+    assert heave == pytest.approx(np.sqrt(100.0 / mass), rel=5e-4)
 
 
 def test_a_rotational_spring_is_the_elastically_clamped_beam() -> None:
-    """Frequency equation of a slender beam with w = 0 and a moment kθ at one end (Blevins): see the residual below."""
+    """Frequency equation of a slender beam with w = 0 and a moment kθ at one end (Blevins): see the
+    residual below.
+    """
     thin = section([Ply(PAPER, 0.002)])
     length, k = 0.5, 0.5  # N·m/rad for the whole edge
     spring = Spring("root_rotation", k / 0.01, 5, edge="start")
@@ -73,9 +77,18 @@ def test_a_root_spring_is_an_updating_parameter() -> None:
     """Synthetic frequencies of an elastically held strip give the spring back."""
     root = Spring("root_rotation", 4e4, 5, edge="start")
     specimen = Specimen(
-        0.5, 0.04, 0.01, PAPER, "cantilever", divisions=(20, 2), springs=(root,), supports=edges("simply_supported")
+        0.5,
+        0.04,
+        0.01,
+        PAPER,
+        "cantilever",
+        divisions=(20, 2),
+        springs=(root,),
+        supports=edges("simply_supported"),
     )
-    forward = forward_model(specimen, 5, "Ex", Parameter("root_rotation", prior_sd=4e4), points={1: (0.5, 0.0)})
+    forward = forward_model(
+        specimen, 5, "Ex", Parameter("root_rotation", prior_sd=4e4), points={1: (0.5, 0.0)}
+    )
     truth = np.array([31.0e9, 2.5e4])
     measured = MeasuredModes(forward.solve(truth).frequency_hz, np.full(5, np.nan))
     result = update_elastic(forward, measured)

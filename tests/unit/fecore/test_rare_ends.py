@@ -1,4 +1,6 @@
-"""Ends that fits and judgements seldom come to: too few lines, hits or modes, and what is said of them."""
+"""Ends that fits and judgements seldom come to: too few lines, hits or modes, and what is said of
+them.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -56,14 +58,21 @@ def test_modes_that_only_move_on_springs_tell_no_damping() -> None:
         on_springs=np.array([True]),
         frf_model=lambda *_: SimpleNamespace(strain=None),
     )
-    elastic: Any = SimpleNamespace(updated=updated, believed=lambda _: SimpleNamespace(pairs=((0, 0),)))
+    elastic: Any = SimpleNamespace(
+        updated=updated, believed=lambda _: SimpleNamespace(pairs=((0, 0),))
+    )
     modes: Any = SimpleNamespace(frequency_hz=np.array([10.0]), damping_ratio=np.array([0.01]))
-    with pytest.raises(UpdatingError, match="no measured mode strains the specimen: all move on the springs"):
+    with pytest.raises(
+        UpdatingError, match="no measured mode strains the specimen: all move on the springs"
+    ):
         damping_data.damping_data(frfs, elastic, modes, "noise")
 
 
 def test_what_campaigns_say_of_one_another() -> None:
-    parts: Any = [SimpleNamespace(name=name, contradicts=True, predictive_p=0.001, modes=(1, 2, 3)) for name in "ab"]
+    parts: Any = [
+        SimpleNamespace(name=name, contradicts=True, predictive_p=0.001, modes=(1, 2, 3))
+        for name in "ab"
+    ]
     sure = SimpleNamespace(
         probability=lambda rows: np.ones(len(rows)),
         width=lambda rows: np.ones(len(rows)),
@@ -94,15 +103,21 @@ def test_what_campaigns_say_of_one_another() -> None:
 
 def test_a_window_that_would_change_nothing_is_not_asked_about() -> None:
     law = SimpleNamespace(coefficient_names=("a0", "a1"))
-    damping: Any = SimpleNamespace(fit=SimpleNamespace(coefficients=np.array([1.0, 1e-6]), law=law), window=np.zeros(2))
+    damping: Any = SimpleNamespace(
+        fit=SimpleNamespace(coefficients=np.array([1.0, 1e-6]), law=law), window=np.zeros(2)
+    )
     assert plausibility.unstated_window(damping, Inputs(), 1.0) == []
 
 
-FIBRE = OrthotropicMaterial(Ex=33e9, Ey=32e9, Gxy=6e9, Gxz=4.5e9, Gyz=4.5e9, nu_xy=0.15, density=2000.0)
+FIBRE = OrthotropicMaterial(
+    Ex=33e9, Ey=32e9, Gxy=6e9, Gxz=4.5e9, Gyz=4.5e9, nu_xy=0.15, density=2000.0
+)
 
 
 def clamp_shifts(body: Specimen | LayeredSpecimen) -> np.ndarray:
-    """Relative shifts of the first frequencies by a clamp that gives way in rotation and in translation."""
+    """Relative shifts of the first frequencies by a clamp that gives way in rotation and in
+    translation.
+    """
     name = "Ex" if isinstance(body, Specimen) else "E1"
     state = at_prior(forward_model(body, 3, name, reduced=False))
     found = excursions(state, replace(Inputs.exact(), clamp_compliance_sd=0.01), ())
@@ -114,10 +129,12 @@ def test_a_clamp_gives_way_by_the_stiffness_at_the_root() -> None:
     plain = Specimen(*size, FIBRE, "cantilever", divisions=(20, 2))
     plies = tuple(Ply(FIBRE, 0.005) for _ in range(2))
     layered = LayeredSpecimen(*size, plies, FIBRE.density, "cantilever", divisions=(20, 2))
-    # One material, once as plies of itself: the model has another element, whose frequencies differ in the fourth digit.
+    # One material, once as plies of itself: the model has another element, whose frequencies differ
+    # in the fourth digit.
     # A twist turns no clamp about y: nothing but round-off is left of its shift.
     np.testing.assert_allclose(clamp_shifts(layered), clamp_shifts(plain), rtol=0.01, atol=1e-12)
-    thick = replace(plain, pieces=(Piece(0.0, 0.5, 0.02, 0.02),))  # all of it as thick: the same as stated so
+    # all of it as thick: the same as stated so
+    thick = replace(plain, pieces=(Piece(0.0, 0.5, 0.02, 0.02),))
     known = replace(plain, thickness=0.02)
     at_root, everywhere = clamp_shifts(thick)[0], clamp_shifts(known)[0]
     np.testing.assert_allclose(at_root, everywhere, rtol=0.01, atol=1e-12)

@@ -1,7 +1,9 @@
 """Derivatives against complex steps.
 
-LAPACK's eigensolvers lose an infinitesimal imaginary part, so the oracle is Newton's method on Kφ = λMφ, φᵀMφ = 1 in
-complex arithmetic from the real pair: K(θ + ih), h = 10⁻²⁰, and the derivative is the imaginary part over h.
+LAPACK's eigensolvers lose an infinitesimal imaginary part, so the oracle is Newton's method on Kφ =
+λMφ, φᵀMφ = 1 in
+complex arithmetic from the real pair: K(θ + ih), h = 10⁻²⁰, and the derivative is the imaginary
+part over h.
 """
 
 import numpy as np
@@ -60,7 +62,11 @@ def complex_pair(K, M, value, shape):
     for _ in range(3):
         size = len(shape)
         system = np.zeros((size + 1, size + 1), dtype=complex)
-        system[:size, :size], system[:size, size], system[size, :size] = K - value * M, -M @ shape, 2 * (M @ shape)
+        system[:size, :size], system[:size, size], system[size, :size] = (
+            K - value * M,
+            -M @ shape,
+            2 * (M @ shape),
+        )
         residual = np.append(K @ shape - value * (M @ shape), shape @ M @ shape - 1)
         step = np.linalg.solve(system, -residual)
         shape, value = shape + step[:size], value + step[size]
@@ -96,7 +102,9 @@ def test_residual_series_is_that_of_the_modes_left_out() -> None:
 
 
 def test_repeated_roots_give_exact_derivatives_of_what_has_one() -> None:
-    """A pencil with a double root: the sum over the cluster of λ, and of φφᵀ, are smooth; so are its FRFs."""
+    """A pencil with a double root: the sum over the cluster of λ, and of φφᵀ, are smooth; so are
+    its FRFs.
+    """
     rng = np.random.default_rng(4)
     size = 10
     T = rng.standard_normal((size, size)) + 4 * np.eye(size)
@@ -107,7 +115,9 @@ def test_repeated_roots_give_exact_derivatives_of_what_has_one() -> None:
     inside = same_cluster(modes.eigenvalue)
     assert inside[1, 2]
     assert inside.sum() == 7
-    G = eigenvalue_derivatives(modes, *(mode_forms(modes, [term], np.ones((1, 1))) for term in (dK, dM)))[0]
+    G = eigenvalue_derivatives(
+        modes, *(mode_forms(modes, [term], np.ones((1, 1))) for term in (dK, dM))
+    )[0]
     by = mode_shape_derivatives(K, M, modes, [dK], [dM])[0]
     z = 6.3 + 0.4j
     pair = modes.shapes[:, 1:3]
@@ -119,7 +129,9 @@ def test_repeated_roots_give_exact_derivatives_of_what_has_one() -> None:
         return V[:, 1:3] @ np.diag(1 / (w[1:3] - z)) @ V[:, 1:3].T
 
     h = 1e-4
-    numeric = sum(c * cluster_receptance(k * h) for k, c in ((-2, 1), (-1, -8), (1, 8), (2, -1))) / (12 * h)
+    numeric = sum(
+        c * cluster_receptance(k * h) for k, c in ((-2, 1), (-1, -8), (1, 8), (2, -1))
+    ) / (12 * h)
     # Fourth-order differences of a well-conditioned pencil.
     np.testing.assert_allclose(change, numeric, atol=1e-8 * np.abs(numeric).max())
     # The cluster's own derivatives are the eigenvalues of G: the double root splits along them.
@@ -132,7 +144,9 @@ def test_roots_are_one_within_a_relative_distance() -> None:
     np.testing.assert_array_equal(alike, np.equal.outer([0, 0, 1, 1, 2], [0, 0, 1, 1, 2]))
 
 
-SPECIMEN = Specimen(0.3, 0.05, 0.01, PAPER, "cantilever", (PointMass(0.29, 0.02, 0.005),), divisions=(3, 1))
+SPECIMEN = Specimen(
+    0.3, 0.05, 0.01, PAPER, "cantilever", (PointMass(0.29, 0.02, 0.005),), divisions=(3, 1)
+)
 PLACES = np.array([[0.1, 0.0], [0.2, 0.02], [0.3, -0.025]])
 DOFS = [Dof(point, 3) for point in range(3)]
 
@@ -140,7 +154,9 @@ DOFS = [Dof(point, 3) for point in range(3)]
 @pytest.mark.parametrize("boundary", ["cantilever", "free"])
 @pytest.mark.parametrize("reduced", [False, True])
 def test_forward_models_derivatives_against_complex_steps(boundary, reduced) -> None:
-    """All eight constants; the oracle steps the element terms themselves, over the dofs or over the basis."""
+    """All eight constants; the oracle steps the element terms themselves, over the dofs or over the
+    basis.
+    """
     specimen = Specimen(0.3, 0.05, 0.01, PAPER, boundary, SPECIMEN.masses, divisions=(3, 1))
     parametrisation = parametrise(specimen, [Parameter(name) for name in CONSTANTS])
     forward = ForwardModel(specimen, parametrisation, along_z((0, 1, 2)), PLACES, 7, reduced)
@@ -150,7 +166,9 @@ def test_forward_models_derivatives_against_complex_steps(boundary, reduced) -> 
         np.array([np.asarray(a.todense() if hasattr(a, "todense") else a) for a in terms])
         for terms in (state.stiffness, state.mass)
     )
-    observation = forward.observation.toarray() @ (np.eye(stiffness.shape[1]) if state.basis is None else state.basis)
+    observation = forward.observation.toarray() @ (
+        np.eye(stiffness.shape[1]) if state.basis is None else state.basis
+    )
     rigid = state.modes.rigid
     assert not state.eigenvalue_jacobian[:rigid].any()
     for p in range(theta.size):
@@ -158,7 +176,8 @@ def test_forward_models_derivatives_against_complex_steps(boundary, reduced) -> 
         stepped[p] += 1j * STEP * theta[p]
         c = parametrisation.coefficients(stepped)
         K, M = np.tensordot(c.stiffness, stiffness, 1), np.tensordot(c.mass, mass, 1)
-        scale = np.sqrt(np.diag(K.real) + 1e3 * np.diag(M.real))  # a common size of all dofs, for the oracle's sake
+        # a common size of all dofs, for the oracle's sake
+        scale = np.sqrt(np.diag(K.real) + 1e3 * np.diag(M.real))
         for k in range(rigid, 7):
             value, shape = complex_pair(
                 K / np.outer(scale, scale),
@@ -168,7 +187,9 @@ def test_forward_models_derivatives_against_complex_steps(boundary, reduced) -> 
             )
             exact = value.imag / (STEP * theta[p])
             largest = np.abs(state.eigenvalue_jacobian[k] * theta).max() / theta[p]
-            assert state.eigenvalue_jacobian[k, p] == pytest.approx(exact, rel=1e-8, abs=1e-8 * largest)
+            assert state.eigenvalue_jacobian[k, p] == pytest.approx(
+                exact, rel=1e-8, abs=1e-8 * largest
+            )
             seen = observation @ (shape.imag / (STEP * theta[p]) / scale)
             size = np.abs(state.shape_jacobian[:, k] * theta[:, None]).max() / theta[p]
             np.testing.assert_allclose(state.shape_jacobian[p, k], seen, atol=1e-8 * size)

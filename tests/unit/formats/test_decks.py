@@ -1,4 +1,6 @@
-"""Decks read back as a solver would: supports, masses and cards. Acceptance has CalculiX find their modes."""
+"""Decks read back as a solver would: supports, masses and cards. Acceptance has CalculiX find their
+modes.
+"""
 
 import re
 from dataclasses import replace
@@ -49,16 +51,23 @@ def test_the_edges_are_held_as_the_boundary_says(
             held.setdefault(name, []).append(f"{first},{last}")
         assert held == wanted
         for name in held:
-            members = np.concatenate([np.array(row, int) for row in _block(text, f"*NSET, NSET={name}")]) - 1
+            members = (
+                np.concatenate([np.array(row, int) for row in _block(text, f"*NSET, NSET={name}")])
+                - 1
+            )
             line = name.endswith("LINE")
             nodes = _nodes(text)
             edge = np.abs(nodes[:, 0] - at[name.removesuffix("LINE")]) < 1e-12
-            assert set(members) == set(np.flatnonzero(edge & (np.abs(nodes[:, 2]) < 1e-12) if line else edge))
+            assert set(members) == set(
+                np.flatnonzero(edge & (np.abs(nodes[:, 2]) < 1e-12) if line else edge)
+            )
     nastran = write_nastran(deck)
     rows = re.findall(r"^SPC1,1,(\d+),(\d+)$", nastran, re.MULTILINE)
     assert ({dofs for dofs, _ in rows}, "SPC = 1" in nastran) == (spc, bool(spc))
     assert {int(node) for _, node in rows} == {
-        n + 1 for n, (x, *_) in enumerate(_nodes(write_shells(deck))) if x in [at[name] for name in shell]
+        n + 1
+        for n, (x, *_) in enumerate(_nodes(write_shells(deck)))
+        if x in [at[name] for name in shell]
     }
 
 
@@ -69,7 +78,9 @@ def test_cards_carry_the_constants() -> None:
         [3e9],
     ]
     np.testing.assert_allclose(
-        np.hstack(_block(shells, "*ELASTIC, TYPE=ENGINEERING CONSTANTS"))[-2:], [5 / 6 * 4e9, 5 / 6 * 3e9], rtol=1e-8
+        np.hstack(_block(shells, "*ELASTIC, TYPE=ENGINEERING CONSTANTS"))[-2:],
+        [5 / 6 * 4e9, 5 / 6 * 3e9],
+        rtol=1e-8,
     )
     assert shells.startswith("** job 7\n** G13 and G23 are 5/6")
     assert "*DAMPING, ALPHA=0.5, BETA=1e-06\n" in shells
@@ -90,7 +101,8 @@ def test_masses_hang_on_the_nodes_of_their_places() -> None:
             ((_, node),) = _block(text, f"*ELEMENT, TYPE=MASS, ELSET=MASS{number}")
             np.testing.assert_allclose(_nodes(text)[int(node) - 1], [*at, 0.0], atol=1e-12)
     grid = {
-        int(n): (float(x), float(y)) for n, x, y in re.findall(r"^GRID\*,(\d+),,([^,]+),(.+)$", nastran, re.MULTILINE)
+        int(n): (float(x), float(y))
+        for n, x, y in re.findall(r"^GRID\*,(\d+),,([^,]+),(.+)$", nastran, re.MULTILINE)
     }
     hung = re.findall(r"^CONM2,\d+,(\d+),0,(.+)$", nastran, re.MULTILINE)
     np.testing.assert_allclose([grid[int(node)] for node, _ in hung], PLACES, atol=1e-12)

@@ -1,4 +1,6 @@
-"""Files of FRFs: nothing is lost on the way, a fault is named by its place, and each kind is recognised by its bytes."""
+"""Files of FRFs: nothing is lost on the way, a fault is named by its place, and each kind is
+recognised by its bytes.
+"""
 
 import io
 import pickle
@@ -34,7 +36,9 @@ HALF = np.where([[True], [False]], GAMMA, np.nan)
 
 @pytest.mark.parametrize("coherence", [None, GAMMA, HALF])
 @pytest.mark.parametrize("dtype", [np.complex64, np.complex128])
-def test_what_is_written_is_read_back_bit_for_bit(tmp_path: Path, dtype: Any, coherence: Any) -> None:
+def test_what_is_written_is_read_back_bit_for_bit(
+    tmp_path: Path, dtype: Any, coherence: Any
+) -> None:
     sent = Frfs(HZ, VALUES.astype(dtype), ROWS, "mobility", coherence)
     for write in (write_npz, write_csv):
         with (path := tmp_path / write.__name__).open("wb") as file:
@@ -46,8 +50,13 @@ def test_what_is_written_is_read_back_bit_for_bit(tmp_path: Path, dtype: Any, co
         if coherence is not None:
             np.testing.assert_array_equal(found.coherence, coherence)
         stated = [(r.label, r.averages) for r in found.frfs]
-        assert stated == ([("drive point", 5), ("", None)] if write is write_npz else [("", None)] * 2)
-        assert [[getattr(r, d) for d in DOFS] for r in found.frfs] == [[7, 3, 1, -3], [8, -2, 1, -3]]
+        assert stated == (
+            [("drive point", 5), ("", None)] if write is write_npz else [("", None)] * 2
+        )
+        assert [[getattr(r, d) for d in DOFS] for r in found.frfs] == [
+            [7, 3, 1, -3],
+            [8, -2, 1, -3],
+        ]
     assert read_npz(tmp_path / "write_npz").dtype == dtype
 
 
@@ -63,7 +72,9 @@ def test_arrow_has_the_columns_of_the_csv_and_a_batch_an_frf(coherence: Any) -> 
     assert [[r["coherence"] for r in batch] for batch in batches] == gammas
 
 
-HEAD = "response_point,response_direction,reference_point,reference_direction,frequency_hz,real,imag"
+HEAD = (
+    "response_point,response_direction,reference_point,reference_direction,frequency_hz,real,imag"
+)
 
 
 @pytest.mark.parametrize(
@@ -118,7 +129,9 @@ ARRAYS: dict[str, Any] = {
         ({"values": np.array([{}], object)}, "values: (cannot be read|claims)"),
     ],
 )  # fmt: skip
-def test_an_npz_is_refused_by_the_name_of_the_array(tmp_path: Path, change: dict[str, Any], fault: str) -> None:
+def test_an_npz_is_refused_by_the_name_of_the_array(
+    tmp_path: Path, change: dict[str, Any], fault: str
+) -> None:
     path = tmp_path / "frfs.npz"
     np.savez(path, **{**ARRAYS, **change})
     with pytest.raises(FormatError, match=fault):
@@ -152,10 +165,19 @@ def _twice(archive: zipfile.ZipFile) -> None:
     [
         (_claims, "values: claims 16000000000000 bytes and has 0"),
         (lambda archive: archive.writestr("values.npy", b"no array"), "values: cannot be read"),
-        (lambda archive: archive.writestr("values.npy", b"\x93NUMPY\x09\x00"), "values: cannot be read"),
-        (lambda archive: archive.writestr("values.npy", bytes(2000)), "unpacks to more than the 1000 bytes"),
+        (
+            lambda archive: archive.writestr("values.npy", b"\x93NUMPY\x09\x00"),
+            "values: cannot be read",
+        ),
+        (
+            lambda archive: archive.writestr("values.npy", bytes(2000)),
+            "unpacks to more than the 1000 bytes",
+        ),
         (_twice, "values: is in the file twice"),
-        (lambda _: None, "frequency_hz: is missing; values: is missing; response_point: is missing"),
+        (
+            lambda _: None,
+            "frequency_hz: is missing; values: is missing; response_point: is missing",
+        ),
     ],
 )
 def test_an_archive_that_holds_something_else_is_refused(
@@ -170,7 +192,8 @@ def test_an_archive_that_holds_something_else_is_refused(
         read_npz(path)
 
 
-# --- formats are recognised by what is in a file ------------------------------------------------------------------------
+# --- formats are recognised by what is in a file
+# ------------------------------------------------------------------------
 
 
 def written(kind: str) -> bytes:
@@ -203,9 +226,12 @@ def written(kind: str) -> bytes:
         (b"hello", "a.wav", "wav"),
         (b"", "", "uff"),
     ],
-    ids=lambda given: f"{len(given)}b" if isinstance(given, bytes) else None,  # a .mat holds the time of its writing
+    # a .mat holds the time of its writing
+    ids=lambda given: f"{len(given)}b" if isinstance(given, bytes) else None,
 )
-def test_a_format_is_recognised_by_content(tmp_path: Path, content: bytes, name: str, found: str) -> None:
+def test_a_format_is_recognised_by_content(
+    tmp_path: Path, content: bytes, name: str, found: str
+) -> None:
     path = tmp_path / "original"
     path.write_bytes(content)
     assert recognise(path, name) == found
@@ -222,7 +248,9 @@ def test_a_mat_is_inflated_no_further_than_allowed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("cut", [1, 40, 90, 900])
-def test_an_array_that_is_cut_short_inside_a_sound_zip_is_said_in_one_line(tmp_path: Path, cut: int) -> None:
+def test_an_array_that_is_cut_short_inside_a_sound_zip_is_said_in_one_line(
+    tmp_path: Path, cut: int
+) -> None:
     whole, path = io.BytesIO(), tmp_path / "cut.npz"
     np.save(whole, np.arange(100.0))
     with zipfile.ZipFile(path, "w") as archive:
@@ -238,7 +266,8 @@ def test_a_name_with_a_nul_is_refused_since_no_database_holds_it(tmp_path: Path)
         read_variables(path)
 
 
-# --- FRFs and coherences of an analyser's .mat, by a mapping ----------------------------------------------------------
+# --- FRFs and coherences of an analyser's .mat, by a mapping
+# ----------------------------------------------------------
 
 
 RANDOM = np.random.default_rng(3)
@@ -264,7 +293,11 @@ def newer(path: Path) -> None:
     with h5py.File(path, "w", userblock_size=512) as file:
         compound = np.empty((3, 64), dtype=[("real", "f8"), ("imag", "f8")])
         compound["real"], compound["imag"] = H.real, H.imag
-        file["m/f"], file["m/coh"], file["m/points"] = LINES[None], COHERENCE, np.array([[4.0, 5.0, 7.0]])
+        file["m/f"], file["m/coh"], file["m/points"] = (
+            LINES[None],
+            COHERENCE,
+            np.array([[4.0, 5.0, 7.0]]),
+        )
         file["m/H"] = compound
     with path.open("r+b") as raw:
         raw.write(b"MATLAB 7.3 MAT-file, Platform: TEST")
@@ -278,11 +311,16 @@ def test_a_structure_of_frfs_and_coherences(tmp_path: Path, write: Any) -> None:
     np.testing.assert_allclose(found.values, H * 9.80665, rtol=1e-14)
     np.testing.assert_array_equal(found.coherence, COHERENCE)
     np.testing.assert_array_equal(found.frequency_hz, LINES)
-    dofs = [(r.response_point, r.response_direction, r.reference_point, r.reference_direction) for r in found.frfs]
+    dofs = [
+        (r.response_point, r.response_direction, r.reference_point, r.reference_direction)
+        for r in found.frfs
+    ]
     assert dofs == [(33, 3, 4, 3), (33, 3, 5, 3), (33, 3, 7, 3)]
     bare = {k: v for k, v in MAPPING.items() if k not in ("coherence", "reference_point", "factor")}
     parts = read_mat(
-        path, {**bare, "reference_point": [4] * 3, "frf": {"real": "m.coh", "imaginary": "m.coh"}}, "mobility"
+        path,
+        {**bare, "reference_point": [4] * 3, "frf": {"real": "m.coh", "imaginary": "m.coh"}},
+        "mobility",
     )
     np.testing.assert_array_equal(parts.values, (1 + 1j) * COHERENCE)
     assert (parts.coherence, {row.reference_point for row in parts.frfs}) == (None, {4})
@@ -324,17 +362,34 @@ def test_a_proposal_prefers_the_frf_to_other_spectra() -> None:
         ({"factor": 0}, "expected a number other than 0"),
         ({"reference_point": ["a", 5, 7]}, "no whole number for each of the 3 FRFs"),
         ({"reference_point": [[4], [5, 7]]}, "no whole number for each of the 3 FRFs"),
-        ({"reference_point": {"variable": "m.f", "row": 1}}, "no whole number for each of the 3 FRFs"),
+        (
+            {"reference_point": {"variable": "m.f", "row": 1}},
+            "no whole number for each of the 3 FRFs",
+        ),
         ({"reference_point": {"variable": "m.endless"}}, "no whole number for each of the 3 FRFs"),
-        ({"frf": {"real": "m.H", "imaginary": "m.H"}}, "m.H: is complex, expected the real numbers of frf"),
-        ({"frf": {"real": "m.coh", "imaginary": "m.f"}}, "mapping.frf: has 3 FRFs of real and 1 of imaginary"),
+        (
+            {"frf": {"real": "m.H", "imaginary": "m.H"}},
+            "m.H: is complex, expected the real numbers of frf",
+        ),
+        (
+            {"frf": {"real": "m.coh", "imaginary": "m.f"}},
+            "mapping.frf: has 3 FRFs of real and 1 of imaginary",
+        ),
         ({"frf": "m.H"}, r"mapping.frf: is 'm.H', expected \{\"variable\": name\}, "),
-        ({"frequency_hz": "m.f"}, r"mapping.frequency_hz: is 'm.f', expected \{\"variable\": name\}"),
-        ({"frequency_hz": {"variable": "m.H"}}, "m.H: is complex, expected the real numbers of frequency_hz"),
+        (
+            {"frequency_hz": "m.f"},
+            r"mapping.frequency_hz: is 'm.f', expected \{\"variable\": name\}",
+        ),
+        (
+            {"frequency_hz": {"variable": "m.H"}},
+            "m.H: is complex, expected the real numbers of frequency_hz",
+        ),
         ({"sensor": 1}, "is not an object of"),
     ],
 )
-def test_a_mapping_that_does_not_fit_is_named(tmp_path: Path, change: dict[str, Any], fault: str) -> None:
+def test_a_mapping_that_does_not_fit_is_named(
+    tmp_path: Path, change: dict[str, Any], fault: str
+) -> None:
     path = tmp_path / "tour.mat"
     structure(path)
     with pytest.raises(FormatError, match=fault):

@@ -1,4 +1,6 @@
-"""Testing machines' text files: encodings, separators, units, restarts, and what is refused with its line."""
+"""Testing machines' text files: encodings, separators, units, restarts, and what is refused with
+its line.
+"""
 
 import contextlib
 import re
@@ -15,7 +17,9 @@ from modalbase.formats.machine_csv import Column, MachineFile, read_machine_csv
 LOAD = {"force": Column("Load", "force"), "strain": Column("Strain", "strain")}
 
 
-def read(text: str, encoding: str = "utf-8", columns: dict[str, Column] | None = None, **options: str) -> MachineFile:
+def read(
+    text: str, encoding: str = "utf-8", columns: dict[str, Column] | None = None, **options: str
+) -> MachineFile:
     return read_machine_csv(text.encode(encoding), LOAD if columns is None else columns, **options)
 
 
@@ -33,15 +37,20 @@ def test_a_german_export_with_preamble_units_below_and_decimal_commas() -> None:
 
 
 @pytest.mark.parametrize(
-    ("encoding", "name"), [("utf-8-sig", "utf-8-sig"), ("utf-16", "utf-16"), ("utf-8", "utf-8"), ("cp1252", "cp1252")]
+    ("encoding", "name"),
+    [("utf-8-sig", "utf-8-sig"), ("utf-16", "utf-16"), ("utf-8", "utf-8"), ("cp1252", "cp1252")],
 )
 def test_encodings_and_inches_and_pounds(encoding: str, name: str) -> None:
     text = "Load (lbf),Strain (µm/m),Ext (in)\n100,1000,0.002\n200,2000,0.004\n"
     columns = {**LOAD, "extension": Column("Ext", "length")}
     found = read(text, encoding, columns)
     assert found.encoding == name
-    np.testing.assert_allclose(found.runs[0].columns["force"], [444.82216152605, 889.6443230521], rtol=1e-14)
-    np.testing.assert_allclose(found.runs[0].columns["extension"], [0.0508e-3, 0.1016e-3], rtol=1e-14)
+    np.testing.assert_allclose(
+        found.runs[0].columns["force"], [444.82216152605, 889.6443230521], rtol=1e-14
+    )
+    np.testing.assert_allclose(
+        found.runs[0].columns["extension"], [0.0508e-3, 0.1016e-3], rtol=1e-14
+    )
     assert found.units == {"force": "lbf", "strain": "µm/m", "extension": "in"}
 
 
@@ -83,7 +92,10 @@ def test_a_header_that_comes_again_begins_a_run() -> None:
 
 def test_time_that_goes_back_begins_a_run() -> None:
     columns = {**LOAD, "time": Column("t", "time")}
-    found = read("t (s)\tLoad (N)\tStrain (%)\n0\t1\t0\n1\t2\t.1\n0\t1\t0\n1\t3\t.2\n2\t4\t.3\n", columns=columns)
+    found = read(
+        "t (s)\tLoad (N)\tStrain (%)\n0\t1\t0\n1\t2\t.1\n0\t1\t0\n1\t3\t.2\n2\t4\t.3\n",
+        columns=columns,
+    )
     assert [run.columns["time"].tolist() for run in found.runs] == [[0, 1], [0, 1, 2]]
 
 
@@ -94,11 +106,15 @@ def test_empty_cells_are_not_measured_and_counted() -> None:
 
 
 def test_grouped_thousands() -> None:
-    assert read('Load (N),Strain (%)\n"1,234.5",0.1\n"12,345.5",0.2\n').runs[0].columns["force"].tolist() == [
+    assert read('Load (N),Strain (%)\n"1,234.5",0.1\n"12,345.5",0.2\n').runs[0].columns[
+        "force"
+    ].tolist() == [
         1234.5,
         12345.5,
     ]
-    assert read("Load (N);Strain (µε)\n1,234,567;100\n").runs[0].columns["force"].tolist() == [1234567]
+    assert read("Load (N);Strain (µε)\n1,234,567;100\n").runs[0].columns["force"].tolist() == [
+        1234567
+    ]
     assert read("Load (N);Strain (%)\n1.234,5;0,1\n").runs[0].columns["force"].tolist() == [1234.5]
     text = "Load (N);Strain (µε)\n1,234;100\n2,345;200\n"
     with pytest.raises(FormatError, match="state decimal"):
@@ -110,10 +126,16 @@ def test_grouped_thousands() -> None:
 REFUSED = [
     ("Load;Strain (%)\n1;2\n", "stated neither by you nor in the file"),
     ("Load (kg);Strain (%)\n1;2\n", "'kg' is no unit of force"),
-    ("Load;Strain\nkN;permille\n1;0.1\n2;0.2\n", r"columns.strain.unit.*line 2 has 'permille' there"),
+    (
+        "Load;Strain\nkN;permille\n1;0.1\n2;0.2\n",
+        r"columns.strain.unit.*line 2 has 'permille' there",
+    ),
     ("Load (N);Strain (mm)\n1;2\n", "'mm' is an elongation, not a strain; state the gauge length"),
     ("Load (kN);Strain (%)\nN;%\n1;2\n", "kN and as N"),
-    ("Force (N);Strain (%)\n1;2\n", "no line has the header Load; its columns are Force \\(N\\), Strain \\(%\\)"),
+    (
+        "Force (N);Strain (%)\n1;2\n",
+        "no line has the header Load; its columns are Force \\(N\\), Strain \\(%\\)",
+    ),
     ("Load (N);Load (kN);Strain (%)\n1;2;3\n", "twice; give the column's number"),
     ("Load (N);Strain (%)\n1;2\n2;OVER\n", "line 3, column strain: 'OVER' is not a number"),
     ("Load (N);Strain (%)\n1;2\n2\n", "line 3: has 1 cells"),
@@ -121,7 +143,10 @@ REFUSED = [
     ("Load (N);Strain (%)\n", "no line with a number"),
     ("Load (N);Strain (%)\n1,5;2\n1.5;3\n", "state decimal"),
     ("", "no line has the header"),
-    ("Load (N);Strain (%)\n1.234,5;1\n1,234.5;2\n", "some numbers have a decimal point and some a decimal comma"),
+    (
+        "Load (N);Strain (%)\n1.234,5;1\n1,234.5;2\n",
+        "some numbers have a decimal point and some a decimal comma",
+    ),
     ("Load (N);Strain (%)\n1.2.3;1\n", "'1.2.3' is not a number with a decimal '.'"),
     ('Load (N);Strain (%)\n"' + "1" * 140_000 + '";1\n', "line 2: cannot be split into cells"),
 ]
@@ -178,14 +203,18 @@ VALUE = st.floats(-1e5, 1e5).map(lambda v: round(v, 4))
     st.sampled_from(["\n", "\r\n", "\r"]),
     st.booleans(),
 )
-def test_what_is_written_is_read(rows: list[tuple[float, float]], style: tuple[str, str], end: str, bom: bool) -> None:
+def test_what_is_written_is_read(
+    rows: list[tuple[float, float]], style: tuple[str, str], end: str, bom: bool
+) -> None:
     delimiter, decimal = style
     body = [delimiter.join(f"{v:.4f}".replace(".", decimal) for v in row) for row in rows]
     text = end.join([f"Load (N){delimiter}Strain (%)", "", *body, ""])
     found = read(text, "utf-8-sig" if bom else "utf-8")
     assert len(found.runs) == 1
     np.testing.assert_allclose(found.runs[0].columns["force"], [r[0] for r in rows], rtol=0, atol=0)
-    np.testing.assert_allclose(found.runs[0].columns["strain"], [r[1] * 0.01 for r in rows], rtol=1e-15)
+    np.testing.assert_allclose(
+        found.runs[0].columns["strain"], [r[1] * 0.01 for r in rows], rtol=1e-15
+    )
 
 
 def test_a_line_of_units_is_read_column_by_column() -> None:

@@ -1,4 +1,6 @@
-"""Units as engineers write them: their factors to SI and dimensions, and where they stand in names."""
+"""Units as engineers write them: their factors to SI and dimensions, and where they stand in
+names.
+"""
 
 import pytest
 
@@ -23,7 +25,11 @@ ACCELERANCE = Dimension(0, -1, 0)
 @pytest.mark.parametrize(
     ("factor", "dimension", "texts"),
     [
-        (1.0, ACCELERATION, ["m/s2", "m/s^2", "m/s**2", "m/s²", "m/s/s", "M/SEC2", "m s^-2", "m s-2"]),
+        (
+            1.0,
+            ACCELERATION,
+            ["m/s2", "m/s^2", "m/s**2", "m/s²", "m/s/s", "M/SEC2", "m s^-2", "m s-2"],
+        ),
         (1e-3, ACCELERATION, ["mm/s2"]),
         (0.0254, ACCELERATION, ["in/s^2"]),
         (G, ACCELERATION, ["g", "G", "gn", "g's"]),
@@ -67,7 +73,24 @@ def test_labels(factor: float, dimension: Dimension, texts: list[str]) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", "NONE", "EU", "m//s", "m/", "(m", "m)", "*", "m^", "m^x", "m^4", "m^-", "m 2 3", "dB", "m/s^2^", "²"],
+    [
+        "",
+        "NONE",
+        "EU",
+        "m//s",
+        "m/",
+        "(m",
+        "m)",
+        "*",
+        "m^",
+        "m^x",
+        "m^4",
+        "m^-",
+        "m 2 3",
+        "dB",
+        "m/s^2^",
+        "²",
+    ],
 )
 def test_labels_that_say_nothing(text: str) -> None:
     assert read_unit(text) is None
@@ -110,7 +133,10 @@ def test_milli_and_mega_are_told_apart_or_not_at_all() -> None:
 def test_a_sensitivity_has_a_dimension() -> None:
     found = read_unit("mV/g")
     assert found is not None
-    assert (found.factor, found.dimension) == (pytest.approx(1e-3 / G), VOLTAGE.times(ACCELERATION, -1))
+    assert (found.factor, found.dimension) == (
+        pytest.approx(1e-3 / G),
+        VOLTAGE.times(ACCELERATION, -1),
+    )
     assert found.quantity is None
 
 

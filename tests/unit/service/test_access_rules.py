@@ -1,4 +1,6 @@
-"""Rules that need no database: roles, keys that are known, the session's cookie, and where messages may go."""
+"""Rules that need no database: roles, keys that are known, the session's cookie, and where messages
+may go.
+"""
 
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -46,7 +48,10 @@ def test_a_role_is_enough_for_itself_and_for_lower_ones(held: Role | None, role:
     assert refused(lambda: require_role(archived, held, role)) is (expected or changes)
     assert refused(lambda: require_role(deleted, held, role)) is NotFound
     for project in (archived, deleted):
-        assert refused(lambda project=project: require_role(project, held, role, resting=True)) is expected
+        assert (
+            refused(lambda project=project: require_role(project, held, role, resting=True))
+            is expected
+        )
 
 
 @pytest.mark.parametrize("header", [None, "", "Bearer", "Bearer  ", "Basic mb_1_2", "mb_1_2"])
@@ -55,7 +60,9 @@ def test_without_a_key_nobody_is_there(header: str | None) -> None:
         KnownKeys(5).caller(header, "home")
 
 
-def test_a_key_counts_for_itself_only_when_it_was_found_valid(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_key_counts_for_itself_only_when_it_was_found_valid(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     now = 1000.0
     monkeypatch.setattr(door, "time", SimpleNamespace(monotonic=lambda: now))
     keys = KnownKeys(5)
@@ -81,9 +88,11 @@ def test_a_wrong_key_is_refused_and_its_address_after_some() -> None:
     with pytest.raises(Unauthorized, match="the API key is not valid"):
         keys.caller("Bearer wrong", "home")
     keys.found(keys.caller("Bearer other", "home"), "home", valid=False)
-    assert keys.caller("Bearer third", "home").suspect  # it is looked up before anything else is done for it
+    # it is looked up before anything else is done for it
+    assert keys.caller("Bearer third", "home").suspect
     right = keys.caller("Bearer right", "home")
-    assert (right.known, right.suspect) == (True, False)  # who is known to be right is let in from there
+    # who is known to be right is let in from there
+    assert (right.known, right.suspect) == (True, False)
     third = keys.caller("Bearer third", "elsewhere")
     assert (third.known, third.suspect) == (False, False)
 
@@ -98,7 +107,11 @@ def test_only_so_many_keys_are_remembered(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def cookie_scope(cookie: str, *headers: tuple[bytes, bytes], method: str = "GET") -> dict[str, Any]:
-    return {"type": "http", "method": method, "headers": [(b"cookie", cookie.encode("latin-1")), *headers]}
+    return {
+        "type": "http",
+        "method": method,
+        "headers": [(b"cookie", cookie.encode("latin-1")), *headers],
+    }
 
 
 @pytest.mark.parametrize(
@@ -113,13 +126,18 @@ def cookie_scope(cookie: str, *headers: tuple[bytes, bytes], method: str = "GET"
         ({"type": "http", "method": "GET", "headers": []}, None),
     ],
 )
-def test_a_cookie_stands_for_a_key_where_none_is_stated(scope: dict[str, Any], token: str | None) -> None:
+def test_a_cookie_stands_for_a_key_where_none_is_stated(
+    scope: dict[str, Any], token: str | None
+) -> None:
     assert session_token(scope) == token
 
 
-# --- where messages may go, and how they are signed ---------------------------------------------------------------------
+# --- where messages may go, and how they are signed
+# ---------------------------------------------------------------------
 
-LOOPBACK = Settings(webhook_networks="127.0.0.0/8", webhook_ports="1-65535", delivery_pause_seconds=0.05)
+LOOPBACK = Settings(
+    webhook_networks="127.0.0.0/8", webhook_ports="1-65535", delivery_pause_seconds=0.05
+)
 ANYWHERE = Settings()
 NOT_PUBLIC = [
     "127.0.0.1", "0.0.0.0", "10.1.2.3", "169.254.169.254", "[::1]", "[::ffff:127.0.0.1]", "[fe80::1]", "224.0.0.1",
@@ -137,7 +155,9 @@ REGISTERED = [
     "[2001:30::1]", "[2001:1ff::1]", "[2001:db8::1]", "[2002:101:101::1]", "[2620:4f:8000::1]", "[3fff::1]", "[5f00::1]",
     "[fdff::1]", "[febf::1]", "[fec0::1]", "[ff02::1]", "[4000::1]", "[1fff::1]",
 ]  # fmt: skip
-"""Of every network of the registries an address, ends of some, and what is no unicast or not assigned."""
+"""Of every network of the registries an address, ends of some, and what is no unicast or not
+assigned.
+"""
 PUBLIC = [
     "1.0.0.0", "9.255.255.255", "11.0.0.0", "100.63.255.255", "100.128.0.0", "126.255.255.255", "128.0.0.0", "169.253.255.255",
     "169.255.0.0", "172.15.255.255", "172.32.0.0", "192.0.1.0", "192.0.3.0", "192.167.255.255", "192.169.0.0",
@@ -150,7 +170,10 @@ PUBLIC = [
 def test_signature_is_that_of_standard_webhooks() -> None:
     """The example that the specification's own libraries test themselves with."""
     signature = sign(
-        "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw", "msg_p5jXN8AQM9LWM0D4loKWxJek", 1614265330, b'{"test": 2432232314}'
+        "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw",
+        "msg_p5jXN8AQM9LWM0D4loKWxJek",
+        1614265330,
+        b'{"test": 2432232314}',
     )
     assert signature == "v1,g0hM9SsE+OTPJTGt/tmIKtSyZlE3uFJELVlNIOLJ1OE="
 

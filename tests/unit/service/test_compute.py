@@ -52,7 +52,12 @@ def test_every_spectrum_survives_bit_for_bit(values: list[complex]) -> None:
             array = np.array(values).astype(dtype)
         stored = encode(array)
         assert decode(stored).tobytes() == array.astype(array.dtype.newbyteorder("<")).tobytes()
-        broken = Spectrum(stored.dtype, stored.count, stored.data[:-1] + bytes([stored.data[-1] ^ 1]), stored.sha256)
+        broken = Spectrum(
+            stored.dtype,
+            stored.count,
+            stored.data[:-1] + bytes([stored.data[-1] ^ 1]),
+            stored.sha256,
+        )
         with pytest.raises(Damaged):
             decode(broken)
 
@@ -70,7 +75,8 @@ def test_an_axis_keeps_its_lines(start: float, step: float, count: int) -> None:
         np.testing.assert_array_equal(encode_axis(uneven).frequency_hz(), uneven)
 
 
-# --- a structure's plies become the specimen that updating takes --------------------------------------------------------
+# --- a structure's plies become the specimen that updating takes
+# --------------------------------------------------------
 
 FACE = {
     "E1_Pa": 70e9,
@@ -81,7 +87,15 @@ FACE = {
     "nu_12": 0.3,
     "density_kg_m3": 2700.0,
 }
-CORE = {"E1_Pa": 1e6, "E2_Pa": 1e6, "G12_Pa": 5e5, "G13_Pa": 4e7, "G23_Pa": 2e7, "nu_12": 0.0, "density_kg_m3": 100.0}
+CORE = {
+    "E1_Pa": 1e6,
+    "E2_Pa": 1e6,
+    "G12_Pa": 5e5,
+    "G13_Pa": 4e7,
+    "G23_Pa": 2e7,
+    "nu_12": 0.0,
+    "density_kg_m3": 100.0,
+}
 T, H, LENGTH, WIDTH = 0.0005, 0.02, 0.6, 0.04
 
 
@@ -103,9 +117,12 @@ def ply(material: dict[str, float], thickness: float) -> dict[str, float]:
 
 
 def test_a_sandwich_has_the_shear_stiffness_and_the_frequency_of_the_published_solution() -> None:
-    """Allen, Analysis and Design of Structural Sandwich Panels (1969): S = G_c (h + t)²/h, and a simply supported strip's
-    ω = (π/L)² √(D/m) / √(1 + π² D/(L² S)) with D = E_f t (h + t)²/2."""
-    body = nominal_specimen(structure([ply(FACE, T), ply(CORE, H), ply(FACE, T)]), "simply_supported")
+    """Allen, Analysis and Design of Structural Sandwich Panels (1969): S = G_c (h + t)²/h, and a
+    simply supported strip's ω = (π/L)² √(D/m) / √(1 + π² D/(L² S)) with D = E_f t (h + t)²/2.
+    """
+    body = nominal_specimen(
+        structure([ply(FACE, T), ply(CORE, H), ply(FACE, T)]), "simply_supported"
+    )
     shear, bending = 4e7 * (H + T) ** 2 / H, 70e9 * T * (H + T) ** 2 / 2
     assert body.material.Gxz * SHEAR_CORRECTION * body.thickness == pytest.approx(shear, rel=0.01)
     alike = nominal_specimen(structure([ply(FACE, 0.002)] * 4), "free")
@@ -120,7 +137,9 @@ def test_a_sandwich_has_the_shear_stiffness_and_the_frequency_of_the_published_s
 
 
 def test_a_sandwich_turns_as_its_faces_do() -> None:
-    """I2 = ∫ρz² dz of the stack, whichever body its one layer becomes: evenly spread it would be a third of it."""
+    """I2 = ∫ρz² dz of the stack, whichever body its one layer becomes: evenly spread it would be a
+    third of it.
+    """
     plain = nominal_specimen(structure([ply(FACE, T), ply(CORE, H), ply(FACE, T)]), "free")
     expected = 2 / 3 * (2700.0 * ((H / 2 + T) ** 3 - (H / 2) ** 3) + 100.0 * (H / 2) ** 3)
     for body in (plain, oriented(plain, plain.material, 0.0)):
@@ -129,11 +148,16 @@ def test_a_sandwich_turns_as_its_faces_do() -> None:
         assert np.any(np.isclose(body.mass_coefficients(q), expected, rtol=1e-9, atol=0))
 
 
-# --- files and forms as the service reads them, in the process itself ---------------------------------------------------
+# --- files and forms as the service reads them, in the process itself
+# ---------------------------------------------------
 
 
-def spectrum(number: int, values: np.ndarray, response: int, reference: int, ordinate: bytes) -> bytes:
-    return function(number, values, ordinate=ordinate, response=(response, 3), reference=(reference, 3))
+def spectrum(
+    number: int, values: np.ndarray, response: int, reference: int, ordinate: bytes
+) -> bytes:
+    return function(
+        number, values, ordinate=ordinate, response=(response, 3), reference=(reference, 3)
+    )
 
 
 def test_spectra_of_a_file_become_an_frf_and_points_come_in_blocks(
@@ -141,7 +165,9 @@ def test_spectra_of_a_file_become_an_frf_and_points_come_in_blocks(
 ) -> None:
     hz = np.arange(256.0)
     exact = 1 / ((300.0 / 6) ** 2 - hz**2 + 2j * hz)
-    points = dataset("15", *(f"{n:10d}{0:10d}{0:10d}{0:10d}{n:13.5e}{0:13.5e}{0:13.5e}" for n in (1, 2, 3)))
+    points = dataset(
+        "15", *(f"{n:10d}{0:10d}{0:10d}{0:10d}{n:13.5e}{0:13.5e}{0:13.5e}" for n in (1, 2, 3))
+    )
     parts = (
         points,
         spectrum(2, np.full(256, 2.0), 1, 1, axis(13, "NONE")),
@@ -176,9 +202,13 @@ class Dead:
         try:
             yield from map(Item, self.order.compute(self.order.inputs, None))
         except ZeroDivisionError:
-            raise ChildEnded(Failure("internal", "ZeroDivisionError", "internal error", trace="the trace")) from None
+            raise ChildEnded(
+                Failure("internal", "ZeroDivisionError", "internal error", trace="the trace")
+            ) from None
         except MemoryError:
-            raise ChildEnded(Failure("memory", "MemoryError", "the job needs more memory")) from None
+            raise ChildEnded(
+                Failure("memory", "MemoryError", "the job needs more memory")
+            ) from None
 
     def kill(self, why: Failure) -> None:
         """Nothing runs."""
@@ -202,7 +232,9 @@ def test_a_body_is_read_although_the_fork_server_died_and_what_it_meets_is_told_
         return Dead(order)
 
     monkeypatch.setattr(aside, "Child", begun)
-    monkeypatch.setattr(aside, "preload", lambda modules, threads: prepared.append((modules, threads)))
+    monkeypatch.setattr(
+        aside, "preload", lambda modules, threads: prepared.append((modules, threads))
+    )
     assert aside._read(len, ("abc",)) == 3
     assert prepared == [(["builtins"], 1)] * 2
     with pytest.raises(InputError, match="is empty"):
@@ -213,7 +245,9 @@ def test_a_body_is_read_although_the_fork_server_died_and_what_it_meets_is_told_
         aside._read(raises, (MemoryError(),))
 
 
-def test_sockets_of_the_fork_server_fit_under_a_long_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sockets_of_the_fork_server_fit_under_a_long_folder(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     for usual, within in (("/x" * 60, "/tmp"), ("/short", "/short")):
         monkeypatch.setattr(tempfile, "tempdir", usual)
         with process._short_folder():
@@ -223,8 +257,14 @@ def test_sockets_of_the_fork_server_fit_under_a_long_folder(monkeypatch: pytest.
 
 def multipart_request(**fields: str) -> Request:
     """A request with a file of 40 bytes and text fields."""
-    text = "".join(f'--x\r\nContent-Disposition: form-data; name="{k}"\r\n\r\n{v}\r\n' for k, v in fields.items())
-    file = 'Content-Disposition: form-data; name="file"; filename="a.csv"\r\nContent-Type: text/csv\r\n\r\n'
+    text = "".join(
+        f'--x\r\nContent-Disposition: form-data; name="{k}"\r\n\r\n{v}\r\n'
+        for k, v in fields.items()
+    )
+    file = (
+        'Content-Disposition: form-data; name="file"; filename="a.csv"\r\nContent-Type:'
+        " text/csv\r\n\r\n"
+    )
     body = f"{text}--x\r\n{file}{40 * '1'}\r\n--x--\r\n".encode()
 
     async def receive() -> dict[str, Any]:
@@ -239,7 +279,8 @@ def test_a_curve_has_no_more_bytes_than_a_json_body() -> None:
         asyncio.run(bodies._curve(multipart_request(coupon=json.dumps({})), 30))
 
 
-# --- a processing of records as the child process runs it ---------------------------------------------------------------
+# --- a processing of records as the child process runs it
+# ---------------------------------------------------------------
 
 SAMPLES, RATE_HZ = 65_536, 12_800.0
 FRF_BYTES = 32 * SAMPLES / 2.56  # values, variance and coherence of one FRF
@@ -251,7 +292,9 @@ def _places(folder: Path, count: int) -> ProcessingInputs:
     rng = np.random.default_rng(1)
     t = np.arange(SAMPLES) / RATE_HZ - 0.05
     force = 80 * np.exp(-((t / 4e-4) ** 2)) + 0.05 * rng.standard_normal(SAMPLES)
-    ring = np.where(t > 0, 80 * np.exp(-8 * t) * np.sin(1256 * t), 0.0) + 0.05 * rng.standard_normal(SAMPLES)
+    ring = np.where(
+        t > 0, 80 * np.exp(-8 * t) * np.sin(1256 * t), 0.0
+    ) + 0.05 * rng.standard_normal(SAMPLES)
     first = folder / "0.blocks"
     first.write_bytes(np.array([force, ring], "<f4").tobytes())
     places = []
@@ -296,12 +339,15 @@ def _peak_bytes(inputs: ProcessingInputs) -> int:
 def test_memory_does_not_grow_with_the_frfs_that_a_processing_makes(tmp_path: Path) -> None:
     few, many = 15, 25
     _peak_bytes(_places(tmp_path / "first", 1))  # what it imports is no part of it
-    grown = _peak_bytes(_places(tmp_path / "many", many)) - _peak_bytes(_places(tmp_path / "few", few))
+    grown = _peak_bytes(_places(tmp_path / "many", many)) - _peak_bytes(
+        _places(tmp_path / "few", few)
+    )
     assert grown < 0.4 * (many - few) * FRF_BYTES  # all FRFs in memory, once, would be 1
     assert not list(tmp_path.rglob("*.frfs"))  # what lay on disk between the passes
 
 
-# --- which hits a user's decisions mean ---------------------------------------------------------------------------------
+# --- which hits a user's decisions mean
+# ---------------------------------------------------------------------------------
 
 HITS = [((1, -3), 1), ((1, -3), 2), ((2, 3), 1), ((2, -3), 1)]
 
@@ -309,7 +355,9 @@ HITS = [((1, -3), 1), ((1, -3), 2), ((2, 3), 1), ((2, -3), 1)]
 def test_without_a_direction_the_one_is_meant_in_which_the_point_was_hit() -> None:
     left_out = OverruleIn(point=1, hit=2, use=False)
     assert decisions([left_out, left_out], HITS) == {(Dof(1, -3), 2): False}
-    assert decisions([OverruleIn(point=2, direction=-3, hit=1, use=True)], HITS) == {(Dof(2, -3), 1): True}
+    assert decisions([OverruleIn(point=2, direction=-3, hit=1, use=True)], HITS) == {
+        (Dof(2, -3), 1): True
+    }
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,9 @@ def grid(side: int) -> DrawnMesh:
     x, y = np.meshgrid(np.arange(side) / 3, np.arange(side) / 7, indexing="ij")
     nodes = np.column_stack([x.ravel(), y.ravel(), np.zeros(side * side)])
     k = np.arange(side * side).reshape(side, side)
-    quads = np.column_stack([each.ravel() for each in (k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:])])
+    quads = np.column_stack(
+        [each.ravel() for each in (k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:])]
+    )
     walls = [Cells("quad4", 'a "wall"', np.arange(len(quads)) + 10, quads)]
     return DrawnMesh(np.arange(side * side) + 1, nodes, walls, [Held(k[0], (0, 1, 2))], [3, 4])
 
@@ -33,9 +35,15 @@ def test_a_mesh_is_written_as_its_schema_has_it() -> None:
     mesh.write_json(file)
     shown = MeshOut.model_validate_json(file.getvalue())
     assert shown.nodes.numbers == mesh.numbers.tolist()
-    np.testing.assert_array_equal(np.column_stack([shown.nodes.x_m, shown.nodes.y_m, shown.nodes.z_m]), mesh.nodes)
+    np.testing.assert_array_equal(
+        np.column_stack([shown.nodes.x_m, shown.nodes.y_m, shown.nodes.z_m]), mesh.nodes
+    )
     (block,) = shown.blocks
-    assert (block.set, block.kind, block.numbers) == ('a "wall"', "quad4", mesh.blocks[0].numbers.tolist())
+    assert (block.set, block.kind, block.numbers) == (
+        'a "wall"',
+        "quad4",
+        mesh.blocks[0].numbers.tolist(),
+    )
     assert block.nodes == mesh.blocks[0].nodes.tolist()
     assert [(one.nodes, one.dofs) for one in shown.supports] == [(list(range(100)), [1, 2, 3])]
     assert shown.masses == [3, 4]
@@ -80,5 +88,6 @@ def test_memory_does_not_grow_with_the_text(write: Callable[[DrawnMesh, IO[bytes
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert file.size > 3 * MB
-    # VTU has all connectivities as one array, another copy of the mesh's own; the rest is a few thousand rows.
+    # VTU has all connectivities as one array, another copy of the mesh's own; the rest is a few
+    # thousand rows.
     assert peak < 2 * MB + 3 * mesh.blocks[0].nodes.nbytes

@@ -1,4 +1,6 @@
-"""Small parts of the service at the edges of what they take, and at starts and ends that a test does not have."""
+"""Small parts of the service at the edges of what they take, and at starts and ends that a test
+does not have.
+"""
 
 import subprocess
 import sys
@@ -73,21 +75,27 @@ def test_a_checkpoint_has_a_limit_and_what_is_within_it_is_sent() -> None:
     reporter.checkpoint(b"here")
     assert reading.recv().data == b"here"
     with pytest.raises(
-        ValueError, match=f"a checkpoint of {CHECKPOINT_BYTES + 1} bytes, at most {CHECKPOINT_BYTES} are"
+        ValueError,
+        match=f"a checkpoint of {CHECKPOINT_BYTES + 1} bytes, at most {CHECKPOINT_BYTES} are",
     ):
         reporter.checkpoint(bytes(CHECKPOINT_BYTES + 1))
     assert not reading.poll()
 
 
-def test_a_setting_stands_in_the_environment_or_in_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_setting_stands_in_the_environment_or_in_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     file = tmp_path / "password"
     monkeypatch.setenv("MODALBASE_SMTP_PASSWORD_FILE", str(file))
-    with pytest.raises(SettingsFileError, match=r"MODALBASE_SMTP_PASSWORD_FILE: cannot read .*password"):
+    with pytest.raises(
+        SettingsFileError, match=r"MODALBASE_SMTP_PASSWORD_FILE: cannot read .*password"
+    ):
         Settings()
     file.write_text("secret\n")
     monkeypatch.setenv("MODALBASE_SMTP_PASSWORD", "another")
     with pytest.raises(
-        SettingsFileError, match=r"both MODALBASE_SMTP_PASSWORD and MODALBASE_SMTP_PASSWORD_FILE are set"
+        SettingsFileError,
+        match=r"both MODALBASE_SMTP_PASSWORD and MODALBASE_SMTP_PASSWORD_FILE are set",
     ):
         Settings()
 
@@ -102,14 +110,17 @@ def test_nothing_is_tended_while_the_database_is_down() -> None:
     service = LocalService(Settings())
     tended: list[str] = []
     for name, ended in (("PostgreSQL", "ended by itself"), ("the API", None)):
-        part = Part(name, lambda: None, lambda name=name, ended=ended: tended.append(name) or ended, (60.0,))
+        part = Part(
+            name, lambda: None, lambda name=name, ended=ended: tended.append(name) or ended, (60.0,)
+        )
         service._parts.append(part)
     (line,) = service.tend()
     assert line.startswith("PostgreSQL ended by itself")
     assert set(tended) == {"PostgreSQL"}
 
 
-# --- ctrl-C and SIGTERM while a process is still being loaded -----------------------------------------------------------
+# --- ctrl-C and SIGTERM while a process is still being loaded
+# -----------------------------------------------------------
 
 INTERRUPTED = """
 import sys
@@ -126,11 +137,14 @@ main()
 
 
 def test_it_ends_without_a_trace() -> None:
-    ended = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, check=False
+    )
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
 
 
-# Where Python 3.11 wraps an error as `RuntimeError`: a class of the library that is loaded is just being made.
+# Where Python 3.11 wraps an error as `RuntimeError`: a class of the library that is loaded is just
+# being made.
 STOPPED = """
 import os, signal, sys
 
@@ -165,5 +179,7 @@ def test_a_signal_that_a_library_would_disguise_ends_it_without_a_trace(
     signal: str, code: int, library: str, start: str, command: list[str]
 ) -> None:
     program = STOPPED.format(signal=signal, library=library, start=start, command=command)
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
     assert (ended.returncode, ended.stdout, ended.stderr) == (code, "", "")

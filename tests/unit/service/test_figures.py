@@ -1,4 +1,6 @@
-"""Figures of results that lack something, or have what few have: each panel, curve and mark is there where there is data."""
+"""Figures of results that lack something, or have what few have: each panel, curve and mark is
+there where there is data.
+"""
 
 import json
 import math
@@ -58,7 +60,9 @@ SURE = Spread(np.ones(7), np.ones(7))
         ({"models": {"updated": FRF.measured}, "spread": SURE}, 2, 0),
     ],
 )  # fmt: skip
-def test_an_frf_alone_with_coherence_with_models(more: dict[str, Any], panels: int, shades: int) -> None:
+def test_an_frf_alone_with_coherence_with_models(
+    more: dict[str, Any], panels: int, shades: int
+) -> None:
     curves = replace(FRF, **more)
     figure = frf_figure(curves)
     assert len(figure.panels) == panels
@@ -69,13 +73,24 @@ def test_an_frf_alone_with_coherence_with_models(more: dict[str, Any], panels: i
 
 
 def a_point(mean: np.ndarray | None, coherence: np.ndarray | None) -> PointShown:
-    hit = HitShown(1, good=True, why="", sentence="", force=np.ones(9), response=np.ones(9), frf=FRF.measured)
-    return PointShown("p", "acceleration", "accelerance", 100.0, HZ, (0.0, 0.01), [hit], mean, coherence)
+    hit = HitShown(
+        1, good=True, why="", sentence="", force=np.ones(9), response=np.ones(9), frf=FRF.measured
+    )
+    return PointShown(
+        "p", "acceleration", "accelerance", 100.0, HZ, (0.0, 0.01), [hit], mean, coherence
+    )
 
 
 def test_hits_with_and_without_an_average_and_its_coherence() -> None:
-    none, one, both = (hits_figure(a_point(*given)) for given in ((None, None), (HZ + 0j, None), (HZ + 0j, np.ones(7))))
-    assert ["average of the good hits" in names(figure) for figure in (none, one, both)] == [False, True, True]
+    none, one, both = (
+        hits_figure(a_point(*given))
+        for given in ((None, None), (HZ + 0j, None), (HZ + 0j, np.ones(7)))
+    )
+    assert ["average of the good hits" in names(figure) for figure in (none, one, both)] == [
+        False,
+        True,
+        True,
+    ]
     shown = [screen(figure) for figure in (none, one, both)]
     assert ["yaxis4" in figure["layout"] for figure in shown] == [False, False, True]
     assert [figure["data"][-1]["yaxis"] for figure in shown] == ["y3", "y3", "y4"]
@@ -83,14 +98,22 @@ def test_hits_with_and_without_an_average_and_its_coherence() -> None:
 
 
 def test_a_pulse_is_drawn_sample_by_sample_and_what_is_zoomed_to_too() -> None:
-    """Half a sine of 0.6 ms among 65,536 samples is as wide as it was; what comes into view comes in full."""
+    """Half a sine of 0.6 ms among 65,536 samples is as wide as it was; what comes into view comes
+    in full.
+    """
     rate, count, begin = 51_200.0, 65_536, 0.01
     times = np.arange(count) / rate
-    force = np.where((times >= begin) & (times < begin + 6e-4), 100 * np.sin(np.pi * (times - begin) / 6e-4), 0.0)
+    force = np.where(
+        (times >= begin) & (times < begin + 6e-4), 100 * np.sin(np.pi * (times - begin) / 6e-4), 0.0
+    )
     ringing = np.exp(-times) * np.sin(2 * np.pi * 700 * times)
     lines = np.linspace(0, rate / 2, count // 2 + 1)
-    hit = HitShown(1, good=True, why="", sentence="", force=force, response=ringing, frf=1 / (700 - lines + 1j))
-    point = PointShown("p", "acceleration", "accelerance", rate, lines, (begin, begin + 6e-4), [hit], None, None)
+    hit = HitShown(
+        1, good=True, why="", sentence="", force=force, response=ringing, frf=1 / (700 - lines + 1j)
+    )
+    point = PointShown(
+        "p", "acceleration", "accelerance", rate, lines, (begin, begin + 6e-4), [hit], None, None
+    )
 
     def drawn(figure: Figure, number: int) -> tuple[np.ndarray, np.ndarray]:
         trace = screen(figure)["data"][number]
@@ -98,12 +121,15 @@ def test_a_pulse_is_drawn_sample_by_sample_and_what_is_zoomed_to_too() -> None:
 
     ms, newtons = drawn(hits_figure(point), 0)
     above = ms[newtons > 50]
-    assert above[-1] - above[0] == pytest.approx(0.4, abs=2e3 / rate)  # half of the sine is above half of its height
+    # half of the sine is above half of its height
+    assert above[-1] - above[0] == pytest.approx(0.4, abs=2e3 / rate)
     inside = (times >= begin) & (times <= begin + 6e-4)
     assert np.isin(np.round(1e3 * times[inside], 2), np.round(ms, 2)).all()
     assert ms.size < 2000
     low, high = 0.5, 0.51
-    whole, near = (drawn(hits_figure(point, window), 1)[0] for window in ((None, None), (low, high)))
+    whole, near = (
+        drawn(hits_figure(point, window), 1)[0] for window in ((None, None), (low, high))
+    )
     seen = np.sum((times >= low) & (times <= high))
     assert np.sum((whole >= low) & (whole <= high)) < seen / 10
     assert np.sum((near >= low) & (near <= high)) >= seen
@@ -145,7 +171,9 @@ def test_a_coupon_s_curve_has_what_its_standard_could_read_off(
 def test_points_of_which_none_was_held_out_have_one_symbol() -> None:
     one = np.array([0.9])
     for held, symbols in ((False, ["circle", "circle"]), (True, ["diamond", "diamond"])):
-        figure = screen(points_figure(PointValues([3], one, one, one, one, [held]), (0.0, 1.0), (-0.05, 0.05)))
+        figure = screen(
+            points_figure(PointValues([3], one, one, one, one, [held]), (0.0, 1.0), (-0.05, 0.05))
+        )
         assert [trace["marker"]["symbol"] for trace in figure["data"]] == symbols
 
 
@@ -163,7 +191,9 @@ def test_a_prior_is_drawn_where_there_was_one_and_small_sources_are_added_up() -
         ["prior, 95 %", "updated, 95 %"],
     ]
     for count, last in ((2, "s 1"), (12, OTHERS)):
-        budget: list[dict[str, Any]] = [{"source": f"s_{k}", "share": (1 - 0.01 * k) / count} for k in range(count)]
+        budget: list[dict[str, Any]] = [
+            {"source": f"s_{k}", "share": (1 - 0.01 * k) / count} for k in range(count)
+        ]
         figure = budget_figure([a_row(budget=budget)])
         assert names(figure)[-1] == last
         whole = 100 * sum(entry["share"] for entry in budget)
@@ -177,7 +207,13 @@ def a_series(baseline: Any, score: float | None, judged: Any) -> dict[str, Any]:
         "performed_at": "2026-03-02T12:00:00+00:00", "campaign_id": "c", "standard_deviation": 1e8, "raw": 2e9,
         "corrected": 2e9, "judged": judged,
     }  # fmt: skip
-    row = a_row(state="ok", points=[point], baseline=baseline, direction="fall", limits={"score": score, "chart": 4.0})
+    row = a_row(
+        state="ok",
+        points=[point],
+        baseline=baseline,
+        direction="fall",
+        limits={"score": score, "chart": 4.0},
+    )
     return {
         "parameters": [row], "structure_name": "s", "monitor_name": "m", "alarms": [], "notes": [],
         "campaigns": [{"campaign_id": "c", "name": "March"}],
@@ -189,28 +225,53 @@ def test_a_series_is_drawn_before_its_baseline_and_before_it_is_judged() -> None
     judged = {"residual_limit": 1e8, "chart": {"fall": 1.0}, "outside": True}
     steps = [
         names(series_figure(a_series(*given), "Ex"))
-        for given in ((None, None, None), (baseline, 3.0, None), (baseline, None, judged), (baseline, 3.0, judged))
+        for given in (
+            (None, None, None),
+            (baseline, 3.0, None),
+            (baseline, None, judged),
+            (baseline, 3.0, judged),
+        )
     ]
     known, chart = ["estimate", "baseline, 95 %", "baseline"], ["chart, fall", "limit of the chart"]
-    assert steps == [["estimate"], known, [*known, *chart], [*known, "limit of one campaign", *chart]]
+    assert steps == [
+        ["estimate"],
+        known,
+        [*known, *chart],
+        [*known, "limit of one campaign", *chart],
+    ]
     assert names(series_figure(a_series(None, None, None), "Gxy")) == []
 
 
 def test_a_shape_without_measured_points_or_with_one_has_no_line() -> None:
     places = np.array([[0.0, 0.0], [1.0, 0.5]])  # in no row of a grid
     for measured in (np.zeros(0), np.array([1.0])):
-        figure = screen(shapes_figure([ShapePair(1, "m", "u", measured + 0j, np.array([1.0, -1.0]))], [7, 8], places))
-        of_mode = {mode: [trace for trace in figure["data"] if trace["mode"] == mode] for mode in ("lines", "markers")}
+        figure = screen(
+            shapes_figure(
+                [ShapePair(1, "m", "u", measured + 0j, np.array([1.0, -1.0]))], [7, 8], places
+            )
+        )
+        of_mode = {
+            mode: [trace for trace in figure["data"] if trace["mode"] == mode]
+            for mode in ("lines", "markers")
+        }
         assert len(of_mode["lines"]) == 2  # of the model's two points, at rest and moved
         assert all(len(trace["x"]) == 3 for trace in of_mode["lines"])
-        assert [trace["customdata"] for trace in of_mode["markers"]] == ([[7], [7, 8]] if measured.size else [[7, 8]])
+        assert [trace["customdata"] for trace in of_mode["markers"]] == (
+            [[7], [7, 8]] if measured.size else [[7, 8]]
+        )
 
 
 def many_modes(count: int) -> UpdateFigures:
     """A result of so many measured modes, each with its partner in the model."""
     random = np.random.default_rng(count)
     modes = [
-        {"number": k + 1, "measured_hz": 10.0 * k, "updated_hz": 10.0 * k, "mac": 1.0, "kind": "bending"}
+        {
+            "number": k + 1,
+            "measured_hz": 10.0 * k,
+            "updated_hz": 10.0 * k,
+            "mac": 1.0,
+            "kind": "bending",
+        }
         for k in range(count)
     ]
     shapes = random.standard_normal((count, 6))
@@ -224,7 +285,8 @@ def many_modes(count: int) -> UpdateFigures:
 
 
 @pytest.mark.parametrize(
-    ("count", "sheets"), [(1, [1]), (8, [8]), (9, [5, 4]), (16, [8, 8]), (40, [8] * 5), (41, [8] * 5)]
+    ("count", "sheets"),
+    [(1, [1]), (8, [8]), (9, [5, 4]), (16, [8, 8]), (40, [8] * 5), (41, [8] * 5)],
 )
 def test_shapes_of_many_modes_go_over_pages(count: int, sheets: list[int]) -> None:
     figures = draw_sheets(many_modes(count), "shapes")
@@ -235,19 +297,32 @@ def test_shapes_of_many_modes_go_over_pages(count: int, sheets: list[int]) -> No
     if count == MOST_ROWS + 1:
         printed = as_pdf(Report("r", "", [Picture(figure, 0.9) for figure in figures]))
         assert printed.count(b"/Subtype /Image") == len(sheets)
-        higher = draw_figure(FIGURES, many_modes(count), "shapes", Wanted())  # than a page: it is drawn smaller
+        # than a page: it is drawn smaller
+        higher = draw_figure(FIGURES, many_modes(count), "shapes", Wanted())
         assert as_pdf(Report("r", "", [Picture(higher, 1.0)])).count(b"/Type /Page\n") == 1
     if count == 41:
-        assert draw_figure(FIGURES, many_modes(41), "shapes", Wanted()).title.endswith("the first 40 of 41 pairs")
+        assert draw_figure(FIGURES, many_modes(41), "shapes", Wanted()).title.endswith(
+            "the first 40 of 41 pairs"
+        )
 
 
-# --- numbers of a figure are JSON, whatever was measured ----------------------------------------------------------------
+# --- numbers of a figure are JSON, whatever was measured
+# ----------------------------------------------------------------
 
 
 def test_numbers_are_rounded_and_what_json_lacks_is_a_gap() -> None:
     given = [1.23456789, -6.02214076e23, 1e-320, 1e-300, 1.7e308, 0.0, math.nan, math.inf]
     found = numbers(given)
-    assert found == [1.234568, pytest.approx(-6.022141e23), 0.0, 0.0, pytest.approx(1.7e308), 0.0, None, None]
+    assert found == [
+        1.234568,
+        pytest.approx(-6.022141e23),
+        0.0,
+        0.0,
+        pytest.approx(1.7e308),
+        0.0,
+        None,
+        None,
+    ]
     json.dumps(found, allow_nan=False)
 
 
@@ -261,7 +336,10 @@ def a_result(arrays: dict[str, Any] | None = None, **document: Any) -> UpdateFig
 NO_LINES = {"frequency_hz": np.zeros(0)}
 
 
-OLDER = "this result was computed by an earlier version, which kept no data for this figure; run the update again"
+OLDER = (
+    "this result was computed by an earlier version, which kept no data for this figure; run the"
+    " update again"
+)
 
 
 MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
@@ -291,7 +369,9 @@ MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
          "this update was given its modes and identified none, so there is no stabilisation diagram"),
     ],
 )  # fmt: skip
-def test_a_figure_says_why_there_is_nothing_to_draw(name: str, data: UpdateFigures, why: str) -> None:
+def test_a_figure_says_why_there_is_nothing_to_draw(
+    name: str, data: UpdateFigures, why: str
+) -> None:
     with pytest.raises(Conflict) as refused:
         draw_figure(FIGURES, data, name, Wanted())
     assert str(refused.value) == why
@@ -301,21 +381,31 @@ def test_lines_modes_and_points_that_a_result_has_not() -> None:
     two = np.array([[0.9, 0.8], [1.0, 0.9]])
     arrays = {"band_lines_hz": np.array([10.0, 20.0]), "csac": two, "frequency_hz": np.ones(2)}
     data = a_result(arrays, modes=MODES)
-    with pytest.raises(NotFound, match="line of the fitted band, 10 to 20 Hz, between 12 and 13 Hz"):
+    with pytest.raises(
+        NotFound, match="line of the fitted band, 10 to 20 Hz, between 12 and 13 Hz"
+    ):
         draw_figure(FIGURES, data, "csac", Wanted(fmin=12, fmax=13))
     assert screen(draw_figure(FIGURES, data, "csac", Wanted(fmin=12)))["data"][0]["x"] == [20.0]
     shapes = {"shapes_updated": np.ones((3, 1)), "shape_pairs": np.array([[0, 0]])}
     alone = _shapes(a_result(shapes, modes=MODES), Wanted(measured=2))
     assert "this mode has no partner" in alone.note
     pairs = a_result(
-        {"responses": np.array([[1, 3], [2, 3], [2, 3]]), "references": np.array([[3, 3], [1, 3], [2, 3]])}
+        {
+            "responses": np.array([[1, 3], [2, 3], [2, 3]]),
+            "references": np.array([[3, 3], [1, 3], [2, 3]]),
+        }
     )
-    assert [_row_at(pairs, Wanted(point=point, reference=other)) for point, other in ((2, 2), (2, 1), (3, 1))] == [
+    assert [
+        _row_at(pairs, Wanted(point=point, reference=other))
+        for point, other in ((2, 2), (2, 1), (3, 1))
+    ] == [
         2,
         1,
         0,
     ]
-    with pytest.raises(NotFound, match="FRF at point 1 and 1 in this result; there are points 1, 2, 3"):
+    with pytest.raises(
+        NotFound, match="FRF at point 1 and 1 in this result; there are points 1, 2, 3"
+    ):
         _row_at(pairs, Wanted(point=1, reference=1))
 
 
@@ -328,7 +418,8 @@ def test_points_without_a_geometry_are_seen_from_where_they_spread() -> None:
         assert drawn.marks[0].y > drawn.marks[1].y
 
 
-# --- the figure of a watched series: what it draws is what the judgement says, on the screen and in print -------------
+# --- the figure of a watched series: what it draws is what the judgement says, on the screen and in
+# print -------------
 
 
 def of_series(watch: Watch, observations: Sequence[Observation]) -> dict[str, Any]:
@@ -347,7 +438,9 @@ def of_series(watch: Watch, observations: Sequence[Observation]) -> dict[str, An
 def test_the_figure_shows_the_series() -> None:
     watch = Watch({"Ex": "both"}, baseline=6, covariates=("temperature_c",))
     levels = [1.0] * 8 + [0.95] * 2
-    given = of_series(watch, [observe(i, e, temperature_c=float(i % 5)) for i, e in enumerate(levels)])
+    given = of_series(
+        watch, [observe(i, e, temperature_c=float(i % 5)) for i, e in enumerate(levels)]
+    )
     figure = series_figure(given, "Ex")
     shown = screen(figure)
     traces = {trace["name"]: trace for trace in shown["data"]}
@@ -355,13 +448,21 @@ def test_the_figure_shows_the_series() -> None:
     corrected = traces["corrected for temperature"]
     assert corrected["y"] == [pytest.approx(1e-9 * p["corrected"]) for p in points]
     assert corrected["customdata"] == [str(i) for i in range(10)]
-    assert corrected["error_y"]["array"] == [pytest.approx(1.959964e-9 * p["standard_deviation"]) for p in points]
+    assert corrected["error_y"]["array"] == [
+        pytest.approx(1.959964e-9 * p["standard_deviation"]) for p in points
+    ]
     assert traces["raw"]["y"] == [pytest.approx(1e-9 * p["raw"]) for p in points]
     assert traces["alarm"]["customdata"] == [["A", "8"]]
     assert traces["chart, fall"]["y"][-1] == pytest.approx(-points[-1]["judged"]["chart"]["fall"])
     assert json.loads(render(figure, "plotly")) == shown
-    outside = [p["judged"]["score"] < -given["parameters"][0]["limits"]["score"] for p in points if p["judged"]]
-    beyond = [p["judged"]["residual"] < -p["judged"]["residual_limit"] for p in points if p["judged"]]
+    outside = [
+        p["judged"]["score"] < -given["parameters"][0]["limits"]["score"]
+        for p in points
+        if p["judged"]
+    ]
+    beyond = [
+        p["judged"]["residual"] < -p["judged"]["residual_limit"] for p in points if p["judged"]
+    ]
     assert outside == beyond == [False, False, True, True]
 
 
@@ -391,7 +492,11 @@ def test_names_are_drawn_as_they_are() -> None:
 
 @pytest.mark.parametrize(
     ("parameter", "label", "factor"),
-    [("a1", "a1 [µs]", 1e6), ("frequency_2", "frequency_2 [Hz]", 1), ("damping_ratio_2", "damping_ratio_2 [%]", 100)],
+    [
+        ("a1", "a1 [µs]", 1e6),
+        ("frequency_2", "frequency_2 [Hz]", 1),
+        ("damping_ratio_2", "damping_ratio_2 [%]", 100),
+    ],
 )
 def test_axes_have_units(parameter: str, label: str, factor: float) -> None:
     given = of_series(Watch({"Ex": "fall"}, baseline=6), values(*[1.0] * 8))
@@ -403,15 +508,27 @@ def test_axes_have_units(parameter: str, label: str, factor: float) -> None:
 
 
 def test_units_are_those_of_the_results() -> None:
-    laws = (RAYLEIGH, CaugheySeries("caughey4", (0, 1, 2, 3)), GeneralisedProportional(("constant", "root"), 1.0))
+    laws = (
+        RAYLEIGH,
+        CaugheySeries("caughey4", (0, 1, 2, 3)),
+        GeneralisedProportional(("constant", "root"), 1.0),
+    )
     for law in laws:
         for name, unit in zip(law.coefficient_names, law.coefficient_units, strict=True):
             assert unit_of(name) == unit
-    assert [unit_of(name) for name in ("Ex", "nu_xy", "density", "zeta3", "spring")] == ["Pa", "1", "kg/m³", "1", None]
+    assert [unit_of(name) for name in ("Ex", "nu_xy", "density", "zeta3", "spring")] == [
+        "Pa",
+        "1",
+        "kg/m³",
+        "1",
+        None,
+    ]
 
 
 def test_the_figure_of_nothing_says_so() -> None:
-    figure = series_figure({**of_series(Watch({"Ex": "fall"}), values(1.0)), "parameters": []}, "Ex")
+    figure = series_figure(
+        {**of_series(Watch({"Ex": "fall"}), values(1.0)), "parameters": []}, "Ex"
+    )
     shown = screen(figure)
     assert shown["data"] == []
     assert shown["layout"]["annotations"][0]["text"] == "no campaign has been judged yet"

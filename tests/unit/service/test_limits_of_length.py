@@ -1,4 +1,6 @@
-"""Limits of length: what stands in the code holds, and stands in OpenAPI; texts of one character more are refused."""
+"""Limits of length: what stands in the code holds, and stands in OpenAPI; texts of one character
+more are refused.
+"""
 
 import re
 from collections.abc import Iterator
@@ -32,7 +34,9 @@ def stated(model: type[BaseModel]) -> dict[str, int]:
     return found
 
 
-LIMITED = [(model, name, most) for model in dict.fromkeys(bodies()) for name, most in stated(model).items()]
+LIMITED = [
+    (model, name, most) for model in dict.fromkeys(bodies()) for name, most in stated(model).items()
+]
 
 
 def in_openapi(schema: dict[str, Any], name: str) -> set[int]:
@@ -40,8 +44,12 @@ def in_openapi(schema: dict[str, Any], name: str) -> set[int]:
     return {one["maxLength"] for one in [node, *node.get("anyOf", [])] if "maxLength" in one}
 
 
-@pytest.mark.parametrize(("model", "name", "most"), LIMITED, ids=lambda one: getattr(one, "__name__", str(one)))
-def test_one_character_more_than_a_limit_is_refused_in_words(model: type[BaseModel], name: str, most: int) -> None:
+@pytest.mark.parametrize(
+    ("model", "name", "most"), LIMITED, ids=lambda one: getattr(one, "__name__", str(one))
+)
+def test_one_character_more_than_a_limit_is_refused_in_words(
+    model: type[BaseModel], name: str, most: int
+) -> None:
     assert in_openapi(model.model_json_schema(), name) == {most}
     with pytest.raises(Invalid) as refused:
         checked(model, {name: "x" * (most + 1)})

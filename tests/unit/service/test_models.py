@@ -1,4 +1,6 @@
-"""Users' models without a server: kept as arrays and made again, made bodies, handed back as decks."""
+"""Users' models without a server: kept as arrays and made again, made bodies, handed back as
+decks.
+"""
 
 from dataclasses import replace
 
@@ -60,7 +62,11 @@ def test_a_model_is_kept_whole(content: bytes) -> None:
     data = kept(model)
     again = model_of(data)
     assert kept(again) == data
-    assert (again.sections, again.materials, again.links) == (model.sections, model.materials, model.links)
+    assert (again.sections, again.materials, again.links) == (
+        model.sections,
+        model.materials,
+        model.links,
+    )
     for one, other in zip(again.elements, model.elements, strict=True):
         np.testing.assert_array_equal(one.nodes, other.nodes)
         np.testing.assert_array_equal(one.axes, other.axes)
@@ -68,7 +74,9 @@ def test_a_model_is_kept_whole(content: bytes) -> None:
 
 def test_the_deck_of_a_shape_is_the_body_of_the_shape() -> None:
     shaped = nominal_body(StructureIn.model_validate(ANGLE), "free")
-    np.testing.assert_allclose(frequencies(body_of_model(read_inp(deck())), 8), frequencies(shaped, 8), rtol=1e-6)
+    np.testing.assert_allclose(
+        frequencies(body_of_model(read_inp(deck())), 8), frequencies(shaped, 8), rtol=1e-6
+    )
 
 
 def test_length_width_and_height_are_constants_where_all_walls_lie_along_x() -> None:
@@ -76,9 +84,11 @@ def test_length_width_and_height_are_constants_where_all_walls_lie_along_x() -> 
     size = body_of_model(model).size
     np.testing.assert_allclose(size, np.ptp(model.nodes, axis=0), rtol=1e-12)
     assert set(body_of_model(model).nominal) >= {"length", "width", "height"}
-    along_y = replace(model, nodes=model.nodes[:, [1, 2, 0]])  # axis 1 of the material stays along x
+    # axis 1 of the material stays along x
+    along_y = replace(model, nodes=model.nodes[:, [1, 2, 0]])
     assert body_of_model(along_y).size == ()
-    turned = replace(model, nodes=model.nodes @ [[1, 0, 0], [0, 0.8, 0.6], [0, -0.6, 0.8]])  # about x
+    # about x
+    turned = replace(model, nodes=model.nodes @ [[1, 0, 0], [0, 0.8, 0.6], [0, -0.6, 0.8]])
     assert body_of_model(turned).size == ()
     stretched = replace(body_of_model(turned), size=size)
     with pytest.raises(InputError, match="of a body whose set flange does not lie along x and y"):
@@ -94,16 +104,24 @@ def test_sets_of_an_isotropic_material_have_one_free_modulus() -> None:
 
 def test_a_spring_acts_along_its_direction_at_the_end_of_its_arm() -> None:
     model = read_inp(STEEL)
-    spring = Spring(0, 0, 5.0, Where(1), direction=(0.0, 0.6, 0.8), arms=((0.1, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    spring = Spring(
+        0, 0, 5.0, Where(1), direction=(0.0, 0.6, 0.8), arms=((0.1, 0.0, 0.0), (0.0, 0.0, 0.0))
+    )
     (found,) = body_of_model(replace(model, springs=(spring,)), "as_modelled").springs
     np.testing.assert_allclose(found.rows[0, 0], [0, 0.6, 0.8, 0, -0.08, 0.06])
-    assert body_of_model(replace(model, springs=(spring,))).springs == ()  # to the ground, which a free body has not
+    # to the ground, which a free body has not
+    assert body_of_model(replace(model, springs=(spring,))).springs == ()
 
 
 def test_a_spring_acts_where_a_support_leaves_its_direction_free() -> None:
-    """Along an axis askew to what is held, or by the turn of a held node that it reaches from by an arm."""
+    """Along an axis askew to what is held, or by the turn of a held node that it reaches from by an
+    arm.
+    """
     model, axes = read_inp(STEEL), np.array([[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1.0]])
-    held, askew = Support(np.array([0]), (0, 1), Where(1)), Support(np.array([3]), (0,), Where(1), axes)
+    held, askew = (
+        Support(np.array([0]), (0, 1), Where(1)),
+        Support(np.array([3]), (0,), Where(1), axes),
+    )
     springs = {
         "across": Spring(0, 0, 5.0, Where(2), direction=(0.0, 0.6, 0.8)),
         "by its arm": Spring(0, 0, 6.0, Where(2), arms=((0.0, 0.0, 0.1), (0.0, 0.0, 0.0))),
@@ -111,13 +129,20 @@ def test_a_spring_acts_where_a_support_leaves_its_direction_free() -> None:
         "along what is held": Spring(0, 0, 8.0, Where(2), direction=(0.6, 0.8, 0.0)),
         "of nothing": Spring(2, 0, 0.0, Where(2)),
     }
-    body = body_of_model(replace(model, supports=(held, askew), springs=tuple(springs.values())), "as_modelled")
+    body = body_of_model(
+        replace(model, supports=(held, askew), springs=tuple(springs.values())), "as_modelled"
+    )
     assert [one.stiffness for one in body.springs] == [5.0, 6.0, 7.0]
 
 
 def hinged(dofs: str) -> bytes:
     """Two plates of 15 nodes, the second led along an edge by the first."""
-    places = {(part, i, j): 1 + 15 * part + 3 * i + j for part in (0, 1) for i in range(5) for j in range(3)}
+    places = {
+        (part, i, j): 1 + 15 * part + 3 * i + j
+        for part in (0, 1)
+        for i in range(5)
+        for j in range(3)
+    }
     cards = [f"GRID,{n},,{part + i / 4},{j / 10},0." for (part, i, j), n in places.items()]
     for (part, i, j), n in places.items():
         if i < 4 and j < 2:
@@ -139,11 +164,22 @@ def plate(*cards: str) -> bytes:
 
 
 def test_all_supports_and_springs_of_a_line_hold() -> None:
-    """An SPC holds two grids, each in its own way; a CBUSH has a stiffness along each axis; an include counts lines anew."""
-    deck = plate("SPC,1,1,123456,,3,123", "CBUSH,900,7,4,15,,,,0", "PBUSH,7,K,1.+4,2.+4,3.+4", "INCLUDE 'held.inc'")
+    """An SPC holds two grids, each in its own way; a CBUSH has a stiffness along each axis; an
+    include counts lines anew.
+    """
+    deck = plate(
+        "SPC,1,1,123456,,3,123",
+        "CBUSH,900,7,4,15,,,,0",
+        "PBUSH,7,K,1.+4,2.+4,3.+4",
+        "INCLUDE 'held.inc'",
+    )
     model = read_bdf(deck, {"held.inc": b"\n\n\n\nSPC1,1,12,15\n"})
     body = body_of_model(model, "as_modelled")
-    held = {int(body.mesh.node_sets[one.where][0]): one.dofs for one in body.supports if isinstance(one.where, str)}
+    held = {
+        int(body.mesh.node_sets[one.where][0]): one.dofs
+        for one in body.supports
+        if isinstance(one.where, str)
+    }
     assert held == {0: tuple(range(6)), 2: (0, 1, 2), 14: (0, 1)}
     assert sorted(spring.stiffness for spring in body.springs) == [1e4, 2e4, 3e4]
     assert len({spring.name for spring in body.springs}) == 3
@@ -152,7 +188,9 @@ def test_all_supports_and_springs_of_a_line_hold() -> None:
 
 
 def test_a_node_that_is_led_in_part_is_held_in_the_rest_along_its_own_axes() -> None:
-    turned = plate("CORD2R,5,0,0.,0.,0.,0.,.6,.8", "+,1.,0.,0.", "GRID,90,,0.,0.,.2", "SPC1,1,123456,90")
+    turned = plate(
+        "CORD2R,5,0,0.,0.,0.,0.,.6,.8", "+,1.,0.,0.", "GRID,90,,0.,0.,.2", "SPC1,1,123456,90"
+    )
     turned = turned.replace(b",0.0,0.1,0.\n", b",0.0,0.1,0.,5\n")
     cards = b"RBE2,91,90,12456,2\nSPC1,1,3,2\nRBE2,92,90,123456,1,3\n"
     parted, whole = (
@@ -165,11 +203,15 @@ def test_a_node_that_is_led_in_part_is_held_in_the_rest_along_its_own_axes() -> 
 
 def test_a_mechanism_is_named() -> None:
     with pytest.raises(
-        ModelError, match=r"mechanism: nothing resists a motion of 12 of 30 nodes, of pshell_2, .* \(2, "
+        ModelError,
+        match=r"mechanism: nothing resists a motion of 12 of 30 nodes, of pshell_2, .* \(2, ",
     ):
         frequencies(body_of_model(read_bdf(hinged("123"))), 3)
-    beam = 4.73**2 / (2 * np.pi * 2.0**2) * np.sqrt(2.1e11 * 0.01**2 / 12 / 7850)  # and the mesh is coarse
-    assert frequencies(body_of_model(read_bdf(hinged("123456"))), 3)[0] == pytest.approx(beam, rel=0.03)
+    # and the mesh is coarse
+    beam = 4.73**2 / (2 * np.pi * 2.0**2) * np.sqrt(2.1e11 * 0.01**2 / 12 / 7850)
+    assert frequencies(body_of_model(read_bdf(hinged("123456"))), 3)[0] == pytest.approx(
+        beam, rel=0.03
+    )
 
 
 def test_supports_askew_hold_along_their_axes() -> None:
@@ -191,21 +233,28 @@ def test_supports_askew_hold_along_their_axes() -> None:
 
 def solved(body: Structure) -> FloatArray:
     q, model = np.array(list(body.nominal.values())), body.model
-    K = model.stiffness.at(np.append(body.stiffness_coefficients(q), [spring.stiffness for spring in body.springs]))
+    K = model.stiffness.at(
+        np.append(body.stiffness_coefficients(q), [spring.stiffness for spring in body.springs])
+    )
     return normal_modes(K, model.mass.at(body.mass_coefficients(q)), 6).frequency_hz
 
 
 @pytest.mark.parametrize(
-    ("content", "name"), [(STEEL, "plate.inp"), (f"BEGIN BULK\n{SQUARE}ENDDATA\n".encode(), "plate.bdf")]
+    ("content", "name"),
+    [(STEEL, "plate.inp"), (f"BEGIN BULK\n{SQUARE}ENDDATA\n".encode(), "plate.bdf")],
 )
-def test_a_deck_of_one_isotropic_material_is_written_by_its_modulus(content: bytes, name: str) -> None:
+def test_a_deck_of_one_isotropic_material_is_written_by_its_modulus(
+    content: bytes, name: str
+) -> None:
     read = read_inp if name.endswith("inp") else read_bdf
-    (plate, *_) = read(content).sets
+    plate, *_ = read(content).sets
     E = 1.9e11
     constants = dict.fromkeys((f"{plate}.E1", f"{plate}.E2"), E) | dict.fromkeys(
         (f"{plate}.G12", f"{plate}.G13", f"{plate}.G23"), E / 2.6
     )
-    order = DeckOrder(content, name, "m-N-kg", "free", constants, 3, with_joints=True, remarks=("a remark",))
+    order = DeckOrder(
+        content, name, "m-N-kg", "free", constants, 3, with_joints=True, remarks=("a remark",)
+    )
     written = read(updated_deck(order))
     (material,) = written.sections[plate].materials
     assert written.materials[material].constants["E"] == pytest.approx(E)

@@ -1,4 +1,6 @@
-"""Sentences on pages are for people: no member of REST, no call, no option of a command stands in them."""
+"""Sentences on pages are for people: no member of REST, no call, no option of a command stands in
+them.
+"""
 
 import re
 from collections.abc import Iterator
@@ -12,14 +14,17 @@ from service.show.pages.look import FOLDER
 from service.store.updating.schemas import RecipeIn
 
 OF_REST = re.compile(
-    r"`|\b(?:GET|POST|PUT|PATCH|DELETE) /|\?\w+=|--\w|\b[a-z]+(?:_[a-z0-9]+)*_(?:m|kg|hz|per_s|deg)\b|/api/v1"
+    r"`|\b(?:GET|POST|PUT|PATCH|DELETE)"
+    r" /|\?\w+=|--\w|\b[a-z]+(?:_[a-z0-9]+)*_(?:m|kg|hz|per_s|deg)\b|/api/v1"
 )
 TEMPLATES = sorted((FOLDER.parent / "templates").glob("*.html"))
 
 
 def texts_of(template: str) -> Iterator[str]:
     """What a template says itself: without its expressions, tags and what scripts read."""
-    plain = re.sub(r"\{#.*?#\}|\{%.*?%\}|\{\{.*?\}\}|<script.*?</script>", " ", template, flags=re.DOTALL)
+    plain = re.sub(
+        r"\{#.*?#\}|\{%.*?%\}|\{\{.*?\}\}|<script.*?</script>", " ", template, flags=re.DOTALL
+    )
     yield from filter(str.strip, re.split(r"<[^>]*>", plain))
     yield from re.findall(r'\b(?:title|aria-label|data-confirm|alt)="([^"]*)"', plain)
     yield from re.findall(r'(?:help|hint)="([^"]*)"', template)
@@ -28,7 +33,10 @@ def texts_of(template: str) -> Iterator[str]:
 @pytest.mark.parametrize("template", TEMPLATES, ids=[each.stem for each in TEMPLATES])
 def test_templates_name_no_member(template: Path) -> None:
     said = list(texts_of(template.read_text()))
-    assert [text for text in said if OF_REST.search(text) and not text.startswith("modalbase ")] == []  # a command
+    # a command
+    assert [
+        text for text in said if OF_REST.search(text) and not text.startswith("modalbase ")
+    ] == []
 
 
 @pytest.mark.parametrize("kind", sorted(FINDINGS))

@@ -1,4 +1,6 @@
-"""What pages show: joined points, documents a line each, findings at a result's head, bars of parameters."""
+"""What pages show: joined points, documents a line each, findings at a result's head, bars of
+parameters.
+"""
 
 import itertools
 from typing import Any
@@ -45,20 +47,28 @@ def test_lines_go_on_along_a_grid_and_hold_each_pair_once() -> None:
     assert held == joined(GRID)
     assert len(held) == 11 * 2 + 10 * 3
     irregular = np.random.default_rng(2).random((40, 3)) * [1.0, 0.5, 0.0]
-    held = sorted((min(a, b), max(a, b)) for line in chains(irregular) for a, b in itertools.pairwise(line))
+    held = sorted(
+        (min(a, b), max(a, b)) for line in chains(irregular) for a, b in itertools.pairwise(line)
+    )
     assert held == joined(irregular)
 
 
 def test_trace_lines_come_before_neighbours() -> None:
     places = np.array([[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0]])
-    assert joined_as([(10, 30, 0, 30, 20), (20, 30, 77, 10)], [10, 20, 30], places) == [(0, 2), (1, 2)]
+    assert joined_as([(10, 30, 0, 30, 20), (20, 30, 77, 10)], [10, 20, 30], places) == [
+        (0, 2),
+        (1, 2),
+    ]
     assert joined_as([(0, 77, 10)], [10, 20, 30], places) == joined(places) == [(0, 1), (1, 2)]
 
 
 def test_shapes_are_compared_along_positive_axes() -> None:
     shapes = np.array([[1.0 + 0j, 2.0]])
     modes = MeasuredModes(np.array([10.0]), np.array([0.01]), shapes, (Dof(1, 3), Dof(2, -3)))
-    assert {key: value.tolist() for key, value in _by_axis(modes).items()} == {(1, 3): [1.0], (2, 3): [-2.0]}
+    assert {key: value.tolist() for key, value in _by_axis(modes).items()} == {
+        (1, 3): [1.0],
+        (2, 3): [-2.0],
+    }
     assert _by_axis(MeasuredModes(np.array([10.0]), np.array([0.01]))) == {}
 
 
@@ -73,20 +83,29 @@ def test_shapes_are_compared_along_positive_axes() -> None:
         ({"use_shapes": True}, ("use shapes", "True")),
     ],
 )
-def test_a_document_is_written_a_line_each_in_a_laboratorys_units(value: object, line: tuple[str, str]) -> None:
+def test_a_document_is_written_a_line_each_in_a_laboratorys_units(
+    value: object, line: tuple[str, str]
+) -> None:
     assert list(leaves(value)) == [line]
 
 
 def test_names_are_as_long_as_they_must_be() -> None:
     twice = ("May", "bar", "1")
-    assert _told_apart([twice, twice, ("June", "bar", "1")]) == ["May, bar, 1", "May, bar, 1", "June"]
+    assert _told_apart([twice, twice, ("June", "bar", "1")]) == [
+        "May, bar, 1",
+        "May, bar, 1",
+        "June",
+    ]
 
 
-# --- what a result opens with: at most three findings with what to do, the rest as notes ------------------------------
+# --- what a result opens with: at most three findings with what to do, the rest as notes
+# ------------------------------
 
 
 NOTES = ("measurement", "pairing", "without_joints", "campaign_missed", "campaign_modes_alone")
-"""Kinds that nobody acts on from here: remarks on the processing, and those of joint updates, whose page names the campaign."""
+"""Kinds that nobody acts on from here: remarks on the processing, and those of joint updates, whose
+page names the campaign.
+"""
 
 WINDOW = found("window_unstated", name="a0", percent=14.0)
 MISSED = found("frequencies_missed", percent=2.3)
@@ -119,7 +138,10 @@ def test_alike_findings_are_one_step_that_names_them() -> None:
     other = found("frf_turned", who="FRF 5Z/4Z (-0.98) has", of="model")
     (folded,) = warnings((TURNED, other))
     assert folded == f"{TURNED.text} (likewise: FRF 5Z/4Z (-0.98))"
-    made = of_findings(TURNED, other) | {"warnings": [folded], "verdict": {"reasons": [TURNED.text, other.text]}}
+    made = of_findings(TURNED, other) | {
+        "warnings": [folded],
+        "verdict": {"reasons": [TURNED.text, other.text]},
+    }
     steps, notes = opening(made)
     assert [step.text for step in steps] == [f"{folded}"]
     assert notes == []
@@ -132,7 +154,13 @@ def test_a_result_without_findings_shows_its_sentences_once() -> None:
 
 @pytest.mark.parametrize("prior_sd", [9.0e9, None])
 def test_a_bar_has_the_estimate_inside_its_interval(prior_sd: float | None) -> None:
-    row = {"unit": "Pa", "interval_95": [29e9, 34e9], "estimate": 31e9, "initial": 33e9, "standard_deviation": 1.4e9}
+    row = {
+        "unit": "Pa",
+        "interval_95": [29e9, 34e9],
+        "estimate": 31e9,
+        "initial": 33e9,
+        "standard_deviation": 1.4e9,
+    }
     made = bar({**row, "prior_mean": 33e9 if prior_sd else None, "prior_sd": prior_sd})
     assert made is not None
     left, wide = made.posterior

@@ -23,9 +23,17 @@ def channels(folder: Path, table: np.ndarray, sensitivity: float = 1.0, cut: int
         whole[at : at + 4] = b"\xff\xff\xff\xff"
         path.write_bytes(whole[:-cut])
     mapped = [
-        {"variable": "channel_1", "quantity": "acceleration", "point": 33, "sensitivity": sensitivity},
+        {
+            "variable": "channel_1",
+            "quantity": "acceleration",
+            "point": 33,
+            "sensitivity": sensitivity,
+        },
         {"variable": "channel_2", "quantity": "force", "point": 4},
-        *({"variable": f"channel_{k + 1}", "quantity": "acceleration", "point": 33 + k} for k in range(2, len(table))),
+        *(
+            {"variable": f"channel_{k + 1}", "quantity": "acceleration", "point": 33 + k}
+            for k in range(2, len(table))
+        ),
     ]
     return channels_of(path, {"recording": {}, "channels": mapped}, path.name)
 
@@ -86,11 +94,22 @@ def written(folder: Path, suffix: str) -> Path:
     elif suffix == ".mat":
         savemat(path, {"acc": acc[:, np.newaxis], "force": force[np.newaxis], "fs": RATE})
     elif suffix == ".csv":
-        np.savetxt(path, np.column_stack((AXIS, acc, force)), "%.17g", ",", header="fs,acc,force", comments="")
+        np.savetxt(
+            path,
+            np.column_stack((AXIS, acc, force)),
+            "%.17g",
+            ",",
+            header="fs,acc,force",
+            comments="",
+        )
     else:
         content = b""
         for kind, unit, point, samples in ((12, "m/s^2", 33, acc), (13, "N", 4, force)):
-            said = {"abscissa": axis(17, "s"), "ordinate": axis(kind, unit), "step": f"{1 / RATE:13.5e}"}
+            said = {
+                "abscissa": axis(17, "s"),
+                "ordinate": axis(kind, unit),
+                "step": f"{1 / RATE:13.5e}",
+            }
             content += function(1, samples, response=(point, 3), reference=(0, 0), **said)
         path.write_bytes(content)
     return path
@@ -109,17 +128,25 @@ def test_arrays_that_go_on_over_many_hits_are_cut_as_a_wav_is(tmp_path: Path, su
         with pytest.raises(FormatError, match="sample_rate_hz: is missing"):
             channels_of(path, {"recording": {}, "channels": mapped}, path.name)
     with pytest.raises(FormatError, match=f"is 'b'; the file has .*{names[1]}"):
-        channels_of(path, {"recording": {}, "channels": [{**mapped[0], "variable": "b"}, mapped[1]], **said}, path.name)
+        channels_of(
+            path,
+            {"recording": {}, "channels": [{**mapped[0], "variable": "b"}, mapped[1]], **said},
+            path.name,
+        )
 
 
 def test_arrays_of_unlike_length_and_single_hits_of_a_uff_are_no_recording(tmp_path: Path) -> None:
     np.savez(path := tmp_path / "long.npz", acc=WHOLE[0][:-1], force=WHOLE[1])
     mapped = two_channels("acc", "force")
-    with pytest.raises(FormatError, match=r"acc: is float64 .*, expected 14336 real numbers as force"):
+    with pytest.raises(
+        FormatError, match=r"acc: is float64 .*, expected 14336 real numbers as force"
+    ):
         channels_of(path, {"recording": {}, "channels": mapped, "sample_rate_hz": RATE}, path.name)
     twice = written(tmp_path, ".uff")
     twice.write_bytes(2 * twice.read_bytes())
-    with pytest.raises(FormatError, match="acceleration_33_3: is in the file several times: as single hits"):
+    with pytest.raises(
+        FormatError, match="acceleration_33_3: is in the file several times: as single hits"
+    ):
         channels_of(twice, {"recording": {}, "channels": mapped}, twice.name)
 
 
@@ -127,14 +154,19 @@ def test_arrays_of_unlike_length_and_single_hits_of_a_uff_are_no_recording(tmp_p
     ("channel", "fault"),
     [
         ({"point": -3}, r"channels\.0\.point: is -3\.0, expected a whole number from 1"),
-        ({"point": 1e30}, r"channels\.0\.point: is 1e\+30, expected a whole number from 1 to 9999999999"),
+        (
+            {"point": 1e30},
+            r"channels\.0\.point: is 1e\+30, expected a whole number from 1 to 9999999999",
+        ),
         ({"point": {"variable": "x"}}, r"channels\.0\.point: is 'x', expected a whole number"),
         ({"direction": 7}, r"channels\.0\.direction: is 7\.0, expected ±1 to ±6"),
         ({"direction": 0}, r"channels\.0\.direction: is 0\.0, expected ±1 to ±6"),
         ({"window_rate_per_s": 1}, "is of blocks; a recording has no window"),
     ],
 )
-def test_what_a_channel_cannot_be_is_named(tmp_path: Path, channel: dict[str, object], fault: str) -> None:
+def test_what_a_channel_cannot_be_is_named(
+    tmp_path: Path, channel: dict[str, object], fault: str
+) -> None:
     own = channels(tmp_path, WHOLE)
     mapped = two_channels("channel_1", "channel_2", **channel)
     with pytest.raises(FormatError, match=fault):

@@ -1,4 +1,6 @@
-"""Filters as people and programs write them: whatever the text, it becomes SQL or is refused in words."""
+"""Filters as people and programs write them: whatever the text, it becomes SQL or is refused in
+words.
+"""
 
 from contextlib import suppress
 
@@ -36,9 +38,30 @@ FIELDS = st.sampled_from(
 )
 VALUES = st.one_of(
     st.sampled_from(
-        ["'a'", "''", "'..'", "3", "-1e400", "1e20", "TRUE", "NULL", "POINT(0 0)", "('a', 'b')", "()", "a + 1"]
+        [
+            "'a'",
+            "''",
+            "'..'",
+            "3",
+            "-1e400",
+            "1e20",
+            "TRUE",
+            "NULL",
+            "POINT(0 0)",
+            "('a', 'b')",
+            "()",
+            "a + 1",
+        ]
     ),
-    st.sampled_from(["DATE('2026-03-01')", "DATE('x')", "DATE()", "TIMESTAMP('2026-03-01T12:00:00Z')", "'2026-03-01'"]),
+    st.sampled_from(
+        [
+            "DATE('2026-03-01')",
+            "DATE('x')",
+            "DATE()",
+            "TIMESTAMP('2026-03-01T12:00:00Z')",
+            "'2026-03-01'",
+        ]
+    ),
 )
 OPERANDS = st.recursive(
     FIELDS | VALUES,
@@ -58,7 +81,12 @@ CALLS = st.builds(
 CONDITIONS = st.one_of(
     CALLS,
     OPERANDS,
-    st.builds("{} {} {}".format, OPERANDS, st.sampled_from(["=", "<>", "<", ">=", "LIKE", "IN", "NOT LIKE"]), OPERANDS),
+    st.builds(
+        "{} {} {}".format,
+        OPERANDS,
+        st.sampled_from(["=", "<>", "<", ">=", "LIKE", "IN", "NOT LIKE"]),
+        OPERANDS,
+    ),
     st.builds("{} BETWEEN {} AND {}".format, OPERANDS, OPERANDS, OPERANDS),
     st.builds("{} IS NULL".format, OPERANDS),
 )

@@ -1,4 +1,6 @@
-"""Small parts of the service where something is missing, has ended or cannot be: no process, no database."""
+"""Small parts of the service where something is missing, has ended or cannot be: no process, no
+database.
+"""
 
 import asyncio
 import io
@@ -24,7 +26,15 @@ from service.monitoring.schemas import WatchedIn
 from service.settings import Settings
 from service.show.reports.as_html import as_html
 from service.show.reports.as_pdf import as_pdf
-from service.show.reports.blocks import Bullets, Heading, Letterhead, PageBreak, Paragraph, Report, Table
+from service.show.reports.blocks import (
+    Bullets,
+    Heading,
+    Letterhead,
+    PageBreak,
+    Paragraph,
+    Report,
+    Table,
+)
 from service.show.reports.update_report import MOST_MODES, UpdateFacts, update_report
 from service.show.results.reporting import _letterhead
 from service.store.campaigns.schemas import CampaignInputs
@@ -40,7 +50,11 @@ def test_faults_of_a_batch_are_placed_in_its_job() -> None:
     errors: list[tuple[Any, str, str]] = [
         (NotFound("campaign", "x"), "/jobs/2/campaign_id", "no campaign x"),
         (Invalid("/hold_out", "is too much"), "/jobs/2/recipe/hold_out", "is too much"),
-        (InputError("identification.band_hz", "is empty"), "/jobs/2/recipe/identification/band_hz", "is empty"),
+        (
+            InputError("identification.band_hz", "is empty"),
+            "/jobs/2/recipe/identification/band_hz",
+            "is empty",
+        ),
         (UpdatingError("no modes", {}, ()), "/jobs/2", "no modes"),
     ]
     for error, pointer, detail in errors:
@@ -60,7 +74,9 @@ def test_faults_of_a_batch_are_placed_in_its_job() -> None:
         ([("force", 1, 0), ("acceleration", 2, 0)], {}),
     ],
 )  # fmt: skip
-def test_time_blocks_of_a_file_that_make_no_whole_hit(given: list[tuple[Any, ...]], why: dict[int, str]) -> None:
+def test_time_blocks_of_a_file_that_make_no_whole_hit(
+    given: list[tuple[Any, ...]], why: dict[int, str]
+) -> None:
     with RecordIntake() as intake:
         refused: dict[int, str] = {}
         for number, (quantity, point, force, *samples) in enumerate(given):
@@ -89,12 +105,22 @@ def test_a_window_that_a_campaign_states_stands_in_place_of_the_one_that_was_see
     taken = InputsIn().or_as_stated(None, CampaignInputs(), seen)
     assert (taken.window_rate_per_s, taken.window_rate_sd_per_s) == seen
     stated = InputsIn().or_as_stated(None, CampaignInputs(window_time_constant_s=0.5), seen)
-    assert (stated.window_rate_per_s, stated.window_time_constant_s, stated.window_rate_sd_per_s) == (None, 0.5, None)
+    assert (
+        stated.window_rate_per_s,
+        stated.window_time_constant_s,
+        stated.window_rate_sd_per_s,
+    ) == (None, 0.5, None)
 
 
 @pytest.mark.parametrize(
     ("name", "direction"),
-    [("Ex", "fall"), ("frequency_2", "fall"), ("density", "both"), ("damping_ratio_1", "rise"), ("a0", "rise")],
+    [
+        ("Ex", "fall"),
+        ("frequency_2", "fall"),
+        ("density", "both"),
+        ("damping_ratio_1", "rise"),
+        ("a0", "rise"),
+    ],
 )
 def test_a_parameter_is_watched_where_it_is_worse(name: str, direction: str) -> None:
     assert WatchedIn(name=name).watched_direction == direction
@@ -125,7 +151,11 @@ def test_a_body_has_a_type_and_no_body_needs_none() -> None:
     _require_json(Headers({}))
     _require_json(Headers({"content-length": "0"}))
     _require_json(Headers({"content-type": "application/json", "content-length": "2"}))
-    for wrong in ({"content-length": "2"}, {"transfer-encoding": "chunked"}, {"content-type": "text/plain"}):
+    for wrong in (
+        {"content-length": "2"},
+        {"transfer-encoding": "chunked"},
+        {"content-type": "text/plain"},
+    ):
         with pytest.raises(UnsupportedMediaType):
             _require_json(Headers(wrong))
 
@@ -182,7 +212,15 @@ def test_who_may_not_list_users_lists_keys_alone(status: int) -> None:
 
 def a_mode(number: int) -> dict[str, Any]:
     return {"number": number, "kind": "bending"} | dict.fromkeys(
-        ("measured_hz", "initial_hz", "updated_hz", "error_percent", "mac", "measured_damping", "predicted_damping")
+        (
+            "measured_hz",
+            "initial_hz",
+            "updated_hz",
+            "error_percent",
+            "mac",
+            "measured_damping",
+            "predicted_damping",
+        )
     )
 
 
@@ -216,7 +254,13 @@ def test_a_report_of_little_and_of_much() -> None:
     assert texts(little, Heading)[:3] == ["Updated model: s", "Specimen and test", "Parameters"]
     assert "Warnings" not in texts(little, Heading)
     assert "No FRF is predicted, as the damping was not fitted." in texts(little, Paragraph)
-    rows = {row[0]: row[1] for block in little if isinstance(block, Table) for row in block.rows if len(row) == 2}
+    rows = {
+        row[0]: row[1]
+        for block in little
+        if isinstance(block, Table)
+        for row in block.rows
+        if len(row) == 2
+    }
     assert rows["section"] == "equivalent orthotropic plate"
     assert rows["instruments"] == "sensor of 2 g"
     verdict = {"sentence": "Good.", "level": "usable", "reasons": ["It fits."]}
@@ -225,10 +269,21 @@ def test_a_report_of_little_and_of_much() -> None:
     much = a_report(MOST_MODES + 2, {"laminate": plies}, verdict=verdict, **more)
     assert f"The annex lists all {MOST_MODES + 2} modes." in texts(much, Paragraph)
     assert {"Warnings", "All modes"} <= set(texts(much, Heading))
-    assert "No FRF is predicted, as the damping was not fitted: too short." in texts(much, Paragraph)
-    assert [list(block.items) for block in much if isinstance(block, Bullets)] == [["It fits."], ["Look."]]
+    assert "No FRF is predicted, as the damping was not fitted: too short." in texts(
+        much, Paragraph
+    )
+    assert [list(block.items) for block in much if isinstance(block, Bullets)] == [
+        ["It fits."],
+        ["Look."],
+    ]
     assert sum(isinstance(block, PageBreak) for block in much) == 2
-    rows = {row[0]: row[1] for block in much if isinstance(block, Table) for row in block.rows if len(row) == 2}
+    rows = {
+        row[0]: row[1]
+        for block in much
+        if isinstance(block, Table)
+        for row in block.rows
+        if len(row) == 2
+    }
     assert rows["section"].startswith("laminate of 17 plies [45/45/")
     assert rows["section"].endswith("/…]")
 
@@ -236,7 +291,9 @@ def test_a_report_of_little_and_of_much() -> None:
 def test_a_report_has_the_laboratorys_name_on_top(tmp_path: Path) -> None:
     logo = tmp_path / "logo.png"
     imsave(logo, np.zeros((20, 60, 3)))
-    settings = Settings(laboratory="Lab & Co", laboratory_address="First Street 1; Town", laboratory_logo=logo)
+    settings = Settings(
+        laboratory="Lab & Co", laboratory_address="First Street 1; Town", laboratory_logo=logo
+    )
     head = _letterhead(settings)
     assert head == Letterhead("Lab & Co", ["First Street 1", "Town"], logo.read_bytes())
     report = Report("r", "", [head, Heading("Title", 1)])
@@ -250,9 +307,13 @@ def test_a_report_has_the_laboratorys_name_on_top(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"GIF89a", None])
-def test_a_logo_that_is_no_picture_is_refused_at_the_start(tmp_path: Path, content: bytes | None) -> None:
+def test_a_logo_that_is_no_picture_is_refused_at_the_start(
+    tmp_path: Path, content: bytes | None
+) -> None:
     file = tmp_path / "logo"
     if content is not None:
         file.write_bytes(content)
-    with pytest.raises(ValueError, match=r"cannot read .*logo" if content is None else "is no PNG or JPEG"):
+    with pytest.raises(
+        ValueError, match=r"cannot read .*logo" if content is None else "is no PNG or JPEG"
+    ):
         Settings(laboratory_logo=file)

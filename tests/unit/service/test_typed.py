@@ -1,4 +1,6 @@
-"""Quantities as people type them: numbers, units, decimal commas; what could be two numbers is asked about."""
+"""Quantities as people type them: numbers, units, decimal commas; what could be two numbers is
+asked about.
+"""
 
 import math
 
@@ -89,13 +91,18 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("text", "unit", "words"), REFUSED, ids=[case[0][:20] for case in REFUSED])
-def test_what_is_no_quantity_of_its_field_is_refused_in_words(text: str, unit: str, words: str) -> None:
+def test_what_is_no_quantity_of_its_field_is_refused_in_words(
+    text: str, unit: str, words: str
+) -> None:
     with pytest.raises(UnreadableError) as refused:
         read(text, unit, "m" if unit == "mm" else unit)
     assert words in str(refused.value)
 
 
-@given(st.text(max_size=30) | st.from_regex(r"[+-]?[0-9.,' ]{1,12}(e[0-9]{1,4})? ?(kg/m3|mm|%|°F)?", fullmatch=True))
+@given(
+    st.text(max_size=30)
+    | st.from_regex(r"[+-]?[0-9.,' ]{1,12}(e[0-9]{1,4})? ?(kg/m3|mm|%|°F)?", fullmatch=True)
+)
 def test_any_text_is_read_or_refused(text: str) -> None:
     for unit, to in (("kg/m³", "kg/m³"), ("mm", "m"), ("°C", "°C"), ("", "")):
         try:
@@ -103,16 +110,22 @@ def test_any_text_is_read_or_refused(text: str) -> None:
         except UnreadableError:
             continue
         assert math.isfinite(value)
-        assert math.isclose(read(in_words(value, unit, to, 17), unit, to), value, rel_tol=1e-12, abs_tol=1e-12)
+        assert math.isclose(
+            read(in_words(value, unit, to, 17), unit, to), value, rel_tol=1e-12, abs_tol=1e-12
+        )
 
 
-@given(st.floats(-1e12, 1e12).filter(lambda x: abs(x) > 1e-9), st.sampled_from(DIMENSIONS), st.data())
+@given(
+    st.floats(-1e12, 1e12).filter(lambda x: abs(x) > 1e-9), st.sampled_from(DIMENSIONS), st.data()
+)
 def test_a_number_with_a_unit_is_that_number_times_its_size(
     number: float, kind: dict[str, str], data: st.DataObject
 ) -> None:
     unit, to = (data.draw(st.sampled_from(sorted(filter(None, kind)))) for _ in range(2))
     if "°C" not in kind and "°C" not in kind and are_alike(unit, to):
-        assert math.isclose(read(f"{number!r} {unit}", to, to), number * size_of(unit, to), rel_tol=1e-12)
+        assert math.isclose(
+            read(f"{number!r} {unit}", to, to), number * size_of(unit, to), rel_tol=1e-12
+        )
 
 
 def test_every_unit_of_the_contract_can_be_typed() -> None:
@@ -141,7 +154,8 @@ def test_a_list_that_could_be_another_is_asked_about(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "line", ["1, 0.5, -20", "1; 0,5; -20", "1\t0,5\t-20", "1 0.5 -20", "1,0.5,-20", "1; 0.0005 m; -2 cm"]
+    "line",
+    ["1, 0.5, -20", "1; 0,5; -20", "1\t0,5\t-20", "1 0.5 -20", "1,0.5,-20", "1; 0.0005 m; -2 cm"],
 )
 def test_points_are_read_as_they_are_separated(line: str) -> None:
     assert read_points(f"\n{line}\n") == [{"label": 1, "x_m": 0.0005, "y_m": -0.02, "z_m": 0.0}]

@@ -1,4 +1,6 @@
-"""The front of the service, without the rest: the gate, bodies as they come, routes that are made late, formats of answers."""
+"""The front of the service, without the rest: the gate, bodies as they come, routes that are made
+late, formats of answers.
+"""
 
 import asyncio
 import hashlib
@@ -78,7 +80,9 @@ async def test_one_client_under_two_names_leaves_places_to_others() -> None:
 
 
 @awaited
-async def test_who_is_refused_is_asked_to_come_back_when_the_queue_will_have_been_answered() -> None:
+async def test_who_is_refused_is_asked_to_come_back_when_the_queue_will_have_been_answered() -> (
+    None
+):
     gate = Gate(2, 40, 60)
     assert gate.retry_after() == 1
     for _ in range(2):
@@ -162,7 +166,9 @@ def test_buckets_fill_again() -> None:
     assert buckets.left("a") == 4
 
 
-def test_the_callers_that_were_silent_longest_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_callers_that_were_silent_longest_are_forgotten(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("service.web.gate.MOST_CALLERS", 2)
     buckets = Buckets(10, 5, clock=lambda: 0.0)
     for caller in "abac":
@@ -170,14 +176,17 @@ def test_the_callers_that_were_silent_longest_are_forgotten(monkeypatch: pytest.
     assert [buckets.left(caller) for caller in "abc"] == [6, 10, 8]
 
 
-# --- bodies are received whole, within limits of size and time ----------------------------------------------------------
+# --- bodies are received whole, within limits of size and time
+# ----------------------------------------------------------
 
 LIMIT = 4 * uploads.MEMORY_BYTES
 
 
 def client(blocks: Iterable[bytes], *, ends: bool = True) -> Receive:
     """Sends these blocks; then nothing more, or never again anything."""
-    messages: list[dict[str, Any]] = [{"type": "http.request", "body": b, "more_body": True} for b in blocks]
+    messages: list[dict[str, Any]] = [
+        {"type": "http.request", "body": b, "more_body": True} for b in blocks
+    ]
     if ends:
         messages.append({"type": "http.request", "body": b"", "more_body": False})
 
@@ -211,7 +220,9 @@ def received(receive: Receive) -> tuple[bytes, bytes, bool]:
 @pytest.mark.parametrize("size", [0, 1, uploads.MEMORY_BYTES, uploads.MEMORY_BYTES + 1, LIMIT])
 def test_a_body_comes_as_it_was_sent(size: int) -> None:
     whole = bytes(i % 251 for i in range(size))
-    got, digest, on_disk = received(client([whole[i : i + 300_000] for i in range(0, size, 300_000)]))
+    got, digest, on_disk = received(
+        client([whole[i : i + 300_000] for i in range(0, size, 300_000)])
+    )
     assert got == whole
     assert digest == hashlib.sha256(whole).digest()
     assert on_disk == (size > uploads.MEMORY_BYTES)
@@ -227,7 +238,8 @@ def test_silence_or_a_trickle_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
         received(client([b"x"] * 1000))
 
 
-# --- routes that are put together when they are first asked for ---------------------------------------------------------
+# --- routes that are put together when they are first asked for
+# ---------------------------------------------------------
 
 
 class Specimen(BaseModel):
@@ -243,11 +255,15 @@ def _with_routes(kind: type[APIRoute]) -> APIRouter:
         """One of them."""
         return Specimen(name=f"{number}{unit or ''}")
 
-    @router.post("/specimens", status_code=201, responses={409: {"description": "There is one of that name"}})
+    @router.post(
+        "/specimens", status_code=201, responses={409: {"description": "There is one of that name"}}
+    )
     def make_specimen(body: Specimen) -> Specimen:
         return body
 
-    @router.api_route("/specimens/{number}/picture", methods=["GET", "HEAD"], include_in_schema=False)
+    @router.api_route(
+        "/specimens/{number}/picture", methods=["GET", "HEAD"], include_in_schema=False
+    )
     def get_picture(number: int) -> bytes:
         return b"." * number
 
@@ -271,7 +287,9 @@ def test_only_what_is_asked_for_is_put_together() -> None:
     routes = [route for route in app.routes if isinstance(route, LateRoute)]
 
     async def ask() -> None:
-        async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://test/api/") as client:
+        async with httpx.AsyncClient(
+            transport=httpx.ASGITransport(app), base_url="http://test/api/"
+        ) as client:
             found = await client.get("specimens/4", params={"unit": "b"})
             assert found.json() == {"name": "4b", "layers": 8}
             assert (await client.get("specimens/four")).status_code == 422
@@ -279,7 +297,11 @@ def test_only_what_is_asked_for_is_put_together() -> None:
 
     asyncio.run(ask())
     assert ["dependant" in vars(route) for route in routes] == [True, False, False]
-    assert [route.label for route in routes] == ["/specimens/{number}", "/specimens", "/specimens/{number}/picture"]
+    assert [route.label for route in routes] == [
+        "/specimens/{number}",
+        "/specimens",
+        "/specimens/{number}/picture",
+    ]
 
 
 def test_threads_that_ask_at_once_have_the_same_route() -> None:
@@ -296,7 +318,8 @@ def test_threads_that_ask_at_once_have_the_same_route() -> None:
         _ = route.colour
 
 
-# --- which format an answer has, by the parameter `format` and by Accept with its q values (RFC 9110, 12. ---------------
+# --- which format an answer has, by the parameter `format` and by Accept with its q values (RFC
+# 9110, 12. ---------------
 
 KNOWN = {"json": "application/json", "csv": "text/csv", "npz": "application/x-npz"}
 
@@ -316,7 +339,9 @@ KNOWN = {"json": "application/json", "csv": "text/csv", "npz": "application/x-np
         (None, "text/csv;q=7, application/json", "json"),
     ],
 )
-def test_the_format_that_the_client_likes_best(wanted: str | None, accept: str | None, chosen: str) -> None:
+def test_the_format_that_the_client_likes_best(
+    wanted: str | None, accept: str | None, chosen: str
+) -> None:
     assert choose_format(wanted, accept, KNOWN) == chosen
 
 

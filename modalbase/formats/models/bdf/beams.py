@@ -12,7 +12,12 @@ from modalbase.formats.models.bdf.deck import Deck, family
 from modalbase.formats.models.model import BeamSection, Elements, Floats
 from modalbase.formats.models.shapes import NASTRAN, is_real
 
-_OF_ELEMENT = {"CBAR": ("PBAR", "PBARL"), "CBEAM": ("PBEAM", "PBEAML"), "CROD": ("PROD",), "CTUBE": ("PTUBE",)}
+_OF_ELEMENT = {
+    "CBAR": ("PBAR", "PBARL"),
+    "CBEAM": ("PBEAM", "PBEAML"),
+    "CROD": ("PROD",),
+    "CTUBE": ("PTUBE",),
+}
 _STATIONS = ("YES", "YESA", "NO")
 _ROUND_OFF = 1e-9
 _LEAST = 1e-6
@@ -21,7 +26,9 @@ _LEAST = 1e-6
 
 @dataclass(frozen=True)
 class Property:
-    """A section, its set, and where its centroid lies from the elements' ends, along axes 1 and 2."""
+    """A section, its set, and where its centroid lies from the elements' ends, along axes 1 and
+    2.
+    """
 
     set: str
     section: BeamSection
@@ -42,18 +49,34 @@ class Sections:
         key = (kinds[0], number)
         if key not in self._read:
             card = next(
-                (self._deck.profiles[kind][number] for kind in kinds if number in self._deck.profiles[kind]), None
+                (
+                    self._deck.profiles[kind][number]
+                    for kind in kinds
+                    if number in self._deck.profiles[kind]
+                ),
+                None,
             )
             if card is None:
-                raise element.wrong(1, "PID", f"a property of it; there is no {' or '.join(kinds)} {number}")
+                raise element.wrong(
+                    1, "PID", f"a property of it; there is no {' or '.join(kinds)} {number}"
+                )
             self._read[key] = self._of(card, number)
         return self._read[key]
 
     def rod(self, card: Card) -> Property:
-        """The section of a CONROD, which states it itself; the set has the number of the first of its kind."""
+        """The section of a CONROD, which states it itself; the set has the number of the first of
+        its kind.
+        """
         key: tuple[str | int, ...] = ("CONROD", *rod_key(card))
         if key not in self._read:
-            values = [card.real(4, "A"), 0.0, 0.0, 0.0, card.real(5, "J", 0.0), card.real(7, "NSM", 0.0)]
+            values = [
+                card.real(4, "A"),
+                0.0,
+                0.0,
+                0.0,
+                card.real(5, "J", 0.0),
+                card.real(7, "NSM", 0.0),
+            ]
             section = self._section(card, values, mid=3)
             self._read[key] = Property(f"conrod_{card.text(0)}", self._resisting(card, section))
         return self._read[key]
@@ -66,20 +89,31 @@ class Sections:
         return Property(self._deck.labels.of(card.name, number), section, centroid)
 
     def _section(
-        self, card: Card, values: list[float], shear: tuple[float, float] | None = None, mid: int = 1
+        self,
+        card: Card,
+        values: list[float],
+        shear: tuple[float, float] | None = None,
+        mid: int = 1,
     ) -> BeamSection:
-        """A section of A, I1, I2, I12, J and NSM; Nastran's I1 is ∫y², of bending in the plane of axis 1."""
+        """A section of A, I1, I2, I12, J and NSM; Nastran's I1 is ∫y², of bending in the plane of
+        axis 1.
+        """
         area, first, second, mixed, torsion, extra = values
         if not area > 0:
             raise card.error(f"the area is {area:g}, expected above zero")
         if min(first, second, torsion) < 0 or mixed**2 > first * second:
-            raise card.error("the moments I1, I2, I12 and J are of no section; expected I1, I2, J ≥ 0 and I12² ≤ I1 I2")
+            raise card.error(
+                "the moments I1, I2, I12 and J are of no section; expected I1, I2, J ≥ 0 and I12² ≤"
+                " I1 I2"
+            )
         material = self._deck.materials.get(card, mid, "MID")
         if not material.is_isotropic:
             raise card.wrong(mid, "MID", f"a MAT1; {material.name} is not isotropic")
         mass = extra * self._deck.mass_factor
         inertia = (second, first, mixed)
-        return BeamSection(material.name, area, inertia, torsion, card.where, shear=shear, extra_mass=mass)
+        return BeamSection(
+            material.name, area, inertia, torsion, card.where, shear=shear, extra_mass=mass
+        )
 
     def _resisting(self, card: Card, section: BeamSection) -> BeamSection:
         """With a little of what a rod has none of."""
@@ -100,11 +134,22 @@ class Sections:
         if first > 0 and second > 0:
             return first, second
         if first > 0 or second > 0:
-            self._deck.notes.add(card, f"{card.name} K1, K2", "one of both is rigid in shear; here neither is flexible")
+            self._deck.notes.add(
+                card,
+                f"{card.name} K1, K2",
+                "one of both is rigid in shear; here neither is flexible",
+            )
         return None
 
     def _prod(self, card: Card) -> BeamSection:
-        values = [card.real(2, "A"), 0.0, 0.0, 0.0, card.real(3, "J", 0.0), card.real(5, "NSM", 0.0)]
+        values = [
+            card.real(2, "A"),
+            0.0,
+            0.0,
+            0.0,
+            card.real(3, "J", 0.0),
+            card.real(5, "NSM", 0.0),
+        ]
         return self._section(card, values)
 
     def _ptube(self, card: Card) -> BeamSection:
@@ -113,19 +158,25 @@ class Sections:
         if not 0 < wall <= outer / 2:
             raise card.wrong(3, "T", "a wall of at most half the diameter OD")
         if card.text(5) and card.real(5, "OD2") != outer:
-            self._deck.notes.add(card, "PTUBE OD2", "the tube is read with the diameter of its first end", True)
+            self._deck.notes.add(
+                card, "PTUBE OD2", "the tube is read with the diameter of its first end", True
+            )
         inner = outer - 2 * wall
         area, torsion = pi * (outer**2 - inner**2) / 4, pi * (outer**4 - inner**4) / 32
         return self._section(card, [area, 0.0, 0.0, 0.0, torsion, card.real(4, "NSM", 0.0)])
 
     def _pbar(self, card: Card) -> BeamSection:
         names = ("A", "I1", "I2", "J", "NSM")
-        area, first, second, torsion, extra = (card.real(2 + k, name, 0.0) for k, name in enumerate(names))
+        area, first, second, torsion, extra = (
+            card.real(2 + k, name, 0.0) for k, name in enumerate(names)
+        )
         mixed = card.real(18, "I12", 0.0)
         shear = self._shears(card, card.real(16, "K1", 0.0), card.real(17, "K2", 0.0))
         section = self._section(card, [area, first, second, mixed, torsion, extra], shear)
         fields = (("area", 2), ("I2", 3), ("I1", 4), ("J", 5))  # I1 here is ∫z², Nastran's I2
-        return replace(section, places={name: card.place(index) for name, index in fields if card.text(index)})
+        return replace(
+            section, places={name: card.place(index) for name, index in fields if card.text(index)}
+        )
 
     def _pbarl(self, card: Card) -> BeamSection:
         return self._shaped(card)[0]  # a bar's centroid and shear centre are one
@@ -140,7 +191,9 @@ class Sections:
     def _shaped(self, card: Card) -> tuple[BeamSection, tuple[float, float]]:
         kind, first = card.text(3), 8
         if kind not in NASTRAN:
-            raise card.wrong(3, "TYPE", f"one of {', '.join(NASTRAN)}; else state the numbers with PBAR or PBEAM")
+            raise card.wrong(
+                3, "TYPE", f"one of {', '.join(NASTRAN)}; else state the numbers with PBAR or PBEAM"
+            )
         count = len(signature(NASTRAN[kind]).parameters)
         dimensions = [card.positive(first + k, f"DIM{k + 1}") for k in range(count)]
         extra = card.real(first + count, "NSM", 0.0)
@@ -161,9 +214,13 @@ class Sections:
             return
         at = after
         while at < len(card) and card.text(at) in _STATIONS:
-            own = [card.real(at + 2 + k, f"DIM{k + 1}", value) for k, value in enumerate(dimensions)]
+            own = [
+                card.real(at + 2 + k, f"DIM{k + 1}", value) for k, value in enumerate(dimensions)
+            ]
             if own != dimensions:
-                self._deck.notes.add(card, "PBEAML that tapers", "it is read with the section of its end A", True)
+                self._deck.notes.add(
+                    card, "PBEAML that tapers", "it is read with the section of its end A", True
+                )
                 return
             at += 3 + len(dimensions)
 
@@ -171,7 +228,8 @@ class Sections:
         self._deck.notes.add(
             card,
             f"{card.name} with its shear centre aside",
-            "the neutral axis lies where it does; that the section turns about another line is lost",
+            "the neutral axis lies where it does; that the section turns about another line is"
+            " lost",
             True,
         )
 
@@ -184,18 +242,25 @@ class Sections:
             at += 8  # stress points
         while card.text(at) in _STATIONS:
             place = card.real(at + 1, "X/XB", 1.0)
-            own = [card.real(at + 2 + k, name, value) for k, (name, value) in enumerate(zip(names, start, strict=True))]
+            own = [
+                card.real(at + 2 + k, name, value)
+                for k, (name, value) in enumerate(zip(names, start, strict=True))
+            ]
             stations.append((place, own))
             at += 16 if card.text(at) == "YES" else 8
         values = _mean(stations) if any(own != start for _, own in stations) else start
         if values is not start:
-            self._deck.notes.add(card, "PBEAM that tapers", "it is read with its mean section", True)
+            self._deck.notes.add(
+                card, "PBEAM that tapers", "it is read with its mean section", True
+            )
         shear = self._shears(card, card.real(at, "K1", 1.0), card.real(at + 1, "K2", 1.0))
         centroid = card.real(at + 12, "N1(A)", 0.0), card.real(at + 13, "N2(A)", 0.0)
         if centroid != (0.0, 0.0):
             self._note_centre(card)
         if any(card.text(at + 8 + k) and card.real(at + 8 + k, "M1(A)") for k in range(4)):
-            self._deck.notes.add(card, "PBEAM M1, M2", "non-structural mass stands on the neutral axis", True)
+            self._deck.notes.add(
+                card, "PBEAM M1, M2", "non-structural mass stands on the neutral axis", True
+            )
         section = self._section(card, values, shear)
         fields = (("area", 2), ("I2", 3), ("I1", 4), ("J", 6)) if values is start else ()
         places = {name: card.place(index) for name, index in fields if card.text(index)}
@@ -237,7 +302,9 @@ class Beams:
         """Of a deck, and non-structural mass per length by family and number of property."""
         self.sections: dict[str, BeamSection] = {}
         self._deck, self._properties = deck, Sections(deck, extra)
-        self._defaults = {element: card for element, name in _DEFAULTS.items() for card in deck.take(name)}
+        self._defaults = {
+            element: card for element, name in _DEFAULTS.items() for card in deck.take(name)
+        }
 
     def blocks(self) -> list[Elements]:
         """Elements by set, in the order in which these appear."""
@@ -247,7 +314,10 @@ class Beams:
             own = self._property(card, number)
             self.sections[own.set] = own.section
             ends = _RODS.get(card.name, (2, 3))
-            a, b = (self._deck.grids.row(card, index, f"G{end}") for index, end in zip(ends, "AB", strict=True))
+            a, b = (
+                self._deck.grids.row(card, index, f"G{end}")
+                for index, end in zip(ends, "AB", strict=True)
+            )
             axis, offsets = self._rod(a, b) if card.name in _RODS else self._bar(card, own, a, b)
             found.setdefault(own.set, []).append((number, (a, b), card, axis, offsets))
         return [_block(name, rows) for name, rows in found.items()]
@@ -279,28 +349,43 @@ class Beams:
         if any(map(card.text, range(10, 16))):
             stated = [card.real(10 + k, f"W{k % 3 + 1}{'AB'[k // 3]}", 0.0) for k in range(6)]
             for end in (0, 1):
-                frame = element if kinds[1 + end] in "OE" else frames[end] if kinds[1 + end] == "G" else np.eye(3)
+                frame = (
+                    element
+                    if kinds[1 + end] in "OE"
+                    else frames[end]
+                    if kinds[1 + end] == "G"
+                    else np.eye(3)
+                )
                 arms[end] = np.array(stated[3 * end : 3 * end + 3]) @ frame
         if any(card.text(index) not in ("", "0") for index in (8, 9)):
-            self._deck.notes.add(card, f"{card.name} PA, PB", "a released end is not released here", True)
+            self._deck.notes.add(
+                card, f"{card.name} PA, PB", "a released end is not released here", True
+            )
         return axis, _straight(card, own.centroid, along + arms[1] - arms[0], axis, arms)
 
     def _orientation(self, card: Card, source: Card, a: int, frame: Floats) -> Floats:
         """The direction v in the model's frame, from a grid G0 or by its components."""
         if source.is_integer(4) and not source.text(5) and not source.text(6):
             return np.asarray(
-                self._deck.grids.places[self._deck.grids.row(source, 4, "G0")] - self._deck.grids.places[a]
+                self._deck.grids.places[self._deck.grids.row(source, 4, "G0")]
+                - self._deck.grids.places[a]
             )
         if not any(map(source.text, (4, 5, 6))):
-            raise card.wrong(4, "X1", "a direction X1, X2, X3 or a grid G0 for the section's plane 1")
+            raise card.wrong(
+                4, "X1", "a direction X1, X2, X3 or a grid G0 for the section's plane 1"
+            )
         return np.array([source.real(4 + k, f"X{k + 1}", 0.0) for k in range(3)]) @ frame
 
 
-def _straight(card: Card, centroid: tuple[float, float], along: Floats, axis: Floats, arms: Floats) -> Floats:
+def _straight(
+    card: Card, centroid: tuple[float, float], along: Floats, axis: Floats, arms: Floats
+) -> Floats:
     """Offsets of the ends to the centroid of a bar whose axis 1 lies across it."""
     if not np.any(along):
         raise card.error("its length is zero; both ends are in one place")
-    if not np.linalg.norm(np.cross(along, axis)) > 1e-8 * np.linalg.norm(axis) * np.linalg.norm(along):
+    if not np.linalg.norm(np.cross(along, axis)) > 1e-8 * np.linalg.norm(axis) * np.linalg.norm(
+        along
+    ):
         raise card.error("the orientation vector is along the beam; give a direction across it", 4)
     _, y, z = _axes(along, axis)
     return np.asarray(arms + centroid[0] * y + centroid[1] * z)
@@ -317,6 +402,9 @@ def _axes(along: Floats, axis: Floats) -> Floats:
 def _block(name: str, rows: list[_Row]) -> Elements:
     numbers, nodes, cards, axes, arms = zip(*rows, strict=True)
     offsets = np.array(arms) if np.any(arms) else None
-    lines, files = np.array([card.where.line for card in cards]), tuple(card.where.file for card in cards)
+    lines, files = (
+        np.array([card.where.line for card in cards]),
+        tuple(card.where.file for card in cards),
+    )
     first = np.array(numbers), np.array(nodes), name, np.array(axes), lines
     return Elements("beam2", *first, offsets=offsets, files=files)

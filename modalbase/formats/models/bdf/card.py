@@ -17,17 +17,25 @@ _LARGEST = 1e60  # beyond which a number is a slip in any unit, and its fourth p
 
 
 def number(text: str) -> float | None:
-    """A real as Nastran writes it, `1.5`, `4.3-5`, `7.E+3`, `1.D3`; None where the text is none or beyond all sense."""
+    """A real as Nastran writes it, `1.5`, `4.3-5`, `7.E+3`, `1.D3`; None where the text is none or
+    beyond all sense.
+    """
     if not _REAL.fullmatch(text):
         return None
-    value = float(text if _PLAIN.fullmatch(text) else _SHORT.sub("E", text.replace("D", "E"), count=1))
+    value = float(
+        text if _PLAIN.fullmatch(text) else _SHORT.sub("E", text.replace("D", "E"), count=1)
+    )
     return value if abs(value) < _LARGEST else None
 
 
 def whole(text: str) -> int | None:
     """An integer; None where the text is none."""
     digits = text[1:] if text[:1] in ("+", "-") else text
-    return int(text) if digits.isdecimal() and digits.isascii() and len(digits) <= _LONGEST_INTEGER else None
+    return (
+        int(text)
+        if digits.isdecimal() and digits.isascii() and len(digits) <= _LONGEST_INTEGER
+        else None
+    )
 
 
 @dataclass(slots=True)
@@ -52,7 +60,9 @@ class Row:
         """Where its field of a number from 0, the name not counted, stands."""
         if not self.is_free:
             width = 16 if self.is_large else 8
-            return Place(self.where.line, 8 + width * column, 8 + width * (column + 1), self.where.file)
+            return Place(
+                self.where.line, 8 + width * column, 8 + width * (column + 1), self.where.file
+            )
         parts = self.text.split(",")
         parts += [""] * (column + 2 - len(parts))
         start = sum(len(part) + 1 for part in parts[: column + 1])
@@ -125,7 +135,11 @@ class Card:
 
     def words(self, first: int) -> Iterator[tuple[int, str]]:
         """Index and text of each field from one on that is not empty."""
-        return ((index, self.fields[index]) for index in range(first, len(self.fields)) if self.fields[index])
+        return (
+            (index, self.fields[index])
+            for index in range(first, len(self.fields))
+            if self.fields[index]
+        )
 
     def row(self, index: int) -> Row:
         """The line of a field."""
@@ -145,7 +159,9 @@ class Card:
     def content(self) -> tuple[str | float, ...]:
         """Its fields, numbers by their values; empty ones at the end do not count."""
         filled = max((index + 1 for index, _ in self.words(0)), default=0)
-        return tuple(text if (value := number(text)) is None else value for text in self.fields[:filled])
+        return tuple(
+            text if (value := number(text)) is None else value for text in self.fields[:filled]
+        )
 
     @property
     def title(self) -> str:
@@ -202,7 +218,11 @@ def cards_of(lines: Sequence[Line]) -> Iterator[Card | Line]:
 
     @cache
     def names() -> set[str]:
-        return {_joint(_fields(line)[2]) for line in lines if line.text and line.text.count(",") < _MOST_COMMAS}
+        return {
+            _joint(_fields(line)[2])
+            for line in lines
+            if line.text and line.text.count(",") < _MOST_COMMAS
+        }
 
     for line in lines:
         text = line.text
@@ -213,14 +233,21 @@ def cards_of(lines: Sequence[Line]) -> Iterator[Card | Line]:
             card = Card("DEQATN", [text.lstrip()[8:16].strip(" ,")], [Row(0, text, line.where)])
             found.append(card)
             continue
-        if card is not None and _PROSE.match(card.name) and text[0] in "+*, " and not _CARD.match(text):
+        if (
+            card is not None
+            and _PROSE.match(card.name)
+            and text[0] in "+*, "
+            and not _CARD.match(text)
+        ):
             card.rows.append(Row(len(card), text, line.where))
             continue
         head, fields, mark = _fields(line)
         if head and head[0] not in "+*":
             name = head.rstrip("* ")
             if head[0] == "=":
-                raise FormatError(str(line.where), "replication by = is not read; write the cards out")
+                raise FormatError(
+                    str(line.where), "replication by = is not read; write the cards out"
+                )
             card = Card(name, fields, [Row(0, text, line.where)])
             found.append(card)
             tail = mark
@@ -255,7 +282,8 @@ def _join(strays: list[tuple[str, Line, list[str], str]], waiting: dict[str, Car
             named = f"+{own}" if own else line.text[:20]
             raise FormatError(
                 place,
-                f"the continuation {named!r} continues no card; behind its first character it has to be as field 10 of one",
+                f"the continuation {named!r} continues no card; behind its first character it has"
+                " to be as field 10 of one",
             )
         strays = [stray for stray in strays if stray[0] not in waiting]
         for own, line, fields, mark in fitting:
@@ -268,7 +296,9 @@ def _join(strays: list[tuple[str, Line, list[str], str]], waiting: dict[str, Car
 
 
 def _joint(mark: str) -> str:
-    """The name of a continuation in the last field of a line, whose first character does not count."""
+    """The name of a continuation in the last field of a line, whose first character does not
+    count.
+    """
     return mark[1:].lstrip("+* ")
 
 
@@ -279,7 +309,10 @@ def _fields(line: Line) -> tuple[str, list[str], str]:
         parts = [part.strip() for part in text.split(",")]
         count = 5 if "*" in parts[0] else 9
         if len(parts) > count + 1 and any(parts[count + 1 :]):
-            message = f"{parts[0]} has {len(parts) - 1} fields; a line holds {count - 1}, and the rest goes on the next"
+            message = (
+                f"{parts[0]} has {len(parts) - 1} fields; a line holds {count - 1}, and the rest"
+                " goes on the next"
+            )
             raise FormatError(str(line.where), message)
         fields = parts[1:count]
         mark = parts[count] if len(parts) > count else ""
@@ -287,7 +320,8 @@ def _fields(line: Line) -> tuple[str, list[str], str]:
             fields += [""] * (count - 1 - len(fields))
         if len(parts[0]) > _NAME:
             message = (
-                f"no card has the name {parts[0][:40]!r}; commas part fields, so a decimal comma has to be a point"
+                f"no card has the name {parts[0][:40]!r}; commas part fields, so a decimal comma"
+                " has to be a point"
             )
             raise FormatError(str(line.where), message)
         return parts[0], fields, mark
@@ -301,7 +335,9 @@ def _continue(card: Card, fields: list[str], line: Line) -> None:
     width = len(fields)
     missing = -len(card.fields) % width
     if missing and any(fields):
-        raise FormatError(str(line.where), "the second half of a line of large fields begins with *")
+        raise FormatError(
+            str(line.where), "the second half of a line of large fields begins with *"
+        )
     card.fields += [""] * missing
     card.rows.append(Row(len(card.fields), line.text, line.where))
     card.fields += fields

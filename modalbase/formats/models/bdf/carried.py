@@ -1,4 +1,6 @@
-"""What a structure carries: masses and springs at grids, and mass that is spread over properties."""
+"""What a structure carries: masses and springs at grids, and mass that is spread over
+properties.
+"""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
@@ -37,7 +39,9 @@ def read_masses(deck: Deck) -> Iterator[PointMass]:
             value = card.real(8 + k, f"I{i + 1}{j + 1}", 0.0)
             inertia[i, j] = inertia[j, i] = value if i == j else -value
         if np.linalg.eigvalsh(inertia)[0] < -_ROUND_OFF * np.abs(inertia).max():
-            raise card.error("the inertia I11 … I33 is of no body: a principal moment is negative", 8)
+            raise card.error(
+                "the inertia I11 … I33 is of no body: a principal moment is negative", 8
+            )
         turned = mass_factor * (axes.T @ inertia @ axes)
         rows = tuple(_vector(one) for one in turned)
         yield PointMass(row, mass * mass_factor, card.where, rows, _vector(offset))
@@ -89,7 +93,11 @@ class _Springs:
             yield self._spring(card, stiffness, *found)
 
     def _spring(
-        self, card: Card, stiffness: float, first: tuple[int, int], second: tuple[int, int] | None = None
+        self,
+        card: Card,
+        stiffness: float,
+        first: tuple[int, int],
+        second: tuple[int, int] | None = None,
     ) -> Spring:
         """Between dofs of the grids' own axes; a single direction must do for both ends."""
         row, dof = first
@@ -97,15 +105,32 @@ class _Springs:
         other, other_dof = second or (None, None)
         if other is not None and other_dof is not None:
             apart = self.grids.axes(other)[other_dof % 3]
-            if not np.allclose(axis, apart, atol=1e-9) and {row, other} & set(self.grids.displacement):
-                self.notes.add(card, f"{card.name} askew", "its second end acts along the first one's direction", True)
+            if not np.allclose(axis, apart, atol=1e-9) and {row, other} & set(
+                self.grids.displacement
+            ):
+                self.notes.add(
+                    card,
+                    f"{card.name} askew",
+                    "its second end acts along the first one's direction",
+                    True,
+                )
         if np.allclose(axis, np.eye(3)[dof % 3], atol=1e-12):
             return Spring(row, dof, stiffness, card.where, other, other_dof)
         far = None if other_dof is None else 3 * (other_dof // 3)
-        return Spring(row, 3 * (dof // 3), stiffness, card.where, second=other, second_dof=far, direction=_vector(axis))
+        return Spring(
+            row,
+            3 * (dof // 3),
+            stiffness,
+            card.where,
+            second=other,
+            second_dof=far,
+            direction=_vector(axis),
+        )
 
     def bush(self, card: Card) -> Iterator[Spring]:
-        """CBUSH: up to six springs between two grids, as bodies that reach to where it lies, or to the ground."""
+        """CBUSH: up to six springs between two grids, as bodies that reach to where it lies, or to
+        the ground.
+        """
         number = card.integer(0, "EID")
         property_number = card.integer(1, "PID", number)
         if property_number not in self.bushes:
@@ -117,12 +142,23 @@ class _Springs:
         arms = self._arms(card, a, b)
         for dof, value in stiffness.items():
             if value < 0:
-                raise self.bushes[property_number].error(f"K{dof + 1} is {value:g}, expected not below zero")
+                raise self.bushes[property_number].error(
+                    f"K{dof + 1} is {value:g}, expected not below zero"
+                )
             axis = axes[dof % 3]
             plain = np.allclose(axis, np.eye(3)[dof % 3], atol=1e-12)
             own = dof if plain else 3 * (dof // 3)
             far = None if b is None else own
-            yield Spring(a, own, value, card.where, b, far, direction=None if plain else _vector(axis), arms=arms)
+            yield Spring(
+                a,
+                own,
+                value,
+                card.where,
+                b,
+                far,
+                direction=None if plain else _vector(axis),
+                arms=arms,
+            )
 
     def _bush_axes(self, card: Card, a: int, b: int | None, dofs: set[int]) -> Floats:
         if card.text(7):
@@ -130,14 +166,20 @@ class _Springs:
         along = np.zeros(3) if b is None else self.grids.places[b] - self.grids.places[a]
         size = float(np.linalg.norm(along))
         if not size > 0:
-            raise card.wrong(7, "CID", "a coordinate system, since it joins grids in one place or has one alone")
+            raise card.wrong(
+                7, "CID", "a coordinate system, since it joins grids in one place or has one alone"
+            )
         if card.is_integer(4) and not card.text(5):
             across = self.grids.places[self.grids.row(card, 4, "G0")] - self.grids.places[a]
         else:
-            across = np.array([card.real(4 + k, f"X{k + 1}", 0.0) for k in range(3)]) @ self.grids.axes(a)
+            across = np.array(
+                [card.real(4 + k, f"X{k + 1}", 0.0) for k in range(3)]
+            ) @ self.grids.axes(a)
         if not np.linalg.norm(np.cross(along, across)) > 1e-8 * size * np.linalg.norm(across):
             if dofs - {0, 3}:
-                raise card.wrong(4, "X1", "a direction across it, or a CID, since K2, K3, K5 or K6 is given")
+                raise card.wrong(
+                    4, "X1", "a direction across it, or a CID, since K2, K3, K5 or K6 is given"
+                )
             across = np.eye(3)[np.argmin(np.abs(along))]
         x = along / size
         z = np.cross(x, across)
@@ -152,7 +194,9 @@ class _Springs:
         place = (1 - share) * first + share * second
         if card.text(9) and card.integer(9, "OCID") >= 0:
             system = self.grids.system(card, 9, "OCID")
-            place = system.place(np.array([[card.real(10 + k, f"S{k + 1}", 0.0) for k in range(3)]]))[0]
+            place = system.place(
+                np.array([[card.real(10 + k, f"S{k + 1}", 0.0) for k in range(3)]])
+            )[0]
         arms = _vector(place - first), _vector(place - second)
         return arms if any(map(any, arms)) else None
 
@@ -161,7 +205,9 @@ def _bush_stiffness(card: Card) -> dict[int, float]:
     """Stiffness by dof, of the line that is marked K."""
     for at in range(1, len(card), 8):
         if card.text(at) == "K":
-            return {k: card.real(at + 1 + k, f"K{k + 1}") for k in range(6) if card.text(at + 1 + k)}
+            return {
+                k: card.real(at + 1 + k, f"K{k + 1}") for k in range(6) if card.text(at + 1 + k)
+            }
     return {}
 
 
@@ -171,7 +217,9 @@ def _vector(values: Floats) -> Vector:
 
 
 def spread_masses(deck: Deck) -> Mapping[tuple[str, int], float]:
-    """Mass per area of shells and per length of beams by family and number of property, of the set that the deck selects."""
+    """Mass per area of shells and per length of beams by family and number of property, of the set
+    that the deck selects.
+    """
     found: dict[tuple[str, int], float] = defaultdict(float)
     cards, joining = deck.take("NSM", "NSM1", "NSML", "NSML1"), deck.take("NSMADD")
     selected = _selected(joining, deck.case)
@@ -182,7 +230,9 @@ def spread_masses(deck: Deck) -> Mapping[tuple[str, int], float]:
             continue
         kind = card.text(1)
         if card.name.startswith("NSML") or kind not in (*PLATES, *PROFILES):
-            deck.notes.add(card, card.name, f"non-structural mass by {kind or 'nothing'} is not used", True)
+            deck.notes.add(
+                card, card.name, f"non-structural mass by {kind or 'nothing'} is not used", True
+            )
             continue
         plates = {number for number, plate in deck.plates.items() if plate.name == kind}
         for number, value in _values(card, plates if kind in PLATES else set(deck.profiles[kind])):
@@ -201,7 +251,11 @@ def _selected(joined: Iterable[Card], case: Case) -> set[int]:
 def _values(card: Card, known: set[int]) -> list[tuple[int, float]]:
     """Number and mass of each property of a card."""
     if card.name == "NSM":
-        return [(card.integer(at, "ID"), card.real(at + 1, "VALUE")) for at in range(2, len(card), 2) if card.text(at)]
+        return [
+            (card.integer(at, "ID"), card.real(at + 1, "VALUE"))
+            for at in range(2, len(card), 2)
+            if card.text(at)
+        ]
     value = card.real(2, "VALUE")
     fields = list(card.words(3))
     if fields and fields[0][1] == "ALL":

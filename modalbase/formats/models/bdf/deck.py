@@ -1,5 +1,5 @@
-"""A deck: which sets its case control holds, the names of sets, its cards, and what all readers of them need; and what is lost
-with the cards that none of them took.
+"""A deck: which sets its case control holds, the names of sets, its cards, and what all readers of
+them need; and what is lost with the cards that none of them took.
 
 Names are those of the comments that pre-processors write, safe as names of parameters.
 """
@@ -19,7 +19,20 @@ from modalbase.formats.models.bdf.materials import Materials
 from modalbase.formats.models.model import Losses, Where
 from modalbase.formats.uff.text import decoded
 
-_SOLIDS = frozenset(("CHEXA", "CTETRA", "CPENTA", "CPYRAM", "CPYRA", "CHEXA8", "CHEXA20", "CHEX8", "CHEX20", "CIHEX1"))
+_SOLIDS = frozenset(
+    (
+        "CHEXA",
+        "CTETRA",
+        "CPENTA",
+        "CPYRAM",
+        "CPYRA",
+        "CHEXA8",
+        "CHEXA20",
+        "CHEX8",
+        "CHEX20",
+        "CIHEX1",
+    )
+)
 
 _HARMLESS: tuple[tuple[str, str], ...] = (
     (r"CORD[123][RCS]|GRDSET|BAROR|BEAMOR|MAT\d+|P(SHELL|COMPG?|BARL?|BEAML?|ROD|TUBE|ELAST?|BUSHT?|MASS)", ""),
@@ -66,10 +79,19 @@ _STIFFENED_DRILLING = 100.0  # K6ROT that Nastran itself takes
 
 
 def note_unread(deck: Deck) -> None:
-    """Note cards that change modes and that no reader takes, before what they may leave incomplete is read."""
+    """Note cards that change modes and that no reader takes, before what they may leave incomplete
+    is read.
+    """
     if deck.case.is_stated and deck.case.number("MPC") is None:
         deck.take("MPC", "MPCADD")
-    _note(deck, [name for name in deck.cards if any(changes and of.fullmatch(name) for of, _, changes in _TABLE)])
+    _note(
+        deck,
+        [
+            name
+            for name in deck.cards
+            if any(changes and of.fullmatch(name) for of, _, changes in _TABLE)
+        ],
+    )
 
 
 def note_unused(deck: Deck) -> None:
@@ -95,8 +117,8 @@ def refuse_solids(cards: Mapping[str, Sequence[Card]]) -> None:
         first = cards[name][0]
         raise FormatError(
             str(first.where),
-            f"{name}: solid elements are not read. Let Nastran export the model's matrices (DMIG punch: EXTSEOUT(DMIGPCH), "
-            "or PARAM,EXTOUT,DMIGPCH) and send these",
+            f"{name}: solid elements are not read. Let Nastran export the model's matrices (DMIG"
+            " punch: EXTSEOUT(DMIGPCH), or PARAM,EXTOUT,DMIGPCH) and send these",
         )
 
 
@@ -112,22 +134,42 @@ def note_params(cards: Iterable[Card], notes: Losses) -> None:
     for card in cards:
         name = card.text(0)
         if name == "K6ROT" and card.text(1) and card.real(1, "V1") > _STIFFENED_DRILLING:
-            notes.add(card, "PARAM K6ROT", "the stiffness against rotation about the normal is ours, 0.01 G t", True)
+            notes.add(
+                card,
+                "PARAM K6ROT",
+                "the stiffness against rotation about the normal is ours, 0.01 G t",
+                True,
+            )
         elif name not in ("WTMASS", ""):
             notes.add(card, "PARAM", "settings of the solver are not used")
 
 
 _ORDER = re.compile(r"\s*([A-Z0-9]+)\s*(?:\([^)]*\))?\s*=\s*(.*?)\s*$")
-_SELECTORS = ("SPC", "MPC", "NSM", "METHOD", "K2GG", "M2GG", "B2GG", "K2PP", "M2PP", "STATSUB", "TEMPERATURE", "A2GG")
+_SELECTORS = (
+    "SPC",
+    "MPC",
+    "NSM",
+    "METHOD",
+    "K2GG",
+    "M2GG",
+    "B2GG",
+    "K2PP",
+    "M2PP",
+    "STATSUB",
+    "TEMPERATURE",
+    "A2GG",
+)
 
 
 @dataclass
 class Case:
     """What the subcase of the modes selects."""
 
-    is_stated: bool = False  # whether there is any case control; a deck of bulk data alone selects nothing
+    # whether there is any case control; a deck of bulk data alone selects nothing
+    is_stated: bool = False
     title: str = ""  # of the deck
-    selected: dict[str, str] = field(default_factory=dict)  # sets by the name of the order, such as `SPC`
+    # sets by the name of the order, such as `SPC`
+    selected: dict[str, str] = field(default_factory=dict)
     # other sets of the same kind that further subcases select, with the line
     others: dict[str, list[tuple[str, Where]]] = field(default_factory=dict)
     params: list[Line] = field(default_factory=list)  # lines PARAM of the case control
@@ -141,8 +183,8 @@ class Case:
 def read_case(lines: Sequence[Line]) -> Case:
     """The case control of the lines before BEGIN BULK.
 
-    Orders above the first subcase hold in all. Of several subcases the first with a METHOD of its own is taken, else the
-    first; what others select instead is noted.
+    Orders above the first subcase hold in all. Of several subcases the first with a METHOD of its
+    own is taken, else the first; what others select instead is noted.
     """
     found = Case(is_stated=bool(lines))
     common: dict[str, tuple[str, Where]] = {}
@@ -190,7 +232,9 @@ PROFILES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE")
 
 
 def family(kind: str) -> str:
-    """Properties of which no two have one number: of shells, of bars, of beams, of rods or of tubes."""
+    """Properties of which no two have one number: of shells, of bars, of beams, of rods or of
+    tubes.
+    """
     return PLATES[0] if kind in PLATES else kind.removesuffix("L")
 
 
@@ -259,7 +303,11 @@ class Deck:
         split = split_deck(content, included)
         self.labels, self.notes = Labels(), Losses()
         if split.unended:
-            self.notes.add(split.unended, "ENDDATA", "the deck ends without it, as MSC Nastran allows; is it whole?")
+            self.notes.add(
+                split.unended,
+                "ENDDATA",
+                "the deck ends without it, as MSC Nastran allows; is it whole?",
+            )
         self.cards: dict[str, list[Card]] = defaultdict(list)
         for one in cards_of(split.bulk):
             if isinstance(one, Card):
@@ -268,15 +316,22 @@ class Deck:
             else:
                 self.labels.hear(one.raw)
         self.case = read_case(split.control)
-        params = [*(card for card in cards_of(self.case.params) if isinstance(card, Card)), *self.take("PARAM")]
+        params = [
+            *(card for card in cards_of(self.case.params) if isinstance(card, Card)),
+            *self.take("PARAM"),
+        ]
         note_params(params, self.notes)
-        self.mass_factor = next((card.positive(1, "V1") for card in params if card.text(0) == "WTMASS"), 1.0)
+        self.mass_factor = next(
+            (card.positive(1, "V1") for card in params if card.text(0) == "WTMASS"), 1.0
+        )
         self.all = [card for group in self.cards.values() for card in group]
         defaults, grids = self.take("GRDSET"), self.take("GRID")
         refuse_solids(self.cards)
         if not grids:
             raise FormatError("", "the deck has no GRID; expected Nastran bulk data")
-        self.grids: Grids = read_grids(grids, defaults[0] if defaults else None, self.take(*_FRAMES))
+        self.grids: Grids = read_grids(
+            grids, defaults[0] if defaults else None, self.take(*_FRAMES)
+        )
         materials = numbered(self.take(*_MATERIALS), "material", "MID")
         self.materials = Materials(materials, self.mass_factor, self.notes)
         plates = self.take(*PLATES)

@@ -62,7 +62,9 @@ class Grids:
         number = card.integer(index, what)
         row = self.rows.get(number)
         if row is None:
-            raise IncompleteError(card.wrong(index, what, f"a grid of the deck; there is no GRID {number}").faults)
+            raise IncompleteError(
+                card.wrong(index, what, f"a grid of the deck; there is no GRID {number}").faults
+            )
         return row
 
     def axes(self, row: int) -> Floats:
@@ -74,7 +76,9 @@ class Grids:
         """The coordinate system that a field names."""
         number = card.integer(index, what, 0)
         if number not in self.systems:
-            raise card.wrong(index, what, f"a coordinate system of the deck; there is no CORD {number}")
+            raise card.wrong(
+                index, what, f"a coordinate system of the deck; there is no CORD {number}"
+            )
         return self.systems[number]
 
 
@@ -87,8 +91,8 @@ def read_grids(cards: Iterable[Card], defaults: Card | None, frames: Iterable[Ca
         frames: CORD1R … CORD2S.
 
     Raises:
-        FormatError: a grid stands twice and differs, or a system twice; one refers to one that is not there, or to itself in a
-            circle.
+        FormatError: a grid stands twice and differs, or a system twice; one refers to one that is
+            not there, or to itself in a circle.
     """
     first: dict[tuple[str | float, ...], Card] = {}
     cards = list(cards)
@@ -96,17 +100,23 @@ def read_grids(cards: Iterable[Card], defaults: Card | None, frames: Iterable[Ca
     by_number = numbered(first.values(), "grid", "ID")
     numbers = np.array(sorted(by_number), dtype=np.int64)
     ordered = [by_number[number] for number in numbers.tolist()]
-    points = np.array([[card.real(2 + k, f"X{k + 1}", 0.0) for k in range(3)] for card in ordered]).reshape(-1, 3)
+    points = np.array(
+        [[card.real(2 + k, f"X{k + 1}", 0.0) for k in range(3)] for card in ordered]
+    ).reshape(-1, 3)
     rows = {number: row for row, number in enumerate(numbers.tolist())}
     in_system = [_inherited(card, 1, "CP", defaults) for card in ordered]
-    found = Grids(numbers, points.copy(), rows, {str(number): row for number, row in rows.items()}, {0: BASIC})
+    found = Grids(
+        numbers, points.copy(), rows, {str(number): row for number, row in rows.items()}, {0: BASIC}
+    )
     found.repeated = repeated
     stated = _stated(frames)
     _resolve(stated, found, in_system, ordered)
     for system in set(in_system) - {0}:
         own = np.flatnonzero(np.array(in_system) == system)
         if system not in found.systems:
-            raise ordered[own[0]].wrong(1, "CP", f"a coordinate system of the deck; there is no CORD {system}")
+            raise ordered[own[0]].wrong(
+                1, "CP", f"a coordinate system of the deck; there is no CORD {system}"
+            )
         found.places[own] = found.systems[system].place(points[own])
     for row, card in enumerate(ordered):
         _constrain(found, row, card, defaults)
@@ -145,12 +155,17 @@ def _stated(frames: Iterable[Card]) -> dict[int, tuple[Card, int]]:
             if number <= 0:
                 raise card.wrong(at, "CID", "a number above zero")
             if number in found:
-                raise card.error(f"the coordinate system {number} is there twice, first in {found[number][0].where}")
+                raise card.error(
+                    f"the coordinate system {number} is there twice, first in"
+                    f" {found[number][0].where}"
+                )
             found[number] = (card, at)
     return found
 
 
-def _resolve(stated: dict[int, tuple[Card, int]], grids: Grids, in_system: list[int], ordered: list[Card]) -> None:
+def _resolve(
+    stated: dict[int, tuple[Card, int]], grids: Grids, in_system: list[int], ordered: list[Card]
+) -> None:
     """Build the systems in an order in which each finds those that it needs."""
     needs: dict[int, set[int]] = {}
     for number, (card, at) in stated.items():
@@ -158,7 +173,9 @@ def _resolve(stated: dict[int, tuple[Card, int]], grids: Grids, in_system: list[
             needs[number] = {card.integer(1, "RID", 0)}
             unknown = needs[number] - {0, *stated}
             if unknown:
-                raise card.wrong(1, "RID", f"a coordinate system of the deck; there is no CORD {unknown.pop()}")
+                raise card.wrong(
+                    1, "RID", f"a coordinate system of the deck; there is no CORD {unknown.pop()}"
+                )
         else:
             needs[number] = {in_system[grids.row(card, at + i, f"G{i}")] for i in (1, 2, 3)}
     try:
@@ -173,7 +190,9 @@ def _resolve(stated: dict[int, tuple[Card, int]], grids: Grids, in_system: list[
         if number not in stated:
             if number:
                 row = in_system.index(number)
-                raise ordered[row].wrong(1, "CP", f"a coordinate system of the deck; there is no CORD {number}")
+                raise ordered[row].wrong(
+                    1, "CP", f"a coordinate system of the deck; there is no CORD {number}"
+                )
             continue
         card, at = stated[number]
         if card.name.startswith("CORD2"):
@@ -181,7 +200,9 @@ def _resolve(stated: dict[int, tuple[Card, int]], grids: Grids, in_system: list[
             corners = grids.systems[card.integer(1, "RID", 0)].place(np.array(values).reshape(3, 3))
         else:
             found = [grids.row(card, at + i, f"G{i}") for i in (1, 2, 3)]
-            corners = np.vstack([grids.systems[in_system[row]].place(grids.places[row : row + 1]) for row in found])
+            corners = np.vstack(
+                [grids.systems[in_system[row]].place(grids.places[row : row + 1]) for row in found]
+            )
         grids.systems[number] = _system(card, corners)
 
 

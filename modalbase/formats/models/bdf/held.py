@@ -14,7 +14,8 @@ ALL = (0, 1, 2, 3, 4, 5)
 
 
 def listed(card: Card, first: int, grids: Grids, what: str) -> Iterator[int]:
-    """Rows of the grids that fields list from one on, `7`, `1 THRU 9`; ends at a field that is no grid, such as ALPHA.
+    """Rows of the grids that fields list from one on, `7`, `1 THRU 9`; ends at a field that is no
+    grid, such as ALPHA.
 
     Of a range those count that are there, as Nastran has it.
     """
@@ -31,8 +32,12 @@ def listed(card: Card, first: int, grids: Grids, what: str) -> Iterator[int]:
         at += taken
 
 
-def _span(card: Card, fields: list[tuple[int, str]], grids: Grids, what: str) -> tuple[Iterable[int], int]:
-    """Rows of the grid, or of the range, that begins a list of fields, and how many of these it takes."""
+def _span(
+    card: Card, fields: list[tuple[int, str]], grids: Grids, what: str
+) -> tuple[Iterable[int], int]:
+    """Rows of the grid, or of the range, that begins a list of fields, and how many of these it
+    takes.
+    """
     index = fields[0][0]
     if len(fields) < 3 or fields[1][1] != "THRU":
         return [grids.row(card, index, what)], 1
@@ -77,9 +82,17 @@ def _rbar(card: Card, deck: Deck) -> Iterator[Link]:
     for leader, follower, index in ((0, 1, 6), (1, 0, 5)):
         if lead[leader] == ALL and not lead[follower]:
             dofs = card.dofs(index, "CM", "123456") or ALL
-            yield Link(ends[follower], (ends[leader],), dofs, card.where, axes=_turned(grids, ends[follower], dofs))
+            yield Link(
+                ends[follower],
+                (ends[leader],),
+                dofs,
+                card.where,
+                axes=_turned(grids, ends[follower], dofs),
+            )
             return
-    deck.notes.add(card, "RBAR led by both ends", "a rigid bar that both ends lead in part is not used", True)
+    deck.notes.add(
+        card, "RBAR led by both ends", "a rigid bar that both ends lead in part is not used", True
+    )
 
 
 def _rbe3(card: Card, deck: Deck) -> Iterator[Link]:
@@ -100,9 +113,16 @@ def _rbe3(card: Card, deck: Deck) -> Iterator[Link]:
             components = card.dofs(index, "C")
             expects = "grid"
             if not {0, 1, 2} <= set(components):
-                deck.notes.add(card, "RBE3 without C = 123", "leaders are read with all three displacements", True)
+                deck.notes.add(
+                    card,
+                    "RBE3 without C = 123",
+                    "leaders are read with all three displacements",
+                    True,
+                )
             elif len(components) > 3:
-                deck.notes.add(card, "RBE3 with C = 123456", "leaders are read without their rotations")
+                deck.notes.add(
+                    card, "RBE3 with C = 123456", "leaders are read without their rotations"
+                )
         else:
             rows, taken = _span(card, fields[at - 1 : at + 2], grids, "G")
             at += taken - 1
@@ -112,7 +132,9 @@ def _rbe3(card: Card, deck: Deck) -> Iterator[Link]:
         raise card.error("it has no leaders with a weight above zero")
     values = tuple(weights.values())
     equal = len(set(values)) == 1
-    yield Link(node, tuple(weights), dofs, card.where, () if equal else values, _turned(grids, node, dofs))
+    yield Link(
+        node, tuple(weights), dofs, card.where, () if equal else values, _turned(grids, node, dofs)
+    )
 
 
 _READERS = {"RBE2": _rbe2, "RBE3": _rbe3, "RBAR": _rbar}
@@ -126,7 +148,9 @@ def read_supports(deck: Deck) -> list[Support]:
     for card in cards:
         if card.integer(0, "SID") not in holding:
             deck.notes.add(
-                card, f"{card.name} of another set", "constraints of sets that the deck does not select are not used"
+                card,
+                f"{card.name} of another set",
+                "constraints of sets that the deck does not select are not used",
             )
         elif card.name == "SPC":
             for at in (1, 4):
@@ -134,14 +158,23 @@ def read_supports(deck: Deck) -> list[Support]:
                     row, dofs = grids.row(card, at, "G"), card.dofs(at + 1, "C", "0")
                     rows.setdefault((card.where, dofs), []).append(row)
         else:
-            rows.setdefault((card.where, card.dofs(1, "C", "0")), []).extend(listed(card, 2, grids, "G"))
+            rows.setdefault((card.where, card.dofs(1, "C", "0")), []).extend(
+                listed(card, 2, grids, "G")
+            )
     first: dict[tuple[int, ...], Where] = {}
     for row, (dofs, card) in grids.held.items():
         rows.setdefault((first.setdefault(dofs, card.where), dofs), []).append(row)
-    return [support for (where, dofs), own in rows.items() if dofs for support in _parted(grids, own, dofs, where)]
+    return [
+        support
+        for (where, dofs), own in rows.items()
+        if dofs
+        for support in _parted(grids, own, dofs, where)
+    ]
 
 
-def _parted(grids: Grids, rows: list[int], dofs: tuple[int, ...], where: Where) -> Iterator[Support]:
+def _parted(
+    grids: Grids, rows: list[int], dofs: tuple[int, ...], where: Where
+) -> Iterator[Support]:
     """Nodes that are held in the model's frame together, others by themselves."""
     plain = []
     for row in rows:
@@ -174,7 +207,12 @@ def _holding(deck: Deck, cards: list[Card], joining: list[Card]) -> set[int]:
             return stated
         else:
             names = ", ".join(map(str, sorted(stated)))
-            notes.add(cards[0], "SPC", f"nothing selects one of the sets {names}; all of them hold here", True)
+            notes.add(
+                cards[0],
+                "SPC",
+                f"nothing selects one of the sets {names}; all of them hold here",
+                True,
+            )
             return stated
     by = {whole(text) or 0: card for card in joined[selected] for _, text in card.words(1)}
     holding = set(by) or {selected}

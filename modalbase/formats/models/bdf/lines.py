@@ -8,7 +8,9 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines_of
 from modalbase.formats.models.model import Where
 
-_CONTROL = re.compile(r"\s*(SOL\s+\w+|CEND|(SPC|METHOD|SUBCASE|LOAD|DISP\w*(\([^)]*\))?|MPC)\s*=.*|SUBCASE\s+\d+)\s*$")
+_CONTROL = re.compile(
+    r"\s*(SOL\s+\w+|CEND|(SPC|METHOD|SUBCASE|LOAD|DISP\w*(\([^)]*\))?|MPC)\s*=.*|SUBCASE\s+\d+)\s*$"
+)
 """An order of executive or case control."""
 _QUOTED = re.compile(r"['\"]([^'\"]*)")
 
@@ -32,13 +34,14 @@ class Sections:
 
 
 def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections:
-    """The lines of a deck by section; a deck that has neither CEND nor BEGIN BULK is bulk data alone.
+    """The lines of a deck by section; a deck that has neither CEND nor BEGIN BULK is bulk data
+    alone.
 
     INCLUDE files are left out where `included` is None.
 
     Raises:
-        FormatError: the deck is not text, is cut, or an INCLUDE file is missing. ENDDATA may be missing (MSC Nastran) where the
-            last line is whole.
+        FormatError: the deck is not text, is cut, or an INCLUDE file is missing. ENDDATA may be
+            missing (MSC Nastran) where the last line is whole.
     """
     if b"\0" in content:
         raise FormatError("", "the file holds NUL bytes; expected the text of a Nastran deck")
@@ -55,7 +58,8 @@ def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections
             current, controlled = found.bulk, True
         elif begins:
             raise FormatError(
-                str(line.where), "a second BEGIN: superelements are not read; send the whole as one model"
+                str(line.where),
+                "a second BEGIN: superelements are not read; send the whole as one model",
             )
         else:
             controlled |= word == ["CEND"]
@@ -65,16 +69,20 @@ def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections
         controlled |= any(_CONTROL.match(line.text) for line in found.control)
         if controlled and grid:
             raise FormatError(
-                str(grid.where), "a card stands before any BEGIN BULK; add this line before the first card"
+                str(grid.where),
+                "a card stands before any BEGIN BULK; add this line before the first card",
             )
         if controlled:
-            raise FormatError(_last(found.control), "the deck ends before BEGIN BULK; it seems to be cut")
+            raise FormatError(
+                _last(found.control), "the deck ends before BEGIN BULK; it seems to be cut"
+            )
         return Sections([], found.control)
     if not ended:
         if not content.endswith((b"\n", b"\r")):
             raise FormatError(
                 _last(found.bulk or found.control),
-                "the deck ends within a line and without ENDDATA; it seems to be cut. Add the line ENDDATA if it is whole",
+                "the deck ends within a line and without ENDDATA; it seems to be cut. Add the line"
+                " ENDDATA if it is whole",
             )
         found.unended = (found.bulk or found.control)[-1].where
     return found
@@ -87,7 +95,9 @@ def _last(lines: list[Line]) -> str:
 def _lines(
     content: bytes, within: tuple[str, ...], included: Mapping[str, bytes] | None, seen: set[str]
 ) -> Iterator[Line]:
-    """Lines of a file with those of the files that it includes in their place; `within` names what leads to it."""
+    """Lines of a file with those of the files that it includes in their place; `within` names what
+    leads to it.
+    """
     raws, texts = lines_of(content), lines_of(content.upper())
     number, file = 0, within[-1]
     while number < len(raws):
@@ -99,7 +109,8 @@ def _lines(
             continue
         where, name = str(Where(number, file)), raw.strip()[7:]
         first = number
-        while name.count("'") == 1 and number < len(raws) and number < first + 10:  # a long path goes on
+        # a long path goes on
+        while name.count("'") == 1 and number < len(raws) and number < first + 10:
             name += raws[number].strip()
             number += 1
         if included is None:
@@ -110,11 +121,15 @@ def _lines(
         if inner is None:
             raise FormatError(where, f"INCLUDE {name!r} is not here; send that file with the deck")
         if inner in seen:
-            raise FormatError(where, f"INCLUDE {name!r} stands for the second time; its cards would be there twice")
+            raise FormatError(
+                where,
+                f"INCLUDE {name!r} stands for the second time; its cards would be there twice",
+            )
         if len(within) > DEEPEST_INCLUDE:
             raise FormatError(
                 where,
-                f"INCLUDE {name!r} lies more than {DEEPEST_INCLUDE} files deep, which is the most that is read",
+                f"INCLUDE {name!r} lies more than {DEEPEST_INCLUDE} files deep, which is the most"
+                " that is read",
             )
         seen.add(inner)
         yield from _lines(included[inner], (*within, inner), included, seen)

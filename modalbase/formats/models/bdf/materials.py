@@ -31,7 +31,9 @@ class Materials:
         if name not in self.found:
             card = self.cards.get(number)
             if card is None:
-                raise user.wrong(index, what, f"a material of the deck; there is no MAT1, MAT2 or MAT8 {number}")
+                raise user.wrong(
+                    index, what, f"a material of the deck; there is no MAT1, MAT2 or MAT8 {number}"
+                )
             if card.name not in _READERS:
                 raise user.wrong(index, what, f"MAT1, MAT2 or MAT8; {number} is a {card.name}")
             self.found[name] = self._read(card)
@@ -80,18 +82,27 @@ def _orthotropic(card: Card, notes: Losses) -> dict[str, float]:
     G13, G23 = card.real(5, "G1Z", 0.0), card.real(6, "G2Z", 0.0)
     if not G13 > 0 or not G23 > 0:
         notes.add(
-            card, "MAT8 without G1Z, G2Z", "the deck has it rigid in transverse shear; here it shears with G12 there"
+            card,
+            "MAT8 without G1Z, G2Z",
+            "the deck has it rigid in transverse shear; here it shears with G12 there",
         )
     return {"E1": E1, "E2": E2, "nu12": nu, "G12": G12, "G13": G13 or G12, "G23": G23 or G12}
 
 
 def _anisotropic(card: Card, notes: Losses) -> dict[str, float]:
     """Plane-stress stiffness by its entries; what couples stretch and shear is lost."""
-    g11, g12, g13, g22, g23, g33 = (card.real(1 + k, f"G{name}", 0.0) for k, name in enumerate(_ENTRIES))
+    g11, g12, g13, g22, g23, g33 = (
+        card.real(1 + k, f"G{name}", 0.0) for k, name in enumerate(_ENTRIES)
+    )
     if not (g11 > 0 and g22 > 0 and g33 > 0 and g12**2 < g11 * g22):
         raise card.error("G11, G22 and G33 must be above zero, and G12² below G11 G22", 1)
     if max(abs(g13), abs(g23)) > _COUPLING * max(g11, g22):
-        notes.add(card, "MAT2 with G13, G23", "the coupling of stretch and shear is lost; use MAT8 with an angle", True)
+        notes.add(
+            card,
+            "MAT2 with G13, G23",
+            "the coupling of stretch and shear is lost; use MAT8 with an angle",
+            True,
+        )
     found = {"E1": g11 - g12**2 / g22, "E2": g22 - g12**2 / g11, "nu12": g12 / g22, "G12": g33}
     return {**found, "G13": g33, "G23": g33}
 

@@ -17,8 +17,8 @@ _DIRECT = ("K2GG", "M2GG", "K2PP", "M2PP")
 def read_bdf(content: bytes, included: Mapping[str, bytes] | None = None) -> FiniteElementModel:
     """A deck of Nastran, with executive and case control or of bulk data alone.
 
-    Numbers stay in the deck's units, but masses and densities are multiplied by PARAM WTMASS, so that they belong to its
-    lengths and forces.
+    Numbers stay in the deck's units, but masses and densities are multiplied by PARAM WTMASS, so
+    that they belong to its lengths and forces.
 
     Args:
         content: the deck.
@@ -69,9 +69,17 @@ def _note_rest(deck: Deck) -> None:
         deck.notes.add(card, "GRID SEID", "superelements are read as one model")
     matrices = [name for name in _DIRECT if deck.case.selected.get(name)]
     for card in deck.take("DMIG"):
-        loss = "stiffness and mass by matrices" if matrices else "matrices that the deck does not select"
+        loss = (
+            "stiffness and mass by matrices"
+            if matrices
+            else "matrices that the deck does not select"
+        )
         deck.notes.add(card, "DMIG", f"{loss} are not used", bool(matrices))
     note_unused(deck)
     for card in deck.all:
         if card.integers_for_reals:
-            deck.notes.add(card, "integers for reals", "read as the same number; Nastran asks for a decimal point")
+            deck.notes.add(
+                card,
+                "integers for reals",
+                "read as the same number; Nastran asks for a decimal point",
+            )

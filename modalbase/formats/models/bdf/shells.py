@@ -17,7 +17,9 @@ _MOST_PLIES = 2000
 
 @dataclass(frozen=True)
 class _Layout:
-    """Fields of an element, from 0 behind the name: grids, the angle, the offset, thicknesses, and their flag."""
+    """Fields of an element, from 0 behind the name: grids, the angle, the offset, thicknesses, and
+    their flag.
+    """
 
     kind: Kind
     grids: tuple[int, ...]
@@ -104,7 +106,10 @@ class Shells:
         try:  # what almost all elements are
             nodes = [rows[fields[index]] for index in group.layout.grids]
         except (KeyError, IndexError):
-            nodes = [self._deck.grids.row(card, i, f"G{k}") for k, i in enumerate(group.layout.grids, start=1)]
+            nodes = [
+                self._deck.grids.row(card, i, f"G{k}")
+                for k, i in enumerate(group.layout.grids, start=1)
+            ]
         if len(set(nodes)) < len(nodes):
             raise card.error("a grid stands in it twice; a corner less makes a CTRIA3", 2)
         group.numbers.append(number)
@@ -129,11 +134,15 @@ class Shells:
         whole = group.section.thickness
         relative = card.integer(layout.flag, "TFLAG", 0) == 1
         default = 1.0 if relative else whole
-        own = [card.real(index, f"T{k}", default) for k, index in enumerate(layout.thickness, start=1)]
+        own = [
+            card.real(index, f"T{k}", default) for k, index in enumerate(layout.thickness, start=1)
+        ]
         for k, value in enumerate(own):
             if value < 0 or not any(own):  # an edge may taper to nothing
                 raise card.wrong(
-                    layout.thickness[k], f"T{k + 1}", "a thickness that is not negative, and not zero all round"
+                    layout.thickness[k],
+                    f"T{k + 1}",
+                    "a thickness that is not negative, and not zero all round",
                 )
         if relative and whole is None:
             raise card.error("TFLAG is 1, but the property states no thickness", layout.flag)
@@ -143,7 +152,9 @@ class Shells:
         if number not in self._read:
             source = self._deck.plates.get(number)
             if source is None:
-                raise card.wrong(1, "PID", f"a property of shells; there is no PSHELL or PCOMP {number}")
+                raise card.wrong(
+                    1, "PID", f"a property of shells; there is no PSHELL or PCOMP {number}"
+                )
             reader = self._plate if source.name == "PSHELL" else self._laminate
             self._read[number] = reader(source, self._deck.labels.of(source.name, number))
         return self._read[number]
@@ -154,23 +165,46 @@ class Shells:
         thickness = card.positive(2, "T") if card.text(2) else 0.0
         notes = self._deck.notes
         if bending_only:
-            notes.add(card, "PSHELL without MID1", "it bends alone in the deck; here it stretches too", True)
+            notes.add(
+                card,
+                "PSHELL without MID1",
+                "it bends alone in the deck; here it stretches too",
+                True,
+            )
         elif not card.text(3):
-            notes.add(card, "PSHELL without MID2", "it is a membrane in the deck; here it bends too", True)
+            notes.add(
+                card, "PSHELL without MID2", "it is a membrane in the deck; here it bends too", True
+            )
         elif card.text(3) not in (card.text(1), "-1") or card.text(10):
-            notes.add(card, "PSHELL with MID2, MID4", "bending by a material of its own is lost", True)
+            notes.add(
+                card, "PSHELL with MID2, MID4", "bending by a material of its own is lost", True
+            )
         if card.text(3) == "-1":
             notes.add(card, "PSHELL with MID2 = -1", "plane strain; here it is plane stress", True)
         if abs(card.real(4, "12I/T**3", 1.0) - _BENDING[0]) > _BENDING[1]:
             notes.add(card, "PSHELL 12I/T**3", "it bends as a plate of its thickness here", True)
         if card.text(3) and not card.text(5):
-            notes.add(card, "PSHELL without MID3", "the deck has it rigid in transverse shear; here it shears")
+            notes.add(
+                card,
+                "PSHELL without MID3",
+                "the deck has it rigid in transverse shear; here it shears",
+            )
         elif card.text(5) and (
-            abs(card.real(6, "TS/T", _SHEAR[0]) - _SHEAR[0]) > _SHEAR[1] or card.text(5) != card.text(1)
+            abs(card.real(6, "TS/T", _SHEAR[0]) - _SHEAR[0]) > _SHEAR[1]
+            or card.text(5) != card.text(1)
         ):
-            notes.add(card, "PSHELL MID3, TS/T", "it shears as a plate of MID1 with TS/T = 5/6 here", True)
+            notes.add(
+                card, "PSHELL MID3, TS/T", "it shears as a plate of MID1 with TS/T = 5/6 here", True
+            )
         ply = Ply(material.name, thickness, place=card.place(2))
-        return _Property(card, name, (ply,), card.real(12, "ZOFFS", 0.0), self._mass(card, 7), material.is_isotropic)
+        return _Property(
+            card,
+            name,
+            (ply,),
+            card.real(12, "ZOFFS", 0.0),
+            self._mass(card, 7),
+            material.is_isotropic,
+        )
 
     def _laminate(self, card: Card, name: str) -> _Property:
         step = 8 if card.name == "PCOMPG" else 4
@@ -200,7 +234,10 @@ class Shells:
             plies += plies[::-1]
         elif lamina and lamina not in ("BLANK", "NO"):
             self._deck.notes.add(
-                card, f"{card.name} LAM={lamina}", "the laminate is read with all of its stiffness", True
+                card,
+                f"{card.name} LAM={lamina}",
+                "the laminate is read with all of its stiffness",
+                True,
             )
         total = sum(ply.thickness for ply in plies)
         offset = card.real(1, "Z0", -total / 2) + total / 2
@@ -216,7 +253,10 @@ class Shells:
         normals, sides = _frames(self._deck.grids.places[nodes])
         axes = _turned(sides, normals, np.radians(group.angles))
         for at, number in group.special.items():
-            axes[at] = self._projected(group.cards[at], number, nodes[at], normals[at], section) or axes[at]
+            axes[at] = (
+                self._projected(group.cards[at], number, nodes[at], normals[at], section)
+                or axes[at]
+            )
         offsets = None
         if any(group.offsets):
             arms = np.array(group.offsets)[:, None] * normals
@@ -224,34 +264,51 @@ class Shells:
         thickness = self._thicknesses(group)
         self._store(section, thickness)
         numbers, lines = (
-            np.array(each, dtype=np.int64) for each in (group.numbers, [card.where.line for card in group.cards])
+            np.array(each, dtype=np.int64)
+            for each in (group.numbers, [card.where.line for card in group.cards])
         )
         files = tuple(card.where.file for card in group.cards)
         kind = group.layout.kind
         return Elements(
-            kind, numbers, nodes, section.set, axes, lines, offsets=offsets, thickness=thickness, files=files
+            kind,
+            numbers,
+            nodes,
+            section.set,
+            axes,
+            lines,
+            offsets=offsets,
+            thickness=thickness,
+            files=files,
         )
 
     def _projected(
         self, card: Card, number: int, nodes: Floats, normal: Floats, section: _Property
     ) -> tuple[float, float, float] | None:
         """Axis 1 of a coordinate system on an element; None where it has none and needs none."""
-        axis = self._deck.grids.systems[number].axes_at(self._deck.grids.places[nodes].mean(axis=0))[0]
+        axis = self._deck.grids.systems[number].axes_at(
+            self._deck.grids.places[nodes].mean(axis=0)
+        )[0]
         flat = axis - (axis @ normal) * normal
         size = float(np.linalg.norm(flat))
         if size < 1e-6:
             if section.is_isotropic:
                 return None
-            raise card.error(f"axis 1 of the system {number} (MCID) stands on the element; it gives plies no direction")
+            raise card.error(
+                f"axis 1 of the system {number} (MCID) stands on the element; it gives plies no"
+                " direction"
+            )
         x, y, z = (flat / size).tolist()
         return x, y, z
 
     def _thicknesses(self, group: _Group) -> Floats | None:
-        """(e, n) at the nodes, where elements state their own; a side's middle has the mean of its ends."""
+        """(e, n) at the nodes, where elements state their own; a side's middle has the mean of its
+        ends.
+        """
         if not group.own_thickness:
             if group.section.thickness is None:
                 raise group.cards[0].error(
-                    f"neither it nor {group.section.card.title} ({group.section.card.where}) states a thickness"
+                    f"neither it nor {group.section.card.title} ({group.section.card.where}) states"
+                    " a thickness"
                 )
             return None
         corners = len(group.layout.thickness)
@@ -260,7 +317,9 @@ class Shells:
             found[at] = own
         bare = np.flatnonzero(np.isnan(found).any(axis=1))
         if bare.size:
-            raise group.cards[bare[0]].error(f"neither it nor {group.section.card.title} states a thickness")
+            raise group.cards[bare[0]].error(
+                f"neither it nor {group.section.card.title} states a thickness"
+            )
         if len(group.layout.grids) > corners:
             found = np.hstack([found, (found + np.roll(found, -1, axis=1)) / 2])
         return found
@@ -281,12 +340,16 @@ def _without_middles(card: Card, layout: _Layout) -> _Layout:
         return layout
     if not all(left_out):
         index = layout.grids[corners + left_out.index(True)]
-        raise card.wrong(index, f"G{index - 1}", "a grid; the middles of all sides, or of none, can be left out")
+        raise card.wrong(
+            index, f"G{index - 1}", "a grid; the middles of all sides, or of none, can be left out"
+        )
     return _QUAD4 if corners == 4 else _TRI3
 
 
 def _frames(places: Floats) -> tuple[Floats, Floats]:
-    """(e, 3) unit normals, and directions of the first side on the surface; of no length where an element has no size."""
+    """(e, 3) unit normals, and directions of the first side on the surface; of no length where an
+    element has no size.
+    """
     corners = places[:, : 4 if places.shape[1] in (4, 8) else 3]
     normals = unit(normals_of(corners))
     side = corners[:, 1] - corners[:, 0]

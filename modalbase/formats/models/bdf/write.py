@@ -1,7 +1,7 @@
 """Where the numbers of an update go in a Nastran deck.
 
-A field changes in place and in its own width, with a comment before its card. Copies of a material, with free numbers, stand
-before ENDDATA, and the properties of the sets point to them.
+A field changes in place and in its own width, with a comment before its card. Copies of a material,
+with free numbers, stand before ENDDATA, and the properties of the sets point to them.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,10 +22,18 @@ _FIELDS = {**FIELDS, "MAT2": {"G11": 1, "G12": 2, "G22": 4, "G33": 6, "density":
 class BdfWriting(Writing):
     """Files of a Nastran deck as they change."""
 
-    def __init__(self, content: bytes, model: FiniteElementModel, included: Mapping[str, bytes]) -> None:
-        super().__init__({name: Edits(text, "$", 8) for name, text in {"": content, **included}.items()})
+    def __init__(
+        self, content: bytes, model: FiniteElementModel, included: Mapping[str, bytes]
+    ) -> None:
+        super().__init__(
+            {name: Edits(text, "$", 8) for name, text in {"": content, **included}.items()}
+        )
         self._model = model
-        self._cards = [card for card in cards_of(split_deck(content, included or None).bulk) if isinstance(card, Card)]
+        self._cards = [
+            card
+            for card in cards_of(split_deck(content, included or None).bulk)
+            if isinstance(card, Card)
+        ]
         self._by_place = {card.where: card for card in self._cards}
         numbers = [whole(card.text(0)) or 0 for card in self._cards if card.name.startswith("MAT")]
         self._next = max([*numbers, *map(int, model.materials)], default=0) + 1
@@ -38,7 +46,9 @@ class BdfWriting(Writing):
         self._remark(card, number.comment)
         self._real(card, index, number.value)
 
-    def change(self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]) -> bool:
+    def change(
+        self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]
+    ) -> bool:
         """Write constants into a material's card, where it can say them and its lines have room."""
         card = self._card(material.where, sets[0])
         fields = _fields_of(card, material, values)
@@ -50,7 +60,9 @@ class BdfWriting(Writing):
             self._real(card, index, value)
         return True
 
-    def copy(self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]) -> None:
+    def copy(
+        self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]
+    ) -> None:
         """Append a material before ENDDATA, and let the properties of sets point to it."""
         card = self._card(material.where, sets[0])
         new, self._next = str(self._next), self._next + 1
@@ -89,7 +101,11 @@ class BdfWriting(Writing):
         section = self._model.sections[set_name]
         card = self._card(section.where, set_name)
         if card.name == "CONROD":
-            return [(one, (3,)) for one in self._cards if one.name == "CONROD" and rod_key(one) == rod_key(card)]
+            return [
+                (one, (3,))
+                for one in self._cards
+                if one.name == "CONROD" and rod_key(one) == rod_key(card)
+            ]
         if card.name == "PSHELL":
             return [(card, (1, 3, 5, 10))]
         if card.name in ("PCOMP", "PCOMPG"):
@@ -100,7 +116,9 @@ class BdfWriting(Writing):
     def _card(self, where: Where, set_name: str) -> Card:
         card = self._by_place.get(where)
         if card is None:
-            raise FormatError(set_name, f"cannot be written: {where} is not here, or not the card that was read")
+            raise FormatError(
+                set_name, f"cannot be written: {where} is not here, or not the card that was read"
+            )
         return card
 
     def _remark(self, card: Card, text: str) -> None:
@@ -126,8 +144,12 @@ def _fields_of(card: Card, material: Material, values: Constants) -> dict[int, f
     """Fields of a material's card that change; None where the card cannot say the constants."""
     if material.is_isotropic and "E1" in values:
         return None
-    before, after = (_on_card(card.name, each) for each in (material.constants, {**material.constants, **values}))
-    found = {_FIELDS[card.name][name]: value for name, value in after.items() if value != before[name]}
+    before, after = (
+        _on_card(card.name, each) for each in (material.constants, {**material.constants, **values})
+    )
+    found = {
+        _FIELDS[card.name][name]: value for name, value in after.items() if value != before[name]
+    }
     if "density" in values:
         found[_FIELDS[card.name]["density"]] = _density_on(card, material, values["density"])
     return found
@@ -156,12 +178,15 @@ def _large(name: str, fields: Sequence[str]) -> list[str]:
     rows = [fields[at : at + 4] for at in range(0, len(fields), 4)]
     heads = [f"{name}*", *("*" for _ in rows[1:])]
     return [
-        head.ljust(8) + "".join(text.ljust(16) for text in row).rstrip() for head, row in zip(heads, rows, strict=True)
+        head.ljust(8) + "".join(text.ljust(16) for text in row).rstrip()
+        for head, row in zip(heads, rows, strict=True)
     ]
 
 
 def fitted(value: float, width: int) -> str:
-    """A real in at most so many columns, as near to the value as these allow; it has a point, as Nastran asks."""
+    """A real in at most so many columns, as near to the value as these allow; it has a point, as
+    Nastran asks.
+    """
     best, distance = "", float("inf")
     for text in _candidates(value, width):
         found = number(text)
@@ -178,7 +203,9 @@ def _candidates(value: float, width: int) -> list[str]:
     for digits in range(width):
         text = f"{value:.{digits}f}"
         text = text if "." in text else text + "."
-        fixed.append(text.replace("0.", ".", 1) if text.lstrip("-").startswith("0.") and digits else text)
+        fixed.append(
+            text.replace("0.", ".", 1) if text.lstrip("-").startswith("0.") and digits else text
+        )
         mantissa, exponent = f"{value:.{digits}e}".split("e")
         mantissa = mantissa if "." in mantissa else mantissa + "."
         exponential.append(f"{mantissa}{int(exponent):+d}")

@@ -22,11 +22,15 @@ def beam_section(
         FormatError: the constants are none of a real section.
     """
     row = card.first
-    kind = card.get("SECTION").upper() or ("GENERAL" if card.name == "BEAMGENERALSECTION" else "RECT")
+    kind = card.get("SECTION").upper() or (
+        "GENERAL" if card.name == "BEAMGENERALSECTION" else "RECT"
+    )
     places = {}
     if kind == "GENERAL":
         if card.name == "BEAMSECTION":
-            raise card.error("has SECTION=GENERAL; *BEAM GENERAL SECTION states a beam by its constants")
+            raise card.error(
+                "has SECTION=GENERAL; *BEAM GENERAL SECTION states a beam by its constants"
+            )
         found = _general(row)
         places = {name: row.place(k) for k, name in enumerate(_CONSTANTS) if name != "I12"}
     else:
@@ -35,14 +39,25 @@ def beam_section(
         except ValueError as error:
             raise row.error(str(error)) from None
     own = card.name == "BEAMGENERALSECTION" and not card.get("MATERIAL")
-    material = _own_material(card, name, materials) if own else materials.named(card.needs("MATERIAL"), card)
+    material = (
+        _own_material(card, name, materials)
+        if own
+        else materials.named(card.needs("MATERIAL"), card)
+    )
     slender = {element.type.name in SLENDER for element in elements}
     if len(slender) > 1:
-        raise card.error("has elements that are rigid in shear and others that are not; split the set")
+        raise card.error(
+            "has elements that are rigid in shear and others that are not; split the set"
+        )
     shear = None if True in slender else found.shear
-    section = BeamSection(material, found.area, found.inertia, found.torsion, card.where, shear, places=places)
+    section = BeamSection(
+        material, found.area, found.inertia, found.torsion, card.where, shear, places=places
+    )
     y, z = found.centroid
-    shifts = [-card.number(card.get(f"OFFSET{k + 1}") or "0", f"OFFSET{k + 1}") * found.extent[k] for k in (0, 1)]
+    shifts = [
+        -card.number(card.get(f"OFFSET{k + 1}") or "0", f"OFFSET{k + 1}") * found.extent[k]
+        for k in (0, 1)
+    ]
     return section, _direction(card), (y + shifts[0], z + shifts[1])
 
 
@@ -50,7 +65,9 @@ def _general(row: Row) -> Shape:
     values = row.numbers("A, I11, I12, I22, J", 5)
     area, first, mixed, second, torsion = values[:5]
     if min(area, first, second, torsion) <= 0 or mixed**2 >= first * second:
-        raise row.error("expected A, I11, I12, I22 and J of a real section: above 0, and I12² < I11 I22")
+        raise row.error(
+            "expected A, I11, I12, I22 and J of a real section: above 0, and I12² < I11 I22"
+        )
     return Shape(area, (first, second, mixed), torsion, (1.0, 1.0))
 
 
@@ -76,7 +93,10 @@ def _own_material(card: Card, name: str, materials: Materials) -> str:
     """Of *BEAM GENERAL SECTION, which states E, G and density itself."""
     rows = card.rows[2 if _direction_row(card) is not None else 1 :]
     if not rows:
-        raise card.error("has no line of E and G, the third (an empty second one stands for the default direction)")
+        raise card.error(
+            "has no line of E and G, the third (an empty second one stands for the default"
+            " direction)"
+        )
     values = rows[0].numbers("E and G", 2)
     try:
         density = float(card.get("DENSITY") or 0)  # a stick whose masses stand apart has none
@@ -85,7 +105,8 @@ def _own_material(card: Card, name: str, materials: Materials) -> str:
     E, G = values[:2]
     if not (0 < E < 1e20 and 0 < G < 1e20 and 0 <= density < 1e12):
         raise rows[0].error(
-            f"E = {E:g}, G = {G:g} and density {density:g}: expected E and G above 0, and no density below 0"
+            f"E = {E:g}, G = {G:g} and density {density:g}: expected E and G above 0, and no"
+            " density below 0"
         )
     places: dict[str, Place] = {"E": rows[0].place(0), "G": rows[0].place(1)}
     constants = {"E": E, "G": G, "nu": E / (2 * G) - 1, "density": density}
@@ -111,7 +132,8 @@ def directions(places: Floats, elements: list[Element], first: Floats) -> tuple[
     if along.any():
         element = elements[int(np.argmax(along))]
         raise element.row.error(
-            f"has element {element.number}, along which its direction n1 lies; give the section's second line another"
+            f"has element {element.number}, along which its direction n1 lies; give the section's"
+            " second line another"
         )
     n2 = unit(n2)
     return np.cross(n2, t), n2

@@ -37,20 +37,34 @@ class Carried:
                 raise card.error(f"has element {element.number}, which has a {card.label} already")
             self._done.add(at)
         elements = [self._mesh.elements[at] for at in chosen]
-        {"mass": self._mass, "inertia": self._inertia, "spring": self._spring}[role](card, part, elements, axes)
+        {"mass": self._mass, "inertia": self._inertia, "spring": self._spring}[role](
+            card, part, elements, axes
+        )
 
-    def _mass(self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]) -> None:
+    def _mass(
+        self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]
+    ) -> None:
         del part, axes
         if card.get("TYPE").upper() not in ("", "ISOTROPIC"):
-            raise card.error(f"has TYPE={card.get('TYPE')}: a mass is alike along all axes; give it by one number")
+            raise card.error(
+                f"has TYPE={card.get('TYPE')}: a mass is alike along all axes; give it by one"
+                " number"
+            )
         mass = card.first.numbers("a mass")[0]
         if not 0 <= mass < 1e12:
             raise card.first.error(f"is a mass of {mass:g}, expected one of at least 0")
         self.masses += [PointMass(element.nodes[0], mass, card.where) for element in elements]
 
-    def _inertia(self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]) -> None:
+    def _inertia(
+        self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]
+    ) -> None:
         del axes
-        a, b, c, ab, ac, bc = [*card.first.numbers("I11, I22, I33, I12, I13, I23", 3), 0.0, 0.0, 0.0][:6]
+        a, b, c, ab, ac, bc = [
+            *card.first.numbers("I11, I22, I33, I12, I13, I23", 3),
+            0.0,
+            0.0,
+            0.0,
+        ][:6]
         tensor = np.array([[a, ab, ac], [ab, b, bc], [ac, bc, c]])
         if np.linalg.eigvalsh(tensor).min() < -1e-9 * np.abs(tensor).max():
             raise card.first.error("is an inertia below 0 about some axis")
@@ -65,7 +79,9 @@ class Carried:
         axes: Floats = system.at(np.array([self._mesh.places[element.nodes[0]]]))[0]
         return axes
 
-    def _spring(self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]) -> None:
+    def _spring(
+        self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]
+    ) -> None:
         if "NONLINEAR" in card.parameters:
             self._losses.note(card, "a spring that is not linear")
             return
@@ -75,7 +91,9 @@ class Carried:
                 self.springs.append(self._axial(card, element))
                 continue
             if len(card.rows) < 2:
-                raise card.error("has one data line, expected the dofs and below them the stiffness")
+                raise card.error(
+                    "has one data line, expected the dofs and below them the stiffness"
+                )
             dofs = [card.first.whole(text, "a dof") for text in card.first.fields]
             if len(dofs) < len(element.nodes) or any(not 1 <= dof <= 6 for dof in dofs):
                 raise card.first.error(f"expected {len(element.nodes)} dof(s) from 1 to 6")
@@ -87,18 +105,23 @@ class Carried:
         a, b = (np.array(self._mesh.places[node]) for node in element.nodes)
         length = float(np.linalg.norm(b - a))
         if not length > 0:
-            raise element.row.error(f"puts both nodes of the spring {element.number} at one place; use SPRING2")
+            raise element.row.error(
+                f"puts both nodes of the spring {element.number} at one place; use SPRING2"
+            )
         x, y, z = ((b - a) / length).tolist()
         stiffness = _stiffness(card.rows[-1] if card.rows else card.first)
         first, second = element.nodes
-        return Spring(first, 0, stiffness, card.where, second=second, second_dof=0, direction=(x, y, z))
+        return Spring(
+            first, 0, stiffness, card.where, second=second, second_dof=0, direction=(x, y, z)
+        )
 
     def complete(self) -> None:
         """Raise where an element of a mass or spring has no value."""
         for at, element in enumerate(self._mesh.elements):
             if element.type.role in PROPERTIES and at not in self._done:
                 raise element.row.error(
-                    f"has element {element.number} of {element.type.name}, to which no card gives a value"
+                    f"has element {element.number} of {element.type.name}, to which no card gives a"
+                    " value"
                 )
 
 
@@ -109,7 +132,9 @@ def _stiffness(row: Row) -> float:
     return k
 
 
-def _between(element: Element, dofs: list[int], k: float, where: Where, turned: Floats | None) -> Spring:
+def _between(
+    element: Element, dofs: list[int], k: float, where: Where, turned: Floats | None
+) -> Spring:
     """A spring between dofs, or from one to the ground."""
     first = dofs[0] - 1
     second, second_dof = (element.nodes[1], dofs[1] - 1) if len(element.nodes) > 1 else (None, None)
@@ -117,18 +142,27 @@ def _between(element: Element, dofs: list[int], k: float, where: Where, turned: 
         return Spring(element.nodes[0], first, k, where, second, second_dof)
     if second_dof is not None and second_dof != first:
         raise element.row.error(
-            f"joins two different dofs in turned axes by the spring {element.number}; use the model's axes"
+            f"joins two different dofs in turned axes by the spring {element.number}; use the"
+            " model's axes"
         )
     x, y, z = turned[first % 3].tolist()
     kind = first - first % 3
     last = None if second is None else kind
-    return Spring(element.nodes[0], kind, k, where, second=second, second_dof=last, direction=(x, y, z))
+    return Spring(
+        element.nodes[0], kind, k, where, second=second, second_dof=last, direction=(x, y, z)
+    )
 
 
 def spread_mass(
-    card: Card, sections: Sections, parts: Sequence[Part], blocks: Iterable[Elements], losses: Losses
+    card: Card,
+    sections: Sections,
+    parts: Sequence[Part],
+    blocks: Iterable[Elements],
+    losses: Losses,
 ) -> None:
-    """Take *NONSTRUCTURAL MASS, of all instances that have it, into the sections of the sets that it covers as a whole."""
+    """Take *NONSTRUCTURAL MASS, of all instances that have it, into the sections of the sets that
+    it covers as a whole.
+    """
     units = card.get("UNITS").replace(" ", "").upper()
     chosen = {each for part in parts for each in part.elements(card.needs("ELSET"), card)}
     value = card.first.numbers("a mass")[0]
@@ -137,9 +171,15 @@ def spread_mass(
     names = [name for name, members in sections.members.items() if chosen & set(members)]
     whole = all(chosen >= set(sections.members[name]) for name in names)
     beams = {isinstance(sections.found[name], BeamSection) for name in names}
-    fits = {"MASSPERAREA": beams == {False}, "MASSPERLENGTH": beams == {True}, "TOTALMASS": len(beams) == 1}
+    fits = {
+        "MASSPERAREA": beams == {False},
+        "MASSPERLENGTH": beams == {True},
+        "TOTALMASS": len(beams) == 1,
+    }
     if not whole or not fits.get(units, False):
-        losses.note(card, "spread mass on part of a set, on shells and beams at once, or in other units")
+        losses.note(
+            card, "spread mass on part of a set, on shells and beams at once, or in other units"
+        )
         return
     if units == "TOTALMASS":
         places = np.array(parts[0].mesh.places)

@@ -1,4 +1,5 @@
-"""Constraints between nodes (rigid bodies, couplings, multi-point constraints, equations and ties), and supports.
+"""Constraints between nodes (rigid bodies, couplings, multi-point constraints, equations and ties),
+and supports.
 
 *BOUNDARY counts of the initial state and of steps up to that of the modes.
 """
@@ -13,7 +14,10 @@ from modalbase.formats.models.inp.orientations import Part, System
 from modalbase.formats.models.model import Floats, Integers, Link, Support, Where
 
 ALL = (0, 1, 2, 3, 4, 5)
-NAMES = card_names("MPC RIGIDBODY COUPLING KINEMATIC DISTRIBUTING KINEMATICCOUPLING DISTRIBUTINGCOUPLING EQUATION TIE")
+NAMES = card_names(
+    "MPC RIGIDBODY COUPLING KINEMATIC DISTRIBUTING KINEMATICCOUPLING DISTRIBUTINGCOUPLING"
+    " EQUATION TIE"
+)
 
 
 class Constraints:
@@ -58,12 +62,18 @@ class Constraints:
         return int(found[0])
 
     def _rigid(
-        self, nodes: Integers, leader: int, dofs: tuple[int, ...], where: Where, system: System | None = None
+        self,
+        nodes: Integers,
+        leader: int,
+        dofs: tuple[int, ...],
+        where: Where,
+        system: System | None = None,
     ) -> None:
         led = nodes[nodes != leader]
         axes = [None] * len(led) if system is None or dofs == ALL else system.at(self._places[led])
         self.links += [
-            Link(node, (leader,), dofs, where, axes=own) for node, own in zip(led.tolist(), axes, strict=True)
+            Link(node, (leader,), dofs, where, axes=own)
+            for node, own in zip(led.tolist(), axes, strict=True)
         ]
 
     def _mpc(self, card: Card, part: Part) -> None:
@@ -87,11 +97,20 @@ class Constraints:
         leader = self._one(card.needs("REF NODE"), part, card)
         if card.get("ROT NODE"):
             self._losses.note(card, "the ROT NODE: supports and masses that act on it")
-        for parameter, dofs in (("ELSET", ALL), ("NSET", ALL), ("TIE NSET", ALL), ("PIN NSET", ALL[:3])):
+        for parameter, dofs in (
+            ("ELSET", ALL),
+            ("NSET", ALL),
+            ("TIE NSET", ALL),
+            ("PIN NSET", ALL[:3]),
+        ):
             if not (name := card.get(parameter)):
                 continue
             if parameter == "ELSET":
-                every = {node for at in part.elements(name, card) for node in self._mesh.elements[at].nodes}
+                every = {
+                    node
+                    for at in part.elements(name, card)
+                    for node in self._mesh.elements[at].nodes
+                }
                 nodes = np.array(sorted(every), dtype=np.int64)
             else:
                 nodes = part.nodes(name, card)
@@ -105,7 +124,11 @@ class Constraints:
         nodes = self._surface(coupling.needs("SURFACE"), part, coupling)
         if radius := coupling.get("INFLUENCE RADIUS"):
             near = np.linalg.norm(self._places[nodes] - self._places[leader], axis=1)
-            limit = np.inf if radius.upper() == "WORLD" else coupling.number(radius, "the influence radius")
+            limit = (
+                np.inf
+                if radius.upper() == "WORLD"
+                else coupling.number(radius, "the influence radius")
+            )
             nodes = nodes[near <= limit]
         nodes = nodes[nodes != leader]
         if not nodes.size:
@@ -167,13 +190,16 @@ class Constraints:
                 following = next(rows, None)
                 if following is None:
                     raise row.error(
-                        f"has {len(fields) // 3} of {terms} terms of node, dof and coefficient; is the file cut?"
+                        f"has {len(fields) // 3} of {terms} terms of node, dof and coefficient; is"
+                        " the file cut?"
                     )
                 fields += following.fields[: 3 * terms - len(fields)] or [""]
             self._equation(row, [fields[k : k + 3] for k in range(0, 3 * terms, 3)], part)
 
     def _equation(self, row: Row, terms: list[list[str]], part: Part) -> None:
-        """One whose two terms make dofs of nodes at one place equal is a link; one of one term a support."""
+        """One whose two terms make dofs of nodes at one place equal is a link; one of one term a
+        support.
+        """
         nodes = [part.nodes(term[0], row) for term in terms]
         dofs = [row.whole(term[1], "a dof") - 1 for term in terms]
         factors = [row.number(term[2], "a coefficient") for term in terms]
@@ -189,10 +215,15 @@ class Constraints:
             and factors[0] == -factors[1] != 0
         ):
             a, b = nodes
-            if len(a) == len(b) == 1 and np.linalg.norm(self._places[a] - self._places[b]) <= self._near:
+            if (
+                len(a) == len(b) == 1
+                and np.linalg.norm(self._places[a] - self._places[b]) <= self._near
+            ):
                 self.links.append(Link(int(a[0]), (int(b[0]),), (dofs[0],), row.where))
                 return
-        self._losses.note(row, "an equation between dofs, other than that nodes at one place move alike")
+        self._losses.note(
+            row, "an equation between dofs, other than that nodes at one place move alike"
+        )
 
     def _tie(self, card: Card, part: Part) -> None:
         """Nodes of the first surface that lie on nodes of the second are led by them."""
@@ -205,10 +236,14 @@ class Constraints:
             for node, leader in pairs:
                 self.links.append(Link(node, (leader,), ALL, row.where))
             if missed := len(set(led.tolist()) - set(leading.tolist())) - len(pairs):
-                self._losses.note(row, f"a tie of {missed} node(s) that lie on no node of the other surface")
+                self._losses.note(
+                    row, f"a tie of {missed} node(s) that lie on no node of the other surface"
+                )
 
     def _coincident(self, led: Integers, leading: Integers) -> list[tuple[int, int]]:
-        """Pairs of nodes at one place, each led one once; a node that is in both surfaces does not lead itself."""
+        """Pairs of nodes at one place, each led one once; a node that is in both surfaces does not
+        lead itself.
+        """
         if not (led.size and leading.size):
             return []
         apart, at = scipy.spatial.cKDTree(self._places[leading]).query(self._places[led], k=2)
@@ -237,7 +272,9 @@ class Constraints:
         return np.array(sorted(nodes), dtype=np.int64)
 
     def _face(self, at: int, face: str, row: Row) -> tuple[int, ...]:
-        """Nodes of an element's face: all of a shell's, or those of its side E1 … E4 (S3 … S6 in CalculiX)."""
+        """Nodes of an element's face: all of a shell's, or those of its side E1 … E4 (S3 … S6 in
+        CalculiX).
+        """
         element = self._mesh.elements[at]
         if element.type.role != "shell" or face in ("", "SPOS", "SNEG", "S1", "S2", "POS", "NEG"):
             return element.nodes
@@ -276,11 +313,17 @@ Owned = tuple[Card, Part]
 
 def step_of_modes(steps: list[list[Card]]) -> int:
     """Place of the first step with *FREQUENCY; the first where there is none."""
-    return next((k for k, step in enumerate(steps) if any(card.name == "FREQUENCY" for card in step)), 0)
+    return next(
+        (k for k, step in enumerate(steps) if any(card.name == "FREQUENCY" for card in step)), 0
+    )
 
 
 def supports(
-    initial: list[Owned], steps: list[list[Card]], whole: Part, axes: dict[int, Floats], losses: Losses
+    initial: list[Owned],
+    steps: list[list[Card]],
+    whole: Part,
+    axes: dict[int, Floats],
+    losses: Losses,
 ) -> list[Support]:
     """What is held when modes are taken.
 
@@ -312,7 +355,9 @@ def _of_card(card: Card, part: Part, axes: dict[int, Floats], losses: Losses) ->
 
 def _alike(dofs: tuple[int, ...]) -> bool:
     """Whether the same is held in any axes: all displacements or none, all turns or none."""
-    return all(len([dof for dof in dofs if dof in group]) in (0, 3) for group in (range(3), range(3, 6)))
+    return all(
+        len([dof for dof in dofs if dof in group]) in (0, 3) for group in (range(3), range(3, 6))
+    )
 
 
 def _dofs(fields: list[str], row: Row, losses: Losses) -> tuple[int, ...]:
@@ -321,7 +366,9 @@ def _dofs(fields: list[str], row: Row, losses: Losses) -> tuple[int, ...]:
     if fields[0].upper() in _NAMED:
         return _NAMED[fields[0].upper()]
     if not fields[0].isdecimal():
-        raise row.error(f"holds {fields[0][:20]!r}, expected {', '.join(_NAMED)}, or the first and last dof")
+        raise row.error(
+            f"holds {fields[0][:20]!r}, expected {', '.join(_NAMED)}, or the first and last dof"
+        )
     first = row.whole(fields[0], "the first dof")
     if first > 6:
         losses.note(row, "dofs above 6, such as temperature", changes=False)
@@ -330,9 +377,11 @@ def _dofs(fields: list[str], row: Row, losses: Losses) -> tuple[int, ...]:
 
 
 def note_prestress(steps: list[list[Card]], losses: Losses) -> None:
-    """Note steps before that of the modes whose loads stiffen the structure, and later ones that ask for modes again.
+    """Note steps before that of the modes whose loads stiffen the structure, and later ones that
+    ask for modes again.
 
-    Abaqus counts them with NLGEOM, which CAE writes as NO where it is off; CalculiX where that of the modes has PERTURBATION.
+    Abaqus counts them with NLGEOM, which CAE writes as NO where it is off; CalculiX where that of
+    the modes has PERTURBATION.
     """
     modes = step_of_modes(steps)
     before = steps[:modes]
@@ -347,4 +396,8 @@ def note_prestress(steps: list[list[Card]], losses: Losses) -> None:
         ):
             losses.note(step[0], "a state of stress before the modes, which stiffens or softens")
     for card in (card for step in steps[modes + 1 :] for card in step if card.name == "FREQUENCY"):
-        losses.note(card, "modes of a later step: what the first with *FREQUENCY holds is taken", changes=False)
+        losses.note(
+            card,
+            "modes of a later step: what the first with *FREQUENCY holds is taken",
+            changes=False,
+        )

@@ -1,4 +1,6 @@
-"""Cards of a deck and their data lines, with the files that it includes put in their place; and what is lost without them."""
+"""Cards of a deck and their data lines, with the files that it includes put in their place; and
+what is lost without them.
+"""
 
 import math
 import re
@@ -13,7 +15,9 @@ from modalbase.formats.models.model import Place, Where
 
 MOST_LINES = 2_000_000
 MOST_READINGS = 20
-"""Lines that are read, in all and by those that were sent: what files include again and again is no work without end."""
+"""Lines that are read, in all and by those that were sent: what files include again and again is no
+work without end.
+"""
 LARGEST = 1e25
 """No number of a deck in any units reaches it, and products of several stay finite."""
 
@@ -25,7 +29,9 @@ _PARAMETER = re.compile(r'((?:[^,"]|"[^"]*"?)*)(?:,|$)')
 
 
 def squeezed(name: str) -> str:
-    """A name of a card or parameter as it is compared: capitals without spaces, as `*Shell Section` and `*SHELLSECTION`."""
+    """A name of a card or parameter as it is compared: capitals without spaces, as `*Shell Section`
+    and `*SHELLSECTION`.
+    """
     return _SPACE.sub("", name).upper()
 
 
@@ -35,7 +41,9 @@ def card_names(text: str) -> frozenset[str]:
 
 
 def folded(name: str) -> str:
-    """A name that the user gave, as it is compared: without quotes, capitals and spaces around it."""
+    """A name that the user gave, as it is compared: without quotes, capitals and spaces around
+    it.
+    """
     return name.strip().strip('"').strip().lower()
 
 
@@ -46,7 +54,8 @@ class Row:
     card: str  # name of the card that it belongs to, for messages
     text: str  # without the end of the line
     where: Where
-    after_blank: bool = False  # whether an empty line is before it, which says that what could stand there is left out
+    # whether an empty line is before it, which says that what could stand there is left out
+    after_blank: bool = False
 
     def error(self, message: str) -> FormatError:
         """A fault of this line."""
@@ -76,7 +85,9 @@ class Row:
         start = 0
         for text in self.text.split(",")[:column]:
             start += len(text) + 1
-        return Place(self.where.line, start, start + len(self.text[start:].split(",", 1)[0]), self.where.file)
+        return Place(
+            self.where.line, start, start + len(self.text[start:].split(",", 1)[0]), self.where.file
+        )
 
     def number(self, text: str, what: str) -> float:
         """A finite number."""
@@ -91,7 +102,9 @@ class Row:
     def whole(self, text: str, what: str) -> int:
         """A whole number that fits 9 digits, as both solvers ask."""
         if not text.lstrip("+-").isdecimal() or not text.isascii() or len(text) > 11:
-            raise self.error(f"{what} is {text[:40]!r}, expected a whole number of at most 9 digits")
+            raise self.error(
+                f"{what} is {text[:40]!r}, expected a whole number of at most 9 digits"
+            )
         found = int(text)
         if abs(found) > 999_999_999:
             raise self.error(f"{what} is {text}, expected a whole number of at most 9 digits")
@@ -102,7 +115,10 @@ class Row:
         fields = self.fields
         if len(fields) < least:
             raise self.error(f"has {len(fields)} fields, expected at least {least}: {what}")
-        return [self.number(text or "0", f"field {k} ({what})") for k, text in enumerate(fields, start=1)]
+        return [
+            self.number(text or "0", f"field {k} ({what})")
+            for k, text in enumerate(fields, start=1)
+        ]
 
 
 @dataclass(frozen=True)
@@ -158,18 +174,26 @@ def read_cards(content: bytes, included: Mapping[str, bytes]) -> list[Card]:
     """All cards in their order; those of included files stand where *INCLUDE does.
 
     Raises:
-        FormatError: the file is no deck, a line is broken, or an included file is missing or includes itself.
+        FormatError: the file is no deck, a line is broken, or an included file is missing or
+            includes itself.
     """
     if b"\0" in content[:4096]:
         raise FormatError(
-            "", "the file is binary, expected a deck of Abaqus or CalculiX: text with cards such as *NODE"
+            "",
+            "the file is binary, expected a deck of Abaqus or CalculiX: text with cards such as"
+            " *NODE",
         )
     found = list(_cards(_Files(content, included).lines(content)))
     if not found:
-        raise FormatError("", "the file has no card such as *NODE or *ELEMENT; it is no deck of Abaqus or CalculiX")
+        raise FormatError(
+            "",
+            "the file has no card such as *NODE or *ELEMENT; it is no deck of Abaqus or CalculiX",
+        )
     for card in found:
         if card.get("INPUT"):
-            raise card.error(f"reads its lines from {card.get('INPUT')}; put them there by *INCLUDE")
+            raise card.error(
+                f"reads its lines from {card.get('INPUT')}; put them there by *INCLUDE"
+            )
     return found
 
 
@@ -181,7 +205,9 @@ class _Line(NamedTuple):
 
 
 class _Files:
-    """A deck and the files that it includes, which may be read several times, so that their lines are counted."""
+    """A deck and the files that it includes, which may be read several times, so that their lines
+    are counted.
+    """
 
     def __init__(self, content: bytes, included: Mapping[str, bytes]) -> None:
         self._included = included
@@ -190,15 +216,17 @@ class _Files:
         self._most = min(MOST_LINES, MOST_READINGS * sent)
 
     def lines(self, content: bytes, within: tuple[str, ...] = ()) -> Iterator[_Line]:
-        """Lines of a file with those of the files that it includes in their place; `within` names what leads to it."""
+        """Lines of a file with those of the files that it includes in their place; `within` names
+        what leads to it.
+        """
         file = within[-1] if within else ""
         text = lines_of(content)
         self._lines += len(text)
         if self._lines > self._most:
             raise FormatError(
                 file,
-                f"the deck has more than {self._most} lines with what it includes: at most {MOST_LINES} are read, and "
-                f"{MOST_READINGS} times what was sent",
+                f"the deck has more than {self._most} lines with what it includes: at most"
+                f" {MOST_LINES} are read, and {MOST_READINGS} times what was sent",
             )
         for line in _continued(text, file):
             if _INCLUDE.match(line.text):
@@ -215,14 +243,18 @@ class _Files:
         if found in within:
             raise card.error(f"of {name!r} goes in a circle: {' → '.join((*within, found))}")
         if len(within) >= DEEPEST_INCLUDE:
-            raise card.error(f"of {name!r} lies more than {DEEPEST_INCLUDE} files deep, which is the most that is read")
+            raise card.error(
+                f"of {name!r} lies more than {DEEPEST_INCLUDE} files deep, which is the most that"
+                " is read"
+            )
         return found
 
 
 def _continued(texts: list[str], file: str) -> Iterator[_Line]:
     """Lines of a file, a card's with those that continue it as one.
 
-    Parameters go on behind a comma at the end of the line. CalculiX lets the comma stand before data too, which have a number.
+    Parameters go on behind a comma at the end of the line. CalculiX lets the comma stand before
+    data too, which have a number.
     """
     begun: _Line | None = None
     for number, raw in enumerate(texts, start=1):
@@ -276,40 +308,46 @@ def _card(line: _Line) -> Card:
 
 _HARMLESS = {
     "requests for output": (
-        "OUTPUT NODEOUTPUT ELEMENTOUTPUT ENERGYOUTPUT CONTACTOUTPUT INTEGRATEDOUTPUT INTEGRATEDOUTPUTSECTION "
-        "MODALOUTPUT MODALFILE NODEPRINT ELPRINT NODEFILE ELFILE CONTACTFILE CONTACTPRINT ENERGYPRINT ENERGYFILE "
-        "FACEPRINT FILEOUTPUT FILEFORMAT PREPRINT PRINT RESTART MONITOR SECTIONPRINT SECTIONFILE TIMEPOINTS "
-        "NODEOUT FILTER ELEMENTMATRIXOUTPUT MATRIXGENERATE MATRIXOUTPUT SURFACEPROPERTY WAVEFRONTMINIMIZATION "
-        "FILE RESULTSFILE SURFACESECTION"
+        "OUTPUT NODEOUTPUT ELEMENTOUTPUT ENERGYOUTPUT CONTACTOUTPUT INTEGRATEDOUTPUT"
+        " INTEGRATEDOUTPUTSECTION MODALOUTPUT MODALFILE NODEPRINT ELPRINT NODEFILE ELFILE"
+        " CONTACTFILE CONTACTPRINT ENERGYPRINT ENERGYFILE FACEPRINT FILEOUTPUT FILEFORMAT PREPRINT"
+        " PRINT RESTART MONITOR SECTIONPRINT SECTIONFILE TIMEPOINTS NODEOUT FILTER"
+        " ELEMENTMATRIXOUTPUT MATRIXGENERATE MATRIXOUTPUT SURFACEPROPERTY WAVEFRONTMINIMIZATION"
+        " FILE RESULTSFILE SURFACESECTION"
     ),
     "loads: modes have none": (
-        "CLOAD DLOAD DSLOAD AMPLITUDE TEMPERATURE FIELD CFLUX DFLUX DSFLUX FILM SFILM RADIATE SRADIATE "
-        "BASEMOTION BASELINECORRECTION INERTIARELIEF PHYSICALCONSTANTS INITIALCONDITIONS PSDDEFINITION "
-        "CORRELATION LOADCASE SURFACELOAD BOUNDARYF MASSFLOW DEFINEPLATE SPECTRUM PREDEFINEDFIELD"
+        "CLOAD DLOAD DSLOAD AMPLITUDE TEMPERATURE FIELD CFLUX DFLUX DSFLUX FILM SFILM RADIATE"
+        " SRADIATE BASEMOTION BASELINECORRECTION INERTIARELIEF PHYSICALCONSTANTS INITIALCONDITIONS"
+        " PSDDEFINITION CORRELATION LOADCASE SURFACELOAD BOUNDARYF MASSFLOW DEFINEPLATE SPECTRUM"
+        " PREDEFINEDFIELD"
     ),
     "steps other than those of modes": (
-        "STATIC DYNAMIC BUCKLE STEADYSTATEDYNAMICS MODALDYNAMIC HEATTRANSFER VISCO COMPLEXFREQUENCY "
-        "SELECTEIGENMODES CONTROLS COUPLEDTEMPERATUREDISPLACEMENT COUPLEDTEMPERATURE-DISPLACEMENT "
-        "UNCOUPLEDTEMPERATURE-DISPLACEMENT RANDOMRESPONSE RESPONSESPECTRUM SOLVERCONTROLS SUBSTRUCTUREGENERATE "
-        "SENSITIVITY OBJECTIVE DESIGNVARIABLES GREEN ELECTROMAGNETICS STEADYSTATETRANSPORT ANNEAL "
-        "CRACKPROPAGATION DIRECTCYCLIC GEOSTATIC CFD"
+        "STATIC DYNAMIC BUCKLE STEADYSTATEDYNAMICS MODALDYNAMIC HEATTRANSFER VISCO COMPLEXFREQUENCY"
+        " SELECTEIGENMODES CONTROLS COUPLEDTEMPERATUREDISPLACEMENT COUPLEDTEMPERATURE-DISPLACEMENT"
+        " UNCOUPLEDTEMPERATURE-DISPLACEMENT RANDOMRESPONSE RESPONSESPECTRUM SOLVERCONTROLS"
+        " SUBSTRUCTUREGENERATE SENSITIVITY OBJECTIVE DESIGNVARIABLES GREEN ELECTROMAGNETICS"
+        " STEADYSTATETRANSPORT ANNEAL CRACKPROPAGATION DIRECTCYCLIC GEOSTATIC CFD"
     ),
-    "damping: it is measured": "MODALDAMPING GLOBALDAMPING DASHPOT DAMPING CONTACTDAMPING DAMPINGCONTROLS VISCOUS",
+    "damping: it is measured": (
+        "MODALDAMPING GLOBALDAMPING DASHPOT DAMPING CONTACTDAMPING DAMPINGCONTROLS VISCOUS"
+    ),
     "heat": (
-        "EXPANSION CONDUCTIVITY SPECIFICHEAT LATENTHEAT ELECTRICALCONDUCTIVITY MAGNETICPERMEABILITY "
-        "GAPCONDUCTANCE FLUIDCONSTANTS SPECIFICGASCONSTANT GAPHEATGENERATION FLUIDSECTION DISTRIBUTIONTABLE"
+        "EXPANSION CONDUCTIVITY SPECIFICHEAT LATENTHEAT ELECTRICALCONDUCTIVITY MAGNETICPERMEABILITY"
+        " GAPCONDUCTANCE FLUIDCONSTANTS SPECIFICGASCONSTANT GAPHEATGENERATION FLUIDSECTION"
+        " DISTRIBUTIONTABLE"
     ),
     "what a material does beyond small motions": (
-        "PLASTIC CREEP CYCLICHARDENING FAILSTRESS FAILSTRAIN DAMAGEINITIATION DAMAGEEVOLUTION "
-        "DAMAGESTABILIZATION DEPVAR VISCOELASTIC DEFORMATIONPLASTICITY RATEDEPENDENT USEROUTPUTVARIABLES "
-        "POTENTIAL MOHRCOULOMB MOHRCOULOMBHARDENING DRUCKERPRAGER COMPRESSIVEFAILURE CONCRETEDAMAGEDPLASTICITY "
-        "FRACTURECRITERION"
+        "PLASTIC CREEP CYCLICHARDENING FAILSTRESS FAILSTRAIN DAMAGEINITIATION DAMAGEEVOLUTION"
+        " DAMAGESTABILIZATION DEPVAR VISCOELASTIC DEFORMATIONPLASTICITY RATEDEPENDENT"
+        " USEROUTPUTVARIABLES POTENTIAL MOHRCOULOMB MOHRCOULOMBHARDENING DRUCKERPRAGER"
+        " COMPRESSIVEFAILURE CONCRETEDAMAGEDPLASTICITY FRACTURECRITERION"
     ),
     "properties of contact": (
-        "SURFACEINTERACTION SURFACEBEHAVIOR FRICTION CHANGEFRICTION CHANGESURFACEBEHAVIOR CHANGECONTACTTYPE "
-        "CONTACTCONTROLS CONTACTINITIALIZATIONASSIGNMENT CONTACTINITIALIZATIONDATA CONTACTPROPERTYASSIGNMENT "
-        "CONTACTINCLUSIONS CONTACTEXCLUSIONS CONTACTFORMULATION CONTACTSTABILIZATION CLEARANCE "
-        "SURFACEPROPERTYASSIGNMENT COHESIVEBEHAVIOR"
+        "SURFACEINTERACTION SURFACEBEHAVIOR FRICTION CHANGEFRICTION CHANGESURFACEBEHAVIOR"
+        " CHANGECONTACTTYPE CONTACTCONTROLS CONTACTINITIALIZATIONASSIGNMENT"
+        " CONTACTINITIALIZATIONDATA CONTACTPROPERTYASSIGNMENT CONTACTINCLUSIONS CONTACTEXCLUSIONS"
+        " CONTACTFORMULATION CONTACTSTABILIZATION CLEARANCE SURFACEPROPERTYASSIGNMENT"
+        " COHESIVEBEHAVIOR"
     ),
     "controls of elements": "SECTIONCONTROLS HOURGLASSSTIFFNESS ENRICHMENT",
     "names": "HEADING SURFACE DISTRIBUTION MEMBRANE VALUESATINFINITY",
@@ -317,20 +355,25 @@ _HARMLESS = {
 _CHANGES = {
     "contact: what touches is not joined": "CONTACT CONTACTPAIR GAP GAPELEMENT TIEDCONTACT",
     "normals of their own: those of the mesh are taken": "NORMAL",
-    "the transverse shear stiffness: that of the material is taken": "TRANSVERSESHEARSTIFFNESS TRANSVERSESHEAR",
+    "the transverse shear stiffness: that of the material is taken": (
+        "TRANSVERSESHEARSTIFFNESS TRANSVERSESHEAR"
+    ),
     "joints between nodes": (
-        "CONNECTORSECTION CONNECTORELASTICITY CONNECTORBEHAVIOR CONNECTORDAMPING CONNECTORMOTION FASTENER "
-        "FASTENERPROPERTY JOINT JOINTELASTICITY BEAMSECTIONOFFSET RELEASE"
+        "CONNECTORSECTION CONNECTORELASTICITY CONNECTORBEHAVIOR CONNECTORDAMPING CONNECTORMOTION"
+        " FASTENER FASTENERPROPERTY JOINT JOINTELASTICITY BEAMSECTIONOFFSET RELEASE"
     ),
     "a constraint": (
-        "EMBEDDEDELEMENT SHELLTOSOLIDCOUPLING CYCLICSYMMETRYMODEL PRETENSIONSECTION PRE-TENSIONSECTION "
-        "DISPLAYBODY MULTIPOINTCONSTRAINT TRUSSSECTION ELEMENTTIE NETWORKMPC SUBMODEL"
+        "EMBEDDEDELEMENT SHELLTOSOLIDCOUPLING CYCLICSYMMETRYMODEL PRETENSIONSECTION"
+        " PRE-TENSIONSECTION DISPLAYBODY MULTIPOINTCONSTRAINT TRUSSSECTION ELEMENTTIE NETWORKMPC"
+        " SUBMODEL"
     ),
     "reinforcement": "REBARLAYER REBAR EMBEDDEDREGION",
-    "a change of shape or of what is there": "IMPERFECTION MODELCHANGE MASSADJUST MASSSCALING FIXEDMASSSCALING",
+    "a change of shape or of what is there": (
+        "IMPERFECTION MODELCHANGE MASSADJUST MASSSCALING FIXEDMASSSCALING"
+    ),
     "stiffness or mass given by numbers": (
-        "MATRIXINPUT MATRIXASSEMBLE USERELEMENT UELPROPERTY MATRIX SUBSTRUCTUREPROPERTY SUBSTRUCTUREPATH "
-        "NONSTRUCTURALMASS ADDEDMASS POINTMASS SOLIDSECTION MEMBRANESECTION"
+        "MATRIXINPUT MATRIXASSEMBLE USERELEMENT UELPROPERTY MATRIX SUBSTRUCTUREPROPERTY"
+        " SUBSTRUCTUREPATH NONSTRUCTURALMASS ADDEDMASS POINTMASS SOLIDSECTION MEMBRANESECTION"
     ),
 }
 _LOSSES = {name: (loss, False) for loss, names in _HARMLESS.items() for name in names.split()}

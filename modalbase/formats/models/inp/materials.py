@@ -9,18 +9,26 @@ _LAMINA = ("E1", "E2", "nu12", "G12", "G13", "G23")
 ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
 """Engineering constants in the order of the card, the last on a second line."""
 
-_KINDS = {"ISO": ("E", "nu"), "ISOTROPIC": ("E", "nu"), "LAMINA": _LAMINA, "ENGINEERINGCONSTANTS": ENGINEERING}
+_KINDS = {
+    "ISO": ("E", "nu"),
+    "ISOTROPIC": ("E", "nu"),
+    "LAMINA": _LAMINA,
+    "ENGINEERINGCONSTANTS": ENGINEERING,
+}
 
 SUBORDINATE = card_names(
-    "ELASTIC DENSITY EXPANSION DAMPING CONDUCTIVITY SPECIFICHEAT PLASTIC CREEP CYCLICHARDENING FAILSTRESS "
-    "FAILSTRAIN DAMAGEINITIATION DAMAGEEVOLUTION DAMAGESTABILIZATION HYPERELASTIC HYPERFOAM USERMATERIAL DEPVAR "
-    "VISCOELASTIC DEFORMATIONPLASTICITY RATEDEPENDENT COMPRESSIVEFAILURE ELECTRICALCONDUCTIVITY "
-    "MAGNETICPERMEABILITY USEROUTPUTVARIABLES FLUIDCONSTANTS SPECIFICGASCONSTANT MOHRCOULOMB POTENTIAL "
-    "HARDENING LATENTHEAT POROUSELASTIC VISCOUS ANISOTROPICHYPERELASTIC DRUCKERPRAGER NOCOMPRESSION"
+    "ELASTIC DENSITY EXPANSION DAMPING CONDUCTIVITY SPECIFICHEAT PLASTIC CREEP CYCLICHARDENING"
+    " FAILSTRESS FAILSTRAIN DAMAGEINITIATION DAMAGEEVOLUTION DAMAGESTABILIZATION HYPERELASTIC"
+    " HYPERFOAM USERMATERIAL DEPVAR VISCOELASTIC DEFORMATIONPLASTICITY RATEDEPENDENT"
+    " COMPRESSIVEFAILURE ELECTRICALCONDUCTIVITY MAGNETICPERMEABILITY USEROUTPUTVARIABLES"
+    " FLUIDCONSTANTS SPECIFICGASCONSTANT MOHRCOULOMB POTENTIAL HARDENING LATENTHEAT POROUSELASTIC"
+    " VISCOUS ANISOTROPICHYPERELASTIC DRUCKERPRAGER NOCOMPRESSION"
 )
 """Cards that belong to the material before them."""
 
-NONLINEAR = card_names("HYPERELASTIC HYPERFOAM USERMATERIAL ANISOTROPICHYPERELASTIC POROUSELASTIC NOCOMPRESSION")
+NONLINEAR = card_names(
+    "HYPERELASTIC HYPERFOAM USERMATERIAL ANISOTROPICHYPERELASTIC POROUSELASTIC NOCOMPRESSION"
+)
 """Those that replace *ELASTIC."""
 
 
@@ -53,7 +61,9 @@ class Materials:
                 if len(card.rows) > (2 if "E3" in constants else 1):
                     self.hot.append(card)
                 if again := set(constants) & set(current.constants):
-                    raise card.error(f"states {', '.join(sorted(again))} of {current.name} a second time")
+                    raise card.error(
+                        f"states {', '.join(sorted(again))} of {current.name} a second time"
+                    )
                 constants, places = {**current.constants, **constants}, {**current.places, **places}
                 current = replace(current, constants=constants, places=places)
                 self.found[current.name] = current
@@ -61,13 +71,17 @@ class Materials:
     def _begun(self, card: Card) -> Material:
         name = card.needs("NAME").strip('"')
         if before := self._names.get(folded(name)):
-            raise card.error(f"{name} is there already, in {self.found[before].where}; give it another name")
+            raise card.error(
+                f"{name} is there already, in {self.found[before].where}; give it another name"
+            )
         self._names[folded(name)] = name
         self.found[name] = Material(name, {}, card.where)
         return self.found[name]
 
     def add(self, material: Material) -> str:
-        """A material that a section states itself, which no other card means by its name; the name that it has here."""
+        """A material that a section states itself, which no other card means by its name; the name
+        that it has here.
+        """
         name = material.name
         while name in self.found and self.found[name].where != material.where:
             name += "_section"
@@ -83,15 +97,20 @@ class Materials:
         own = self._names.get(folded(name))
         if own is None:
             there = ", ".join(self.found) or "none"
-            raise where.error(f"names the material {name!r}, which no *MATERIAL has; there are {there}")
+            raise where.error(
+                f"names the material {name!r}, which no *MATERIAL has; there are {there}"
+            )
         if own in self._nonlinear:
             card = self._nonlinear[own]
             raise card.error(
-                f"makes {own} nonlinear; give *ELASTIC constants for small motions about the state measured"
+                f"makes {own} nonlinear; give *ELASTIC constants for small motions about the state"
+                " measured"
             )
         material = self.found[own]
         if not {"E", "E1"} & set(material.constants):
-            raise where.error(f"names the material {own} of {material.where}, which has no *ELASTIC")
+            raise where.error(
+                f"names the material {own} of {material.where}, which has no *ELASTIC"
+            )
         return own
 
 
@@ -100,22 +119,30 @@ def _elastic(card: Card) -> tuple[dict[str, float], dict[str, Place]]:
     kind = card.get("TYPE").replace(" ", "").upper() or "ISO"
     if kind not in _KINDS:
         raise card.error(
-            f"TYPE={card.get('TYPE')}: expected ISO, LAMINA or ENGINEERING CONSTANTS; state the same stiffness by those"
+            f"TYPE={card.get('TYPE')}: expected ISO, LAMINA or ENGINEERING CONSTANTS; state the"
+            " same stiffness by those"
         )
     names = _KINDS[kind]
     where = [(card.first, column) for column in range(min(len(names), 8))]
     if len(names) > 8:
         if len(card.rows) < 2:
-            raise card.error("has one data line, expected two: E1, E2, E3, ν12, ν13, ν23, G12, G13, and below G23")
+            raise card.error(
+                "has one data line, expected two: E1, E2, E3, ν12, ν13, ν23, G12, G13, and"
+                " below G23"
+            )
         where.append((card.rows[1], 0))
     constants, places = {}, {}
     for name, (row, column) in zip(names, where, strict=True):
         fields = row.fields
         if column >= len(fields):
-            raise row.error(f"has {len(fields)} fields, expected {', '.join(names[:8])}: {name} is missing")
+            raise row.error(
+                f"has {len(fields)} fields, expected {', '.join(names[:8])}: {name} is missing"
+            )
         constants[name], places[name] = row.number(fields[column], name), row.place(column)
         if name[0] in "EG" and not 0 < constants[name] < 1e20:
-            raise row.error(f"{name} is {constants[name]:g}, expected a modulus above 0 and below 1e20")
+            raise row.error(
+                f"{name} is {constants[name]:g}, expected a modulus above 0 and below 1e20"
+            )
     _definite(constants, card.first)
     if kind.startswith("ISO"):
         constants["G"] = constants["E"] / (2 * (1 + constants["nu"]))
@@ -130,12 +157,16 @@ def _definite(constants: dict[str, float], row: Row) -> None:
         nu = constants.get(f"nu{pair}")
         if nu is not None and not nu**2 < constants[f"E{pair[0]}"] / constants[f"E{pair[1]}"]:
             limit = (constants[f"E{pair[0]}"] / constants[f"E{pair[1]}"]) ** 0.5
-            raise row.error(f"ν{pair} is {nu:g}, expected less than √(E{pair[0]}/E{pair[1]}) = {limit:.4g}")
+            raise row.error(
+                f"ν{pair} is {nu:g}, expected less than √(E{pair[0]}/E{pair[1]}) = {limit:.4g}"
+            )
 
 
 def _density(card: Card) -> tuple[dict[str, float], dict[str, Place]]:
     fields = card.first.fields
     value = card.first.number(fields[0] if fields else "", "the density")
     if not 0 <= value < 1e12:
-        raise card.first.error(f"is {value:g}, expected a density that is not negative and below 1e12")
+        raise card.first.error(
+            f"is {value:g}, expected a density that is not negative and below 1e12"
+        )
     return {"density": value}, {"density": card.first.place(0)}

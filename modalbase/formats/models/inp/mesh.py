@@ -1,7 +1,7 @@
 """Nodes, elements and sets of a deck, of each instance of a part and of the whole.
 
-Names and numbers belong to a scope: that of an instance, or the deck's own, which is the empty one. `Bolt-1.5` and
-`Bolt-1.Edge` name what lies in an instance.
+Names and numbers belong to a scope: that of an instance, or the deck's own, which is the empty one.
+`Bolt-1.5` and `Bolt-1.Edge` name what lies in an instance.
 """
 
 from collections.abc import Iterator
@@ -33,7 +33,10 @@ class ElementType:
 
 
 def _shell(kind: Kind, nodes: int, names: str) -> dict[str, ElementType]:
-    return {name: ElementType(name, "shell", nodes, nodes, kind, tuple(range(nodes))) for name in names.split()}
+    return {
+        name: ElementType(name, "shell", nodes, nodes, kind, tuple(range(nodes)))
+        for name in names.split()
+    }
 
 
 def _beam(kind: Kind, order: tuple[int, ...], names: str) -> dict[str, ElementType]:
@@ -44,7 +47,10 @@ def _beam(kind: Kind, order: tuple[int, ...], names: str) -> dict[str, ElementTy
 def _special(
     role: Role, least: int, most: int, names: str, loss: str = "", changes: bool = False
 ) -> dict[str, ElementType]:
-    return {name: ElementType(name, role, least, most, loss=loss, changes=changes) for name in names.split()}
+    return {
+        name: ElementType(name, role, least, most, loss=loss, changes=changes)
+        for name in names.split()
+    }
 
 
 TYPES: dict[str, ElementType] = {
@@ -60,7 +66,14 @@ TYPES: dict[str, ElementType] = {
     **_special("spring", 1, 1, "SPRING1"),
     **_special("rigid", 2, 4, "R3D3 R3D4 RB3D2"),
     **_special("other", 1, 2, "DASHPOTA DASHPOT1 DASHPOT2", "dashpots: damping is measured"),
-    **_special("other", 1, 8, "SFM3D3 SFM3D4 SFM3D4R SFM3D6 SFM3D8 SFM3D8R", "surface elements, their mass too", True),
+    **_special(
+        "other",
+        1,
+        8,
+        "SFM3D3 SFM3D4 SFM3D4R SFM3D6 SFM3D8 SFM3D8R",
+        "surface elements, their mass too",
+        True,
+    ),
     **_special("other", 1, 2, "CONN3D2", "connectors between nodes", True),
     **_special("other", 1, 1, "DCOUP3D"),
 }
@@ -80,7 +93,10 @@ _REFUSED = (
     ("F3D", "fluids do not vibrate here"),
     ("S9R5 SAX", "9-node and axisymmetric shells; use S8R"),
 )
-MATRICES = "another model comes in as matrices: write K and M with *MATRIX GENERATE or MATRIXSTORAGE and import those"
+MATRICES = (
+    "another model comes in as matrices: write K and M with *MATRIX GENERATE or MATRIXSTORAGE and"
+    " import those"
+)
 
 
 def type_of(card: Card) -> ElementType:
@@ -96,7 +112,8 @@ def type_of(card: Card) -> ElementType:
         if name.startswith(tuple(prefixes.split())):
             raise card.error(f"TYPE={name[:20]}: {reason}; {MATRICES}")
     raise card.error(
-        f"TYPE={name[:20]} is unknown; shells (S3 S4 S6 S8R), beams (B31 B32), MASS, ROTARYI and SPRING are read"
+        f"TYPE={name[:20]} is unknown; shells (S3 S4 S6 S8R), beams (B31 B32), MASS, ROTARYI and"
+        " SPRING are read"
     )
 
 
@@ -128,7 +145,9 @@ AT_REST = Move(np.eye(3), np.zeros(3))
 
 
 class Source(NamedTuple):
-    """What puts members into a set: a card with the scope of the names in it, or one that has them itself."""
+    """What puts members into a set: a card with the scope of the names in it, or one that has them
+    itself.
+    """
 
     card: Card
     scope: str
@@ -174,14 +193,24 @@ class Mesh:
             if card.name == "SYSTEM":
                 self._system = system_of(card)
             elif card.name == "NODE":
-                _name(own.node_sets, card.get("NSET"), Source(card, scope, self._nodes(card, own, move)))
+                _name(
+                    own.node_sets,
+                    card.get("NSET"),
+                    Source(card, scope, self._nodes(card, own, move)),
+                )
         for card in cards:
             if card.name == "ELEMENT":
-                _name(own.element_sets, card.get("ELSET"), Source(card, scope, self._elements(card, own, scope)))
+                _name(
+                    own.element_sets,
+                    card.get("ELSET"),
+                    Source(card, scope, self._elements(card, own, scope)),
+                )
             elif card.name in ("NSET", "ELSET"):
                 inside = folded(card.get("INSTANCE")) or scope
                 if inside not in self.scopes:
-                    raise card.error(f"names the instance {card.get('INSTANCE')!r}, which is not there")
+                    raise card.error(
+                        f"names the instance {card.get('INSTANCE')!r}, which is not there"
+                    )
                 sets = own.node_sets if card.name == "NSET" else own.element_sets
                 _name(sets, card.needs(card.name), Source(card, inside))
 
@@ -193,14 +222,18 @@ class Mesh:
         for row in card.rows:
             fields = row.fields
             if not 2 <= len(fields) <= 7:
-                raise row.error(f"has {len(fields)} fields, expected a number and three coordinates")
+                raise row.error(
+                    f"has {len(fields)} fields, expected a number and three coordinates"
+                )
             number = row.whole(fields[0], "the node's number")
             values = [row.number(text or "0", "xyz"[k]) for k, text in enumerate(fields[1:4])]
             x, y, z = (*values, 0.0, 0.0)[:3]
             if not still:
                 x, y, z = self._placed((x, y, z), system, move, row)
             if max(abs(x), abs(y), abs(z)) > 1e12:
-                raise row.error(f"puts node {number} at ({x:g}, {y:g}, {z:g}), expected coordinates below 1e12")
+                raise row.error(
+                    f"puts node {number} at ({x:g}, {y:g}, {z:g}), expected coordinates below 1e12"
+                )
             at = own.nodes.get(number)
             taken.add(len(self.places) if at is None else at)
             if at is None:
@@ -219,10 +252,15 @@ class Mesh:
 
         return taken
 
-    def _placed(self, x: tuple[float, ...], system: str, move: Move, row: Row) -> tuple[float, float, float]:
+    def _placed(
+        self, x: tuple[float, ...], system: str, move: Move, row: Row
+    ) -> tuple[float, float, float]:
         """A node's place in the deck's frame."""
         if system not in ("R", "C"):
-            raise row.error(f"is in SYSTEM={system}, expected R or C; write the coordinates in a rectangular system")
+            raise row.error(
+                f"is in SYSTEM={system}, expected R or C; write the coordinates in a rectangular"
+                " system"
+            )
         (point,) = cartesian("cylindrical" if system == "C" else "cartesian", np.array([x]))
         if self._system is not None:
             origin, axes = self._system
@@ -238,13 +276,20 @@ class Mesh:
             number = row.whole(fields[0] if fields else "", "the element's number")
             nodes = tuple(self._node(text, scope, row, number) for text in fields[1:])
             if not kind.least <= len(nodes) <= kind.most:
-                wanted = f"{kind.least}" if kind.least == kind.most else f"{kind.least} to {kind.most}"
-                raise row.error(f"gives element {number} {len(nodes)} nodes, expected {wanted} of {card.get('TYPE')}")
+                wanted = (
+                    f"{kind.least}" if kind.least == kind.most else f"{kind.least} to {kind.most}"
+                )
+                raise row.error(
+                    f"gives element {number} {len(nodes)} nodes, expected {wanted} of"
+                    f" {card.get('TYPE')}"
+                )
             if len(set(nodes)) < len(nodes):
                 raise row.error(f"gives element {number} a node twice")
             if number in own.elements:
                 before = self.elements[own.elements[number]].row
-                raise row.error(f"has element {number} again, which {before.where} has; give it another number")
+                raise row.error(
+                    f"has element {number} again, which {before.where} has; give it another number"
+                )
             own.elements[number] = len(self.elements)
             self.elements.append(Element(kind, number, nodes, row))
             if len(self.elements) > MOST_ELEMENTS:
@@ -254,7 +299,12 @@ class Mesh:
 
     def _node(self, text: str, scope: str, row: Row, number: int) -> int:
         own = self.scopes[scope].nodes
-        if text.isdigit() and text.isascii() and len(text) < 10 and (found := own.get(int(text))) is not None:
+        if (
+            text.isdigit()
+            and text.isascii()
+            and len(text) < 10
+            and (found := own.get(int(text))) is not None
+        ):
             return found
         inside, dot, last = folded(text).rpartition(".")
         at = self.scopes[inside] if dot and inside in self.scopes else self.scopes[scope]
@@ -263,7 +313,9 @@ class Mesh:
             raise row.error(f"gives element {number} the node {text}, which no *NODE has")
         return found
 
-    def select(self, what: Literal["node", "element"], name: str, scope: str, row: Row | Card) -> Integers:
+    def select(
+        self, what: Literal["node", "element"], name: str, scope: str, row: Row | Card
+    ) -> Integers:
         """Rows of a node, or places of an element, by its number, or of a set of them by its name.
 
         Raises:
@@ -281,7 +333,10 @@ class Mesh:
         """
         self._spent += members
         if self._spent > MOST_MEMBERS:
-            raise where.error(f"takes the members of all sets above {MOST_MEMBERS}, which is the most that is read")
+            raise where.error(
+                f"takes the members of all sets above {MOST_MEMBERS}, which is the most that is"
+                " read"
+            )
 
     def _inside(self, name: str, scope: str) -> tuple[str, str]:
         """The scope and the name there of a name that may begin with that of an instance."""
@@ -306,11 +361,16 @@ class Mesh:
             raise row.error(f"names the {what} set {name!r}, which is not there; there are {near}")
         if depth > DEEPEST_SET:
             raise row.error(
-                f"leads to sets within sets, more than {DEEPEST_SET} deep; do they name one another in a circle?"
+                f"leads to sets within sets, more than {DEEPEST_SET} deep; do they name one another"
+                " in a circle?"
             )
         members: set[int] = set()
         for source in defined[last]:
-            members |= self._of_card(source.card, source.scope, what, depth) if source.own is None else source.own
+            members |= (
+                self._of_card(source.card, source.scope, what, depth)
+                if source.own is None
+                else source.own
+            )
         own.members[what, last] = members
         return members
 
@@ -337,9 +397,14 @@ class Mesh:
         fields = row.fields
         if not 2 <= len(fields) <= 3:
             raise row.error(f"has {len(fields)} fields, expected first, last and step")
-        first, last, step = (row.whole(text, "of first, last and step one") for text in [*fields, "1"][:3])
+        first, last, step = (
+            row.whole(text, "of first, last and step one") for text in [*fields, "1"][:3]
+        )
         if step < 1 or last < first:
-            raise row.error(f"generates {first} to {last} by {step}, expected first ≤ last and a step of at least 1")
+            raise row.error(
+                f"generates {first} to {last} by {step}, expected first ≤ last and a step of at"
+                " least 1"
+            )
         self._spend(min((last - first) // step + 1, len(table)), row)
         if (last - first) // step < len(table):
             return (table[n] for n in range(first, last + 1, step) if n in table)
@@ -349,7 +414,8 @@ class Mesh:
 def joined(card: Card, most: int) -> Iterator[tuple[Row, list[str]]]:
     """Each element of a card: its first line, and its fields over as many lines as it takes.
 
-    A line that ends with a comma goes on; so does one of a 3-D element that is short, as both solvers read it.
+    A line that ends with a comma goes on; so does one of a 3-D element that is short, as both
+    solvers read it.
     """
     rows = iter(card.rows)
     for row in rows:
@@ -388,7 +454,9 @@ def frame(first: Floats, second: Floats, row: Row) -> Floats:
     """
     third = np.cross(first, second)
     lengths = np.linalg.norm(first), np.linalg.norm(third)
-    if not (np.all(np.isfinite(third)) and lengths[1] > 1e-9 * lengths[0] * np.linalg.norm(second) > 0):
+    if not (
+        np.all(np.isfinite(third)) and lengths[1] > 1e-9 * lengths[0] * np.linalg.norm(second) > 0
+    ):
         raise row.error("gives points on one line, expected three that span a plane")
     x, z = first / lengths[0], third / lengths[1]
     return np.array([x, np.cross(z, x), z])

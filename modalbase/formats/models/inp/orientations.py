@@ -17,9 +17,11 @@ class System:
     cylindrical: bool  # axes are radial, tangential and along axis 3
     origin: Floats  # of it, in the model's frame
     axes: Floats  # (3, 3) rows
-    about: int | None = None  # axis (0 … 2) about which the others are turned, which lies along the normal of shells
+    # axis (0 … 2) about which the others are turned, which lies along the normal of shells
+    about: int | None = None
     turn: float = 0.0  # that turn, rad
-    own: dict[int, Floats] = field(default_factory=dict)  # axes of elements that have their own, by their place
+    # axes of elements that have their own, by their place
+    own: dict[int, Floats] = field(default_factory=dict)
 
     def at(self, points: Floats) -> Floats:
         """(p, 3, 3) axes as rows at (p, 3) points."""
@@ -29,8 +31,12 @@ class System:
             radial = points - self.origin
             radial = radial - (radial @ along)[:, None] * along
             length = np.linalg.norm(radial, axis=1, keepdims=True)
-            radial = np.where(length > 1e-12, radial / np.where(length > 0, length, 1), self.axes[0])
-            found = np.stack([radial, np.cross(along, radial), np.broadcast_to(along, radial.shape)], axis=1)
+            radial = np.where(
+                length > 1e-12, radial / np.where(length > 0, length, 1), self.axes[0]
+            )
+            found = np.stack(
+                [radial, np.cross(along, radial), np.broadcast_to(along, radial.shape)], axis=1
+            )
         return self._turned(found)
 
     def of(self, elements: Integers, points: Floats) -> Floats:
@@ -57,9 +63,17 @@ class System:
         return 0 if self.about is None else (self.about + 1) % 3
 
 
-def axis_of_shells(system: System | None, elements: Integers, points: Floats, normals: Floats) -> Floats:
-    """(e, 3) axis 1 of shells, not projected; without a system the model's x axis, or z where x is their normal."""
-    return axis_without_system(normals) if system is None else system.of(elements, points)[:, system.projected]
+def axis_of_shells(
+    system: System | None, elements: Integers, points: Floats, normals: Floats
+) -> Floats:
+    """(e, 3) axis 1 of shells, not projected; without a system the model's x axis, or z where x is
+    their normal.
+    """
+    return (
+        axis_without_system(normals)
+        if system is None
+        else system.of(elements, points)[:, system.projected]
+    )
 
 
 @dataclass
@@ -96,7 +110,9 @@ class Part:
             return None
         if folded(name) not in self.systems:
             there = ", ".join(self.systems) or "none"
-            raise where.error(f"names the orientation {name!r}, which no *ORIENTATION has; there are {there}")
+            raise where.error(
+                f"names the orientation {name!r}, which no *ORIENTATION has; there are {there}"
+            )
         return self.systems[folded(name)]
 
 
@@ -107,7 +123,10 @@ def orientation(card: Card, part: Part, tables: dict[str, Card]) -> System:
         FormatError: it is none that is read, or its points do not make one.
     """
     if card.get("DEFINITION").upper() not in ("", "COORDINATES"):
-        raise card.error(f"has DEFINITION={card.get('DEFINITION')}, expected COORDINATES; give the points by numbers")
+        raise card.error(
+            f"has DEFINITION={card.get('DEFINITION')}, expected COORDINATES; give the points by"
+            " numbers"
+        )
     system = card.get("SYSTEM").upper() or "RECTANGULAR"
     if system[0] not in "RCZ":
         raise card.error(f"has SYSTEM={system}, expected RECTANGULAR, Z RECTANGULAR or CYLINDRICAL")
@@ -121,7 +140,9 @@ def orientation(card: Card, part: Part, tables: dict[str, Card]) -> System:
     origin, axes = _points(values, system, first)
     about, turn = _turn(card)
     move = part.move
-    return System(system[0] == "C", move.turn @ origin + move.shift, axes @ move.turn.T, about, turn, own)
+    return System(
+        system[0] == "C", move.turn @ origin + move.shift, axes @ move.turn.T, about, turn, own
+    )
 
 
 def _points(values: list[float], system: str, row: Row) -> tuple[Floats, Floats]:
@@ -180,5 +201,11 @@ def transforms(part: Part) -> dict[int, Floats]:
         axes = frame(a, b, card.first) if kind == "R" else _about(b - a, card.first)
         system = System(kind == "C", part.move.turn @ a + part.move.shift, axes @ part.move.turn.T)
         nodes = part.nodes(card.needs("NSET"), card)
-        found |= dict(zip(nodes.tolist(), system.at(np.array(part.mesh.places)[nodes].reshape(-1, 3)), strict=True))
+        found |= dict(
+            zip(
+                nodes.tolist(),
+                system.at(np.array(part.mesh.places)[nodes].reshape(-1, 3)),
+                strict=True,
+            )
+        )
     return found

@@ -8,7 +8,14 @@ import numpy as np
 from modalbase.formats.models.check import check, gathered, on_leaders
 from modalbase.formats.models.inp.carried import PROPERTIES, Carried, spread_mass
 from modalbase.formats.models.inp.held import NAMES, Constraints, note_prestress, supports
-from modalbase.formats.models.inp.lines import Card, Losses, card_names, folded, read_cards, squeezed
+from modalbase.formats.models.inp.lines import (
+    Card,
+    Losses,
+    card_names,
+    folded,
+    read_cards,
+    squeezed,
+)
 from modalbase.formats.models.inp.materials import Materials
 from modalbase.formats.models.inp.mesh import AT_REST, Mesh, Move
 from modalbase.formats.models.inp.orientations import Part, orientation, transforms
@@ -22,9 +29,9 @@ MOST_LINES = 2_000_000
 
 _GENERATORS = frozenset(["NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"])
 _USED = card_names(
-    "NODE ELEMENT NSET ELSET SYSTEM HEADING MATERIAL ELASTIC DENSITY ORIENTATION TRANSFORM DISTRIBUTION "
-    "DISTRIBUTIONTABLE NODALTHICKNESS BOUNDARY SURFACE COUPLING ENDCOUPLING NONSTRUCTURALMASS FREQUENCY STEP "
-    "ENDSTEP ASSEMBLY ENDASSEMBLY"
+    "NODE ELEMENT NSET ELSET SYSTEM HEADING MATERIAL ELASTIC DENSITY ORIENTATION TRANSFORM"
+    " DISTRIBUTION DISTRIBUTIONTABLE NODALTHICKNESS BOUNDARY SURFACE COUPLING ENDCOUPLING"
+    " NONSTRUCTURALMASS FREQUENCY STEP ENDSTEP ASSEMBLY ENDASSEMBLY"
 )
 
 
@@ -33,7 +40,8 @@ class Deck:
     """Cards by where they belong."""
 
     parts: dict[str, list[Card]] = field(default_factory=dict)  # cards of each part, by folded name
-    instances: list[tuple[Card, list[Card]]] = field(default_factory=list)  # card and cards of each instance
+    # card and cards of each instance
+    instances: list[tuple[Card, list[Card]]] = field(default_factory=list)
     own: list[Card] = field(default_factory=list)  # those of the assembly and of the model
     steps: list[list[Card]] = field(default_factory=list)  # those of each step, with the card *STEP
 
@@ -41,16 +49,18 @@ class Deck:
 def read_inp(content: bytes, included: Mapping[str, bytes] | None = None) -> FiniteElementModel:
     """The model of a deck of Abaqus or CalculiX.
 
-    An element belongs to the set of its section, whose name is the section's ELSET in small letters, since names are alike in
-    capitals and without; so a constant is `flange.E1`. Where two parts have one name, the second has its part's name before it.
-    Nodes of several instances may have one number; those of later instances then have a million more for each.
+    An element belongs to the set of its section, whose name is the section's ELSET in small
+    letters, since names are alike in capitals and without; so a constant is `flange.E1`. Where two
+    parts have one name, the second has its part's name before it. Nodes of several instances may
+    have one number; those of later instances then have a million more for each.
 
     Args:
         content: the deck.
         included: files that it includes, by name.
 
     Raises:
-        FormatError: it is no such deck, is broken, or has what is not read; names file, line and card.
+        FormatError: it is no such deck, is broken, or has what is not read; names file, line and
+            card.
     """
     deck = _sorted(read_cards(content, included or {}))
     mesh = Mesh()
@@ -71,12 +81,14 @@ def _sorted(cards: list[Card]) -> Deck:
     for card in cards:
         if card.name in ("PARAMETER", *_GENERATORS):
             raise card.error(
-                "makes numbers as the solver reads it; write the deck out with numbers, nodes and elements"
+                "makes numbers as the solver reads it; write the deck out with numbers, nodes and"
+                " elements"
             )
         if card.name in ("PART", "INSTANCE", "STEP"):
             if opened is not None:
                 raise card.error(
-                    f"stands within {opened.label} of {opened.where}, which is not closed; is the file cut?"
+                    f"stands within {opened.label} of {opened.where}, which is not closed; is the"
+                    " file cut?"
                 )
             opened = card
             taken = _begun(deck, card)
@@ -109,7 +121,9 @@ def _begun(deck: Deck, card: Card) -> list[Card]:
 def _meshed(deck: Deck, mesh: Mesh) -> list[Part]:
     """The instances and then the deck itself, whose meshes are read."""
     if len(deck.instances) > MOST_INSTANCES:
-        raise deck.instances[-1][0].error(f"is instance {len(deck.instances)}; at most {MOST_INSTANCES} are read")
+        raise deck.instances[-1][0].error(
+            f"is instance {len(deck.instances)}; at most {MOST_INSTANCES} are read"
+        )
     parts: list[Part] = []
     read = 0
     for card, cards in deck.instances:
@@ -122,7 +136,10 @@ def _meshed(deck: Deck, mesh: Mesh) -> list[Part]:
         every = deck.parts[part] + cards
         read += sum(1 + len(each.rows) for each in every)
         if read > MOST_LINES:
-            raise card.error(f"takes the lines of all instances above {MOST_LINES}, which is the most that is read")
+            raise card.error(
+                f"takes the lines of all instances above {MOST_LINES}, which is the most that is"
+                " read"
+            )
         parts.append(Part(mesh, every, name, part, _move(card)))
         mesh.read(every, name, parts[-1].move)
     named = [card for step in deck.steps for card in step if card.name in ("NSET", "ELSET")]
@@ -131,7 +148,9 @@ def _meshed(deck: Deck, mesh: Mesh) -> list[Part]:
 
 
 def _move(card: Card) -> Move:
-    """Where an instance stands: moved by the first line, then turned about the axis of the second."""
+    """Where an instance stands: moved by the first line, then turned about the axis of the
+    second.
+    """
     if not card.rows:
         return AT_REST
     shift = np.array([*card.first.numbers("a translation"), 0.0, 0.0][:3])
@@ -150,14 +169,18 @@ def _move(card: Card) -> Move:
 
 
 class _Reading:
-    """The model's members, taken from the cards of one part after the other; the last is the deck itself."""
+    """The model's members, taken from the cards of one part after the other; the last is the deck
+    itself.
+    """
 
     def __init__(self, deck: Deck, mesh: Mesh, parts: list[Part]) -> None:
         self._deck, self._mesh, self._parts = deck, mesh, parts
         self._losses, self._materials = Losses(), Materials()
         self._materials.read([card for part in parts for card in part.cards])
         for card in self._materials.hot:
-            self._losses.note(card, "constants at other temperatures: those of the first line are taken")
+            self._losses.note(
+                card, "constants at other temperatures: those of the first line are taken"
+            )
         self._sections = Sections(mesh, self._materials)
         self._carried = Carried(mesh, self._losses)
 
@@ -176,7 +199,8 @@ class _Reading:
         for element in mesh.elements:
             if element.type.loss:
                 losses.note(element.row, element.type.loss, changes=element.type.changes)
-        spread: dict[int, tuple[Card, list[Part]]] = {}  # by card, which the instances of a part share
+        # by card, which the instances of a part share
+        spread: dict[int, tuple[Card, list[Part]]] = {}
         for part in self._parts:
             for card in part.named(*NAMES):
                 constraints.read(card, part)
@@ -208,7 +232,9 @@ class _Reading:
         )
 
     def _take_systems(self, constraints: Constraints) -> None:
-        """Give each part its orientations, those of the deck itself where it has no other; and note its surfaces."""
+        """Give each part its orientations, those of the deck itself where it has no other; and note
+        its surfaces.
+        """
         whole = self._parts[-1]
         for part in reversed(self._parts):
             part.systems |= whole.systems
@@ -235,7 +261,10 @@ class _Reading:
             if card.name in SHELLS and squeezed(parameter) in card.parameters:
                 self._losses.note(card, f"the parameter {parameter} of a section")
         if card.get("SECTION").upper() == "CIRC" and len(card.first.fields) == 1 and not part.scope:
-            loss = "whether CIRC states a radius, as Abaqus has it and is taken, or a diameter, as CalculiX does"
+            loss = (
+                "whether CIRC states a radius, as Abaqus has it and is taken, or a diameter, as"
+                " CalculiX does"
+            )
             self._losses.note(card, loss)
 
     def _thickness(self, part: Part) -> dict[int, float]:
@@ -259,12 +288,16 @@ class _Reading:
                     self._losses.unused(card)
 
     def _title(self) -> str:
-        heading = next((card for card in self._deck.own if card.name == "HEADING" and card.rows), None)
+        heading = next(
+            (card for card in self._deck.own if card.name == "HEADING" and card.rows), None
+        )
         text = heading.rows[0].text if heading else ""
         return decoded(text.encode("latin-1"))[:200]
 
     def _numbers(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-        """The user's numbers of nodes; where instances share one, a million more for each instance before."""
+        """The user's numbers of nodes; where instances share one, a million more for each instance
+        before.
+        """
         numbers = np.array(self._mesh.numbers, dtype=np.int64)
         if len(np.unique(numbers)) == len(numbers):
             return numbers
@@ -283,7 +316,9 @@ class _Reading:
         for scope, own in self._mesh.scopes.items():
             for name, defined in own.node_sets.items():
                 full = (
-                    f"{scope}.{name}" if scope and not (alone and name not in self._mesh.scopes[""].node_sets) else name
+                    f"{scope}.{name}"
+                    if scope and not (alone and name not in self._mesh.scopes[""].node_sets)
+                    else name
                 )
                 found[full] = self._mesh.select("node", name, scope, defined[0].card)
         return found

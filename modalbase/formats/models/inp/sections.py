@@ -11,7 +11,16 @@ from modalbase.formats.models.inp.lines import Card, Row, folded
 from modalbase.formats.models.inp.materials import Materials
 from modalbase.formats.models.inp.mesh import Element, Mesh
 from modalbase.formats.models.inp.orientations import Part, System, axis_of_shells
-from modalbase.formats.models.model import BeamSection, Elements, Floats, Integers, Kind, Ply, ShellSection, Where
+from modalbase.formats.models.model import (
+    BeamSection,
+    Elements,
+    Floats,
+    Integers,
+    Kind,
+    Ply,
+    ShellSection,
+    Where,
+)
 
 SHELLS = ("SHELLSECTION", "SHELLGENERALSECTION")
 BEAMS = ("BEAMSECTION", "BEAMGENERALSECTION")
@@ -19,7 +28,9 @@ MOST_PLIES = 1000
 ROUNDING = 1e-9
 """A centroid this close to the nodes, by the root of the section's area, lies on them."""
 ALIKE_DEG = 0.05
-"""Angles of a ply may differ so much between elements where they are read from orientations, for rounding."""
+"""Angles of a ply may differ so much between elements where they are read from orientations, for
+rounding.
+"""
 
 
 class Sections:
@@ -52,10 +63,15 @@ class Sections:
         for at in chosen:
             element = self._mesh.elements[at]
             if element.type.role != role:
-                raise card.error(f"has element {element.number} of {element.row.where}, which is no {role} element")
+                raise card.error(
+                    f"has element {element.number} of {element.row.where}, which is no {role}"
+                    " element"
+                )
             if at in self._of:
                 before = self._of[at].where
-                raise card.error(f"gives element {element.number} a section, which has that of {before}")
+                raise card.error(
+                    f"gives element {element.number} a section, which has that of {before}"
+                )
             self._of[at] = card
         if not chosen:
             return
@@ -69,24 +85,41 @@ class Sections:
         (self._shells if role == "shell" else self._beams)(card, part, name, kinds, thickness)
 
     def _name(self, card: Card, part: Part) -> str:
-        """Of the set: the deck's ELSET in small letters, with the part's before it where two have one name."""
+        """Of the set: the deck's ELSET in small letters, with the part's before it where two have
+        one name.
+        """
         key = card.where
         if key not in self._names:
             own = "_".join(folded(card.get("ELSET")).split())
-            longer = f"{'_'.join(folded(part.name).split())}.{own}" if part.name else f"{own}_{card.where.line}"
+            longer = (
+                f"{'_'.join(folded(part.name).split())}.{own}"
+                if part.name
+                else f"{own}_{card.where.line}"
+            )
             self._names[key] = own if own not in self._names.values() else longer
         return self._names[key]
 
     def _shells(
-        self, card: Card, part: Part, name: str, kinds: Mapping[Kind, list[int]], thickness: Mapping[int, float]
+        self,
+        card: Card,
+        part: Part,
+        name: str,
+        kinds: Mapping[Kind, list[int]],
+        thickness: Mapping[int, float],
     ) -> None:
         system = part.system(card.get("ORIENTATION"), card)
         by_nodes = "NODALTHICKNESS" in card.parameters
         stack = self._stack(card, by_nodes)
-        if system is None and "COMPOSITE" in card.parameters and (first := _named_orientation(stack[0])):
+        if (
+            system is None
+            and "COMPOSITE" in card.parameters
+            and (first := _named_orientation(stack[0]))
+        ):
             system = part.system(first, card)
         rows = {kind: np.array(chosen) for kind, chosen in kinds.items()}
-        parts = [(kind, chosen, *self._shell_axes(kind, chosen, system)) for kind, chosen in rows.items()]
+        parts = [
+            (kind, chosen, *self._shell_axes(kind, chosen, system)) for kind, chosen in rows.items()
+        ]
         plies = tuple(self._ply(row, parts, part, card) for row in stack)
         total = sum(ply.thickness for ply in plies)
         section = ShellSection(plies, card.where, -_offset(card) * total)
@@ -96,11 +129,14 @@ class Sections:
             own = self._nodal(card, nodes, thickness, None if by_nodes else total)
             if own is not None and (section.offset or len(plies) > 1):
                 raise card.error(
-                    "has OFFSET or plies where *NODAL THICKNESS names its nodes; give the thickness by sets"
+                    "has OFFSET or plies where *NODAL THICKNESS names its nodes; give the thickness"
+                    " by sets"
                 )
             self._add(name, kind, chosen, nodes, axes, thickness=own)
 
-    def _nodal(self, card: Card, nodes: Integers, thickness: Mapping[int, float], else_: float | None) -> Floats | None:
+    def _nodal(
+        self, card: Card, nodes: Integers, thickness: Mapping[int, float], else_: float | None
+    ) -> Floats | None:
         """Thickness at the elements' nodes; None where *NODAL THICKNESS names none of them.
 
         That card goes before the section's own thickness, as CalculiX has it.
@@ -109,13 +145,18 @@ class Sections:
         missing = [node for node in used if node not in thickness]
         if missing and else_ is None:
             raise card.error(
-                f"has NODAL THICKNESS, but *NODAL THICKNESS gives none to node {self._mesh.numbers[missing[0]]}"
+                "has NODAL THICKNESS, but *NODAL THICKNESS gives none to node"
+                f" {self._mesh.numbers[missing[0]]}"
             )
         if len(missing) == len(used):
             return None
-        return np.array([[thickness.get(node, else_ or 0.0) for node in row] for row in nodes.tolist()])
+        return np.array(
+            [[thickness.get(node, else_ or 0.0) for node in row] for row in nodes.tolist()]
+        )
 
-    def _shell_axes(self, kind: Kind, chosen: Integers, system: System | None) -> tuple[Floats, Floats]:
+    def _shell_axes(
+        self, kind: Kind, chosen: Integers, system: System | None
+    ) -> tuple[Floats, Floats]:
         """(e, 3) axis 1 and normals."""
         corners = self._places[self._nodes(chosen)[:, : CORNERS[kind]]]
         normals = unit(normals_of(corners))
@@ -125,7 +166,8 @@ class Sections:
         if np.any(bad := has_area & ~is_across):
             element = self._mesh.elements[chosen[int(np.argmax(bad))]]
             raise element.row.error(
-                f"has element {element.number}, on whose normal axis 1 of its orientation lies; state another *ORIENTATION"
+                f"has element {element.number}, on whose normal axis 1 of its orientation lies;"
+                " state another *ORIENTATION"
             )
         return np.array(axes), normals
 
@@ -133,14 +175,22 @@ class Sections:
         """Row, thickness, material and angle or orientation of each ply."""
         if "COMPOSITE" not in card.parameters:
             if card.name == "SHELLGENERALSECTION" and not card.get("MATERIAL"):
-                raise card.error("states stiffnesses by numbers; give MATERIAL= and a thickness, or COMPOSITE")
+                raise card.error(
+                    "states stiffnesses by numbers; give MATERIAL= and a thickness, or COMPOSITE"
+                )
             if card.get("SHELLTHICKNESS"):
                 raise card.error(
-                    "has SHELL THICKNESS from a distribution; give the thickness by sets or by NODAL THICKNESS"
+                    "has SHELL THICKNESS from a distribution; give the thickness by sets or by"
+                    " NODAL THICKNESS"
                 )
             row = Row(card.label, "1", card.where) if by_nodes and not card.rows else card.first
             return [
-                (row, self._thickness(row, row.fields[0] if row.fields else "", by_nodes), card.needs("MATERIAL"), "")
+                (
+                    row,
+                    self._thickness(row, row.fields[0] if row.fields else "", by_nodes),
+                    card.needs("MATERIAL"),
+                    "",
+                )
             ]
         if by_nodes:
             raise card.error("is COMPOSITE with NODAL THICKNESS; give the plies by sets")
@@ -150,7 +200,9 @@ class Sections:
         for row in [card.first, *card.rows[1:]]:
             fields = [*row.fields, "", "", ""]
             if not fields[2]:
-                raise row.error("names no material; expected thickness, points, material, angle or orientation")
+                raise row.error(
+                    "names no material; expected thickness, points, material, angle or orientation"
+                )
             found.append((row, self._thickness(row, fields[0], False), fields[2], fields[3]))
         return found + found[::-1] if "SYMMETRIC" in card.parameters else found
 
@@ -170,11 +222,19 @@ class Sections:
         row, thickness, material, angle = stacked
         name = self._materials.named(material, row if "COMPOSITE" in card.parameters else card)
         other = _named_orientation(stacked)
-        degrees = self._angle(part.system(other, row), parts, row) if other else row.number(angle or "0", "the angle")
+        degrees = (
+            self._angle(part.system(other, row), parts, row)
+            if other
+            else row.number(angle or "0", "the angle")
+        )
         return Ply(name, thickness, degrees, row.place(0))
 
-    def _angle(self, system: System | None, parts: list[tuple[Kind, Integers, Floats, Floats]], row: Row) -> float:
-        """Angle in degrees from the section's axis 1 to that of a ply's own orientation, about the normals."""
+    def _angle(
+        self, system: System | None, parts: list[tuple[Kind, Integers, Floats, Floats]], row: Row
+    ) -> float:
+        """Angle in degrees from the section's axis 1 to that of a ply's own orientation, about the
+        normals.
+        """
         angles = []
         for kind, chosen, axes, normals in parts:
             own, _ = self._shell_axes(kind, chosen, system)
@@ -185,18 +245,29 @@ class Sections:
         apart = (every - every[0] + 180) % 360 - 180
         if np.abs(apart).max() > ALIKE_DEG:
             raise row.error(
-                f"turns its ply by {every[0]:.2f}° in one element and {every[np.argmax(np.abs(apart))]:.2f}° in another; "
-                "give the section an ORIENTATION and the plies angles, or split the set"
+                f"turns its ply by {every[0]:.2f}° in one element and"
+                f" {every[np.argmax(np.abs(apart))]:.2f}° in another; give the section an"
+                " ORIENTATION and the plies angles, or split the set"
             )
         return float(np.round(every[0] + apart.mean(), 9))
 
     def _beams(
-        self, card: Card, part: Part, name: str, kinds: Mapping[Kind, list[int]], thickness: Mapping[int, float]
+        self,
+        card: Card,
+        part: Part,
+        name: str,
+        kinds: Mapping[Kind, list[int]],
+        thickness: Mapping[int, float],
     ) -> None:
         if any(
-            node in thickness for chosen in kinds.values() for at in chosen for node in self._mesh.elements[at].nodes
+            node in thickness
+            for chosen in kinds.values()
+            for at in chosen
+            for node in self._mesh.elements[at].nodes
         ):
-            raise card.error("is a beam whose nodes *NODAL THICKNESS names; give its dimensions by sets")
+            raise card.error(
+                "is a beam whose nodes *NODAL THICKNESS names; give its dimensions by sets"
+            )
         every = [self._mesh.elements[at] for chosen in kinds.values() for at in chosen]
         section, first, centroid = beam_section(card, name, every, self._materials)
         self.found[name] = section
@@ -213,7 +284,9 @@ class Sections:
 
     def _nodes(self, chosen: Integers) -> Integers:
         elements: list[Element] = [self._mesh.elements[at] for at in chosen.tolist()]
-        return np.array([[element.nodes[k] for k in element.type.order] for element in elements], dtype=np.int64)
+        return np.array(
+            [[element.nodes[k] for k in element.type.order] for element in elements], dtype=np.int64
+        )
 
     def _add(
         self,
@@ -230,7 +303,17 @@ class Sections:
         numbers = np.array([element.number for element in elements], dtype=np.int64)
         lines = np.array([element.row.where.line for element in elements], dtype=np.int64)
         files = tuple(element.row.where.file for element in elements)
-        block = Elements(kind, numbers, nodes, name, axes, lines, offsets=offsets, thickness=thickness, files=files)
+        block = Elements(
+            kind,
+            numbers,
+            nodes,
+            name,
+            axes,
+            lines,
+            offsets=offsets,
+            thickness=thickness,
+            files=files,
+        )
         self.blocks.setdefault((name, kind), []).append(block)
 
     def joined(self) -> tuple[Elements, ...]:
@@ -242,9 +325,12 @@ class Sections:
         for at, element in enumerate(self._mesh.elements):
             if element.type.role in ("shell", "beam") and at not in self._of:
                 raise element.row.error(
-                    f"has element {element.number}, which no *{element.type.role.upper()} SECTION has; give its set one"
+                    f"has element {element.number}, which no *{element.type.role.upper()} SECTION"
+                    " has; give its set one"
                 )
-        return tuple(_together(blocks, self.found[name]) for (name, _), blocks in self.blocks.items())
+        return tuple(
+            _together(blocks, self.found[name]) for (name, _), blocks in self.blocks.items()
+        )
 
 
 def _together(blocks: list[Elements], section: ShellSection | BeamSection) -> Elements:
@@ -252,11 +338,14 @@ def _together(blocks: list[Elements], section: ShellSection | BeamSection) -> El
     if len(blocks) == 1:
         return blocks[0]
     first = blocks[0]
-    offsets = [b.offsets for b in blocks if b.offsets is not None]  # a section's own, so that all have them or none
+    # a section's own, so that all have them or none
+    offsets = [b.offsets for b in blocks if b.offsets is not None]
     thickness = []
     if isinstance(section, ShellSection) and any(b.thickness is not None for b in blocks):
         total = sum(ply.thickness for ply in section.plies)
-        thickness = [np.full(b.nodes.shape, total) if b.thickness is None else b.thickness for b in blocks]
+        thickness = [
+            np.full(b.nodes.shape, total) if b.thickness is None else b.thickness for b in blocks
+        ]
     columns = zip(*((b.numbers, b.nodes, b.axes, b.lines) for b in blocks), strict=True)
     numbers, nodes, axes, lines = (np.concatenate(column) for column in columns)
     files = tuple(file for b in blocks for file in b.files)
@@ -267,7 +356,9 @@ def _together(blocks: list[Elements], section: ShellSection | BeamSection) -> El
 
 
 def _named_orientation(stacked: tuple[Row, float, str, str]) -> str:
-    """The orientation that a ply names instead of an angle; empty where it states an angle or none."""
+    """The orientation that a ply names instead of an angle; empty where it states an angle or
+    none.
+    """
     angle = stacked[3]
     try:
         float(angle or "0")

@@ -21,8 +21,12 @@ LONGEST_NAME = 80
 class InpWriting(Writing):
     """Files of an Abaqus or CalculiX deck as they change."""
 
-    def __init__(self, content: bytes, model: FiniteElementModel, included: Mapping[str, bytes]) -> None:
-        super().__init__({name: Edits(text, "**") for name, text in {"": content, **included}.items()})
+    def __init__(
+        self, content: bytes, model: FiniteElementModel, included: Mapping[str, bytes]
+    ) -> None:
+        super().__init__(
+            {name: Edits(text, "**") for name, text in {"": content, **included}.items()}
+        )
         self._model = model
         self._cards = read_cards(content, included)
         self._names = {folded(card.get("NAME")) for card in self._cards if card.name == "MATERIAL"}
@@ -33,7 +37,9 @@ class InpWriting(Writing):
         file.put((place, _fitted(number.value, place)))
         file.remark(place.line, number.comment)
 
-    def change(self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]) -> bool:
+    def change(
+        self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]
+    ) -> bool:
         """Write constants where the material's stand."""
         file = self.files[material.where.file]
         file.put(*self._fields(material, values, sets))
@@ -43,11 +49,14 @@ class InpWriting(Writing):
             file.remark(first if place is None else place.line, comment)
         return True
 
-    def _fields(self, material: Material, values: Constants, sets: list[str]) -> list[tuple[Place, str]]:
+    def _fields(
+        self, material: Material, values: Constants, sets: list[str]
+    ) -> list[tuple[Place, str]]:
         """What stands in a material's lines instead.
 
         Raises:
-            FormatError: a constant does not stand as a number of its own, or stands in another file than the material.
+            FormatError: a constant does not stand as a number of its own, or stands in another file
+                than the material.
         """
         found = []
         for constant, value in values.items():
@@ -59,7 +68,9 @@ class InpWriting(Writing):
                 )
             if place is not None and place.file != material.where.file:
                 raise FormatError(
-                    material.name, f"has its {constant} in {place.file or 'the deck'}; put it behind its *MATERIAL"
+                    material.name,
+                    f"has its {constant} in {place.file or 'the deck'}; put it behind its"
+                    " *MATERIAL",
                 )
             if place is not None:
                 found.append((place, _fitted(value, place)))
@@ -68,18 +79,27 @@ class InpWriting(Writing):
         return found
 
     def _orthotropic(self, material: Material, values: Constants) -> list[tuple[Place, str]]:
-        """An isotropic material's card as one of engineering constants, out of the plane those of axis 2."""
+        """An isotropic material's card as one of engineering constants, out of the plane those of
+        axis 2.
+        """
         place = material.places["E"]
         texts = self.files[material.where.file].texts
         cards = [
             each
             for each in self._cards
-            if each.name == "ELASTIC" and each.rows and each.rows[0].where == Where(place.line, place.file)
+            if each.name == "ELASTIC"
+            and each.rows
+            and each.rows[0].where == Where(place.line, place.file)
         ]
-        if len(cards) != 1 or len(cards[0].rows) > 1 or texts[cards[0].where.line - 1].rstrip().endswith(","):
+        if (
+            len(cards) != 1
+            or len(cards[0].rows) > 1
+            or texts[cards[0].where.line - 1].rstrip().endswith(",")
+        ):
             raise FormatError(
                 material.name,
-                f"line {place.line}: is isotropic no longer; state ENGINEERING CONSTANTS there to update it so",
+                f"line {place.line}: is isotropic no longer; state ENGINEERING CONSTANTS there to"
+                " update it so",
             )
         line = cards[0].where.line
         c = {key: values.get(key, material.constants[own]) for key, own in ISOTROPIC.items()}
@@ -90,18 +110,25 @@ class InpWriting(Writing):
             (Place(place.line, 0, len(texts[place.line - 1])), f"{','.join(row)},\n{last}"),
         ]
 
-    def copy(self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]) -> None:
+    def copy(
+        self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]
+    ) -> None:
         """Append a copy behind the material, and let the sets' sections name it."""
         card, last = self._block(material)
         file = self.files[material.where.file]
         name = self._free(f"{material.name}_{sets[0]}")
-        copied = [f"** {said}" for said in (f"copy of {material.name} for {', '.join(sets)}", *comments.values())]
+        copied = [
+            f"** {said}"
+            for said in (f"copy of {material.name} for {', '.join(sets)}", *comments.values())
+        ]
         fields = self._fields(material, values, sets)
         renamed = 0
         for number in range(card.where.line, last + 1):
             text = file.line(number, [each for each in fields if each[0].line == number])
             if not renamed:
-                text, renamed = _NAME.subn(lambda match: f"{match.group(1)}{_quoted(name)}", text, count=1)
+                text, renamed = _NAME.subn(
+                    lambda match: f"{match.group(1)}{_quoted(name)}", text, count=1
+                )
             copied.append(text)
         file.after(last, copied)
         for each in sets:
@@ -109,7 +136,11 @@ class InpWriting(Writing):
 
     def _block(self, material: Material) -> tuple[Card, int]:
         """A material's card, and the last line of those that belong to it."""
-        at = next(k for k, card in enumerate(self._cards) if card.name == "MATERIAL" and card.where == material.where)
+        at = next(
+            k
+            for k, card in enumerate(self._cards)
+            if card.name == "MATERIAL" and card.where == material.where
+        )
         last = self._cards[at].where.line
         for card in self._cards[at + 1 :]:
             if card.name not in SUBORDINATE or card.where.file != material.where.file:

@@ -1,7 +1,8 @@
 """Files of matrices and of the tables that say what their rows are.
 
-npz has `nodes` (n, 4) with numbers first, `dofs` (d, 2), and `K_0` … dense, or by their sparse parts. Text is Matrix Market,
-or what CalculiX and Abaqus write. DMIG is what Nastran punches, with the grids where the punch has them.
+npz has `nodes` (n, 4) with numbers first, `dofs` (d, 2), and `K_0` … dense, or by their sparse
+parts. Text is Matrix Market, or what CalculiX and Abaqus write. DMIG is what Nastran punches, with
+the grids where the punch has them.
 """
 
 import io
@@ -40,7 +41,8 @@ class Entries:
     columns: Integers
     values: Floats  # of them
     is_labelled: bool = False  # whether they are known by node and dof
-    is_half: bool | None = None  # whether one triangle stands for both; None where the entries themselves must show it
+    # whether one triangle stands for both; None where the entries themselves must show it
+    is_half: bool | None = None
     size: int | None = None  # of a matrix whose rows are numbered
 
 
@@ -57,14 +59,17 @@ def integers(place: str, values: NDArray[Any]) -> Integers:
     """
     exact = np.asarray(values, dtype=float)
     if not np.all((np.abs(exact) < _MOST) & (exact == np.round(exact))):
-        raise FormatError(place, "has a row, column, node or dof that is not a whole number of at most 12 digits")
+        raise FormatError(
+            place, "has a row, column, node or dof that is not a whole number of at most 12 digits"
+        )
     return exact.astype(np.int64)
 
 
 def read_archive(
     name: str, content: bytes, limit_bytes: int
 ) -> tuple[dict[str, Entries], tuple[Integers, Floats] | None, Integers | None]:
-    """Matrices, nodes and dofs of an archive; of a sparse `K_0` the arrays `K_0_data`, `K_0_indices`, `K_0_indptr`.
+    """Matrices, nodes and dofs of an archive; of a sparse `K_0` the arrays `K_0_data`,
+    `K_0_indices`, `K_0_indptr`.
 
     Raises:
         FormatError: it is damaged, or an array is not what its name says.
@@ -74,11 +79,19 @@ def read_archive(
     nodes = dofs = None
     if table is not None:
         if table.ndim != 2 or table.shape[1] != 4:
-            raise FormatError(f"{name} nodes", f"has the shape {table.shape}, expected (n, 4): number, x, y, z")
+            raise FormatError(
+                f"{name} nodes", f"has the shape {table.shape}, expected (n, 4): number, x, y, z"
+            )
         nodes = integers(f"{name} nodes", table[:, 0]), table[:, 1:].astype(float)
     if pairs is not None:
-        if pairs.ndim != 2 or pairs.shape[1] != 2 or not np.all((pairs[:, 1] >= 1) & (pairs[:, 1] <= DOFS)):
-            raise FormatError(f"{name} dofs", f"has the shape {pairs.shape}, expected (d, 2): node, dof 1 … 6")
+        if (
+            pairs.ndim != 2
+            or pairs.shape[1] != 2
+            or not np.all((pairs[:, 1] >= 1) & (pairs[:, 1] <= DOFS))
+        ):
+            raise FormatError(
+                f"{name} dofs", f"has the shape {pairs.shape}, expected (d, 2): node, dof 1 … 6"
+            )
         numbers, own = integers(f"{name} dofs", pairs).T
         dofs = code(numbers, own - 1)
     stems = dict.fromkeys(_stem(array) for array in arrays)
@@ -94,7 +107,9 @@ def _arrays(name: str, content: bytes, limit_bytes: int) -> dict[str, Array]:
         members = members_of(archive)
         if sum(member.file_size for member in members) > limit_bytes:
             raise FormatError(name, f"holds more than {limit_bytes} bytes")
-        found = {member.filename.removesuffix(".npy"): read_array(archive, member) for member in members}
+        found = {
+            member.filename.removesuffix(".npy"): read_array(archive, member) for member in members
+        }
     for array, values in found.items():
         if values.dtype.kind not in "fiu":
             raise FormatError(f"{name} {array}", f"is {values.dtype}, expected real numbers")
@@ -115,7 +130,9 @@ def _entries(place: str, stem: str, arrays: dict[str, Array]) -> Entries:
         return Entries(rows, columns, matrix[rows, columns], is_half=False, size=len(matrix))
     parts = [arrays.get(f"{stem}_{part}") for part in _PARTS]
     if any(part is None or part.ndim != 1 for part in parts):
-        raise FormatError(place, f"needs {', '.join(f'{stem}_{part}' for part in _PARTS)}, each of one dimension")
+        raise FormatError(
+            place, f"needs {', '.join(f'{stem}_{part}' for part in _PARTS)}, each of one dimension"
+        )
     data, indices, starts = (np.asarray(part) for part in parts)
     size = len(starts) - 1
     try:
@@ -133,7 +150,8 @@ _MARK = "%%MatrixMarket"
 
 
 def read_text(name: str, content: bytes) -> Entries:
-    """Matrix Market; rows, columns and values as CalculiX stores them; node, dof, node, dof, value as Abaqus does.
+    """Matrix Market; rows, columns and values as CalculiX stores them; node, dof, node, dof, value
+    as Abaqus does.
 
     Raises:
         FormatError: it is none of these, or holds more or fewer entries than it says.
@@ -141,11 +159,17 @@ def read_text(name: str, content: bytes) -> Entries:
     text = content.removeprefix(BOM_UTF8).decode("latin-1")
     if text[: len(_MARK)].lower() == _MARK.lower():
         return _market(name, text)
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith(("*", "#", "%"))]
+    lines = [
+        line
+        for line in text.splitlines()
+        if line.strip() and not line.lstrip().startswith(("*", "#", "%"))
+    ]
     table = _numbers(name, " ".join(lines).replace(",", " "))
     width = len(lines[0].replace(",", " ").split()) if lines else 0
     if width not in (3, 5) or table.size % width:
-        raise FormatError(name, "is no table of row, column, value nor of node, dof, node, dof, value")
+        raise FormatError(
+            name, "is no table of row, column, value nor of node, dof, node, dof, value"
+        )
     table = table.reshape(-1, width)
     places = integers(name, table[:, :-1])
     if width == 3:
@@ -162,10 +186,13 @@ def _market(name: str, text: str) -> Entries:
     words = head.lower().split()
     if len(words) != 5 or words[1] != "matrix" or words[2] not in ("coordinate", "array"):
         raise FormatError(
-            f"{name} line 1", f"is {head[:60]!r}, expected %%MatrixMarket matrix coordinate real symmetric"
+            f"{name} line 1",
+            f"is {head[:60]!r}, expected %%MatrixMarket matrix coordinate real symmetric",
         )
     if words[3] not in ("real", "integer", "double") or words[4] not in ("general", "symmetric"):
-        raise FormatError(f"{name} line 1", f"says {words[3]} {words[4]}, expected real, and general or symmetric")
+        raise FormatError(
+            f"{name} line 1", f"says {words[3]} {words[4]}, expected real, and general or symmetric"
+        )
     table = _numbers(name, " ".join(line for line in lines if not line.lstrip().startswith("%")))
     is_sparse, is_half = words[2] == "coordinate", words[4] == "symmetric"
     head_size = 3 if is_sparse else 2
@@ -177,7 +204,9 @@ def _market(name: str, text: str) -> Entries:
         raise FormatError(name, f"has {sizes[0]} rows and {sizes[1]} columns, expected as many")
     stated = 3 * int(sizes[2]) if is_sparse else count * (count + 1) // 2 if is_half else count**2
     if table.size != stated:
-        raise FormatError(name, f"holds {table.size} numbers, and says that it has {stated}; it seems to be cut")
+        raise FormatError(
+            name, f"holds {table.size} numbers, and says that it has {stated}; it seems to be cut"
+        )
     if is_sparse:
         table = table.reshape(-1, 3)
         places = integers(name, table[:, :2]) - 1
@@ -189,25 +218,35 @@ def _market(name: str, text: str) -> Entries:
 def read_nodes(name: str, content: bytes) -> tuple[Integers, Floats]:
     """Numbers and coordinates of a table with the columns `node`, `x`, `y`, `z`."""
     rows = _table(name, content, ("node", "x", "y", "z"))
-    numbers = integers(name, np.array([whole(cells[0], f"{name} {place}, node") for place, cells in rows], dtype=float))
+    numbers = integers(
+        name,
+        np.array([whole(cells[0], f"{name} {place}, node") for place, cells in rows], dtype=float),
+    )
     places = [[real(cell, f"{name} {place}, {axis}") for axis, cell in zip("xyz", cells[1:], strict=True)]
               for place, cells in rows]  # fmt: skip
     return numbers, np.array(places, dtype=float).reshape(-1, 3)
 
 
 def read_dofs(name: str, content: bytes) -> Integers:
-    """(d,) codes of the dofs of a table with the columns `node`, `dof`, or of lines `node.dof` as CalculiX stores them."""
+    """(d,) codes of the dofs of a table with the columns `node`, `dof`, or of lines `node.dof` as
+    CalculiX stores them.
+    """
     text = content.decode("latin-1")
     if name.lower().endswith(".dof"):
         pairs = [
-            (f"line {at}", line.strip().split(".")) for at, line in enumerate(text.splitlines(), 1) if line.strip()
+            (f"line {at}", line.strip().split("."))
+            for at, line in enumerate(text.splitlines(), 1)
+            if line.strip()
         ]
     else:
         pairs = _table(name, content, ("node", "dof"))
     found = []
     for place, cells in pairs:
         if len(cells) != 2:
-            raise FormatError(f"{name} {place}", f"is {'.'.join(cells)[:40]!r}, expected a node and a dof such as 17.3")
+            raise FormatError(
+                f"{name} {place}",
+                f"is {'.'.join(cells)[:40]!r}, expected a node and a dof such as 17.3",
+            )
         dof = whole(cells[1], f"{name} {place}, dof")
         if not 1 <= dof <= DOFS:
             raise FormatError(f"{name} {place}", f"has the dof {dof}, expected 1 … 6")
@@ -221,7 +260,10 @@ def _table(name: str, content: bytes, columns: tuple[str, ...]) -> list[tuple[st
     try:
         header, rows = read_rows(content, columns)
         places = [header.index(column) for column in columns]
-        return [(f"line {line}", [cells[at] for at in places]) for line, cells in whole_rows(header, rows)]
+        return [
+            (f"line {line}", [cells[at] for at in places])
+            for line, cells in whole_rows(header, rows)
+        ]
     except FormatError as error:
         raise FormatError(f"{name} {error.place}".rstrip(), error.message) from error
 
@@ -232,7 +274,9 @@ def _numbers(name: str, text: str) -> Floats:
         return np.zeros(0)
     try:
         with warnings.catch_warnings():
-            warnings.filterwarnings("error", "string or file could not be read to its end", DeprecationWarning)
+            warnings.filterwarnings(
+                "error", "string or file could not be read to its end", DeprecationWarning
+            )
             return np.fromstring(text, sep=" ")
     except (ValueError, DeprecationWarning):
         strange = next((word for word in text.split() if not _is_number(word)), "")
@@ -254,7 +298,8 @@ def read_dmig(content: bytes) -> tuple[dict[str, Entries], tuple[Integers, Float
     """Entries by the matrix's name, and numbers and places of the grids.
 
     Raises:
-        FormatError: a card is wrong, with its line; a matrix is complex or not square; a grid has axes of its own.
+        FormatError: a card is wrong, with its line; a matrix is complex or not square; a grid has
+            axes of its own.
     """
     cards = [card for card in cards_of(split_deck(content, None).bulk) if isinstance(card, Card)]
     heads: dict[str, bool] = {}
@@ -309,7 +354,9 @@ def _places(cards: list[Card]) -> tuple[Integers, Floats] | None:
     if not own:
         return None
     defaults = next((card for card in cards if card.name == "GRDSET"), None)
-    grids = read_grids(own, defaults, [card for card in cards if card.name[:5] in ("CORD1", "CORD2")])
+    grids = read_grids(
+        own, defaults, [card for card in cards if card.name[:5] in ("CORD1", "CORD2")]
+    )
     for row in grids.displacement:
         card = next(card for card in own if card.integer(0, "ID") == grids.numbers[row])
         raise card.wrong(5, "CD", "none: rows of the matrices must lie along the axes of the model")

@@ -1,4 +1,6 @@
-"""A model that is matrices: K = K_0 + Σ c_k K_k, M = M_0 + Σ m_j M_j, with factors that are 1 as it comes; from files."""
+"""A model that is matrices: K = K_0 + Σ c_k K_k, M = M_0 + Σ m_j M_j, with factors that are 1 as it
+comes; from files.
+"""
 
 from __future__ import annotations
 
@@ -57,12 +59,16 @@ def built(name: str, entries: Entries, dofs: Integers) -> scipy.sparse.csc_array
         raise FormatError(name, f"has {entries.size} rows, the table of dofs {size}")
     for one in (rows, columns):
         if one.size and (one.min() < 0 or one.max() >= size):
-            raise FormatError(name, f"has an entry in row {int(one.max()) + 1}, and there are {size} dofs")
+            raise FormatError(
+                name, f"has an entry in row {int(one.max()) + 1}, and there are {size} dofs"
+            )
     require_range(name, entries.values)
     values, off = entries.values, rows != columns
     has_both = np.isin(rows[off] * size + columns[off], columns[off] * size + rows[off]).any()
     if entries.is_half and has_both:
-        raise FormatError(name, "says that it is symmetric, of which one half stands for both, and states both")
+        raise FormatError(
+            name, "says that it is symmetric, of which one half stands for both, and states both"
+        )
     if entries.is_half or (entries.is_half is None and not has_both):
         rows, columns = np.concatenate([rows, columns[off]]), np.concatenate([columns, rows[off]])
         values = np.concatenate([values, values[off]])
@@ -88,7 +94,9 @@ def require_range(name: str, values: Floats) -> None:
     most = float(np.abs(values).max(initial=0.0))
     if most > LARGEST or 0 < most < 1 / LARGEST:
         raise FormatError(
-            name, f"has {most:.3g} as its largest number, expected {1 / LARGEST:g} to {LARGEST:g}: check it"
+            name,
+            f"has {most:.3g} as its largest number, expected {1 / LARGEST:g} to {LARGEST:g}:"
+            " check it",
         )
 
 
@@ -99,7 +107,9 @@ def _found(name: str, codes: Integers, dofs: Integers, order: Integers) -> Integ
     if strange.size:
         node, dof = divmod(int(codes[strange[0]]), DOFS)
         raise FormatError(
-            name, f"has an entry of node {node}, dof {dof + 1}, which is not in the tables of nodes and dofs"
+            name,
+            f"has an entry of node {node}, dof {dof + 1}, which is not in the tables of nodes and"
+            " dofs",
         )
     return np.asarray(rows)
 
@@ -114,15 +124,18 @@ _BY_ENDING = {".sti": ("K", CONSTANT), ".mas": ("M", CONSTANT)}
 
 
 def read_matrices(
-    files: Mapping[str, bytes], roles: Mapping[str, str] | None = None, limit_bytes: int = LIMIT_BYTES
+    files: Mapping[str, bytes],
+    roles: Mapping[str, str] | None = None,
+    limit_bytes: int = LIMIT_BYTES,
 ) -> MatrixModel:
     """A model of matrices from files by name.
 
-    Matrices are Matrix Market or Abaqus's `.mtx`, CalculiX's `.sti` and `.mas`, DMIG (`.pch`, `.bdf`, `.dat`) and `.npz`.
-    `nodes.csv` (node, x, y, z) states the nodes, and `dofs.csv` (node, dof) or a `.dof` file of CalculiX what the rows are.
-    Without that the rows are the dofs that matrices name, or else the six, or three, of each node in the table's order.
-    Files or arrays that are called `K_0`, `K_skin`, `M_0` … are the constant part and those of the factors by this; the
-    usual names of solvers (`KAAX`, `MAAX`, `job_STIF1`, `.sti`, `.mas`) are K_0 and M_0.
+    Matrices are Matrix Market or Abaqus's `.mtx`, CalculiX's `.sti` and `.mas`, DMIG (`.pch`,
+    `.bdf`, `.dat`) and `.npz`. `nodes.csv` (node, x, y, z) states the nodes, and `dofs.csv` (node,
+    dof) or a `.dof` file of CalculiX what the rows are. Without that the rows are the dofs that
+    matrices name, or else the six, or three, of each node in the table's order. Files or arrays
+    that are called `K_0`, `K_skin`, `M_0` … are the constant part and those of the factors by this;
+    the usual names of solvers (`KAAX`, `MAAX`, `job_STIF1`, `.sti`, `.mas`) are K_0 and M_0.
 
     Args:
         files: content by name.
@@ -152,17 +165,25 @@ def read_matrices(
         elif ending in (".mtx", ".sti", ".mas"):
             more = {name: read_text(name, content)}
         else:
-            raise FormatError(name, "is not known: expected .mtx, .sti, .mas, .pch, .npz, .dof, nodes.csv or dofs.csv")
+            raise FormatError(
+                name,
+                "is not known: expected .mtx, .sti, .mas, .pch, .npz, .dof, nodes.csv or dofs.csv",
+            )
         if twice := set(more) & set(found):
             raise FormatError(name, f"states {twice.pop()} a second time")
         found.update(more)
     if nodes is None:
-        raise FormatError("nodes.csv", "is missing: measured points need the places of the nodes (node, x, y, z)")
+        raise FormatError(
+            "nodes.csv", "is missing: measured points need the places of the nodes (node, x, y, z)"
+        )
     return _model(found, nodes, dofs, roles or {})
 
 
 def _model(
-    found: Mapping[str, Entries], nodes: tuple[Integers, Floats], dofs: Integers | None, roles: Mapping[str, str]
+    found: Mapping[str, Entries],
+    nodes: tuple[Integers, Floats],
+    dofs: Integers | None,
+    roles: Mapping[str, str],
 ) -> MatrixModel:
     numbers, places = nodes
     require_range("nodes", places)
@@ -176,7 +197,9 @@ def _model(
     rows = order[at]
     strange = np.flatnonzero(numbers[rows] != codes // DOFS)
     if strange.size:
-        raise FormatError("dofs", f"names node {codes[strange[0]] // DOFS}, which is not in the table of nodes")
+        raise FormatError(
+            "dofs", f"names node {codes[strange[0]] // DOFS}, which is not in the table of nodes"
+        )
     parts: dict[str, dict[str, scipy.sparse.csc_array]] = {"K": {}, "M": {}}
     for name, entries in found.items():
         letter, factor = _role(name, roles)
@@ -194,14 +217,21 @@ def _codes(found: Mapping[str, Entries], numbers: Integers) -> Integers:
     """Dofs of the rows, where no table states them."""
     labelled = [one for one in found.values() if one.is_labelled]
     if labelled:
-        return np.unique(np.concatenate([part for one in labelled for part in (one.rows, one.columns)]))
-    sizes = {one.size or int(max(one.rows.max(initial=0), one.columns.max(initial=0))) + 1 for one in found.values()}
+        return np.unique(
+            np.concatenate([part for one in labelled for part in (one.rows, one.columns)])
+        )
+    sizes = {
+        one.size or int(max(one.rows.max(initial=0), one.columns.max(initial=0))) + 1
+        for one in found.values()
+    }
     size = max(sizes, default=0)
     for count in (DOFS, 3):
         if size == count * len(numbers):
             return code(np.repeat(numbers, count), np.tile(np.arange(count), len(numbers)))
     raise FormatError(
-        "dofs.csv", f"is missing: matrices of {size} rows are neither six nor three of each of {len(numbers)} nodes"
+        "dofs.csv",
+        f"is missing: matrices of {size} rows are neither six nor three of each of {len(numbers)}"
+        " nodes",
     )
 
 
@@ -217,4 +247,6 @@ def _role(name: str, roles: Mapping[str, str]) -> tuple[str, str]:
     for pattern, role in _USUAL:
         if pattern.fullmatch(stem):
             return role
-    raise FormatError(name, "has no role; call it K_0, K_factor, M_0 or M_factor, or say which of these it is")
+    raise FormatError(
+        name, "has no role; call it K_0, K_factor, M_0 or M_factor, or say which of these it is"
+    )

@@ -8,7 +8,14 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import Cells, MeshFile
-from modalbase.formats.models.check import ALONG_NORMAL, CORNERS, axis_without_system, check, normals_of, unit
+from modalbase.formats.models.check import (
+    ALONG_NORMAL,
+    CORNERS,
+    axis_without_system,
+    check,
+    normals_of,
+    unit,
+)
 from modalbase.formats.models.meshes.cells import SOLID
 from modalbase.formats.models.model import (
     Elements,
@@ -45,8 +52,8 @@ def model_of_mesh(mesh: MeshFile, form: str, length_m: float, stated: Stated) ->
         stated: of its sets.
 
     Raises:
-        FormatError: it has solids, or sets without a section, or such as have none are stated; or a shell has no area, folds
-            over, lies on another, or hangs on nothing.
+        FormatError: it has solids, or sets without a section, or such as have none are stated; or a
+            shell has no area, folds over, lies on another, or hangs on nothing.
     """
     _refuse_solids(mesh)
     cells_by_set = _by_group(mesh, stated)
@@ -54,7 +61,9 @@ def model_of_mesh(mesh: MeshFile, form: str, length_m: float, stated: Stated) ->
     names = {cells.set for cells in mesh.cells} | {group.name for group in mesh.groups}
     _require_sections(shells, names, stated)
     used = (
-        np.unique(np.concatenate([cells.nodes.ravel() for cells in shells])) if shells else np.zeros(0, dtype=np.int64)
+        np.unique(np.concatenate([cells.nodes.ravel() for cells in shells]))
+        if shells
+        else np.zeros(0, dtype=np.int64)
     )
     rows = np.full(len(mesh.nodes), -1, dtype=np.int64)
     rows[used] = np.arange(len(used))
@@ -67,7 +76,9 @@ def model_of_mesh(mesh: MeshFile, form: str, length_m: float, stated: Stated) ->
         title="",
         numbers=np.asarray(mesh.numbers[used], dtype=np.int64),
         nodes=places,
-        elements=tuple(_elements(cells, rows, places, stated.axes.get(cells.set)) for cells in shells),
+        elements=tuple(
+            _elements(cells, rows, places, stated.axes.get(cells.set)) for cells in shells
+        ),
         sections=dict(stated.sections),
         materials=dict(stated.materials),
         node_sets=nodes,
@@ -89,8 +100,8 @@ def _refuse_solids(mesh: MeshFile) -> None:
         named = ", ".join(f"{cells.set} ({len(cells.numbers)})" for cells in solids)
         raise FormatError(
             _first(solids[0]),
-            f"the mesh has solid elements, which are not read: {named}. Send the matrices K and M that your solver makes of "
-            "them, or the surfaces alone",
+            f"the mesh has solid elements, which are not read: {named}. Send the matrices K and M"
+            " that your solver makes of them, or the surfaces alone",
         )
 
 
@@ -99,20 +110,31 @@ def _require_sections(shells: Iterable[Cells], names: Collection[str], stated: S
     for cells in shells:
         kinds[cells.set] = kinds.get(cells.set, 0) + len(cells.numbers)
     faults = [
-        (f"sections.{name}", f"there is no such set; there are {', '.join(sorted(names)) or 'none'}")
+        (
+            f"sections.{name}",
+            f"there is no such set; there are {', '.join(sorted(names)) or 'none'}",
+        )
         for name in (*stated.sections, *stated.held)
         if name not in names
     ]
     faults += [
-        (f"sections.{name}", "is of lines or points, which have no thickness; `held_dofs` can be said of them")
+        (
+            f"sections.{name}",
+            "is of lines or points, which have no thickness; `held_dofs` can be said of them",
+        )
         for name in stated.sections
         if name in names and name not in kinds
     ]
-    if lacking := [f"{name} ({count} elements)" for name, count in kinds.items() if name not in stated.sections]:
+    if lacking := [
+        f"{name} ({count} elements)" for name, count in kinds.items() if name not in stated.sections
+    ]:
         faults.append(
             (
                 "sections",
-                f"lack {', '.join(lacking)}: state thickness_m and a material, or plies, of each set of shells",
+                (
+                    f"lack {', '.join(lacking)}: state thickness_m and a material, or plies, of"
+                    " each set of shells"
+                ),
             )
         )
     if faults:
@@ -124,7 +146,8 @@ def _is_shell(cells: Cells) -> bool:
 
 
 def _by_group(mesh: MeshFile, stated: Stated) -> Sequence[Cells]:
-    """Cells whose set is the group that the user states something of, else the only one that they are in, else their own.
+    """Cells whose set is the group that the user states something of, else the only one that they
+    are in, else their own.
 
     Raises:
         FormatError: sections are stated of two sets or groups that a shell is in.
@@ -144,12 +167,19 @@ def _by_group(mesh: MeshFile, stated: Stated) -> Sequence[Cells]:
             named = [name for name in (*own, cells.set) if name in wanted]
             if len(named) > 1 and _is_shell(cells):
                 both = " and ".join(named)
-                raise FormatError(f"sections.{named[1]}", f"element {number} is in {both}; state the section of one")
+                raise FormatError(
+                    f"sections.{named[1]}",
+                    f"element {number} is in {both}; state the section of one",
+                )
             sets.append((named or (own if len(own) == 1 else [cells.set]))[0])
         for name in dict.fromkeys(sets):
             at = np.array([one == name for one in sets])
             lines = None if cells.lines is None else cells.lines[at]
-            found.append(replace(cells, set=name, numbers=cells.numbers[at], nodes=cells.nodes[at], lines=lines))
+            found.append(
+                replace(
+                    cells, set=name, numbers=cells.numbers[at], nodes=cells.nodes[at], lines=lines
+                )
+            )
     return found
 
 
@@ -158,12 +188,17 @@ def _held(rows: Integers, mesh: MeshFile, name: str) -> Integers:
     parts = [cells.nodes.ravel() for cells in mesh.cells if cells.set == name]
     for group in mesh.groups:
         if group.name == name:
-            parts += [group.nodes, *(c.nodes[np.isin(c.numbers, group.elements)].ravel() for c in mesh.cells)]
+            parts += [
+                group.nodes,
+                *(c.nodes[np.isin(c.numbers, group.elements)].ravel() for c in mesh.cells),
+            ]
     found = np.unique(rows[np.concatenate(parts)])
     return found[found >= 0]
 
 
-def _elements(cells: Cells, rows: Integers, places: Floats, axis: tuple[float, float, float] | None) -> Elements:
+def _elements(
+    cells: Cells, rows: Integers, places: Floats, axis: tuple[float, float, float] | None
+) -> Elements:
     nodes = rows[cells.nodes]
     normals = unit(normals_of(places[nodes[:, : CORNERS[cells.kind]]]))
     lines = np.zeros(len(nodes), dtype=np.int64) if cells.lines is None else cells.lines
@@ -173,7 +208,9 @@ def _elements(cells: Cells, rows: Integers, places: Floats, axis: tuple[float, f
         axes = np.broadcast_to(np.array(axis) / np.linalg.norm(axis), normals.shape)
         if np.any(bad := np.abs(np.einsum("ei,ei->e", axes, normals)) > ALONG_NORMAL):
             number = cells.numbers[int(np.argmax(bad))]
-            raise FormatError(f"sections.{cells.set}.axis", f"lies along the normal of element {number}")
+            raise FormatError(
+                f"sections.{cells.set}.axis", f"lies along the normal of element {number}"
+            )
     return Elements(cells.kind, cells.numbers, nodes, cells.set, axes, lines)  # type: ignore[arg-type]
 
 
@@ -194,5 +231,7 @@ def _require_one_layer(model: FiniteElementModel) -> None:
             other, name = before.setdefault(row.tobytes(), (number, block.set))
             if other != number or name != block.set:
                 raise FormatError(
-                    "", f"elements {other} of the set {name} and {number} of the set {block.set} have the same nodes"
+                    "",
+                    f"elements {other} of the set {name} and {number} of the set {block.set} have"
+                    " the same nodes",
                 )

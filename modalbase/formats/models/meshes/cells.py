@@ -38,12 +38,16 @@ class Kind(NamedTuple):
 
 
 def plain(name: str) -> str:
-    """A set's name of small letters, digits and _ alone, as parameters have it; empty where nothing is left."""
+    """A set's name of small letters, digits and _ alone, as parameters have it; empty where nothing
+    is left.
+    """
     return re.sub(r"\W+", "_", name).strip("_").lower()[:_LONGEST]
 
 
 def whole_numbers(values: FloatArray) -> Integers | None:
-    """Whole numbers that were read as reals; None where one is none, or beyond what a real holds exactly."""
+    """Whole numbers that were read as reals; None where one is none, or beyond what a real holds
+    exactly.
+    """
     is_whole = np.all((np.abs(values) < 2**53) & (values == np.round(values)))
     return values.astype(np.int64) if is_whole else None
 
@@ -54,7 +58,9 @@ class Gathering:
     def __init__(self) -> None:
         self._nodes: dict[int, tuple[float, float, float]] = {}
         self._rows: dict[int, int] = {}
-        self._sets: defaultdict[tuple[str, str], list[tuple[int, list[int], int]]] = defaultdict(list)
+        self._sets: defaultdict[tuple[str, str], list[tuple[int, list[int], int]]] = defaultdict(
+            list
+        )
         self._groups: dict[str, Group] = {}
 
     def node(self, number: int, place: Sequence[float], where: str) -> None:
@@ -78,7 +84,9 @@ class Gathering:
         try:
             rows = [self._rows[node] for node in nodes]
         except KeyError as lost:
-            raise FormatError(f"line {line}", f"element {number} has the node {lost}, which is not there") from None
+            raise FormatError(
+                f"line {line}", f"element {number} has the node {lost}, which is not there"
+            ) from None
         self._sets[kind, name].append((number, rows, line))
 
     def group(self, name: str, elements: Sequence[int], nodes: Sequence[int], where: str) -> None:
@@ -88,11 +96,22 @@ class Gathering:
             FormatError: one is not there, or the name is that of another group or of a set.
         """
         if name in self._groups or any(name == other for _, other in self._sets):
-            raise FormatError(where, f"{name} is there twice: capitals and signs of a name do not count")
-        known = {number for members in self._sets.values() for number, _, _ in members} if elements else set()
-        for what, lost in (("element", set(elements) - known), ("node", set(nodes) - self._rows.keys())):
+            raise FormatError(
+                where, f"{name} is there twice: capitals and signs of a name do not count"
+            )
+        known = (
+            {number for members in self._sets.values() for number, _, _ in members}
+            if elements
+            else set()
+        )
+        for what, lost in (
+            ("element", set(elements) - known),
+            ("node", set(nodes) - self._rows.keys()),
+        ):
             if lost:
-                raise FormatError(where, f"the group {name} has the {what} {min(lost)}, which is not there")
+                raise FormatError(
+                    where, f"the group {name} has the {what} {min(lost)}, which is not there"
+                )
         self._groups[name] = Group(name, np.array(elements, dtype=np.int64), self._places(nodes))
 
     def _places(self, nodes: Sequence[int]) -> Integers:
@@ -103,12 +122,20 @@ class Gathering:
         cells = []
         for (kind, name), found in self._sets.items():
             numbers, rows, lines = zip(*found, strict=True)
-            width = min(map(len, rows))  # solids of several types are one kind: they are counted, not used
-            nodes = np.array([row[:width] for row in rows], dtype=np.int64).reshape(len(found), width)
+            # solids of several types are one kind: they are counted, not used
+            width = min(map(len, rows))
+            nodes = np.array([row[:width] for row in rows], dtype=np.int64).reshape(
+                len(found), width
+            )
             cells.append(Cells(kind, name, np.array(numbers), nodes, np.array(lines)))
         places = np.array(list(self._nodes.values()), dtype=float).reshape(-1, 3)
         return MeshFile(
-            np.array(list(self._nodes), dtype=np.int64), places, cells, (), length_m, tuple(self._groups.values())
+            np.array(list(self._nodes), dtype=np.int64),
+            places,
+            cells,
+            (),
+            length_m,
+            tuple(self._groups.values()),
         )
 
 
@@ -175,5 +202,10 @@ class Lines:
 
 
 def name_of(tag: int, dimension: int, names: Mapping[tuple[int, int], str]) -> str:
-    """The set of a group: the name that it was given, else `set_3`, or `line_3`, `point_3`, `solid_3`."""
-    return plain(names.get((dimension, tag), "")) or f"{('point', 'line', 'set', SOLID)[dimension]}_{tag}"
+    """The set of a group: the name that it was given, else `set_3`, or `line_3`, `point_3`,
+    `solid_3`.
+    """
+    return (
+        plain(names.get((dimension, tag), ""))
+        or f"{('point', 'line', 'set', SOLID)[dimension]}_{tag}"
+    )

@@ -1,7 +1,8 @@
 """Groups of a Universal File: 2435, 2452, 2467 and 2477, and the older 2417, 2429, 2430 and 2432.
 
-A group is a line of whole numbers, of which the last counts its members, a line with its name, and members: type (7 a node,
-8 an element) and number, with two more numbers in the newer sets. (SDRL, Universal File Datasets; Siemens, I-deas.)
+A group is a line of whole numbers, of which the last counts its members, a line with its name, and
+members: type (7 a node, 8 an element) and number, with two more numbers in the newer sets. (SDRL,
+Universal File Datasets; Siemens, I-deas.)
 """
 
 from collections.abc import Iterator
@@ -9,7 +10,10 @@ from typing import NamedTuple
 
 from modalbase.formats.uff.text import Cursor, decoded
 
-_WIDTHS = {**dict.fromkeys(("2435", "2452", "2467", "2477"), 4), **dict.fromkeys(("2417", "2429", "2430", "2432"), 2)}
+_WIDTHS = {
+    **dict.fromkeys(("2435", "2452", "2467", "2477"), 4),
+    **dict.fromkeys(("2417", "2429", "2430", "2432"), 2),
+}
 """Numbers of a member, by type of the dataset."""
 
 GROUPS = frozenset(_WIDTHS)
@@ -39,8 +43,12 @@ def read_groups(kind: str, body: bytes) -> Iterator[RawGroup]:
         line = cursor.line
         count = -(-len(row) // 10)
         if not 2 <= count <= _FIELDS:
-            raise cursor.refuse(f"holds {count} numbers, expected a group's: its number first, how many it has last")
-        number, *_, members = cursor.integers(row, ["group"] + [""] * (count - 2) + ["number of members"])
+            raise cursor.refuse(
+                f"holds {count} numbers, expected a group's: its number first, how many it has last"
+            )
+        number, *_, members = cursor.integers(
+            row, ["group"] + [""] * (count - 2) + ["number of members"]
+        )
         name = decoded(cursor.next("the group's name")).strip()
         found: dict[int, list[int]] = {_NODE: [], _ELEMENT: []}
         left = members

@@ -1,4 +1,6 @@
-"""Sets 15 or 2411, 2412 and 2467 of a Universal File: grid points in the global system, elements by property table, groups."""
+"""Sets 15 or 2411, 2412 and 2467 of a Universal File: grid points in the global system, elements by
+property table, groups.
+"""
 
 import re
 from collections.abc import Iterator
@@ -24,10 +26,12 @@ _NEEDED = ("15", "18", "164", "2411", "2412", "2420")
 
 
 def read_uff_mesh(content: bytes) -> MeshFile:
-    """Elements of set 2412 by the number of their property table: `set_3`, of beams `line_3`; and groups, by name.
+    """Elements of set 2412 by the number of their property table: `set_3`, of beams `line_3`; and
+    groups, by name.
 
     Raises:
-        FormatError: the file is none, cut or damaged, or has an element that is not read; says the dataset, or the line.
+        FormatError: the file is none, cut or damaged, or has an element that is not read; says the
+            dataset, or the line.
     """
     with TemporaryDirectory(prefix="modalbase-mesh-") as folder:
         path = Path(folder) / "mesh.uff"
@@ -52,7 +56,10 @@ def _mesh(path: Path, content: bytes) -> MeshFile:
             length_m = 1 / each.length
         elif isinstance(each, DatasetReport):
             if each.outcome == "refused" and each.type in _NEEDED:
-                raise FormatError(f"dataset {each.number} (set {each.type}, byte {each.offset})", each.reason or "")
+                raise FormatError(
+                    f"dataset {each.number} (set {each.type}, byte {each.offset})",
+                    each.reason or "",
+                )
             if each.type in GROUPS:
                 groups += _groups(each, content)
             begins = content.count(b"\n", 0, each.offset) + 2
@@ -64,7 +71,9 @@ def _mesh(path: Path, content: bytes) -> MeshFile:
     for element, line in elements:
         _take(found, element, line)
     for group, where in groups:
-        found.group(plain(group.name) or f"group_{group.number}", group.elements, group.nodes, where)
+        found.group(
+            plain(group.name) or f"group_{group.number}", group.elements, group.nodes, where
+        )
     return found.mesh(length_m)
 
 
@@ -92,12 +101,14 @@ def _take(found: Gathering, element: Element, line: int) -> None:
     if kind is None:
         raise FormatError(
             f"line {line}",
-            f"element {element.number} has the descriptor {element.descriptor}; shells of 3, 4, 6 or 8 nodes are read",
+            f"element {element.number} has the descriptor {element.descriptor}; shells of 3, 4, 6"
+            " or 8 nodes are read",
         )
     if count != kind.nodes:
         raise FormatError(
             f"line {line}",
-            f"element {element.number} has {count} nodes; descriptor {element.descriptor} expects {kind.nodes}",
+            f"element {element.number} has {count} nodes; descriptor {element.descriptor} expects"
+            f" {kind.nodes}",
         )
     order = [0] * kind.nodes
     for place, own in enumerate(range(kind.nodes) if kind.name == SOLID else around(kind.name)):

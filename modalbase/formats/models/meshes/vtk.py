@@ -1,4 +1,5 @@
-"""VTK's unstructured grids to elements by set (Kitware, The VTK User's Guide, 11th ed., 19); its legacy files.
+"""VTK's unstructured grids to elements by set (Kitware, The VTK User's Guide, 11th ed., 19); its
+legacy files.
 
 These are read in the versions 1 to 5, text or binary (Kitware, VTK File Formats).
 """
@@ -10,7 +11,14 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile
-from modalbase.formats.models.meshes.cells import LARGEST, SOLID, Gathering, Kind, plain, whole_numbers
+from modalbase.formats.models.meshes.cells import (
+    LARGEST,
+    SOLID,
+    Gathering,
+    Kind,
+    plain,
+    whole_numbers,
+)
 from modalbase.formats.models.model import Floats, Integers
 
 _KINDS = {
@@ -21,7 +29,9 @@ _KINDS = {
 }  # fmt: skip
 _PIXEL, _POLYGON = 8, 7
 SETS = ("set", "gmsh:physical", "CellEntityIds", "PartId", "MaterialIds")
-"""Arrays of cell data by which writers name what belongs together; the first that is there is taken."""
+"""Arrays of cell data by which writers name what belongs together; the first that is there is
+taken.
+"""
 
 
 @dataclass
@@ -33,11 +43,13 @@ class Grid:
     ends: Integers | None = None  # (c,) where each cell's points end in it
     types: Integers | None = None  # (c,) of cells
     data: dict[str, Floats] = field(default_factory=dict)  # arrays of cells by name
-    names: Mapping[int, str] = field(default_factory=dict)  # of sets by their number, where the file has them
+    # of sets by their number, where the file has them
+    names: Mapping[int, str] = field(default_factory=dict)
 
 
 def mesh_of(grid: Grid) -> MeshFile:
-    """Elements by the cell array that says the set; one set where none does. Points and cells are numbered from 1.
+    """Elements by the cell array that says the set; one set where none does. Points and cells are
+    numbered from 1.
 
     Raises:
         FormatError: an array is missing or does not fit the others; names it and the cell.
@@ -48,10 +60,18 @@ def mesh_of(grid: Grid) -> MeshFile:
     if not np.all(np.abs(points) < LARGEST):
         raise FormatError("points", f"hold what is no number below {LARGEST:g}")
     if connectivity.size and not (connectivity.min() >= 0 and connectivity.max() < len(points)):
-        raise FormatError("connectivity", f"names points that are not among the {len(points)} from 0")
+        raise FormatError(
+            "connectivity", f"names points that are not among the {len(points)} from 0"
+        )
     starts = np.concatenate([[0], ends])[:-1].astype(np.int64)
-    if len(ends) != len(types) or np.any(ends < starts) or (ends[-1] if ends.size else 0) != connectivity.size:
-        raise FormatError("offsets", f"do not part {connectivity.size} points into {len(types)} cells")
+    if (
+        len(ends) != len(types)
+        or np.any(ends < starts)
+        or (ends[-1] if ends.size else 0) != connectivity.size
+    ):
+        raise FormatError(
+            "offsets", f"do not part {connectivity.size} points into {len(types)} cells"
+        )
     found = Gathering()
     for number, place in enumerate(points.tolist(), start=1):
         found.node(number, place, f"point {number}")
@@ -71,10 +91,13 @@ def _kind(number: int, kind: int, count: int) -> Kind:
     known = _KINDS.get(kind)
     if known is None:
         raise FormatError(
-            f"cell {number}", f"is of type {kind} with {count} points; shells of 3, 4, 6, 8 or 9 are read"
+            f"cell {number}",
+            f"is of type {kind} with {count} points; shells of 3, 4, 6, 8 or 9 are read",
         )
     if known.nodes != count:
-        raise FormatError(f"cell {number}", f"of type {kind} has {count} points, expected {known.nodes}")
+        raise FormatError(
+            f"cell {number}", f"of type {kind} has {count} points, expected {known.nodes}"
+        )
     return known
 
 
@@ -85,7 +108,9 @@ def _sets(grid: Grid, count: int) -> list[str]:
         whole = [name for name, values in grid.data.items() if _parts(values)]
         if len(whole) > 1:
             raise FormatError(
-                "cell data", f"{', '.join(whole)} part the cells: call the array that says the set of each {SETS[0]!r}"
+                "cell data",
+                f"{', '.join(whole)} part the cells: call the array that says the set of each"
+                f" {SETS[0]!r}",
             )
         array = whole[0] if whole else None
     if array is None:
@@ -99,7 +124,9 @@ def _sets(grid: Grid, count: int) -> list[str]:
 def _parts(values: Floats) -> bool:
     """Whether an array of cells is whole numbers of which several are alike."""
     return (
-        values.ndim == 1 and bool(np.all(values == np.round(values))) and len(np.unique(values)) < max(len(values), 2)
+        values.ndim == 1
+        and bool(np.all(values == np.round(values)))
+        and len(np.unique(values)) < max(len(values), 2)
     )
 
 
@@ -114,7 +141,8 @@ def read_vtk(content: bytes) -> MeshFile:
     """Cells of an unstructured grid by set.
 
     Raises:
-        FormatError: it is another file or data set, cut or damaged; says the line, or the byte of binary data.
+        FormatError: it is another file or data set, cut or damaged; says the line, or the byte of
+            binary data.
     """
     return mesh_of(_Reading(content).grid())
 
@@ -144,7 +172,9 @@ class _Reading:
         """What a word begins, by the three that stand behind it."""
         match kind := word.upper():
             case "POINTS":
-                self._found.points = self._values(3 * self._whole(first), second, "points").reshape(-1, 3)
+                self._found.points = self._values(3 * self._whole(first), second, "points").reshape(
+                    -1, 3
+                )
             case "CELLS":
                 self._cells(self._whole(first), self._whole(second))
             case "CELL_TYPES":
@@ -155,14 +185,21 @@ class _Reading:
                 self._expect("LOOKUP_TABLE")
                 self._keep(first, self._rows, self._whole(third or "1"), second)
             case "VECTORS" | "NORMALS" | "TENSORS" | "GLOBAL_IDS" | "PEDIGREE_IDS":
-                self._keep(first, self._rows, {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9}.get(kind, 1), second)
+                self._keep(
+                    first,
+                    self._rows,
+                    {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9}.get(kind, 1),
+                    second,
+                )
             case "FIELD":
                 self._fields(self._whole(second))
             case "METADATA":
                 self._pass_metadata()
             case "LOOKUP_TABLE":
                 self._values(
-                    4 * self._whole(second), "unsigned_char" if self._binary else "float", "a table of colours"
+                    4 * self._whole(second),
+                    "unsigned_char" if self._binary else "float",
+                    "a table of colours",
                 )
             case _:
                 raise self._fault(f"is {word[:40]!r}, which begins no section that is read")
@@ -178,10 +215,14 @@ class _Reading:
         here, mark = (self._at, self._count), self._line().split()
         if mark[0].upper() == "OFFSETS":
             self._found.ends = self._indices(first, (*mark, "")[1], "offsets")[1:]
-            self._found.connectivity = self._indices(second, self._expect("CONNECTIVITY")[1], "connectivity")
+            self._found.connectivity = self._indices(
+                second, self._expect("CONNECTIVITY")[1], "connectivity"
+            )
             return
         self._at, self._count = here
-        self._found.connectivity, self._found.ends = self._counted(first, self._indices(second, "int", "cells"))
+        self._found.connectivity, self._found.ends = self._counted(
+            first, self._indices(second, "int", "cells")
+        )
 
     def _counted(self, count: int, flat: Integers) -> tuple[Integers, Integers]:
         """Connectivity and ends of cells that each begin with a count."""
@@ -216,7 +257,9 @@ class _Reading:
             pass
 
     def _line(self, *, blank: bool = False, last: bool = False) -> str:
-        """The next line, which is not blank unless it may be; at the end of the file empty, where it may be the last."""
+        """The next line, which is not blank unless it may be; at the end of the file empty, where
+        it may be the last.
+        """
         while self._at < len(self._content):
             end = self._content.find(b"\n", self._at)
             end = len(self._content) if end < 0 else end
@@ -245,12 +288,16 @@ class _Reading:
         """So many numbers of a type."""
         item = _TYPES.get(kind.lower())
         if item is None:
-            raise self._fault(f"{what} are of the type {kind[:40]!r}, expected one of {', '.join(_TYPES)}")
+            raise self._fault(
+                f"{what} are of the type {kind[:40]!r}, expected one of {', '.join(_TYPES)}"
+            )
         if not self._binary:
             return self._typed(count, what)
         size = count * np.dtype(item).itemsize
         if self._at + size > len(self._content):
-            raise self._fault(f"{what} take {size} bytes, which the file has not; it seems to be cut")
+            raise self._fault(
+                f"{what} take {size} bytes, which the file has not; it seems to be cut"
+            )
         found = np.frombuffer(self._content, item, count, self._at).astype(float)
         self._at += size
         return found

@@ -1,4 +1,6 @@
-"""VTK's unstructured grids in XML, `.vtu`: text, base64 or appended, plain or packed by zlib (Kitware, VTK File Formats)."""
+"""VTK's unstructured grids in XML, `.vtu`: text, base64 or appended, plain or packed by zlib
+(Kitware, VTK File Formats).
+"""
 
 import base64
 import binascii
@@ -33,18 +35,24 @@ def read_vtu(content: bytes) -> MeshFile:
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
         raise FormatError("", "has a DOCTYPE, which no VTU file has")
     appended = _APPENDED.search(content)
-    text = content if appended is None else content[: appended.start(1)] + content[appended.end(1) :]
+    text = (
+        content if appended is None else content[: appended.start(1)] + content[appended.end(1) :]
+    )
     try:
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise FormatError("", f"is no XML that can be read: {error}") from None
     if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
-        raise FormatError("", f"is {root.get('type') or root.tag}, expected VTKFile of the type UnstructuredGrid")
+        raise FormatError(
+            "", f"is {root.get('type') or root.tag}, expected VTKFile of the type UnstructuredGrid"
+        )
     pieces = root.findall("UnstructuredGrid/Piece")
     if len(pieces) != 1:
         raise FormatError("", f"has {len(pieces)} pieces, expected one; merge them")
     grid = _Arrays(root, b"" if appended is None else appended.group(1)).grid(pieces[0])
-    grid.names = {int(number): name.decode("utf-8", "replace") for number, name in _NAME.findall(content)}
+    grid.names = {
+        int(number): name.decode("utf-8", "replace") for number, name in _NAME.findall(content)
+    }
     return mesh_of(grid)
 
 
@@ -53,7 +61,10 @@ class _Arrays:
 
     def __init__(self, root: ElementTree.Element, appended: bytes) -> None:
         order = ">" if root.get("byte_order") == "BigEndian" else "<"
-        self._order, self._head = order, np.dtype(order + ("u8" if root.get("header_type") == "UInt64" else "u4"))
+        self._order, self._head = (
+            order,
+            np.dtype(order + ("u8" if root.get("header_type") == "UInt64" else "u4")),
+        )
         self._packed = root.get("compressor")
         tag = root.find("AppendedData")
         self._appended, self._is_raw = appended, tag is not None and tag.get("encoding") == "raw"
@@ -73,11 +84,15 @@ class _Arrays:
         found.connectivity, found.ends, found.types = (
             _indices(name, cells.get(name)) for name in ("connectivity", "offsets", "types")
         )
-        for said, name, array in (("Points", "Points", found.points), ("Cells", "types", found.types)):
+        for said, name, array in (
+            ("Points", "Points", found.points),
+            ("Cells", "types", found.types),
+        ):
             count = piece.get(f"NumberOf{said}", str(len(array))).strip()
             if count != str(len(array)):
                 raise FormatError(
-                    f"NumberOf{said}", f"says {count}, but {name} has {len(array)}; the file seems to be cut"
+                    f"NumberOf{said}",
+                    f"says {count}, but {name} has {len(array)}; the file seems to be cut",
                 )
         return found
 
@@ -89,7 +104,10 @@ class _Arrays:
             )
             item = _TYPES.get(each.get("type", ""))
             if item is None or not width.isdecimal() or not 1 <= int(width) <= 1000:
-                raise FormatError(name, f"is of the type {each.get('type')} with {width} components, which is not read")
+                raise FormatError(
+                    name,
+                    f"is of the type {each.get('type')} with {width} components, which is not read",
+                )
             values = self._values(name, each, np.dtype(self._order + item))
             if values.size % int(width):
                 raise FormatError(name, f"has {values.size} numbers, which are no rows of {width}")
@@ -107,7 +125,9 @@ class _Arrays:
             offset = array.get("offset", "")
             if not offset.isdecimal() or int(offset) >= len(self._appended):
                 raise FormatError(
-                    name, f"lies at {offset!r} of {len(self._appended)} appended bytes; the file seems to be cut"
+                    name,
+                    f"lies at {offset!r} of {len(self._appended)} appended bytes; the file seems to"
+                    " be cut",
                 )
             raw, text = self._is_raw, self._appended[int(offset) :]
         try:
@@ -117,16 +137,24 @@ class _Arrays:
             raise FormatError(name, f"is damaged: {error}") from None
 
     def _unpacked(self, name: str, text: bytes, *, raw: bool) -> bytes:
-        """The bytes of an array: how many there are, or the sizes of packed blocks, stand before them."""
+        """The bytes of an array: how many there are, or the sizes of packed blocks, stand before
+        them.
+        """
 
         def part(start: int, count: int) -> bytes:
             if count > MOST_BYTES:
-                raise FormatError(name, f"has {count} bytes, more than the {MOST_BYTES} that are read")
+                raise FormatError(
+                    name, f"has {count} bytes, more than the {MOST_BYTES} that are read"
+                )
             found = (
-                text[start : start + count] if raw else base64.b64decode(text[start : start + _coded(count)])[:count]
+                text[start : start + count]
+                if raw
+                else base64.b64decode(text[start : start + _coded(count)])[:count]
             )
             if len(found) != count:
-                raise FormatError(name, f"has {len(found)} bytes and says {count}; the file seems to be cut")
+                raise FormatError(
+                    name, f"has {len(found)} bytes and says {count}; the file seems to be cut"
+                )
             return found
 
         size = self._head.itemsize
@@ -138,10 +166,15 @@ class _Arrays:
         at, found = len(head) if raw else _coded(len(head)), b""
         packed, begins = part(at, sum(sizes[2:])), 0
         if first * sizes[0] > MOST_BYTES:
-            raise FormatError(name, f"has {first} blocks of {sizes[0]} bytes, more than the {MOST_BYTES} that are read")
+            raise FormatError(
+                name,
+                f"has {first} blocks of {sizes[0]} bytes, more than the {MOST_BYTES} that are read",
+            )
         blocks = []
         for count in sizes[2:]:
-            blocks.append(zlib.decompressobj().decompress(packed[begins : begins + count], sizes[0] + 1))
+            blocks.append(
+                zlib.decompressobj().decompress(packed[begins : begins + count], sizes[0] + 1)
+            )
             begins += count
         found = b"".join(blocks)
         whole = first * sizes[0] if not sizes[1] else (first - 1) * sizes[0] + sizes[1]

@@ -1,14 +1,19 @@
 "use strict";
-/* Correcting: a form that names what it edits is filled from REST, and sends back what differs, with the tag of what was read, so
-   that nobody's change is lost. Only whole members are sent, as PATCH takes them. */
+/* Correcting: a form that names what it edits is filled from REST, and sends back what differs,
+   with the tag of what was read, so that nobody's change is lost. Only whole members are sent, as
+   PATCH takes them. */
 const EDITED = new Map(); // form -> what was read, and its tag
 
 async function readInto(form) {
-  const answer = await fetch(rest(form.dataset.edit), { credentials: "same-origin", headers: { Accept: "application/json" } });
+  const answer = await fetch(rest(form.dataset.edit), {
+    credentials: "same-origin",
+    headers: { Accept: "application/json" },
+  });
   const value = await answer.json();
   if (!answer.ok) throw value;
   EDITED.set(form, { value, tag: answer.headers.get("ETag") });
-  for (const rows of tablesOf(form)) for (const row of member(value, rows.dataset.rows) ?? []) addRow(rows, row);
+  for (const rows of tablesOf(form))
+    for (const row of member(value, rows.dataset.rows) ?? []) addRow(rows, row);
   for (const input of fieldsOf(form)) {
     const found = member(value, input.name);
     if (found === null || found === undefined) continue;
@@ -17,20 +22,43 @@ async function readInto(form) {
 }
 const member = (value, pointer) => pointer.split("/").reduce((node, step) => node?.[step], value);
 const tablesOf = (form) => [...form.querySelectorAll("[data-rows]")];
-const fieldsOf = (form) => [...form.elements].filter((input) => input.name && input.type !== "submit" && input.type !== "hidden" && !input.closest("[data-rows]"));
-const fixedOf = (form) => [...form.elements].filter((input) => input.name && input.type === "hidden"); // what a button means
+const fieldsOf = (form) =>
+  [...form.elements].filter(
+    (input) =>
+      input.name &&
+      input.type !== "submit" &&
+      input.type !== "hidden" &&
+      !input.closest("[data-rows]"),
+  );
+const fixedOf = (form) =>
+  [...form.elements].filter((input) => input.name && input.type === "hidden"); // what a button means
 function shownIn(input, value) {
-  if ("pairs" in input.dataset) return Object.entries(value).map(([key, item]) => `${key}: ${lineOf(item)}`).join("\n");
+  if ("pairs" in input.dataset)
+    return Object.entries(value)
+      .map(([key, item]) => `${key}: ${lineOf(item)}`)
+      .join("\n");
   if ("list" in input.dataset) return value.join(", ");
-  if (input.type === "datetime-local") { const at = new Date(value); return new Date(at - at.getTimezoneOffset() * 60000).toISOString().slice(0, 16); }
-  return Array.isArray(value) ? value.map((one) => inUnit(input, one)).join("; ") : inUnit(input, value);
+  if (input.type === "datetime-local") {
+    const at = new Date(value);
+    return new Date(at - at.getTimezoneOffset() * 60000).toISOString().slice(0, 16);
+  }
+  return Array.isArray(value)
+    ? value.map((one) => inUnit(input, one)).join("; ")
+    : inUnit(input, value);
 }
 const lineOf = (item) => (typeof item === "string" ? item : JSON.stringify(item));
 /* What lines of pairs say: a line that stayed is what it was; of metadata a number is one. */
 function pairsOf(input, before) {
   const said = valueOf(input) ?? {};
-  const isNumber = (text) => input.dataset.pairs === "typed" && text !== "" && !Number.isNaN(Number(text));
-  for (const [key, text] of Object.entries(said)) said[key] = before?.[key] !== undefined && lineOf(before[key]) === text ? before[key] : isNumber(text) ? Number(text) : text;
+  const isNumber = (text) =>
+    input.dataset.pairs === "typed" && text !== "" && !Number.isNaN(Number(text));
+  for (const [key, text] of Object.entries(said))
+    said[key] =
+      before?.[key] !== undefined && lineOf(before[key]) === text
+        ? before[key]
+        : isNumber(text)
+          ? Number(text)
+          : text;
   return said;
 }
 /* Members of which a field was changed, each whole; null where a field was emptied. */
@@ -39,18 +67,43 @@ function changesOf(form) {
   const next = structuredClone(value);
   for (const input of fieldsOf(form)) {
     const before = member(value, input.name);
-    if (String(before === null || before === undefined ? "" : shownIn(input, before)) === input.value) continue; // as it was, to the last digit
-    put(next, input.name, "text" in input.dataset ? input.value.trim() : "pairs" in input.dataset ? pairsOf(input, before) : valueOf(input) ?? ("list" in input.dataset ? [] : null));
+    if (
+      String(before === null || before === undefined ? "" : shownIn(input, before)) === input.value
+    )
+      continue; // as it was, to the last digit
+    put(
+      next,
+      input.name,
+      "text" in input.dataset
+        ? input.value.trim()
+        : "pairs" in input.dataset
+          ? pairsOf(input, before)
+          : (valueOf(input) ?? ("list" in input.dataset ? [] : null)),
+    );
   }
   const members = new Set(fieldsOf(form).map((input) => input.name.split("/")[0]));
-  for (const { dataset: { rows } } of tablesOf(form)) {
-    const stated = (list) => JSON.stringify((list ?? []).map((row) => Object.fromEntries(Object.entries(row).filter(([, item]) => item !== null))));
+  for (const {
+    dataset: { rows },
+  } of tablesOf(form)) {
+    const stated = (list) =>
+      JSON.stringify(
+        (list ?? []).map((row) =>
+          Object.fromEntries(Object.entries(row).filter(([, item]) => item !== null)),
+        ),
+      );
     const list = member(bodyOf(form), rows) ?? [];
     if (stated(list) !== stated(member(value, rows))) put(next, rows, list);
     members.add(rows.split("/")[0]);
   }
-  for (const input of fixedOf(form)) { put(next, input.name, valueOf(input) ?? null); members.add(input.name); }
-  return Object.fromEntries([...members].filter((name) => JSON.stringify(next[name]) !== JSON.stringify(value[name])).map((name) => [name, next[name]]));
+  for (const input of fixedOf(form)) {
+    put(next, input.name, valueOf(input) ?? null);
+    members.add(input.name);
+  }
+  return Object.fromEntries(
+    [...members]
+      .filter((name) => JSON.stringify(next[name]) !== JSON.stringify(value[name]))
+      .map((name) => [name, next[name]]),
+  );
 }
 async function sendChanges(form) {
   const changes = changesOf(form);
@@ -61,32 +114,69 @@ async function sendChanges(form) {
 for (const form of document.querySelectorAll("form[data-edit]")) {
   const button = form.querySelector("button[type=submit]");
   button.disabled = true;
-  readInto(form).then(() => { button.disabled = false; }, (problem) => showFaults(form, problem)).finally(() => { form.dataset.begun = ""; });
-  form.addEventListener("submit", (event) => { event.preventDefault(); submitted(form, () => sendChanges(form)); });
+  readInto(form)
+    .then(
+      () => {
+        button.disabled = false;
+      },
+      (problem) => showFaults(form, problem),
+    )
+    .finally(() => {
+      form.dataset.begun = "";
+    });
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    submitted(form, () => sendChanges(form));
+  });
 }
 
-/* Poles that are kept or dropped: the form of a mode set shows itself when its boxes differ from the set, and sends the difference. */
+/* Poles that are kept or dropped: the form of a mode set shows itself when its boxes differ from
+   the set, and sends the difference. */
 const polesOf = (form) => [...form.elements].filter((input) => input.dataset.pole);
 for (const form of document.querySelectorAll("form[data-poles]")) {
   const changed = () => polesOf(form).filter((box) => box.checked !== box.defaultChecked);
-  for (const box of polesOf(form)) box.addEventListener("change", () => { form.hidden = !changed().length; });
+  for (const box of polesOf(form))
+    box.addEventListener("change", () => {
+      form.hidden = !changed().length;
+    });
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     const reason = form.elements.reason.value.trim();
-    const decisions = changed().map((box) => ({ frequency_hz: Number(box.dataset.pole), keep: box.checked, reason }));
-    submitted(form, async () => goOn(form.dataset.then, await send("POST", form.dataset.poles, { name: form.elements.name.value.trim(), decisions })));
+    const decisions = changed().map((box) => ({
+      frequency_hz: Number(box.dataset.pole),
+      keep: box.checked,
+      reason,
+    }));
+    submitted(form, async () =>
+      goOn(
+        form.dataset.then,
+        await send("POST", form.dataset.poles, {
+          name: form.elements.name.value.trim(),
+          decisions,
+        }),
+      ),
+    );
   });
 }
-/* A click on a pole of a stabilisation diagram turns the box of the fitted pole that it stands for. */
-for (const figure of document.querySelectorAll("figure[data-figure$='/figures/stabilisation']")) figure.addEventListener("drawn", () => {
-  const set = document.querySelector(`[data-set-of="${figure.dataset.figure.split("/")[1]}"]`);
-  if (set) figure.querySelector(".js-plotly-plot").on("plotly_click", ({ points: [point] }) => {
-    const hz = point.customdata ?? point.x;
-    const off = (box) => Math.abs(Number(box.dataset.pole) / hz - 1);
-    const [box] = [...set.querySelectorAll("[data-pole]")].sort((a, b) => off(a) - off(b));
-    if (!box || off(box) > 1e-3) return say(`No fitted pole lies near ${Number(point.x.toPrecision(5))} Hz.`);
-    for (let closed = box.closest("details:not([open])"); closed; closed = closed.parentElement.closest("details:not([open])")) closed.open = true;
-    box.click();
-    return say(`${Number(hz.toPrecision(5))} Hz: ${box.checked ? "kept" : "dropped"}.`);
+/* A click on a pole of a stabilisation diagram turns the box of the fitted pole that it stands for.
+ */
+for (const figure of document.querySelectorAll("figure[data-figure$='/figures/stabilisation']"))
+  figure.addEventListener("drawn", () => {
+    const set = document.querySelector(`[data-set-of="${figure.dataset.figure.split("/")[1]}"]`);
+    if (set)
+      figure.querySelector(".js-plotly-plot").on("plotly_click", ({ points: [point] }) => {
+        const hz = point.customdata ?? point.x;
+        const off = (box) => Math.abs(Number(box.dataset.pole) / hz - 1);
+        const [box] = [...set.querySelectorAll("[data-pole]")].sort((a, b) => off(a) - off(b));
+        if (!box || off(box) > 1e-3)
+          return say(`No fitted pole lies near ${Number(point.x.toPrecision(5))} Hz.`);
+        for (
+          let closed = box.closest("details:not([open])");
+          closed;
+          closed = closed.parentElement.closest("details:not([open])")
+        )
+          closed.open = true;
+        box.click();
+        return say(`${Number(hz.toPrecision(5))} Hz: ${box.checked ? "kept" : "dropped"}.`);
+      });
   });
-});

@@ -1,7 +1,9 @@
 "use strict";
-/* Figures: the service's Plotly JSON drawn in place when it comes into sight, in the colours of the page's theme. */
+/* Figures: the service's Plotly JSON drawn in place when it comes into sight, in the colours of the
+   page's theme. */
 
-/* Plotly sets a few style attributes as text, which the policy refuses; by the object model the same is allowed. */
+/* Plotly sets a few style attributes as text, which the policy refuses; by the object model the
+   same is allowed. */
 const setAttribute = Element.prototype.setAttribute;
 Element.prototype.setAttribute = function (name, value) {
   if (name === "style") this.style.cssText = value;
@@ -10,26 +12,66 @@ Element.prototype.setAttribute = function (name, value) {
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const still = matchMedia("(prefers-reduced-motion: reduce)");
-const CONFIG = { responsive: true, displaylogo: false, showSendToCloud: false, plotlyServerURL: "", modeBarButtonsToRemove: ["select2d", "lasso2d"] };
+const CONFIG = {
+  responsive: true,
+  displaylogo: false,
+  showSendToCloud: false,
+  plotlyServerURL: "",
+  modeBarButtonsToRemove: ["select2d", "lasso2d"],
+};
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-const withQuery = (path, more) => path + (path.includes("?") ? "&" : "?") + new URLSearchParams(more);
+const withQuery = (path, more) =>
+  path + (path.includes("?") ? "&" : "?") + new URLSearchParams(more);
 
 function plain(layout) {
   const line = { gridcolor: css("--line"), linecolor: css("--hint"), zeroline: false };
-  const axes = Object.fromEntries(Object.entries(layout).filter(([key]) => /^[xy]axis/.test(key)).map(([key, value]) => [key, { ...line, ...value }]));
-  return { font: { family: "system-ui, sans-serif", size: 13, color: css("--text") }, paper_bgcolor: css("--ground"), plot_bgcolor: css("--ground"), margin: { l: 70, r: 20, t: 30, b: 60 }, hovermode: "closest", legend: { orientation: "h" }, ...layout, ...axes };
+  const axes = Object.fromEntries(
+    Object.entries(layout)
+      .filter(([key]) => /^[xy]axis/.test(key))
+      .map(([key, value]) => [key, { ...line, ...value }]),
+  );
+  return {
+    font: { family: "system-ui, sans-serif", size: 13, color: css("--text") },
+    paper_bgcolor: css("--ground"),
+    plot_bgcolor: css("--ground"),
+    margin: { l: 70, r: 20, t: 30, b: 60 },
+    hovermode: "closest",
+    legend: { orientation: "h" },
+    ...layout,
+    ...axes,
+  };
 }
 const textOf = (markup) => new DOMParser().parseFromString(markup, "text/html").body.textContent;
 /* In a narrow place names stand on two lines, and an axis beside many others has two ticks. */
 function narrowed(layout) {
-  for (const note of layout.annotations ?? []) if (note.xref !== "paper") Object.assign(note, { text: note.text.length > 20 ? note.text.replace(": ", "<br>") : note.text, font: { ...note.font, size: 9 } });
+  for (const note of layout.annotations ?? [])
+    if (note.xref !== "paper")
+      Object.assign(note, {
+        text: note.text.length > 20 ? note.text.replace(": ", "<br>") : note.text,
+        font: { ...note.font, size: 9 },
+      });
   const many = Object.keys(layout).filter((key) => /^xaxis/.test(key)).length > 3;
   for (const [key, axis] of Object.entries(layout)) {
     if (!/^[xy]axis/.test(key)) continue;
     if (many) Object.assign(axis, { nticks: 2, tickfont: { size: 9 } });
-    if (many && key[0] === "x" && axis.title?.text) axis.title = { ...axis.title, text: axis.title.text.replace(" [", "<br>["), font: { size: 9 }, standoff: 2 };
-    if (key[0] === "x" && axis.ticktext?.length < 7 && axis.ticktext.some((text) => text.includes("<br>"))) Object.assign(axis, { tickangle: 0, tickfont: { size: 9 } });
-    if (key[0] === "y" && axis.ticktext?.some((text) => text.includes("  "))) Object.assign(axis, { ticktext: axis.ticktext.map((text) => text.replace("  ", "<br>")), tickfont: { size: 9 } });
+    if (many && key[0] === "x" && axis.title?.text)
+      axis.title = {
+        ...axis.title,
+        text: axis.title.text.replace(" [", "<br>["),
+        font: { size: 9 },
+        standoff: 2,
+      };
+    if (
+      key[0] === "x" &&
+      axis.ticktext?.length < 7 &&
+      axis.ticktext.some((text) => text.includes("<br>"))
+    )
+      Object.assign(axis, { tickangle: 0, tickfont: { size: 9 } });
+    if (key[0] === "y" && axis.ticktext?.some((text) => text.includes("  ")))
+      Object.assign(axis, {
+        ticktext: axis.ticktext.map((text) => text.replace("  ", "<br>")),
+        tickfont: { size: 9 },
+      });
   }
 }
 function draw(place, figure) {
@@ -39,10 +81,22 @@ function draw(place, figure) {
   delete layout.width;
   const narrow = place.clientWidth < 640;
   layout.font = { ...layout.font, size: narrow ? 11 : 13 };
-  layout.legend = { ...layout.legend, orientation: "h", yref: "container", yanchor: "bottom", y: 0.005, x: 0.5, xanchor: "center" };
-  /* The title is the caption, which a reader of the screen finds; in the drawing it would stand twice. */
+  layout.legend = {
+    ...layout.legend,
+    orientation: "h",
+    yref: "container",
+    yanchor: "bottom",
+    y: 0.005,
+    x: 0.5,
+    xanchor: "center",
+  };
+  /* The title is the caption, which a reader of the screen finds; in the drawing it would stand
+     twice. */
   const caption = place.parentElement.querySelector("figcaption");
-  const title = caption ? "" : (narrow ? layout.title?.text?.replace(/(.{30,42})\s/g, "$1<br>") : layout.title?.text) ?? "";
+  const title = caption
+    ? ""
+    : ((narrow ? layout.title?.text?.replace(/(.{30,42})\s/g, "$1<br>") : layout.title?.text) ??
+      "");
   if (caption && layout.title?.text) caption.textContent = textOf(layout.title.text);
   layout.title = { ...layout.title, text: title, font: { size: narrow ? 12 : 14 } };
   /* In a narrow place a name of the legend takes a line, and a title more than one. */
@@ -54,20 +108,31 @@ function draw(place, figure) {
   if (narrow) narrowed(layout);
   const axes = Object.entries(layout).filter(([key]) => /^[xy]axis/.test(key));
   for (const [, axis] of axes) if (axis.ticktext) axis.automargin = true;
-  if (axes.some(([key, axis]) => key === "yaxis" && axis.ticktext)) layout.margin.l = narrow ? 30 : 60;
+  if (axes.some(([key, axis]) => key === "yaxis" && axis.ticktext))
+    layout.margin.l = narrow ? 30 : 60;
   const across = axes.filter(([key, axis]) => key[0] === "x" && axis.title?.text);
-  if (across.length < 4) for (const [key, axis] of across) layout[key] = { ...axis, title: { ...axis.title, standoff: 8 } };
+  if (across.length < 4)
+    for (const [key, axis] of across)
+      layout[key] = { ...axis, title: { ...axis.title, standoff: 8 } };
   return Plotly.newPlot(place, figure.data, layout, CONFIG);
 }
 /* What is shown stands in the address, so that a colleague who opens it sees the same. */
 const shown = new URLSearchParams(location.search);
 function keep(changes) {
-  for (const [key, value] of Object.entries(changes)) if (value === null) shown.delete(key); else shown.set(key, value);
+  for (const [key, value] of Object.entries(changes))
+    if (value === null) shown.delete(key);
+    else shown.set(key, value);
   const query = shown.toString();
   history.replaceState(null, "", location.pathname + (query && "?" + query) + location.hash);
 }
-const get = (path) => call("GET", path).catch((problem) => { throw new Error(problem.detail ?? problem.message); });
-const address = (figure) => (figure.dataset.query ? withQuery(figure.dataset.figure, figure.dataset.query) : figure.dataset.figure);
+const get = (path) =>
+  call("GET", path).catch((problem) => {
+    throw new Error(problem.detail ?? problem.message);
+  });
+const address = (figure) =>
+  figure.dataset.query
+    ? withQuery(figure.dataset.figure, figure.dataset.query)
+    : figure.dataset.figure;
 async function show(figure) {
   const place = figure.querySelector(".draw");
   const asked = address(figure);
@@ -90,37 +155,65 @@ async function show(figure) {
     figure.classList.add("quiet");
   }
 }
-/* What comes into view by a zoom is fetched in full: a drawing of the whole has no more points than it has pixels. */
+/* What comes into view by a zoom is fetched in full: a drawing of the whole has no more points than
+   it has pixels. */
 function follow(figure, place, windows) {
-  if (windows) place.on("plotly_relayout", async (moved) => {
-    const path = address(figure);
-    for (const [axis, [from, to, unit]] of Object.entries(windows)) {
-      const range = `${axis[0]}axis${axis.slice(1)}.range`, low = moved[`${range}[0]`] ?? moved[range]?.[0], high = moved[`${range}[1]`] ?? moved[range]?.[1];
-      if (low === undefined) continue;
-      const found = await get(withQuery(path, { [from]: Math.max(0, low * unit), [to]: Math.max(0, high * unit), theme: dark.matches ? "dark" : "light" })).catch(() => null);
-      if (!found || path !== address(figure)) continue; // the drawing of the whole stays
-      const on = found.data.flatMap((trace, i) => ((trace.xaxis ?? "x") === axis ? [i] : []));
-      await Plotly.restyle(place, { x: on.map((i) => found.data[i].x), y: on.map((i) => found.data[i].y) }, on);
-      figure.dispatchEvent(new CustomEvent("in-view"));
-    }
-  });
+  if (windows)
+    place.on("plotly_relayout", async (moved) => {
+      const path = address(figure);
+      for (const [axis, [from, to, unit]] of Object.entries(windows)) {
+        const range = `${axis[0]}axis${axis.slice(1)}.range`,
+          low = moved[`${range}[0]`] ?? moved[range]?.[0],
+          high = moved[`${range}[1]`] ?? moved[range]?.[1];
+        if (low === undefined) continue;
+        const found = await get(
+          withQuery(path, {
+            [from]: Math.max(0, low * unit),
+            [to]: Math.max(0, high * unit),
+            theme: dark.matches ? "dark" : "light",
+          }),
+        ).catch(() => null);
+        if (!found || path !== address(figure)) continue; // the drawing of the whole stays
+        const on = found.data.flatMap((trace, i) => ((trace.xaxis ?? "x") === axis ? [i] : []));
+        await Plotly.restyle(
+          place,
+          { x: on.map((i) => found.data[i].x), y: on.map((i) => found.data[i].y) },
+          on,
+        );
+        figure.dispatchEvent(new CustomEvent("in-view"));
+      }
+    });
 }
 function files(figure) {
   let list = figure.querySelector(".files");
-  if (!list) { list = document.createElement("p"); list.className = "files"; figure.append(list); }
+  if (!list) {
+    list = document.createElement("p");
+    list.className = "files";
+    figure.append(list);
+  }
   const path = address(figure);
-  list.replaceChildren(...["svg", "png", "pdf"].map((format) => {
-    const link = document.createElement("a");
-    link.href = document.documentElement.dataset.root + "api/v1/" + withQuery(path, { format });
-    link.textContent = format.toUpperCase();
-    link.setAttribute("download", "");
-    return link;
-  }));
+  list.replaceChildren(
+    ...["svg", "png", "pdf"].map((format) => {
+      const link = document.createElement("a");
+      link.href = document.documentElement.dataset.root + "api/v1/" + withQuery(path, { format });
+      link.textContent = format.toUpperCase();
+      link.setAttribute("download", "");
+      return link;
+    }),
+  );
 }
 const figures = [...document.querySelectorAll("figure[data-figure]")];
-const sight = new IntersectionObserver((entries) => entries.forEach((e) => { if (e.isIntersecting) show(e.target); }), { rootMargin: "300px" });
-const figureOf = (name) => figures.find((figure) => figure.dataset.figure.endsWith("/figures/" + name));
-const goTo = (element, block = "start") => element.scrollIntoView({ behavior: still.matches ? "auto" : "smooth", block });
+const sight = new IntersectionObserver(
+  (entries) =>
+    entries.forEach((e) => {
+      if (e.isIntersecting) show(e.target);
+    }),
+  { rootMargin: "300px" },
+);
+const figureOf = (name) =>
+  figures.find((figure) => figure.dataset.figure.endsWith("/figures/" + name));
+const goTo = (element, block = "start") =>
+  element.scrollIntoView({ behavior: still.matches ? "auto" : "smooth", block });
 figures.forEach((figure) => sight.observe(figure));
 dark.addEventListener("change", () => location.reload());
 
@@ -128,50 +221,78 @@ dark.addEventListener("change", () => location.reload());
 for (const list of document.querySelectorAll("select[data-part-of]")) {
   const figure = figureOf(list.dataset.partOf);
   const key = list.dataset.key;
-  const choose = () => { figure.dataset.query = list.selectedOptions[0]?.dataset.query ?? ""; };
+  const choose = () => {
+    figure.dataset.query = list.selectedOptions[0]?.dataset.query ?? "";
+  };
   const named = [...list.options].find((option) => option.value === shown.get(key));
   if (named) list.value = named.value;
   choose();
-  list.addEventListener("change", () => { choose(); keep({ [key]: list.value }); show(figure); });
+  list.addEventListener("change", () => {
+    choose();
+    keep({ [key]: list.value });
+    show(figure);
+  });
 }
 
-/* The FRF of a result with the model's interval is the one that the viewer shows; a row of the table of modes zooms the viewer. */
+/* The FRF of a result with the model's interval is the one that the viewer shows; a row of the
+   table of modes zooms the viewer. */
 const overlay = figureOf("frf");
 document.addEventListener("chosen", ({ detail: [first, ...more] }) => {
   if (!overlay || !first || more.length) return;
-  overlay.dataset.query = new URLSearchParams({ point: first.points[0], reference: first.points[1] }).toString();
+  overlay.dataset.query = new URLSearchParams({
+    point: first.points[0],
+    reference: first.points[1],
+  }).toString();
   sight.unobserve(overlay); // one that was drawn is drawn anew once it is seen
   sight.observe(overlay);
 });
-for (const row of document.querySelectorAll("[data-zoom]")) row.addEventListener("click", (event) => {
-  event.preventDefault();
-  const [hz, damping] = [Number(row.dataset.zoom), Number(row.dataset.damping)];
-  const half = Math.max(0.25 * hz, 12 * damping * hz);
-  document.dispatchEvent(new CustomEvent("zoom-frfs", { detail: { low: Math.max(0, hz - half), high: hz + half } }));
-  goTo(document.getElementById("frfs"));
-});
+for (const row of document.querySelectorAll("[data-zoom]"))
+  row.addEventListener("click", (event) => {
+    event.preventDefault();
+    const [hz, damping] = [Number(row.dataset.zoom), Number(row.dataset.damping)];
+    const half = Math.max(0.25 * hz, 12 * damping * hz);
+    document.dispatchEvent(
+      new CustomEvent("zoom-frfs", { detail: { low: Math.max(0, hz - half), high: hz + half } }),
+    );
+    goTo(document.getElementById("frfs"));
+  });
 
 /* A pair of shapes: chosen in two lists, or by a cell of the MAC. */
 const shapes = figureOf("shapes");
-const [measured, model] = ["measured", "model"].map((side) => document.querySelector(`[data-shape-of=${side}]`));
+const [measured, model] = ["measured", "model"].map((side) =>
+  document.querySelector(`[data-shape-of=${side}]`),
+);
 if (shapes && measured) {
   const choose = (pair) => {
     [measured.value, model.value] = pair ?? ["", ""];
-    shapes.dataset.query = pair ? new URLSearchParams({ measured: pair[0], model: pair[1] }).toString() : "";
+    shapes.dataset.query = pair
+      ? new URLSearchParams({ measured: pair[0], model: pair[1] }).toString()
+      : "";
   };
   const pair = (shown.get("shapes") ?? "").split("~");
-  if (pair.length === 2) { choose(pair); show(shapes); goTo(shapes, "center"); }
-  const chosen = (which) => { choose(which); keep({ shapes: which ? which.join("~") : null }); show(shapes); };
-  for (const list of [measured, model]) list.addEventListener("change", () => {
-    const other = list === measured ? model : measured;
-    if (list.value && !other.value) other.value = list.value;
-    chosen(list.value && other.value ? [measured.value, model.value] : null);
-  });
-  const mac = figureOf("mac");
-  mac?.addEventListener("drawn", () => mac.querySelector(".js-plotly-plot").on("plotly_click", ({ points: [cell] }) => {
-    chosen(cell.customdata.map(String));
+  if (pair.length === 2) {
+    choose(pair);
+    show(shapes);
     goTo(shapes, "center");
-  }));
+  }
+  const chosen = (which) => {
+    choose(which);
+    keep({ shapes: which ? which.join("~") : null });
+    show(shapes);
+  };
+  for (const list of [measured, model])
+    list.addEventListener("change", () => {
+      const other = list === measured ? model : measured;
+      if (list.value && !other.value) other.value = list.value;
+      chosen(list.value && other.value ? [measured.value, model.value] : null);
+    });
+  const mac = figureOf("mac");
+  mac?.addEventListener("drawn", () =>
+    mac.querySelector(".js-plotly-plot").on("plotly_click", ({ points: [cell] }) => {
+      chosen(cell.customdata.map(String));
+      goTo(shapes, "center");
+    }),
+  );
 }
 /* Parameters over time, or of results side by side. */
 const UNITS = { Pa: [1e-9, "GPa"], s: [1e6, "µs"], m: [1e3, "mm"] };
@@ -181,15 +302,50 @@ for (const box of document.querySelectorAll("[data-over-time]")) {
   const redraw = () => {
     const name = pick.value;
     const there = rows.filter((row) => row.parameters[name]);
-    const [scale, unit] = UNITS[there[0]?.parameters[name].unit] ?? [1, there[0]?.parameters[name].unit ?? ""];
+    const [scale, unit] = UNITS[there[0]?.parameters[name].unit] ?? [
+      1,
+      there[0]?.parameters[name].unit ?? "",
+    ];
     const y = there.map((row) => scale * row.parameters[name].value);
-    const error = { type: "data", symmetric: false, color: css("--updated"), array: there.map((row, i) => scale * row.parameters[name].interval[1] - y[i]), arrayminus: there.map((row, i) => y[i] - scale * row.parameters[name].interval[0]) };
+    const error = {
+      type: "data",
+      symmetric: false,
+      color: css("--updated"),
+      array: there.map((row, i) => scale * row.parameters[name].interval[1] - y[i]),
+      arrayminus: there.map((row, i) => y[i] - scale * row.parameters[name].interval[0]),
+    };
     const sameDay = new Set(there.map((row) => row.at.slice(0, 10))).size < there.length;
     const x = sameDay ? there.map((row, i) => `${i + 1}: ${row.name}`) : there.map((row) => row.at);
-    const data = [{ type: "scatter", mode: "markers", x, y, text: there.map((row) => row.name), customdata: there.map((row) => row.job), error_y: error, marker: { color: css("--updated"), size: 9 }, showlegend: false }];
+    const data = [
+      {
+        type: "scatter",
+        mode: "markers",
+        x,
+        y,
+        text: there.map((row) => row.name),
+        customdata: there.map((row) => row.job),
+        error_y: error,
+        marker: { color: css("--updated"), size: 9 },
+        showlegend: false,
+      },
+    ];
     const place = box.querySelector(".draw");
-    draw(place, { data, layout: plain({ xaxis: { title: { text: sameDay ? "result" : "performed" }, ...(sameDay ? { type: "category" } : { type: "date" }) }, yaxis: { title: { text: `${name} [${unit}], 95 % interval` } } }) })
-      .then(() => place.on("plotly_click", ({ points: [point] }) => location.assign(document.documentElement.dataset.root + "ui/update-jobs/" + point.customdata)));
+    draw(place, {
+      data,
+      layout: plain({
+        xaxis: {
+          title: { text: sameDay ? "result" : "performed" },
+          ...(sameDay ? { type: "category" } : { type: "date" }),
+        },
+        yaxis: { title: { text: `${name} [${unit}], 95 % interval` } },
+      }),
+    }).then(() =>
+      place.on("plotly_click", ({ points: [point] }) =>
+        location.assign(
+          document.documentElement.dataset.root + "ui/update-jobs/" + point.customdata,
+        ),
+      ),
+    );
   };
   pick.addEventListener("change", redraw);
   redraw();
@@ -204,5 +360,10 @@ async function showCurve(id) {
   goTo(curve, "nearest");
 }
 const curves = [...document.querySelectorAll("[data-curve]")];
-for (const button of curves) button.addEventListener("click", () => { keep({ curve: button.dataset.curve }); showCurve(button.dataset.curve); });
-if (curves.some((button) => button.dataset.curve === shown.get("curve"))) showCurve(shown.get("curve"));
+for (const button of curves)
+  button.addEventListener("click", () => {
+    keep({ curve: button.dataset.curve });
+    showCurve(button.dataset.curve);
+  });
+if (curves.some((button) => button.dataset.curve === shown.get("curve")))
+  showCurve(shown.get("curve"));

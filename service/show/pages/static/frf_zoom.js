@@ -1,8 +1,17 @@
 "use strict";
-/* The band that a viewer shows: moved and made narrower or wider by wheel, fingers, keys and buttons. */
+/* The band that a viewer shows: moved and made narrower or wider by wheel, fingers, keys and
+   buttons. */
 class FrfZoom {
-  constructor(view, band) { this.view = view; this.band = band; this.whole = [0, 1]; this.pending = 0; this.touches = new Map(); }
-  get seen() { return this.band ?? this.whole; }
+  constructor(view, band) {
+    this.view = view;
+    this.band = band;
+    this.whole = [0, 1];
+    this.pending = 0;
+    this.touches = new Map();
+  }
+  get seen() {
+    return this.band ?? this.whole;
+  }
 
   /* Moving is drawn once a frame with the scale of y as it is; at rest y fits what is seen. */
   to(low, high, moving = false) {
@@ -13,7 +22,13 @@ class FrfZoom {
     this.band = wide >= last - first ? null : [low, low + wide];
     if (!this.pending) this.pending = requestAnimationFrame(() => this.draw(moving));
     clearTimeout(this.rest);
-    this.rest = setTimeout(() => { this.view.panels.forEach((panel) => panel.fit()); this.view.remember(); }, moving ? 150 : 0);
+    this.rest = setTimeout(
+      () => {
+        this.view.panels.forEach((panel) => panel.fit());
+        this.view.remember();
+      },
+      moving ? 150 : 0,
+    );
   }
   draw(moving) {
     this.pending = 0;
@@ -38,19 +53,33 @@ class FrfZoom {
     const hzAt = (x) => panel.plot.posToVal(x - over.getBoundingClientRect().left, "x");
     let pressed = null;
     const released = (event) => this.touches.delete(event.pointerId);
-    over.addEventListener("wheel", (event) => { event.preventDefault(); this.wheel(event, hzAt); }, { passive: false });
-    over.addEventListener("pointerdown", (event) => { pressed = event.clientX; if (event.pointerType === "touch") this.touches.set(event.pointerId, event.clientX); });
-    over.addEventListener("pointermove", (event) => { if (this.touches.has(event.pointerId)) this.touch(event, over.clientWidth, hzAt); });
+    over.addEventListener(
+      "wheel",
+      (event) => {
+        event.preventDefault();
+        this.wheel(event, hzAt);
+      },
+      { passive: false },
+    );
+    over.addEventListener("pointerdown", (event) => {
+      pressed = event.clientX;
+      if (event.pointerType === "touch") this.touches.set(event.pointerId, event.clientX);
+    });
+    over.addEventListener("pointermove", (event) => {
+      if (this.touches.has(event.pointerId)) this.touch(event, over.clientWidth, hzAt);
+    });
     over.addEventListener("pointerup", (event) => {
       released(event);
-      if (pressed !== null && Math.abs(event.clientX - pressed) < 4) this.view.cursors.to(hzAt(event.clientX), event.shiftKey ? 1 : undefined);
+      if (pressed !== null && Math.abs(event.clientX - pressed) < 4)
+        this.view.cursors.to(hzAt(event.clientX), event.shiftKey ? 1 : undefined);
       pressed = null;
     });
     over.addEventListener("pointercancel", released);
     over.addEventListener("dblclick", () => this.to(...this.whole));
   }
   wheel(event, hzAt) {
-    if (event.shiftKey || Math.abs(event.deltaX) > Math.abs(event.deltaY)) this.shift((event.deltaX || event.deltaY) / 1500);
+    if (event.shiftKey || Math.abs(event.deltaX) > Math.abs(event.deltaY))
+      this.shift((event.deltaX || event.deltaY) / 1500);
     else this.by(event.deltaY > 0 ? 1.2 : 1 / 1.2, hzAt(event.clientX));
   }
   /* One finger moves the band, two make it narrower or wider. */
@@ -59,6 +88,10 @@ class FrfZoom {
     this.touches.set(event.pointerId, event.clientX);
     const after = [...this.touches.values()];
     if (after.length === 1) this.shift((before[0] - after[0]) / width);
-    else this.by(Math.abs(before[0] - before[1]) / Math.max(1, Math.abs(after[0] - after[1])), hzAt((after[0] + after[1]) / 2));
+    else
+      this.by(
+        Math.abs(before[0] - before[1]) / Math.max(1, Math.abs(after[0] - after[1])),
+        hzAt((after[0] + after[1]) / 2),
+      );
   }
 }

@@ -1,38 +1,74 @@
 "use strict";
-/* What every page does: forms that speak REST with the session's token, files dropped in, the session itself. */
+/* What every page does: forms that speak REST with the session's token, files dropped in, the
+   session itself. */
 const page = document.documentElement.dataset;
 const at = (path) => new URL(page.root + path, location.href).href;
 const rest = (path) => at("api/v1/" + path);
 
 async function call(method, path, body, headers = {}) {
   const answer = await fetch(rest(path), {
-    method, body, credentials: "same-origin", headers: { Accept: "application/json", "X-CSRF-Token": page.csrf, ...headers },
+    method,
+    body,
+    credentials: "same-origin",
+    headers: { Accept: "application/json", "X-CSRF-Token": page.csrf, ...headers },
   });
   const text = await answer.text();
   const value = text ? JSON.parse(text) : null;
-  if (answer.status === 401 && page.csrf) location.assign(at("sign-in?next=" + encodeURIComponent(location.pathname.slice(new URL(at("")).pathname.length))));
+  if (answer.status === 401 && page.csrf)
+    location.assign(
+      at(
+        "sign-in?next=" +
+          encodeURIComponent(location.pathname.slice(new URL(at("")).pathname.length)),
+      ),
+    );
   if (!answer.ok) throw value ?? { detail: `status ${answer.status}` };
   return value;
 }
-/* Numbers that are probably in another unit are sent again where a person says that they are meant. */
+/* Numbers that are probably in another unit are sent again where a person says that they are meant.
+ */
 async function meant(path, sent) {
-  try { return await sent(path); } catch (problem) {
-    if (!problem.confirmable || !confirm(`${linesOf(speaking, problem).join("\n")}\n\nTake them as they are?`)) throw problem;
+  try {
+    return await sent(path);
+  } catch (problem) {
+    if (
+      !problem.confirmable ||
+      !confirm(`${linesOf(speaking, problem).join("\n")}\n\nTake them as they are?`)
+    )
+      throw problem;
     return sent(path + "?confirm=true");
   }
 }
-const send = (method, path, value, headers = {}) => meant(path, (to) => call(method, to, JSON.stringify(value), { "Content-Type": "application/json", ...headers }));
-const say = (text) => { document.getElementById("say").textContent = text; };
+const send = (method, path, value, headers = {}) =>
+  meant(path, (to) =>
+    call(method, to, JSON.stringify(value), { "Content-Type": "application/json", ...headers }),
+  );
+const say = (text) => {
+  document.getElementById("say").textContent = text;
+};
 
-/* The value of an input: of a quantity what the service understood; undefined where nothing was said. */
+/* The value of an input: of a quantity what the service understood; undefined where nothing was
+   said. */
 function valueOf(input) {
   if (input.type === "checkbox") return input.checked || undefined;
   if ("truth" in input.dataset) return { true: true, false: false, null: null }[input.value];
   const text = input.value.trim();
   if (text === "") return "asked" in input.dataset ? null : undefined;
-  if ("pairs" in input.dataset) return Object.fromEntries(text.split("\n").filter((row) => row.trim()).map((row) => { const [key, ...rest] = row.split(":"); return [key.trim(), rest.join(":").trim()]; }));
+  if ("pairs" in input.dataset)
+    return Object.fromEntries(
+      text
+        .split("\n")
+        .filter((row) => row.trim())
+        .map((row) => {
+          const [key, ...rest] = row.split(":");
+          return [key.trim(), rest.join(":").trim()];
+        }),
+    );
   if (kindOf(input)) return UNDERSTOOD.get(questionOf(input)).value;
-  if ("list" in input.dataset) return text.split(",").map((part) => part.trim()).filter(Boolean);
+  if ("list" in input.dataset)
+    return text
+      .split(",")
+      .map((part) => part.trim())
+      .filter(Boolean);
   if ("column" in input.dataset) return /^\d+$/.test(text) ? Number(text) : text; // of a file without headers its number
   if ("number" in input.dataset) return Number(text); // of a list or a hidden field
   if (input.type === "datetime-local") return new Date(text).toISOString();
@@ -41,16 +77,25 @@ function valueOf(input) {
 function put(target, pointer, value) {
   const steps = pointer.split("/");
   let node = target;
-  steps.slice(0, -1).forEach((step, i) => { node = node[step] ??= /^\d+$/.test(steps[i + 1]) ? [] : {}; });
-  return node[steps.at(-1)] = value;
+  steps.slice(0, -1).forEach((step, i) => {
+    node = node[step] ??= /^\d+$/.test(steps[i + 1]) ? [] : {};
+  });
+  return (node[steps.at(-1)] = value);
 }
 function bodyOf(form) {
-  const body = {}, lists = {};
+  const body = {},
+    lists = {};
   for (const input of form.elements) {
-    if (!input.name || input.type === "file" || input.matches(":disabled") || input.closest("template")) continue;
+    if (
+      !input.name ||
+      input.type === "file" ||
+      input.matches(":disabled") ||
+      input.closest("template")
+    )
+      continue;
     if (input.name.endsWith("[]")) {
       const name = input.name.slice(0, -2);
-      const list = lists[name] ??= put(body, name, []);
+      const list = (lists[name] ??= put(body, name, []));
       if (input.checked) list.push(input.value);
       continue;
     }
@@ -61,7 +106,9 @@ function bodyOf(form) {
 }
 function showFaults(form, problem) {
   for (const input of form.elements) input.removeAttribute?.("aria-invalid");
-  const wrong = (problem.errors ?? []).map(({ pointer }) => inputOf(form, pointer.replace(/^\//, ""))).filter(Boolean);
+  const wrong = (problem.errors ?? [])
+    .map(({ pointer }) => inputOf(form, pointer.replace(/^\//, "")))
+    .filter(Boolean);
   for (const input of wrong) {
     input.setAttribute("aria-invalid", "true");
     const closed = input.closest("details:not([open])");
@@ -75,17 +122,28 @@ let leaving = false;
 function leave(to = null) {
   leaving = true;
   page.leaving = "";
-  if (to === null) location.reload(); else location.assign(at(to));
+  if (to === null) location.reload();
+  else location.assign(at(to));
 }
-const goOn = (then, value) => leave(then === "reload" ? null : then.replace("{id}", (value?.joint ?? value)?.id ?? ""));
+const goOn = (then, value) =>
+  leave(then === "reload" ? null : then.replace("{id}", (value?.joint ?? value)?.id ?? ""));
 async function submitted(form, work) {
   const button = form.querySelector("button[type=submit]");
   form.querySelector(".faults").textContent = "";
   button.disabled = true;
   speaking = form;
-  try { await understand(form); await work(); } catch (problem) { showFaults(form, problem); }
-  const again = () => { leaving = button.disabled = false; delete page.leaving; };
-  if (leaving) addEventListener("pagehide", again, { once: true }); else again(); // a browser may bring the page back as it was
+  try {
+    await understand(form);
+    await work();
+  } catch (problem) {
+    showFaults(form, problem);
+  }
+  const again = () => {
+    leaving = button.disabled = false;
+    delete page.leaving;
+  };
+  if (leaving) addEventListener("pagehide", again, { once: true });
+  else again(); // a browser may bring the page back as it was
 }
 
 document.addEventListener("submit", (event) => {
@@ -93,12 +151,20 @@ document.addEventListener("submit", (event) => {
   if (form.dataset.post) {
     event.preventDefault();
     submitted(form, async () => {
-      const path = form.dataset.post.replace(/\{(\w+)\}/g, (_, name) => encodeURIComponent(form.elements[name].value.trim()));
+      const path = form.dataset.post.replace(/\{(\w+)\}/g, (_, name) =>
+        encodeURIComponent(form.elements[name].value.trim()),
+      );
       const body = bodyOf(form);
       for (const [, name] of form.dataset.post.matchAll(/\{(\w+)\}/g)) delete body[name];
-      const made = "empty" in form.dataset && !form.dataset.post.endsWith("/runs") ? await call("POST", path) : await send(form.dataset.method ?? "POST", path, body);
-      if ("showKey" in form.dataset) form.querySelector("output").textContent = `${made.key} – this is shown once; keep it now.`;
-      else if ("showSecret" in form.dataset) form.querySelector("output").textContent = `${made.secret} – the secret is shown once; keep it now.`;
+      const made =
+        "empty" in form.dataset && !form.dataset.post.endsWith("/runs")
+          ? await call("POST", path)
+          : await send(form.dataset.method ?? "POST", path, body);
+      if ("showKey" in form.dataset)
+        form.querySelector("output").textContent = `${made.key} – this is shown once; keep it now.`;
+      else if ("showSecret" in form.dataset)
+        form.querySelector("output").textContent =
+          `${made.secret} – the secret is shown once; keep it now.`;
       else goOn(form.dataset.then, made);
     });
   } else if (form.dataset.read) {
@@ -106,17 +172,29 @@ document.addEventListener("submit", (event) => {
     submitted(form, () => ("again" in form.dataset ? lookAgain(form, []) : readSo(form)));
   } else if (form.dataset.points) {
     event.preventDefault();
-    submitted(form, async () => { await send("PUT", form.dataset.points, { items: bodyOf(form).points ?? [] }); leave(); });
+    submitted(form, async () => {
+      await send("PUT", form.dataset.points, { items: bodyOf(form).points ?? [] });
+      leave();
+    });
   } else if ("deck" in form.dataset) {
     event.preventDefault();
-    submitted(form, async () => { await sendDeck(form, form.dataset.deck); leave(); });
+    submitted(form, async () => {
+      await sendDeck(form, form.dataset.deck);
+      leave();
+    });
   } else if (form.dataset.delete) {
     event.preventDefault();
-    if (confirm(form.dataset.confirm)) submitted(form, async () => { await call("DELETE", form.dataset.delete); goOn(form.dataset.then); });
+    if (confirm(form.dataset.confirm))
+      submitted(form, async () => {
+        await call("DELETE", form.dataset.delete);
+        goOn(form.dataset.then);
+      });
   } else if ("signIn" in form.dataset) {
     event.preventDefault();
     submitted(form, async () => {
-      await call("POST", "session", undefined, { Authorization: "Bearer " + form.elements.key.value.trim() });
+      await call("POST", "session", undefined, {
+        Authorization: "Bearer " + form.elements.key.value.trim(),
+      });
       const next = new URLSearchParams(location.search).get("next") ?? "ui/";
       leave(/^(ui|api\/v1)\/[\w\-/?=&%.]*$/.test(next) ? next : "ui/");
     });
@@ -130,20 +208,26 @@ document.addEventListener("submit", (event) => {
   } else if ("choose" in form.dataset) {
     event.preventDefault();
     const chosen = [...new FormData(form)].filter(([, value]) => value);
-    const to = new URL(event.submitter?.getAttribute("formaction") ?? form.getAttribute("action"), location.href);
+    const to = new URL(
+      event.submitter?.getAttribute("formaction") ?? form.getAttribute("action"),
+      location.href,
+    );
     if (chosen.length > 1) location.assign(to + "?" + new URLSearchParams(chosen));
     else say("Choose at least two to compare.");
   }
 });
 
-/* A whole test from one form. What was made before a fault is used again, so nothing is made twice. */
+/* A whole test from one form. What was made before a fault is used again, so nothing is made twice.
+ */
 async function newTest(form) {
   const body = bodyOf(form);
-  const made = form.made ??= {};
+  const made = (form.made ??= {});
   const make = async (part, path) => {
     const text = path + JSON.stringify(body[part]);
     if (made[part]?.text === text) return made[part].id;
-    try { made[part] = { text, id: (await send("POST", path, body[part])).id }; } catch (problem) {
+    try {
+      made[part] = { text, id: (await send("POST", path, body[part])).id };
+    } catch (problem) {
       for (const fault of problem.errors ?? []) fault.pointer = `/${part}${fault.pointer}`;
       throw problem;
     }
@@ -164,14 +248,27 @@ async function newStructure(form, body, make) {
   return structure;
 }
 
-/* Arrays of a file that does not say what they are are only looked at first: the report asks for what is missing. */
+/* Arrays of a file that does not say what they are are only looked at first: the report asks for
+   what is missing. */
 const ARRAYS = /\.(npz|mat|csv|wav|tdms)$/i;
 const upload = (path, file, form) => {
   const quantity = form.querySelector("details [name=quantity]")?.value;
-  return sendFile(path, file, file.name, ARRAYS.test(file.name) ? [["dry_run", "true"]] : quantity ? [["quantity", quantity]] : []);
+  return sendFile(
+    path,
+    file,
+    file.name,
+    ARRAYS.test(file.name) ? [["dry_run", "true"]] : quantity ? [["quantity", quantity]] : [],
+  );
 };
-const sendFile = (path, file, name, stated) => call("POST", `${path}?${new URLSearchParams([["filename", name.slice(0, 200)], ...stated])}`, file, { "Content-Type": "application/octet-stream" });
-/* A file that was looked at is read as its form says, with others that have its arrays where that is wished. */
+const sendFile = (path, file, name, stated) =>
+  call(
+    "POST",
+    `${path}?${new URLSearchParams([["filename", name.slice(0, 200)], ...stated])}`,
+    file,
+    { "Content-Type": "application/octet-stream" },
+  );
+/* A file that was looked at is read as its form says, with others that have its arrays where that
+   is wished. */
 async function sendAgain({ read, into, name }, stated) {
   const original = await fetch(rest(`imports/${read}/original`), { credentials: "same-origin" });
   return sendFile(into, await original.blob(), name, stated);
@@ -180,50 +277,81 @@ async function lookAgain(form, stated) {
   await sendAgain(form.dataset, [["dry_run", "true"], ...stated]);
   leave();
 }
-document.addEventListener("change", ({ target }) => { // what its arrays are decides what is asked of it
-  if ("look" in target.dataset) submitted(target.form, () => lookAgain(target.form, [["kind", target.value]]));
+document.addEventListener("change", ({ target }) => {
+  // what its arrays are decides what is asked of it
+  if ("look" in target.dataset)
+    submitted(target.form, () => lookAgain(target.form, [["kind", target.value]]));
 });
-const alike = (form) => [...document.querySelectorAll("form[data-arrays]")].filter((other) => other !== form && other.dataset.arrays === form.dataset.arrays);
+const alike = (form) =>
+  [...document.querySelectorAll("form[data-arrays]")].filter(
+    (other) => other !== form && other.dataset.arrays === form.dataset.arrays,
+  );
 async function readSo(form) {
   const aside = form.querySelector("[data-aside]");
   const { [aside?.name]: said, ...mapping } = bodyOf(form);
   const stated = said ? [[aside.name, said]] : [];
   if (Object.keys(mapping).length) stated.push(["mapping", JSON.stringify(mapping)]);
-  for (const { dataset } of [form, ...(form.querySelector("[data-alike]").checked ? alike(form) : [])]) await sendAgain(dataset, stated);
+  for (const { dataset } of [
+    form,
+    ...(form.querySelector("[data-alike]").checked ? alike(form) : []),
+  ])
+    await sendAgain(dataset, stated);
   leave(`ui/${form.dataset.into.replace(/\/imports$/, "")}`);
 }
 
-/* A deck with its units; its reading is waited for on the structure's page, and before a test of it is made. */
+/* A deck with its units; its reading is waited for on the structure's page, and before a test of it
+   is made. */
 function sendDeck(form, structure) {
   const { deck, units, accept, sections } = form.elements;
   const query = new URLSearchParams([["filename", deck.files[0].name.slice(0, 200)]]);
   for (const one of [units, sections]) if (one.value.trim()) query.set(one.name, one.value.trim());
-  for (const card of accept.value.split(/[,;]+/)) if (card.trim()) query.append("accept", card.trim());
-  return call("POST", `structures/${structure}/model?${query}`, deck.files[0], { "Content-Type": "application/octet-stream" });
+  for (const card of accept.value.split(/[,;]+/))
+    if (card.trim()) query.append("accept", card.trim());
+  return call("POST", `structures/${structure}/model?${query}`, deck.files[0], {
+    "Content-Type": "application/octet-stream",
+  });
 }
 async function readDeck(form, structure) {
   say("Reading the deck …");
   let model = await sendDeck(form, structure);
   while (["queued", "running"].includes(model.status)) {
-    await new Promise((done) => { setTimeout(done, 500); });
+    await new Promise((done) => {
+      setTimeout(done, 500);
+    });
     model = await call("GET", `models/${model.id}`);
   }
   say("");
   if (model.status !== "succeeded") throw { detail: model.message };
 }
 
-/* When all files of a campaign are read, its page is loaded anew, as it has FRFs that it did not have: instead of showing the last
-   report, whose form somebody might begin to fill in. What is typed already, and a fault that is shown, are not taken away. */
+/* When all files of a campaign are read, its page is loaded anew, as it has FRFs that it did not
+   have: instead of showing the last report, whose form somebody might begin to fill in. What is
+   typed already, and a fault that is shown, are not taken away. */
 const uploaded = document.getElementById("uploaded");
-let sending = 0, stale = uploaded?.querySelector("[hx-get]") != null, kept = false;
-uploaded?.addEventListener("input", () => { kept = true; });
+let sending = 0,
+  stale = uploaded?.querySelector("[hx-get]") != null,
+  kept = false;
+uploaded?.addEventListener("input", () => {
+  kept = true;
+});
 function renewed(last = null) {
-  if (!stale || sending || leaving || [...uploaded.querySelectorAll("[hx-get]")].some((report) => report !== last)) return false;
-  if (kept) say("All files are read: load the page anew to see what is in them."); else leave();
+  if (
+    !stale ||
+    sending ||
+    leaving ||
+    [...uploaded.querySelectorAll("[hx-get]")].some((report) => report !== last)
+  )
+    return false;
+  if (kept) say("All files are read: load the page anew to see what is in them.");
+  else leave();
   return !kept;
 }
 document.addEventListener("htmx:beforeSwap", ({ detail }) => {
-  if (leaving || (!detail.isError && !detail.serverResponse.includes(" hx-get=") && renewed(detail.target))) detail.shouldSwap = false;
+  if (
+    leaving ||
+    (!detail.isError && !detail.serverResponse.includes(" hx-get=") && renewed(detail.target))
+  )
+    detail.shouldSwap = false;
 });
 document.addEventListener("htmx:afterSettle", begin);
 
@@ -233,20 +361,33 @@ async function uploadAll(form, files) {
   for (const file of files) {
     say(`Sending ${file.name} …`);
     try {
-      const made = await upload(form.dataset.upload, file, form).finally(() => { sending -= 1; });
-      if (made.already_imported) say(`${file.name} is in this campaign already.`); else say("");
+      const made = await upload(form.dataset.upload, file, form).finally(() => {
+        sending -= 1;
+      });
+      if (made.already_imported) say(`${file.name} is in this campaign already.`);
+      else say("");
       stale ||= !made.already_imported;
       const holder = document.createElement("div");
       uploaded.prepend(holder);
-      await htmx.ajax("GET", at(form.dataset.then.replace("{id}", made.id)), { target: holder, swap: "outerHTML" });
-    } catch (problem) { kept = true; say(""); showFaults(form, problem); }
+      await htmx.ajax("GET", at(form.dataset.then.replace("{id}", made.id)), {
+        target: holder,
+        swap: "outerHTML",
+      });
+    } catch (problem) {
+      kept = true;
+      say("");
+      showFaults(form, problem);
+    }
   }
   renewed();
 }
 for (const zone of document.querySelectorAll(".drop")) {
   const input = zone.querySelector("input[type=file]");
   const form = zone.closest("form");
-  const over = (on) => (event) => { event.preventDefault(); zone.classList.toggle("over", on); };
+  const over = (on) => (event) => {
+    event.preventDefault();
+    zone.classList.toggle("over", on);
+  };
   zone.addEventListener("dragover", over(true));
   zone.addEventListener("dragleave", over(false));
   zone.addEventListener("drop", (event) => {
@@ -260,34 +401,50 @@ for (const zone of document.querySelectorAll(".drop")) {
 document.addEventListener("click", async (event) => {
   const button = event.target.closest("button");
   if (!button) return;
-  if ("signOut" in button.dataset) { await call("DELETE", "session"); location.assign(at("sign-in")); }
+  if ("signOut" in button.dataset) {
+    await call("DELETE", "session");
+    location.assign(at("sign-in"));
+  }
   if ("addRow" in button.dataset) addRow(button.closest("[data-rows]"));
-  if ("dropRow" in button.dataset) { const rows = button.closest("[data-rows]"); button.closest(".one").remove(); number(rows); }
+  if ("dropRow" in button.dataset) {
+    const rows = button.closest("[data-rows]");
+    button.closest(".one").remove();
+    number(rows);
+  }
 });
 function addRow(rows, values = {}) {
   const row = rows.querySelector("template").content.cloneNode(true).firstElementChild;
   for (const input of row.querySelectorAll("[name]")) input.dataset.field = input.name;
   rows.querySelector("[data-add-row]").before(row);
-  for (const [name, value] of Object.entries(values)) fill(row.querySelector(`[data-field="${name}"]`), value);
+  for (const [name, value] of Object.entries(values))
+    fill(row.querySelector(`[data-field="${name}"]`), value);
   number(rows);
   return row;
 }
 function number(rows) {
   [...rows.querySelectorAll(".one")].forEach((row, i) => {
-    for (const input of row.querySelectorAll("[data-field]")) input.name = `${rows.dataset.rows}/${i}/${input.dataset.field}`;
+    for (const input of row.querySelectorAll("[data-field]"))
+      input.name = `${rows.dataset.rows}/${i}/${input.dataset.field}`;
   });
 }
 /* A number of REST in the unit of its field. */
-const inUnit = (input, value) => (input.dataset.scale ? Number((value / Number(input.dataset.scale)).toPrecision(15)) : value);
+const inUnit = (input, value) =>
+  input.dataset.scale ? Number((value / Number(input.dataset.scale)).toPrecision(15)) : value;
 function fill(input, value) {
   if (!input) return;
   const shown = (one) => (one?.variable ? one.variable : inUnit(input, one));
   if (input.type === "checkbox") input.checked = Boolean(value);
-  else input.value = [value].flat().filter((one) => one !== null).map(shown).join("; ");
+  else
+    input.value = [value]
+      .flat()
+      .filter((one) => one !== null)
+      .map(shown)
+      .join("; ");
   const closed = input.closest("details:not([open])");
   if (closed) closed.open = true;
 }
-/* Forms that come with values: a recipe that is repeated, an example, a proposed mapping; and those that need none. */
+/* Forms that come with values: a recipe that is repeated, an example, a proposed mapping; and those
+   that need none. */
 function begin() {
   for (const form of document.querySelectorAll("form[data-start]:not([data-begun])")) {
     form.dataset.begun = "";
@@ -295,40 +452,65 @@ function begin() {
       const rows = form.querySelector(`[data-rows="${pointer}"]`);
       const boxes = form.querySelectorAll(`[name="${pointer}[]"]`);
       if (rows && Array.isArray(value)) value.forEach((row) => addRow(rows, row));
-      else if (boxes.length) boxes.forEach((box) => { box.checked = value.includes(box.value); });
-      else if (value && typeof value === "object" && !form.elements[pointer]) Object.entries(value).forEach(([key, inner]) => place(inner, pointer ? `${pointer}/${key}` : key));
+      else if (boxes.length)
+        boxes.forEach((box) => {
+          box.checked = value.includes(box.value);
+        });
+      else if (value && typeof value === "object" && !form.elements[pointer])
+        Object.entries(value).forEach(([key, inner]) =>
+          place(inner, pointer ? `${pointer}/${key}` : key),
+        );
       else fill(form.elements[pointer], value);
     };
     place(JSON.parse(form.dataset.start), "");
   }
-  for (const kind of document.querySelectorAll("select[data-kind]:not([data-begun])")) { kind.dataset.begun = ""; followKind(kind); }
+  for (const kind of document.querySelectorAll("select[data-kind]:not([data-begun])")) {
+    kind.dataset.begun = "";
+    followKind(kind);
+  }
   for (const form of document.querySelectorAll("form[data-arrays]")) {
     requireMissing(form);
-    const label = form.querySelector("label:has([data-alike])"), others = alike(form).map((other) => other.dataset.name);
+    const label = form.querySelector("label:has([data-alike])"),
+      others = alike(form).map((other) => other.dataset.name);
     label.hidden = !others.length;
     label.querySelector("span").textContent = `Read ${others.join(", ")} so, too`;
   }
-  if (!sending) for (const form of document.querySelectorAll("form[data-at-once]")) { delete form.dataset.atOnce; submitted(form, () => readSo(form)); }
+  if (!sending)
+    for (const form of document.querySelectorAll("form[data-at-once]")) {
+      delete form.dataset.atOnce;
+      submitted(form, () => readSo(form));
+    }
 }
-/* What a mapping still lacks: where the hits are in turn, the force needs no place; samples in a unit of their own no sensitivity. */
+/* What a mapping still lacks: where the hits are in turn, the force needs no place; samples in a
+   unit of their own no sensitivity. */
 function requireMissing(form) {
-  const inTurn = form.querySelector("[data-kind]:not([hidden])")?.value, listed = form.querySelector("[name^='recording/order/']");
+  const inTurn = form.querySelector("[data-kind]:not([hidden])")?.value,
+    listed = form.querySelector("[name^='recording/order/']");
   for (const row of form.querySelectorAll("[data-rows=channels] .one")) {
-    const at = (name) => row.querySelector(`[data-field=${name}]`), isForce = at("quantity").value === "force";
+    const at = (name) => row.querySelector(`[data-field=${name}]`),
+      isForce = at("quantity").value === "force";
     at("point").required = !(isForce && ((inTurn === "order" && listed) || inTurn === "filename"));
     at("direction").required = !(isForce && inTurn === "order" && listed);
     at("sensitivity").required = /^(m?v)?$/i.test(at("unit").value.trim());
   }
 }
-for (const name of ["input", "change", "click"]) document.addEventListener(name, ({ target }) => { const form = target.closest?.("form[data-arrays]"); if (form) requireMissing(form); });
+for (const name of ["input", "change", "click"])
+  document.addEventListener(name, ({ target }) => {
+    const form = target.closest?.("form[data-arrays]");
+    if (form) requireMissing(form);
+  });
 /* Of a form the parts that a choice leaves out are neither seen nor sent nor asked for. */
 function leaveOut(part, out) {
   part.hidden = out;
-  for (const input of part.querySelectorAll("input, select, textarea")) input.disabled = [...input.form.querySelectorAll("[data-for], [data-new]")].some((each) => each.hidden && each.contains(input));
+  for (const input of part.querySelectorAll("input, select, textarea"))
+    input.disabled = [...input.form.querySelectorAll("[data-for], [data-new]")].some(
+      (each) => each.hidden && each.contains(input),
+    );
 }
 function followKind(kind) {
   const follow = () => {
-    for (const part of kind.form.querySelectorAll("[data-for]")) part.hidden = !part.dataset.for.split(" ").includes(kind.value);
+    for (const part of kind.form.querySelectorAll("[data-for]"))
+      part.hidden = !part.dataset.for.split(" ").includes(kind.value);
     for (const part of kind.form.querySelectorAll("[data-for]")) leaveOut(part, part.hidden);
     for (const input of kind.form.querySelectorAll("[data-follows]")) input.value = kind.value;
   };
@@ -346,7 +528,8 @@ if (project) {
   else if (project.options.length > 1) project.selectedIndex = 1;
   const name = document.getElementsByName("project/name")[0];
   const follow = () => {
-    for (const part of document.querySelectorAll("[data-new]")) leaveOut(part, structure.value !== "");
+    for (const part of document.querySelectorAll("[data-new]"))
+      leaveOut(part, structure.value !== "");
     name.closest("label").hidden = project.value !== "";
     name.disabled ||= project.value !== "";
   };
@@ -356,8 +539,16 @@ if (project) {
 /* The part of a result that is in sight is the marked one. */
 const tabs = [...document.querySelectorAll(".tabs a")];
 if (tabs.length) {
-  const mark = (id) => tabs.forEach((tab) => (tab.hash === "#" + id ? tab.setAttribute("aria-current", "true") : tab.removeAttribute("aria-current")));
-  const seen = new IntersectionObserver((entries) => entries.forEach((e) => e.isIntersecting && mark(e.target.id)), { rootMargin: "-25% 0px -70% 0px" });
+  const mark = (id) =>
+    tabs.forEach((tab) =>
+      tab.hash === "#" + id
+        ? tab.setAttribute("aria-current", "true")
+        : tab.removeAttribute("aria-current"),
+    );
+  const seen = new IntersectionObserver(
+    (entries) => entries.forEach((e) => e.isIntersecting && mark(e.target.id)),
+    { rootMargin: "-25% 0px -70% 0px" },
+  );
   tabs.forEach((tab) => seen.observe(document.querySelector(tab.hash)));
   mark(location.hash.slice(1).split("=")[0] || tabs[0].hash.slice(1));
 }

@@ -1,9 +1,11 @@
 "use strict";
-/* Where to hit next: the form's tests and what was measured go to REST, and the ranking that comes back is written as a table. */
+/* Where to hit next: the form's tests and what was measured go to REST, and the ranking that comes
+   back is written as a table. */
 const planned = document.querySelector("form[data-plan]");
 const answer = document.querySelector("[data-answer]");
 const three = (value) => Number(value.toPrecision(3));
-const inLaboratory = (name, value) => (/^[EG]/.test(name) ? `${three(value / 1e9)} GPa` : String(three(value)));
+const inLaboratory = (name, value) =>
+  /^[EG]/.test(name) ? `${three(value / 1e9)} GPa` : String(three(value));
 
 function cell(tag, text, kind = "") {
   const made = document.createElement(tag);
@@ -14,23 +16,38 @@ function cell(tag, text, kind = "") {
 function rowOf(item, names) {
   const line = document.createElement("tr");
   const points = document.createElement("details");
-  points.append(cell("summary", item.points_m.length === 1 ? "1 point" : `${item.points_m.length} points`), item.points_m.map(([x, y]) => `(${three(1000 * x)}, ${three(1000 * y)})`).join(" "));
+  points.append(
+    cell("summary", item.points_m.length === 1 ? "1 point" : `${item.points_m.length} points`),
+    item.points_m.map(([x, y]) => `(${three(1000 * x)}, ${three(1000 * y)})`).join(" "),
+  );
   const places = cell("td", "", "text");
   places.append(points);
   line.append(
-    cell("th", item.name), cell("td", item.information_nats.toFixed(2), "num"),
+    cell("th", item.name),
+    cell("td", item.information_nats.toFixed(2), "num"),
     ...names.map((name) => cell("td", inLaboratory(name, item.expected_sd[name]), "num")),
-    cell("td", item.shrinks_most), cell("td", String(item.frequencies_hz.length), "num"),
-    cell("td", `${Math.round(100 * item.share_of_all_points)} %`, "num"), places,
+    cell("td", item.shrinks_most),
+    cell("td", String(item.frequencies_hz.length), "num"),
+    cell("td", `${Math.round(100 * item.share_of_all_points)} %`, "num"),
+    places,
   );
   return line;
 }
 function write(plan) {
   const names = Object.keys(plan.known_sd);
-  const heads = ["Test", "Information [nats]", ...names.map((name) => `sd of ${name}`), "Shrinks most", "Modes", "Of all points", "Hit at (x, y) [mm], in this order"];
+  const heads = [
+    "Test",
+    "Information [nats]",
+    ...names.map((name) => `sd of ${name}`),
+    "Shrinks most",
+    "Modes",
+    "Of all points",
+    "Hit at (x, y) [mm], in this order",
+  ];
   answer.querySelector("thead tr").replaceChildren(...heads.map((text) => cell("th", text)));
   answer.querySelector("tbody").replaceChildren(...plan.items.map((item) => rowOf(item, names)));
-  answer.querySelector("[data-known]").textContent = `Known now${plan.campaigns.length ? `, by ${plan.campaigns.join("; ")}` : ""}: ${names.map((name) => `${name} ± ${inLaboratory(name, plan.known_sd[name])}`).join(", ")}.`;
+  answer.querySelector("[data-known]").textContent =
+    `Known now${plan.campaigns.length ? `, by ${plan.campaigns.join("; ")}` : ""}: ${names.map((name) => `${name} ± ${inLaboratory(name, plan.known_sd[name])}`).join(", ")}.`;
   answer.hidden = false;
   answer.scrollIntoView({ block: "start" });
 }
@@ -41,7 +58,10 @@ function asked() {
     if (test.added_masses?.[0].mass_kg === undefined) delete test.added_masses;
     else test.added_masses = [{ x_m: 0, y_m: 0, ...test.added_masses[0] }];
   }
-  const made = [...planned.querySelectorAll("[data-made]:checked")].map((box) => ({ campaign_id: box.dataset.made, mode_set: box.value }));
+  const made = [...planned.querySelectorAll("[data-made]:checked")].map((box) => ({
+    campaign_id: box.dataset.made,
+    mode_set: box.value,
+  }));
   return { ...body, made };
 }
 planned.addEventListener("submit", (event) => {

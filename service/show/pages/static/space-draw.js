@@ -1,4 +1,5 @@
-/* A structure in space by WebGL: bodies, points and arrows whose motion the vertex shader computes; the camera; picking. */
+/* A structure in space by WebGL: bodies, points and arrows whose motion the vertex shader computes;
+   the camera; picking. */
 
 const VERTEX = `
   attribute vec3 real; attribute vec3 imag;
@@ -31,7 +32,8 @@ function rgb(text) {
   const hex = text.trim().replace(/^#(.)(.)(.)$/, "#$1$1$2$2$3$3");
   return [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255);
 }
-/* One picture of the structure, with a motion of its own; several share the arrays of their places. */
+/* One picture of the structure, with a motion of its own; several share the arrays of their places.
+ */
 class Body {
   constructor(three, scene, rest) {
     this.three = three;
@@ -45,9 +47,20 @@ class Body {
     const still = { amplitude: { value: 0 }, cosine: { value: 1 }, sine: { value: 0 } };
     const opacity = said.opacity ?? 1;
     return new this.three.ShaderMaterial({
-      vertexShader: VERTEX, fragmentShader: FRAGMENT[kind], side: this.three.DoubleSide, transparent: opacity < 1, depthWrite: opacity === 1,
-      polygonOffset: kind === "surface", polygonOffsetFactor: 1, polygonOffsetUnits: 1,
-      uniforms: { ...(said.still ? still : this.motion), color: { value: rgb(color) }, opacity: { value: opacity }, size: { value: said.size ?? 1 } },
+      vertexShader: VERTEX,
+      fragmentShader: FRAGMENT[kind],
+      side: this.three.DoubleSide,
+      transparent: opacity < 1,
+      depthWrite: opacity === 1,
+      polygonOffset: kind === "surface",
+      polygonOffsetFactor: 1,
+      polygonOffsetUnits: 1,
+      uniforms: {
+        ...(said.still ? still : this.motion),
+        color: { value: rgb(color) },
+        opacity: { value: opacity },
+        size: { value: said.size ?? 1 },
+      },
     });
   }
   add(Kind, of, index, material) {
@@ -68,15 +81,24 @@ class Body {
     const set = (geometries, motion, repeat) => {
       const spread = (values) => triple(repeat ? repeat(values) : values);
       const [real, imag] = motion ? [spread(motion.real), spread(motion.imag)] : [];
-      for (const geometry of geometries) for (const [name, values] of [["real", real], ["imag", imag]]) {
-        if (values) geometry.setAttribute(name, values); else geometry.deleteAttribute(name);
-      }
+      for (const geometry of geometries)
+        for (const [name, values] of [
+          ["real", real],
+          ["imag", imag],
+        ]) {
+          if (values) geometry.setAttribute(name, values);
+          else geometry.deleteAttribute(name);
+        }
     };
     this.shape = shape;
     this.reach = shape ? amplitude : 0;
     set(this.moving.nodes, shape?.nodes);
     set(this.moving.points, shape?.points);
-    set(this.moving.arrows, shape?.points, (values) => this.scene.arrows.flatMap(({ point }) => Array(6).fill(point)).flatMap((p) => [...values.slice(3 * p, 3 * p + 3)]));
+    set(this.moving.arrows, shape?.points, (values) =>
+      this.scene.arrows
+        .flatMap(({ point }) => Array(6).fill(point))
+        .flatMap((p) => [...values.slice(3 * p, 3 * p + 3)]),
+    );
   }
   turn(phase, amplitude) {
     this.motion.amplitude.value = this.reach * amplitude;
@@ -87,7 +109,13 @@ class Body {
   place(i) {
     const { amplitude, cosine, sine } = this.motion;
     const m = this.shape?.points;
-    return [0, 1, 2].map((k) => this.scene.positions[3 * i + k] + (m ? amplitude.value * (cosine.value * m.real[3 * i + k] - sine.value * m.imag[3 * i + k]) : 0));
+    return [0, 1, 2].map(
+      (k) =>
+        this.scene.positions[3 * i + k] +
+        (m
+          ? amplitude.value * (cosine.value * m.real[3 * i + k] - sine.value * m.imag[3 * i + k])
+          : 0),
+    );
   }
 }
 /* Arrows as three strokes each, from the points along the directions that were measured. */
@@ -95,8 +123,13 @@ function strokes(scene, length) {
   return scene.arrows.flatMap(({ point, along }) => {
     const from = [...scene.positions.slice(3 * point, 3 * point + 3)];
     const thin = Math.abs(along[2]) > 0.9 ? [1, 0, 0] : [0, 0, 1];
-    const side = [along[1] * thin[2] - along[2] * thin[1], along[2] * thin[0] - along[0] * thin[2], along[0] * thin[1] - along[1] * thin[0]];
-    const at = (forth, aside) => from.map((value, k) => value + length * (forth * along[k] + aside * side[k]));
+    const side = [
+      along[1] * thin[2] - along[2] * thin[1],
+      along[2] * thin[0] - along[0] * thin[2],
+      along[0] * thin[1] - along[1] * thin[0],
+    ];
+    const at = (forth, aside) =>
+      from.map((value, k) => value + length * (forth * along[k] + aside * side[k]));
     const tip = at(1, 0);
     return [...from, ...tip, ...tip, ...at(0.7, 0.12), ...tip, ...at(0.7, -0.12)];
   });
@@ -106,26 +139,70 @@ function bodyOf(three, scene, rest, colors, look) {
   const { mesh } = scene;
   mesh.sets.forEach((set, i) => {
     const color = look.color ?? colors.sets[i % colors.sets.length];
-    body.add(three.Mesh, "nodes", set.triangles, body.material("surface", color, { opacity: look.opacity }));
-    body.add(three.LineSegments, "nodes", set.wires, body.material("line", set.triangles.length ? look.wires : color, { opacity: look.moves ? 0.15 : 0.3 }));
+    body.add(
+      three.Mesh,
+      "nodes",
+      set.triangles,
+      body.material("surface", color, { opacity: look.opacity }),
+    );
+    body.add(
+      three.LineSegments,
+      "nodes",
+      set.wires,
+      body.material("line", set.triangles.length ? look.wires : color, {
+        opacity: look.moves ? 0.15 : 0.3,
+      }),
+    );
   });
   body.add(three.LineSegments, "nodes", mesh.outline, body.material("line", look.wires));
-  if (look.moves) body.add(three.LineSegments, "nodes", mesh.outline, body.material("line", colors.hint, { still: true }));
+  if (look.moves)
+    body.add(
+      three.LineSegments,
+      "nodes",
+      mesh.outline,
+      body.material("line", colors.hint, { still: true }),
+    );
   body.add(three.LineSegments, "nodes", mesh.junctions, body.material("line", colors.initial));
   const dot = (color, size) => body.material("point", color, { size: size * devicePixelRatio });
   body.add(three.Points, "nodes", mesh.held, dot(colors.care, 6));
   body.add(three.Points, "nodes", mesh.masses, dot(colors.good, 9));
   if (!look.points) return body;
-  const among = (test) => scene.points.flatMap((point, i) => (test(point) && !point.bare && !(look.moves && point.held_out) ? [i] : []));
-  body.add(three.LineSegments, "points", scene.joined, body.material("line", colors.measured, { opacity: look.moves ? 1 : 0.5 }));
-  body.add(three.Points, "points", among((p) => !p.off && p.frfs !== 0), dot(colors.measured, 7));
-  body.add(three.Points, "points", among((p) => !p.off && p.frfs === 0), dot(colors.hint, 6));
-  body.add(three.Points, "points", among((p) => p.off), dot(colors.bad, 9));
+  const among = (test) =>
+    scene.points.flatMap((point, i) =>
+      test(point) && !point.bare && !(look.moves && point.held_out) ? [i] : [],
+    );
+  body.add(
+    three.LineSegments,
+    "points",
+    scene.joined,
+    body.material("line", colors.measured, { opacity: look.moves ? 1 : 0.5 }),
+  );
+  body.add(
+    three.Points,
+    "points",
+    among((p) => !p.off && p.frfs !== 0),
+    dot(colors.measured, 7),
+  );
+  body.add(
+    three.Points,
+    "points",
+    among((p) => !p.off && p.frfs === 0),
+    dot(colors.hint, 6),
+  );
+  body.add(
+    three.Points,
+    "points",
+    among((p) => p.off),
+    dot(colors.bad, 9),
+  );
   if (scene.points.length) {
     body.marker = body.add(three.Points, "points", [0], dot(colors.initial, 14));
     body.marker.renderOrder = 2;
   }
-  const which = (role) => scene.arrows.flatMap((arrow, i) => (arrow.role === role ? [0, 1, 2, 3, 4, 5].map((k) => 6 * i + k) : []));
+  const which = (role) =>
+    scene.arrows.flatMap((arrow, i) =>
+      arrow.role === role ? [0, 1, 2, 3, 4, 5].map((k) => 6 * i + k) : [],
+    );
   body.add(three.LineSegments, "arrows", which("response"), body.material("line", colors.measured));
   body.add(three.LineSegments, "arrows", which("reference"), body.material("line", colors.initial));
   return body;
@@ -133,7 +210,8 @@ function bodyOf(three, scene, rest, colors, look) {
 /* The box around all there is, and the ball around that. */
 function framed(three, scene) {
   const box = new three.Box3();
-  for (const values of [scene.mesh.positions, scene.positions]) if (values.length) box.union(new three.Box3().setFromArray(values));
+  for (const values of [scene.mesh.positions, scene.positions])
+    if (values.length) box.union(new three.Box3().setFromArray(values));
   const ball = box.getBoundingSphere(new three.Sphere());
   return { box, centre: ball.center, radius: ball.radius || 1 };
 }
@@ -156,32 +234,55 @@ export class Space {
     this.beside = false;
     this.build();
     new ResizeObserver(() => this.resize()).observe(canvas);
-    new IntersectionObserver(([entry]) => { this.seen = entry.isIntersecting; this.dirty(); }).observe(canvas);
+    new IntersectionObserver(([entry]) => {
+      this.seen = entry.isIntersecting;
+      this.dirty();
+    }).observe(canvas);
     this.listen();
     this.resize();
     this.home();
   }
   build() {
     const { three, scene } = this;
-    const attribute = (values) => new three.BufferAttribute(values instanceof Float32Array ? values : Float32Array.from(values), 3);
-    this.rest = { nodes: attribute(scene.mesh.positions), points: attribute(scene.positions), arrows: attribute(strokes(scene, 0.09 * this.radius)) };
+    const attribute = (values) =>
+      new three.BufferAttribute(
+        values instanceof Float32Array ? values : Float32Array.from(values),
+        3,
+      );
+    this.rest = {
+      nodes: attribute(scene.mesh.positions),
+      points: attribute(scene.positions),
+      arrows: attribute(strokes(scene, 0.09 * this.radius)),
+    };
     this.show([]);
   }
-  /* Pictures of the structure: at rest, or one for each of up to two shapes, beside or over each other. */
+  /* Pictures of the structure: at rest, or one for each of up to two shapes, beside or over each
+     other. */
   show(shapes, beside = false) {
-    for (const { group } of this.bodies) group.traverse((part) => { part.geometry?.dispose(); part.material?.dispose(); });
+    for (const { group } of this.bodies)
+      group.traverse((part) => {
+        part.geometry?.dispose();
+        part.material?.dispose();
+      });
     const { three, scene, rest, colors } = this;
     const over = shapes.length > 1 && !beside;
     const before = this.beside;
     this.beside = shapes.length > 1 && beside;
     const looks = shapes.map(({ measured }, i) => ({
-      moves: true, points: measured, wires: measured ? colors.measured : colors.updated, color: measured ? colors.hint : colors.updated,
+      moves: true,
+      points: measured,
+      wires: measured ? colors.measured : colors.updated,
+      color: measured ? colors.hint : colors.updated,
       opacity: over && i ? 0.35 : measured && !beside ? 0.3 : 1,
     }));
     if (!shapes.length) looks.push({ points: true, wires: colors.text });
     this.bodies = looks.map((look) => bodyOf(three, scene, rest, colors, look));
     this.bodies.forEach((body, i) => body.move(shapes[i], 0.2 * this.radius));
-    this.scenes = this.bodies.map(({ group }) => { const made = new three.Scene(); made.add(group); return made; });
+    this.scenes = this.bodies.map(({ group }) => {
+      const made = new three.Scene();
+      made.add(group);
+      return made;
+    });
     this.select(this.chosen ?? -1);
     this.resize();
     if (before !== this.beside) this.home();
@@ -189,26 +290,42 @@ export class Space {
   /* Mark a point, by its number in the list; −1 marks none. */
   select(i) {
     this.chosen = i;
-    for (const { marker } of this.bodies) if (marker) {
-      marker.visible = i >= 0;
-      marker.geometry.index.setX(0, Math.max(i, 0));
-      marker.geometry.index.needsUpdate = true;
-    }
+    for (const { marker } of this.bodies)
+      if (marker) {
+        marker.visible = i >= 0;
+        marker.geometry.index.setX(0, Math.max(i, 0));
+        marker.geometry.index.needsUpdate = true;
+      }
     this.dirty();
   }
-  set(changes) { Object.assign(this.state, changes); this.dirty(); }
+  set(changes) {
+    Object.assign(this.state, changes);
+    this.dirty();
+  }
   /* The camera as near as all corners of the box, with room for motion and arrows, are in sight. */
   home() {
     const { Vector3 } = this.three;
     const back = new Vector3(...FROM).normalize();
     const right = new Vector3(0, 0, 1).cross(back).normalize();
     const up = back.clone().cross(right);
-    const high = Math.tan((FIELD * Math.PI) / 360), wide = high * this.camera.aspect;
+    const high = Math.tan((FIELD * Math.PI) / 360),
+      wide = high * this.camera.aspect;
     const { min, max } = this.box.clone().expandByScalar(0.1 * this.radius);
-    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => new Vector3(i & 1 ? max.x : min.x, i & 2 ? max.y : min.y, i & 4 ? max.z : min.z).sub(this.centre));
-    const away = Math.max(...corners.map((c) => c.dot(back) + Math.max(Math.abs(c.dot(right)) / wide, Math.abs(c.dot(up)) / high)));
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) =>
+      new Vector3(i & 1 ? max.x : min.x, i & 2 ? max.y : min.y, i & 4 ? max.z : min.z).sub(
+        this.centre,
+      ),
+    );
+    const away = Math.max(
+      ...corners.map(
+        (c) => c.dot(back) + Math.max(Math.abs(c.dot(right)) / wide, Math.abs(c.dot(up)) / high),
+      ),
+    );
     this.controls.target.copy(this.centre);
-    this.camera.position.copy(back).multiplyScalar(1.03 * away).add(this.centre);
+    this.camera.position
+      .copy(back)
+      .multiplyScalar(1.03 * away)
+      .add(this.centre);
     this.controls.update();
     this.dirty();
   }
@@ -220,47 +337,65 @@ export class Space {
     this.camera.updateProjectionMatrix();
     this.dirty();
   }
-  dirty() { this.frame ||= requestAnimationFrame((now) => this.draw(now)); }
+  dirty() {
+    this.frame ||= requestAnimationFrame((now) => this.draw(now));
+  }
   draw(now) {
     this.frame = 0;
     const { state, bodies, renderer } = this;
     const passed = Math.min(0.1, (now - (this.last ?? now)) / 1000);
     this.last = now;
-    if (state.running) state.phase = (state.phase + 2 * Math.PI * state.speed * passed) % (2 * Math.PI);
+    if (state.running)
+      state.phase = (state.phase + 2 * Math.PI * state.speed * passed) % (2 * Math.PI);
     renderer.setScissorTest(false);
     renderer.clear();
     const { clientWidth: wide, clientHeight: high } = this.canvas;
     bodies.forEach((body, i) => {
       body.turn(state.phase, state.amplitude);
-      const [left, width] = this.beside ? [i * wide / 2, wide / 2] : [0, wide];
+      const [left, width] = this.beside ? [(i * wide) / 2, wide / 2] : [0, wide];
       renderer.setViewport(left, 0, width, high);
       renderer.render(this.scenes[i], this.camera);
     });
     this.label();
-    if (state.running && this.seen && bodies.some(({ shape }) => shape)) this.dirty(); else this.last = undefined;
+    if (state.running && this.seen && bodies.some(({ shape }) => shape)) this.dirty();
+    else this.last = undefined;
   }
   /* Where the points are seen, CSS pixels of the canvas. */
   seenAt() {
     const { clientWidth, clientHeight: high } = this.canvas;
-    const at = Math.max(0, this.bodies.findIndex(({ marker }) => marker));
-    const [left, wide] = this.beside ? [at * clientWidth / 2, clientWidth / 2] : [0, clientWidth];
+    const at = Math.max(
+      0,
+      this.bodies.findIndex(({ marker }) => marker),
+    );
+    const [left, wide] = this.beside ? [(at * clientWidth) / 2, clientWidth / 2] : [0, clientWidth];
     const place = new this.three.Vector3();
     return this.scene.points.map((_, i) => {
       place.set(...this.bodies[at].place(i)).project(this.camera);
-      return [left + (place.x + 1) / 2 * wide, (1 - place.y) / 2 * high];
+      return [left + ((place.x + 1) / 2) * wide, ((1 - place.y) / 2) * high];
     });
   }
   label() {
     const { labels } = this.said;
     this.named ??= this.scene.points.flatMap(({ label }, i) => (label === "" ? [] : [i]));
     if (!labels || this.named.length > MOST_LABELS) return;
-    if (!labels.childElementCount) labels.append(...this.named.map((i) => Object.assign(document.createElement("span"), { textContent: this.scene.points[i].label })));
+    if (!labels.childElementCount)
+      labels.append(
+        ...this.named.map((i) =>
+          Object.assign(document.createElement("span"), {
+            textContent: this.scene.points[i].label,
+          }),
+        ),
+      );
     const seen = this.seenAt();
-    this.named.forEach((i, k) => { labels.children[k].style.transform = `translate(${seen[i].map((value) => value.toFixed(1)).join("px, ")}px)`; });
+    this.named.forEach((i, k) => {
+      labels.children[k].style.transform =
+        `translate(${seen[i].map((value) => value.toFixed(1)).join("px, ")}px)`;
+    });
   }
   /* The point nearest to a place of the canvas, CSS pixels; −1 where none is near. */
   pick(x, y) {
-    let best = -1, least = NEAR;
+    let best = -1,
+      least = NEAR;
     this.seenAt().forEach(([left, top], i) => {
       const away = Math.hypot(left - x, top - y);
       if (away < least) [best, least] = [i, away];
@@ -270,23 +405,36 @@ export class Space {
   listen() {
     const { canvas, controls } = this;
     let down = null;
-    canvas.addEventListener("pointerdown", (event) => { down = [event.offsetX, event.offsetY]; canvas.focus({ preventScroll: true }); });
+    canvas.addEventListener("pointerdown", (event) => {
+      down = [event.offsetX, event.offsetY];
+      canvas.focus({ preventScroll: true });
+    });
     canvas.addEventListener("pointerup", (event) => {
       if (!down || Math.hypot(event.offsetX - down[0], event.offsetY - down[1]) > 4) return;
       const found = this.pick(event.offsetX, event.offsetY);
       if (found >= 0) this.said.chosen(found);
     });
-    canvas.addEventListener("focus", () => { controls.enableZoom = true; });
-    canvas.addEventListener("blur", () => { controls.enableZoom = false; });
+    canvas.addEventListener("focus", () => {
+      controls.enableZoom = true;
+    });
+    canvas.addEventListener("blur", () => {
+      controls.enableZoom = false;
+    });
     canvas.addEventListener("keydown", (event) => this.key(event));
   }
   key(event) {
     const { controls } = this;
     const count = this.scene.points.length;
-    const across = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+    const across = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[
+      event.key
+    ];
     const does = {
-      "+": () => controls.dollyIn(1.15), "=": () => controls.dollyIn(1.15), "-": () => controls.dollyOut(1.15), Home: () => this.home(),
-      n: () => count && this.said.chosen((this.chosen + 1) % count), p: () => count && this.said.chosen((Math.max(this.chosen, 0) + count - 1) % count),
+      "+": () => controls.dollyIn(1.15),
+      "=": () => controls.dollyIn(1.15),
+      "-": () => controls.dollyOut(1.15),
+      Home: () => this.home(),
+      n: () => count && this.said.chosen((this.chosen + 1) % count),
+      p: () => count && this.said.chosen((Math.max(this.chosen, 0) + count - 1) % count),
       " ": () => this.said.moved?.(),
     }[event.key];
     if (event.ctrlKey || event.metaKey || event.altKey || (!across && !does)) return;

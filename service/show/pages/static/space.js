@@ -1,13 +1,29 @@
-/* The structure in space: what is asked for, the controls around the picture, and what is chosen there. Loaded by a page that
-   has a place for it; the drawing itself is fetched when that place comes into sight. */
+/* The structure in space: what is asked for, the controls around the picture, and what is chosen
+   there. Loaded by a page that has a place for it; the drawing itself is fetched when that place
+   comes into sight. */
 const AXES = ["x", "y", "z"];
-const theme = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+const theme = (name) =>
+  getComputedStyle(document.documentElement)
+    .getPropertyValue("--" + name)
+    .trim();
 const COLORS = ["text", "hint", "measured", "initial", "updated", "care", "bad", "good"];
 /* Of sets: they differ in lightness too (Okabe and Ito). */
-const SETS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#8a8f96"];
+const SETS = [
+  "#0072b2",
+  "#e69f00",
+  "#009e73",
+  "#cc79a7",
+  "#56b4e9",
+  "#d55e00",
+  "#f0e442",
+  "#8a8f96",
+];
 
 const address = (path) => new URL(document.documentElement.dataset.root + path, location.href);
-const ask = (path) => call("GET", path).catch((problem) => { throw new Error(problem.detail ?? problem.message); });
+const ask = (path) =>
+  call("GET", path).catch((problem) => {
+    throw new Error(problem.detail ?? problem.message);
+  });
 const number = (value, digits = 3) => Number(value.toPrecision(digits)).toString();
 const counted = (count, one, many = one + "s") => `${count} ${count === 1 ? one : many}`;
 
@@ -15,21 +31,36 @@ const counted = (count, one, many = one + "s") => `${count} ${count === 1 ? one 
 function sceneOf(mesh, said) {
   const points = said?.points ?? [];
   return {
-    mesh, points, joined: (said?.joined ?? []).flat(), positions: Float32Array.from(points.flatMap((p) => [p.x_m, p.y_m, p.z_m])),
-    arrows: points.flatMap((p, point) => ["response", "reference"].flatMap((role) => (p[role] ?? []).map((along) => ({ point, along, role })))),
+    mesh,
+    points,
+    joined: (said?.joined ?? []).flat(),
+    positions: Float32Array.from(points.flatMap((p) => [p.x_m, p.y_m, p.z_m])),
+    arrows: points.flatMap((p, point) =>
+      ["response", "reference"].flatMap((role) =>
+        (p[role] ?? []).map((along) => ({ point, along, role })),
+      ),
+    ),
   };
 }
 /* A measured shape of a mode set at the points: its largest value real and 1. */
 function shapeOf(values, said) {
   const row = new Map(said.points.map((p, i) => [p.label, i]));
-  const motion = { real: new Float32Array(3 * said.points.length), imag: new Float32Array(3 * said.points.length) };
+  const motion = {
+    real: new Float32Array(3 * said.points.length),
+    imag: new Float32Array(3 * said.points.length),
+  };
   const seen = values.filter((v) => row.has(v.point) && Math.abs(v.direction) <= 3);
   if (!seen.length) return null;
-  const main = seen.reduce((best, v) => (Math.hypot(v.real, v.imag) > Math.hypot(best.real, best.imag) ? v : best));
+  const main = seen.reduce((best, v) =>
+    Math.hypot(v.real, v.imag) > Math.hypot(best.real, best.imag) ? v : best,
+  );
   const size = main.real ** 2 + main.imag ** 2;
   for (const v of seen) {
     const sign = Math.sign(v.direction);
-    const [re, im] = [(v.real * main.real + v.imag * main.imag) / size, (v.imag * main.real - v.real * main.imag) / size];
+    const [re, im] = [
+      (v.real * main.real + v.imag * main.imag) / size,
+      (v.imag * main.real - v.real * main.imag) / size,
+    ];
     said.axes[Math.abs(v.direction) - 1].forEach((along, k) => {
       motion.real[3 * row.get(v.point) + k] += sign * re * along;
       motion.imag[3 * row.get(v.point) + k] += sign * im * along;
@@ -48,11 +79,15 @@ class Viewer {
     this.shapes = [];
     this.asked = new URLSearchParams(location.search);
   }
-  say(text) { this.part("said").textContent = text; }
+  say(text) {
+    this.part("said").textContent = text;
+  }
   async open() {
     const { dataset } = this.place;
     try {
-      const [three, geometry, drawing, bars] = await Promise.all(dataset.modules.split(" ").map((path) => import(address(path).href)));
+      const [three, geometry, drawing, bars] = await Promise.all(
+        dataset.modules.split(" ").map((path) => import(address(path).href)),
+      );
       this.geometry = geometry;
       this.scene = bars ? await this.bars(bars) : await this.structure();
       if (document.createElement("canvas").getContext("webgl2")) this.draw(three, drawing);
@@ -73,28 +108,53 @@ class Viewer {
     this.colors.sets = colors;
     return sceneOf(mesh, said);
   }
-  /* A result or a forecast has its own mesh and points; a test has points, and its structure may have a mesh. */
+  /* A result or a forecast has its own mesh and points; a test has points, and its structure may
+     have a mesh. */
   async structure() {
     const { result, mesh, points } = this.place.dataset;
-    this.said = result ? await ask(`${result}/mesh`) : points ? JSON.parse(document.getElementById(points).textContent) : null;
+    this.said = result
+      ? await ask(`${result}/mesh`)
+      : points
+        ? JSON.parse(document.getElementById(points).textContent)
+        : null;
     let found = result ? this.said : null;
-    try { if (mesh) found = await ask(mesh); } catch (error) { if (!this.said?.points.length) throw error; }
+    try {
+      if (mesh) found = await ask(mesh);
+    } catch (error) {
+      if (!this.said?.points.length) throw error;
+    }
     return sceneOf(found ? this.geometry.meshOf(found) : this.geometry.noMesh(), this.said);
   }
   draw(three, drawing) {
     const canvas = this.part("canvas");
     canvas.hidden = false;
     this.part("picture").hidden = true;
-    this.space = new drawing.Space(three, canvas, this.scene, this.colors, { labels: this.part("labels"), chosen: (i) => this.choose(i), moved: () => this.run(!this.state.running) });
-    canvas.addEventListener("webglcontextlost", () => { this.space = null; canvas.hidden = this.part("labels").hidden = true; this.flat(); });
+    this.space = new drawing.Space(three, canvas, this.scene, this.colors, {
+      labels: this.part("labels"),
+      chosen: (i) => this.choose(i),
+      moved: () => this.run(!this.state.running),
+    });
+    canvas.addEventListener("webglcontextlost", () => {
+      this.space = null;
+      canvas.hidden = this.part("labels").hidden = true;
+      this.flat();
+    });
     this.part("home").hidden = this.part("keys").hidden = false;
   }
   flat() {
     const { geometry, scene, shapes, colors } = this;
-    const reach = 0.2 * Math.max(...[0, 1, 2].map((k) => { const all = [...scene.positions, ...scene.mesh.positions].filter((_, i) => i % 3 === k); return Math.max(...all) - Math.min(...all); }));
+    const reach =
+      0.2 *
+      Math.max(
+        ...[0, 1, 2].map((k) => {
+          const all = [...scene.positions, ...scene.mesh.positions].filter((_, i) => i % 3 === k);
+          return Math.max(...all) - Math.min(...all);
+        }),
+      );
     const picture = this.part("picture");
     if (picture.querySelector(".grid") && !shapes.length) return; // the service's drawing, with links
-    const nodes = shapes.find((shape) => shape.nodes)?.nodes, points = shapes.find((shape) => shape.measured)?.points;
+    const nodes = shapes.find((shape) => shape.nodes)?.nodes,
+      points = shapes.find((shape) => shape.measured)?.points;
     picture.replaceChildren(geometry.still(scene, { nodes, points }, 0.5 * reach, colors));
     picture.hidden = false;
   }
@@ -102,92 +162,180 @@ class Viewer {
     const { scene, colors } = this;
     const { bars, result } = this.place.dataset;
     const listed = result
-      ? [...(this.said.measured.length ? [[colors.hint, "measured, expanded over the mesh"]] : []), [colors.updated, "the model"]]
-      : scene.mesh.sets.flatMap((set, i) => (set.elements ? [[colors.sets[i % colors.sets.length], `${set.name}, ${counted(set.elements, bars ? "pair" : "element")}`]] : []));
-    const of = (count, color, words) => { if (count) listed.push([color, words]); };
+      ? [
+          ...(this.said.measured.length ? [[colors.hint, "measured, expanded over the mesh"]] : []),
+          [colors.updated, "the model"],
+        ]
+      : scene.mesh.sets.flatMap((set, i) =>
+          set.elements
+            ? [
+                [
+                  colors.sets[i % colors.sets.length],
+                  `${set.name}, ${counted(set.elements, bars ? "pair" : "element")}`,
+                ],
+              ]
+            : [],
+        );
+    const of = (count, color, words) => {
+      if (count) listed.push([color, words]);
+    };
     of(scene.mesh.held.length, colors.care, `held: ${counted(scene.mesh.held.length, "node")}`);
     of(scene.mesh.junctions.length, colors.initial, "junctions of walls");
     of(scene.mesh.masses.length, colors.good, counted(scene.mesh.masses.length, "mass", "masses"));
     const measured = scene.points.filter((point) => !point.bare).length;
     of(measured, colors.measured, counted(measured, "measured point"));
-    of(scene.arrows.some((a) => a.role === "response"), colors.measured, "→ measured directions");
-    of(scene.arrows.some((a) => a.role === "reference"), colors.initial, "→ directions of references, such as hits");
-    of(scene.points.some((p) => p.off), colors.bad, "points off the structure");
-    this.part("legend").replaceChildren(...listed.map(([color, words]) => {
-      const item = document.createElement("li"), swatch = document.createElement("i");
-      swatch.style.background = color;
-      item.append(swatch, words);
-      return item;
-    }));
+    of(
+      scene.arrows.some((a) => a.role === "response"),
+      colors.measured,
+      "→ measured directions",
+    );
+    of(
+      scene.arrows.some((a) => a.role === "reference"),
+      colors.initial,
+      "→ directions of references, such as hits",
+    );
+    of(
+      scene.points.some((p) => p.off),
+      colors.bad,
+      "points off the structure",
+    );
+    this.part("legend").replaceChildren(
+      ...listed.map(([color, words]) => {
+        const item = document.createElement("li"),
+          swatch = document.createElement("i");
+        swatch.style.background = color;
+        item.append(swatch, words);
+        return item;
+      }),
+    );
   }
   listen() {
-    const on = (name, type, does) => this.part(name)?.addEventListener(type, (event) => does(event.target));
+    const on = (name, type, does) =>
+      this.part(name)?.addEventListener(type, (event) => does(event.target));
     on("home", "click", () => this.space.home());
     on("run", "click", () => this.run(!this.state.running));
-    for (const name of ["amplitude", "speed", "phase"]) on(name, "input", (input) => this.set({ [name]: Number(input.value) * (name === "phase" ? Math.PI / 180 : 1) }));
+    for (const name of ["amplitude", "speed", "phase"])
+      on(name, "input", (input) =>
+        this.set({ [name]: Number(input.value) * (name === "phase" ? Math.PI / 180 : 1) }),
+      );
     on("point", "change", (list) => this.choose(Number(list.value)));
     on("distances", "click", (button) => this.distances(button));
-    for (const name of ["measured", "model", "layout"]) on(name, "change", (list) => { globalThis.keep?.({ ["space-" + name]: list.value || null }); this.compare(); });
-    for (const button of document.querySelectorAll("[data-shape]")) button.addEventListener("click", () => this.setOf(button));
+    for (const name of ["measured", "model", "layout"])
+      on(name, "change", (list) => {
+        globalThis.keep?.({ ["space-" + name]: list.value || null });
+        this.compare();
+      });
+    for (const button of document.querySelectorAll("[data-shape]"))
+      button.addEventListener("click", () => this.setOf(button));
     const list = this.part("point");
-    if (list) list.append(...this.scene.points.map((p, i) => new Option(p.words ?? `${p.label}: ${AXES.map((axis) => number(1e3 * p[axis + "_m"], 4)).join(", ")} mm`, i)));
+    if (list)
+      list.append(
+        ...this.scene.points.map(
+          (p, i) =>
+            new Option(
+              p.words ??
+                `${p.label}: ${AXES.map((axis) => number(1e3 * p[axis + "_m"], 4)).join(", ")} mm`,
+              i,
+            ),
+        ),
+      );
     list?.closest("label").toggleAttribute("hidden", !this.scene.points.length);
   }
   /* What the address names, or the first mode of a result. */
   async first() {
     if (this.place.dataset.result) {
-      const fill = (name, modes, words) => { const list = this.part(name); list.append(...modes.map((m) => new Option(words(m), m.number))); list.value = this.asked.get("space-" + name) ?? String(modes[0]?.number ?? ""); };
+      const fill = (name, modes, words) => {
+        const list = this.part(name);
+        list.append(...modes.map((m) => new Option(words(m), m.number)));
+        list.value = this.asked.get("space-" + name) ?? String(modes[0]?.number ?? "");
+      };
       fill("measured", this.said.measured, (m) => `${m.number}: ${number(m.frequency_hz, 5)} Hz`);
-      fill("model", this.said.model, (m) => `${m.number}: ${number(m.frequency_hz, 5)} Hz, ${m.kind}`);
+      fill(
+        "model",
+        this.said.model,
+        (m) => `${m.number}: ${number(m.frequency_hz, 5)} Hz, ${m.kind}`,
+      );
       const pair = this.said.measured.find((m) => String(m.number) === this.part("measured").value);
       if (!this.asked.has("space-model") && pair) this.part("model").value = pair.model ?? "";
-      for (const name of ["measured", "layout"]) this.part(name).closest("label").hidden = !this.said.measured.length;
-      this.part("layout").value = this.asked.get("space-layout") ?? (matchMedia("(max-width: 640px)").matches ? "over" : "beside");
+      for (const name of ["measured", "layout"])
+        this.part(name).closest("label").hidden = !this.said.measured.length;
+      this.part("layout").value =
+        this.asked.get("space-layout") ??
+        (matchMedia("(max-width: 640px)").matches ? "over" : "beside");
       await this.compare();
     }
     const at = this.scene.points.findIndex((p) => String(p.label) === this.asked.get("point"));
     if (at >= 0) this.mark(at);
   }
-  /* Shapes that are asked for, and words of them: those of the last wish are shown, in whatever order the answers come. */
+  /* Shapes that are asked for, and words of them: those of the last wish are shown, in whatever
+     order the answers come. */
   async latest(wish) {
     this.wish = wish;
     try {
       const found = await wish;
       if (this.wish === wish) this.show(...found);
-    } catch (error) { if (this.wish === wish) this.say(error.message); }
+    } catch (error) {
+      if (this.wish === wish) this.say(error.message);
+    }
   }
   /* The shapes of a result that its lists name. */
-  compare() { return this.latest(this.pair()); }
+  compare() {
+    return this.latest(this.pair());
+  }
   async pair() {
-    const wanted = ["measured", "model"].map((side) => [side, this.part(side).value]).filter(([, value]) => value);
-    const found = await Promise.all(wanted.map(([side, value]) => ask(`${this.place.dataset.result}/mesh/shapes?${side}=${value}`)));
-    const words = found.map((shape, i) => (wanted[i][0] === "measured" ? `Measured mode ${wanted[i][1]}, ${shape.words}` : `model mode ${wanted[i][1]}`)).join("; ");
+    const wanted = ["measured", "model"]
+      .map((side) => [side, this.part(side).value])
+      .filter(([, value]) => value);
+    const found = await Promise.all(
+      wanted.map(([side, value]) =>
+        ask(`${this.place.dataset.result}/mesh/shapes?${side}=${value}`),
+      ),
+    );
+    const words = found
+      .map((shape, i) =>
+        wanted[i][0] === "measured"
+          ? `Measured mode ${wanted[i][1]}, ${shape.words}`
+          : `model mode ${wanted[i][1]}`,
+      )
+      .join("; ");
     return [found.map((shape, i) => ({ ...shape, measured: wanted[i][0] === "measured" })), words];
   }
   /* A measured mode of a test's mode sets. */
   async setOf({ dataset }) {
-    await this.latest(ask(`mode-sets/${dataset.shape}`).then((set) => {
-      const mode = set.modes.find((m) => m.number === Number(dataset.mode));
-      const shape = shapeOf(mode.shape, this.said);
-      const words = `${set.name}, mode ${mode.number}: ${number(mode.frequency_hz, 5)} Hz`;
-      return [shape ? [shape] : [], shape ? words : words + ": none of its points is on the grid"];
-    }));
+    await this.latest(
+      ask(`mode-sets/${dataset.shape}`).then((set) => {
+        const mode = set.modes.find((m) => m.number === Number(dataset.mode));
+        const shape = shapeOf(mode.shape, this.said);
+        const words = `${set.name}, mode ${mode.number}: ${number(mode.frequency_hz, 5)} Hz`;
+        return [
+          shape ? [shape] : [],
+          shape ? words : words + ": none of its points is on the grid",
+        ];
+      }),
+    );
     this.place.scrollIntoView({ block: "nearest" });
   }
   show(shapes, words) {
     this.shapes = shapes;
     this.part("motion").hidden = !shapes.length;
     this.part("run").hidden = !this.space;
-    if (this.space) this.space.show(shapes, this.part("layout")?.value === "beside"); else this.flat();
+    if (this.space) this.space.show(shapes, this.part("layout")?.value === "beside");
+    else this.flat();
     this.say(words);
     this.run(shapes.length > 0 && !this.quiet);
   }
-  set(changes) { Object.assign(this.state, changes); this.space?.set(changes); }
+  set(changes) {
+    Object.assign(this.state, changes);
+    this.space?.set(changes);
+  }
   run(on) {
     const button = this.part("run");
     button.textContent = on ? "Stop" : "Move";
     button.setAttribute("aria-pressed", String(on));
-    if (!on && this.space) { this.state.phase = this.space.state.phase; this.part("phase").value = Math.round((this.state.phase * 180) / Math.PI); }
+    if (!on && this.space) {
+      this.state.phase = this.space.state.phase;
+      this.part("phase").value = Math.round((this.state.phase * 180) / Math.PI);
+    }
     this.set({ running: on && Boolean(this.space) });
   }
   /* A point that was clicked or listed: marked here, and said to whoever shows its FRFs. */
@@ -205,20 +353,44 @@ class Viewer {
     this.part("point").value = i;
     if (point.words) return this.say(point.words);
     const place = AXES.map((axis) => `${axis} ${number(1e3 * point[axis + "_m"], 4)}`).join(", ");
-    this.say(`Point ${point.label}: ${place} mm` + ("frfs" in point ? `; ${counted(point.frfs, "FRF")}` : "") + ("distance_m" in point ? `; ${number(1e3 * point.distance_m)} mm from the structure` : ""));
+    this.say(
+      `Point ${point.label}: ${place} mm` +
+        ("frfs" in point ? `; ${counted(point.frfs, "FRF")}` : "") +
+        ("distance_m" in point ? `; ${number(1e3 * point.distance_m)} mm from the structure` : ""),
+    );
   }
   async distances(button) {
     button.disabled = true;
     try {
       const found = await ask(`campaigns/${this.place.dataset.campaign}/alignment`);
       const of = new Map(found.items.map((item) => [item.label, item]));
-      for (const point of this.scene.points) { const item = of.get(point.label); if (item) Object.assign(point, { distance_m: item.distance_m, off: item.off }); }
-      this.show(this.shapes, `The points lie ${number(1e3 * found.rms_m)} mm (rms) from the structure` + (found.off.length ? `; ${counted(found.off.length, "point")} further than an update takes: ${found.off.slice(0, 10).join(", ")}` : "."));
+      for (const point of this.scene.points) {
+        const item = of.get(point.label);
+        if (item) Object.assign(point, { distance_m: item.distance_m, off: item.off });
+      }
+      this.show(
+        this.shapes,
+        `The points lie ${number(1e3 * found.rms_m)} mm (rms) from the structure` +
+          (found.off.length
+            ? `; ${counted(found.off.length, "point")} further than an update takes: ${found.off.slice(0, 10).join(", ")}`
+            : "."),
+      );
       this.legend();
-    } catch (error) { this.say(error.message); button.disabled = false; }
+    } catch (error) {
+      this.say(error.message);
+      button.disabled = false;
+    }
   }
 }
 for (const place of document.querySelectorAll("[data-space]")) {
-  const sight = new IntersectionObserver((entries) => { if (entries.some((e) => e.isIntersecting)) { sight.disconnect(); new Viewer(place).open(); } }, { rootMargin: "300px" });
+  const sight = new IntersectionObserver(
+    (entries) => {
+      if (entries.some((e) => e.isIntersecting)) {
+        sight.disconnect();
+        new Viewer(place).open();
+      }
+    },
+    { rootMargin: "300px" },
+  );
   sight.observe(place);
 }

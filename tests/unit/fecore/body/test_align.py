@@ -36,7 +36,9 @@ def test_three_pairs_bring_a_test_onto_its_body() -> None:
 
 
 def test_closest_points_find_the_frame_of_a_body_without_symmetry(body: Structure) -> None:
-    """Walls of 56 and 78 mm, a grid that reaches one end alone: no other turn brings all points onto faces."""
+    """Walls of 56 and 78 mm, a grid that reaches one end alone: no other turn brings all points
+    onto faces.
+    """
     places = np.array([[x, y, z] for n, (x, y, z) in points().items() if n < 13])
     R, shift = Rotation.from_rotvec([0.03, -0.05, np.pi]).as_matrix(), np.array([0.2, 0.5, -0.3])
     best, *others = by_closest(body.model.surfaces, (places - shift) @ R)
@@ -47,13 +49,19 @@ def test_closest_points_find_the_frame_of_a_body_without_symmetry(body: Structur
 
 
 def test_a_symmetric_grid_has_several_answers(body: Structure) -> None:
-    ends = np.array([[x, 0.0, -0.04] for x in (0.05, 0.2, 0.35)] + [[x, 0.01, -0.04] for x in (0.05, 0.2, 0.35)])
+    ends = np.array(
+        [[x, 0.0, -0.04] for x in (0.05, 0.2, 0.35)] + [[x, 0.01, -0.04] for x in (0.05, 0.2, 0.35)]
+    )
     assert len(by_closest(body.model.surfaces, ends)) > 1
 
 
 def test_a_frame_that_is_the_bodys_comes_first() -> None:
-    """Points on outer faces, half a wall off the middle surfaces: of an open solid, whose drawing is the mesh's."""
-    truth = json.loads(shared_file("BLIND_OPEN", "blind-open", "structures/angle-1.truth.json").read_text())
+    """Points on outer faces, half a wall off the middle surfaces: of an open solid, whose drawing
+    is the mesh's.
+    """
+    truth = json.loads(
+        shared_file("BLIND_OPEN", "blind-open", "structures/angle-1.truth.json").read_text()
+    )
     surfaces = stated(truth, 4)[0].model.surfaces
     best, *_ = by_closest(surfaces, np.array([point["xyz"] for point in truth["points"]]))
     np.testing.assert_allclose(best.turn, np.eye(3), atol=5e-3)

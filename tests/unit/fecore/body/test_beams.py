@@ -25,14 +25,21 @@ def line(kind: str, count: int, direction: np.ndarray, length: float = 1.0) -> M
     steps = count * (2 if kind == "beam3" else 1)
     nodes = np.linspace(0, length, steps + 1)[:, None] * direction
     i = np.arange(0, steps, 2 if kind == "beam3" else 1)
-    elements = np.column_stack([i, i + 2, i + 1]) if kind == "beam3" else np.column_stack([i, i + 1])
+    elements = (
+        np.column_stack([i, i + 2, i + 1]) if kind == "beam3" else np.column_stack([i, i + 1])
+    )
     return Mesh(nodes, (Block(kind, elements, "bar"),), {"root": np.array([0])})
 
 
 def lowest(structure: Structure, count: int) -> np.ndarray:
     K, M = pencil(structure)
     found = scipy.sparse.linalg.eigsh(
-        K, count, M, sigma=-1e3, return_eigenvectors=False, v0=np.random.default_rng(0).standard_normal(K.shape[0])
+        K,
+        count,
+        M,
+        sigma=-1e3,
+        return_eigenvectors=False,
+        v0=np.random.default_rng(0).standard_normal(K.shape[0]),
     )
     return np.sqrt(np.abs(np.sort(found)))
 
@@ -40,10 +47,13 @@ def lowest(structure: Structure, count: int) -> np.ndarray:
 @pytest.mark.parametrize(("kind", "count", "tolerance"), [("beam3", 20, 2e-5), ("beam2", 80, 2e-3)])
 @pytest.mark.parametrize("direction", [np.array([1.0, 0, 0]), np.array([2.0, 2, 1]) / 3])
 def test_cantilever_has_eulers_modes(kind, count, tolerance, direction) -> None:
-    # A long one, so that Timoshenko's shear and rotary inertia lower the first mode by less than .1 %.
+    # A long one, so that Timoshenko's shear and rotary inertia lower the first mode by less than .1
+    # %.
     axis = tuple(np.cross(direction, [0, 0, 1.0]))
     structure = Structure(
-        line(kind, count, direction, 3.0), {"bar": replace(SECTION, axis=axis)}, supports=(Support("root"),)
+        line(kind, count, direction, 3.0),
+        {"bar": replace(SECTION, axis=axis)},
+        supports=(Support("root"),),
     )
     omega = lowest(structure, 2)
     k = 1.8751040687 / 3.0
@@ -72,30 +82,42 @@ def test_static_deflection_is_timoshenkos(kind) -> None:
 def test_a_beam_off_its_nodes_is_a_rib() -> None:
     # A plate with a rib below: as a beam with an offset and as shells in a wall.
     length, t, height, b = 0.8, 0.004, 0.03, 0.006
-    plate = grid("quad8", 16, 6, lambda st: np.column_stack([length * st[:, 0], 0.3 * (st[:, 1] - 0.5), 0 * st[:, 0]]))
+    plate = grid(
+        "quad8",
+        16,
+        6,
+        lambda st: np.column_stack([length * st[:, 0], 0.3 * (st[:, 1] - 0.5), 0 * st[:, 0]]),
+    )
     centre = np.flatnonzero(np.abs(plate.nodes[:, 1]) < 1e-9)
     centre = centre[np.argsort(plate.nodes[centre, 0])]
     i = np.arange(0, len(centre) - 1, 2)
     beams = Block("beam3", np.column_stack([centre[i], centre[i + 2], centre[i + 1]]), "rib")
     E_s, nu = 70e9, 0.3
     rib = replace(
-        BeamSection.rectangle(b, height, E_s, E_s / 2 / (1 + nu), 2700.0), offset=(0.0, 0.0, -(height + t) / 2)
+        BeamSection.rectangle(b, height, E_s, E_s / 2 / (1 + nu), 2700.0),
+        offset=(0.0, 0.0, -(height + t) / 2),
     )
     stiffened = Structure(
-        Mesh(plate.nodes, (*plate.blocks, beams)), {"plate": isotropic(E_s, nu, t, 2700.0), "rib": rib}
+        Mesh(plate.nodes, (*plate.blocks, beams)),
+        {"plate": isotropic(E_s, nu, t, 2700.0), "rib": rib},
     )
     omega = lowest(stiffened, 16)
     assert omega[5] < 1e-2 * omega[6]
     K, _ = pencil(stiffened)
     rigid = stiffened.model.rigid_modes
     assert np.abs(K @ rigid).max() < 1e-10 * abs(K).max()
-    # Bending along the rib follows the composite section: (EI) of plate and rib about their common axis.
+    # Bending along the rib follows the composite section: (EI) of plate and rib about their common
+    # axis.
     areas, z = np.array([0.3 * t, b * height]), np.array([0.0, -(height + t) / 2])
     axis = areas @ z / areas.sum()
     inertia = 0.3 * t**3 / 12 + b * height**3 / 12 + areas @ (z - axis) ** 2
     beam = Structure(
         line("beam3", 20, np.array([1.0, 0, 0]), length),
-        {"bar": BeamSection(E_s, E_s / 2.6, 2700.0, float(areas.sum()), (float(inertia), 1e-3, 0.0), 1e-6)},
+        {
+            "bar": BeamSection(
+                E_s, E_s / 2.6, 2700.0, float(areas.sum()), (float(inertia), 1e-3, 0.0), 1e-6
+            )
+        },
     )
     first = lowest(beam, 7)[6]
     assert np.min(np.abs(omega[6:] / first - 1)) < 0.05  # shear lag and Poisson's ratio
@@ -108,7 +130,9 @@ def test_masses_and_springs() -> None:
     springs = tuple(Spring(f"k{i}", 100.0, 3, point=where) for i, where in enumerate(corners))
     held = (Support(Box((0, 0, 0), (1, 1, 0)), ("u", "v", "rz")),)
     mass = Mass(3.0, (0.5, 0.5, 0.0), 0.02)
-    structure = Structure(mesh, {"plate": isotropic(70e9, 0.3, 0.01, 500.0)}, held, springs, (mass,))
+    structure = Structure(
+        mesh, {"plate": isotropic(70e9, 0.3, 0.01, 500.0)}, held, springs, (mass,)
+    )
     K, M = pencil(structure)
     values = scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True, subset_by_index=[0, 2])
     assert values.min() == pytest.approx(400 / (5 + 3), rel=3e-3)  # the plate bends a little
@@ -124,7 +148,9 @@ def test_an_edge_spring_is_the_sum_of_its_length() -> None:
     along = Structure(mesh, {"strip": section}, springs=(Spring("k", 1.0, 3, "start"),))
     k = list(along.model.stiffness.names).index("k")
     up = along.model.motions[:, [2]]
-    assert float((up.T @ (along.model.stiffness.term(k) @ up))[0, 0]) == pytest.approx(0.04, rel=1e-12)
+    assert float((up.T @ (along.model.stiffness.term(k) @ up))[0, 0]) == pytest.approx(
+        0.04, rel=1e-12
+    )
     assert along.model.rigid_modes.shape[1] == 4  # heave and roll are held
 
 
@@ -135,7 +161,11 @@ def test_rigid_link_and_mean_move_as_a_body() -> None:
     number = len(nodes) - 1
     section = {"plate": isotropic(70e9, 0.3, 0.01, 1000.0)}
     lone = Mesh(nodes, mesh.blocks)
-    for link in (Link(number, (0,)), Link(number, (0, 1, 2, 3)), Link(number, (0,), dofs=(0, 1, 2))):
+    for link in (
+        Link(number, (0,)),
+        Link(number, (0, 1, 2, 3)),
+        Link(number, (0,), dofs=(0, 1, 2)),
+    ):
         masses = (Mass(2.0, number, 0.01),)
         structure = Structure(lone, section, masses=masses, links=(link,))
         K, M = pencil(structure)
@@ -155,11 +185,17 @@ def test_rigid_link_and_mean_move_as_a_body() -> None:
 def test_points_see_the_walls_rotation() -> None:
     material = OrthotropicMaterial(25e9, 9e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
     mesh = profile("i", 0.3, 0.06, 0.04, 0.005, 0.004, elements=3)
-    sections = {name: ShellSection((Ply(material, t),)) for name, t in (("flange", 0.005), ("web", 0.004))}
+    sections = {
+        name: ShellSection((Ply(material, t),)) for name, t in (("flange", 0.005), ("web", 0.004))
+    }
     model = Structure(mesh, sections).model
     random = np.random.default_rng(4)
-    top = np.column_stack([random.uniform(0, 0.3, 20), random.uniform(-0.02, 0.02, 20), np.full(20, 0.03)])
-    side = np.column_stack([random.uniform(0, 0.3, 20), np.full(20, 0.002), random.uniform(-0.02, 0.02, 20)])
+    top = np.column_stack(
+        [random.uniform(0, 0.3, 20), random.uniform(-0.02, 0.02, 20), np.full(20, 0.03)]
+    )
+    side = np.column_stack(
+        [random.uniform(0, 0.3, 20), np.full(20, 0.002), random.uniform(-0.02, 0.02, 20)]
+    )
     points = np.concatenate([top, side])
     directions = random.standard_normal((40, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -167,9 +203,14 @@ def test_points_see_the_walls_rotation() -> None:
     arms = turning(points - mesh.nodes.mean(axis=0))
     moved = np.concatenate([np.broadcast_to(np.eye(3), arms.shape), arms], axis=2)
     # Any rigid motion is seen as that of the point itself, on the face and not amid the wall.
-    np.testing.assert_allclose(seen @ model.motions, np.einsum("pk,pkm->pm", directions, moved), atol=1e-12)
+    np.testing.assert_allclose(
+        seen @ model.motions, np.einsum("pk,pkm->pm", directions, moved), atol=1e-12
+    )
     places = model.surfaces.find(points)
-    np.testing.assert_allclose(places.distance[:20], 0.0025, rtol=0.05)  # within d of a line the surface is its edge
+    # within d of a line the surface is its edge
+    np.testing.assert_allclose(places.distance[:20], 0.0025, rtol=0.05)
     assert {mesh.blocks[b].set for b in places.block[20:]} == {"web"}
-    with pytest.raises(OffSpecimenError, match=r"lies 22\.5 mm off the specimen, which spans x 0 … 0.3 m"):
+    with pytest.raises(
+        OffSpecimenError, match=r"lies 22\.5 mm off the specimen, which spans x 0 … 0.3 m"
+    ):
         model.observe(np.array([[0.1, 0.0, 0.05]]), np.array([[0.0, 0, 1]]))

@@ -1,4 +1,6 @@
-"""What may differ from element to element, or hangs on nodes: axes, offsets, springs, links along axes of their own."""
+"""What may differ from element to element, or hangs on nodes: axes, offsets, springs, links along
+axes of their own.
+"""
 
 from dataclasses import replace
 
@@ -24,7 +26,10 @@ def test_two_halves_with_axes_of_their_own_are_not_taken_for_alike() -> None:
     left = mesh.nodes[block.nodes, 0].mean(axis=1) < 0.25
     axes = np.where(left[:, None], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
     turned = replace(WALL, axis=(0.0, 1.0, 0.0))
-    halves = Mesh(mesh.nodes, (Block("quad8", block.nodes[left], "a"), Block("quad8", block.nodes[~left], "b")))
+    halves = Mesh(
+        mesh.nodes,
+        (Block("quad8", block.nodes[left], "a"), Block("quad8", block.nodes[~left], "b")),
+    )
     expected = hz(Structure(halves, {"a": WALL, "b": turned}))
     found = hz(Structure(replace(mesh, blocks=(replace(block, axes=axes),)), {"strip": WALL}))
     np.testing.assert_allclose(found, expected, rtol=1e-9)
@@ -40,7 +45,9 @@ def test_a_beams_axes_and_offsets_by_element_are_those_of_its_section() -> None:
         "beam2", ends, "b",
         axes=np.tile([0.0, 0.6, 0.8], (10, 1)), offsets=np.broadcast_to([0.0, 0.02, -0.01], (10, 2, 3)).copy(),
     )  # fmt: skip
-    np.testing.assert_allclose(hz(Structure(Mesh(nodes, (block,)), {"b": section})), expected, rtol=1e-9)
+    np.testing.assert_allclose(
+        hz(Structure(Mesh(nodes, (block,)), {"b": section})), expected, rtol=1e-9
+    )
 
 
 def test_a_shell_may_lie_off_its_nodes() -> None:
@@ -51,7 +58,8 @@ def test_a_shell_may_lie_off_its_nodes() -> None:
     held = (Support("start"),)
     by_offset = hz(Structure(moved, {"strip": WALL}, held))
     by_section = hz(Structure(mesh, {"strip": replace(WALL, offset=0.02)}, held))
-    # The section's rotary inertia about its own middle is the same; both are the same plate on rigid arms.
+    # The section's rotary inertia about its own middle is the same; both are the same plate on
+    # rigid arms.
     np.testing.assert_allclose(by_offset, by_section, rtol=2e-3)
 
 
@@ -64,7 +72,9 @@ def test_a_spring_at_a_node_is_that_at_its_point() -> None:
     at_node = NodeSpring("tip", 5e3, np.array([[number]]), row)
     at_point = Spring("tip", 5e3, 3, point=(0.5, 0.0))
     assert at_node.unit == at_point.unit == "N/m"
-    found = [hz(Structure(mesh, {"strip": WALL}, held, (spring,)), 4) for spring in (at_node, at_point)]
+    found = [
+        hz(Structure(mesh, {"strip": WALL}, held, (spring,)), 4) for spring in (at_node, at_point)
+    ]
     np.testing.assert_allclose(found[0], found[1], rtol=1e-9)
     assert found[0][0] > 1.2 * hz(Structure(mesh, {"strip": WALL}, held))[0]
     turn = np.zeros((1, 1, 6))
@@ -99,36 +109,48 @@ def test_a_support_along_axes_of_its_own_is_that_of_the_turned_body() -> None:
     )
     np.testing.assert_allclose(hz(askew), hz(straight), rtol=1e-8)
     assert hz(Structure(mesh, walls, (Support("end", "clamped"),)))[0] < 0.5 * hz(straight)[0]
-    points, along = np.array([[0.003, 0.01, 0.06], [0.02, 0.003, 0.0]]), np.array([[0, 0, 1.0], [0, 1.0, 0]])
+    points, along = (
+        np.array([[0.003, 0.01, 0.06], [0.02, 0.003, 0.0]]),
+        np.array([[0, 0, 1.0], [0, 1.0, 0]]),
+    )
     here = straight.model.observe(points, along) @ straight.model.motions
     there = askew.model.observe(points @ turn.T, along @ turn.T) @ askew.model.motions
-    # What the supports leave of a rigid motion along and about the body's axes: all that each row sees, one by one.
+    # What the supports leave of a rigid motion along and about the body's axes: all that each row
+    # sees, one by one.
     both = np.kron(np.eye(2), turn)
     np.testing.assert_allclose(there @ both, here, atol=1e-9)
 
 
 @pytest.mark.parametrize("dofs", [(0, 1, 2, 3, 4, 5), (0, 1, 2, 3, 5)])
 def test_points_on_led_walls_move_with_their_leaders(dofs: tuple[int, ...]) -> None:
-    """A strip in two halves, the nodes of one edge led by those of the other; and all but one turn, a hinge with a spring."""
+    """A strip in two halves, the nodes of one edge led by those of the other; and all but one turn,
+    a hinge with a spring.
+    """
     mesh = strip(0.4, 0.05, 16, 2)
     (block,) = mesh.blocks
     right = mesh.nodes[block.nodes][..., 0].mean(axis=1) > 0.2
     seam = np.flatnonzero(np.abs(mesh.nodes[:, 0] - 0.2) < 1e-9)
     number = np.arange(len(mesh.nodes))
     number[seam] = len(mesh.nodes) + np.arange(seam.size)
-    halves = (replace(block, nodes=block.nodes[~right]), Block("quad8", number[block.nodes[right]], "strip"))
+    halves = (
+        replace(block, nodes=block.nodes[~right]),
+        Block("quad8", number[block.nodes[right]], "strip"),
+    )
     links = tuple(Link(int(number[n]), (int(n),), dofs) for n in seam)
     turn = np.zeros((seam.size, 2, 6))
     turn[:, :, 4] = 1, -1
     hinge = NodeSpring("hinge", 1e7, np.column_stack([seam, number[seam]]), turn)
     springs = (hinge,) if len(dofs) < 6 else ()
     nodes = np.vstack([mesh.nodes, mesh.nodes[seam]])
-    parted = Structure(Mesh(nodes, halves, mesh.node_sets), {"strip": WALL}, links=links, springs=springs)
+    parted = Structure(
+        Mesh(nodes, halves, mesh.node_sets), {"strip": WALL}, links=links, springs=springs
+    )
     shapes = []
     for body in (Structure(mesh, {"strip": WALL}), parted):
         found = modes(body, 3)
         point = body.model.observe(np.array([[0.21, 0.02, 0.0]]), np.array([[0, 0, 1.0]]))
         shapes.append((found.frequency_hz[6:], np.abs(point @ found.shapes[:, 6:])[0]))
-        assert body.model.at_nodes(found.shapes)[:, [0, -1]].any(axis=(1, 2)).all()  # the last node is led
+        # the last node is led
+        assert body.model.at_nodes(found.shapes)[:, [0, -1]].any(axis=(1, 2)).all()
     np.testing.assert_allclose(shapes[1][0], shapes[0][0], rtol=2e-4)
     np.testing.assert_allclose(shapes[1][1], shapes[0][1], rtol=1e-3, atol=1e-3)

@@ -1,4 +1,6 @@
-"""Corners at any angle: continuous, so that a faceted curve is a curve; stacks, sharp edges, walls that end on others."""
+"""Corners at any angle: continuous, so that a faceted curve is a curve; stacks, sharp edges, walls
+that end on others.
+"""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -39,9 +41,13 @@ def two_walls(
     return Structure(extrude(segments, 0.2, 0.025), sections)
 
 
-@pytest.mark.parametrize(("t", "names"), [((0.006, 0.004), ("a", "b")), ((0.006, 0.006), ("a", "a"))])
+@pytest.mark.parametrize(
+    ("t", "names"), [((0.006, 0.004), ("a", "b")), ((0.006, 0.006), ("a", "a"))]
+)
 def test_matrices_have_no_jump_at_any_angle(t: tuple[float, float], names: tuple[str, str]) -> None:
-    """What the joints add to a fixed motion's energy, by steps of the angle: its derivative changes little by little."""
+    """What the joints add to a fixed motion's energy, by steps of the angle: its derivative changes
+    little by little.
+    """
     degrees = np.arange(0, 92, 2.0)
     motion, added = np.random.default_rng(3), []
     shape = motion.standard_normal(two_walls(45.0, t, names).model.stiffness.size)
@@ -49,7 +55,10 @@ def test_matrices_have_no_jump_at_any_angle(t: tuple[float, float], names: tuple
         on = two_walls(float(angle), t, names)
         with_joints, without = (pencil(each) for each in (on, replace(on, with_joints=False)))
         added.append(
-            [shape @ (A @ shape) / (shape @ (B @ shape)) - 1 for A, B in zip(with_joints, without, strict=True)]
+            [
+                shape @ (A @ shape) / (shape @ (B @ shape)) - 1
+                for A, B in zip(with_joints, without, strict=True)
+            ]
         )
     slope = np.diff(added, axis=0)
     assert added[0] == pytest.approx([0, 0], abs=1e-12)
@@ -73,8 +82,11 @@ def test_a_wall_that_ends_on_one_that_passes_begins_at_its_face(beta: float) -> 
     np.testing.assert_allclose(corner.straight[[0, 0, 1], [2, 1, 2]], [1, 0, 0], atol=1e-12)
     sine, cosine = np.sin(np.radians(beta)), np.cos(np.radians(beta))
     heights = np.array([-0.002, 0.0, 0.002])
-    # A point at a along the wall and ζ beside it lies a sin β + ζ cos β above the middle of the one that passes.
-    np.testing.assert_allclose(corner.true_start(1, heights) * sine + heights * cosine, 0.003, rtol=1e-9)
+    # A point at a along the wall and ζ beside it lies a sin β + ζ cos β above the middle of the one
+    # that passes.
+    np.testing.assert_allclose(
+        corner.true_start(1, heights) * sine + heights * cosine, 0.003, rtol=1e-9
+    )
     assert corner.begin(1) == pytest.approx(0.003 / sine / (1 + 3 * (4 / 6) ** 3))
     np.testing.assert_allclose(corner.true_start(0, heights), 0, atol=1e-12)
 
@@ -91,7 +103,8 @@ def test_an_overlap_takes_a_third_of_a_wall_at_most(degrees: float) -> None:
     whole = Corner.of(ALONG, around(0, 180 - degrees), (0.003, 0.003))
     cut = whole.cut((0.1, 0.06))
     assert 0.95 * 0.02 < cut.overlap(0) <= 0.02
-    # Of a wall that lies on the other all that is beyond a third is left, and no more than there is.
+    # Of a wall that lies on the other all that is beyond a third is left, and no more than there
+    # is.
     assert whole.cut((0.1, 0.06), 1.0).left(cut) == pytest.approx(2 / 3 * 0.06 / 0.0015, rel=0.05)
     sharp = Corner.of(ALONG, around(0, 100), (0.003, 0.003))
     assert sharp.left(sharp.cut((0.1, 0.06))) < 1e-9
@@ -133,7 +146,9 @@ def test_facets_of_a_tube_converge_to_one_set_of_frequencies() -> None:
 
 
 def dome(n: int, kind: str) -> Structure:
-    """Curved both ways, so that every edge of flat elements turns by an angle of its own, along a direction of its own."""
+    """Curved both ways, so that every edge of flat elements turns by an angle of its own, along a
+    direction of its own.
+    """
 
     def surface(st: np.ndarray) -> np.ndarray:
         x, y = st[:, 0] - 0.5, st[:, 1] - 0.5
@@ -143,9 +158,12 @@ def dome(n: int, kind: str) -> Structure:
 
 
 @pytest.mark.parametrize("kind", ["quad4", "tri3"])
-def test_coefficients_of_a_curve_are_as_many_as_its_angles_at_most_however_fine_its_mesh(kind: str) -> None:
+def test_coefficients_of_a_curve_are_as_many_as_its_angles_at_most_however_fine_its_mesh(
+    kind: str,
+) -> None:
     models = [dome(n, kind).model for n in (5, 10, 20)]
-    of_set = 3 + 3 + 3  # a bead's by E, G and Gt, and of what is given up EA, ES and EI; a bead's mass along three axes
+    # a bead's by E, G and Gt, and of what is given up EA, ES and EI; a bead's mass along three axes
+    of_set = 3 + 3 + 3
     for model in models:
         joints = [n for n in (*model.stiffness.names, *model.mass.names) if ".joint" in n]
         assert len(joints) <= 36 * of_set
@@ -164,32 +182,43 @@ def test_a_dome_of_facets_has_exact_derivatives() -> None:
         for name in ("plate.E1", "plate.G12", "plate.G13", "plate.density"):
             step = np.where(np.array(list(body.nominal)) == name, 1e-4 * q, 0.0)
             by_step = np.tensordot(of(q + 1e-30j * step).imag / 1e-30, forms, 1)
-            ahead, behind = (shapes.T @ (matrix.at(of(q + sign * step)) @ shapes) for sign in (1, -1))
+            ahead, behind = (
+                shapes.T @ (matrix.at(of(q + sign * step)) @ shapes) for sign in (1, -1)
+            )
             whole = np.abs(shapes.T @ (matrix.at(of(q)) @ shapes)).max()
             np.testing.assert_allclose(by_step, (ahead - behind) / 2, atol=1e-10 * whole)
 
 
-@pytest.mark.parametrize(("turn", "angle"), [(1.0, 0.4321), (0.1, 1.234), (1e-6, 3.1), (1.0, np.pi / 2), (0.3, 0.0)])
+@pytest.mark.parametrize(
+    ("turn", "angle"), [(1.0, 0.4321), (0.1, 1.234), (1e-6, 3.1), (1.0, np.pi / 2), (0.3, 0.0)]
+)
 def test_angles_lie_between_those_of_the_coefficients(turn: float, angle: float) -> None:
     which, degrees, share = between(np.array([angle]), np.array([turn]))
     assert share.sum() == pytest.approx(1)
     assert (share > 0).all()
     assert (which == 0).all()
     # Wherever the half circle begins anew.
-    assert (share @ np.exp(2j * np.radians(degrees))).real == pytest.approx(np.cos(2 * angle), abs=turn**-1 * 1e-3)
+    assert (share @ np.exp(2j * np.radians(degrees))).real == pytest.approx(
+        np.cos(2 * angle), abs=turn**-1 * 1e-3
+    )
     if angle in (0.0, np.pi / 2):
         assert degrees.tolist() == [round(np.degrees(angle))]
 
 
 @pytest.mark.parametrize("split", [False, True])
 def test_walls_on_the_same_nodes_are_one(split: bool) -> None:
-    """Two layers of one thickness together, the second as quadrilaterals or triangles; flat and around a corner."""
+    """Two layers of one thickness together, the second as quadrilaterals or triangles; flat and
+    around a corner.
+    """
     plain = two_walls(60.0, (0.004, 0.004), ("a", "a")).mesh
     corners = plain.blocks[0].nodes[:, :4]
     used, nodes = np.unique(corners, return_inverse=True)
     quads = nodes.reshape(corners.shape)
     second = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]) if split else quads
-    mesh = Mesh(plain.nodes[used], (Block("quad4", quads, "a"), Block("tri3" if split else "quad4", second, "b")))
+    mesh = Mesh(
+        plain.nodes[used],
+        (Block("quad4", quads, "a"), Block("tri3" if split else "quad4", second, "b")),
+    )
     sections = {name: ShellSection((Ply(GFRP, t),)) for name, t in (("a", 0.003), ("b", 0.001))}
     body = Structure(mesh, sections)
     (junction,) = body.junctions
@@ -199,5 +228,7 @@ def test_walls_on_the_same_nodes_are_one(split: bool) -> None:
     motions = body.model.motions[:, 0]
     masses = [float(motions @ (pencil(each)[1] @ motions)) for each in (body, one)]
     assert masses[0] == pytest.approx(masses[1], rel=1e-9)
-    assert body.junctions[0].edges[0].corner.begin(0) == pytest.approx(one.junctions[0].edges[0].corner.begin(0))
+    assert body.junctions[0].edges[0].corner.begin(0) == pytest.approx(
+        one.junctions[0].edges[0].corner.begin(0)
+    )
     assert np.isfinite(hz(body, 3)).all()

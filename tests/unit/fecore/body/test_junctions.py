@@ -48,18 +48,22 @@ def test_profiles_have_their_lines_and_their_mass(shape, lines, area) -> None:
         assert {name for name, _, _ in junction.walls} == {"flange", "web"}
         passing = [name for name, _, passes in junction.walls if passes]
         assert passing == (["flange", "flange"] if shape in ("i", "tee") else [])
-    assert mass(structure)[0, 0] == pytest.approx(1850 * 0.3 * area, rel=1e-10)  # alike elements are alike to 1e-10
+    # alike elements are alike to 1e-10
+    assert mass(structure)[0, 0] == pytest.approx(1850 * 0.3 * area, rel=1e-10)
 
 
 def test_moments_of_inertia_are_the_solids() -> None:
-    # An I of full rectangles: its rotary inertia about x is ρL (Iy + Iz), that of shells' overlapping walls is not.
+    # An I of full rectangles: its rotary inertia about x is ρL (Iy + Iz), that of shells'
+    # overlapping walls is not.
     h, b, tf, tw, L = 0.06, 0.04, 0.005, 0.004, 0.3
     mesh = profile("i", L, h, b, tf, tw, elements=6)
     sections = {"flange": wall(tf), "web": wall(tw)}
     Iy = b * h**3 / 12 - (b - tw) * (h - 2 * tf) ** 3 / 12
     Iz = 2 * tf * b**3 / 12 + (h - 2 * tf) * tw**3 / 12
     exact = 1850 * L * (Iy + Iz)
-    with_joints, without = (mass(Structure(mesh, sections, with_joints=on))[3, 3] for on in (True, False))
+    with_joints, without = (
+        mass(Structure(mesh, sections, with_joints=on))[3, 3] for on in (True, False)
+    )
     # The drilling inertia is a little more than none.
     assert with_joints == pytest.approx(exact, rel=3e-4)
     assert abs(without / exact - 1) > 5e-3
@@ -68,7 +72,9 @@ def test_moments_of_inertia_are_the_solids() -> None:
 SHAPES = ("i", "box", "channel", "angle", "panel")
 
 
-def short_body(shape: str, size: float, flange: float, web: float, height: float, length: float) -> Structure:
+def short_body(
+    shape: str, size: float, flange: float, web: float, height: float, length: float
+) -> Structure:
     """A body of elements of a size in m, of GFRP."""
     if shape == "panel":
         ribs = (-0.2 * height, 0.2 * height)
@@ -79,7 +85,9 @@ def short_body(shape: str, size: float, flange: float, web: float, height: float
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize(("walls", "other", "height", "length"), [(0.5, 2.0, 5, 1), (8, 2.0, 24, 24)])
+@pytest.mark.parametrize(
+    ("walls", "other", "height", "length"), [(0.5, 2.0, 5, 1), (8, 2.0, 24, 24)]
+)
 def test_elements_of_any_size_have_definite_matrices(shape, walls, other, height, length) -> None:
     t = 0.01
     structure = short_body(shape, walls * t, other * t, t, height * t, length * t)
@@ -104,7 +112,9 @@ def test_frequencies_converge_as_elements_become_smaller_than_walls() -> None:
 
 @pytest.mark.parametrize("shape", ["box", "panel"])
 def test_energies_of_shapes_have_exact_derivatives(shape) -> None:
-    """By every constant: a complex step of the coefficients with forms from strains, against the matrices' differences."""
+    """By every constant: a complex step of the coefficients with forms from strains, against the
+    matrices' differences.
+    """
     structure = short_body(shape, 0.02, 0.012, 0.01, 0.08, 0.06)
     q = np.array(list(structure.nominal.values()))
     shapes = np.random.default_rng(5).standard_normal((structure.model.stiffness.size, 2))
@@ -117,7 +127,9 @@ def test_energies_of_shapes_have_exact_derivatives(shape) -> None:
             step = np.zeros(len(q))
             step[k] = 1e-4 * value
             by_step = np.tensordot(of(q + 1e-30j * step).imag / 1e-30, forms, 1)
-            ahead, behind = (shapes.T @ (matrix.at(of(q + sign * step)) @ shapes) for sign in (1, -1))
+            ahead, behind = (
+                shapes.T @ (matrix.at(of(q + sign * step)) @ shapes) for sign in (1, -1)
+            )
             whole = np.abs(shapes.T @ (matrix.at(of(q)) @ shapes)).max()
             np.testing.assert_allclose(by_step, (ahead - behind) / 2, atol=3e-11 * whole)
 
@@ -136,15 +148,21 @@ def test_ribs_end_at_the_plate() -> None:
 @pytest.mark.parametrize("kind", ["quad4", "tri3", "tri6"])
 def test_junctions_are_found_on_users_meshes(kind) -> None:
     floor = grid(kind, 4, 3, lambda st: np.column_stack([st, 0 * st[:, 0]]), "floor")
-    side = grid(kind, 4, 2, lambda st: np.column_stack([st[:, 0], 0 * st[:, 0], 0.5 * st[:, 1]]), "side")
-    number = np.concatenate([np.arange(len(floor.nodes)), len(floor.nodes) + np.arange(len(side.nodes))])
+    side = grid(
+        kind, 4, 2, lambda st: np.column_stack([st[:, 0], 0 * st[:, 0], 0.5 * st[:, 1]]), "side"
+    )
+    number = np.concatenate(
+        [np.arange(len(floor.nodes)), len(floor.nodes) + np.arange(len(side.nodes))]
+    )
     for node, place in enumerate(side.nodes):
         same = np.flatnonzero(np.abs(floor.nodes - place).max(axis=1) < 1e-12)
         if same.size:
             number[len(floor.nodes) + node] = same[0]
     blocks = (*floor.blocks, Block(kind, number[side.blocks[0].nodes + len(floor.nodes)], "side"))
     mesh = Mesh(np.concatenate([floor.nodes, side.nodes]), blocks)
-    structure = Structure(mesh, {"floor": isotropic(70e9, 0.3, 0.02), "side": isotropic(70e9, 0.3, 0.01)})
+    structure = Structure(
+        mesh, {"floor": isotropic(70e9, 0.3, 0.02), "side": isotropic(70e9, 0.3, 0.01)}
+    )
     (junction,) = structure.junctions
     assert junction.length == pytest.approx(1)
     assert junction.angles == pytest.approx((90, 90))
@@ -156,8 +174,12 @@ def test_a_curve_of_curved_elements_has_none() -> None:
         return np.column_stack([np.cos(3 * st[:, 0]), np.sin(3 * st[:, 0]), st[:, 1]])
 
     section = ShellSection((Ply(GFRP, 0.01),), axis=(0.0, 0.0, 1.0))
-    faceted, curved = (Structure(grid(kind, 12, 2, bent), {"plate": section}) for kind in ("quad4", "quad8"))
-    assert [junction.angles for junction in faceted.junctions] == [pytest.approx((180 - np.degrees(0.25),) * 2)] * 11
+    faceted, curved = (
+        Structure(grid(kind, 12, 2, bent), {"plate": section}) for kind in ("quad4", "quad8")
+    )
+    assert [junction.angles for junction in faceted.junctions] == [
+        pytest.approx((180 - np.degrees(0.25),) * 2)
+    ] * 11
     # Of curved elements what turns is what parabolas miss of a circle.
     assert faceted.model_error == pytest.approx(0.003 * np.tan(0.125), rel=1e-3)
     half = 0.125  # rad of an element's arc: at its ends a parabola's slope is less by half³/4
@@ -169,12 +191,19 @@ def test_a_curve_of_curved_elements_has_none() -> None:
     [
         ("i", (1.1,), True, 1e-6),
         ("box", (1.01, 0.98, 1.02), False, 1e-6),
-        ("box", (1.01, 0.98, 1.02), True, 3e-3),  # their sections are nominal: .1 % of a frequency at stretches of 2 %
+        # their sections are nominal: .1 % of a frequency at stretches of 2 %
+        ("box", (1.01, 0.98, 1.02), True, 3e-3),
     ],
 )
-def test_length_width_and_height_are_exact_constants_but_for_the_joints(shape, stretch, joints, rtol) -> None:
+def test_length_width_and_height_are_exact_constants_but_for_the_joints(
+    shape, stretch, joints, rtol
+) -> None:
     sections, size = {"flange": wall(0.005), "web": wall(0.004)}, (0.3, 0.04, 0.06)
-    nominal = Structure(profile(shape, 0.3, 0.06, 0.04, 0.005, 0.004, elements=2), sections, size=size[: len(stretch)])
+    nominal = Structure(
+        profile(shape, 0.3, 0.06, 0.04, 0.005, 0.004, elements=2),
+        sections,
+        size=size[: len(stretch)],
+    )
     nominal = replace(nominal, with_joints=joints)
     nodes = nominal.mesh.nodes * (*stretch, 1.0, 1.0)[:3]
     built = Structure(replace(nominal.mesh, nodes=nodes), sections, with_joints=joints)
@@ -185,11 +214,17 @@ def test_length_width_and_height_are_exact_constants_but_for_the_joints(shape, s
 
 def test_a_box_encloses_a_cell_and_has_the_larger_error() -> None:
     sections = {"flange": wall(0.005), "web": wall(0.004)}
-    for shape, error in (("i", 0.003), ("box", 0.0045), ("channel", 0.003), ("angle", 0.003), ("tee", 0.003)):
+    for shape, error in (
+        ("i", 0.003),
+        ("box", 0.0045),
+        ("channel", 0.003),
+        ("angle", 0.003),
+        ("tee", 0.003),
+    ):
         body = Structure(profile(shape, 0.3, 0.06, 0.04, 0.005, 0.004, elements=2), sections)
         assert body.model_error == pytest.approx(error, rel=1e-6)
         assert replace(body, with_joints=False).model_error == 0.016
     thick = {"flange": wall(0.008), "web": wall(0.004)}
-    assert Structure(profile("i", 0.3, 0.06, 0.04, 0.008, 0.004, elements=2), thick).model_error == pytest.approx(
-        0.0045, rel=1e-6
-    )
+    assert Structure(
+        profile("i", 0.3, 0.06, 0.04, 0.008, 0.004, elements=2), thick
+    ).model_error == pytest.approx(0.0045, rel=1e-6)

@@ -1,4 +1,6 @@
-"""Matrices of strains, their terms and projections; and matrices as a body: those of our own models, set by set."""
+"""Matrices of strains, their terms and projections; and matrices as a body: those of our own
+models, set by set.
+"""
 
 from dataclasses import replace
 
@@ -27,7 +29,8 @@ def both(boundary: str = "free") -> tuple[Structure, MatrixBody]:
     dofs, stiffness, mass = matrices_of_sets(body)
     turned = np.random.default_rng(0).permutation(len(dofs))  # a solver orders rows as it likes
     shuffled = [
-        {n: scipy.sparse.csc_array(m[turned][:, turned]) for n, m in each.items()} for each in (stiffness, mass)
+        {n: scipy.sparse.csc_array(m[turned][:, turned]) for n, m in each.items()}
+        for each in (stiffness, mass)
     ]
     return body, MatrixBody(body.mesh.nodes, dofs[turned], *shuffled)
 
@@ -43,7 +46,9 @@ def test_matrices_vibrate_as_the_model_that_they_are_of(boundary: str) -> None:
     assert list(matrices.nominal) == ["flange.factor", "web.factor"]
     np.testing.assert_allclose(hz(matrices, 8), hz(body, 8), rtol=1e-7)
     moduli = {f"web.{c}": 1.2 * body.nominal[f"web.{c}"] for c in ("E1", "E2", "G12", "G13", "G23")}
-    np.testing.assert_allclose(changed(matrices, **{"web.factor": 1.2}), changed(body, **moduli), rtol=1e-7)
+    np.testing.assert_allclose(
+        changed(matrices, **{"web.factor": 1.2}), changed(body, **moduli), rtol=1e-7
+    )
 
 
 def test_springs_and_masses_act_at_the_nearest_node() -> None:
@@ -70,19 +75,26 @@ def test_the_matrix_is_the_sum_of_its_terms(name) -> None:
     c = np.random.default_rng(1).uniform(1, 2, len(matrix.names))
     terms = [matrix.term(k) for k in range(len(c))]
     whole = matrix.at(c)
-    assert abs(whole - sum(ck * term for ck, term in zip(c, terms, strict=True))).max() < 1e-12 * abs(whole).max()
+    assert (
+        abs(whole - sum(ck * term for ck, term in zip(c, terms, strict=True))).max()
+        < 1e-12 * abs(whole).max()
+    )
     assert abs(whole - whole.T).max() < 1e-12 * abs(whole).max()
     random = np.random.default_rng(2).standard_normal((matrix.size, 5))
     forms = matrix.project(random, slice(2, None))
     for form, term in zip(forms, terms, strict=True):
-        np.testing.assert_allclose(form, random.T @ (term @ random[:, 2:]), rtol=1e-9, atol=1e-9 * np.abs(form).max())
+        np.testing.assert_allclose(
+            form, random.T @ (term @ random[:, 2:]), rtol=1e-9, atol=1e-9 * np.abs(form).max()
+        )
 
 
 def test_many_vectors_are_projected_in_parts() -> None:
     matrix = CHANNEL.model.stiffness
     parts = list(matrix.groups[0].parts(10_000))
     assert len(parts) > 1
-    np.testing.assert_array_equal(np.concatenate([part.nodes for part in parts]), matrix.groups[0].nodes)
+    np.testing.assert_array_equal(
+        np.concatenate([part.nodes for part in parts]), matrix.groups[0].nodes
+    )
     left = np.random.default_rng(4).standard_normal((matrix.size, 10_000))
     whole, few = matrix.project(left, slice(2)), matrix.project(left[:, :2], slice(None))
     np.testing.assert_allclose(whole[:, :2], few, rtol=1e-9, atol=1e-9 * np.abs(few).max())

@@ -1,4 +1,6 @@
-"""A finer mesh is of the same body: its area, its surface, its supports, and frequencies that converge as its elements do."""
+"""A finer mesh is of the same body: its area, its surface, its supports, and frequencies that
+converge as its elements do.
+"""
 
 from dataclasses import replace
 
@@ -19,7 +21,11 @@ from tests.support.stored_solids import frequencies
 
 def _mass(body: Structure) -> float:
     moved = body.model.motions[:, 0]
-    return float(moved @ body.model.mass.at(body.mass_coefficients(np.array(list(body.nominal.values())))) @ moved)
+    return float(
+        moved
+        @ body.model.mass.at(body.mass_coefficients(np.array(list(body.nominal.values()))))
+        @ moved
+    )
 
 
 def _area(body: Structure) -> float:
@@ -37,10 +43,14 @@ def test_flat_elements_keep_nodes_and_area(element: str) -> None:
     assert np.array_equal(fine.nodes[: len(body.mesh.nodes)], body.mesh.nodes)
     assert _area(found.body) == pytest.approx(_area(body), rel=1e-12)
     assert found.interpolation @ body.mesh.nodes == pytest.approx(fine.nodes, abs=1e-15)
-    assert element_size(fine) == pytest.approx(element_size(body.mesh) / (1 if element == "quad4" else 2))
+    assert element_size(fine) == pytest.approx(
+        element_size(body.mesh) / (1 if element == "quad4" else 2)
+    )
     assert facet_turn(body.mesh) == 0
     corners = body.mesh.nodes[re_entrant(body.mesh)]
-    assert {tuple(np.round(each[:2], 9)) for each in corners} == {(x, y) for x in (0.1, 0.2) for y in (-0.05, 0.05)}
+    assert {tuple(np.round(each[:2], 9)) for each in corners} == {
+        (x, y) for x in (0.1, 0.2) for y in (-0.05, 0.05)
+    }
 
 
 def test_new_nodes_of_facets_lie_on_the_cylinder_to_the_fourth_order_up_to_its_edges() -> None:
@@ -68,13 +78,20 @@ def test_frequencies_converge_as_the_order_says() -> None:
 
 def test_folds_stay_folds_and_triangles_bars_and_thickness_go_along() -> None:
     wall = ShellSection(deck("tapered", 1, 1, "quad4").sections["skin"].plies)
-    body = Structure(profile("angle", 0.6, 0.06, 0.05, 0.006, 0.006, elements=2), {"flange": wall, "web": wall})
+    body = Structure(
+        profile("angle", 0.6, 0.06, 0.05, 0.006, 0.006, elements=2), {"flange": wall, "web": wall}
+    )
     fine = refined(body).body
     assert len(fine.junctions) == len(body.junctions)
     assert np.abs(frequencies(fine, 6) / frequencies(body, 6) - 1).max() < 0.003
     x = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0]])
     blocks = (
-        Block("tri3", np.array([[0, 1, 2], [0, 2, 3]]), "a", thickness=np.array([[1.0, 1, 3], [1, 3, 1]])),
+        Block(
+            "tri3",
+            np.array([[0, 1, 2], [0, 2, 3]]),
+            "a",
+            thickness=np.array([[1.0, 1, 3], [1, 3, 1]]),
+        ),
         Block("quad4", np.array([[1, 4, 2, 2]]), "a"),  # a triangle by its nodes
     )
     skin = Structure(Mesh(x, blocks), {"a": wall})
@@ -109,7 +126,9 @@ def test_a_deck_of_all_sorts_stays_one_body() -> None:
     coarse, fine = (each.model for each in (body, once))
     assert fine.rigid_modes.shape[1] == coarse.rigid_modes.shape[1] == 6
     assert _mass(once) == pytest.approx(_mass(body), rel=1e-12)
-    used = once.mesh.nodes[np.unique(np.concatenate([block.nodes.ravel() for block in once.mesh.blocks]))]
+    used = once.mesh.nodes[
+        np.unique(np.concatenate([block.nodes.ravel() for block in once.mesh.blocks]))
+    ]
     assert len(np.unique(np.round(used, 9), axis=0)) == len(used)  # no slit
     assert np.all(frequencies(once, 6) < frequencies(body, 6) * 1.001)
 

@@ -1,4 +1,6 @@
-"""Shell elements: patch tests, zero modes, and the published shells of every book; bars are section 18's or better."""
+"""Shell elements: patch tests, zero modes, and the published shells of every book; bars are section
+18's or better.
+"""
 
 from dataclasses import replace
 
@@ -62,7 +64,9 @@ def test_patch_of_constant_strain(kind, field, tolerance) -> None:
     held = np.isin(np.arange(len(mesh.nodes)), edge).repeat(6)
     exact = field(mesh.nodes).ravel()
     found = exact.copy()
-    found[~held] = scipy.sparse.linalg.splu(K[~held][:, ~held].tocsc()).solve(-K[~held][:, held] @ exact[held])
+    found[~held] = scipy.sparse.linalg.splu(K[~held][:, ~held].tocsc()).solve(
+        -K[~held][:, held] @ exact[held]
+    )
     scale = np.abs(exact).reshape(-1, 6).max(axis=0)
     assert np.abs(found - exact).reshape(-1, 6)[:, scale > 0].max() < tolerance * scale.max()
 
@@ -70,7 +74,12 @@ def test_patch_of_constant_strain(kind, field, tolerance) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("warp", [0.0, 0.3])
 def test_free_laminate_has_six_zero_modes(kind, warp) -> None:
-    mesh = grid(kind, 4, 3, lambda st: np.column_stack([st, warp * np.sin(3 * st[:, 0]) * (st[:, 1] + 0.2) ** 2]))
+    mesh = grid(
+        kind,
+        4,
+        3,
+        lambda st: np.column_stack([st, warp * np.sin(3 * st[:, 0]) * (st[:, 1] + 0.2) ** 2]),
+    )
     structure = Structure(mesh, {"plate": LAMINATE})
     K, M = pencil(structure)
     value = scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True)
@@ -80,7 +89,8 @@ def test_free_laminate_has_six_zero_modes(kind, warp) -> None:
     assert np.abs(K @ rigid).max() < 1e-12 * abs(K).max()
 
 
-# Section 18's figures, of elements alone: joints of facets left out. The pinched cylinder's quad4 has .989 for its .991.
+# Section 18's figures, of elements alone: joints of facets left out. The pinched cylinder's quad4
+# has .989 for its .991.
 @pytest.mark.parametrize(
     ("problem", "elements", "least"),
     [
@@ -95,24 +105,33 @@ def test_published_shells(problem, elements, least, kind) -> None:
     assert least[kind] <= problem(kind, elements) < 1.013
 
 
-@pytest.mark.parametrize(("kind", "least"), [("quad8", 3.3), ("quad4", 1.8), ("tri6", 2.5), ("tri3", 1.7)])
+@pytest.mark.parametrize(
+    ("kind", "least"), [("quad8", 3.3), ("quad4", 1.8), ("tri6", 2.5), ("tri3", 1.7)]
+)
 def test_frequencies_converge(kind, least) -> None:
-    # A plate held simply has Navier's closed form (its rotary inertia and shear by first-order theory).
+    # A plate held simply has Navier's closed form (its rotary inertia and shear by first-order
+    # theory).
     a, t, E, nu, density = 1.0, 0.02, 70e9, 0.3, 2700.0
     D, S = E * t**3 / 12 / (1 - nu**2), 5 / 6 * E / 2 / (1 + nu) * t
     k2 = 2 * (np.pi / a) ** 2
     I0, I2 = density * t, density * t**3 / 12
-    # (D k² + S)(S k² - I0 λ) - S² k² - I2 λ (S k² - I0 λ) = 0: the lower root of motion without twist of the normals.
-    roots = np.roots([I0 * I2, -(I0 * (D * k2 + S) + I2 * S * k2), (D * k2 + S) * S * k2 - S**2 * k2])
+    # (D k² + S)(S k² - I0 λ) - S² k² - I2 λ (S k² - I0 λ) = 0: the lower root of motion without
+    # twist of the normals.
+    roots = np.roots(
+        [I0 * I2, -(I0 * (D * k2 + S) + I2 * S * k2), (D * k2 + S) * S * k2 - S**2 * k2]
+    )
     exact = np.sqrt(roots.min().real)
     errors = []
     for n in (4, 8):
         mesh = grid(kind, n, n, lambda st: np.column_stack([st, 0 * st[:, 0]]))
         supports = tuple(
-            Support(edge, ("u", "v", "w", "rz", "rx" if edge[0] == "x" else "ry")) for edge in ("x0", "x1", "y0", "y1")
+            Support(edge, ("u", "v", "w", "rz", "rx" if edge[0] == "x" else "ry"))
+            for edge in ("x0", "x1", "y0", "y1")
         )
         K, M = pencil(Structure(mesh, {"plate": isotropic(E, nu, t, density)}, supports=supports))
-        value = scipy.sparse.linalg.eigsh(K, 1, M, sigma=0.0, return_eigenvectors=False, v0=np.ones(K.shape[0]))
+        value = scipy.sparse.linalg.eigsh(
+            K, 1, M, sigma=0.0, return_eigenvectors=False, v0=np.ones(K.shape[0])
+        )
         errors.append(abs(float(np.sqrt(value[0])) / exact - 1))
     assert np.log2(errors[0] / errors[1]) > least
 
@@ -131,7 +150,11 @@ def test_closed_forms_have_complex_derivatives(section) -> None:
     def forms(values: np.ndarray) -> np.ndarray:
         constants = dict(zip(names, values, strict=True))
         return np.concatenate(
-            [section.coefficients(constants), section.inertia(constants), section.along(constants, 0.3)]
+            [
+                section.coefficients(constants),
+                section.inertia(constants),
+                section.along(constants, 0.3),
+            ]
         )
 
     for row in range(len(q)):
@@ -140,7 +163,9 @@ def test_closed_forms_have_complex_derivatives(section) -> None:
         step = np.eye(len(q))[row] * q * 1e-6
         differences = (forms(q + step) - forms(q - step)) / 2e-6
         scale = np.abs(forms(q)) + np.abs(differences)
-        assert np.all(np.abs(forms(stepped).imag / 1e-30 - differences) <= 1e-6 * scale + 1e-12 * scale.max())
+        assert np.all(
+            np.abs(forms(stepped).imag / 1e-30 - differences) <= 1e-6 * scale + 1e-12 * scale.max()
+        )
 
 
 def test_offset_is_a_section_moved_along_its_normal() -> None:
@@ -151,5 +176,8 @@ def test_offset_is_a_section_moved_along_its_normal() -> None:
     frequencies = []
     for structure in (moved, there):
         K, M = pencil(structure)
-        frequencies.append(np.sqrt(scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True)[6:14]))
-    np.testing.assert_allclose(frequencies[0], frequencies[1], rtol=1e-3)  # the drilling is not moved
+        frequencies.append(
+            np.sqrt(scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True)[6:14])
+        )
+    # the drilling is not moved
+    np.testing.assert_allclose(frequencies[0], frequencies[1], rtol=1e-3)

@@ -1,4 +1,6 @@
-"""The joint model against solids of quadratic bricks by another code, whose files are read where they are."""
+"""The joint model against solids of quadratic bricks by another code, whose files are read where
+they are.
+"""
 
 import json
 

@@ -1,4 +1,6 @@
-"""Strips: the dofs that they need, the section's coefficients, and dimensions that are constants."""
+"""Strips: the dofs that they need, the section's coefficients, and dimensions that are
+constants.
+"""
 
 from dataclasses import replace
 
@@ -16,7 +18,9 @@ BODIES = {
     "free, fibres turned": Specimen(0.5, 0.04, 0.01, PAPER, "free", fibre_angle=0.2),
     "simply supported": Specimen(0.5, 0.04, 0.01, PAPER, "simply_supported"),
     "numbered across": Specimen(0.2, 0.5, 0.01, PAPER, "free", divisions=(4, 10)),
-    "stepped, in zones": Specimen(0.5, 0.04, 0.01, PAPER, pieces=(Piece(0.1, 0.3, 0.01, 0.007),), zones=(0.33,)),
+    "stepped, in zones": Specimen(
+        0.5, 0.04, 0.01, PAPER, pieces=(Piece(0.1, 0.3, 0.01, 0.007),), zones=(0.33,)
+    ),
 }
 
 
@@ -33,7 +37,11 @@ def test_three_dofs_of_a_node_are_six(name) -> None:
 @pytest.mark.parametrize("name", list(BODIES))
 def test_other_dimensions_are_those_of_a_body_built_with_them(name) -> None:
     body = replace(BODIES[name], masses=(), pieces=())
-    size = {"length": 1.04 * body.length, "width": 0.97 * body.width, "thickness": 1.02 * body.thickness}
+    size = {
+        "length": 1.04 * body.length,
+        "width": 0.97 * body.width,
+        "thickness": 1.02 * body.thickness,
+    }
     zones = tuple(1.04 * x for x in body.zones)
     built = replace(body, **size, zones=zones)
     values = np.array(list((body.nominal | size).values()))

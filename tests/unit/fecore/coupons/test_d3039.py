@@ -82,11 +82,29 @@ LATE = np.arange(201) >= 150
 @pytest.mark.parametrize(
     ("curve", "ultimate", "bending", "warning"),
     [
-        pytest.param(Curve(F, 1.06 * S, strain_back=0.94 * S), 0.01, 6.0, "bending", id="two faces"),
-        pytest.param(Curve(F, np.where(LATE, np.nan, S)), None, None, "ends at 7450 µε", id="a gauge taken off"),
-        pytest.param(Curve(F, S + 0.19 * LATE), None, None, "jumps at point 151", id="an extensometer that jumps"),
         pytest.param(
-            Curve(np.r_[F, 50, 20, 0], np.r_[S, 0.001, 0.0, -0.002]), 0.01, None, None, id="after the maximum force"
+            Curve(F, 1.06 * S, strain_back=0.94 * S), 0.01, 6.0, "bending", id="two faces"
+        ),
+        pytest.param(
+            Curve(F, np.where(LATE, np.nan, S)),
+            None,
+            None,
+            "ends at 7450 µε",
+            id="a gauge taken off",
+        ),
+        pytest.param(
+            Curve(F, S + 0.19 * LATE),
+            None,
+            None,
+            "jumps at point 151",
+            id="an extensometer that jumps",
+        ),
+        pytest.param(
+            Curve(np.r_[F, 50, 20, 0], np.r_[S, 0.001, 0.0, -0.002]),
+            0.01,
+            None,
+            None,
+            id="after the maximum force",
         ),
     ],
 )
@@ -97,8 +115,14 @@ def test_what_befalls_a_gauge_leaves_the_modulus(
     assert result.modulus_pa == pytest.approx(40e9, rel=1e-12)
     assert result.strength_pa == pytest.approx(400e6, rel=1e-12)
     assert result.ultimate_strain == (ultimate if ultimate is None else pytest.approx(ultimate))
-    assert result.bending_percent == (bending if bending is None else pytest.approx(bending, rel=1e-12))
-    assert [warning in text for text in result.warnings[:1]] == [True] if warning else not result.warnings
+    assert result.bending_percent == (
+        bending if bending is None else pytest.approx(bending, rel=1e-12)
+    )
+    assert (
+        [warning in text for text in result.warnings[:1]] == [True]
+        if warning
+        else not result.warnings
+    )
 
 
 def test_a_gauge_lost_within_the_chord_and_exchanged_dimensions_are_asked_about() -> None:
@@ -122,7 +146,10 @@ def test_a_knee_is_found_where_it_is_and_nowhere_else() -> None:
 
 def test_restarts_are_found_refused_and_split() -> None:
     first, second = steady(61, ultimate=0.003), steady()
-    both = Curve(np.concatenate([first.force_n, second.force_n]), np.concatenate([first.strain, second.strain]))
+    both = Curve(
+        np.concatenate([first.force_n, second.force_n]),
+        np.concatenate([first.strain, second.strain]),
+    )
     assert restarts(both) == (61,)
     with pytest.raises(InputError, match=r"restarted at point 62 \(0 N\)"):
         d3039.reduce(both, WIDTH, THICKNESS)
@@ -150,17 +177,21 @@ def test_the_regression_modulus_is_the_least_squares_slope_of_the_chords_points(
     assert result.regression_modulus_pa == pytest.approx(
         np.polyfit(STRAIN[inside], FORCE[inside] / result.area_m2, 1)[0], rel=1e-12
     )
-    assert result.regression_modulus_pa == pytest.approx(result.modulus_pa, rel=2e-3)  # a straight curve, by hand
+    # a straight curve, by hand
+    assert result.regression_modulus_pa == pytest.approx(result.modulus_pa, rel=2e-3)
 
 
 def test_a_knee_within_the_chord_is_named_with_its_strain() -> None:
     strain = np.linspace(0, 0.01, 501)
     stress = np.where(strain < 2000e-6, 40e9 * strain, 80e6 + 30e9 * (strain - 2000e-6))
     result = d3039.reduce(Curve(stress * 50e-6, strain), WIDTH, THICKNESS)
-    assert result.modulus_pa == pytest.approx(35e9, rel=1e-9)  # of neither part: that is why it is said
+    # of neither part: that is why it is said
+    assert result.modulus_pa == pytest.approx(35e9, rel=1e-9)
     (warning,) = result.warnings
     assert "knee at 2000 µε" in warning
-    below = d3039.reduce(Curve(stress * 50e-6, strain), WIDTH, THICKNESS, chord_range=(500e-6, 1500e-6))
+    below = d3039.reduce(
+        Curve(stress * 50e-6, strain), WIDTH, THICKNESS, chord_range=(500e-6, 1500e-6)
+    )
     assert (below.modulus_pa, below.warnings) == (pytest.approx(40e9, rel=1e-9), ())
 
 
@@ -176,11 +207,14 @@ def test_noise_yield_and_a_machine_that_changes_its_rate_are_no_jumps() -> None:
     rng = np.random.default_rng(3)
     noisy = np.linspace(0, 0.012, 400) + rng.normal(0, 20e-6, 400)
     rates = np.concatenate([np.linspace(0, 0.002, 200), np.linspace(0.0029, 0.02, 20)])
-    yielding = np.concatenate([np.linspace(0, 0.004, 200), 0.004 + 0.03 * np.linspace(0.005, 1, 200) ** 2])
+    yielding = np.concatenate(
+        [np.linspace(0, 0.004, 200), 0.004 + 0.03 * np.linspace(0.005, 1, 200) ** 2]
+    )
     assert [jump(x) for x in (noisy, rates, yielding, STRAIN)] == [None] * 4
 
 
-# --- batches of coupons -------------------------------------------------------------------------------------------------
+# --- batches of coupons
+# -------------------------------------------------------------------------------------------------
 
 # docs/coupons.md, example 2: GPa
 MODULI = (31.2, 32.1, 31.7, 30.9, 32.6)
@@ -200,7 +234,8 @@ def test_the_worked_batch() -> None:
 
 
 def test_equal_values_do_not_scatter_and_none_about_zero_has_a_share() -> None:
-    assert statistics([0.1 + 0.2, 0.3, 0.3]).standard_deviation == 0.0  # the scatter of the arithmetic is none
+    # the scatter of the arithmetic is none
+    assert statistics([0.1 + 0.2, 0.3, 0.3]).standard_deviation == 0.0
     assert statistics([0.1 + 0.2, 0.3, 0.3]).cv_percent == 0.0
     assert statistics([-1.0, 1.0]).cv_percent is None
     assert statistics([1.0]).cv_percent is None
@@ -229,7 +264,9 @@ def test_one_published_mean_gets_the_assumed_scatter_and_says_so() -> None:
     assert p.standard_deviation == pytest.approx(0.30 * 31.7e9)
     assert p.between_specimens is None
     assert "30 % assumed" in p.basis
-    assert prior(Statistics(1, 31.7e9, None), assumed_cv=0.05).standard_deviation == pytest.approx(0.05 * 31.7e9)
+    assert prior(Statistics(1, 31.7e9, None), assumed_cv=0.05).standard_deviation == pytest.approx(
+        0.05 * 31.7e9
+    )
     assert prior(Statistics(None, 31.7e9, 0.5e9)).standard_deviation == 0.5e9
 
 
@@ -245,7 +282,10 @@ def test_excluded_specimens_are_kept_with_their_reason_and_do_not_count() -> Non
 
 def test_warnings_below_five_specimens_and_for_failures_at_the_grips() -> None:
     summary = summarise(
-        [CouponResult(f"T{i}", {"strength_pa": 4e8 + i}, code) for i, code in enumerate(["GIT", "LAB", "LGM"])]
+        [
+            CouponResult(f"T{i}", {"strength_pa": 4e8 + i}, code)
+            for i, code in enumerate(["GIT", "LAB", "LGM"])
+        ]
     )
     assert "3 valid specimens" in summary.warnings[0]
     assert "2 of 3" in summary.warnings[1]
@@ -255,7 +295,11 @@ def test_every_code_of_the_standard_is_taken_and_no_other() -> None:
     letters = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
     taken = {"".join(c) for c in itertools.product(letters, repeat=3) if _is_taken("".join(c))}
     assert taken == {"".join(c) for c in itertools.product("ADGLMSXO", "IAWGMVU", "BTLRMVU")}
-    assert (set(TYPE), set(AREA), set(LOCATION)) == (set("ADGLMSXO"), set("IAWGMVU"), set("BTLRMVU"))
+    assert (set(TYPE), set(AREA), set(LOCATION)) == (
+        set("ADGLMSXO"),
+        set("IAWGMVU"),
+        set("BTLRMVU"),
+    )
     assert check_failure_code(" m(dl)gm ") == "M(DL)GM"
     assert check_failure_code("AGM(2)") == "AGM(2)"
     for wrong in ("LG", "LGMX", "A(DL)GM", "M(DM)GM", "", "L-G-M"):
@@ -263,7 +307,13 @@ def test_every_code_of_the_standard_is_taken_and_no_other() -> None:
 
 
 def test_failures_at_grips() -> None:
-    assert [failed_at_grip(c) for c in ("GIT", "LAB", "DWL", "LGM", "M(DL)GM")] == [True, True, True, False, False]
+    assert [failed_at_grip(c) for c in ("GIT", "LAB", "DWL", "LGM", "M(DL)GM")] == [
+        True,
+        True,
+        True,
+        False,
+        False,
+    ]
 
 
 def _is_taken(code: str) -> bool:
@@ -283,8 +333,11 @@ def test_one_of_twenty_sound_batches_has_an_outlier(n: int) -> None:
 
 def test_an_outlier_is_named_with_its_value_also_beside_a_second_one() -> None:
     values = [31.2, 32.1, 31.7, 30.9, 32.6, 31.5, 47.0, 46.0]
-    assert outliers(values) == (6, 7)  # the mean and s of all eight hide both: 47.0 is 1.7 s from the mean
-    found = summarise([CouponResult(f"A{i}", {"E_Pa": 1e9 * v}) for i, v in enumerate(values)]).warnings
+    # the mean and s of all eight hide both: 47.0 is 1.7 s from the mean
+    assert outliers(values) == (6, 7)
+    found = summarise(
+        [CouponResult(f"A{i}", {"E_Pa": 1e9 * v}) for i, v in enumerate(values)]
+    ).warnings
     assert [w.split(":")[1].split(" has")[0] for w in found] == [" specimen A6", " specimen A7"]
 
 

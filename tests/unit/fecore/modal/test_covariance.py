@@ -20,8 +20,12 @@ from fecore.normal import Z_95
 HZ, ZETA, FRFS = np.array([101.3, 160.7]), np.array([0.01, 0.02]), 12
 
 
-def measured(hz: np.ndarray = HZ, zeta: np.ndarray = ZETA, noise: float = 1e-7, line: float = 1.0) -> Arrangement:
-    """Receptances of a roving sensor, 60 to 220 Hz, with white noise; each mode has a shape of its own."""
+def measured(
+    hz: np.ndarray = HZ, zeta: np.ndarray = ZETA, noise: float = 1e-7, line: float = 1.0
+) -> Arrangement:
+    """Receptances of a roving sensor, 60 to 220 Hz, with white noise; each mode has a shape of its
+    own.
+    """
     random = np.random.default_rng(7)
     lines = np.arange(60.0, 220.5, line)
     shapes = random.standard_normal((FRFS, hz.size))
@@ -29,7 +33,9 @@ def measured(hz: np.ndarray = HZ, zeta: np.ndarray = ZETA, noise: float = 1e-7, 
     values = shapes @ (1 / (s**2 + 2 * zeta * omega * s + omega**2)).T
     white = random.standard_normal((2, *values.shape))
     dofs = tuple(Dof(i + 1, 3) for i in range(FRFS))
-    frfs = FrfSet(lines, values + noise * (white[0] + 1j * white[1]), dofs, (Dof(99, 3),) * FRFS, "receptance")
+    frfs = FrfSet(
+        lines, values + noise * (white[0] + 1j * white[1]), dofs, (Dof(99, 3),) * FRFS, "receptance"
+    )
     return arrange(frfs)
 
 
@@ -37,7 +43,9 @@ TERMS = Terms(HZ, ZETA, (0,))
 
 
 def explicit(arrangement: Arrangement, fit: Fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Covariance of θ, variance of the residues, and each FRF's pull, by the whole Jacobian of all unknowns at once."""
+    """Covariance of θ, variance of the residues, and each FRF's pull, by the whole Jacobian of all
+    unknowns at once.
+    """
     s = 2j * np.pi * arrangement.frequency_hz[:, None]
     omega, zeta = 2 * np.pi * fit.terms.frequency_hz, fit.terms.damping_ratio
     root = np.sqrt(1 - zeta**2)
@@ -70,7 +78,9 @@ def explicit(arrangement: Arrangement, fit: Fit) -> tuple[np.ndarray, np.ndarray
 
 @pytest.mark.parametrize("stated", [0.25, 4.0])
 def test_covariances_are_those_of_all_unknowns_at_once(stated: float) -> None:
-    """Stated noise too small by half or too large by twice: the residual counts where it is larger, never smaller."""
+    """Stated noise too small by half or too large by twice: the residual counts where it is larger,
+    never smaller.
+    """
     arrangement = measured()
     variance = np.full(arrangement.values.shape, stated * 2e-14)
     variance[::2] *= 1.5
@@ -81,20 +91,30 @@ def test_covariances_are_those_of_all_unknowns_at_once(stated: float) -> None:
     assert (fit.freedom, fit.chi_squared) == (freedom, pytest.approx(chi_squared, rel=1e-12))
     inflation = max(1.0, chi_squared / freedom)
     assert (inflation > 1) is (stated < 1)
-    np.testing.assert_allclose(fit.parameter_covariance, theta * inflation, rtol=1e-6, atol=1e-9 * theta.max())
+    np.testing.assert_allclose(
+        fit.parameter_covariance, theta * inflation, rtol=1e-6, atol=1e-9 * theta.max()
+    )
     np.testing.assert_allclose(fit.residue_variance, residues * inflation, rtol=1e-6)
     np.testing.assert_allclose(fit.pull, pull, rtol=1e-6, atol=1e-9 * np.abs(pull).max())
     longer = replace(fit, memory=3.0)
     assert longer.inflation == pytest.approx(3 * inflation, rel=1e-12)
-    np.testing.assert_allclose(longer.parameter_covariance, 3 * fit.parameter_covariance, rtol=1e-12)
+    np.testing.assert_allclose(
+        longer.parameter_covariance, 3 * fit.parameter_covariance, rtol=1e-12
+    )
 
 
 def test_scatter_between_sessions_counts_from_eight_on() -> None:
-    """H⁻¹ (Σ g gᵀ) H⁻¹ S/(S - 1), over the 1 + 1/√(2(S - 1)) to which it is known; a parameter grows by its own."""
+    """H⁻¹ (Σ g gᵀ) H⁻¹ S/(S - 1), over the 1 + 1/√(2(S - 1)) to which it is known; a parameter
+    grows by its own.
+    """
     arrangement = measured()
     fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 8e-14))
     plain = fit.parameter_covariance
-    pull = 40 * np.random.default_rng(1).standard_normal(fit.pull.shape) * np.sqrt(np.diag(fit.information))
+    pull = (
+        40
+        * np.random.default_rng(1).standard_normal(fit.pull.shape)
+        * np.sqrt(np.diag(fit.information))
+    )
     pull[:, 1:] *= 1e-3
     few = replace(fit, pull=pull, sessions=np.arange(FRFS) % 7)
     np.testing.assert_array_equal(few.parameter_covariance, plain)
@@ -109,7 +129,9 @@ def test_scatter_between_sessions_counts_from_eight_on() -> None:
 
 
 def test_what_the_data_do_not_determine_is_vague_and_spoils_nothing_else() -> None:
-    """Parameters 1 and 3 are seen only as their sum: each is unknown, the others keep their variance."""
+    """Parameters 1 and 3 are seen only as their sum: each is unknown, the others keep their
+    variance.
+    """
     arrangement = measured()
     fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 8e-14))
     both = np.zeros(4)
@@ -122,37 +144,52 @@ def test_what_the_data_do_not_determine_is_vague_and_spoils_nothing_else() -> No
     assert np.all(variance[[1, 3]] > 1e8)
     assert np.all(np.isfinite(variance))
     nothing = replace(fit, information=np.diag([4.0, 0.0, 25.0, 1.0]))
-    assert np.diag(nothing.parameter_covariance)[[0, 2, 3]] == pytest.approx([0.25, 0.04, 1.0], rel=1e-9)
+    assert np.diag(nothing.parameter_covariance)[[0, 2, 3]] == pytest.approx(
+        [0.25, 0.04, 1.0], rel=1e-9
+    )
     assert nothing.parameter_covariance[1, 1] > 1e8
-    faint = replace(fit, information=np.diag([4.0, 1e-12, 25.0, 1.0]))  # little, in its own unit, is not nothing
+    # little, in its own unit, is not nothing
+    faint = replace(fit, information=np.diag([4.0, 1e-12, 25.0, 1.0]))
     assert faint.parameter_covariance[1, 1] == pytest.approx(1e12, rel=1e-9)
 
 
 def test_a_step_keeps_damping_where_it_means_something() -> None:
     terms = Terms(np.array([100.0, 200.0]), np.array([0.01, 0.02]), (0,))
     after = moved(terms, np.array([0.1, -0.1, 2.0, -2.0]))
-    assert after.frequency_hz == pytest.approx(np.array([100.0, 200.0]) * np.exp([0.1, -0.1]), rel=1e-12)
+    assert after.frequency_hz == pytest.approx(
+        np.array([100.0, 200.0]) * np.exp([0.1, -0.1]), rel=1e-12
+    )
     assert after.damping_ratio.tolist() == [0.95, 1e-5]
 
 
-PAIR = Modes(np.array([101.0, 101.6]), np.array([0.01, 0.012]), np.array([[1.0, 0.4 + 0.1j], [-0.5 + 0.2j, 1.0]]))
+PAIR = Modes(
+    np.array([101.0, 101.6]),
+    np.array([0.01, 0.012]),
+    np.array([[1.0, 0.4 + 0.1j], [-0.5 + 0.2j, 1.0]]),
+)
 
 
 def site_of_pair(noise: float = 1e-7) -> tuple[Arrangement, Site]:
-    """Receptances of twelve roving dofs by two references, of two modes near to each other beside a third."""
+    """Receptances of twelve roving dofs by two references, of two modes near to each other beside a
+    third.
+    """
     random = np.random.default_rng(5)
     lines = np.arange(60.0, 220.5, 0.5)
     s, shapes = 2j * np.pi * lines, random.standard_normal((FRFS, 3))
     hz, zeta = np.append(PAIR.frequency_hz, HZ[1]), np.append(PAIR.damping_ratio, ZETA[1])
     pole = 2 * np.pi * hz * (-zeta + 1j * np.sqrt(1 - zeta**2))
-    residue = np.einsum("pq,qm->pmq", shapes, np.concatenate([PAIR.seen, [[1.0, 1.0]]])) / (2j * pole.imag)
+    residue = np.einsum("pq,qm->pmq", shapes, np.concatenate([PAIR.seen, [[1.0, 1.0]]])) / (
+        2j * pole.imag
+    )
     direct, mirror = 1 / (s - pole[:, None]), 1 / (s - pole.conj()[:, None])
     values = (residue @ direct + residue.conj() @ mirror).reshape(2 * FRFS, -1)
     white = random.standard_normal((2, *values.shape))
     pairs = [(Dof(i + 1, 3), Dof(90 + j, 3)) for i in range(FRFS) for j in range(2)]
     responses, references = (tuple(pair[side] for pair in pairs) for side in (0, 1))
     arrangement = arrange(
-        FrfSet(lines, values + noise * (white[0] + 1j * white[1]), responses, references, "receptance")
+        FrfSet(
+            lines, values + noise * (white[0] + 1j * white[1]), responses, references, "receptance"
+        )
     )
     fit = evaluate(arrangement, TERMS, np.full(values.shape, 2e-14))
     site = Site.about(arrangement, fit, 0)
@@ -160,17 +197,30 @@ def site_of_pair(noise: float = 1e-7) -> tuple[Arrangement, Site]:
     return arrangement, site
 
 
-def explicit_pair(arrangement: Arrangement, modes: Modes, row: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coefficients of one roving dof (ψ₁, ψ₂, and of each reference the other pole and constant), covariance, misfit."""
+def explicit_pair(
+    arrangement: Arrangement, modes: Modes, row: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coefficients of one roving dof (ψ₁, ψ₂, and of each reference the other pole and constant),
+    covariance, misfit.
+    """
     s = 2j * np.pi * arrangement.frequency_hz[:, None]
-    pole = 2 * np.pi * modes.frequency_hz * (-modes.damping_ratio + 1j * np.sqrt(1 - modes.damping_ratio**2))
+    pole = (
+        2
+        * np.pi
+        * modes.frequency_hz
+        * (-modes.damping_ratio + 1j * np.sqrt(1 - modes.damping_ratio**2))
+    )
     away = 2 * np.pi * HZ[1] * (-ZETA[1] + 1j * np.sqrt(1 - ZETA[1] ** 2))
     lengths, blocks, right = [], [], []
     for j in range(2):
         seen = modes.seen[:, j]
         own, mirror = seen / (s - pole), seen.conj() / (s - pole.conj())
         other = np.concatenate(
-            [1 / (s - away) + 1 / (s - away.conjugate()), 1j * (1 / (s - away) - 1 / (s - away.conjugate()))], axis=1
+            [
+                1 / (s - away) + 1 / (s - away.conjugate()),
+                1j * (1 / (s - away) - 1 / (s - away.conjugate())),
+            ],
+            axis=1,
         )
         whole = np.zeros((s.size, 10), dtype=complex)
         whole[:, 0:4:2], whole[:, 1:4:2] = own + mirror, 1j * (own - mirror)
@@ -188,20 +238,26 @@ def explicit_pair(arrangement: Arrangement, modes: Modes, row: int) -> tuple[np.
 
 
 def test_residues_of_a_pair_are_those_of_least_squares_written_out() -> None:
-    """Two modes of rank one, the other pole and the constant of each reference being unknown beside them."""
+    """Two modes of rank one, the other pole and the constant of each reference being unknown beside
+    them.
+    """
     arrangement, site = site_of_pair()
     values, spread = site.residues(PAIR)
     for row in range(FRFS):
         c, covariance, _ = explicit_pair(arrangement, PAIR, row)
         for j in range(2):
             frf = np.flatnonzero((arrangement.row == [row, j]).all(axis=1))[0]
-            assert values[frf] == pytest.approx((c[0:4:2] + 1j * c[1:4:2]) * PAIR.seen[:, j], rel=1e-6)
+            assert values[frf] == pytest.approx(
+                (c[0:4:2] + 1j * c[1:4:2]) * PAIR.seen[:, j], rel=1e-6
+            )
             own = np.diag(covariance)[:4].reshape(2, 2).sum(axis=1) * np.abs(PAIR.seen[:, j]) ** 2
             np.testing.assert_allclose(spread[frf], own, rtol=1e-6)
 
 
 def test_a_pair_is_found_from_its_pole_within_its_errors() -> None:
-    """Started at one pole between the two; the covariance is that of the Jacobian, by central differences of the misfit."""
+    """Started at one pole between the two; the covariance is that of the Jacobian, by central
+    differences of the misfit.
+    """
     arrangement, site = site_of_pair()
     found, covariance = site.fitted(site.start(), 1.5)
     order = np.argsort(found.frequency_hz)
@@ -214,7 +270,9 @@ def test_a_pair_is_found_from_its_pole_within_its_errors() -> None:
         slopes = []
         for k, size in enumerate(step):
             ahead, back = (
-                explicit_pair(arrangement, found.at(theta + sign * size * (np.arange(theta.size) == k)), row)[2]
+                explicit_pair(
+                    arrangement, found.at(theta + sign * size * (np.arange(theta.size) == k)), row
+                )[2]
                 for sign in (1, -1)
             )
             slopes.append((ahead - back) / (2 * size))
@@ -231,13 +289,18 @@ def test_a_pair_needs_more_lines_than_unknowns() -> None:
     arrangement, _ = site_of_pair()
     fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 2e-14))
     one_frf = np.arange(len(arrangement.pairs)) == 0
-    few = replace(arrangement, measured=arrangement.measured & ~(one_frf[:, None] & (arrangement.frequency_hz > 61.2)))
+    few = replace(
+        arrangement,
+        measured=arrangement.measured & ~(one_frf[:, None] & (arrangement.frequency_hz > 61.2)),
+    )
     assert Site.about(few, fit, 0) is None
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.6])
 def test_lines_that_share_their_error_count_less(rho: float) -> None:
-    """An autoregressive error: ρ_j = ρʲ, summed while it is above 0.05, so that τ = 1 + 2 (ρ + ... + ρ⁵) for ρ = 0.6."""
+    """An autoregressive error: ρ_j = ρʲ, summed while it is above 0.05, so that τ = 1 + 2 (ρ + ...
+    + ρ⁵) for ρ = 0.6.
+    """
     random = np.random.default_rng(3)
     shape = (300, 512)
     white = random.standard_normal(shape) + 1j * random.standard_normal(shape)
@@ -245,31 +308,48 @@ def test_lines_that_share_their_error_count_less(rho: float) -> None:
     for line in range(1, shape[1]):
         error[:, line] = rho * error[:, line - 1] + np.sqrt(1 - rho**2) * white[:, line]
     expected = 1 + 2 * sum(rho**j for j in range(1, 6))
-    variance, everywhere, flat = np.full(shape, 2.0), np.ones(shape, dtype=bool), np.ones(shape, dtype=complex)
+    variance, everywhere, flat = (
+        np.full(shape, 2.0),
+        np.ones(shape, dtype=bool),
+        np.ones(shape, dtype=complex),
+    )
     assert memory(error, variance, everywhere, flat) == pytest.approx(expected, rel=0.03)
     level = np.exp(random.standard_normal(512))
-    assert memory(error * level, variance * level**2, everywhere, level * flat) == pytest.approx(expected, rel=0.03)
+    assert memory(error * level, variance * level**2, everywhere, level * flat) == pytest.approx(
+        expected, rel=0.03
+    )
     assert memory(1e-6 * error, variance, everywhere, flat) == pytest.approx(expected, rel=0.03)
-    turning = np.exp(1j * np.linspace(0, 300, 512)) * np.ones(shape)  # an error relative to a model that turns
-    assert memory(error * turning, variance, everywhere, turning) == pytest.approx(expected, rel=0.05)
+    # an error relative to a model that turns
+    turning = np.exp(1j * np.linspace(0, 300, 512)) * np.ones(shape)
+    assert memory(error * turning, variance, everywhere, turning) == pytest.approx(
+        expected, rel=0.05
+    )
     spike = error.copy()
-    spike[:, 200] *= 1000  # counts as three standard deviations: 9 beside the 511 of the other lines
+    # counts as three standard deviations: 9 beside the 511 of the other lines
+    spike[:, 200] *= 1000
     hidden = memory(spike, variance, everywhere, flat)
     plain = memory(error, variance, everywhere, flat)
     assert 0.97 * (plain - 1) <= hidden - 1 <= plain - 1 + 0.01
     assert memory(0 * flat, variance, everywhere, flat) == 1.0
     whole = np.ones((1, 40))  # one error on all lines, seen over a quarter of them
-    assert memory(whole.astype(complex), whole, whole > 0, whole.astype(complex)) == pytest.approx(1 + 2 * 10, rel=1e-9)
+    assert memory(whole.astype(complex), whole, whole > 0, whole.astype(complex)) == pytest.approx(
+        1 + 2 * 10, rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("size", [0.0, 0.003])
 def test_an_error_that_all_frfs_share_is_counted_whole(size: float) -> None:
-    """Every FRF's first mode errs by one smooth relative function of the lines: no number of FRFs makes it less."""
+    """Every FRF's first mode errs by one smooth relative function of the lines: no number of FRFs
+    makes it less.
+    """
     arrangement = measured(line=0.125)
     fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 2e-14))
     off = (arrangement.frequency_hz - HZ[0]) / (HZ[0] * ZETA[0])
     error = size * np.cos(2 * off)
-    own = fit.linear.coefficients[:, :2] @ columns(arrangement.omega, TERMS, arrangement.power)[:, :2].T
+    own = (
+        fit.linear.coefficients[:, :2]
+        @ columns(arrangement.omega, TERMS, arrangement.power)[:, :2].T
+    )
     shared = shared_error(arrangement, replace(fit, residual=fit.residual + error * own))
     power = np.where(np.abs(off) <= 3, np.sum(np.abs(own) ** 2, axis=0), 0.0)
     parts = np.sum(np.abs(own) ** 2, axis=1) / np.sum(np.abs(own) ** 2)
@@ -287,8 +367,12 @@ def test_an_error_that_all_frfs_share_is_counted_whole(size: float) -> None:
 
 @pytest.mark.parametrize("first", [0.2, 0.5, 1.0])
 @pytest.mark.parametrize("noise", [1e-4, 5e-3])
-def test_an_interval_allows_for_a_frequency_that_falls_with_the_amplitude(first: float, noise: float) -> None:
-    """A spring kx³ shifts a mode by δ half bandwidths at first, δe^{-2σt} later: e^{iδ/2} Σ_n (-iδ/2)ⁿ/n! e^{-(1+2n)σt}."""
+def test_an_interval_allows_for_a_frequency_that_falls_with_the_amplitude(
+    first: float, noise: float
+) -> None:
+    """A spring kx³ shifts a mode by δ half bandwidths at first, δe^{-2σt} later: e^{iδ/2} Σ_n
+    (-iδ/2)ⁿ/n! e^{-(1+2n)σt}.
+    """
     random, lines, hz, zeta = np.random.default_rng(1), np.arange(20.0, 80.0, 0.125), 50.0, 0.01
     n = np.arange(12)
     pole = 2 * np.pi * hz * (-zeta * (1 + 2 * n) + 1j * np.sqrt(1 - zeta**2))
@@ -297,7 +381,9 @@ def test_an_interval_allows_for_a_frequency_that_falls_with_the_amplitude(first:
     curve = (part / (s - pole) + part.conj() / (s - pole.conj())).sum(axis=1)
     white = random.standard_normal((2, 6, lines.size)) * noise * np.abs(curve).max()
     values = random.standard_normal((6, 1)) * curve + white[0] + 1j * white[1]
-    found = identify(FrfSet(lines, values, tuple(Dof(i, 3) for i in range(6)), (Dof(9, 3),) * 6, "receptance")).modes
+    found = identify(
+        FrfSet(lines, values, tuple(Dof(i, 3) for i in range(6)), (Dof(9, 3),) * 6, "receptance")
+    ).modes
     (off,), (sd,) = found.frequency_hz / hz - 1, found.frequency_sd_hz / hz
     assert off > 0.15 * first * zeta  # the fit is off by far more than the noise makes it
     assert sd / 2 < off < Z_95 * sd
@@ -315,5 +401,8 @@ def test_a_basis_is_made_orthonormal_whatever_the_size_of_its_columns() -> None:
     arrangement = measured()
     variance = np.full(arrangement.values.shape, 2e-14)
     variance[3] = np.inf
-    with pytest.raises(IdentificationError, match="has no weight on the measured lines of an FRF; leave that FRF out"):
+    with pytest.raises(
+        IdentificationError,
+        match="has no weight on the measured lines of an FRF; leave that FRF out",
+    ):
         evaluate(arrangement, TERMS, variance)

@@ -20,8 +20,8 @@ def good() -> FrfSet:
 
 
 def test_what_was_not_measured_is_left_out_and_told(good: FrfSet) -> None:
-    """A line at zero, a dead channel, an overload, lines that are missing from one FRF and from all; and the driving point has
-    the wrong sign.
+    """A line at zero, a dead channel, an overload, lines that are missing from one FRF and from
+    all; and the driving point has the wrong sign.
     """
     values = good.values.copy()
     values[7] = 0
@@ -30,7 +30,9 @@ def test_what_was_not_measured_is_left_out_and_told(good: FrfSet) -> None:
     values[:, 25] = np.nan
     values[32] *= -1
     values = np.concatenate([np.full((33, 1), 7.0), values], axis=1)
-    found = identify(set_with_gaps(np.append(0.0, good.frequency_hz), values, good.responses, good.references))
+    found = identify(
+        set_with_gaps(np.append(0.0, good.frequency_hz), values, good.responses, good.references)
+    )
     assert [r.frf for r in found.refused] == ["33Z/8Z"]
     assert "dead channel" in found.refused[0].reason
     assert len(found.modes) == 5
@@ -44,8 +46,8 @@ def test_what_was_not_measured_is_left_out_and_told(good: FrfSet) -> None:
 
 
 def test_wrong_signs_and_zeroes_are_left_out_and_named(good: FrfSet) -> None:
-    """As large as their neighbours, so that only the fit sees them; of ten FRFs, each at another line. One of them has zeroes
-    for a gap.
+    """As large as their neighbours, so that only the fit sees them; of ten FRFs, each at another
+    line. One of them has zeroes for a gap.
     """
     values = good.values.copy()
     rows, lines = np.arange(3, 13), 109 + 8 * np.arange(10)
@@ -54,7 +56,9 @@ def test_wrong_signs_and_zeroes_are_left_out_and_named(good: FrfSet) -> None:
     found = identify(replace(good, values=values))
     assert_papers_modes(found, 1e-3, 0.01)
     said = "left out, far off what the other lines say"
-    wrong = {f"33Z/{row + 1}Z: {2 * line + 2} Hz {said}" for row, line in zip(rows, lines, strict=True)}
+    wrong = {
+        f"33Z/{row + 1}Z: {2 * line + 2} Hz {said}" for row, line in zip(rows, lines, strict=True)
+    }
     named = {w for w in found.warnings if w.endswith(said)}
     assert named <= wrong
     assert len(named) >= 3  # near an antiresonance both signs are as good
@@ -72,7 +76,9 @@ def test_a_line_saturated_in_all_channels_and_interference_are_no_modes(good: Fr
 
 
 def test_repeats_that_agree_are_averaged_and_others_refused(good: FrfSet) -> None:
-    """The first once more, the second once more in the opposite direction, the third once more with the wrong sign."""
+    """The first once more, the second once more in the opposite direction, the third once more with
+    the wrong sign.
+    """
     again = paper_frfs(0.01, 7, LINES)
     repeated = FrfSet(
         good.frequency_hz,
@@ -90,18 +96,28 @@ def test_repeats_that_agree_are_averaged_and_others_refused(good: FrfSet) -> Non
     assert {Dof(p, 3) for p in (1, 2, 3)} - set(found.modes.dofs) == {Dof(3, 3)}
 
 
-def test_sets_of_repeats_that_all_contradict_one_another_and_of_two_quantities(good: FrfSet) -> None:
-    with pytest.raises(IdentificationError, match=r"all FRFs contradict their repeats: .*opposite signs"):
+def test_sets_of_repeats_that_all_contradict_one_another_and_of_two_quantities(
+    good: FrfSet,
+) -> None:
+    with pytest.raises(
+        IdentificationError, match=r"all FRFs contradict their repeats: .*opposite signs"
+    ):
         screen([good, replace(good, values=-good.values)])
     with pytest.raises(
-        IdentificationError, match=r"stated as the same FRF and differ \(correlation 0\.\d\d\): correct the points"
+        IdentificationError,
+        match=r"stated as the same FRF and differ \(correlation 0\.\d\d\): correct the points",
     ):
         screen([good, replace(good, values=good.values[:, ::-1])])
     constant = np.where(np.arange(33)[:, None] == 4, 2 + 1j, good.values)
     found = screen([replace(good, values=constant)])
-    assert [r.reason for r in found.refused] == ["is the same number at all lines: not a measurement"]
+    assert [r.reason for r in found.refused] == [
+        "is the same number at all lines: not a measurement"
+    ]
     mixed = [good.select(list(range(10))), good.select(list(range(10, 33))).to_quantity("mobility")]
-    assert "the FRFs are of different quantities: all were taken as accelerance" in screen(mixed).warnings
+    assert (
+        "the FRFs are of different quantities: all were taken as accelerance"
+        in screen(mixed).warnings
+    )
 
 
 def test_frequency_axes_may_differ_within_a_campaign(good: FrfSet) -> None:
@@ -112,8 +128,12 @@ def test_frequency_axes_may_differ_within_a_campaign(good: FrfSet) -> None:
     assert any("2 different frequency axes" in w for w in found.warnings)
 
 
-@pytest.mark.parametrize(("factor", "largest"), [(1e300, "e+30"), (1e-300, "e-29"), (1e304, "e+30")])
-def test_values_whose_squares_leave_double_precision_are_no_frfs(good: FrfSet, factor: float, largest: str) -> None:
+@pytest.mark.parametrize(
+    ("factor", "largest"), [(1e300, "e+30"), (1e-300, "e-29"), (1e304, "e+30")]
+)
+def test_values_whose_squares_leave_double_precision_are_no_frfs(
+    good: FrfSet, factor: float, largest: str
+) -> None:
     with pytest.raises(InputError, match=r"check unit and scale") as refused:
         replace(good, values=factor * good.values)
     assert largest in str(refused.value)

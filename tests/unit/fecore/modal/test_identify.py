@@ -64,7 +64,8 @@ def test_one_per_cent_noise() -> None:
     found = identify(paper_frfs(0.01, 1))
     assert_papers_modes(found, 1e-3, 0.01, 0.9999)
     assert found.shapes.mass_normalised is not None
-    # the driving point gives modal mass: tip deflection of the first mode is 2/√0.407 for unit modal mass
+    # the driving point gives modal mass: tip deflection of the first mode is 2/√0.407 for unit
+    # modal mass
     true = PAPER_SHAPES / np.sqrt(0.407)
     assert np.allclose(np.abs(found.shapes.mass_normalised[:, -1]), np.abs(true[:, -1]), rtol=0.01)
     assert np.all(found.shapes.collinearity > 0.999)
@@ -113,7 +114,9 @@ def test_stabilisation_data_show_the_true_poles(seeds: list[Identification]) -> 
 
 
 def test_two_curves_of_the_cmif_peak_where_two_modes_are_close() -> None:
-    """Two modes a third of a bandwidth apart are one peak of each FRF and two singular values, the single mode one."""
+    """Two modes a third of a bandwidth apart are one peak of each FRF and two singular values, the
+    single mode one.
+    """
     frfs, _ = plate_frfs(0.006, 0, 5)
     diagram = identify(frfs).stabilisation
     first, second = diagram.cmif
@@ -123,22 +126,36 @@ def test_two_curves_of_the_cmif_peak_where_two_modes_are_close() -> None:
     assert second[single] < 3 * np.median(second)
 
 
-# --- close and double modes, rigid bodies ---------------------------------------------------------------------------
+# --- close and double modes, rigid bodies
+# ---------------------------------------------------------------------------
 
 
 def plate_frfs(separation: float, *references: int) -> tuple[FrfSet, np.ndarray]:
-    """Two modes around 300 Hz (ζ = 1 %, half-power bandwidth 6 Hz) and one at 700 Hz, at 12 points."""
+    """Two modes around 300 Hz (ζ = 1 %, half-power bandwidth 6 Hz) and one at 700 Hz, at 12
+    points.
+    """
     rng = np.random.default_rng(12)
     shapes = rng.standard_normal((3, 12))
     hz = np.array([300.0, 300.0 * (1 + separation), 700.0])
     frequency = np.arange(100.0, 901.0)
     omega = 2 * np.pi * frequency
     values = np.concatenate(
-        [-(omega**2) * receptance(omega, hz, np.full(3, 0.01), shapes, shapes[:, j]) for j in references]
+        [
+            -(omega**2) * receptance(omega, hz, np.full(3, 0.01), shapes, shapes[:, j])
+            for j in references
+        ]
     )
     values = add_noise(values, 0.01, 0.5, rng)
     responses = tuple(Dof(i + 1, 3) for _ in references for i in range(12))
-    return FrfSet(frequency, values, responses, tuple(Dof(j + 1, 3) for j in references for _ in range(12))), shapes
+    return (
+        FrfSet(
+            frequency,
+            values,
+            responses,
+            tuple(Dof(j + 1, 3) for j in references for _ in range(12)),
+        ),
+        shapes,
+    )
 
 
 def test_two_modes_within_a_bandwidth_are_kept_as_two_by_one_reference() -> None:
@@ -167,7 +184,8 @@ def test_rigid_body_motion_does_not_leak_into_the_first_mode() -> None:
     hz, zeta = np.array([160.0, 450.0]), np.array([0.02, 0.02])
     elastic = receptance(omega, hz, zeta, shapes, shapes[:, -1]) / 0.4
     s = 1j * omega
-    rigid = (1 + 12 * x * x[-1])[:, None] / 0.4 / (s * (s + 27.0))  # mass-proportional damping of 27 /s
+    # mass-proportional damping of 27 /s
+    rigid = (1 + 12 * x * x[-1])[:, None] / 0.4 / (s * (s + 27.0))
     values = add_noise(-(omega**2) * (elastic + rigid), 0.01, 0.5, np.random.default_rng(3))
     dofs = tuple(Dof(i + 1, 3) for i in range(11))
     found = identify(FrfSet(frequency, values, dofs, (dofs[-1],) * 11))
@@ -195,34 +213,47 @@ def test_a_limit_on_the_modes_that_stopped_the_search_is_named() -> None:
     assert "the search stopped at most_modes; raise it, or leave it out" in found.warnings
 
 
-@pytest.mark.parametrize(("a0", "a1", "highest_hz", "noise"), [(30.0, 1e-5, 1000, 0.0), (60.0, 2e-5, 1600, 1e-4)])
-def test_nearly_no_noise_is_no_harm(a0: float, a1: float, highest_hz: int, noise: float, monkeypatch) -> None:
-    """A simulated free body: at a hundred decibels its many residual terms must still be distinguished."""
+@pytest.mark.parametrize(
+    ("a0", "a1", "highest_hz", "noise"), [(30.0, 1e-5, 1000, 0.0), (60.0, 2e-5, 1600, 1e-4)]
+)
+def test_nearly_no_noise_is_no_harm(
+    a0: float, a1: float, highest_hz: int, noise: float, monkeypatch
+) -> None:
+    """A simulated free body: at a hundred decibels its many residual terms must still be
+    distinguished.
+    """
     monkeypatch.setattr(synthesis, "NOISE", noise)
     beam = free_beam(FREE_UPDATED)
     x, y, _ = synthesis.grid(beam)[synthesis.SENSOR]
     beam = replace(beam, masses=(PointMass(x, y, 0.0048),))
-    frfs = synthesis.rayleigh_body(beam, np.array([a0, a1]), 1, np.arange(2.0, highest_hz + 0.5, 2.0))
+    frfs = synthesis.rayleigh_body(
+        beam, np.array([a0, a1]), 1, np.arange(2.0, highest_hz + 0.5, 2.0)
+    )
     found = identify(frfs.select([i for i in range(33) if i % 8 != 4])).modes
     true = synthesis.solve(beam).frequency_hz
     true = true[true < highest_hz]
     assert len(found) == len(true)
     np.testing.assert_allclose(found.frequency_hz, true, rtol=2e-5)
-    np.testing.assert_allclose(found.damping_ratio, a0 / (4 * np.pi * true) + a1 * np.pi * true, rtol=1e-3)
+    np.testing.assert_allclose(
+        found.damping_ratio, a0 / (4 * np.pi * true) + a1 * np.pi * true, rtol=1e-3
+    )
 
 
-# --- data that others made -------------------------------------------------------------------------------------------
+# --- data that others made
+# -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("name", "damping"), [("paper-like", 0.02), ("free-1pct", 0.02), ("cantilever-5pct-sensor-mass", 0.05)]
+    ("name", "damping"),
+    [("paper-like", 0.02), ("free-1pct", 0.02), ("cantilever-5pct-sensor-mass", 0.05)],
 )
 def test_independent_data(name: str, damping: float) -> None:
     path = shared_file("BLIND_OPEN", "blind-open", f"{name}.uff")
     truth = json.loads(path.with_suffix("").with_suffix(".truth.json").read_text())
     known = [m for m in truth["modes"] if m["out_of_plane"] and 0 < m["f_hz"] < 1000]
     identified = identify(read_uff(path)).found
-    assert np.all(identified.probability > 0.75)  # a mode of 15 % of the FRFs in 5 % noise is uncertain by a little
+    # a mode of 15 % of the FRFs in 5 % noise is uncertain by a little
+    assert np.all(identified.probability > 0.75)
     found = identified.modes
     inside = found.frequency_hz < 1000
     assert np.allclose(found.frequency_hz[inside], [m["f_hz"] for m in known], rtol=1e-3)

@@ -11,11 +11,16 @@ from fecore.modal.shapes import of_rank_two
 
 LINE = 1 / 32  # Hz
 POINTS = 20
-PSI = np.array([[1.0, -0.8], [0.9, 0.7], [0.6, -1.1], [-0.7, 0.8]])  # how the two references see four modes
+# how the two references see four modes
+PSI = np.array([[1.0, -0.8], [0.9, 0.7], [0.6, -1.1], [-0.7, 0.8]])
 
 
-def frfs(gap_lines: float, references: int = 2, seed: int = 3) -> tuple[FrfSet, np.ndarray, np.ndarray, np.ndarray]:
-    """FRFs of four modes, two of them `gap_lines` apart, with 2 % of error in each FRF; frequencies, damping and shapes."""
+def frfs(
+    gap_lines: float, references: int = 2, seed: int = 3
+) -> tuple[FrfSet, np.ndarray, np.ndarray, np.ndarray]:
+    """FRFs of four modes, two of them `gap_lines` apart, with 2 % of error in each FRF;
+    frequencies, damping and shapes.
+    """
     rng = np.random.default_rng(seed)
     hz = np.arange(1.0, 6.0, LINE)
     f = np.array([2.0, 3.0, 3.0 + gap_lines * LINE, 4.2])
@@ -23,8 +28,11 @@ def frfs(gap_lines: float, references: int = 2, seed: int = 3) -> tuple[FrfSet, 
     phi = rng.standard_normal((4, POINTS))
     s, w = 2j * np.pi * hz, 2 * np.pi * f[:, None]
     resonance = s**2 / (s**2 + 2 * zeta[:, None] * w * s + w**2)
-    values = np.einsum("qp,qm,ql->pml", phi, PSI[:, :references], resonance).reshape(POINTS * references, -1)
-    values = values * (1 + 0.02 * rng.standard_normal((len(values), 1)))  # calibration and hits, alike on all lines
+    values = np.einsum("qp,qm,ql->pml", phi, PSI[:, :references], resonance).reshape(
+        POINTS * references, -1
+    )
+    # calibration and hits, alike on all lines
+    values = values * (1 + 0.02 * rng.standard_normal((len(values), 1)))
     white = rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape)
     values = values + 0.01 * np.sqrt(np.mean(np.abs(values) ** 2)) * white
     pairs = [(Dof(100 + j, 3), Dof(1 + p, 3)) for p in range(POINTS) for j in range(references)]
@@ -33,7 +41,9 @@ def frfs(gap_lines: float, references: int = 2, seed: int = 3) -> tuple[FrfSet, 
 
 @pytest.mark.parametrize(("gap", "likeness"), [(1 / 6, 0.995), (1 / 3, 0.96)])
 def test_two_references_part_modes_a_fraction_of_a_line_apart(gap: float, likeness: float) -> None:
-    """At a sixth the references part them; at a third the series has both poles, and its shapes mix a little more."""
+    """At a sixth the references part them; at a third the series has both poles, and its shapes mix
+    a little more.
+    """
     data, f, zeta, phi = frfs(gap)
     identified = identify(data)
     found = identified.modes
@@ -71,15 +81,20 @@ def test_one_mode_is_left_as_one() -> None:
     )
     other = np.outer(rng.standard_normal(POINTS), [0.8, 1.0]).ravel()[:, None]
     spread = np.full((2 * POINTS, 1), 1e-4)
-    assert not of_rank_two(arrangement, one.astype(complex), spread)[0]  # errors of 3 % in each FRF are no second shape
+    # errors of 3 % in each FRF are no second shape
+    assert not of_rank_two(arrangement, one.astype(complex), spread)[0]
     assert of_rank_two(arrangement, (one + 0.5 * other).astype(complex), spread)[0]
 
 
 def test_a_table_with_a_gap_and_a_pair_twice_has_no_second_shape() -> None:
-    """Four FRFs of 2 x 2 dofs: repeats that contradict one another leave others beside them, and no FRF of the last pair."""
+    """Four FRFs of 2 x 2 dofs: repeats that contradict one another leave others beside them, and no
+    FRF of the last pair.
+    """
     pairs = [(1, 11), (1, 12), (2, 11), (2, 11)]
     responses, references = (tuple(Dof(pair[side], 3) for pair in pairs) for side in (0, 1))
-    arrangement = arrange(FrfSet(np.arange(1.0, 30.0), np.ones((4, 29), dtype=complex), responses, references))
+    arrangement = arrange(
+        FrfSet(np.arange(1.0, 30.0), np.ones((4, 29), dtype=complex), responses, references)
+    )
     residues = np.array([[1.0], [2.0], [-2.0], [1.0]], dtype=complex)
     assert not of_rank_two(arrangement, residues, np.full((4, 1), 1e-6))[0]
 
@@ -101,11 +116,16 @@ def tour(f: np.ndarray, drift: np.ndarray) -> FrfSet:
 
 
 @pytest.mark.parametrize("course", [np.repeat([-0.5, 0.5], 6), np.linspace(-0.5, 0.5, 12)])
-def test_a_tour_in_which_the_structure_drifts_beyond_a_bandwidth_has_each_mode_once(course: np.ndarray) -> None:
-    """A modulus that changes by 2 %, at once or slowly: 1 % of every frequency, where a half bandwidth is 0.4 %."""
+def test_a_tour_in_which_the_structure_drifts_beyond_a_bandwidth_has_each_mode_once(
+    course: np.ndarray,
+) -> None:
+    """A modulus that changes by 2 %, at once or slowly: 1 % of every frequency, where a half
+    bandwidth is 0.4 %.
+    """
     found = identify(tour(TOUR_HZ, 0.01 * course))
     assert found.modes.frequency_hz == pytest.approx(TOUR_HZ, rel=5e-4)
-    assert found.modes.damping_ratio == pytest.approx(np.full(4, 0.004), rel=0.05)  # half a line wide
+    # half a line wide
+    assert found.modes.damping_ratio == pytest.approx(np.full(4, 0.004), rel=0.05)
     assert found.drift == pytest.approx(0.01 * np.std(course), rel=0.1)
     assert any("drift together" in w for w in found.warnings)
 

@@ -1,4 +1,6 @@
-"""Which pole is a mode: the phase of distortions, one answer for every band, and no other error whatever the input."""
+"""Which pole is a mode: the phase of distortions, one answer for every band, and no other error
+whatever the input.
+"""
 
 import contextlib
 
@@ -23,7 +25,9 @@ def sure(found: Identification) -> np.ndarray:
 def agree(one: np.ndarray, other: np.ndarray, low: float, high: float) -> tuple[int, int]:
     """How many modes of each, well within a band, the other has too; and how many there are."""
     both = [np.array([f for f in each if low < f < high]) for each in (one, other)]
-    shared = [np.min(np.abs(f / b - 1), initial=1.0) < 0.004 for a, b in (both, both[::-1]) for f in a]
+    shared = [
+        np.min(np.abs(f / b - 1), initial=1.0) < 0.004 for a, b in (both, both[::-1]) for f in a
+    ]
     return int(np.sum(shared)), len(shared)
 
 
@@ -31,11 +35,19 @@ def test_one_record_in_several_bands_and_by_halves_has_one_answer() -> None:
     draw = KINDS["bridge"](11)
     whole = sure(identify(draw.frfs))
     first, last = draw.frfs.frequency_hz[[0, -1]]
-    bands = [(first + a * (last - first), first + b * (last - first)) for a, b in ((0, 0.6), (0.15, 0.8), (0.3, 1))]
+    bands = [
+        (first + a * (last - first), first + b * (last - first))
+        for a, b in ((0, 0.6), (0.15, 0.8), (0.3, 1))
+    ]
     shared, count = 0, 0
     for low, high in bands:
         margin = 0.03 * (high - low)
-        found = agree(whole, sure(identify(draw.frfs, Options(band_hz=(low, high)))), low + margin, high - margin)
+        found = agree(
+            whole,
+            sure(identify(draw.frfs, Options(band_hz=(low, high)))),
+            low + margin,
+            high - margin,
+        )
         shared, count = shared + found[0], count + found[1]
     rows = len(draw.frfs.responses)
     for half in (range(0, rows, 2), range(1, rows, 2)):
@@ -45,24 +57,36 @@ def test_one_record_in_several_bands_and_by_halves_has_one_answer() -> None:
     assert shared >= 0.97 * count
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
+)
 @given(
     rows=st.integers(1, 6),
     lines=st.integers(2, 120),
     start=st.sampled_from([0.0, 1e-3, 10.0, 5e5]),
-    content=st.sampled_from(["noise", "zeros", "resonance", "spikes", "tiny", "huge", "constant", "gaps"]),
+    content=st.sampled_from(
+        ["noise", "zeros", "resonance", "spikes", "tiny", "huge", "constant", "gaps"]
+    ),
     seed=st.integers(0, 99),
     band=st.sampled_from([None, (0.2, 0.7), (0.45, 0.55)]),
     places=st.sampled_from([1, 2, 6]),
 )
 def test_any_finite_input_gives_modes_or_an_error_in_words(
-    rows: int, lines: int, start: float, content: str, seed: int, band: tuple[float, float] | None, places: int
+    rows: int,
+    lines: int,
+    start: float,
+    content: str,
+    seed: int,
+    band: tuple[float, float] | None,
+    places: int,
 ) -> None:
     rng = np.random.default_rng(seed)
     hz = start + np.arange(lines) * (1.0 if start < 1e5 else 1e3)
     noise = rng.standard_normal((rows, lines)) + 1j * rng.standard_normal((rows, lines))
     s, at = 1j * hz, hz[lines // 2] + 0.3
-    values = 1 / (s**2 + 0.02 * at * s + at**2 + 1e-9) * rng.standard_normal((rows, 1)) + 1e-8 * noise
+    values = (
+        1 / (s**2 + 0.02 * at * s + at**2 + 1e-9) * rng.standard_normal((rows, 1)) + 1e-8 * noise
+    )
     measured = np.ones((rows, lines), dtype=bool)
     if content == "spikes":
         values[:, rng.integers(0, lines, 3)] *= 1e6
@@ -77,7 +101,9 @@ def test_any_finite_input_gives_modes_or_an_error_in_words(
     others = tuple(Dof(int(i) + 1, 3) for i in rng.integers(0, places, rows))
     limits = None if band is None else tuple(hz[0] + share * (hz[-1] - hz[0]) for share in band)
     with contextlib.suppress(IdentificationError, InputError):
-        frfs = FrfSet(hz, np.where(measured, values, 0), dofs, others, "accelerance", None, measured)
+        frfs = FrfSet(
+            hz, np.where(measured, values, 0), dofs, others, "accelerance", None, measured
+        )
         found = identify(frfs, Options(band_hz=limits)).found  # type: ignore[arg-type]
         assert np.all(np.isfinite(found.modes.frequency_hz))
         assert np.all((found.probability >= 0.1) & (found.probability <= 1))
@@ -86,7 +112,9 @@ def test_any_finite_input_gives_modes_or_an_error_in_words(
 def test_the_threshold_is_the_users() -> None:
     draw = KINDS["bridge"](5)
     found = identify(draw.frfs, Options(threshold=0.5)).found
-    assert all((p >= 0.5) == (why is None) for p, why in zip(found.probability, found.doubt, strict=True))
+    assert all(
+        (p >= 0.5) == (why is None) for p, why in zip(found.probability, found.doubt, strict=True)
+    )
     for unreachable in (0.01, 1.0):
         with pytest.raises(InputError, match="threshold"):
             Options(threshold=unreachable)
@@ -103,7 +131,9 @@ def test_the_phase_speaks_for_modes_and_its_ratio_stays_finite() -> None:
 
 
 def test_a_mode_that_a_roving_sensor_moves_is_one_mode() -> None:
-    """Its poles have shapes of their own, each that of the tests where it is large, and are far nearer than modes are."""
+    """Its poles have shapes of their own, each that of the tests where it is large, and are far
+    nearer than modes are.
+    """
     draw = KINDS["wing"](5000)
     kept = sure(identify(draw.frfs))
     near = np.abs(kept[:, None] / draw.frequency_hz - 1) < 0.004

@@ -1,4 +1,6 @@
-"""Derivatives of the refinement, the linear stage, the noise model, and what stands against one fault of measured FRFs each."""
+"""Derivatives of the refinement, the linear stage, the noise model, and what stands against one
+fault of measured FRFs each.
+"""
 
 import numpy as np
 import pytest
@@ -43,7 +45,9 @@ def test_linear_stage_is_exact_on_clean_data_and_biased_on_noisy() -> None:
         arrangement = arrange(paper_frfs(noise, 1))
         variance = line_scatter(arrangement.values, arrangement.measured, 1.0)
         found = linear_poles(arrangement.omega, arrangement.values, 1 / variance, 30)
-        at = np.flatnonzero((found.order == 18) & (np.abs(np.abs(found.pole) / (2 * np.pi) - 25.6) < 12))
+        at = np.flatnonzero(
+            (found.order == 18) & (np.abs(np.abs(found.pole) / (2 * np.pi) - 25.6) < 12)
+        )
         pole = found.pole[at[np.argmin(np.abs(np.abs(found.pole[at]) / (2 * np.pi) - 25.6))]]
         return float(-pole.real / np.abs(pole))
 
@@ -65,7 +69,8 @@ def test_noise_model_finds_both_parts() -> None:
 
 def test_fixed_dofs_are_the_fewest_that_touch_all_pairs() -> None:
     a, b, c = Dof(1, 3), Dof(2, 3), Dof(3, 3)
-    roving, fixed, row = split_sides(((a, c), (b, c), (c, c)))  # roving sensor, or response: one reference
+    # roving sensor, or response: one reference
+    roving, fixed, row = split_sides(((a, c), (b, c), (c, c)))
     assert (roving, fixed) == ((a, b, c), (c,))
     assert row.tolist() == [[0, 0], [1, 0], [2, 0]]
     assert split_sides(((c, a), (c, b)))[1] == (c,)  # roving hammer
@@ -92,7 +97,9 @@ def test_leakage_is_left_out_only_where_there_is_some() -> None:
 
 
 def test_noise_that_rises_to_0_hz_is_no_leakage_but_for_a_line_by_chance() -> None:
-    """White and as 1/f: the last line alone stands out of the jumps; nothing is left out, and no mode is found."""
+    """White and as 1/f: the last line alone stands out of the jumps; nothing is left out, and no
+    mode is found.
+    """
     noise = KINDS["quiet"](5009, Harsh.drawn(5009)).frfs
     assert leakage(arrange(noise))[1] == []
     with pytest.raises(IdentificationError, match="no mode"):

@@ -51,11 +51,21 @@ def test_two_references_with_missing_pairs_fit_one_shape() -> None:
     shapes = cantilever_shapes(points)[:5]
     frequency = np.arange(1.0, 1001.0)
     omega = 2 * np.pi * frequency
-    pairs = [(i, 32) for i in range(33) if i not in (3, 4)] + [(i, 30) for i in range(33) if i != 20]
+    pairs = [(i, 32) for i in range(33) if i not in (3, 4)] + [
+        (i, 30) for i in range(33) if i != 20
+    ]
     values = np.array(
-        [(receptance(omega, PAPER_HZ, PAPER_ZETA, shapes[:, [i]], shapes[:, j]))[0] * -(omega**2) for i, j in pairs]
+        [
+            (receptance(omega, PAPER_HZ, PAPER_ZETA, shapes[:, [i]], shapes[:, j]))[0] * -(omega**2)
+            for i, j in pairs
+        ]
     )
-    frfs = FrfSet(frequency, values, tuple(Dof(i + 1, 3) for i, _ in pairs), tuple(Dof(j + 1, 3) for _, j in pairs))
+    frfs = FrfSet(
+        frequency,
+        values,
+        tuple(Dof(i + 1, 3) for i, _ in pairs),
+        tuple(Dof(j + 1, 3) for _, j in pairs),
+    )
     modes, _ = shapes_at_poles(frfs, PAPER_HZ, PAPER_ZETA)
     assert len(modes.dofs) == 33
     assert np.allclose(np.diag(mac(modes.shapes, shapes)), 1, atol=1e-9)

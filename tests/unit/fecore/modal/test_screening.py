@@ -7,18 +7,24 @@ from fecore.frf import Dof, FrfSet
 from fecore.modal.screening import lines_in_words, screen
 
 HZ = np.arange(20.0, 180.0)
-CLEAN = 1 / ((100.0 + 0.02j * HZ) ** 2 - HZ**2)  # a resonance at 100 Hz, turned as exp(+iωt) turns it
+# a resonance at 100 Hz, turned as exp(+iωt) turns it
+CLEAN = 1 / ((100.0 + 0.02j * HZ) ** 2 - HZ**2)
 
 
 def records(count: int) -> FrfSet:
     values = np.linspace(1, 2, count)[:, None] * CLEAN
-    return FrfSet(HZ, values, tuple(Dof(i + 1, 3) for i in range(count)), (Dof(99, 3),) * count, "receptance")
+    return FrfSet(
+        HZ, values, tuple(Dof(i + 1, 3) for i in range(count)), (Dof(99, 3),) * count, "receptance"
+    )
 
 
 @pytest.mark.parametrize(
-    ("struck", "which"), [(1, "1Z/99Z"), (5, ", ".join(f"{i}Z/99Z" for i in range(1, 6))), (6, "5Z/99Z and 1 more")]
+    ("struck", "which"),
+    [(1, "1Z/99Z"), (5, ", ".join(f"{i}Z/99Z" for i in range(1, 6))), (6, "5Z/99Z and 1 more")],
 )
-def test_a_line_that_stands_alone_is_left_out_of_the_records_that_show_it(struck: int, which: str) -> None:
+def test_a_line_that_stands_alone_is_left_out_of_the_records_that_show_it(
+    struck: int, which: str
+) -> None:
     frfs = records(24)
     frfs.values[:struck, 40] += 50 * np.abs(CLEAN).max()
     found = screen(frfs)
@@ -50,7 +56,9 @@ def test_frfs_of_exchanged_dofs_may_differ_by_a_session(part: float, kept: int) 
     )
     found = screen(frfs)
     assert len(found.arrangement.pairs) == 3 + kept
-    assert any("by reciprocity; their correlation is 0.8" in note for note in found.warnings) == (part == 0.7)
+    assert any("by reciprocity; their correlation is 0.8" in note for note in found.warnings) == (
+        part == 0.7
+    )
     assert len(found.refused) == 2 - kept
 
 
@@ -64,4 +72,6 @@ def test_copies_are_averaged_where_both_were_measured() -> None:
     values[1, :5] = 0
     frfs = FrfSet(HZ, values, (Dof(1, 3), Dof(1, 3), Dof(2, 3)), (Dof(99, 3),) * 3, "receptance")
     found = screen(frfs).arrangement
-    np.testing.assert_allclose(found.values[0] / CLEAN, np.where(np.arange(HZ.size) < 5, 1.1, 1.0), rtol=1e-12)
+    np.testing.assert_allclose(
+        found.values[0] / CLEAN, np.where(np.arange(HZ.size) < 5, 1.1, 1.0), rtol=1e-12
+    )

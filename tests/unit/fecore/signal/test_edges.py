@@ -1,4 +1,6 @@
-"""Hits that hold almost nothing: a dead channel, a pulse at the edge of its block, a point without one good hit."""
+"""Hits that hold almost nothing: a dead channel, a pulse at the edge of its block, a point without
+one good hit.
+"""
 
 from dataclasses import replace
 from typing import Any
@@ -49,10 +51,22 @@ def ringing(at: int = 200, *, point: int = 1, seed: int = 0) -> FloatArray:
     return np.asarray(x) + noise(2, point, seed)
 
 
-def a_hit(number: int, point: int = 1, *, force: FloatArray | None = None, response: FloatArray | None = None) -> Hit:
+def a_hit(
+    number: int,
+    point: int = 1,
+    *,
+    force: FloatArray | None = None,
+    response: FloatArray | None = None,
+) -> Hit:
     return Hit(
         Block(Dof(point, 3), "force", pulse(seed=number) if force is None else force),
-        (Block(Dof(9, 3), "acceleration", ringing(point=point, seed=number) if response is None else response),),
+        (
+            Block(
+                Dof(9, 3),
+                "acceleration",
+                ringing(point=point, seed=number) if response is None else response,
+            ),
+        ),
         RATE,
         number,
     )
@@ -72,7 +86,11 @@ TOUR = {point: (0.1 * point, 0.0) for point in range(1, 8)}
     [
         (DEAD, None, "The force block holds no pulse above its noise"),
         (np.full(SAMPLES, 3.0), None, "The force block holds no pulse above its noise"),
-        (pulse(at=SAMPLES - 6), None, "The pulse lies at 100% of the block; most of the response is lost."),
+        (
+            pulse(at=SAMPLES - 6),
+            None,
+            "The pulse lies at 100% of the block; most of the response is lost.",
+        ),
         (None, DEAD, "The channel lost its signal, or holds noise alone."),
         (LOUD, DEAD, "The channel lost its signal, or holds noise alone."),
         (LOUD, LOUD, "The channels seem swapped."),
@@ -90,12 +108,18 @@ def test_an_offset_under_the_analysers_window_is_no_swing_of_the_force() -> None
     rate = 5 * RATE / SAMPLES  # down to 0.7 % at the end, where an offset is no longer what it was
 
     def under_window(block: Block, offset: float) -> Block:
-        return replace(block, samples=(block.samples + offset) * np.exp(-rate * TIME), window_rate_per_s=rate)
+        return replace(
+            block, samples=(block.samples + offset) * np.exp(-rate * TIME), window_rate_per_s=rate
+        )
 
     hits = [a_hit(number) for number in (1, 2, 3)]
     found = processed(
         *(
-            replace(h, force=under_window(h.force, 60.0), responses=tuple(under_window(r, 0.0) for r in h.responses))
+            replace(
+                h,
+                force=under_window(h.force, 60.0),
+                responses=tuple(under_window(r, 0.0) for r in h.responses),
+            )
             for h in hits
         )
     )
@@ -103,10 +127,17 @@ def test_an_offset_under_the_analysers_window_is_no_swing_of_the_force() -> None
 
 
 def test_a_point_without_a_good_hit_has_no_frf_and_a_warning() -> None:
-    hits = [a_hit(n) for n in (1, 2, 3)] + [a_hit(n, point=2, force=DEAD) for n in (1, 2)] + [a_hit(1, point=3)]
+    hits = (
+        [a_hit(n) for n in (1, 2, 3)]
+        + [a_hit(n, point=2, force=DEAD) for n in (1, 2)]
+        + [a_hit(1, point=3)]
+    )
     found = processed(*hits, processing=Processing(positions=TOUR))
     assert [dof.point for dof in found.frfs.references] == [1, 3]
-    none, single = (next(w for w in found.warnings if words in w) for words in ("no hit of point", "a single good hit"))
+    none, single = (
+        next(w for w in found.warnings if words in w)
+        for words in ("no hit of point", "a single good hit")
+    )
     assert none.startswith("no hit of point 2 is good, so there is no FRF")
     assert single.startswith("a single good hit at point 3")
     assert found.frfs.variance is not None
@@ -131,7 +162,11 @@ def test_frfs_in_parts_are_those_of_one_part() -> None:
     assert isinstance(found, Findings)
     averages = [part for part in parts if isinstance(part, Averages)]
     assert len(averages) == 3
-    for of in (lambda part: part.frfs.values, lambda part: part.frfs.variance, lambda part: part.coherence):
+    for of in (
+        lambda part: part.frfs.values,
+        lambda part: part.frfs.variance,
+        lambda part: part.coherence,
+    ):
         assert np.array_equal(np.concatenate([of(part) for part in averages]), of(whole))
     assert found.verdicts == whole.verdicts
     assert tuple(used for part in averages for used in part.used) == whole.used
@@ -141,18 +176,31 @@ def test_frfs_in_parts_are_those_of_one_part() -> None:
 
 def test_a_force_window_that_is_longer_than_the_block_takes_nothing() -> None:
     hits = [a_hit(n) for n in (1, 2, 3)]
-    wide, none = (processed(*hits, processing=Processing(windows=Windows(s))).frfs.values for s in (2.0, None))
+    wide, none = (
+        processed(*hits, processing=Processing(windows=Windows(s))).frfs.values for s in (2.0, None)
+    )
     assert np.array_equal(wide, none)
 
 
 def test_places_that_say_nothing_of_the_hits_change_no_verdict() -> None:
-    """Too few hits at one point, as many here as there at another, and shares that change along one axis alone."""
+    """Too few hits at one point, as many here as there at another, and shares that change along one
+    axis alone.
+    """
 
     def at(point: int, *places: int) -> list[Hit]:
-        return [a_hit(n, point, response=ringing(point=place, seed=n)) for n, place in enumerate(places, start=1)]
+        return [
+            a_hit(n, point, response=ringing(point=place, seed=n))
+            for n, place in enumerate(places, start=1)
+        ]
 
-    hits = [*at(1, 1), *at(2, 2, 2, 5, 5), *(hit for point in (3, 4, 5, 6, 7) for hit in at(point, *[point] * 3))]
-    placed, unplaced = (processed(*hits, processing=Processing(positions=places)) for places in (TOUR, {}))
+    hits = [
+        *at(1, 1),
+        *at(2, 2, 2, 5, 5),
+        *(hit for point in (3, 4, 5, 6, 7) for hit in at(point, *[point] * 3)),
+    ]
+    placed, unplaced = (
+        processed(*hits, processing=Processing(positions=places)) for places in (TOUR, {})
+    )
     assert placed.verdicts == unplaced.verdicts
     assert np.array_equal(placed.frfs.values, unplaced.frfs.values)
 
@@ -164,7 +212,9 @@ def test_a_second_pulse_is_as_large_under_an_analysers_window() -> None:
         def windowed(number: int) -> Hit:
             force = pulse(seed=number) + (0.5 * pulse(900) if number == 3 else 0)
             hit = a_hit(number, force=force * decay, response=ringing(seed=number) * decay)
-            force_block, block = (replace(b, window_rate_per_s=rate) for b in (hit.force, *hit.responses))
+            force_block, block = (
+                replace(b, window_rate_per_s=rate) for b in (hit.force, *hit.responses)
+            )
             return Hit(force_block, (block,), RATE, number)
 
         *_, double = processed(*(windowed(n) for n in (1, 2, 3))).verdicts
@@ -180,10 +230,14 @@ def test_hits_in_the_shortest_blocks_are_taken() -> None:
         return replace(block, samples=block.samples[190:254])
 
     hits = [a_hit(n) for n in (1, 2, 3)]
-    found = processed(*(Hit(cut(hit.force), (cut(hit.responses[0]),), RATE, hit.number) for hit in hits))
+    found = processed(
+        *(Hit(cut(hit.force), (cut(hit.responses[0]),), RATE, hit.number) for hit in hits)
+    )
     assert [v.accepted for v in found.verdicts] == [True] * 3
     assert found.frfs.values.shape == (1, 25)
-    assert processed(*hits, processing=Processing(band_hz=(99.9, 101.1))).frfs.frequency_hz.size == 2
+    assert (
+        processed(*hits, processing=Processing(band_hz=(99.9, 101.1))).frfs.frequency_hz.size == 2
+    )
 
 
 @pytest.mark.parametrize("response", [DEAD, pulse()], ids=["dead", "rigid"])
@@ -195,25 +249,35 @@ def test_hits_of_a_body_that_shows_no_resonance_are_not_located(response: FloatA
 
 
 def test_one_thread_and_three_give_the_same_in_the_same_order() -> None:
-    assert list(batched(lambda n: n * n, 9, 1)) == list(batched(lambda n: n * n, 9, 3)) == [n * n for n in range(9)]
+    assert (
+        list(batched(lambda n: n * n, 9, 1))
+        == list(batched(lambda n: n * n, 9, 3))
+        == [n * n for n in range(9)]
+    )
 
 
 def test_good_hits_are_not_cut_where_a_stated_window_ends_in_the_converters_steps() -> None:
-    """A body that dies away under 6 per second before the converter: six of sixteen hits were refused, their last parts being
-    still, and those of the others not.
+    """A body that dies away under 6 per second before the converter: six of sixteen hits were
+    refused, their last parts being still, and those of the others not.
     """
     rng = np.random.default_rng([31, 4])
     body = random_body(rng, "clamped")
     body = replace(body, damping_ratio=np.maximum(body.damping_ratio, 0.02))
-    lab = replace(random_laboratory(rng, 6.0), sample_rate_hz=6400.0, samples=4096, pretrigger=160, tip_s=1e-3)
-    lab = replace(lab, force_noise=1.4e-3 * lab.force_n, force_step=1e-3 * lab.force_n, window_first=True)
+    lab = replace(
+        random_laboratory(rng, 6.0), sample_rate_hz=6400.0, samples=4096, pretrigger=160, tip_s=1e-3
+    )
+    lab = replace(
+        lab, force_noise=1.4e-3 * lab.force_n, force_step=1e-3 * lab.force_n, window_first=True
+    )
     lab = replace(lab, response_noise=8e-5, response_step=6e-5, hum=2e-4, high_pass=True)
     bench = Bench(body, lab, (0.97 * body.length_m, 0.45 * body.width_m), rng)
     hits = [simulated.hit for simulated in bench.tour(4, 4, 0.0)]
     assert not any(verdict.faults for verdict in process(by_point(hits)).verdicts)
     (block,) = hits[5].responses
     short = replace(block, samples=np.where(np.arange(4096) < 500, block.samples, 0.0))
-    cut = process(by_point([*hits[:5], replace(hits[5], responses=(short,)), *hits[6:]])).verdicts[5]
+    cut = process(by_point([*hits[:5], replace(hits[5], responses=(short,)), *hits[6:]])).verdicts[
+        5
+    ]
     assert "cut" in {fault.criterion for fault in cut.faults}
 
 

@@ -19,7 +19,9 @@ def _scaled(hit: Hit, factor: float) -> Hit:
 
 
 def _strip(bench: Bench) -> Strip:
-    """What is known of a simulated beam: its mass, and the stiffness that its first bending mode has."""
+    """What is known of a simulated beam: its mass, and the stiffness that its first bending mode
+    has.
+    """
     body = bench.body
     first = body.orders.index((1, 0) if body.kind == "clamped" else (2, 0))
     mass = body.mass_kg / body.length_m
@@ -28,7 +30,9 @@ def _strip(bench: Bench) -> Strip:
 
 
 @pytest.mark.parametrize(("seed", "kind", "factor"), [(21, "clamped", 10.0), (22, "free", 0.1)])
-def test_a_whole_campaign_by_what_a_strip_of_its_mass_shows(seed: int, kind: str, factor: float) -> None:
+def test_a_whole_campaign_by_what_a_strip_of_its_mass_shows(
+    seed: int, kind: str, factor: float
+) -> None:
     bench, _, simulated = campaign(np.random.default_rng(seed), kind, 4, 3, 0.0)
     known = Processing(strip=_strip(bench))
     hits = [one.hit for one in simulated]
@@ -41,7 +45,9 @@ def test_a_whole_campaign_by_what_a_strip_of_its_mass_shows(seed: int, kind: str
 def test_a_strong_window_is_named_where_it_makes_a_campaign_low() -> None:
     bench, _, simulated = campaign(np.random.default_rng(21), "clamped", 4, 3, 0.0)
     hits = by_point([_scaled(one.hit, 0.1) for one in simulated])
-    strong = process(hits, Processing(strip=_strip(bench), windows=Windows(rate_per_s=300.0))).warnings
+    strong = process(
+        hits, Processing(strip=_strip(bench), windows=Windows(rate_per_s=300.0))
+    ).warnings
     (said,) = (w for w in strong if "strip of this mass" in w)
     assert "the exponential window of 301 per second, down to 1 % after 0.015 of" in said
     assert "sensitivity" not in said  # the bench's analyser adds 1 per second
@@ -56,7 +62,8 @@ def test_two_hits_of_five_under_another_range_are_named_and_left_out(factor: flo
     verdicts = process(by_point(hits)).verdicts
     assert [v.accepted for v in verdicts[:5]] == [True, False, True, False, True]
     fault, other = (next(f for f in verdicts[k].faults if f.criterion == "height") for k in (1, 3))
-    assert np.log([fault.number, other.number]) == pytest.approx(np.log(factor), abs=0.5)  # hits differ by place, too
+    # hits differ by place, too
+    assert np.log([fault.number, other.number]) == pytest.approx(np.log(factor), abs=0.5)
     assert "sensitivity" in fault.sentence
 
 

@@ -55,12 +55,18 @@ Tour = tuple[list[Simulated], Places]
 
 @pytest.fixture(scope="module")
 def tour() -> Tour:
-    """Ten points of a free strip, four hits each; the fourth of point 4 and of point 8 lies 12 mm off."""
+    """Ten points of a free strip, four hits each; the fourth of point 4 and of point 8 lies 12 mm
+    off.
+    """
     rng = np.random.default_rng(12)
     body = random_body(rng, "free")
-    laboratory = replace(random_laboratory(rng, 0.0), sample_rate_hz=6400.0, samples=4096, tip_s=6e-4, pretrigger=120)
+    laboratory = replace(
+        random_laboratory(rng, 0.0), sample_rate_hz=6400.0, samples=4096, tip_s=6e-4, pretrigger=120
+    )
     bench = Bench(body, laboratory, (0.96 * body.length_m, 0.45 * body.width_m), rng)
-    places = {n: (0.09 * n * body.length_m, (-0.4, 0.1, 0.4)[n % 3] * body.width_m) for n in range(1, 11)}
+    places = {
+        n: (0.09 * n * body.length_m, (-0.4, 0.1, 0.4)[n % 3] * body.width_m) for n in range(1, 11)
+    }
     hits = [
         bench.hit(label, place, n, "off_place" if label in (4, 8) and n == 4 else None)
         for label, place in places.items()
@@ -72,7 +78,9 @@ def tour() -> Tour:
 def test_hits_off_their_place_are_named_in_millimetres_and_good_ones_stay(tour: Tour) -> None:
     simulated, positions = tour
     hits = [s.hit for s in simulated]
-    found = process(by_point(hits), Processing(positions=positions, overrules={(Dof(8, 3), 4): True}))
+    found = process(
+        by_point(hits), Processing(positions=positions, overrules={(Dof(8, 3), 4): True})
+    )
     for verdict, s in zip(found.verdicts, simulated, strict=True):
         (place,) = (f for f in verdict.findings if f.criterion == "place")
         assert place.failed == (s.fault == "off_place"), place.sentence

@@ -1,4 +1,6 @@
-"""Hits to FRFs, on simulated hammer tests whose truth is known; good ones stay good under what instruments and hands do."""
+"""Hits to FRFs, on simulated hammer tests whose truth is known; good ones stay good under what
+instruments and hands do.
+"""
 
 from dataclasses import replace
 from functools import partial
@@ -8,7 +10,16 @@ import pytest
 
 from fecore.errors import InputError
 from fecore.modal import identify
-from fecore.signal import Hit, Processing, Windows, by_point, each_hit, inspect, process, remove_window
+from fecore.signal import (
+    Hit,
+    Processing,
+    Windows,
+    by_point,
+    each_hit,
+    inspect,
+    process,
+    remove_window,
+)
 from fecore.signal.judgement import _usual_of_most
 from tests.support import hammer
 from tests.support.habits import HabitBench
@@ -41,7 +52,9 @@ def _hits(bench: Bench, count: int = 5, fault: str | None = None, label: int = 1
         ("quiet", "quiet", 2),
     ],
 )
-def test_a_fault_is_found_by_its_name_and_the_good_hits_stay(fault: str, criterion: str, seed: int) -> None:
+def test_a_fault_is_found_by_its_name_and_the_good_hits_stay(
+    fault: str, criterion: str, seed: int
+) -> None:
     bench = _bench(seed, ("free", "clamped", "plate")[seed - 1])
     found = process(by_point(_hits(bench, 5, fault)))
     named = {f.criterion for f in found.verdicts[-1].faults}
@@ -61,7 +74,15 @@ def _with_response(hit: Hit, samples: np.ndarray) -> Hit:
 
 
 def test_a_body_that_rings_three_times_as_loud_as_the_noise_is_found() -> None:
-    bench = _bench(2, "free", sample_rate_hz=6400.0, samples=8192, pretrigger=380, response_noise=3e-4, hum=1e-5)
+    bench = _bench(
+        2,
+        "free",
+        sample_rate_hz=6400.0,
+        samples=8192,
+        pretrigger=380,
+        response_noise=3e-4,
+        hum=1e-5,
+    )
     hits = _hits(bench, 6)
     quiet = hits[-1].responses[0].samples[:250]
     ring = 3 * quiet.std() * np.exp(-np.arange(8192) / 4000) * np.sin(0.4 * np.arange(8192))
@@ -75,7 +96,15 @@ def test_a_body_that_rings_three_times_as_loud_as_the_noise_is_found() -> None:
 
 def test_a_range_that_was_changed_for_a_hit_is_no_body_that_rings() -> None:
     """Its noise is louder in all lines alike; a ring of the same level beside it is found."""
-    bench = _bench(2, "free", sample_rate_hz=6400.0, samples=8192, pretrigger=380, response_noise=3e-4, hum=1e-5)
+    bench = _bench(
+        2,
+        "free",
+        sample_rate_hz=6400.0,
+        samples=8192,
+        pretrigger=380,
+        response_noise=3e-4,
+        hum=1e-5,
+    )
     hits = [hit for label in (1, 2, 3) for hit in _hits(bench, 4, label=label)]
     louder = [_with_response(hit, 5 * hit.responses[0].samples) for hit in hits[:4]]
     verdicts = process(by_point([*louder, *hits[4:]])).verdicts
@@ -87,7 +116,9 @@ def test_a_range_that_was_changed_for_a_hit_is_no_body_that_rings() -> None:
     assert fault.criterion == "early"
 
 
-def test_a_top_of_three_equal_samples_is_an_overload_where_the_filter_lets_nothing_through() -> None:
+def test_a_top_of_three_equal_samples_is_an_overload_where_the_filter_lets_nothing_through() -> (
+    None
+):
     bench = _bench(5, "free", sample_rate_hz=6400.0, samples=8192, force_noise=1e-2, tip_s=1.2e-3)
     hits = _hits(bench, 5)
     assert not any(v.faults for v in process(by_point(hits)).verdicts)
@@ -97,16 +128,22 @@ def test_a_top_of_three_equal_samples_is_an_overload_where_the_filter_lets_nothi
     hits[-1] = replace(hits[-1], force=replace(hits[-1].force, samples=cut))
     fault, *_ = process(by_point(hits)).verdicts[-1].faults
     assert fault.criterion == "overload"
-    assert fault.sentence.startswith("The force has 1.4 samples more at its largest value than a round top")
+    assert fault.sentence.startswith(
+        "The force has 1.4 samples more at its largest value than a round top"
+    )
 
 
 def test_a_round_top_that_is_cut_off_is_an_overload() -> None:
     bench = _bench(2, "free", sample_rate_hz=12800.0, samples=8192, response_step=5e-5)
     hits = _hits(bench, 5)
-    slow = np.cos(2 * np.pi * 15 * (np.arange(8192) - 1000) / 12800.0) * np.exp(-np.arange(8192) / 4000)
+    slow = np.cos(2 * np.pi * 15 * (np.arange(8192) - 1000) / 12800.0) * np.exp(
+        -np.arange(8192) / 4000
+    )
     slow *= 5 * max(float(np.abs(hit.responses[0].samples).max()) for hit in hits)
     whole = [_with_response(hit, hit.responses[0].samples + slow) for hit in hits]
-    assert not any(f.criterion == "overload" for v in process(by_point(whole)).verdicts for f in v.faults)
+    assert not any(
+        f.criterion == "overload" for v in process(by_point(whole)).verdicts for f in v.faults
+    )
     samples = whole[-1].responses[0].samples
     level = 0.9 * np.abs(samples).max()
     whole[-1] = _with_response(whole[-1], np.clip(samples, -level, level))
@@ -116,7 +153,9 @@ def test_a_round_top_that_is_cut_off_is_an_overload() -> None:
 def test_a_force_of_a_few_steps_of_the_converter_is_no_pulse() -> None:
     bench = _bench(2)
     hits = _hits(bench, 4)
-    step = np.tile([1.0, -1.0, 1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, -1.0], hits[0].samples // 10 + 1)[: hits[0].samples]
+    step = np.tile(
+        [1.0, -1.0, 1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, -1.0], hits[0].samples // 10 + 1
+    )[: hits[0].samples]
     step[60:] = 0.0
     hits[-1] = replace(hits[-1], force=replace(hits[-1].force, samples=0.01 * step))
     assert "late" in {f.criterion for f in process(by_point(hits)).verdicts[-1].faults}
@@ -126,8 +165,16 @@ def test_a_hit_with_the_opposite_sign_is_found_by_pulse_and_by_response() -> Non
     hits = _hits(_bench(4), 5)
     turned = replace(hits[2], force=replace(hits[2].force, samples=-hits[2].force.samples))
     response = replace(hits[3].responses[0], samples=-hits[3].responses[0].samples)
-    found = process(by_point([hits[0], hits[1], turned, replace(hits[3], responses=(response,)), hits[4]]))
-    assert [[f.criterion for f in v.faults] for v in found.verdicts] == [[], [], ["polarity"], ["polarity"], []]
+    found = process(
+        by_point([hits[0], hits[1], turned, replace(hits[3], responses=(response,)), hits[4]])
+    )
+    assert [[f.criterion for f in v.faults] for v in found.verdicts] == [
+        [],
+        [],
+        ["polarity"],
+        ["polarity"],
+        [],
+    ]
 
 
 def test_a_hit_at_another_point_is_found() -> None:
@@ -184,7 +231,8 @@ def test_a_channel_at_its_full_scale_is_an_overload() -> None:
 def test_frfs_have_the_scale_and_shape_of_the_exact_ones(
     estimator: str, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hammer, "PLACE_SD_M", 1e-6)  # the scatter of hits is not the estimator's error
+    # the scatter of hits is not the estimator's error
+    monkeypatch.setattr(hammer, "PLACE_SD_M", 1e-6)
     bench = _bench(seed, ("free", "clamped", "plate")[seed - 1], high_pass=False, hum=0.0)
     found = process(by_point(_hits(bench)), Processing(estimator=estimator))  # type: ignore[arg-type]  # parametrised
     f = found.frfs.frequency_hz
@@ -217,8 +265,12 @@ def test_stated_variance_is_what_repeated_campaigns_show(monkeypatch: pytest.Mon
 
 def test_damping_is_the_same_under_any_exponential_window() -> None:
     bench = _bench(9, "free", high_pass=False, samples=8192)
-    places = [(x * bench.body.length_m, y * bench.body.width_m) for x in (0.15, 0.9) for y in (-0.4, 0.4)]
-    hits = [bench.hit(label, place, n).hit for label, place in enumerate(places, 1) for n in (1, 2, 3)]
+    places = [
+        (x * bench.body.length_m, y * bench.body.width_m) for x in (0.15, 0.9) for y in (-0.4, 0.4)
+    ]
+    hits = [
+        bench.hit(label, place, n).hit for label, place in enumerate(places, 1) for n in (1, 2, 3)
+    ]
     length = 40 / bench.laboratory.sample_rate_hz
     elastic = bench.body.frequency_hz[bench.body.frequency_hz > 5]
     band = (0.8 * elastic[0], 1.15 * elastic[1])
@@ -226,7 +278,9 @@ def test_damping_is_the_same_under_any_exponential_window() -> None:
     for rate in (0.0, 3.0):
         found = process(by_point(hits), Processing(windows=Windows(length, rate), band_hz=band))
         modes = identify(found.frfs).modes
-        frequency, damping = remove_window(modes.frequency_hz, modes.damping_ratio, found.rate_per_s)
+        frequency, damping = remove_window(
+            modes.frequency_hz, modes.damping_ratio, found.rate_per_s
+        )
         ratios.append([damping[np.argmin(np.abs(frequency - f))] for f in elastic[:2]])
     truth = bench.body.damping_ratio[bench.body.frequency_hz > 5][:2]
     np.testing.assert_allclose(ratios, np.tile(truth, (2, 1)), rtol=0.02)
@@ -238,7 +292,12 @@ def test_an_analysers_window_on_one_channel_is_completed_on_the_other() -> None:
     weight = np.exp(-rate * np.arange(hits[0].samples) / hits[0].sample_rate_hz)
     applied = [
         replace(
-            h, responses=(replace(h.responses[0], samples=h.responses[0].samples * weight, window_rate_per_s=rate),)
+            h,
+            responses=(
+                replace(
+                    h.responses[0], samples=h.responses[0].samples * weight, window_rate_per_s=rate
+                ),
+            ),
         )
         for h in hits
     ]
@@ -251,19 +310,24 @@ def test_an_analysers_window_on_one_channel_is_completed_on_the_other() -> None:
 @pytest.mark.parametrize("rate", [0.0, 3.0])
 def test_an_ac_coupled_hammer_leaves_no_phase_behind(rate: float) -> None:
     rng = np.random.default_rng(5)
-    body, laboratory = random_body(rng, "clamped"), replace(random_laboratory(rng, rate), high_pass=True)
+    body, laboratory = (
+        random_body(rng, "clamped"),
+        replace(random_laboratory(rng, rate), high_pass=True),
+    )
     bench = Bench(body, laboratory, (0.96 * body.length_m, 0.45 * body.width_m), rng)
     place = (0.8 * body.length_m, 0.3 * body.width_m)
     hits = [bench.hit(1, place, n).hit for n in range(1, 7)]
     found = process(by_point(hits), Processing(windows=Windows(0.01)))
     coupling = found.coupling
     assert coupling is not None
-    assert coupling.amplitude_per_s == pytest.approx(2 * np.pi * 0.5, rel=0.15)  # the coupling's corner is at 0.5 Hz
+    # the coupling's corner is at 0.5 Hz
+    assert coupling.amplitude_per_s == pytest.approx(2 * np.pi * 0.5, rel=0.15)
     s = 2j * np.pi * found.frfs.frequency_hz
     exact = bench.body.accelerance((s + rate) / 2j / np.pi, bench.sensor, bench.body.shapes(place))
     low = np.abs(found.frfs.frequency_hz / body.frequency_hz.min() - 1) < 0.1
     phase = np.angle(np.vdot(exact[low], found.frfs.values[0][low]))
-    assert abs(phase) < 0.15 * 0.5 / body.frequency_hz.min()  # without the tail it is the whole of this
+    # without the tail it is the whole of this
+    assert abs(phase) < 0.15 * 0.5 / body.frequency_hz.min()
 
 
 def test_a_delay_between_the_channels_is_told_and_can_be_taken_out() -> None:
@@ -272,7 +336,9 @@ def test_a_delay_between_the_channels_is_told_and_can_be_taken_out() -> None:
     laboratory = replace(random_laboratory(rng, 0.0), delay_s=30e-6, high_pass=False)
     bench = Bench(body, laboratory, (0.96 * body.length_m, 0.45 * body.width_m), rng)
     places = [(x * body.length_m, 0.3 * body.width_m) for x in (0.1, 0.35, 0.6, 0.8)]
-    hits = [bench.hit(label, place, n).hit for label, place in enumerate(places, 1) for n in (1, 2, 3)]
+    hits = [
+        bench.hit(label, place, n).hit for label, place in enumerate(places, 1) for n in (1, 2, 3)
+    ]
     found = process(by_point(hits))
     assert found.delay is not None
     assert found.delay.seconds == pytest.approx(30e-6, abs=max(3 * found.delay.sd, 3e-6))
@@ -297,7 +363,11 @@ def test_force_and_response_that_are_swapped_are_named() -> None:
     def swap(hit: Hit) -> Hit:
         (response,) = hit.responses
         other = replace(response, samples=hit.force.samples)
-        return replace(hit, force=replace(hit.force, samples=response.samples, full_scale=None), responses=(other,))
+        return replace(
+            hit,
+            force=replace(hit.force, samples=response.samples, full_scale=None),
+            responses=(other,),
+        )
 
     with pytest.raises(InputError, match="swapped"):
         process(by_point([swap(hit) for hit in hits]))
@@ -315,8 +385,12 @@ def test_force_and_response_that_are_swapped_are_named() -> None:
         ("soft tip, short pretrigger", "plate", 3),
     ],
 )
-def test_a_habit_of_instruments_or_hands_makes_few_hits_bad_ones(habit: str, kind: str, seed: int) -> None:
-    _, places, simulated = campaign(np.random.default_rng(seed), kind, 4, 5, 0.0, make=partial(HabitBench, habit=habit))
+def test_a_habit_of_instruments_or_hands_makes_few_hits_bad_ones(
+    habit: str, kind: str, seed: int
+) -> None:
+    _, places, simulated = campaign(
+        np.random.default_rng(seed), kind, 4, 5, 0.0, make=partial(HabitBench, habit=habit)
+    )
     found = process(by_point([s.hit for s in simulated]))
     refused = [[f.sentence for f in v.faults if f.criterion != "place"] for v in found.verdicts]
     assert len(refused) == 20

@@ -11,15 +11,21 @@ from fecore.signal.recording import LEAD, cut, survey
 RATE = 2048.0
 
 
-def recording(times: list[float], levels: list[float], seconds: float, bounce: float = 0.0) -> np.ndarray:
+def recording(
+    times: list[float], levels: list[float], seconds: float, bounce: float = 0.0
+) -> np.ndarray:
     """(2, n) force and response of a 40 Hz mode that decays by exp(-6 t), with noise."""
     rng = np.random.default_rng(1)
     time = np.arange(int(seconds * RATE)) / RATE
     force, response = rng.normal(0, 1e-3, (2, time.size))
     for at, level in zip(times, levels, strict=True):
         late = time - at
-        force += level * (np.exp(-((late / 8e-4) ** 2)) + bounce * np.exp(-(((late - 0.05) / 8e-4) ** 2)))
-        response += np.where(late > 0, level * np.exp(-6 * np.maximum(late, 0)) * np.sin(251 * late), 0.0)
+        force += level * (
+            np.exp(-((late / 8e-4) ** 2)) + bounce * np.exp(-(((late - 0.05) / 8e-4) ** 2))
+        )
+        response += np.where(
+            late > 0, level * np.exp(-6 * np.maximum(late, 0)) * np.sin(251 * late), 0.0
+        )
     return np.array([force, response])
 
 
@@ -32,7 +38,8 @@ def test_double_hits_and_different_levels_are_found_once_each() -> None:
     found = survey([recording(times, levels, 16.0, bounce=0.4)], RATE, 0)
     np.testing.assert_allclose([hit.at / RATE for hit in found.hits], times, atol=1 / RATE)
     np.testing.assert_allclose([hit.force for hit in found.hits], levels, rtol=0.02)
-    assert 0.8 * RATE < found.length < 2.0 * RATE  # the response of 1 is in noise of 0.001 after ln(1000) / 6 = 1.15 s
+    # the response of 1 is in noise of 0.001 after ln(1000) / 6 = 1.15 s
+    assert 0.8 * RATE < found.length < 2.0 * RATE
 
 
 def test_a_hit_whose_next_comes_early_is_left_out_and_the_others_keep_their_length() -> None:
@@ -48,7 +55,9 @@ def test_a_hit_whose_next_comes_early_is_left_out_and_the_others_keep_their_leng
     size=st.integers(50, 20_000),
     levels=st.lists(st.floats(0.2, 2.0), min_size=9, max_size=9),
 )
-def test_blocks_are_what_was_recorded_and_hold_no_other_hit(gaps: list[float], size: int, levels: list[float]) -> None:
+def test_blocks_are_what_was_recorded_and_hold_no_other_hit(
+    gaps: list[float], size: int, levels: list[float]
+) -> None:
     times = list(np.cumsum([0.5, *gaps]))
     whole = recording(times, levels[: len(times)], times[-1] + 2.0)
     found = survey(parts(whole, size), RATE, 0)

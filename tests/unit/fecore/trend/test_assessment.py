@@ -1,4 +1,6 @@
-"""A monitor's judgement of whole series: alarms, missing and late campaigns, covariates, families."""
+"""A monitor's judgement of whole series: alarms, missing and late campaigns, covariates,
+families.
+"""
 
 import json
 from dataclasses import replace
@@ -34,7 +36,9 @@ def dates(n: int) -> tuple[datetime, ...]:
 def stiffness(n: int = 14, loss_from: int = 99, seed: int = 1, **covariates: np.ndarray) -> Series:
     rng = np.random.default_rng(seed)
     y = 32e9 * (1 + 0.003 * rng.standard_normal(n)) * np.where(np.arange(n) >= loss_from, 0.95, 1.0)
-    return Series("Ex", dates(n), y, np.full(n, 0.001 * 32e9), covariates, tuple(f"c{i}" for i in range(n)))
+    return Series(
+        "Ex", dates(n), y, np.full(n, 0.001 * 32e9), covariates, tuple(f"c{i}" for i in range(n))
+    )
 
 
 def warm(n: int = 30, lowest: float = 5, highest: float = 35, seed: int = 2) -> Series:
@@ -66,12 +70,20 @@ def test_a_judged_parameter_is_plain_json_with_or_without_a_baseline() -> None:
         trend = assess({"Ex": warm(count)}, watch).parameters["Ex"]
         stated = json.loads(json.dumps(describe_trend(trend), allow_nan=False))
         assert [row["campaign_id"] for row in stated["points"]] == list(trend.series.labels)
-        assert [row["state"] for row in stated["timeline"]] == [m.state.value for m in trend.timeline]
+        assert [row["state"] for row in stated["timeline"]] == [
+            m.state.value for m in trend.timeline
+        ]
         known = trend.baseline is not None
         assert known == (count == 14)
-        assert [stated[name] is not None for name in ("baseline", "autocorrelation", "limits")] == [known] * 3
-        assert [row["in_baseline"] for row in stated["points"]] == [known and i < 8 for i in range(count)]
-        assert [row["judged"] is not None for row in stated["points"]] == [known and i >= 8 for i in range(count)]
+        assert [stated[name] is not None for name in ("baseline", "autocorrelation", "limits")] == [
+            known
+        ] * 3
+        assert [row["in_baseline"] for row in stated["points"]] == [
+            known and i < 8 for i in range(count)
+        ]
+        assert [row["judged"] is not None for row in stated["points"]] == [
+            known and i >= 8 for i in range(count)
+        ]
         assert all((row["corrected"] is None) != known for row in stated["points"])
         if trend.baseline is not None:
             (covariate,) = stated["baseline"]["covariates"]
@@ -80,7 +92,9 @@ def test_a_judged_parameter_is_plain_json_with_or_without_a_baseline() -> None:
 
 
 def test_the_rate_of_a_loss_that_goes_on_is_the_one_since_its_onset() -> None:
-    """4.8 % a year from the twelfth of 26 campaigns on; a line through the baseline too has its interval elsewhere."""
+    """4.8 % a year from the twelfth of 26 campaigns on; a line through the baseline too has its
+    interval elsewhere.
+    """
     n, truth, covered, over_all = 26, -0.048, [], []
     years = np.array([(date - dates(n)[11]).days for date in dates(n)]) / 365.25
     for seed in range(50):
@@ -169,7 +183,9 @@ def test_extrapolation_beyond_the_baselines_temperatures_is_said_and_widens() ->
     scores = score(baseline, watched)
     assert np.flatnonzero(scores.extrapolated).tolist() == [8]
     assert scores.residual_sd[8] > 1.5 * scores.residual_sd[9]
-    notes = assess({"Ex": hot}, Watch({"Ex": "fall"}, 12, ("temperature_c",))).parameters["Ex"].notes
+    notes = (
+        assess({"Ex": hot}, Watch({"Ex": "fall"}, 12, ("temperature_c",))).parameters["Ex"].notes
+    )
     assert "temperature_c 5 to 35" in notes[0]
     assert notes[0].endswith(": c20")
 
@@ -187,11 +203,15 @@ def test_a_missing_temperature_is_judged_with_the_spread_that_it_may_cause() -> 
 
 
 def test_a_baseline_campaign_without_temperature_is_left_out_and_named() -> None:
-    trend = assess({"Ex": warm_but({3: np.nan})}, Watch({"Ex": "fall"}, 12, ("temperature_c",))).parameters["Ex"]
+    trend = assess(
+        {"Ex": warm_but({3: np.nan})}, Watch({"Ex": "fall"}, 12, ("temperature_c",))
+    ).parameters["Ex"]
     assert "c3" not in trend.baseline.labels
     assert trend.baseline.labels[-1] == "c12"
     assert trend.notes[0] == "left out of the baseline, a covariate is missing: c3"
-    bare = assess({"Ex": stiffness()}, Watch({"Ex": "fall"}, 8, ("temperature_c",))).parameters["Ex"]
+    bare = assess({"Ex": stiffness()}, Watch({"Ex": "fall"}, 8, ("temperature_c",))).parameters[
+        "Ex"
+    ]
     assert bare.notes == ("no baseline yet: 0 of 8 campaigns with temperature_c",)
 
 
@@ -202,7 +222,9 @@ def test_overstated_standard_deviations_are_noticed() -> None:
 
 
 def test_the_false_alarm_rate_of_a_family_is_held() -> None:
-    watch = Watch({"Ex": "fall", "a0": "rise"}, 10, chart=Chart("ewma"), false_alarm_rate=0.02, horizon=12)
+    watch = Watch(
+        {"Ex": "fall", "a0": "rise"}, 10, chart=Chart("ewma"), false_alarm_rate=0.02, horizon=12
+    )
     rng = np.random.default_rng(12)
     called = 0
     for _ in range(100):
@@ -210,9 +232,14 @@ def test_the_false_alarm_rate_of_a_family_is_held() -> None:
             name: Series(name, dates(22), 1 + 0.01 * rng.standard_normal(22), np.full(22, 0.003))
             for name in ("Ex", "a0")
         }
-        called += any(m.state is State.ALARM for p in assess(series, watch).parameters.values() for m in p.timeline)
+        called += any(
+            m.state is State.ALARM
+            for p in assess(series, watch).parameters.values()
+            for m in p.timeline
+        )
     rate = 1 - (1 - called / 100) ** (1 / 12)
-    # ten campaigns cannot exclude that they resemble their neighbours, so the limits are wider than need be
+    # ten campaigns cannot exclude that they resemble their neighbours, so the limits are wider than
+    # need be
     assert 0.02 / 5 <= rate <= 0.02  # ± 0.003 of 100 families
 
 
@@ -221,7 +248,9 @@ def test_a_temperature_that_runs_with_time_leaves_the_rate_unknown_and_says_so()
     n = 16
     days = np.array([(date - dates(n)[0]).days for date in dates(n)], dtype=float)
     series = stiffness(n, temperature=10 + 0.05 * days)
-    trend = assess({"Ex": series}, Watch({"Ex": "fall"}, covariates=("temperature",), baseline=8)).parameters["Ex"]
+    trend = assess(
+        {"Ex": series}, Watch({"Ex": "fall"}, covariates=("temperature",), baseline=8)
+    ).parameters["Ex"]
     assert trend.rate is None
     assert any("no rate of change" in note for note in trend.notes)
     assert trend.scores is not None

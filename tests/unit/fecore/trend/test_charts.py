@@ -24,11 +24,20 @@ from fecore.trend import (
     step,
     worst,
 )
-from fecore.trend.autocorrelation import GRID, Autocorrelation, diagnose, normal_score, simulated_scores, widened
+from fecore.trend.autocorrelation import (
+    GRID,
+    Autocorrelation,
+    diagnose,
+    normal_score,
+    simulated_scores,
+    widened,
+)
 
 
 def integral_equation(chart: Chart, limit: float, shift: float) -> float:
-    """ARL from Page's integral equation L(u) = 1 + L(0) P(S' = 0) + ∫ L(y) p(y | u) dy, by Gauss-Legendre quadrature."""
+    """ARL from Page's integral equation L(u) = 1 + L(0) P(S' = 0) + ∫ L(y) p(y | u) dy, by
+    Gauss-Legendre quadrature.
+    """
     a, b, c = chart.recursion
     x, w = np.polynomial.legendre.leggauss(120)
     y, w = limit * (x + 1) / 2, limit * w / 2
@@ -41,23 +50,32 @@ def integral_equation(chart: Chart, limit: float, shift: float) -> float:
 
 @pytest.mark.parametrize(
     ("limit", "shift", "published"),
-    # Montgomery, Introduction to Statistical Quality Control, table of CUSUM run lengths with k = 1/2: two-sided 168 and
-    # 465 without a change, twice that for one side
+    # Montgomery, Introduction to Statistical Quality Control, table of CUSUM run lengths with k =
+    # 1/2: two-sided 168 and 465 without a change, twice that for one side
     [(4, 0, 336), (5, 0, 930), (4, 1, 8.38), (5, 1, 10.4), (4, 2, 3.34), (5, 2, 4.01)],
 )
-def test_cusum_run_lengths_are_the_published_ones(limit: float, shift: float, published: float) -> None:
-    assert average_run_length(Chart("cusum", reference=0.5), Limits(limit), shift) == pytest.approx(published, rel=5e-3)
+def test_cusum_run_lengths_are_the_published_ones(
+    limit: float, shift: float, published: float
+) -> None:
+    assert average_run_length(Chart("cusum", reference=0.5), Limits(limit), shift) == pytest.approx(
+        published, rel=5e-3
+    )
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.5, 2.0])
 @pytest.mark.parametrize(
-    ("chart", "limit"), [(Chart("ewma", weight=0.2), 0.9), (Chart("ewma", weight=0.5), 1.6), (Chart("cusum"), 4.0)]
+    ("chart", "limit"),
+    [(Chart("ewma", weight=0.2), 0.9), (Chart("ewma", weight=0.5), 1.6), (Chart("cusum"), 4.0)],
 )
-def test_the_markov_chain_solves_the_integral_equation(chart: Chart, limit: float, shift: float) -> None:
+def test_the_markov_chain_solves_the_integral_equation(
+    chart: Chart, limit: float, shift: float
+) -> None:
     exact = integral_equation(chart, limit, shift)
     assert average_run_length(chart, Limits(limit), shift) == pytest.approx(exact, rel=5e-3)
     # the error falls with the square of the cell's width
-    errors = [abs(average_run_length(chart, Limits(limit), shift, cells=n) - exact) for n in (20, 40)]
+    errors = [
+        abs(average_run_length(chart, Limits(limit), shift, cells=n) - exact) for n in (20, 40)
+    ]
     assert errors[1] < 0.4 * errors[0]
 
 
@@ -65,7 +83,9 @@ def test_shewhart_runs_are_geometric() -> None:
     p = stats.norm.sf(2.5)
     chart = Chart("shewhart")
     assert average_run_length(chart, Limits(2.5)) == pytest.approx(1 / p, rel=1e-12)
-    assert average_run_length(chart, Limits(2.5), pending=2) == pytest.approx(1 / p + 1 / p**2, rel=1e-6)
+    assert average_run_length(chart, Limits(2.5), pending=2) == pytest.approx(
+        1 / p + 1 / p**2, rel=1e-6
+    )
     assert alarm_probability(chart, Limits(2.5), 24) == pytest.approx(1 - (1 - p) ** 24, rel=1e-9)
 
 
@@ -86,7 +106,9 @@ def test_limits_hold_for_a_short_baseline(chart: Chart, n: int) -> None:
     rng = np.random.default_rng(n)
     y = rng.standard_normal((4000, n + 24))
     base, later = y[:, :n], y[:, n:]
-    t = (later - base.mean(axis=1)[:, None]) / (base.std(axis=1, ddof=1)[:, None] * np.sqrt(1 + 1 / n))
+    t = (later - base.mean(axis=1)[:, None]) / (
+        base.std(axis=1, ddof=1)[:, None] * np.sqrt(1 + 1 / n)
+    )
     limits = control_limits(chart, 0.2, 24, 1, 1 / n, float(n - 1))
     called = sum(is_called(chart, limits, z, 1) for z in normal_score(t, n - 1))
     assert called / 4000 == pytest.approx(0.2, abs=3.5 * np.sqrt(0.2 * 0.8 / 4000) + 0.005)
@@ -119,7 +141,8 @@ def walk(events: list[Event], pending: int = 2) -> list[State]:
         ([O, O, I, M], [PENDING, ALARM, ALARM, ALARM]),  # an alarm waits to be seen
         ([O, O, A, O, O], [PENDING, ALARM, SEEN, SEEN, SEEN]),
         ([O, O, A, M, O], [PENDING, ALARM, SEEN, NO_DATA, SEEN]),
-        ([O, O, A, I, O, O], [PENDING, ALARM, SEEN, NORMAL, PENDING, ALARM]),  # a new alarm after it was well
+        # a new alarm after it was well
+        ([O, O, A, I, O, O], [PENDING, ALARM, SEEN, NORMAL, PENDING, ALARM]),
         ([M, M], [NO_DATA, NO_DATA]),
     ],
 )
@@ -162,7 +185,9 @@ def known(phi: float) -> Autocorrelation:
 
 
 def called(e: FloatArray, limits: Limits) -> float:
-    """Share of series that an EWMA calls, judged against the mean and scatter of their first twelve."""
+    """Share of series that an EWMA calls, judged against the mean and scatter of their first
+    twelve.
+    """
     base, later = e[:N], e[N:]
     sd = base.std(axis=0, ddof=1) * np.sqrt(1 + 1 / N)
     scores = normal_score((later - base.mean(axis=0)) / sd, N - 1)
@@ -194,7 +219,9 @@ def test_phi_is_found_in_a_long_baseline_and_has_no_bias_downwards() -> None:
 
 
 def test_gaps_between_campaigns_do_not_hide_how_alike_they_are() -> None:
-    """A third of the campaigns is missing: by their dates the others are as alike as they were, by their number less."""
+    """A third of the campaigns is missing: by their dates the others are as alike as they were, by
+    their number less.
+    """
     rng = np.random.default_rng(8)
     kept = np.sort(rng.choice(200, 135, replace=False))
     e = errors(rng, 0.7, 200, 1)[kept, 0]
@@ -229,8 +256,13 @@ def test_limits_that_nothing_reaches_are_not_widened() -> None:
 
 @pytest.mark.parametrize("degrees_of_freedom", [1, 6, 40])
 def test_the_table_of_scores_is_as_exact_as_it_says(degrees_of_freedom: int) -> None:
-    t = np.random.default_rng(0).standard_t(degrees_of_freedom, 20_000) * np.geomspace(1, 30, 20_000)
+    t = np.random.default_rng(0).standard_t(degrees_of_freedom, 20_000) * np.geomspace(
+        1, 30, 20_000
+    )
     t = t[np.abs(t) < 1e6]
     np.testing.assert_allclose(
-        simulated_scores(t, degrees_of_freedom), normal_score(t, degrees_of_freedom), rtol=0, atol=2e-5
+        simulated_scores(t, degrees_of_freedom),
+        normal_score(t, degrees_of_freedom),
+        rtol=0,
+        atol=2e-5,
     )

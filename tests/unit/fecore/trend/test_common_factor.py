@@ -1,4 +1,6 @@
-"""Baselines whose parameters move together: said where a covariate is missing, at the stated rate where none is."""
+"""Baselines whose parameters move together: said where a covariate is missing, at the stated rate
+where none is.
+"""
 
 from datetime import UTC, datetime, timedelta
 
@@ -15,14 +17,18 @@ WATCH = Watch({"Ex": "fall", "Gxy": "fall", "a0": "rise"}, covariates=("temperat
 def baseline(
     seed: int, humidity: float = 0.0, noise_correlation: float = 0.0, scatter: float = 0.004
 ) -> dict[str, Series]:
-    """Series of a baseline; humidity moves each parameter by so many of its sds, and was not recorded."""
+    """Series of a baseline; humidity moves each parameter by so many of its sds, and was not
+    recorded.
+    """
     rng = np.random.default_rng(seed)
     temperature, unrecorded = rng.normal(20, 5, 12), rng.standard_normal(12)
     noise_covariance = (1 - noise_correlation) * np.eye(3) + noise_correlation
     noise = 0.002 * rng.multivariate_normal(np.zeros(3), noise_covariance, 12)
     own = scatter * rng.standard_normal((12, 3))
     values = 1 - 0.001 * (temperature[:, None] - 20) + noise + own
-    values += humidity * np.hypot(0.002, scatter) * unrecorded[:, None] * np.array([-1.0, -1.0, 0.8])
+    values += (
+        humidity * np.hypot(0.002, scatter) * unrecorded[:, None] * np.array([-1.0, -1.0, 0.8])
+    )
     return {
         name: Series(name, DATES, values[:, j], np.full(12, 0.002), {"temperature_c": temperature})
         for j, name in enumerate(WATCH.directions)
@@ -30,7 +36,10 @@ def baseline(
 
 
 def moves_together(made: dict[str, Series]) -> bool:
-    return common_factor([(one, fit_baseline(one, 12, WATCH.covariates)[0]) for one in made.values()]) is not None
+    return (
+        common_factor([(one, fit_baseline(one, 12, WATCH.covariates)[0]) for one in made.values()])
+        is not None
+    )
 
 
 def test_humidity_that_was_not_recorded_is_said_at_the_baseline() -> None:
@@ -42,9 +51,14 @@ def test_humidity_that_was_not_recorded_is_said_at_the_baseline() -> None:
 
 
 @pytest.mark.parametrize(("correlation", "scatter"), [(0.0, 0.004), (0.9, 0.0)])
-def test_own_scatter_or_shared_noise_is_called_no_oftener_than_stated(correlation: float, scatter: float) -> None:
+def test_own_scatter_or_shared_noise_is_called_no_oftener_than_stated(
+    correlation: float, scatter: float
+) -> None:
     false = np.mean(
-        [moves_together(baseline(seed, noise_correlation=correlation, scatter=scatter)) for seed in range(100)]
+        [
+            moves_together(baseline(seed, noise_correlation=correlation, scatter=scatter))
+            for seed in range(100)
+        ]
     )
     assert false <= FALSE_ALARMS + 2 * np.sqrt(FALSE_ALARMS * (1 - FALSE_ALARMS) / 100)
 

@@ -1,4 +1,6 @@
-"""What is known beforehand of a parameter's change by temperature is the prior of its regression."""
+"""What is known beforehand of a parameter's change by temperature is the prior of its
+regression.
+"""
 
 from datetime import UTC, datetime, timedelta
 
@@ -25,7 +27,9 @@ def relative(found: Series, n: int, prior: tuple[float, float] | None) -> tuple[
     return fit.coefficients[1] / LEVEL, np.sqrt(fit.covariance[1, 1]) / LEVEL
 
 
-def test_a_baseline_that_saw_one_temperature_keeps_to_the_prior_and_one_that_saw_many_overrules_it() -> None:
+def test_a_baseline_that_saw_one_temperature_keeps_to_the_prior_and_one_that_saw_many_overrules_it() -> (
+    None
+):
     random = np.random.default_rng(1)
     narrow = series(20 + 0.05 * random.standard_normal(8), random)
     slope, sd = relative(narrow, 8, PRIOR)
@@ -37,7 +41,9 @@ def test_a_baseline_that_saw_one_temperature_keeps_to_the_prior_and_one_that_saw
     assert exact[0] == pytest.approx(-0.003, rel=1e-2)
 
 
-def test_scores_of_an_unchanged_structure_far_from_its_baselines_temperatures_are_standard_normal() -> None:
+def test_scores_of_an_unchanged_structure_far_from_its_baselines_temperatures_are_standard_normal() -> (
+    None
+):
     random, scores = np.random.default_rng(2), []
     for _ in range(300):
         temperature = np.append(20 + 1.0 * random.standard_normal(8), 32.0)

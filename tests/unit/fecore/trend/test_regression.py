@@ -53,18 +53,25 @@ def test_scores_of_an_unchanged_structure_are_standard_normal(ratio: float) -> N
     scores = []
     for _ in range(400):
         temperature = 20 + 8 * rng.standard_normal(13)
-        y = 100 - 0.1 * (temperature - 20) + 0.3 * (rng.standard_normal(13) + ratio * rng.standard_normal(13))
+        y = (
+            100
+            - 0.1 * (temperature - 20)
+            + 0.3 * (rng.standard_normal(13) + ratio * rng.standard_normal(13))
+        )
         series = Series("Ex", dates(13), y, np.full(13, 0.3), {"temperature_c": temperature})
         baseline, watched, _ = fit_baseline(series, 12, ("temperature_c",))
         scores.append(score(baseline, watched).score[0])
-    # 4.6 % lie beyond 2 sd; without any scatter between campaigns fewer do, as some is always allowed for
+    # 4.6 % lie beyond 2 sd; without any scatter between campaigns fewer do, as some is always
+    # allowed for
     assert (0.01 if ratio == 0 else 0.025) <= np.mean(np.abs(scores) > 2) <= 0.07
     assert (0.78 if ratio == 0 else 0.9) <= np.std(scores) <= 1.1
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.9, 1.33, 30.0])
 def test_no_scatter_between_campaigns_makes_scores_larger_than_stated(ratio: float) -> None:
-    """P(score > 2.3) of later campaigns, known exactly for each baseline as the truth is: at most what Φ says."""
+    """P(score > 2.3) of later campaigns, known exactly for each baseline as the truth is: at most
+    what Φ says.
+    """
     rng = np.random.default_rng(7)
     n, own, tails = 12, 1 / np.hypot(1, ratio), []
     for y in rng.standard_normal((500, n)):
@@ -112,7 +119,11 @@ def test_the_size_of_a_change_is_its_size() -> None:
     baseline, watched, _ = fit_baseline(series, 6)
     scores = score(baseline, watched)
     found = change_point(
-        series.dates[5:], series.days[5:], scores.residual, scores.covariance, baseline.fit.degrees_of_freedom
+        series.dates[5:],
+        series.days[5:],
+        scores.residual,
+        scores.covariance,
+        baseline.fit.degrees_of_freedom,
     )
     assert (found.pattern, found.index, found.interval) == ("step", 0, (0, 0))
     assert found.date_interval == (series.dates[5], series.dates[6])
@@ -131,7 +142,9 @@ def test_intervals_of_the_rate_cover_it_beside_seasons() -> None:
         y += 0.3 * rng.standard_normal(n)
         found = rate(Series("Ex", dates(n), y, np.full(n, 0.3), {"T": temperature}), ("T",), 100.0)
         held += found.interval_95[0] <= -2.4 <= found.interval_95[1]
-        assert found.relative_interval_95[0] < found.relative_per_year < found.relative_interval_95[1]
+        assert (
+            found.relative_interval_95[0] < found.relative_per_year < found.relative_interval_95[1]
+        )
     assert 0.88 <= held / sets <= 0.99
 
 

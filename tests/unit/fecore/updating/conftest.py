@@ -31,7 +31,9 @@ def drawn() -> Drawn:
 
 @pytest.fixture(scope="session")
 def identified(drawn: Drawn) -> Measurement:
-    """The same with its modes handed in, where a test is not about identification: the results keep their bits."""
+    """The same with its modes handed in, where a test is not about identification: the results keep
+    their bits.
+    """
     return replace(drawn.measurement, modes=prepare(drawn.measurement, COARSE, Recipe()).modes)
 
 

@@ -1,4 +1,6 @@
-"""A measured mode that may be none: its weight in a fit, what the posterior makes of it, and what the user gets."""
+"""A measured mode that may be none: its weight in a fit, what the posterior makes of it, and what
+the user gets.
+"""
 
 from dataclasses import replace
 
@@ -31,13 +33,22 @@ def problem() -> LinearProblem:
     noise = np.diag(RANDOM.uniform(1e-8, 1e-6, COUNT))
     nothing = np.zeros(SIZE)
     return LinearProblem(
-        residual, noise, RANDOM.standard_normal((COUNT, SIZE)), at, lambda _: np.diag(sd**-2), {}, nothing
+        residual,
+        noise,
+        RANDOM.standard_normal((COUNT, SIZE)),
+        at,
+        lambda _: np.diag(sd**-2),
+        {},
+        nothing,
     )
 
 
 def likelihood(problem: LinearProblem, which: list[int], spread: float) -> float:
     """Of some frequencies, the unknowns integrated out."""
-    S, r = problem.sensitivity[which], problem.residual[which] + problem.sensitivity[which] @ problem.x
+    S, r = (
+        problem.sensitivity[which],
+        problem.residual[which] + problem.sensitivity[which] @ problem.x,
+    )
     V = (
         problem.noise[np.ix_(which, which)]
         + spread**2 * np.eye(len(which))
@@ -47,18 +58,26 @@ def likelihood(problem: LinearProblem, which: list[int], spread: float) -> float
 
 
 @pytest.mark.parametrize("probability", [0.6, 0.99, 0.999999])
-def test_the_weight_of_one_mode_is_its_posterior_probability(problem: LinearProblem, probability: float) -> None:
-    """Both sets by brute force: the likelihood of all frequencies with it, and of the others times the band's density."""
+def test_the_weight_of_one_mode_is_its_posterior_probability(
+    problem: LinearProblem, probability: float
+) -> None:
+    """Both sets by brute force: the likelihood of all frequencies with it, and of the others times
+    the band's density.
+    """
     spreads = 0.001 * np.exp(np.linspace(np.log(0.1), np.log(30.0), 41))
-    prior = np.exp(-2 * (np.log(spreads) + 0.001**2 / (2 * spreads**2)))  # of ln s, as in `posterior`
+    # of ln s, as in `posterior`
+    prior = np.exp(-2 * (np.log(spreads) + 0.001**2 / (2 * spreads**2)))
     P, W = np.where(np.arange(COUNT) == 3, probability, 1.0), np.full(COUNT, 2.5)
     real, none = (
         sum(p * likelihood(problem, which, s) for p, s in zip(prior, spreads, strict=True))
         for which in ([0, 1, 2, 3, 4], [0, 1, 2, 4])
     )
     others = problem.only(np.arange(COUNT) != 3)
-    step, covariance = others.solve(0.001, 0.0)  # what the others predict, where the model misses it by five per cent
-    spread = np.sqrt(problem.noise[3, 3] + 0.05**2 + problem.sensitivity[3] @ covariance @ problem.sensitivity[3])
+    # what the others predict, where the model misses it by five per cent
+    step, covariance = others.solve(0.001, 0.0)
+    spread = np.sqrt(
+        problem.noise[3, 3] + 0.05**2 + problem.sensitivity[3] @ covariance @ problem.sensitivity[3]
+    )
     off = scipy.stats.norm.pdf(problem.residual[3] - problem.sensitivity[3] @ step, 0, spread)
     real += 0.01 * off * none
     expected = probability * real / (probability * real + (1 - probability) / 2.5 * none)
@@ -87,19 +106,26 @@ def test_the_posterior_is_that_of_both_sets_by_their_odds(problem: LinearProblem
     moments = [problem.with_weight(3, w).mixture(0.0)[0].total for w in (1.0, 0.0)]
     np.testing.assert_allclose(found.total, 0.3 * moments[0] + 0.7 * moments[1], rtol=1e-12)
     alone = problem.only(np.arange(COUNT) != 3).mixture(0.0)[0]
-    np.testing.assert_allclose(moments[1], alone.total, rtol=1e-9)  # weight 0 is to have no such frequency
+    # weight 0 is to have no such frequency
+    np.testing.assert_allclose(moments[1], alone.total, rtol=1e-9)
     assert over_sets(without, np.ones(COUNT), 0.0, given) is given
     assert isinstance(found, Mixture)
 
 
 def test_what_is_certain_costs_what_it_did() -> None:
-    modes = MeasuredModes(np.array([10.0, 20.0, 30.0]), np.full(3, 0.01), probability=np.array([1.0, 0.6, 0.1]))
-    assert alone_cost(modes) == pytest.approx([8.0, -np.log(0.4 + 0.6 * np.exp(-8)), -np.log(0.9 + 0.1 * np.exp(-8))])
+    modes = MeasuredModes(
+        np.array([10.0, 20.0, 30.0]), np.full(3, 0.01), probability=np.array([1.0, 0.6, 0.1])
+    )
+    assert alone_cost(modes) == pytest.approx(
+        [8.0, -np.log(0.4 + 0.6 * np.exp(-8)), -np.log(0.9 + 0.1 * np.exp(-8))]
+    )
     assert alone_cost(replace(modes, probability=None)).tolist() == [8.0] * 3
     fits = scipy.stats.norm.logpdf(0, 0, 0.001)
     expected = 0.8 * (np.log(0.6 / 0.4 * 1.5) + fits)
     weights = np.array([1.0, 0.2])
-    assert stray_cost(weights, np.array([1.0, 0.6]), np.array([3.0, 1.5]), 0.001) == pytest.approx(expected)
+    assert stray_cost(weights, np.array([1.0, 0.6]), np.array([3.0, 1.5]), 0.001) == pytest.approx(
+        expected
+    )
 
 
 def updated(drawn: Drawn, modes: MeasuredModes, probability: object) -> UpdateResult:
@@ -141,8 +167,12 @@ def test_a_false_pole_pulls_by_its_probability(drawn: Drawn, identified: Measure
     assert found[0.999].verdict.level == "with_care"
 
 
-def test_a_mode_in_doubt_that_alone_fixes_a_constant_leaves_it_wide(drawn: Drawn, identified: Measurement) -> None:
-    """The third mode alone is torsion. Where it may be none, so may the shear modulus be what the prior says."""
+def test_a_mode_in_doubt_that_alone_fixes_a_constant_leaves_it_wide(
+    drawn: Drawn, identified: Measurement
+) -> None:
+    """The third mode alone is torsion. Where it may be none, so may the shear modulus be what the
+    prior says.
+    """
     shear = {}
     for p in (0.6, 0.99):
         result = updated(drawn, identified.modes, np.where(np.arange(5) == 2, p, 1.0))

@@ -1,4 +1,6 @@
-"""Several campaigns of one material: what they share, what they show together, and whether they agree."""
+"""Several campaigns of one material: what they share, what they show together, and whether they
+agree.
+"""
 
 from dataclasses import replace
 
@@ -39,10 +41,13 @@ def frequencies(body: Specimen, count: int = 10) -> np.ndarray:
 def test_a_clamp_that_hardly_yields_is_rigid_and_the_angle_is_a_constant() -> None:
     angle = 0.0
     plain = Specimen(*STRIP, NOMINAL, divisions=(16, 3), fibre_angle=angle)
-    firm = OrientedSpecimen(*STRIP, NOMINAL, divisions=(16, 3), fibre_angle=angle, clamp_compliance=1e-6)
+    firm = OrientedSpecimen(
+        *STRIP, NOMINAL, divisions=(16, 3), fibre_angle=angle, clamp_compliance=1e-6
+    )
     np.testing.assert_allclose(frequencies(firm), frequencies(plain), rtol=1e-4)
     yielding = replace(firm, clamp_compliance=0.01)
-    # A root spring lowers the first mode of a beam by (1 + 2 EI/kL)^-1 in λ to first order: ω falls by some 2 %.
+    # A root spring lowers the first mode of a beam by (1 + 2 EI/kL)^-1 in λ to first order: ω falls
+    # by some 2 %.
     assert frequencies(yielding)[0] / frequencies(plain)[0] == pytest.approx(0.981, abs=0.004)
     turned = replace(firm, fibre_angle=angle + 0.05)
     there = forward_model(firm, 10, "fibre_angle", reduced=False).solve(np.array([angle + 0.05]))
@@ -56,7 +61,11 @@ def test_one_rule_says_what_is_shared(campaigns: list[Campaign]) -> None:
     layout = lay_out([*campaigns[:2], clamped], MATERIAL_PARAMETERS, SCATTER)
     labels = set(layout.labels)
     assert set(layout.shared) == {"Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy"}
-    assert {"thickness of specimen strip 0", "fibre_angle of specimen strip 90", "scatter of Ex of strip 0"} <= labels
+    assert {
+        "thickness of specimen strip 0",
+        "fibre_angle of specimen strip 90",
+        "scatter of Ex of strip 0",
+    } <= labels
     assert {
         "length of campaign strip 0",
         "length of campaign clamped",
@@ -92,7 +101,9 @@ def test_strips_and_a_plate_tell_what_none_tells_alone(together: CampaignsResult
 
 
 def test_the_papers_bar_has_one_modulus_in_both_tests() -> None:
-    """t = 10.12 mm: alone the cantilever gives 31.0, the bar hung freely 32.3; with a root that yields they agree."""
+    """t = 10.12 mm: alone the cantilever gives 31.0, the bar hung freely 32.3; with a root that
+    yields they agree.
+    """
     bar = paper_bar()
     result = update_campaigns(bar, CampaignsRecipe(MATERIAL_PARAMETERS[:5], scatter=0))
     (modulus,) = [p for p in result.parameters if p.name == "Ex"]
@@ -118,7 +129,9 @@ def test_the_odd_one_out_is_named_with_a_number(campaigns: list[Campaign]) -> No
     assert "campaign strip 45 as one of another material" in result.verdict.reasons[0]
 
 
-def test_scatter_between_specimens_widens(campaigns: list[Campaign], together: CampaignsResult) -> None:
+def test_scatter_between_specimens_widens(
+    campaigns: list[Campaign], together: CampaignsResult
+) -> None:
     one_material = update_campaigns(campaigns[:2], CampaignsRecipe(scatter=0))
     scattering = update_campaigns(campaigns[:2], CampaignsRecipe(scatter=0.05))
     firm, loose = ({p.name: p for p in r.parameters}["Ex"] for r in (one_material, scattering))
@@ -130,22 +143,31 @@ def test_scatter_between_specimens_widens(campaigns: list[Campaign], together: C
 
 
 def test_one_damping_law_of_the_material_explains_all_campaigns(campaigns: list[Campaign]) -> None:
-    """Loss factors of tension and shear come back within 5 % from ratios with 1 % noise, and win against Rayleigh's law."""
+    """Loss factors of tension and shear come back within 5 % from ratios with 1 % noise, and win
+    against Rayleigh's law.
+    """
     eta_E, eta_G, a0, random = 0.012, 0.035, 4.0, np.random.default_rng(5)
     fitted = fit(lay_out(campaigns[1:3], MATERIAL_PARAMETERS, 0.0))
     damped = []
-    for campaign, state, pairing in zip(fitted.layout.campaigns, fitted.states, fitted.pairings, strict=True):
+    for campaign, state, pairing in zip(
+        fitted.layout.campaigns, fitted.states, fitted.pairings, strict=True
+    ):
         ratio = np.full(len(campaign.modes), np.nan)
         for row, column in pairing.pairs:
             share = state.strain[state.modes.rigid + column]
             omega = 2 * np.pi * campaign.modes.frequency_hz[row]
             ratio[row] = (a0 / omega + eta_E * share[:2].sum() + eta_G * share[2:].sum()) / 2
         modes = replace(
-            campaign.modes, damping_ratio=ratio * (1 + 0.01 * random.standard_normal(ratio.size)), covariance=None
+            campaign.modes,
+            damping_ratio=ratio * (1 + 0.01 * random.standard_normal(ratio.size)),
+            covariance=None,
         )
         damped.append(replace(campaign, modes=modes))
     laws = {
-        law.name: law for law in common_damping(replace(fitted, layout=replace(fitted.layout, campaigns=tuple(damped))))
+        law.name: law
+        for law in common_damping(
+            replace(fitted, layout=replace(fitted.layout, campaigns=tuple(damped)))
+        )
     }
     assert laws["mechanism"].preferred
     assert laws["mechanism"].bic < laws["rayleigh"].bic - 10

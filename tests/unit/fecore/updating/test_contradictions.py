@@ -1,4 +1,6 @@
-"""Sources that contradict each other are named, with their likeliest cause, and the innocent are cleared."""
+"""Sources that contradict each other are named, with their likeliest cause, and the innocent are
+cleared.
+"""
 
 import re
 from collections.abc import Sequence
@@ -44,13 +46,19 @@ def found(campaigns: Sequence[Campaign], batch: list[Coupon]) -> tuple[Conflict,
 def shortened(campaign: Campaign, by: float) -> Campaign:
     """The campaign with a length stated that is too short, its points placed by it."""
     length = campaign.body.length - by
-    points = {k: (x * length / campaign.body.length, y, z) for k, (x, y, z) in campaign.points.items()}
+    points = {
+        k: (x * length / campaign.body.length, y, z) for k, (x, y, z) in campaign.points.items()
+    }
     return replace(campaign, body=replace(campaign.body, length=length), points=points)
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_sources_that_agree_are_not_said_to_conflict_and_bodies_not_to_carry_something(seed: int) -> None:
-    """The evidence is a mean ratio of likelihoods, which without a mass exceeds 1/p with probability p at most."""
+def test_sources_that_agree_are_not_said_to_conflict_and_bodies_not_to_carry_something(
+    seed: int,
+) -> None:
+    """The evidence is a mean ratio of likelihoods, which without a mass exceeds 1/p with
+    probability p at most.
+    """
     elastic = fit(lay_out(strips(seed), MATERIAL_PARAMETERS, SCATTER, coupons()))
     assert compare_sources(elastic)[0] == ()
     masses = [check for check, _ in _Sources.of(elastic).checks if check.kind == "mass"]
@@ -69,7 +77,9 @@ def test_coupons_that_are_off_are_named_and_the_strips_cleared() -> None:
 
 
 def test_a_batch_that_is_off_unseen_does_not_rule_alone() -> None:
-    """6 % are 7.5 of its stated errors; as one more specimen of 2 % scatter it says no more than the strips."""
+    """6 % are 7.5 of its stated errors; as one more specimen of 2 % scatter it says no more than
+    the strips.
+    """
     layout = lay_out(strips(0), MATERIAL_PARAMETERS, SCATTER, coupons(1.06, 0.008))
     assert {"scatter of Ex of coupons", "scatter of Gxy of coupons"} <= set(layout.labels)
     elastic = fit(layout)
@@ -81,14 +91,21 @@ def test_a_batch_that_is_off_unseen_does_not_rule_alone() -> None:
 
 
 def test_a_length_that_is_off_is_among_the_causes_and_its_own_value_found() -> None:
-    """18 mm of 250 mm, 36 standard deviations: what the specimens' thickness, density and scatter leave of them is 5."""
+    """18 mm of 250 mm, 36 standard deviations: what the specimens' thickness, density and scatter
+    leave of them is 5.
+    """
     long, short = strips(1)
-    (conflict, *_) = found([long, shortened(short, 0.018)], coupons())
-    (cause,) = (each for each in (conflict.cause, *conflict.rivals) if each.name == "length of campaign b")
+    conflict, *_ = found([long, shortened(short, 0.018)], coupons())
+    (cause,) = (
+        each for each in (conflict.cause, *conflict.rivals) if each.name == "length of campaign b"
+    )
     (said,) = cause.said
     assert said.stated == pytest.approx(0.232, rel=1e-9)
     assert abs(said.rest - 0.25) < 3 * said.rest_sd
-    assert all(each.owner in {"campaign b", "specimen b", ""} for each in (conflict.cause, *conflict.rivals))
+    assert all(
+        each.owner in {"campaign b", "specimen b", ""}
+        for each in (conflict.cause, *conflict.rivals)
+    )
 
 
 def with_mass(seed: int, grams: float) -> Campaign:
@@ -99,16 +116,19 @@ def with_mass(seed: int, grams: float) -> Campaign:
 
 def test_a_mass_that_nobody_stated_is_named_with_its_size_and_place() -> None:
     """2 g of 71 g: next to a strip without."""
-    (conflict, *_) = found([strips(0)[0], with_mass(0, 2.0)], coupons())
+    conflict, *_ = found([strips(0)[0], with_mass(0, 2.0)], coupons())
     cause = conflict.cause
     assert (cause.kind, cause.name, cause.owner) == ("mass", "mass on campaign b", "campaign b")
     (said,) = cause.said
     assert abs(said.rest - 0.002) < 3 * said.rest_sd < 0.002
-    assert min(cause.place[0], 0.25 - cause.place[0]) < 0.04  # from either end: a free strip does not say from which
+    # from either end: a free strip does not say from which
+    assert min(cause.place[0], 0.25 - cause.place[0]) < 0.04
 
 
 def test_a_check_agrees_with_a_fit_without_its_source() -> None:
-    """What the rest says of the coupons is what a fit without them says, up to the model's curvature."""
+    """What the rest says of the coupons is what a fit without them says, up to the model's
+    curvature.
+    """
     campaigns = strips(0)
     layout = lay_out(campaigns, MATERIAL_PARAMETERS, 0.0, coupons(1.15))
     (conflict,) = compare_sources(fit(layout))[0]
@@ -122,19 +142,23 @@ def test_a_check_agrees_with_a_fit_without_its_source() -> None:
 
 def single(campaign: Campaign) -> list[Finding]:
     """What an update of one campaign finds, whose moduli are known to 5 % beforehand."""
-    material = tuple(Parameter(name, prior_mean=value, prior_sd=0.05 * value) for name, value in TRUTH.items())
+    material = tuple(
+        Parameter(name, prior_mean=value, prior_sd=0.05 * value) for name, value in TRUTH.items()
+    )
     measurement = Measurement(None, campaign.points, campaign.modes, inputs=campaign.inputs)
-    findings = update(measurement, campaign.body, Recipe(parameters=material, damping_models=("rayleigh",))).findings
+    findings = update(
+        measurement, campaign.body, Recipe(parameters=material, damping_models=("rayleigh",))
+    ).findings
     return [each for each in findings if each.kind == "sources_conflict"]
 
 
 def test_an_update_of_one_campaign_names_a_mass() -> None:
     """5 g of 71 g, beside moduli that are known to 5 %."""
     assert single(with_mass(0, 0.0)) == []
-    (conflict, *_) = single(with_mass(0, 5.0))
-    assert re.search(r"mass on the body of [2-7]\.\d ± \d\.\d g near x = 0\.(0[0-3]|2[2-5])", conflict.text), (
-        conflict.text
-    )
+    conflict, *_ = single(with_mass(0, 5.0))
+    assert re.search(
+        r"mass on the body of [2-7]\.\d ± \d\.\d g near x = 0\.(0[0-3]|2[2-5])", conflict.text
+    ), conflict.text
 
 
 def test_an_update_of_one_campaign_names_a_wrong_input_and_no_other() -> None:
@@ -142,14 +166,16 @@ def test_an_update_of_one_campaign_names_a_wrong_input_and_no_other() -> None:
     campaign = strips(0)[0]
     assert single(campaign) == []
     thin = replace(campaign, body=replace(campaign.body, thickness=0.85 * campaign.body.thickness))
-    (conflict, *_) = single(thin)
+    conflict, *_ = single(thin)
     assert re.search(r"explanation is thickness as (4\.[89]|5)", conflict.text)
     assert conflict.level in ("with_care", "do_not_use")
 
 
 @pytest.mark.parametrize("by", [0.009, 0.06])
 def test_the_evidence_of_a_slip_is_that_of_all_data_with_it(by: float) -> None:
-    """Also where all discrepancies but the largest have a weight that is 0 to rounding, as 60 mm are 120 stated errors."""
+    """Also where all discrepancies but the largest have a weight that is 0 to rounding, as 60 mm
+    are 120 stated errors.
+    """
     first, other = strips(1)
     campaigns = [first, shortened(other, by)]
     elastic = fit(lay_out(campaigns, MATERIAL_PARAMETERS, SCATTER, coupons()))
@@ -159,10 +185,14 @@ def test_the_evidence_of_a_slip_is_that_of_all_data_with_it(by: float) -> None:
             at = np.array(elastic.layout.labels) == check.name
             wider = [np.where(at, k, 1.0) for k in SLIPS]
             slipped = [
-                replace(problem, prior=lambda s, w=w: problem.prior(s) / np.outer(w, w)).log_evidence(SCATTER)
+                replace(
+                    problem, prior=lambda s, w=w: problem.prior(s) / np.outer(w, w)
+                ).log_evidence(SCATTER)
                 for w in wider
             ]
             with_slip = np.logaddexp.reduce(slipped) - np.log(len(SLIPS))
-            assert check.evidence == pytest.approx(with_slip - problem.log_evidence(SCATTER), rel=1e-6)
+            assert check.evidence == pytest.approx(
+                with_slip - problem.log_evidence(SCATTER), rel=1e-6
+            )
             checked += 1
     assert checked

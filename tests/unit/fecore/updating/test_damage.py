@@ -1,4 +1,6 @@
-"""A stretch that has lost stiffness is named, though constants soak it up; a sound body is not accused."""
+"""A stretch that has lost stiffness is named, though constants soak it up; a sound body is not
+accused.
+"""
 
 import re
 from functools import cache
@@ -29,14 +31,22 @@ def updated(kind: str, *, damaged: bool) -> ElasticResult:
 
 @pytest.mark.parametrize("kind", ["strip", "angle"])
 def test_a_sound_body_is_not_said_to_have_lost_stiffness(kind: str) -> None:
-    """The evidence is a mean ratio of likelihoods, which of a sound body exceeds 1/p with probability p at most."""
-    (check,) = [each for each, _ in _Sources.of(updated(kind, damaged=False)).checks if each.kind == "stiffness"]
+    """The evidence is a mean ratio of likelihoods, which of a sound body exceeds 1/p with
+    probability p at most.
+    """
+    (check,) = [
+        each
+        for each, _ in _Sources.of(updated(kind, damaged=False)).checks
+        if each.kind == "stiffness"
+    ]
     assert check.p == 1.0
 
 
 @pytest.mark.parametrize("kind", ["strip", "angle"])
-def test_a_stretch_that_has_lost_stiffness_is_named_with_its_set_place_and_factor(kind: str) -> None:
-    (conflict, *others) = compare_sources(updated(kind, damaged=True))[0]
+def test_a_stretch_that_has_lost_stiffness_is_named_with_its_set_place_and_factor(
+    kind: str,
+) -> None:
+    conflict, *others = compare_sources(updated(kind, damaged=True))[0]
     assert not others
     cause = conflict.cause
     assert (cause.kind, cause.name) == ("stiffness", "stiffness of the body")
@@ -55,7 +65,10 @@ def test_a_stretch_that_has_lost_stiffness_is_named_with_its_set_place_and_facto
 def test_the_finding_states_the_level_and_the_verdict_follows() -> None:
     finding = contradiction(_first(updated("angle", damaged=True)))
     assert finding.level is not None
-    assert re.search(r"web at 0\.\d\d ± 0\.\d\d of it between x = .* of at most 0\.\d % of sound bodies", finding.text)
+    assert re.search(
+        r"web at 0\.\d\d ± 0\.\d\d of it between x = .* of at most 0\.\d % of sound bodies",
+        finding.text,
+    )
 
 
 def _first(elastic: ElasticResult) -> Conflict:

@@ -27,7 +27,9 @@ def state(updated_by_paper: Specimen) -> ForwardState:
 
 
 def measured(state: ForwardState, noise: float, shift: float = 0.0, seed: int = 1) -> FrfSet:
-    """Accelerances of a Rayleigh body whose five lowest frequencies are off by `shift`, with noise on each record."""
+    """Accelerances of a Rayleigh body whose five lowest frequencies are off by `shift`, with noise
+    on each record.
+    """
     responses, references = hammer_tour(grid())
     model = state.frf_model(responses, references)
     omega = model.omega.copy()
@@ -35,7 +37,9 @@ def measured(state: ForwardState, noise: float, shift: float = 0.0, seed: int = 
     values = model.with_eigenvalue(omega**2).synthesise(LINES, damping_rate(RAYLEIGH, PAPER, omega))
     random = np.random.default_rng(seed)
     floor = noise * np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True) / 2)
-    values = values + floor * (random.standard_normal(values.shape) + 1j * random.standard_normal(values.shape))
+    values = values + floor * (
+        random.standard_normal(values.shape) + 1j * random.standard_normal(values.shape)
+    )
     variance = np.broadcast_to(2 * floor**2, values.shape) if noise else None
     return FrfSet(LINES, values, tuple(responses), tuple(references), variance=variance)
 
@@ -56,7 +60,11 @@ def test_clean_data_give_the_coefficients_back(state: ForwardState, weighting: W
 def test_derivatives_with_gains_agree_with_differences(state: ForwardState) -> None:
     """The gradient of E by eigenvalues and rates against central differences of E."""
     problem = misfit(state, measured(state, 0.05), "noise")
-    problem = replace(problem, gain_sd=np.where(np.arange(problem.model.omega.size) < 5, 0.01, 0.0), driving=(3, 7))
+    problem = replace(
+        problem,
+        gain_sd=np.where(np.arange(problem.model.omega.size) < 5, 0.01, 0.0),
+        driving=(3, 7),
+    )
     model = problem.model
     rate = damping_rate(RAYLEIGH, np.array([30.0, 2e-5]), model.omega)
     normal = problem.normal(model.eigenvalue, rate)
@@ -67,9 +75,11 @@ def test_derivatives_with_gains_agree_with_differences(state: ForwardState) -> N
             up[k] += step
             down[k] -= step
             pair = [(v, rate) if offset == 0 else (model.eigenvalue, v) for v in (up, down)]
-            difference = (problem.normal(*pair[0]).cost - problem.normal(*pair[1]).cost) / (2 * step)
-            # Central differences err by O(step²) plus round-off/step: together some 1e-7 of the largest derivative.
-            # In units of the noise E is larger, and its round-off with it.
+            difference = (problem.normal(*pair[0]).cost - problem.normal(*pair[1]).cost) / (
+                2 * step
+            )
+            # Central differences err by O(step²) plus round-off/step: together some 1e-7 of the
+            # largest derivative. In units of the noise E is larger, and its round-off with it.
             assert -normal.gradient[offset + k] == pytest.approx(difference, rel=1e-5)
 
 
@@ -84,7 +94,9 @@ def test_a_column_of_the_hessian_is_what_a_residual_like_it_pulls(state: Forward
     for column, (rows, by) in zip(hessian.T[-3:], jacobian.others, strict=True):
         like = np.zeros_like(predicted)
         like[rows] = by
-        np.testing.assert_allclose(column, jacobian.gradient(weight * like), rtol=1e-9, atol=1e-12 * column.max())
+        np.testing.assert_allclose(
+            column, jacobian.gradient(weight * like), rtol=1e-9, atol=1e-12 * column.max()
+        )
 
 
 def test_the_gain_of_a_sensor_is_not_taken_for_damping(state: ForwardState) -> None:
@@ -92,7 +104,9 @@ def test_the_gain_of_a_sensor_is_not_taken_for_damping(state: ForwardState) -> N
     loud = replace(frfs, values=1.02 * frfs.values)
     plain = misfit(state, loud, "noise")
     gained = replace(plain, gain_sd=np.where(np.arange(plain.model.omega.size) < 5, 0.01, 0.0))
-    without, found = (fit_law(problem, RAYLEIGH, np.array([20.0, 2e-5]), FREE) for problem in (plain, gained))
+    without, found = (
+        fit_law(problem, RAYLEIGH, np.array([20.0, 2e-5]), FREE) for problem in (plain, gained)
+    )
     assert np.max(np.abs(without.coefficients / PAPER - 1)) > 0.01
     np.testing.assert_allclose(found.coefficients, PAPER, rtol=1.5e-3)  # known to some 0.05 %
     silent = replace(plain, gain_sd=np.zeros(plain.model.omega.size))
@@ -108,12 +122,20 @@ def test_a_dent_at_the_driving_point_is_not_taken_for_damping(state: ForwardStat
     size = state.frf_model(frfs.responses, frfs.references).residual[row, 0]
     dented[row] -= size * frfs.omega**2  # of an accelerance
     plain = misfit(state, replace(frfs, values=dented), "noise")
-    plain = replace(plain, gain_sd=np.where(np.arange(plain.model.omega.size) < 5, 0.01, 0.0), common_gain_sd=0.05)
+    plain = replace(
+        plain,
+        gain_sd=np.where(np.arange(plain.model.omega.size) < 5, 0.01, 0.0),
+        common_gain_sd=0.05,
+    )
     free = replace(plain, driving=(row,))
-    without, found = (fit_law(problem, RAYLEIGH, np.array([20.0, 2e-5]), FREE) for problem in (plain, free))
+    without, found = (
+        fit_law(problem, RAYLEIGH, np.array([20.0, 2e-5]), FREE) for problem in (plain, free)
+    )
     assert np.max(np.abs(without.coefficients / PAPER - 1)) > 2.5e-3
     np.testing.assert_allclose(found.coefficients, PAPER, rtol=1.5e-3)
-    assert found.noise_covariance[0, 0] < 1.1 * without.noise_covariance[0, 0], "it costs next to nothing"
+    assert found.noise_covariance[0, 0] < 1.1 * without.noise_covariance[0, 0], (
+        "it costs next to nothing"
+    )
     left = free.without_driving(found.eigenvalue, found.rate).values
     assert np.abs(left - frfs.values)[row].max() < 0.05 * size * frfs.omega[-1] ** 2
     np.testing.assert_array_equal(np.delete(left, row, axis=0), np.delete(dented, row, axis=0))
@@ -142,16 +164,24 @@ def test_unusable_weightings_are_refused(state: ForwardState) -> None:
 
 
 def test_a_shift_at_its_bound_does_not_hold_up_the_others(state: ForwardState) -> None:
-    """The highest mode is 14 % off, and none may be off by more than 10 %: the rest must fit as if it stood there."""
+    """The highest mode is 14 % off, and none may be off by more than 10 %: the rest must fit as if
+    it stood there.
+    """
     frfs = measured(state, 0.01)
     model = state.frf_model(frfs.responses, frfs.references)
-    mode_off, mode_held = (model.omega * np.where(np.arange(model.omega.size) == 4, 1 + off, 1) for off in (0.14, 0.1))
-    values = model.with_eigenvalue(mode_off**2).synthesise(LINES, damping_rate(RAYLEIGH, PAPER, mode_off))
+    mode_off, mode_held = (
+        model.omega * np.where(np.arange(model.omega.size) == 4, 1 + off, 1) for off in (0.14, 0.1)
+    )
+    values = model.with_eigenvalue(mode_off**2).synthesise(
+        LINES, damping_rate(RAYLEIGH, PAPER, mode_off)
+    )
     problem = misfit(state, replace(frfs, values=values), "noise")
     fit = fit_law(problem, RAYLEIGH, np.array([20.0, 2e-5]), FREE)
     assert fit.shift[4] == 0.1
     there = replace(problem, model=model.with_eigenvalue(mode_held**2))
-    rest = fit_law(there, RAYLEIGH, np.array([20.0, 2e-5]), Nuisance.of_exact_law(np.arange(4), np.zeros(4)))
+    rest = fit_law(
+        there, RAYLEIGH, np.array([20.0, 2e-5]), Nuisance.of_exact_law(np.arange(4), np.zeros(4))
+    )
     np.testing.assert_allclose(fit.coefficients, rest.coefficients, rtol=1e-3)
 
 
@@ -189,27 +219,40 @@ def test_shifts_and_rates_are_held_to_what_is_believable(state: ForwardState) ->
     far = problem.first(PAPER)
     far[2:] = 100.0
     # Three standard deviations, but at least a tenth and at most a half; e^25 1/s.
-    np.testing.assert_array_equal(problem.within(far)[2:], [0.1, 0.1, 0.1, 0.1, 0.5, 25, 25, 25, 25])
+    np.testing.assert_array_equal(
+        problem.within(far)[2:], [0.1, 0.1, 0.1, 0.1, 0.5, 25, 25, 25, 25]
+    )
 
 
 @pytest.mark.parametrize("weighting", ["noise", "linear"])
 def test_noise_grows_with_what_a_value_is_worth(state: ForwardState, weighting: Weighting) -> None:
-    """`scale` is the misfit over what noise explains: of noise weights the covariance is `scale` times that of the noise
-    stated, of other weights `scale` is only a unit. A rate known beside it counts as data do.
+    """`scale` is the misfit over what noise explains: of noise weights the covariance is `scale`
+    times that of the noise stated, of other weights `scale` is only a unit. A rate known beside it
+    counts as data do.
     """
     data = misfit(state, measured(state, 0.05), weighting)
-    one, four = (fit_law(data, RAYLEIGH, PAPER, FREE, scale).noise_covariance for scale in (1.0, 4.0))
+    one, four = (
+        fit_law(data, RAYLEIGH, PAPER, FREE, scale).noise_covariance for scale in (1.0, 4.0)
+    )
     np.testing.assert_allclose(four, (4 if weighting == "noise" else 1) * one, rtol=1e-6)
     if weighting == "noise":
-        known = replace(FREE, seen=np.array([1]), seen_rate=np.array([60.0]), seen_sd=np.array([0.01]))
+        known = replace(
+            FREE, seen=np.array([1]), seen_rate=np.array([60.0]), seen_sd=np.array([0.01])
+        )
         fit = fit_law(data, RAYLEIGH, PAPER, known, 4.0)
         x = np.concatenate([fit.coefficients, fit.shift])
         hessian = LawProblem(data, RAYLEIGH, known, 4.0).system(x, fit.normal)[0]
-        np.testing.assert_allclose(fit.noise_covariance, 4 * np.linalg.inv(hessian)[:2, :2], rtol=1e-6)
+        np.testing.assert_allclose(
+            fit.noise_covariance, 4 * np.linalg.inv(hessian)[:2, :2], rtol=1e-6
+        )
 
 
-def test_a_fit_that_is_cut_off_carries_its_best(state: ForwardState, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fit_that_is_cut_off_carries_its_best(
+    state: ForwardState, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(law_problem, "_STEPS", 1)
     with pytest.raises(UpdatingError, match="the rayleigh fit did not converge") as error:
-        fit_law(misfit(state, measured(state, 0.05), "noise"), RAYLEIGH, np.array([400.0, 2e-4]), FREE)
+        fit_law(
+            misfit(state, measured(state, 0.05), "noise"), RAYLEIGH, np.array([400.0, 2e-4]), FREE
+        )
     assert set(error.value.best) == {"a0", "a1"}

@@ -17,10 +17,14 @@ from tests.support.fits import update_elastic
 def modes_of(forward: ForwardModel, theta: np.ndarray, count: int = 5) -> MeasuredModes:
     state = forward.solve(theta)
     dofs = tuple(Dof(point, 3) for point in forward.points)
-    return MeasuredModes(state.frequency_hz[:count], np.full(count, 0.02), state.shapes[:count].astype(complex), dofs)
+    return MeasuredModes(
+        state.frequency_hz[:count], np.full(count, 0.02), state.shapes[:count].astype(complex), dofs
+    )
 
 
-def test_exact_data_and_wide_priors_recover_constants_to_the_digit(nominal: Specimen, forward: ForwardModel) -> None:
+def test_exact_data_and_wide_priors_recover_constants_to_the_digit(
+    nominal: Specimen, forward: ForwardModel
+) -> None:
     recipe = (Parameter("Ex", prior_sd=1e12), Parameter("Gxy", prior_sd=1e12))
     free = replace(forward, parametrisation=parametrise(nominal, recipe))
     truth = np.array([25e9, 7.5e9])
@@ -30,13 +34,16 @@ def test_exact_data_and_wide_priors_recover_constants_to_the_digit(nominal: Spec
 
 
 def test_modes_are_followed_through_a_crossing(forward: ForwardModel) -> None:
-    """With Gxy up by half the torsion mode (3) passes the bending mode (4): MAC shows it, order does not."""
+    """With Gxy up by half the torsion mode (3) passes the bending mode (4): MAC shows it, order
+    does not.
+    """
     truth = np.array([31e9, 31.8e9, 8.6e9, 4.5e9])
     measured = modes_of(forward, truth)
     start = forward.solve(forward.parametrisation.prior_mean)
     assert start.frequency_hz[2] < start.frequency_hz[3]
     result = update_elastic(forward, measured)
-    assert dict(result.initial_pairings[0].pairs)[2] == 3  # measured mode 3 is bending: the model's fourth at first
+    # measured mode 3 is bending: the model's fourth at first
+    assert dict(result.initial_pairings[0].pairs)[2] == 3
     assert dict(result.pairing.pairs)[2] == 2
     assert result.theta[2] == pytest.approx(truth[2], rel=0.01)
 
@@ -49,11 +56,18 @@ def test_noise_covariance_matches_scatter(forward: ForwardModel) -> None:
     covariance = np.diag(np.concatenate([sd**2, np.full(5, 1e-6)]))
     random = np.random.default_rng(7)
     noisy = [clean.frequency_hz + sd * random.standard_normal(5) for _ in range(40)]
-    results = [update_elastic(forward, replace(clean, frequency_hz=f, covariance=covariance)) for f in noisy]
+    results = [
+        update_elastic(forward, replace(clean, frequency_hz=f, covariance=covariance))
+        for f in noisy
+    ]
     scatter = np.std([result.theta for result in results], axis=0, ddof=1)
-    noise = [np.linalg.norm(each.sources[NOISE], axis=1) * each.prior.slope(each.theta) for each in results]
+    noise = [
+        np.linalg.norm(each.sources[NOISE], axis=1) * each.prior.slope(each.theta)
+        for each in results
+    ]
     stated = np.mean(noise, axis=0)
-    # 40 draws fix a standard deviation to ±11 % (1 sd); Ey, which the data do not determine, is left out.
+    # 40 draws fix a standard deviation to ±11 % (1 sd); Ey, which the data do not determine, is
+    # left out.
     determined = [0, 2, 3]
     assert np.all(np.abs(scatter[determined] / stated[determined] - 1) < 0.4)
 
@@ -63,7 +77,9 @@ def test_modes_unlike_the_model_are_refused(forward: ForwardModel) -> None:
     random = np.random.default_rng(3)
     shapes = random.standard_normal((2, len(dofs))) + 0j
     with pytest.raises(UpdatingError, match="no measured mode is like any mode") as caught:
-        update_elastic(forward, MeasuredModes(np.array([50.0, 90.0]), np.array([0.01, 0.01]), shapes, dofs))
+        update_elastic(
+            forward, MeasuredModes(np.array([50.0, 90.0]), np.array([0.01, 0.01]), shapes, dofs)
+        )
     assert set(caught.value.best) == set(forward.parametrisation.names)
     assert caught.value.details == {"best": caught.value.best, "history": []}
 

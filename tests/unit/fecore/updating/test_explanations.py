@@ -21,7 +21,9 @@ from fecore.updating.parameters import DEFAULT_PARAMETERS, parametrise
 from fecore.updating.screening import effect_of
 from tests.support import soft_supports
 
-MATERIAL = OrthotropicMaterial(Ex=30e9, Ey=10e9, Gxy=4e9, Gxz=4e9, Gyz=3e9, nu_xy=0.25, density=1900.0)
+MATERIAL = OrthotropicMaterial(
+    Ex=30e9, Ey=10e9, Gxy=4e9, Gxz=4e9, Gyz=3e9, nu_xy=0.25, density=1900.0
+)
 CANTILEVER = Specimen(0.3, 0.03, 0.004, MATERIAL, divisions=(16, 3))
 FREE = replace(CANTILEVER, boundary="free")
 COUNT = 6
@@ -55,14 +57,20 @@ def additions(body: Specimen, kind: str) -> list[Addition]:
 
 
 def test_a_support_that_gives_way_is_that_of_a_hinge_with_a_spring() -> None:
-    """EI/kL = 0.4, far from a firm one: the modes of bending, as a hinge lets the edge warp in torsion, a block does not."""
+    """EI/kL = 0.4, far from a firm one: the modes of bending, as a hinge lets the edge warp in
+    torsion, a block does not.
+    """
     k = 40.0
     (about_y,) = (each for each in additions(CANTILEVER, "support") if each.name == "support_ry")
     hinged = replace(
-        CANTILEVER, supports=edges("simply_supported"), springs=(Spring("root", k / 0.03, 5, edge="start"),)
+        CANTILEVER,
+        supports=edges("simply_supported"),
+        springs=(Spring("root", k / 0.03, 5, edge="start"),),
     )
     bending = [0, 1, 3, 4]
-    assert altered_hz(CANTILEVER, about_y, k)[bending] == pytest.approx(elastic_hz(hinged)[bending], rel=2e-3)
+    assert altered_hz(CANTILEVER, about_y, k)[bending] == pytest.approx(
+        elastic_hz(hinged)[bending], rel=2e-3
+    )
     assert altered_hz(CANTILEVER, about_y, 1e7) == pytest.approx(elastic_hz(CANTILEVER), rel=1e-3)
 
 
@@ -80,8 +88,12 @@ def test_a_foot_is_a_spring_along_the_end() -> None:
     assert altered_hz(FREE, foot, 2e4) == pytest.approx(elastic_hz(on_foot), rel=3e-2)
 
 
-@pytest.mark.parametrize(("body", "kind", "sign"), [(CANTILEVER, "support", -1), (FREE, "mass", 1), (FREE, "foot", 1)])
-def test_screening_has_the_changes_and_derivatives_of_altered_bodies(body: Specimen, kind: str, sign: int) -> None:
+@pytest.mark.parametrize(
+    ("body", "kind", "sign"), [(CANTILEVER, "support", -1), (FREE, "mass", 1), (FREE, "foot", 1)]
+)
+def test_screening_has_the_changes_and_derivatives_of_altered_bodies(
+    body: Specimen, kind: str, sign: int
+) -> None:
     """Sizes of what is usual, of a support by its compliance."""
     addition = additions(body, kind)[-1]
     forward = forward_of(body)
@@ -90,22 +102,33 @@ def test_screening_has_the_changes_and_derivatives_of_altered_bodies(body: Speci
     change, by = effect.at(usual)
     there = altered_hz(body, addition, float(usual[0] ** sign))
     if kind != "foot":  # which lets a mode of the rigid body in
-        assert np.sort(change[:COUNT, 0] + np.log(state.frequency_hz[:COUNT])) == pytest.approx(np.log(there), abs=2e-3)
+        assert np.sort(change[:COUNT, 0] + np.log(state.frequency_hz[:COUNT])) == pytest.approx(
+            np.log(there), abs=2e-3
+        )
     step = 1e-3 * usual
     slope = (effect.at(usual + step)[0] - effect.at(usual - step)[0]) / (2 * step)
     assert by[:COUNT] == pytest.approx(slope[:COUNT], rel=1e-3, abs=1e-6 * np.abs(slope).max())
 
 
-@pytest.mark.parametrize(("kind", "name"), [("root", "support of the body"), ("foot", "foot under the body")])
+@pytest.mark.parametrize(
+    ("kind", "name"), [("root", "support of the body"), ("foot", "foot under the body")]
+)
 def test_a_soft_support_of_solids_is_named_with_its_stiffness(kind: str, name: str) -> None:
     """Without it Ex is a fifth off, and a mass would be blamed."""
     modes, points = soft_supports.measured(kind)
     body = soft_supports.stated(kind)
-    prior = parametrise(body, DEFAULT_PARAMETERS).with_inputs(Inputs().standard_deviations(body.nominal))
-    forward = ForwardModel.of_dofs(prior, modes.dofs, points, 1.05 * float(modes.frequency_hz[-1]), len(modes))
-    (conflict, *others) = compare_sources(fit(Layout.of_one(forward, modes, Inputs())))[0]
+    prior = parametrise(body, DEFAULT_PARAMETERS).with_inputs(
+        Inputs().standard_deviations(body.nominal)
+    )
+    forward = ForwardModel.of_dofs(
+        prior, modes.dofs, points, 1.05 * float(modes.frequency_hz[-1]), len(modes)
+    )
+    conflict, *others = compare_sources(fit(Layout.of_one(forward, modes, Inputs())))[0]
     assert conflict.cause.name == name
-    assert not any(each.kind in ("mass", "foot", "support") for each in (*conflict.rivals, *(c.cause for c in others)))
+    assert not any(
+        each.kind in ("mass", "foot", "support")
+        for each in (*conflict.rivals, *(c.cause for c in others))
+    )
     assert conflict.odds is not None
     assert conflict.odds > np.log(20.0)
     assert conflict.cause.said[0].rest == pytest.approx(soft_supports.STIFFNESS[kind], rel=0.25)

@@ -1,4 +1,6 @@
-"""A model before it is measured: its FRFs against a direct solution, its points against all others."""
+"""A model before it is measured: its FRFs against a direct solution, its points against all
+others.
+"""
 
 from dataclasses import replace
 
@@ -26,15 +28,21 @@ def angle() -> Structure:
 
 @pytest.mark.parametrize("body", [CANTILEVER, replace(CANTILEVER, boundary="free")])
 def test_frfs_are_those_of_a_direct_solution(body: Specimen) -> None:
-    """Damped alike, by C = 2ζ √λ of each mode; off the resonances a rigid body's accelerance and the tails are the whole."""
-    found = forecast(body, ForecastOrder(modes=5, points=4, references=2, damping_ratio=ZETA, spacing_hz=1.0))
+    """Damped alike, by C = 2ζ √λ of each mode; off the resonances a rigid body's accelerance and
+    the tails are the whole.
+    """
+    found = forecast(
+        body, ForecastOrder(modes=5, points=4, references=2, damping_ratio=ZETA, spacing_hz=1.0)
+    )
     assert found.frfs.shape == (8, int(found.frequency_hz[-1]))
     K, M = pencil(body)
     rows = body.model.observe(found.places, np.eye(3)[found.axes - 1])
     chosen = np.linspace(5, len(found.lines_hz) - 1, 5).astype(int)
     for number, reference in enumerate(found.references):
         load = rows[[reference]].toarray()[0]
-        undamped = direct_frf(K, M, 0 * M, rows[list(found.measured)], load, found.lines_hz[chosen], "accelerance")
+        undamped = direct_frf(
+            K, M, 0 * M, rows[list(found.measured)], load, found.lines_hz[chosen], "accelerance"
+        )
         ours = found.frfs[4 * number : 4 * number + 4, chosen]
         away = np.abs(found.lines_hz[chosen][:, None] / found.frequency_hz - 1).min(axis=1) > 0.05
         assert away.sum() >= 3
@@ -44,7 +52,9 @@ def test_frfs_are_those_of_a_direct_solution(body: Specimen) -> None:
 
 
 def test_at_a_resonance_an_frf_is_the_residue_by_twice_the_damping() -> None:
-    found = forecast(CANTILEVER, ForecastOrder(modes=3, points=6, damping_ratio=0.001, spacing_hz=0.1))
+    found = forecast(
+        CANTILEVER, ForecastOrder(modes=3, points=6, damping_ratio=0.001, spacing_hz=0.1)
+    )
     k = 1
     line = int(np.argmin(np.abs(found.lines_hz - found.frequency_hz[k])))
     residue = found.shapes[k, list(found.measured)] * found.shapes[k, found.references[0]]
@@ -79,7 +89,9 @@ def test_chosen_points_tell_modes_apart_better_than_evenly_spread_ones() -> None
     random = np.random.default_rng(0)
     others = [random.choice(len(every.numbers), 6, replace=False) for _ in range(200)]
     assert information > max(np.linalg.slogdet(scaled(every)[:, chosen])[1] for chosen in others)
-    np.testing.assert_allclose(found.mac, auto_mac(found.shapes[:, list(found.measured)]), atol=1e-12)
+    np.testing.assert_allclose(
+        found.mac, auto_mac(found.shapes[:, list(found.measured)]), atol=1e-12
+    )
 
 
 def scaled(found: ModelForecast) -> np.ndarray:
@@ -91,7 +103,9 @@ def test_two_references_show_what_one_does_not() -> None:
     """Sensors may stand at mid-span, where even modes are still, at a quarter, or between."""
     free = replace(CANTILEVER, boundary="simply_supported")
     places = np.array([[x * STRIP[0], STRIP[1] / 2, 0] for x in (0.5, 0.25, 0.45)])
-    bending = ForecastOrder(modes=4, places=places, axes=np.zeros(3, dtype=np.int64), points=3, references=2)
+    bending = ForecastOrder(
+        modes=4, places=places, axes=np.zeros(3, dtype=np.int64), points=3, references=2
+    )
     found = forecast(free, bending)
     shown = found.seen[:, list(found.references)].max(axis=1)
     assert shown.min() > found.seen[:, found.references[0]].min()

@@ -1,4 +1,6 @@
-"""What a laboratory does not know exactly: inputs, clamps, windows, delays, and how each reaches the intervals."""
+"""What a laboratory does not know exactly: inputs, clamps, windows, delays, and how each reaches
+the intervals.
+"""
 
 from dataclasses import replace
 from typing import Literal
@@ -38,13 +40,17 @@ def frequencies(specimen: Specimen | BeamSpecimen, count: int = 12) -> np.ndarra
 
 
 def test_a_clamps_rotation_is_that_of_a_spring(nominal: Specimen) -> None:
-    """The reaction's work is the derivative by the compliance: a spring of EI/kL = 10⁻⁴ lowers every mode as it says."""
+    """The reaction's work is the derivative by the compliance: a spring of EI/kL = 10⁻⁴ lowers
+    every mode as it says.
+    """
     share = 1e-4
     EI = nominal.material.Ex * nominal.width * nominal.thickness**3 / 12
     per_metre = EI / (share * nominal.length) / nominal.width
     held = replace(nominal, supports=edges(start="clamped"))
     sprung = replace(
-        nominal, supports=edges(start="simply_supported"), springs=(Spring("root", per_metre, 5, edge="start"),)
+        nominal,
+        supports=edges(start="simply_supported"),
+        springs=(Spring("root", per_metre, 5, edge="start"),),
     )
     state = at_prior(forward_model(nominal, 12))
     (rotation,) = [
@@ -53,13 +59,16 @@ def test_a_clamps_rotation_is_that_of_a_spring(nominal: Specimen) -> None:
         if each.name == "clamp_rotation"
     ]
     exact = frequencies(sprung)[:8] / frequencies(held)[:8] - 1
-    # Bending alone: springs along the edge let it warp, a clamp as a rigid jaw does not. Second order in the compliance, and
-    # the mass of the clamped row, which the reaction leaves out, are some parts in a thousand of the effect.
+    # Bending alone: springs along the edge let it warp, a clamp as a rigid jaw does not. Second
+    # order in the compliance, and the mass of the clamped row, which the reaction leaves out, are
+    # some parts in a thousand of the effect.
     bending = [0, 1, 3, 4, 6]
     np.testing.assert_allclose(rotation.shift[bending], exact[bending], rtol=0.005)
 
 
-def result_with(nominal: Specimen, parameters: tuple[Parameter, ...], inputs: dict[str, float]) -> ElasticResult:
+def result_with(
+    nominal: Specimen, parameters: tuple[Parameter, ...], inputs: dict[str, float]
+) -> ElasticResult:
     forward = forward_model(nominal, 12, *parameters)
     forward = replace(forward, parametrisation=forward.parametrisation.with_inputs(inputs))
     return update_elastic(forward, MeasuredModes(MEASURED_HZ, np.full(5, np.nan)))
@@ -68,7 +77,8 @@ def result_with(nominal: Specimen, parameters: tuple[Parameter, ...], inputs: di
 def test_the_budget_adds_up_and_thickness_counts_twice(nominal: Specimen) -> None:
     result = result_with(nominal, PARAMETERS, {"thickness": 0.01 * nominal.thickness})
     total = sum(part @ part.T for part in result.sources.values())
-    # Frequencies go with t √E, so E's own share of a thickness known to 1 % is 2 %: shear and priors take a little of it.
+    # Frequencies go with t √E, so E's own share of a thickness known to 1 % is 2 %: shear and
+    # priors take a little of it.
     assert np.linalg.norm(result.sources["thickness"][0]) == pytest.approx(0.02, rel=0.03)
     weight = np.linalg.inv(result.problem.noise + result.discrepancy**2 * np.eye(5))
     S = result.problem.sensitivity
@@ -106,7 +116,9 @@ def _half_widths(result: UpdateResult) -> dict[str, float]:
     return {p.name: (p.interval_95[1] - p.interval_95[0]) / 2 for p in result.parameters}
 
 
-def test_a_stated_window_is_taken_off_the_damping(identified: Measurement, exact: UpdateResult) -> None:
+def test_a_stated_window_is_taken_off_the_damping(
+    identified: Measurement, exact: UpdateResult
+) -> None:
     # 1/τ = 4 1/s on top of what the body has: a0 comes out 8 1/s lower, and nothing else moves.
     seen = {p.name: p.estimate for p in exact.parameters}
     windowed = replace(identified, inputs=replace(Inputs.exact(), window_rate=4.0))
@@ -114,28 +126,39 @@ def test_a_stated_window_is_taken_off_the_damping(identified: Measurement, exact
     assert found["a0"] == pytest.approx(seen["a0"] - 8, abs=0.25)
     assert found["a1"] == pytest.approx(seen["a1"], rel=0.01)
     assert found["Ex"] == pytest.approx(seen["Ex"], rel=1e-4)
-    rough = _half_widths(update(replace(windowed, inputs=replace(windowed.inputs, window_rate_sd=0.5)), COARSE))
+    rough = _half_widths(
+        update(replace(windowed, inputs=replace(windowed.inputs, window_rate_sd=0.5)), COARSE)
+    )
     sure = _half_widths(update(windowed, COARSE))
-    assert rough["a0"] == pytest.approx(np.hypot(sure["a0"], 1.96 * 2 * 0.5), rel=0.1)  # a0 has twice the window's rate
+    # a0 has twice the window's rate
+    assert rough["a0"] == pytest.approx(np.hypot(sure["a0"], 1.96 * 2 * 0.5), rel=0.1)
     assert rough["Ex"] == pytest.approx(sure["Ex"])
     unsure = update(replace(windowed, inputs=replace(windowed.inputs, window_rate_sd=None)), COARSE)
     assert _half_widths(unsure)["a0"] > 1.5 * sure["a0"]
-    assert "the response seems to have had an exponential window that is not stated" in unsure.warnings[-1]
+    assert (
+        "the response seems to have had an exponential window that is not stated"
+        in unsure.warnings[-1]
+    )
     with pytest.raises(InputError, match="more than measured mode 1 decays by"):
         update(replace(identified, inputs=replace(Inputs.exact(), window_rate=40.0)), COARSE)
 
 
 def test_frfs_that_look_windowed_are_used_with_care_until_somebody_says() -> None:
-    """A record of half a second, ended at 5 %: 1/τ = 6 1/s. The body itself has next to no constant part."""
+    """A record of half a second, ended at 5 %: 1/τ = 6 1/s. The body itself has next to no constant
+    part.
+    """
     omega = 2 * np.pi * np.array([26.0, 160.0, 400.0, 450.0])
     own = 0.5e-5 * omega
     assert looks_windowed(omega, own, 0.5) is None
     assert looks_windowed(omega, own + 6 / omega, 0.5) == pytest.approx(6.0)
-    assert looks_windowed(omega, own + 30 / omega, 0.5) is None  # no window is as short as a fifteenth of the record
+    # no window is as short as a fifteenth of the record
+    assert looks_windowed(omega, own + 30 / omega, 0.5) is None
     assert looks_windowed(omega[:2], own[:2] + 6 / omega[:2], 0.5) is None
 
 
-def test_a_delay_between_channels_is_found_and_leaves_the_damping_alone(drawn: Drawn, identified: Measurement) -> None:
+def test_a_delay_between_channels_is_found_and_leaves_the_damping_alone(
+    drawn: Drawn, identified: Measurement
+) -> None:
     inputs = Inputs(window_rate=0.0)
     delay, frfs = -80e-6, drawn.measurement.frfs
     assert frfs is not None
@@ -148,29 +171,43 @@ def test_a_delay_between_channels_is_found_and_leaves_the_damping_alone(drawn: D
 
 
 def test_modes_without_frfs_give_constants_and_a_law(nominal: Specimen) -> None:
-    ratio, nominal = np.array([0.1556, 0.0284, 0.0243, 0.0147, 0.0126]), replace(nominal, divisions=(20, 2))
+    ratio, nominal = (
+        np.array([0.1556, 0.0284, 0.0243, 0.0147, 0.0126]),
+        replace(nominal, divisions=(20, 2)),
+    )
     result = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, ratio)), nominal)
-    assert [(o.stage, o.status) for o in result.outcomes] == [("elastic", "succeeded"), ("damping", "succeeded")]
+    assert [(o.stage, o.status) for o in result.outcomes] == [
+        ("elastic", "succeeded"),
+        ("damping", "succeeded"),
+    ]
     found = {p.name: p.estimate for p in result.parameters}
     assert found["Ex"] == pytest.approx(31.66e9, rel=0.005)
-    # By hand: a0/ω + a1 ω = 2ζ by generalised least squares of the relative errors, 2 % each and 2 % for the law.
+    # By hand: a0/ω + a1 ω = 2ζ by generalised least squares of the relative errors, 2 % each and 2
+    # % for the law.
     omega = 2 * np.pi * MEASURED_HZ
     rows = np.column_stack([1 / omega, omega]) / (2 * ratio)[:, None]
     a0, a1 = np.linalg.lstsq(rows, np.ones(5), rcond=None)[0]
     assert (found["a0"], found["a1"]) == pytest.approx((a0, a1), rel=1e-6)
     assert result.prediction is None
     assert result.correlation.updated is None
-    joint = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, ratio)), nominal, Recipe(method="joint"))
+    joint = update(
+        Measurement(None, {}, MeasuredModes(MEASURED_HZ, ratio)), nominal, Recipe(method="joint")
+    )
     assert joint.parameters == result.parameters
     assert set(joint.warnings) - set(result.warnings) == {
-        "the method joint needs FRFs, and the campaign has none: the constants were estimated from the modes, as the method "
-        "two_stage does"
+        "the method joint needs FRFs, and the campaign has none: the constants were estimated from"
+        " the modes, as the method two_stage does"
     }
     silent = update(Measurement(None, {}, MeasuredModes(MEASURED_HZ, np.full(5, np.nan))), nominal)
     assert silent.outcomes[1].status == "skipped"
     one = MeasuredModes(MEASURED_HZ, np.where(np.arange(5) == 0, ratio, np.nan))
-    alone = update(Measurement(None, {}, one), nominal, Recipe(damping_models=("rayleigh",))).outcomes[1]
-    assert (alone.status, alone.message) == ("skipped", "1 damping ratios cannot fix any of the laws asked for")
+    alone = update(
+        Measurement(None, {}, one), nominal, Recipe(damping_models=("rayleigh",))
+    ).outcomes[1]
+    assert (alone.status, alone.message) == (
+        "skipped",
+        "1 damping ratios cannot fix any of the laws asked for",
+    )
     elsewhere = MeasuredModes(MEASURED_HZ, ratio, np.ones((5, 1), complex), (Dof(8, 3),))
     paired = prepare(Measurement(None, {7: (0.1, 0.0, 0.0)}, elsewhere), nominal, Recipe())
     assert paired.modes is not None
@@ -183,18 +220,27 @@ def test_modes_without_frfs_give_constants_and_a_law(nominal: Specimen) -> None:
 
 
 @pytest.mark.parametrize("size", [(0.5, 0.04, 0.01, 1000), (0.2, 0.3, 0.004, 900)])
-def test_the_mesh_is_as_good_as_it_says(nominal: Specimen, size: tuple[float, float, float, float]) -> None:
+def test_the_mesh_is_as_good_as_it_says(
+    nominal: Specimen, size: tuple[float, float, float, float]
+) -> None:
     length, width, thickness, highest = size
     body = replace(nominal, length=length, width=width, thickness=thickness)
     found = discretise(body, highest)
     assert found.error.max() < DISCRETISATION
     nx, ny = found.divisions
-    chosen, finer = (frequencies(replace(body, divisions=d), found.error.size) for d in ((nx, ny), (2 * nx, 2 * ny)))
+    chosen, finer = (
+        frequencies(replace(body, divisions=d), found.error.size)
+        for d in ((nx, ny), (2 * nx, 2 * ny))
+    )
     assert np.abs(chosen / finer - 1).max() < DISCRETISATION
 
 
 @pytest.mark.parametrize("kind", ["one-sided", "square", "both"])
-def test_an_excursion_has_the_moments_of_its_draws(kind: Literal["one-sided", "square", "both"]) -> None:
+def test_an_excursion_has_the_moments_of_its_draws(
+    kind: Literal["one-sided", "square", "both"],
+) -> None:
     each = Excursion("sensor", np.zeros(0), kind, stated=True, amount="1 g")
     draws = each.draws(np.random.default_rng(1), 200_000)
-    assert (each.sd, each.rms) == pytest.approx((np.std(draws), np.sqrt(np.mean(draws**2))), rel=0.01)
+    assert (each.sd, each.rms) == pytest.approx(
+        (np.std(draws), np.sqrt(np.mean(draws**2))), rel=0.01
+    )

@@ -1,4 +1,6 @@
-"""The ranking of damping laws against generalised least squares written out, and what it says in words."""
+"""The ranking of damping laws against generalised least squares written out, and what it says in
+words.
+"""
 
 from dataclasses import replace
 
@@ -39,17 +41,25 @@ def test_laws_are_ranked_by_generalised_least_squares(scatter: float) -> None:
     numbers = [(1, 2, 3, 5, 7)[k] for k in range(5) if abs(missed[k]) > 3 * np.sqrt(V[k, k])]
     assert [number for number, _ in found.named] == numbers
     assert (3 in numbers) is (scatter == 1.0)
-    assert [miss for _, miss in found.named] == [found.missed[(1, 2, 3, 5, 7).index(number)] for number in numbers]
+    assert [miss for _, miss in found.named] == [
+        found.missed[(1, 2, 3, 5, 7).index(number)] for number in numbers
+    ]
 
 
 LOSSES = MechanismDamping("mechanism", (("E", (0,)), ("G", (1,))))
 
 
-def ranked(shear: list[float], losses: tuple[float, float, float], noise: float = 0.01) -> RankedLaw:
-    """The law by mechanism on modes with these shares of shear that follow it, a0 and two loss factors, exactly."""
+def ranked(
+    shear: list[float], losses: tuple[float, float, float], noise: float = 0.01
+) -> RankedLaw:
+    """The law by mechanism on modes with these shares of shear that follow it, a0 and two loss
+    factors, exactly.
+    """
     strain = np.column_stack([1 - np.array(shear), shear])
     exact = (losses[0] + OMEGA * (strain @ losses[1:])) / OMEGA / 2
-    return rank_laws(MeasuredRatios(OMEGA, exact, noise**2 * np.eye(5), strain), list(range(5)), [LOSSES]).laws[0]
+    return rank_laws(
+        MeasuredRatios(OMEGA, exact, noise**2 * np.eye(5), strain), list(range(5)), [LOSSES]
+    ).laws[0]
 
 
 def test_three_standard_deviations_name_a_mode_and_refute_a_mechanism() -> None:
@@ -80,7 +90,8 @@ def test_what_a_user_must_know_of_the_first_law() -> None:
     assert LawRanking((first, law("fair", 20.0))).findings() == []
     assert LawRanking((first, better, same)).preferred is same
     assert [each.text for each in LawRanking((first, better)).findings()] == [
-        "the first law is inadequate for this damping; the evidence prefers better (BIC 19.9 against 30.0)"
+        "the first law is inadequate for this damping; the evidence prefers better (BIC 19.9"
+        " against 30.0)"
     ]
     missing = law("first", 10.0, ((2, -0.381), (5, 0.2)))
     assert [each.text for each in LawRanking((missing, better)).findings()] == [

@@ -1,4 +1,6 @@
-"""What a deck's own mesh misses does not become constants: solids of another code on coarse decks of their panels."""
+"""What a deck's own mesh misses does not become constants: solids of another code on coarse decks
+of their panels.
+"""
 
 import numpy as np
 import pytest
@@ -32,12 +34,16 @@ def test_the_model_has_the_frequencies_of_the_finest_mesh(element: str) -> None:
     assert error is not None
     assert error.finest < error.size
     assert forward.finer is not None
-    finest = frequencies(forward.finer.level(round(np.log2(error.size / error.finest)) + (element == "quad4")).body, 6)
+    finest = frequencies(
+        forward.finer.level(round(np.log2(error.size / error.finest)) + (element == "quad4")).body,
+        6,
+    )
     assert np.abs(own / finest - 1).max() > 0.01
     assert state.frequency_hz[:6] == pytest.approx(finest, rel=2e-5)
     assert state.by_mesh is not None
     moved, left, flat = state.by_mesh
-    assert state.frequency_hz[:6] * (1 + moved[:6]) == pytest.approx(own, rel=0.03)  # to the first order
+    # to the first order
+    assert state.frequency_hz[:6] * (1 + moved[:6]) == pytest.approx(own, rel=0.03)
     assert np.abs(left[:6]).max() < 0.1 * np.abs(moved[:6]).max()
     assert not flat.any()
 
@@ -59,7 +65,11 @@ def test_a_change_of_constants_is_followed_and_exact_where_the_error_is_known_an
     body = deck("curved", 6, 4, "quad4")
     forward = _forward(body, float(frequencies(body, 6)[-1]))
     names, mean = forward.parametrisation.names, forward.parametrisation.prior_mean
-    theta = mean * np.where(np.array(names) == "skin.G13", 0.75, 1.0) * np.where(np.array(names) == "skin.E1", 1.2, 1.0)
+    theta = (
+        mean
+        * np.where(np.array(names) == "skin.G13", 0.75, 1.0)
+        * np.where(np.array(names) == "skin.E1", 1.2, 1.0)
+    )
     anew = forward.with_mesh_error_about(theta).solve(theta).frequency_hz[:6]
     assert forward.solve(theta).frequency_hz[:6] == pytest.approx(anew, rel=0.005)
     assert np.any(np.abs(forward.solve(mean).frequency_hz[:6] / anew - 1) > 0.02)
@@ -75,7 +85,10 @@ def test_constants_on_a_coarse_curved_deck_are_the_solids() -> None:
             z = (parameter.estimate - TRUTH[constant]) / parameter.standard_deviation
             assert abs(z) < 3.5, (parameter.name, z)
             assert parameter.identifiable == (parameter.tied_to is None)
-    budget = {parameter.name: {entry.source for entry in parameter.budget} for parameter in found.parameters}
+    budget = {
+        parameter.name: {entry.source for entry in parameter.budget}
+        for parameter in found.parameters
+    }
     assert {"mesh", "shear factor"} <= budget["skin.G13"]
     (said,) = [each.text for each in found.findings if each.kind == "mesh_moves"]
     assert "elements of 28 mm" in said
@@ -90,13 +103,21 @@ def test_a_forecast_shows_both_meshes() -> None:
     body = deck("tapered", 6, 4, "quad4")
     found = forecast(body, ForecastOrder(modes=6))
     assert found.frequency_hz == pytest.approx(frequencies(body, 6), rel=1e-9)
-    assert found.finer_hz == pytest.approx(frequencies(deck("tapered", 18, 12, "quad8"), 6), rel=0.001)
+    assert found.finer_hz == pytest.approx(
+        frequencies(deck("tapered", 18, 12, "quad8"), 6), rel=0.001
+    )
 
 
 def test_a_mesh_beyond_the_limit_is_taken_on_trust(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mesh_error, "MOST_DOFS", 100)
     modes, points = measured("tapered")
     body = deck("tapered", 12, 8, "quad8")
-    found = update(Measurement(None, points, modes, inputs=Inputs.exact()), body, Recipe(damping_models=("rayleigh",)))
+    found = update(
+        Measurement(None, points, modes, inputs=Inputs.exact()),
+        body,
+        Recipe(damping_models=("rayleigh",)),
+    )
     assert "mesh_on_trust" in {each.kind for each in found.findings}
-    assert "mesh" not in {entry.source for parameter in found.parameters for entry in parameter.budget}
+    assert "mesh" not in {
+        entry.source for parameter in found.parameters for entry in parameter.budget
+    }

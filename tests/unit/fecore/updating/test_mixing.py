@@ -1,4 +1,6 @@
-"""Close modes whose shapes are mixed otherwise than the model's: their shares of strain energy, and the ranking of laws."""
+"""Close modes whose shapes are mixed otherwise than the model's: their shares of strain energy, and
+the ranking of laws.
+"""
 
 from dataclasses import replace
 
@@ -25,14 +27,19 @@ GLASS = OrthotropicMaterial(38e9, 9e9, 4.2e9, 4.0e9, 3.5e9, 0.28, 1900.0)
 BODY = OrientedSpecimen(0.565, 0.05, 0.01, GLASS, divisions=(30, 4))
 """A cantilever with torsion at 758 and bending at 762 Hz."""
 
-PLACES = np.array([(u, v) for u in np.linspace(0.04, 0.98, 11) for v in (-0.45, 0, 0.45)]) * [0.565, 0.05]
+PLACES = np.array([(u, v) for u in np.linspace(0.04, 0.98, 11) for v in (-0.45, 0, 0.45)]) * [
+    0.565,
+    0.05,
+]
 LOSS = np.array([20.0, 0.015, 0.031])
 LAWS = ("mechanism", "rayleigh", "caughey4", "modal")
 
 
 def solved(body: OrientedSpecimen) -> ForwardState:
     prior = parametrise(body, [Parameter("Ex")])
-    return ForwardModel(body, prior, along_z(tuple(range(1, 34))), PLACES, 12, reduced=False).solve(prior.prior_mean)
+    return ForwardModel(body, prior, along_z(tuple(range(1, 34))), PLACES, 12, reduced=False).solve(
+        prior.prior_mean
+    )
 
 
 def test_shares_of_turned_modes_are_those_of_turned_shapes() -> None:
@@ -47,9 +54,13 @@ def test_shares_of_turned_modes_are_those_of_turned_shapes() -> None:
     for at in (0, 7, 20, 33):
         angle = np.arcsin(sine[at]) / 2
         turned = phi @ np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        energies = np.array([[shape @ (term @ shape) for term in state.stiffness] for shape in turned.T])
+        energies = np.array(
+            [[shape @ (term @ shape) for term in state.stiffness] for shape in turned.T]
+        )
         shares = energies @ weights.T
-        np.testing.assert_allclose(state.strain[[rigid + j, rigid + k]] + mixing.change[at], shares, atol=1e-9)
+        np.testing.assert_allclose(
+            state.strain[[rigid + j, rigid + k]] + mixing.change[at], shares, atol=1e-9
+        )
     gap = (
         np.diff(state.modes.eigenvalue[[rigid + j, rigid + k]])[0]
         / state.modes.eigenvalue[[rigid + j, rigid + k]].mean()
@@ -58,7 +69,9 @@ def test_shares_of_turned_modes_are_those_of_turned_shapes() -> None:
 
 
 def measured(true: OrientedSpecimen, noise: float = 0.01) -> tuple[MeasuredModes, FloatArray]:
-    """Eight modes of a body that is damped by mechanism, and their shares of energy in bending along."""
+    """Eight modes of a body that is damped by mechanism, and their shares of energy in bending
+    along.
+    """
     state, random = solved(true), np.random.default_rng(1)
     law, omega = mechanism_laws(true)["mechanism"], 2 * np.pi * state.frequency_hz[:8]
     shares = state.strain[state.modes.rigid :][:8]
@@ -80,7 +93,9 @@ def accelerances(true: OrientedSpecimen) -> FrfSet:
     dofs, state, random = along_z(range(1, 34)), solved(true), np.random.default_rng(1)
     sensor, hz = (dofs[-1],) * 33, np.arange(2.0, 1501.0, 1.0)
     model = state.frf_model(dofs, sensor)
-    values = model.synthesise(hz, mechanism_laws(true)["mechanism"].basis(model.omega, model.strain) @ LOSS)
+    values = model.synthesise(
+        hz, mechanism_laws(true)["mechanism"].basis(model.omega, model.strain) @ LOSS
+    )
     rms = np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True))
     real, imaginary = random.standard_normal((2, *values.shape))
     return FrfSet(hz, values + 0.01 * rms * (real + 1j * imaginary) / np.sqrt(2), dofs, sensor)
@@ -88,9 +103,13 @@ def accelerances(true: OrientedSpecimen) -> FrfSet:
 
 @pytest.mark.parametrize("grams", [0.0, 2.0])
 def test_the_true_law_is_adequate_where_a_sensor_that_nobody_stated_mixes_two_modes(grams) -> None:
-    """2 g at a corner turn torsion and bending, 0.5 % apart, into each other; the model has them apart."""
+    """2 g at a corner turn torsion and bending, 0.5 % apart, into each other; the model has them
+    apart.
+    """
     carried = (PointMass(0.98 * 0.565, 0.0225, 1e-3 * grams),) if grams else ()
-    modes, bending = measured(replace(BODY, masses=carried, fibre_angle=np.radians(0.7), divisions=(48, 6)))
+    modes, bending = measured(
+        replace(BODY, masses=carried, fibre_angle=np.radians(0.7), divisions=(48, 6))
+    )
     assert bool(bending[4] > 0.2) is bool(grams)
     result = updated(modes)
     laws = {each.name: each for each in result.damping_models}
@@ -102,9 +121,14 @@ def test_the_true_law_is_adequate_where_a_sensor_that_nobody_stated_mixes_two_mo
 
 
 def test_the_fit_to_frfs_takes_the_shares_of_the_mixed_modes() -> None:
-    """By the model's own shares eta_E came out 12.5 % and 2.4 standard deviations high, the law off by 4.8 % of a ratio."""
+    """By the model's own shares eta_E came out 12.5 % and 2.4 standard deviations high, the law off
+    by 4.8 % of a ratio.
+    """
     true = replace(
-        BODY, masses=(PointMass(0.98 * 0.565, 0.0225, 2e-3),), fibre_angle=np.radians(0.7), divisions=(48, 6)
+        BODY,
+        masses=(PointMass(0.98 * 0.565, 0.0225, 2e-3),),
+        fibre_angle=np.radians(0.7),
+        divisions=(48, 6),
     )
     found = {p.name: p for p in updated(measured(true)[0], accelerances(true)).parameters}
     for name, loss in zip(("a0", "eta_E", "eta_G"), LOSS, strict=True):
@@ -115,7 +139,9 @@ def test_the_fit_to_frfs_takes_the_shares_of_the_mixed_modes() -> None:
 
 
 def test_without_shapes_the_angle_is_as_unknown_as_the_model_is_wrong() -> None:
-    modes, _ = measured(replace(BODY, masses=(PointMass(0.98 * 0.565, 0.0225, 0.5e-3),), divisions=(48, 6)))
+    modes, _ = measured(
+        replace(BODY, masses=(PointMass(0.98 * 0.565, 0.0225, 0.5e-3),), divisions=(48, 6))
+    )
     laws = {each.name: each for each in updated(replace(modes, shapes=None)).damping_models}
     assert laws["mechanism"].preferred
     np.testing.assert_allclose(list(laws["mechanism"].coefficients.values()), LOSS, rtol=0.1)

@@ -1,4 +1,6 @@
-"""What is said of FRFs near a clamp, of modes that lie closer than their bandwidths, and of modes beyond the last line."""
+"""What is said of FRFs near a clamp, of modes that lie closer than their bandwidths, and of modes
+beyond the last line.
+"""
 
 from dataclasses import replace
 
@@ -27,7 +29,9 @@ def forward(body: Specimen, places: np.ndarray) -> ForwardModel:
     return ForwardModel(body, prior, along_z(range(1, len(places) + 1)), places, 10, reduced=False)
 
 
-def made(sensor_m: float, off_m: float = 0.0, factor: float = 1.0, top_hz: float = 900.0) -> Measurement:
+def made(
+    sensor_m: float, off_m: float = 0.0, factor: float = 1.0, top_hz: float = 900.0
+) -> Measurement:
     """FRFs of a roving hammer and a sensor that is off its point along x, times a factor."""
     own = np.array([[sensor_m, 0.02]])
     model = forward(BODY, np.concatenate([PLACES, own + np.array([off_m, 0.0])]))
@@ -37,12 +41,16 @@ def made(sensor_m: float, off_m: float = 0.0, factor: float = 1.0, top_hz: float
     bells = -(omega**2) / (modes[:, None] ** 2 - omega**2 + 2j * 0.01 * modes[:, None] * omega)
     values = factor * (state.shapes[:, :-1].T * state.shapes[:, -1]) @ bells
     rng = np.random.default_rng(4)
-    values = values * (1 + 0.005 * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape)))
+    values = values * (
+        1 + 0.005 * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape))
+    )
     count = len(PLACES)
     roving = tuple(Dof(point, 3) for point in range(1, count + 1))
     frfs = FrfSet(hz, values, (Dof(count + 1, 3),) * count, roving, "accelerance")
     places = np.concatenate([PLACES, own])
-    return Measurement(frfs, {point: (float(x), float(y), 0.0) for point, (x, y) in enumerate(places, start=1)})
+    return Measurement(
+        frfs, {point: (float(x), float(y), 0.0) for point, (x, y) in enumerate(places, start=1)}
+    )
 
 
 def result(*situation: float) -> UpdateResult:
@@ -57,12 +65,16 @@ def test_slopes_are_those_of_the_surface() -> None:
     slopes = state.shapes_by(body.model.slopes(inside, np.repeat(z, 8, axis=0))).reshape(10, 8, 3)
     for axis in range(2):
         there, here = (
-            state.shapes_by(body.model.observe(inside + sign * step * np.eye(3)[axis], np.repeat(z, 8, axis=0)))
+            state.shapes_by(
+                body.model.observe(inside + sign * step * np.eye(3)[axis], np.repeat(z, 8, axis=0))
+            )
             for sign in (1, -1)
         )
         # the surface turns as its normal but for transverse shear, 1 % in these modes
         expected = (there - here) / (2 * step)
-        np.testing.assert_allclose(slopes[:4, :, axis], expected[:4], atol=0.05 * np.abs(expected[:4]).max())
+        np.testing.assert_allclose(
+            slopes[:4, :, axis], expected[:4], atol=0.05 * np.abs(expected[:4]).max()
+        )
 
 
 @pytest.mark.parametrize(
@@ -79,7 +91,9 @@ def test_a_sensor_near_a_clamp_has_no_wrong_sensitivity(
 ) -> None:
     # 2.5 mm of 30 make (32.5/30)² = 1.17 of a height in bending
     updated = result(sensor_m, off_m, factor)
-    assert [each.kind for each in updated.findings if each.kind.startswith("frfs_scaled")] == [kind] * bool(kind)
+    assert [each.kind for each in updated.findings if each.kind.startswith("frfs_scaled")] == [
+        kind
+    ] * bool(kind)
 
 
 def test_a_mode_beyond_the_last_line_was_not_missed() -> None:
@@ -98,14 +112,19 @@ def test_a_measured_mode_is_two_where_the_body_has_two() -> None:
         return model.solve(model.parametrisation.prior_mean)
 
     meeting = (184.7 / 277.9) ** 2  # torsion falls to the second bending
-    stiffer = min(np.linspace(0.9, 1.1, 21) * meeting, key=lambda at: np.diff(solved(float(at)).frequency_hz)[1])
+    stiffer = min(
+        np.linspace(0.9, 1.1, 21) * meeting,
+        key=lambda at: np.diff(solved(float(at)).frequency_hz)[1],
+    )
     state = solved(float(stiffer))
     assert state.frequency_hz[2] / state.frequency_hz[1] < 1.01
     kept = [0, 1, 3, 4]
     hz = state.frequency_hz[kept]
     covariance = np.diag(np.concatenate([(1e-3 * hz) ** 2, np.full(4, 1e-6)]))
     shapes = state.shapes[kept].astype(complex)
-    modes = MeasuredModes(hz, np.full(4, 0.02), shapes, along_z(range(1, len(PLACES) + 1)), covariance)
+    modes = MeasuredModes(
+        hz, np.full(4, 0.02), shapes, along_z(range(1, len(PLACES) + 1)), covariance
+    )
     points = {point: (float(x), float(y), 0.0) for point, (x, y) in enumerate(PLACES, start=1)}
     body = replace(BODY, material=replace(NOMINAL, Gxy=NOMINAL.Gxy * float(stiffer)))
     updated = update(Measurement(None, points, modes), body, Recipe(damping_models=("rayleigh",)))

@@ -35,7 +35,8 @@ def result(drawn: Drawn) -> UpdateResult:
 def test_intervals_hold_the_truth_as_often_as_they_say(drawn: Drawn, result: UpdateResult) -> None:
     """Four sets with a wrong model; here 88 % of 24 intervals must hold."""
     held = list(inside(result, drawn.true).values())
-    for seed, body in enumerate((BEAM, COARSE, COARSE), start=1):  # the first on the mesh that an update chooses
+    # the first on the mesh that an update chooses
+    for seed, body in enumerate((BEAM, COARSE, COARSE), start=1):
         other = beam(seed)
         held += list(inside(update(other.measurement, body), other.true).values())
     assert len(held) == 4 * len(PARAMETERS)
@@ -72,12 +73,18 @@ def test_a_tied_constant_has_the_doubt_of_its_tie(identified: Measurement) -> No
     def gyz(prior_sd: float | None) -> tuple[float, float, dict[str, float]]:
         tied = Parameter("Gyz", prior_sd=prior_sd, tied_to="Gxz")
         parameters = (*(Parameter(name) for name in ("Ex", "Ey", "Gxy", "Gxz")), tied)
-        found = {p.name: p for p in update(identified, COARSE, Recipe(parameters=parameters)).parameters}
+        found = {
+            p.name: p for p in update(identified, COARSE, Recipe(parameters=parameters)).parameters
+        }
         low, high = np.log(found["Gyz"].interval_95)
         master_low, master_high = np.log(found["Gxz"].interval_95)
         assert found["Gyz"].tied_to == "Gxz"
         budget = {entry.source: entry.share for entry in found["Gyz"].budget}
-        return (high - low) ** 2 - (master_high - master_low) ** 2, found["Gyz"].prior_sd or 0.0, budget
+        return (
+            (high - low) ** 2 - (master_high - master_low) ** 2,
+            found["Gyz"].prior_sd or 0.0,
+            budget,
+        )
 
     wider, _, budget = gyz(None)
     assert np.sqrt(wider) == pytest.approx(2 * 1.96 * np.sqrt(np.log1p(0.3**2)), rel=1e-3)
@@ -108,7 +115,9 @@ def test_damping_of_fewer_modes_takes_the_place_of_a_fit_that_does_not_converge(
     said = next(f for f in found.findings if f.kind == "damping_narrowed")
     assert "did not converge" in said.text
     one, other = ({p.name: p for p in each.parameters} for each in (whole, found))
-    assert other["a0"].estimate == pytest.approx(drawn.true["a0"], abs=4 * other["a0"].standard_deviation)
+    assert other["a0"].estimate == pytest.approx(
+        drawn.true["a0"], abs=4 * other["a0"].standard_deviation
+    )
     assert other["a1"].standard_deviation > one["a1"].standard_deviation  # fewer modes say less
 
 
@@ -146,7 +155,8 @@ def test_joint_update_needs_no_modes(drawn: Drawn, joint: UpdateResult) -> None:
     true = drawn.true
     assert joint.identification is None
     found = {p.name: p for p in joint.parameters}
-    for name in PARAMETERS:  # six intervals of one set: three standard deviations, which one in 60 sets misses
+    # six intervals of one set: three standard deviations, which one in 60 sets misses
+    for name in PARAMETERS:
         assert abs(found[name].estimate - true[name]) < 3 * found[name].standard_deviation, name
     assert found["Ex"].estimate == pytest.approx(true["Ex"], rel=0.01)
     assert found["a0"].estimate == pytest.approx(true["a0"], rel=0.05)
@@ -185,7 +195,9 @@ def test_joint_update_refuses_an_unknown_law_before_it_searches(drawn: Drawn) ->
     assert max(reported) <= 0.4  # the share at which the search begins
 
 
-def test_shapes_tell_what_frequencies_do(drawn: Drawn, identified: Measurement, result: UpdateResult) -> None:
+def test_shapes_tell_what_frequencies_do(
+    drawn: Drawn, identified: Measurement, result: UpdateResult
+) -> None:
     true = drawn.true
     shaped = update(identified, COARSE, Recipe(use_shapes=True))
     assert all(inside(shaped, true)[name] for name in ("Ex", "Gxy", "Gxz"))
@@ -230,10 +242,14 @@ def test_sampled_and_gaussian_posteriors_agree(identified: Measurement) -> None:
     assert samples is not None
     for gaussian, one in zip(expected.parameters, sampled.parameters, strict=True):
         assert gaussian.estimate == one.estimate
-        # 5,000 independent samples know a standard deviation to 1 %; the frequencies are not quite linear in the logarithms.
+        # 5,000 independent samples know a standard deviation to 1 %; the frequencies are not quite
+        # linear in the logarithms.
         assert one.standard_deviation == pytest.approx(gaussian.standard_deviation, rel=0.05)
-    # Excursions reach to one side and the law's tails are long, so of a correlation the samples know 0.02 to 0.05.
-    np.testing.assert_allclose(sampled.posterior.correlation, expected.posterior.correlation, atol=0.1)
+    # Excursions reach to one side and the law's tails are long, so of a correlation the samples
+    # know 0.02 to 0.05.
+    np.testing.assert_allclose(
+        sampled.posterior.correlation, expected.posterior.correlation, atol=0.1
+    )
     low, high = np.quantile(samples[:, -1], [0.025, 0.975])
     assert expected.posterior.names[-1] == "a1"
     assert (low, high) == pytest.approx(expected.parameters[-1].interval_95, rel=0.005)

@@ -10,7 +10,14 @@ from fecore.updating.measured_ratios import (
     disagreement,
     scale_of_deviations,
 )
-from fecore.updating.posterior import LinearProblem, Mixture, identifiability, log_likelihood, root, spread_over
+from fecore.updating.posterior import (
+    LinearProblem,
+    Mixture,
+    identifiability,
+    log_likelihood,
+    root,
+    spread_over,
+)
 from fecore.updating.result import Finding
 
 RANDOM = np.random.default_rng(5)
@@ -25,14 +32,25 @@ DESCENT = np.array([0.3, -0.2])
 def gaussian(values: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """(w,) logarithms of a Gaussian's density at (w, n) values, up to a constant."""
     return (
-        -(np.linalg.slogdet(covariance)[1] + np.einsum("wn,nw->w", values, np.linalg.solve(covariance, values.T))) / 2
+        -(
+            np.linalg.slogdet(covariance)[1]
+            + np.einsum("wn,nw->w", values, np.linalg.solve(covariance, values.T))
+        )
+        / 2
     )
 
 
 def test_the_mixture_is_likelihood_times_prior() -> None:
-    sd, rest = np.array([2.0, 3.0]), PRIOR - np.diag([1 / 4, 1 / 9])  # of the prior a part is coupons
+    # of the prior a part is coupons
+    sd, rest = np.array([2.0, 3.0]), PRIOR - np.diag([1 / 4, 1 / 9])
     problem = LinearProblem(
-        RESIDUAL, NOISE, SENSITIVITY, np.zeros(2), lambda _: np.diag(sd**-2), {"coupons": rest}, DESCENT
+        RESIDUAL,
+        NOISE,
+        SENSITIVITY,
+        np.zeros(2),
+        lambda _: np.diag(sd**-2),
+        {"coupons": rest},
+        DESCENT,
     )
     found, scatters = problem.mixture(0.0)
     assert not scatters.any()
@@ -40,7 +58,9 @@ def test_the_mixture_is_likelihood_times_prior() -> None:
     at = 0.5 * RANDOM.standard_normal((8, 2))
     density = sum(
         weight * np.exp(gaussian(at - mean, covariance))
-        for weight, mean, covariance in zip(found.weight, found.shift, found.covariance, strict=True)
+        for weight, mean, covariance in zip(
+            found.weight, found.shift, found.covariance, strict=True
+        )
     )
     likelihood = log_likelihood(NOISE)(RESIDUAL - at @ SENSITIVITY.T)
     expected = likelihood + at @ DESCENT - np.einsum("np,pq,nq->n", at, PRIOR, at) / 2
@@ -66,26 +86,33 @@ def test_moments_and_reach_are_those_of_the_mixture() -> None:
 
 @pytest.mark.parametrize("scatter", [6e-5, 1e-3])
 def test_an_even_body_whose_modes_scatter_is_covered_too(scatter: float) -> None:
-    """Six frequencies that are off by a share which the prior's scale of 2e-5 does not foresee, three unknowns."""
+    """Six frequencies that are off by a share which the prior's scale of 2e-5 does not foresee,
+    three unknowns.
+    """
     rng, below, sds = np.random.default_rng(53), [], []
     by = rng.uniform(0, 0.5, (6, 3))
     noise, start = 1e-14 * np.eye(6), np.zeros(3)
     for _ in range(300):
         off = scatter * rng.standard_normal(6)
-        problem = LinearProblem(off, noise, by, start, lambda _: 0.1 * np.eye(3), {}, start, scale=2e-5)
+        problem = LinearProblem(
+            off, noise, by, start, lambda _: 0.1 * np.eye(3), {}, start, scale=2e-5
+        )
         mixture, _ = problem.mixture(0.0)
         sd = np.sqrt(mixture.covariance[:, 0, 0])
         below.append(mixture.weight @ scipy.special.ndtr(-mixture.shift[:, 0] / sd))
         sds.append(np.sqrt(mixture.weight @ sd**2))
     assert np.mean(np.abs(np.array(below) - 0.5) < 0.475) > 0.88
     known = scatter * np.sqrt(np.linalg.inv(by.T @ by)[0, 0])
-    assert np.median(sds) < np.sqrt(3) * known, "not wider than Student's t of the three that are left"
+    assert np.median(sds) < np.sqrt(3) * known, (
+        "not wider than Student's t of the three that are left"
+    )
 
 
 def test_a_parameter_is_identifiable_where_no_unseen_direction_moves_it() -> None:
     sd = np.array([2.0, 1.0, 10.0, 1.0])
     turn = np.eye(4)
-    turn[1:3, 1:3] = np.array([[0.8, -0.6], [0.6, 0.8]])  # the second and the third move together where nothing is seen
+    # the second and the third move together where nothing is seen
+    turn[1:3, 1:3] = np.array([[0.8, -0.6], [0.6, 0.8]])
     share = turn @ np.diag([0.01, 0.99, 0.02, 0.6]) @ turn.T
     covariance = share * np.outer(sd, sd)
     found = identifiability(("a", "b", "c", "d"), covariance, sd)
@@ -107,7 +134,9 @@ def test_the_scale_of_deviations_has_the_restricted_likelihood() -> None:
         left = W - W @ SENSITIVITY @ np.linalg.solve(inner, SENSITIVITY.T @ W)
         logs = np.linalg.slogdet(W)[1] - np.linalg.slogdet(inner)[1] - RESIDUAL @ left @ RESIDUAL
         expected.append(logs / 2)
-    np.testing.assert_allclose(np.diff(np.log(scale.weight)), np.diff(expected), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        np.diff(np.log(scale.weight)), np.diff(expected), rtol=1e-6, atol=1e-9
+    )
     assert scale.weight.sum() == pytest.approx(1)
     assert scale.scale[[0, -1]] == pytest.approx([1e-5, 0.08])
     assert np.ptp(np.diff(np.log(scale.scale))) < 1e-9, "even in ln s"
@@ -134,14 +163,18 @@ def test_with_as_many_modes_as_coefficients_the_prior_is_all_that_is_known() -> 
     scale = scale_of_deviations(np.zeros(2), 1e-8 * np.eye(2), BASIS[:2], 0.02)
     assert scale.rms == pytest.approx(0.02, rel=0.05)
     # Even in ln s from 1e-5 to 0.08: a twentieth lies in the uppermost twentieth of these decades.
-    assert scale.scale[np.searchsorted(np.cumsum(scale.weight), 0.95)] == pytest.approx(0.051, rel=0.1)
+    assert scale.scale[np.searchsorted(np.cumsum(scale.weight), 0.95)] == pytest.approx(
+        0.051, rel=0.1
+    )
 
 
 def test_intervals_are_those_of_the_mixture() -> None:
     scale = scale_of_deviations(np.zeros(2), 1e-8 * np.eye(2), BASIS[:2], 0.02)
     draws = np.random.default_rng(1).choice(scale.scale, 200_000, p=scale.weight) / scale.rms
     sample = np.random.default_rng(2).standard_normal(200_000) * np.sqrt(0.25 + draws**2)
-    assert scale.reach(0.25, 1.0) == pytest.approx(float(np.quantile(np.abs(sample), 0.95)), rel=0.02)
+    assert scale.reach(0.25, 1.0) == pytest.approx(
+        float(np.quantile(np.abs(sample), 0.95)), rel=0.02
+    )
 
 
 def test_what_frfs_and_modes_disagree_by_is_added_beyond_noise() -> None:
@@ -154,13 +187,20 @@ def test_what_frfs_and_modes_disagree_by_is_added_beyond_noise() -> None:
 
 def test_findings_alike_are_folded_and_the_same_is_said_once() -> None:
     one, other = "mode 1 (20.00 Hz) is alone", "mode 2 (30.00 Hz) is alone"
-    found = [Finding(one, "with_care", 2), Finding(one), Finding(other), Finding("the lid is open", "do_not_use")]
+    found = [
+        Finding(one, "with_care", 2),
+        Finding(one),
+        Finding(other),
+        Finding("the lid is open", "do_not_use"),
+    ]
     assert warnings(found) == ("the lid is open", f"{one} (likewise: mode 2 (30.00 Hz))")
 
 
 def test_a_row_of_the_table_says_what_was_found_and_what_to_do() -> None:
     said = found("modes_absent", level="do_not_use", modes="a mode", which="12.00 Hz")
-    assert said.text.endswith("none there: the boundary or the geometry is wrong, or modes were paired wrongly")
+    assert said.text.endswith(
+        "none there: the boundary or the geometry is wrong, or modes were paired wrongly"
+    )
     assert (said.kind, said.level, said.weight) == ("modes_absent", "do_not_use", 85)
     assert all(row.sentence and not row.sentence.endswith(".") for row in FINDINGS.values())
 
@@ -168,11 +208,15 @@ def test_a_row_of_the_table_says_what_was_found_and_what_to_do() -> None:
 def test_what_is_known_exactly_has_an_interval_of_no_width() -> None:
     weight, scale = np.array([0.4, 0.6]), np.array([0.01, 0.02])
     assert ScaleMixture(weight, scale).reach(0.0, 0.0) == 0.0
-    assert Mixture(weight, np.zeros((2, 3)), np.stack([np.eye(3)] * 2), scale).reach(np.zeros(3)) == (0.0, 0.0)
+    assert Mixture(weight, np.zeros((2, 3)), np.stack([np.eye(3)] * 2), scale).reach(
+        np.zeros(3)
+    ) == (0.0, 0.0)
 
 
 def test_the_root_of_a_difference_of_covariances_is_no_larger_than_the_difference() -> None:
-    """Of Ex 1e-9 less and of Gxy nothing is left but what both share: scaled by itself its root was of the order of 1e139."""
+    """Of Ex 1e-9 less and of Gxy nothing is left but what both share: scaled by itself its root was
+    of the order of 1e139.
+    """
     larger = np.diag([8.4e-4, 1.0e-3])
     difference = np.array([[-1e-9, 1e-8], [1e-8, 0.0]])
     assert np.max(np.abs(root(difference, larger))) < np.sqrt(2e-8)

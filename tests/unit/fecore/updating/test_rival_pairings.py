@@ -1,4 +1,6 @@
-"""Modes that may be others, as without shapes: what is tried beside the likeliest partners, and what the intervals span."""
+"""Modes that may be others, as without shapes: what is tried beside the likeliest partners, and
+what the intervals span.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -14,7 +16,12 @@ from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import SwingingError, fit
 from fecore.updating.elastic_result import REFUTED, ElasticResult
-from fecore.updating.elastic_starts import _behind, evidence, is_doubtful, update_from_several_starts
+from fecore.updating.elastic_starts import (
+    _behind,
+    evidence,
+    is_doubtful,
+    update_from_several_starts,
+)
 from fecore.updating.estimates import OTHER_PARTNERS, constant_estimates
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
@@ -27,7 +34,9 @@ from fecore.updating.result import ParameterEstimate, UpdateResult
 from tests.support.fits import at_prior, forward_model
 from tests.support.plates import PAPER
 
-STATED = OrthotropicMaterial(Ex=30e9, Ey=30e9, Gxy=11e9, Gxz=11e9, Gyz=11e9, nu_xy=0.3, density=2000.0)
+STATED = OrthotropicMaterial(
+    Ex=30e9, Ey=30e9, Gxy=11e9, Gxz=11e9, Gyz=11e9, nu_xy=0.3, density=2000.0
+)
 STRIP = Specimen(0.5, 0.04, 0.010, STATED, "free", divisions=(20, 2))
 
 
@@ -45,17 +54,23 @@ def updated(*hz: float) -> tuple[UpdateResult, dict[str, ParameterEstimate]]:
 
 
 def test_exact_beam_frequencies_come_to_an_end_between_two_pairings() -> None:
-    """A beam without shear flexibility: the fit raises Gxy until torsion meets the fourth bending mode, and creeps there."""
+    """A beam without shear flexibility: the fit raises Gxy until torsion meets the fourth bending
+    mode, and creeps there.
+    """
     result, found = updated(159.24468273, 438.96409467, 860.54508139, 1422.52459239)
     assert found["Ex"].interval_95[0] < 30e9 < found["Ex"].interval_95[1]
     assert not found["Gxy"].identifiable
-    assert any("measured mode 4 (1422.52 Hz) alternated during the fit" in text for text in result.warnings)
+    assert any(
+        "measured mode 4 (1422.52 Hz) alternated during the fit" in text for text in result.warnings
+    )
     assert any(start.failure and "changes to and fro" in start.failure for start in result.starts)
 
 
 @pytest.fixture(scope="module")
 def elastic() -> ElasticResult:
-    """Five bending modes of a strip with Ex 33, Gxy 9 and Gxz 8 GPa; torsion at 940 and 1890 Hz was not measured."""
+    """Five bending modes of a strip with Ex 33, Gxy 9 and Gxz 8 GPa; torsion at 940 and 1890 Hz was
+    not measured.
+    """
     layout = Layout.of_one(forward_model(STRIP, 12), typed(*FIVE))
     shares: list[float] = []
     found = update_from_several_starts(layout, shares.append, use_shapes=False, seed=0)
@@ -83,12 +98,16 @@ def test_intervals_span_the_pairings_that_are_not_ruled_out(elastic: ElasticResu
     assert found["Ex"].identifiable
     for each in found.values():
         assert sum(entry.share for entry in each.budget) == pytest.approx(1, abs=1e-3)
-    wider = np.diag(elastic.spanning.total - elastic.mixture.total) > 1e-4 * np.diag(elastic.spanning.total)
+    wider = np.diag(elastic.spanning.total - elastic.mixture.total) > 1e-4 * np.diag(
+        elastic.spanning.total
+    )
     for place, name in enumerate(elastic.updated.forward.parametrisation.reported):
         assert any(entry.source == OTHER_PARTNERS for entry in found[name].budget) == wider[place]
 
 
-def test_a_pairing_that_tunes_a_constant_more_finely_has_less_evidence(elastic: ElasticResult) -> None:
+def test_a_pairing_that_tunes_a_constant_more_finely_has_less_evidence(
+    elastic: ElasticResult,
+) -> None:
     tuned = replace(elastic)
     vars(tuned)["inverse"] = elastic.inverse / 4
     less = elastic.theta.size * np.log(2)  # of each coordinate half of the prior meets the data
@@ -149,13 +168,23 @@ def test_held_partners_stay_the_same_where_kinds_cross() -> None:
     hidden = pair_held(modes, state([100.0, 200.0, 201.0], [*after[:2], "in-plane"], (2,)), held)
     assert hidden.ambiguous == ()
     missed = pair_held(modes, state([100.0, 150.0], before[:2]), held)
-    assert (missed.pairs, missed.unpaired_measured, missed.unpaired_model) == (((0, 0),), (1,), (1,))
+    assert (missed.pairs, missed.unpaired_measured, missed.unpaired_model) == (
+        ((0, 0),),
+        (1,),
+        (1,),
+    )
 
 
-def test_close_modes_that_exchange_their_partners_for_ever_are_fitted_with_each_pairing_held() -> None:
-    """Fibres at -8° make bending and torsion veer 1 % apart; the shapes are those of fibres along, in the other order."""
+def test_close_modes_that_exchange_their_partners_for_ever_are_fitted_with_each_pairing_held() -> (
+    None
+):
+    """Fibres at -8° make bending and torsion veer 1 % apart; the shapes are those of fibres along,
+    in the other order.
+    """
     material = replace(PAPER, Ey=10e9, nu_xy=0.2)
-    points = dict(enumerate((float(x), y) for x in np.linspace(0.1, 0.5, 5) for y in (-0.018, 0.018)))
+    points = dict(
+        enumerate((float(x), y) for x in np.linspace(0.1, 0.5, 5) for y in (-0.018, 0.018))
+    )
 
     def strip(angle: float) -> ForwardModel:
         body = Specimen(0.5, 0.04, 0.01, material, divisions=(20, 2), fibre_angle=angle)

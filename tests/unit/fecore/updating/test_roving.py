@@ -1,4 +1,6 @@
-"""A sensor that moves with the response: each FRF against a body with the mass at that point, and what updating makes of it."""
+"""A sensor that moves with the response: each FRF against a body with the mass at that point, and
+what updating makes of it.
+"""
 
 from dataclasses import replace
 
@@ -31,7 +33,9 @@ def body(nominal: Specimen) -> Specimen:
 
 
 @pytest.mark.parametrize("boundary", ["cantilever", "free"])
-def test_each_frf_is_that_of_the_body_with_the_mass_at_its_response_point(nominal: Specimen, boundary: str) -> None:
+def test_each_frf_is_that_of_the_body_with_the_mass_at_its_response_point(
+    nominal: Specimen, boundary: str
+) -> None:
     bare = replace(nominal, boundary=boundary, divisions=(20, 2))
     model = forward(bare, 24, reduced=False)
     state, c = at_prior(model), at_prior(model).coefficients
@@ -46,16 +50,23 @@ def test_each_frf_is_that_of_the_body_with_the_mass_at_its_response_point(nomina
         x, y, _ = model.places[row[point]]
         laden = replace(bare, masses=(PointMass(float(x), float(y), MASS),))
         load = model.observation[[row[HAMMER]]].toarray().ravel()
-        heavier = laden.model.mass.at(np.append(c.mass, 1.0))  # the last coefficient is that of masses which are known
-        exact = direct_frf(K, heavier, damping, model.observation[[row[point]]], load, frequency, "accelerance")
+        # the last coefficient is that of masses which are known
+        heavier = laden.model.mass.at(np.append(c.mass, 1.0))
+        exact = direct_frf(
+            K, heavier, damping, model.observation[[row[point]]], load, frequency, "accelerance"
+        )
         assert np.max(np.abs(found - exact)) < 2e-6 * np.abs(exact).max()
-        plain = replace(frfs, roving=None).synthesise(frequency, damping_rate(RAYLEIGH, LAW, frfs.omega), beyond=tail)
+        plain = replace(frfs, roving=None).synthesise(
+            frequency, damping_rate(RAYLEIGH, LAW, frfs.omega), beyond=tail
+        )
         if point == HAMMER:
             assert np.max(np.abs(plain - exact)) > 0.05 * np.abs(exact).max()
 
 
 def test_derivatives_by_modes_agree_with_differences(body: Specimen) -> None:
-    """Gradient and hessian of the misfit under a roving mass against differences of the FRFs themselves."""
+    """Gradient and hessian of the misfit under a roving mass against differences of the FRFs
+    themselves.
+    """
     taken = measured(body, MASS, 0.05).frfs
     model = at_prior(forward(body)).frf_model(taken.responses, taken.references)
     misfit = FrfMisfit(taken, model, "linear", np.ones(taken.values.shape))
@@ -66,26 +77,39 @@ def test_derivatives_by_modes_agree_with_differences(body: Specimen) -> None:
         for k in range(values.size):
             step = 1e-5 * values[k] * np.eye(values.size)[k]
             pair = (
-                (model.eigenvalue + s * step, rate) if u == 0 else (model.eigenvalue, rate + s * step) for s in (1, -1)
+                (
+                    (model.eigenvalue + s * step, rate)
+                    if u == 0
+                    else (model.eigenvalue, rate + s * step)
+                )
+                for s in (1, -1)
             )
             up, down = (misfit.predict(*each) for each in pair)
             columns.append((up - down).ravel() / (2e-5 * values[k]))
     J = np.array(columns).T
     residual = (taken.values - misfit.predict(model.eigenvalue, rate)).ravel()
     size = np.linalg.norm(J, axis=0)
-    # Central differences err by the square of the step over the half bandwidth, (1e-5/ζ)² < 1e-6, at worst.
+    # Central differences err by the square of the step over the half bandwidth, (1e-5/ζ)² < 1e-6,
+    # at worst.
     np.testing.assert_allclose(
-        normal.gradient / size, 2 * np.real(J.conj().T @ residual) / size, atol=1e-5 * np.linalg.norm(residual)
+        normal.gradient / size,
+        2 * np.real(J.conj().T @ residual) / size,
+        atol=1e-5 * np.linalg.norm(residual),
     )
     np.testing.assert_allclose(
-        normal.hessian / np.outer(size, size), 2 * np.real(J.conj().T @ J) / np.outer(size, size), atol=1e-5
+        normal.hessian / np.outer(size, size),
+        2 * np.real(J.conj().T @ J) / np.outer(size, size),
+        atol=1e-5,
     )
 
 
 @pytest.fixture(scope="module")
 def modelled(nominal: Specimen, body: Specimen) -> UpdateResult:
     state = at_prior(forward(body))
-    typed, tour = MeasuredModes(state.frequency_hz[:5] * 0.985, np.full(5, 0.02)), measured(body, MASS)
+    typed, tour = (
+        MeasuredModes(state.frequency_hz[:5] * 0.985, np.full(5, 0.02)),
+        measured(body, MASS),
+    )
     return update(replace(tour, frfs=tour.frfs.select(list(range(0, 33, 2))), modes=typed), nominal)
 
 
@@ -96,7 +120,8 @@ def test_constants_and_damping_come_back_from_under_a_roving_sensor(modelled: Up
         assert rows[name].interval_95[0] < value < rows[name].interval_95[1], name
     assert rows["Ex"].estimate == pytest.approx(TRUE["Ex"], rel=2e-3)
     assert any(
-        "4.8 g moved with the response" in text and "mode set was not used" in text for text in modelled.warnings
+        "4.8 g moved with the response" in text and "mode set was not used" in text
+        for text in modelled.warnings
     )
     assert np.min(modelled.correlation.updated.sac) > 0.9995
     held = modelled.correlation.held_out_frfs
@@ -106,14 +131,17 @@ def test_constants_and_damping_come_back_from_under_a_roving_sensor(modelled: Up
 
 def test_modes_are_those_without_the_sensor(modelled: UpdateResult, body: Specimen) -> None:
     bare = at_prior(forward(body, mass=0.0)).frequency_hz[:5]
-    # The sensor lowers them by up to 3 %; noise leaves half a thousandth of the first, which is the most damped.
+    # The sensor lowers them by up to 3 %; noise leaves half a thousandth of the first, which is the
+    # most damped.
     np.testing.assert_allclose([mode.measured_hz for mode in modelled.modes], bare, rtol=1.5e-3)
 
 
 def test_without_it_they_do_not_come_back(nominal: Specimen, body: Specimen) -> None:
-    """Why the mass is modelled: taken for massless, the sensor's modes pass for those of a softer body.
+    """Why the mass is modelled: taken for massless, the sensor's modes pass for those of a softer
+    body.
 
-    The inputs are exactly known: a careful laboratory's thickness alone widens the interval to more than the 5 % of the sensor.
+    The inputs are exactly known: a careful laboratory's thickness alone widens the interval to more
+    than the 5 % of the sensor.
     """
     sensed = measured(body, MASS, 0.05)
     few = sensed.frfs.select(list(range(0, 33, 3)))

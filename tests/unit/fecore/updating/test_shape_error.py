@@ -1,4 +1,6 @@
-"""Errors of mode shapes: their scatter is estimated, close modes may be mixed, and an update by shapes improves the model."""
+"""Errors of mode shapes: their scatter is estimated, close modes may be mixed, and an update by
+shapes improves the model.
+"""
 
 from functools import cache
 from types import SimpleNamespace
@@ -30,7 +32,10 @@ def errors_of(
     shapes: np.ndarray, state: Any, row: int, discrepancy: float = 0.002
 ) -> tuple[ShapeErrors, MeasuredModes]:
     modes = MeasuredModes(
-        state.frequency_hz, np.full(len(shapes), 0.01), shapes.astype(complex), along_z(range(1, shapes.shape[1] + 1))
+        state.frequency_hz,
+        np.full(len(shapes), 0.01),
+        shapes.astype(complex),
+        along_z(range(1, shapes.shape[1] + 1)),
     )
     pairing = Pairing(((row, row),), None, (), (), ())
     return ShapeErrors.of(modes, state, pairing, discrepancy), modes
@@ -40,7 +45,8 @@ def errors_of(
 def test_the_scatter_at_the_points_is_estimated(noise: float) -> None:
     state, rng = model([10, 40, 90]), np.random.default_rng(3)
     errors, _ = errors_of(state.shapes + noise * rng.standard_normal(state.shapes.shape), state, 1)
-    # 40 points: ± 11 % of a standard deviation, here 2.7 of it; below the prior's 1 % its two degrees of freedom count
+    # 40 points: ± 11 % of a standard deviation, here 2.7 of it; below the prior's 1 % its two
+    # degrees of freedom count
     assert errors.scatter[1] == pytest.approx(np.sqrt((2 * 0.01**2 + 39 * noise**2) / 41), rel=0.3)
 
 
@@ -50,7 +56,10 @@ def test_close_modes_may_be_mixed_and_distant_ones_not() -> None:
         turned = state.shapes.copy()
         turned[1] += 0.3 * state.shapes[2]
         errors, modes = errors_of(turned, state, 1)
-        state.modes, state.shape_jacobian = SimpleNamespace(rigid=0), np.zeros((1, *state.shapes.shape))
+        state.modes, state.shape_jacobian = (
+            SimpleNamespace(rigid=0),
+            np.zeros((1, *state.shapes.shape)),
+        )
         off, _ = errors.residual(modes, state, Pairing(((1, 1),), None, (), (), ()), np.ones(1))
         if free:  # the mixing explains all, and is no evidence of anything else
             assert errors.scatter[1] < 0.01
@@ -62,13 +71,17 @@ def test_close_modes_may_be_mixed_and_distant_ones_not() -> None:
 
 def test_the_whitening_is_a_root_of_the_inverse_covariance() -> None:
     state, rng, s = model([10, 40, 42]), np.random.default_rng(5), 0.003
-    errors, modes = errors_of(state.shapes + 0.01 * rng.standard_normal(state.shapes.shape), state, 2, s)
+    errors, modes = errors_of(
+        state.shapes + 0.01 * rng.standard_normal(state.shapes.shape), state, 2, s
+    )
     measured_shape = modes.shapes[2].real / np.abs(modes.shapes[2].real).max()  # type: ignore[index]
     size = measured_shape @ state.shapes[2] / (state.shapes[2] @ state.shapes[2])
     value = (2 * np.pi * state.frequency_hz) ** 2
     h2 = 2 * s**2 * value * value[2]
     variance = np.where(np.arange(3) == 2, 0, h2 / ((value - value[2]) ** 2 + h2))
-    covariance = errors.scatter[2] ** 2 * np.eye(40) + size**2 * (state.shapes.T * variance) @ state.shapes
+    covariance = (
+        errors.scatter[2] ** 2 * np.eye(40) + size**2 * (state.shapes.T * variance) @ state.shapes
+    )
     W = errors.whitening[2]
     np.testing.assert_allclose(W.T @ W @ covariance, np.eye(40), atol=1e-9)
 
@@ -80,16 +93,22 @@ def updated(seed: int, spread: float, noise: float, shapes: bool) -> UpdateResul
 
 
 @pytest.mark.parametrize(("seed", "spread", "noise"), [(1, 0.0, 0.02), (2, 0.1, 0.05)])
-def test_shapes_improve_a_model_whose_turns_have_no_mass(seed: int, spread: float, noise: float) -> None:
+def test_shapes_improve_a_model_whose_turns_have_no_mass(
+    seed: int, spread: float, noise: float
+) -> None:
     by_shapes, without = updated(seed, spread, noise, True), updated(seed, spread, noise, False)
     sds = {row.name: row.standard_deviation for row in without.parameters}
     for row in by_shapes.parameters:
         if (part := row.name.removesuffix(".factor")) in TRUTH:
             assert abs(row.estimate - TRUTH[part]) < 3.5 * row.standard_deviation, row
             assert row.standard_deviation < 1.2 * sds[row.name]
-    rows = [row for row in by_shapes.modes if row.updated_hz is not None and row.measured_hz is not None]
+    rows = [
+        row for row in by_shapes.modes if row.updated_hz is not None and row.measured_hz is not None
+    ]
     before, after = (
-        np.sqrt(np.mean([(hz / row.measured_hz - 1) ** 2 for row, hz in zip(rows, values, strict=True)]))
+        np.sqrt(
+            np.mean([(hz / row.measured_hz - 1) ** 2 for row, hz in zip(rows, values, strict=True)])
+        )
         for values in ([row.initial_hz for row in rows], [row.updated_hz for row in rows])
     )
     assert after < 0.006 < 0.05 < before

@@ -1,6 +1,8 @@
-"""Stacks of unlike layers: mass where the plies have it, FRFs of coupled laminates, inputs that nobody stated, lengths.
+"""Stacks of unlike layers: mass where the plies have it, FRFs of coupled laminates, inputs that
+nobody stated, lengths.
 
-The truths are solids by another code (`tests.support.stacks`); stage 1 alone is run, without the search over starts.
+The truths are solids by another code (`tests.support.stacks`); stage 1 alone is run, without the
+search over starts.
 """
 
 from dataclasses import replace
@@ -39,8 +41,12 @@ def updated(
     inputs: Inputs,
     sensor: tuple[int, ...] = (),
 ) -> tuple[ElasticResult, Estimates]:
-    prior = parametrise(body, default_parameters(body)).with_inputs(inputs.standard_deviations(body.nominal))
-    forward = ForwardModel.of_dofs(prior, along_z(points), points, 1.05 * modes.frequency_hz[-1], len(modes))
+    prior = parametrise(body, default_parameters(body)).with_inputs(
+        inputs.standard_deviations(body.nominal)
+    )
+    forward = ForwardModel.of_dofs(
+        prior, along_z(points), points, 1.05 * modes.frequency_hz[-1], len(modes)
+    )
     elastic = fit(Layout.of_one(forward, modes, inputs, sensor))
     return elastic, {each.name: each for each in constant_estimates(elastic, inputs)}
 
@@ -56,7 +62,10 @@ def one_layer(boundary: str, factor: float) -> Specimen:
     (length, width), _ = stacks.STACKS["sandwich"]
     plies = stacks.plies("sandwich", factor)
     layers = tuple((ply.thickness, ply.material.density) for ply in plies)
-    size, material = (length, width, sum(ply.thickness for ply in plies)), homogenise(section(plies))
+    size, material = (
+        (length, width, sum(ply.thickness for ply in plies)),
+        homogenise(section(plies)),
+    )
     return Specimen(*size, material, boundary, divisions=(14, 2), layers=layers)  # type: ignore[arg-type]
 
 
@@ -69,7 +78,11 @@ def of_plies(kind: str, boundary: str, factor: float) -> LayeredSpecimen:
 
 @pytest.mark.parametrize("boundary", stacks.BOUNDARIES)
 def test_a_sandwich_of_one_layer_has_its_mass_in_the_faces(boundary: str) -> None:
-    body, modes, points = one_layer(boundary, 0.85), stacks.measured("sandwich", boundary), stacks.points("sandwich")
+    body, modes, points = (
+        one_layer(boundary, 0.85),
+        stacks.measured("sandwich", boundary),
+        stacks.points("sandwich"),
+    )
     m = homogenise(section(stacks.plies("sandwich")))
     true = {name: getattr(m, name) for name in ("Ex", "Gxy", "Gxz")}
     _, found = updated(body, modes, points, Inputs())
@@ -78,7 +91,8 @@ def test_a_sandwich_of_one_layer_has_its_mass_in_the_faces(boundary: str) -> Non
     assert found["Gxy"].estimate == pytest.approx(true["Gxy"], rel=0.035)
     if boundary == "free":
         _, even = updated(replace(body, layers=()), modes, points, Inputs())
-        assert even["Gxy"].estimate < 0.96 * found["Gxy"].estimate  # evenly spread the mass turns too easily
+        # evenly spread the mass turns too easily
+        assert even["Gxy"].estimate < 0.96 * found["Gxy"].estimate
 
 
 def test_layers_that_are_heavier_on_one_side_are_no_single_layer() -> None:
@@ -87,7 +101,10 @@ def test_layers_that_are_heavier_on_one_side_are_no_single_layer() -> None:
 
 
 def test_plies_of_an_unsymmetric_laminate() -> None:
-    body, modes = of_plies("unsymmetric", "cantilever", 0.9), stacks.measured("unsymmetric", "cantilever")
+    body, modes = (
+        of_plies("unsymmetric", "cantilever", 0.9),
+        stacks.measured("unsymmetric", "cantilever"),
+    )
     inputs = replace(Inputs.exact(), thickness_sd=3e-5, density_sd=15.0)
     _, found = updated(body, modes, stacks.points("unsymmetric"), inputs)
     assert_right(found, stacks.MATERIALS["carbon"], "E1", "E2", "G12", "G13")
@@ -96,7 +113,9 @@ def test_plies_of_an_unsymmetric_laminate() -> None:
 
 @pytest.mark.parametrize("reduced", [False, True])
 def test_frfs_of_a_coupled_laminate_keep_the_third_residual_term(reduced: bool) -> None:
-    """26 modes and the series of those left out against 60 modes, to above the band: FRAC was 0.3, and 0.01."""
+    """26 modes and the series of those left out against 60 modes, to above the band: FRAC was 0.3,
+    and 0.01.
+    """
     plies = stacks.plies("unsymmetric")
     body = LayeredSpecimen(0.5, 0.03, 0.0015, plies, 1580.0, "cantilever", divisions=(30, 2))
     points = {1: (0.2, 0.015, 0.0), 2: (0.35, 0.0, 0.0), 3: (0.5, 0.015, 0.0)}
@@ -104,7 +123,9 @@ def test_frfs_of_a_coupled_laminate_keep_the_third_residual_term(reduced: bool) 
     lines, synthesised = np.linspace(2.0, 1700.0, 300), []
     for count, on_basis in ((26, reduced), (60, False)):
         forward = ForwardModel(body, prior, dofs, np.array(list(points.values())), count, on_basis)
-        model = forward.solve(1.05 * prior.prior_mean).frf_model(dofs, (dofs[2],) * 3, with_strain=False)
+        model = forward.solve(1.05 * prior.prior_mean).frf_model(
+            dofs, (dofs[2],) * 3, with_strain=False
+        )
         synthesised.append(model.synthesise(lines, 0.02 * model.omega))
     assert np.all(frac(*synthesised) > 0.999)
 
@@ -114,21 +135,31 @@ def coupon(mass: float) -> tuple[ElasticResult, Estimates]:
     points = {k: (0.2 * x, 0.025 * y, 0.0) for k, (x, y) in enumerate(stacks.SHARES, start=1)}
     nominal, true = (
         LayeredSpecimen(
-            0.2, 0.025, 0.0021, stacks.plies("unsymmetric", factor), 1580.0, "cantilever", divisions=(12, 2)
+            0.2,
+            0.025,
+            0.0021,
+            stacks.plies("unsymmetric", factor),
+            1580.0,
+            "cantilever",
+            divisions=(12, 2),
         )
         for factor in (0.95, 1.0)
     )
     true = carrying(true, (PointMass(0.2, 0.0125, mass),))
     prior = parametrise(true, default_parameters(true))
     places = np.array(list(points.values()))
-    state = ForwardModel(true, prior, along_z(points), places, 12, reduced=False).solve(prior.prior_mean)
+    state = ForwardModel(true, prior, along_z(points), places, 12, reduced=False).solve(
+        prior.prior_mean
+    )
     noise = 1 + 3e-4 * np.random.default_rng(1).standard_normal(8)
     modes = modes_at(points, state.frequency_hz[:8] * noise, state.shapes[:8], 3e-4)
     return updated(nominal, modes, points, BARE, (15,))
 
 
 def test_a_sensor_that_nobody_stated_moves_constants_no_further_than_their_priors() -> None:
-    """In a straight line one gram would move G13 of a coupon of 17 g by its own value, called identifiable."""
+    """In a straight line one gram would move G13 of a coupon of 17 g by its own value, called
+    identifiable.
+    """
     elastic, found = coupon(0.0)
     (sensor,) = elastic.every_excursion
     assert (sensor.name, sensor.kind) == ("sensor_mass", "one-sided")
@@ -153,7 +184,9 @@ def test_what_a_length_that_the_modes_do_not_show_would_move() -> None:
     state = solved(body, points, 12)
     modes = modes_at(points, state.frequency_hz[:6], state.shapes[:6], 3e-4)
     elastic, found = updated(replace(body, length=0.515), modes, points, Inputs())
-    (said,) = (each.text for each in elastic_findings(elastic, modes) if each.kind == "length_moves")
+    (said,) = (
+        each.text for each in elastic_findings(elastic, modes) if each.kind == "length_moves"
+    )
     assert "a length 1 % longer than stated would change Ex by +4" in said
     off = np.log(found["Ex"].estimate / material.Ex)
     assert off == pytest.approx(4 * np.log(1.03), rel=0.1)  # as the finding says, for 3 %

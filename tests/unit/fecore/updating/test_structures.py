@@ -1,4 +1,6 @@
-"""A structure of walls goes through the same updating: rows along any direction, common priors, the joints' error."""
+"""A structure of walls goes through the same updating: rows along any direction, common priors, the
+joints' error.
+"""
 
 from dataclasses import replace
 
@@ -37,7 +39,9 @@ MODES = 8
 def measured(
     truth: dict[str, float], direction: FloatArray, body: Structure = BEAM
 ) -> tuple[MeasuredModes, dict[int, tuple[float, ...]]]:
-    """Modes of the model with other constants, at points on the faces of flange and web: normal to these, or along one."""
+    """Modes of the model with other constants, at points on the faces of flange and web: normal to
+    these, or along one.
+    """
     x = np.linspace(0.05, 0.85, 7)
     top, side = ([(u, 0.02, 0.06) for u in x], [(u, 0.003, 0.01) for u in x])
     points = {n: tuple(map(float, place)) for n, place in enumerate([*top, *side], start=1)}
@@ -48,7 +52,10 @@ def measured(
     state = forward.solve(prior.prior_mean)
     hz = state.frequency_hz[:MODES]
     covariance = np.diag(np.concatenate([(1e-4 * hz) ** 2, np.full(MODES, 1e-8)]))
-    return MeasuredModes(hz, np.full(MODES, 0.01), state.shapes[:MODES] + 0j, dofs, covariance), points
+    return (
+        MeasuredModes(hz, np.full(MODES, 0.01), state.shapes[:MODES] + 0j, dofs, covariance),
+        points,
+    )
 
 
 def test_constants_of_each_wall_come_back_from_rows_along_any_direction() -> None:
@@ -58,7 +65,9 @@ def test_constants_of_each_wall_come_back_from_rows_along_any_direction() -> Non
     modes, points = measured(truth, axes)
     data = Measurement(None, points, modes, inputs=Inputs.exact(), axes=dict.fromkeys(points, axes))
     found = update(
-        data, BEAM, Recipe(parameters=tuple(Parameter(name) for name in truth), damping_models=("rayleigh",))
+        data,
+        BEAM,
+        Recipe(parameters=tuple(Parameter(name) for name in truth), damping_models=("rayleigh",)),
     )
     assert [mode.mac is not None and mode.mac > 0.99 for mode in found.modes] == [True] * MODES
     for each in found.parameters:
@@ -82,7 +91,9 @@ def test_a_basis_is_verified_where_a_fit_ends() -> None:
     c = found.states[0].coefficients
     K, M = BEAM.model.stiffness.at(c.stiffness), BEAM.model.mass.at(c.mass)
     exact = body_modes(BEAM.model, K, M, MODES).frequency_hz
-    assert forward.basis.modes(c.stiffness, c.mass).frequency_hz[: exact.size] == pytest.approx(exact, rel=5e-4)
+    assert forward.basis.modes(c.stiffness, c.mass).frequency_hz[: exact.size] == pytest.approx(
+        exact, rel=5e-4
+    )
     assert found.states[0].basis is forward.basis.basis
 
 
@@ -94,40 +105,56 @@ def test_modes_have_shares_of_their_motion_and_of_the_energy_of_each_set() -> No
     # ∂ ln λ / ∂ ln of a factor of all stiffness of a set is its share of the strain energy
     slope = 2 * state.frequency_jacobian[:, 1] / state.frequency_hz
     np.testing.assert_allclose(energy["flange"], slope, rtol=1e-6)
-    mode = state.kinds.index("bending y")  # about the axis in which the web lies, the flanges alone bend
+    # about the axis in which the web lies, the flanges alone bend
+    mode = state.kinds.index("bending y")
     assert state.shares(mode)["energy"]["flange"] > 0.9
     assert state.shares(mode)["motion"]["bending y"] == max(state.shares(mode)["motion"].values())
 
 
 def test_sets_of_one_material_have_what_they_share_and_their_own() -> None:
     names = [each.name for each in default_parameters(BEAM)]
-    assert names == [f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")]
+    assert names == [
+        f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")
+    ]
     forward = forward_model(BEAM, 3, "flange.E1", "web.E1", "web.G12")
     layout = Layout.of_one(forward, MeasuredModes(np.ones(1), np.ones(1) / 9))
     for scatter in (0.15, 0.3):
         covariance = np.linalg.inv(layout.precision(scatter))
         shared = np.log1p(0.3**2)
         whole = shared + np.log1p(scatter**2)
-        np.testing.assert_allclose(covariance, [[whole, shared, 0], [shared, whole, 0], [0, 0, shared]], atol=1e-12)
-        np.testing.assert_allclose(layout.marginal_sd(scatter) ** 2, np.diag(covariance), rtol=1e-12)
+        np.testing.assert_allclose(
+            covariance, [[whole, shared, 0], [shared, whole, 0], [0, 0, shared]], atol=1e-12
+        )
+        np.testing.assert_allclose(
+            layout.marginal_sd(scatter) ** 2, np.diag(covariance), rtol=1e-12
+        )
     stated = parametrise(BEAM, [Parameter("flange.E1", prior_sd=1e9), Parameter("web.E1")])
     assert stated.common == ()
 
 
 def test_a_set_that_has_lost_stiffness_is_found_among_others() -> None:
-    """The web in four sets along the beam, the third at 80 %: factors of all five sets, most of which are 1."""
+    """The web in four sets along the beam, the third at 80 %: factors of all five sets, most of
+    which are 1.
+    """
     sets = {f"web_{k}": WALLS["web"] for k in (1, 2, 3, 4)}
     blocks = [block for block in BEAM.mesh.blocks if block.set == "flange"]
     for block in BEAM.mesh.blocks:
-        quarter = np.minimum((4 * BEAM.mesh.nodes[block.nodes][..., 0].mean(axis=1) / 0.9).astype(int), 3)
+        quarter = np.minimum(
+            (4 * BEAM.mesh.nodes[block.nodes][..., 0].mean(axis=1) / 0.9).astype(int), 3
+        )
         if block.set == "web":
-            blocks += [replace(block, nodes=block.nodes[quarter == k], set=f"web_{k + 1}") for k in range(4)]
+            blocks += [
+                replace(block, nodes=block.nodes[quarter == k], set=f"web_{k + 1}")
+                for k in range(4)
+            ]
     mesh, held = replace(BEAM.mesh, blocks=tuple(blocks)), of_boundary("cantilever")
     body = Structure(mesh, {"flange": WALLS["flange"], **sets}, held)
     modes, points = measured({"web_3.factor": 0.8}, np.zeros((0, 3)), body)
     names = [f"{name}.factor" for name in body.mesh.sets]
     found = update(
-        Measurement(None, points, modes, inputs=Inputs.exact()), body, Recipe(parameters=tuple(map(Parameter, names)))
+        Measurement(None, points, modes, inputs=Inputs.exact()),
+        body,
+        Recipe(parameters=tuple(map(Parameter, names))),
     )
     factors = {each.name: each for each in found.parameters if each.name in names}
     assert factors["web_3.factor"].interval_95[0] < 0.8 < factors["web_3.factor"].interval_95[1]
@@ -146,7 +173,9 @@ def test_a_clamp_that_yields_moves_the_frequencies_as_a_block_on_springs_does() 
     moved = at_prior(forward_model(on_springs, MODES, "web.E1", reduced=False))
     exact = moved.frequency_hz[:MODES] / state.frequency_hz[:MODES] - 1
     assert exact[0] == pytest.approx(-0.002, rel=0.01)  # little enough for the first order
-    np.testing.assert_allclose(found.shift[:MODES] / found.shift[0], exact / exact[0], rtol=0.02, atol=2e-3)
+    np.testing.assert_allclose(
+        found.shift[:MODES] / found.shift[0], exact / exact[0], rtol=0.02, atol=2e-3
+    )
 
 
 def test_the_clamp_of_a_body_that_was_tested_free_too_is_found() -> None:
@@ -157,7 +186,9 @@ def test_the_clamp_of_a_body_that_was_tested_free_too_is_found() -> None:
     for body, real, scale in ((BEAM, BEAM, 0.0), (held, soft, 0.0075)):
         modes, points = measured(truth, np.zeros(0), real)
         inputs = replace(Inputs.exact(), clamp_compliance_sd=scale)
-        campaigns.append(Campaign(of_what := f"clamp {scale}", of_what, body, modes, points, inputs))
+        campaigns.append(
+            Campaign(of_what := f"clamp {scale}", of_what, body, modes, points, inputs)
+        )
     found = update_campaigns(campaigns, CampaignsRecipe(parameters=tuple(map(Parameter, truth))))
     assert found.verdict.level == "usable"
     constants = {each.name: each for each in found.parameters}
@@ -165,14 +196,20 @@ def test_the_clamp_of_a_body_that_was_tested_free_too_is_found() -> None:
         abs(constants[name].estimate - value) < 0.5 * constants[name].standard_deviation
         for name, value in truth.items()
     )
-    (clamp,) = [each for part in found.campaigns for each in part.own if each.name == "clamp_compliance"]
+    (clamp,) = [
+        each for part in found.campaigns for each in part.own if each.name == "clamp_compliance"
+    ]
     assert clamp.estimate == pytest.approx(0.012, abs=0.5 * clamp.standard_deviation)
     assert clamp.standard_deviation < 0.003
 
 
 def test_rows_that_a_body_does_not_move_along_are_named() -> None:
     forward = ForwardModel(
-        BEAM, parametrise(BEAM, [Parameter("web.E1")]), (Dof(1, 2),), np.array([[0.1, 0.003, 0.0]]), 3
+        BEAM,
+        parametrise(BEAM, [Parameter("web.E1")]),
+        (Dof(1, 2),),
+        np.array([[0.1, 0.003, 0.0]]),
+        3,
     )
     assert forward.rows([Dof(1, -2)])[1].tolist() == [-1.0]
     with pytest.raises(InputError, match="direction: 3 at point 1 is none of the model's rows"):

@@ -1,4 +1,6 @@
-"""A body that hangs freely or stands on soft springs is damped in its rigid motion by these, whatever its own law is."""
+"""A body that hangs freely or stands on soft springs is damped in its rigid motion by these,
+whatever its own law is.
+"""
 
 import re
 from dataclasses import replace
@@ -40,7 +42,9 @@ def measured(state: ForwardState, rate: np.ndarray, lines: np.ndarray = LINES) -
     random = np.random.default_rng(1)
     floor = 0.01 * np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True) / 2)
     noise = random.standard_normal(values.shape) + 1j * random.standard_normal(values.shape)
-    return Measurement(FrfSet(lines, values + floor * noise, tuple(responses), tuple(references)), grid())
+    return Measurement(
+        FrfSet(lines, values + floor * noise, tuple(responses), tuple(references)), grid()
+    )
 
 
 def coefficients(result: UpdateResult) -> np.ndarray:
@@ -68,29 +72,38 @@ def test_modes_on_the_supports_springs_tell_nothing_of_the_law(hanging: Specimen
     body = replace(hanging, springs=springs)
     state = solved(body)
     assert state.modes.rigid == 0
-    assert state.on_springs.tolist() == [True] * 3 + [False] * (state.frequency_hz.size - 3)  # roll, bounce, pitch
+    # roll, bounce, pitch
+    assert state.on_springs.tolist() == [True] * 3 + [False] * (state.frequency_hz.size - 3)
     omega = state.modes.omega
     rate = damping_rate(RAYLEIGH, LAW, omega)
     own = rate[:3] / (2 * omega[:3])
     rate[:3] = 2 * 0.08 * omega[:3]
     assert np.all(own > 0.15)  # the law would have damped them twice as much and more
     dofs = tuple(Dof(point, 3) for point in state.forward.points)
-    modes = MeasuredModes(omega[:7] / (2 * np.pi), rate[:7] / (2 * omega[:7]), state.shapes[:7] + 0j, dofs)
+    modes = MeasuredModes(
+        omega[:7] / (2 * np.pi), rate[:7] / (2 * omega[:7]), state.shapes[:7] + 0j, dofs
+    )
     result = update(replace(measured(state, rate, np.arange(1.0, 1000.0)), modes=modes), body)
     np.testing.assert_allclose(coefficients(result), LAW, rtol=3e-3)
     assert not any("inadequate" in warning for warning in result.warnings)
     assert [mode.predicted_damping is None for mode in result.modes] == [True] * 3 + [False] * 4
-    assert len(result.damping_models[-1].coefficients) == 4  # `modal` has one for each mode that is the body's own
+    # `modal` has one for each mode that is the body's own
+    assert len(result.damping_models[-1].coefficients) == 4
 
 
 def test_a_law_that_is_negative_below_the_modes_is_said_to_be(hanging: Specimen) -> None:
-    """Ratios that rise with frequency ask for a0 < 0: at the modes it damps, below 130 Hz it would feed energy in."""
+    """Ratios that rise with frequency ask for a0 < 0: at the modes it damps, below 130 Hz it would
+    feed energy in.
+    """
     state, law = solved(hanging), np.array([-20.0, 3e-5])
     rate = damping_rate(RAYLEIGH, law, state.modes.omega)
     rate[: state.modes.rigid] = 1.0
     result = update(measured(state, rate), hanging)
     rows = {row.name: row.estimate for row in result.parameters}
     assert rows["a0"] == pytest.approx(law[0], rel=0.01)
-    warned = [re.search(r"rayleigh law has negative damping from 2 to ([\d.]+) Hz", text) for text in result.warnings]
+    warned = [
+        re.search(r"rayleigh law has negative damping from 2 to ([\d.]+) Hz", text)
+        for text in result.warnings
+    ]
     zero = [float(found[1]) for found in warned if found]
     assert zero == pytest.approx([np.sqrt(20 / 3e-5) / (2 * np.pi)], rel=0.01)

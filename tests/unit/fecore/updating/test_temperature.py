@@ -27,7 +27,9 @@ THREE = (Parameter("Ex"), Parameter("Gxy"), Parameter("Gxz"))
 @pytest.fixture(scope="module")
 def together() -> CampaignsResult:
     random = np.random.default_rng(4)
-    return update_campaigns([campaign(t, random, stated=t) for t in (20.0, 50.0)], CampaignsRecipe(THREE))
+    return update_campaigns(
+        [campaign(t, random, stated=t) for t in (20.0, 50.0)], CampaignsRecipe(THREE)
+    )
 
 
 def test_a_bar_of_solids_at_20_and_50_degrees_is_one_material(together: CampaignsResult) -> None:
@@ -45,7 +47,9 @@ def test_a_bar_of_solids_at_20_and_50_degrees_is_one_material(together: Campaign
     assert "per_K" not in together.verdict.sentence
 
 
-def test_the_curve_has_every_constant_and_the_damping_between_the_tests(together: CampaignsResult) -> None:
+def test_the_curve_has_every_constant_and_the_damping_between_the_tests(
+    together: CampaignsResult,
+) -> None:
     curve = together.curve
     assert curve is not None
     assert curve.temperature_c[0] < 20 < 50 < curve.temperature_c[-1]
@@ -54,7 +58,9 @@ def test_the_curve_has_every_constant_and_the_damping_between_the_tests(together
     true = np.array([constants(at)["Gxy"] for at in curve.temperature_c])
     assert np.all((shear.low < true) & (true < shear.high))
     estimate = next(p for p in together.parameters if p.name == "Gxy")
-    np.testing.assert_allclose(np.interp(23.0, curve.temperature_c, shear.estimate), estimate.estimate, rtol=1e-3)
+    np.testing.assert_allclose(
+        np.interp(23.0, curve.temperature_c, shear.estimate), estimate.estimate, rtol=1e-3
+    )
     law = next(each for each in together.damping if each.preferred)
     assert {each.name for each in curve.constants if each.law == law.name} == set(
         list(law.coefficients)[: len(law.units)]
@@ -71,7 +77,10 @@ def test_the_damping_changes_by_kelvin_too(together: CampaignsResult) -> None:
 
 def test_a_campaign_without_a_temperature_among_others_finds_its_own() -> None:
     random = np.random.default_rng(5)
-    known = [Parameter(f"{name}.per_K", prior_mean=per_k(name), prior_sd=1e-5) for name in ("Ex", "Gxy", "Gxz")]
+    known = [
+        Parameter(f"{name}.per_K", prior_mean=per_k(name), prior_sd=1e-5)
+        for name in ("Ex", "Gxy", "Gxz")
+    ]
     rows = [campaign(20.0, random, stated=20.0, modes=4), campaign(50.0, random, modes=4)]
     elastic = fit(lay_out(rows, (*THREE, *known), 0.0, reference_c=20.0))
     (own,) = [each for each in own_estimates(elastic, 1) if each.name == "temperature"]
@@ -102,15 +111,21 @@ def test_one_campaign_alone_is_brought_to_a_reference_by_what_is_known_beforehan
     assert (result.reference_temperature_c, result.verdict.level) == (23.0, "usable")
     assert result.curve is not None
     found = {p.name: p for p in result.parameters}
-    assert list(found) == ["Ex", "Gxy", "Gxz", "a0", "a1"]  # coefficients are inputs here, not asked for
+    # coefficients are inputs here, not asked for
+    assert list(found) == ["Ex", "Gxy", "Gxz", "a0", "a1"]
     for name in ("Ex", "Gxy"):
         low, high = found[name].interval_95
         assert low < constants(23.0)[name] < high
         curve = next(each for each in result.curve.constants if each.name == name)
-        at_own = [float(np.interp(50.0, result.curve.temperature_c, part)) for part in (curve.low, curve.high)]
+        at_own = [
+            float(np.interp(50.0, result.curve.temperature_c, part))
+            for part in (curve.low, curve.high)
+        ]
         assert at_own[0] < constants(50.0)[name] < at_own[1]
     doubt = {each.source: each for each in found["Gxy"].budget}["Gxy.per_K"]
-    assert doubt.standard_deviation / found["Gxy"].estimate == pytest.approx(0.0015 * 27 / (1 - 0.002 * 27), rel=0.1)
+    assert doubt.standard_deviation / found["Gxy"].estimate == pytest.approx(
+        0.0015 * 27 / (1 - 0.002 * 27), rel=0.1
+    )
     assert doubt.standard_deviation < found["Gxy"].standard_deviation
     of_damping = {each.source: each for each in found["a1"].budget}["a1.per_K"]
     assert of_damping.standard_deviation == pytest.approx(0.27 * found["a1"].estimate)
@@ -152,7 +167,9 @@ def test_what_is_stated_is_used_or_refused_by_name() -> None:
     warm = exact.campaigns[1]
     name = warm.prior.constant_names.index("Gxy")
     prior = rows[0].body.nominal["Gxy"]
-    assert warm.prior.constants(warm.theta(np.zeros(len(exact.unknowns))))[name] == pytest.approx(prior * (1 - 0.081))
+    assert warm.prior.constants(warm.theta(np.zeros(len(exact.unknowns))))[name] == pytest.approx(
+        prior * (1 - 0.081)
+    )
 
 
 def test_the_derivative_is_that_of_the_constants() -> None:
@@ -162,8 +179,12 @@ def test_the_derivative_is_that_of_the_constants() -> None:
         theta = prior.prior_mean.copy()
         theta[-1] += 4.0 if temperature is None else 0.0
         steps = np.diag(1e-6 * np.abs(theta))
-        by = [(prior.constants(theta + h) - prior.constants(theta - h)) / (2 * h.sum()) for h in steps]
-        np.testing.assert_allclose(prior.constants_by(theta), np.transpose(by), rtol=1e-6, atol=1e-9)
+        by = [
+            (prior.constants(theta + h) - prior.constants(theta - h)) / (2 * h.sum()) for h in steps
+        ]
+        np.testing.assert_allclose(
+            prior.constants_by(theta), np.transpose(by), rtol=1e-6, atol=1e-9
+        )
 
 
 def test_priors_know_matrix_fibres_and_isotropic_materials() -> None:
@@ -171,17 +192,23 @@ def test_priors_know_matrix_fibres_and_isotropic_materials() -> None:
     fibres, matrix = (-0.0005, 0.0005), (-0.002, 0.0015)
     metal = OrthotropicMaterial(70e9, 70e9, 70e9 / 2.6, 70e9 / 2.6, 70e9 / 2.6, 0.3, 2700.0)
     of_metal = OrientedSpecimen(0.3, 0.03, 0.005, metal, "free", divisions=(4, 2)).nominal
-    assert [prior_per_k(name, strip.nominal) for name in ("Ex", "Ey", "Gxz", "nu_xy", "density")] == [
-        *(fibres, matrix, matrix, None, None)
-    ]
+    assert [
+        prior_per_k(name, strip.nominal) for name in ("Ex", "Ey", "Gxz", "nu_xy", "density")
+    ] == [*(fibres, matrix, matrix, None, None)]
     assert [prior_per_k(name, of_metal) for name in ("Ex", "Ey", "Gxy")] == [fibres] * 3
     beam = {"web.E": 210e9, "web.G": 81e9, "web.factor": 1.0}
-    assert [prior_per_k(name, beam) for name in beam] == [fibres, fibres, pytest.approx((-0.00125, 0.001346), rel=1e-3)]
+    assert [prior_per_k(name, beam) for name in beam] == [
+        fibres,
+        fibres,
+        pytest.approx((-0.00125, 0.001346), rel=1e-3),
+    ]
     stated = {"Ex.per_K": (-0.001, None), "a0.per_K": (0.002, 0.001)}
     assert usual_per_k("Ex", strip.nominal, stated) == (-0.001, 0.0005)
     assert usual_per_k("a0", strip.nominal, stated) == (0.002, 0.001)
     assert usual_per_k("damping_ratio_2", strip.nominal, stated) == (0.0, 0.01)
-    assert usual_per_k("frequency_1", strip.nominal, stated) == pytest.approx((-0.000625, 0.000673), rel=1e-3)
+    assert usual_per_k("frequency_1", strip.nominal, stated) == pytest.approx(
+        (-0.000625, 0.000673), rel=1e-3
+    )
     assert usual_per_k("density", strip.nominal, stated) is None
     assert UNITS["per_K"] == "1/K"
 
@@ -195,7 +222,10 @@ def test_a_law_of_one_temperature_has_no_coefficient_of_it() -> None:
         warmer=np.repeat([0.0, 20.0], 3),
     )
     law = [FREQUENCY_LAWS["rayleigh"]]
-    (alone,), (warm,) = rank_laws(cold, [0, 1, 2], law).laws, rank_laws(both, list(range(6)), law).laws
+    (alone,), (warm,) = (
+        rank_laws(cold, [0, 1, 2], law).laws,
+        rank_laws(both, list(range(6)), law).laws,
+    )
     assert list(alone.described["coefficients"]) == ["a0", "a1"]
     assert alone.coefficients == pytest.approx([4, 1e-5], rel=1e-6)
     sds = warm.described["standard_deviations"]

@@ -1,4 +1,6 @@
-"""What shear theory misses of solids, intervals where all inputs are exact, and what a result then says of itself."""
+"""What shear theory misses of solids, intervals where all inputs are exact, and what a result then
+says of itself.
+"""
 
 from dataclasses import replace
 
@@ -16,7 +18,12 @@ from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import DISCREPANCY
 from fecore.updating.result import Comparable, ParameterEstimate, UpdateResult
-from fecore.updating.theory_error import OF_THEORY, SHEAR_CORRECTION_SD, by_shear_correction, discrepancy_scale
+from fecore.updating.theory_error import (
+    OF_THEORY,
+    SHEAR_CORRECTION_SD,
+    by_shear_correction,
+    discrepancy_scale,
+)
 from tests.support.blind_beams import Beam, stored
 from tests.support.draws import solved
 
@@ -32,7 +39,8 @@ def test_what_theory_misses_of_solids_is_one_factor_of_shear() -> None:
     for beam in BEAMS[:4]:
         state = solved(beam.as_it_is, beam.points, beam.hz.size + 6)
         hz, by = state.frequency_hz[: beam.hz.size], by_shear_correction(state)[: beam.hz.size]
-        like = np.abs(hz / beam.hz - 1) < 0.002  # the two without a neighbour that stands in another order
+        # the two without a neighbour that stands in another order
+        like = np.abs(hz / beam.hz - 1) < 0.002
         missed, by = np.log(beam.hz / hz)[like], by[like]
         size = float(missed @ by / (by @ by))
         assert 0.5 < size < 1.5, "about one standard deviation of κ"
@@ -40,7 +48,9 @@ def test_what_theory_misses_of_solids_is_one_factor_of_shear() -> None:
         assert np.sqrt(np.mean((missed - size * by) ** 2)) < 1.5e-4
 
 
-def test_intervals_of_exact_inputs_are_as_wide_as_the_errors(exact: list[tuple[Beam, UpdateResult]]) -> None:
+def test_intervals_of_exact_inputs_are_as_wide_as_the_errors(
+    exact: list[tuple[Beam, UpdateResult]],
+) -> None:
     z: dict[str, list[float]] = {"Ex": [], "Gxy": [], "Gxz": []}
     for beam, result in exact:
         known = {p.name: p for p in result.parameters}
@@ -67,7 +77,9 @@ def test_shares_of_a_budget_add_up_to_one(exact: list[tuple[Beam, UpdateResult]]
                 assert parts == pytest.approx(p.standard_deviation, rel=1e-3), p.name
 
 
-def test_a_tied_constant_that_the_tie_decides_is_not_identifiable(exact: list[tuple[Beam, UpdateResult]]) -> None:
+def test_a_tied_constant_that_the_tie_decides_is_not_identifiable(
+    exact: list[tuple[Beam, UpdateResult]],
+) -> None:
     for _, result in exact:
         tied = next(p for p in result.parameters if p.name == "Gyz")
         assert max(tied.budget, key=lambda entry: entry.share).source == "tie to Gxz"
@@ -89,7 +101,9 @@ def test_sources_add_up_whatever_is_added(
     parts: list[float], wider: float, narrower: float, tie: float, pull: float, seed: int
 ) -> None:
     sd = float(np.sqrt(sum(parts)))
-    whole = Spread(sd, 0.0, 2 * sd, 2 * sd, {str(number): part for number, part in enumerate(parts)})
+    whole = Spread(
+        sd, 0.0, 2 * sd, 2 * sd, {str(number): part for number, part in enumerate(parts)}
+    )
     one_sided = Excursion("clamp", np.zeros(1), "one-sided", True, "")
     samples = np.random.default_rng(seed).standard_normal(50) + 0.3
     for each in (
@@ -104,16 +118,33 @@ def test_sources_add_up_whatever_is_added(
 def test_an_even_body_has_a_smaller_discrepancy() -> None:
     body = BEAMS[0].stated
     scales = [
-        discrepancy_scale(body, replace(Inputs(), thickness_sd=share * body.thickness)) for share in (0, 0.003, 1)
+        discrepancy_scale(body, replace(Inputs(), thickness_sd=share * body.thickness))
+        for share in (0, 0.003, 1)
     ]
     assert scales == sorted(scales)
-    assert (scales[0], scales[-1], discrepancy_scale(body, Inputs())) == pytest.approx((OF_THEORY, *[DISCREPANCY] * 2))
+    assert (scales[0], scales[-1], discrepancy_scale(body, Inputs())) == pytest.approx(
+        (OF_THEORY, *[DISCREPANCY] * 2)
+    )
     assert 0 < SHEAR_CORRECTION_SD < 0.05
 
 
-def estimate(name: str, *, identifiable: bool, low: float = 26.0, tied_to: str | None = None) -> ParameterEstimate:
+def estimate(
+    name: str, *, identifiable: bool, low: float = 26.0, tied_to: str | None = None
+) -> ParameterEstimate:
     return ParameterEstimate(
-        *(name, "Pa", 25.0, 27.0, 0.5, 0.1, (low, 28.0), identifiable, 25.0, 7.0, Comparable(27.0, 0.1)),
+        *(
+            name,
+            "Pa",
+            25.0,
+            27.0,
+            0.5,
+            0.1,
+            (low, 28.0),
+            identifiable,
+            25.0,
+            7.0,
+            Comparable(27.0, 0.1),
+        ),
         tied_to=tied_to,
     )
 
@@ -121,8 +152,13 @@ def estimate(name: str, *, identifiable: bool, low: float = 26.0, tied_to: str |
 def test_a_level_follows_what_is_asked_for_or_determined() -> None:
     known = [estimate("Ex", identifiable=True), estimate("Ey", identifiable=False)]
     assert undetermined(known, None, DEFAULT_PARAMETERS) == []
-    assert undetermined(known, DEFAULT_PARAMETERS, DEFAULT_PARAMETERS) == [], "the usual ones, whoever names them"
-    assert undetermined(known, [Parameter("Ex"), Parameter("Ey", tied_to="Ex")], DEFAULT_PARAMETERS) == []
+    assert undetermined(known, DEFAULT_PARAMETERS, DEFAULT_PARAMETERS) == [], (
+        "the usual ones, whoever names them"
+    )
+    assert (
+        undetermined(known, [Parameter("Ex"), Parameter("Ey", tied_to="Ex")], DEFAULT_PARAMETERS)
+        == []
+    )
     (asked,) = undetermined(known, [Parameter("Ex"), Parameter("Ey")], DEFAULT_PARAMETERS)
     assert (asked.level, "Ey" in asked.text, "Ex" in asked.text) == ("with_care", True, False)
     (none,) = undetermined(known[1:], None, DEFAULT_PARAMETERS)

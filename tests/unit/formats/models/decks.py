@@ -26,14 +26,18 @@ def beam(model: FiniteElementModel, name: str) -> BeamSection:
 def grid(nx: int, ny: int, first: int = 1, size: float = 0.1) -> str:
     """Lines of (nx + 1)(ny + 1) nodes in the plane z = 0."""
     points = [(x, y) for y in range(ny + 1) for x in range(nx + 1)]
-    return "\n".join(f"{first + k}, {x * size:g}, {y * size:g}, 0." for k, (x, y) in enumerate(points))
+    return "\n".join(
+        f"{first + k}, {x * size:g}, {y * size:g}, 0." for k, (x, y) in enumerate(points)
+    )
 
 
 def quads(nx: int, ny: int, first: int = 1) -> str:
     """Lines of nx ny elements on that grid."""
     n = nx + 1
     corners = [(x + y * n + first, first + x + 1 + y * n) for y in range(ny) for x in range(nx)]
-    return "\n".join(f"{k}, {a}, {b}, {b + n}, {a + n}" for k, (a, b) in enumerate(corners, start=1))
+    return "\n".join(
+        f"{k}, {a}, {b}, {b + n}, {a + n}" for k, (a, b) in enumerate(corners, start=1)
+    )
 
 
 MATERIAL = """\

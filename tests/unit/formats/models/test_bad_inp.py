@@ -119,7 +119,9 @@ OF_AN_ASSEMBLY: dict[str, tuple[Change, str]] = {
 """Of the assembly as Abaqus/CAE writes it."""
 
 BAD = {name: (PLATE.replace(old, new, 1), said) for name, ((old, new), said) in OF_A_PLATE.items()}
-BAD |= {name: (CAE.replace(old, new, 1), said) for name, ((old, new), said) in OF_AN_ASSEMBLY.items()}
+BAD |= {
+    name: (CAE.replace(old, new, 1), said) for name, ((old, new), said) in OF_AN_ASSEMBLY.items()
+}
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -133,7 +135,9 @@ def test_bad_decks(name: str) -> None:
 
 
 SETS = "".join(f"*NSET, NSET=N{k}, GENERATE\n1, 999999999\n" for k in range(200))
-TWICE = {f"{k}.inp": f"*INCLUDE, INPUT={k + 1}.inp\n".encode() * 2 for k in range(9)} | {"9.inp": b"*NODE\n"}
+TWICE = {f"{k}.inp": f"*INCLUDE, INPUT={k + 1}.inp\n".encode() * 2 for k in range(9)} | {
+    "9.inp": b"*NODE\n"
+}
 LIMITS: list[tuple[object, str, int, str, str]] = [
     (mesh, "MOST_NODES", 5, PLATE, r"^line 9: \*NODE is node 6; at most 5 are read"),
     (mesh, "MOST_ELEMENTS", 1, PLATE, r"^line 12: \*ELEMENT is element 2; at most 1 are read"),
@@ -146,7 +150,9 @@ LIMITS: list[tuple[object, str, int, str, str]] = [
 
 
 @pytest.mark.parametrize(("module", "name", "most", "deck", "said"), LIMITS)
-def test_limits(monkeypatch: pytest.MonkeyPatch, module: object, name: str, most: int, deck: str, said: str) -> None:
+def test_limits(
+    monkeypatch: pytest.MonkeyPatch, module: object, name: str, most: int, deck: str, said: str
+) -> None:
     monkeypatch.setattr(module, name, most)
     with pytest.raises(FormatError, match=said):
         read_inp(deck.encode(), TWICE)

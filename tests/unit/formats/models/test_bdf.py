@@ -12,7 +12,9 @@ BAR = ENDS + "CBAR,1,1,1,2,0.,0.,1.\n"
 
 
 def read(text: str, **included: str) -> FiniteElementModel:
-    return read_bdf(text.encode(), {name.replace("_", "."): value.encode() for name, value in included.items()})
+    return read_bdf(
+        text.encode(), {name.replace("_", "."): value.encode() for name, value in included.items()}
+    )
 
 
 def lost(model: FiniteElementModel) -> dict[str, bool]:
@@ -72,23 +74,34 @@ def test_continuations_automatic_named_and_apart() -> None:
     for model in (automatic, named, apart):
         assert beam(model, "pbar_1").shear == (0.8, 0.7)
     small = read(
-        BAR + "PBAR    1       1       1.-4    1.-9    2.-9    3.-9    .1              +A\n+A\n+       .8      .7"
+        BAR
+        + "PBAR    1       1       1.-4    1.-9    2.-9    3.-9    .1              +A\n+A\n+      "
+        " .8      .7"
     )
     assert beam(small, "pbar_1").shear == (0.8, 0.7)
 
 
 def test_control_selects_what_holds() -> None:
     holds = "SPC1,1,123456,1\nSPC1,2,3,2,THRU,9\nSPC,3,4,12,0.\nSPCADD,9,1,3\n"
-    deck = "SOL 103\nCEND\nTITLE = A plate\n{}  $ remark\nBEGIN,BULK\n" + SQUARE + holds + "ENDDATA\nnothing,counts\n"
+    deck = (
+        "SOL 103\nCEND\nTITLE = A plate\n{}  $ remark\nBEGIN,BULK\n"
+        + SQUARE
+        + holds
+        + "ENDDATA\nnothing,counts\n"
+    )
     model = read(deck.format("SPC = 2"))
     assert model.title == "A plate"
     assert [(one.nodes.tolist(), one.dofs) for one in model.supports] == [([1, 2, 3], (2,))]
     model = read(deck.format("SUBCASE 1\n  SPC = 1\nSUBCASE 2\n  METHOD = 5\n  SPC = 9"))
-    assert [(one.nodes.tolist(), one.dofs) for one in model.supports] == [([3], (0, 1)), ([0], (0, 1, 2, 3, 4, 5))]
+    assert [(one.nodes.tolist(), one.dofs) for one in model.supports] == [
+        ([3], (0, 1)),
+        ([0], (0, 1, 2, 3, 4, 5)),
+    ]
     assert "SPC of another subcase" in lost(model)
     assert read(deck.format("METHOD = 5")).supports == ()
     again = read(deck.replace("ENDDATA", "SPCADD,9,2\nENDDATA").format("SPC = 9"))
-    assert sorted(one.dofs for one in again.supports) == [(0, 1), (0, 1, 2, 3, 4, 5), (2,)]  # all that SPCADD join
+    # all that SPCADD join
+    assert sorted(one.dofs for one in again.supports) == [(0, 1), (0, 1, 2, 3, 4, 5), (2,)]
     assert lost(read(deck.format("SPC = 77")))["SPC"]
     assert lost(read(deck.replace("9,1,3", "9,1,8").format("SPC = 9")))[
         "SPC"
@@ -98,7 +111,8 @@ def test_control_selects_what_holds() -> None:
 
 
 def test_links_of_a_node_by_one_leader_lead_it_together() -> None:
-    links = read(SQUARE + "RBE2,7,1,123,2\nRBE2,8,1,456,2\nSPC1,1,123456,1,2").links  # 2 may be held where 1 is too
+    # 2 may be held where 1 is too
+    links = read(SQUARE + "RBE2,7,1,123,2\nRBE2,8,1,456,2\nSPC1,1,123456,1,2").links
     assert [(one.node, one.leaders, one.dofs) for one in links] == [(1, (0,), (0, 1, 2, 3, 4, 5))]
 
 
@@ -110,7 +124,10 @@ def test_what_holds_a_led_node_holds_its_leader_at_the_same_place() -> None:
 
 def test_permanent_constraints_and_defaults_of_grids() -> None:
     model = read("GRDSET,,,,,,,345\n" + SQUARE.replace("GRID,4,,0.,1.,0.", "GRID,4,,0.,1.,0.,,6"))
-    assert {one.dofs: one.nodes.tolist() for one in model.supports} == {(2, 3, 4): [0, 1, 2], (5,): [3]}
+    assert {one.dofs: one.nodes.tolist() for one in model.supports} == {
+        (2, 3, 4): [0, 1, 2],
+        (5,): [3],
+    }
 
 
 def test_a_mark_of_byte_order_and_names_in_utf_8() -> None:
@@ -124,10 +141,14 @@ def test_a_mark_of_byte_order_and_names_in_utf_8() -> None:
 def test_include_and_its_places() -> None:
     head, mat = SQUARE.rsplit("MAT1", 1)
     model = read(
-        "SOL 103\nCEND\nBEGIN BULK\ninclude 'C:\\decks\\\n  mat.inc'\n" + head + "ENDDATA", mat_inc="$\nMAT1" + mat
+        "SOL 103\nCEND\nBEGIN BULK\ninclude 'C:\\decks\\\n  mat.inc'\n" + head + "ENDDATA",
+        mat_inc="$\nMAT1" + mat,
     )
     assert model.materials["1"].places["E"].file == "mat.inc"
-    assert (model.materials["1"].where, model.materials["1"].places["E"].start) == (Where(2, "mat.inc"), 7)
+    assert (model.materials["1"].where, model.materials["1"].places["E"].start) == (
+        Where(2, "mat.inc"),
+        7,
+    )
 
 
 def test_systems_of_coordinates_in_a_chain() -> None:
@@ -156,15 +177,23 @@ MAT1,1,7.+10,,.3
     assert model.nodes[1] == pytest.approx([1, 1, 0])
     assert model.nodes[2] == pytest.approx([0, 0, 0], abs=1e-12)
     assert model.nodes[3] == pytest.approx([-1, 0, 5])
-    assert model.nodes[4] == pytest.approx(model.nodes[1] / np.sqrt(2))  # z of system 4 runs from grid 1 to grid 2
+    # z of system 4 runs from grid 1 to grid 2
+    assert model.nodes[4] == pytest.approx(model.nodes[1] / np.sqrt(2))
     assert model.node_axes[1] == pytest.approx(np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]))
-    assert model.node_axes[2] == pytest.approx(np.array([[-1, 0, 0], [0, -1, 0], [0, 0, 1]]), abs=1e-12)
+    assert model.node_axes[2] == pytest.approx(
+        np.array([[-1, 0, 0], [0, -1, 0], [0, 0, 1]]), abs=1e-12
+    )
     # Radius, the angle from the axis downwards, the angle around it.
-    assert model.node_axes[3] == pytest.approx(np.array([[-1, 0, 0], [0, 0, -1], [0, -1, 0]]), abs=1e-12)
+    assert model.node_axes[3] == pytest.approx(
+        np.array([[-1, 0, 0], [0, 0, -1], [0, -1, 0]]), abs=1e-12
+    )
 
 
 def test_supports_and_springs_in_the_systems_of_their_grids() -> None:
-    deck = SQUARE.replace("GRID,3,,1.,1.,0.", "GRID,3,,1.,1.,0.,7") + "CORD2C,7,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n"
+    deck = (
+        SQUARE.replace("GRID,3,,1.,1.,0.", "GRID,3,,1.,1.,0.,7")
+        + "CORD2C,7,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n"
+    )
     model = read(deck + "SPC1,1,1,1,3\nCELAS2,9,1000.,3,1\n")
     (skew,) = [one for one in model.supports if one.axes is not None]
     assert skew.nodes.tolist() == [2]
@@ -192,9 +221,9 @@ def test_material_axes_of_shells() -> None:
     projected = read(SQUARE.replace("1,2,3,4\nPSHELL", "1,2,3,4,5\nPSHELL") + system)
     assert projected.elements[0].axes[0] == pytest.approx(np.array([1, 1, 0]) / np.sqrt(2))
     upright = "CORD2R,5,,0.,0.,0.,1.,0.,0.\n,0.,0.,1.\n"
-    assert read(SQUARE.replace("1,2,3,4\nPSHELL", "1,2,3,4,5\nPSHELL") + upright).elements[0].axes[0] == pytest.approx(
-        [1, 0, 0]
-    )
+    assert read(SQUARE.replace("1,2,3,4\nPSHELL", "1,2,3,4,5\nPSHELL") + upright).elements[0].axes[
+        0
+    ] == pytest.approx([1, 0, 0])
 
 
 def test_offsets_and_thicknesses_of_elements() -> None:
@@ -204,7 +233,11 @@ def test_offsets_and_thicknesses_of_elements() -> None:
     assert model.elements[0].thickness[0].tolist() == [0.01, 0.02, 0.01, 0.04]
     relative = read(SQUARE.replace("1,2,3,4\nPSHELL", "1,2,3,4\n,,1,2.,,,\nPSHELL"))
     assert relative.elements[0].thickness[0].tolist() == [0.02, 0.01, 0.01, 0.01]
-    own = read(SQUARE.replace(".01,1,,1", ",1,,1").replace("1,2,3,4\nPSHELL", "1,2,3,4\n,,,.01,.01,.03,.03\nPSHELL"))
+    own = read(
+        SQUARE.replace(".01,1,,1", ",1,,1").replace(
+            "1,2,3,4\nPSHELL", "1,2,3,4\n,,,.01,.01,.03,.03\nPSHELL"
+        )
+    )
     assert shell(own).plies[0].thickness == pytest.approx(0.02)
     sharp = read(
         SQUARE.replace("1,2,3,4\nPSHELL", "1,2,3,4\n,,,0.,0.,.01,.01\nPSHELL")
@@ -213,14 +246,30 @@ def test_offsets_and_thicknesses_of_elements() -> None:
 
 
 def test_quadratic_elements_and_triangles() -> None:
-    middles = "GRID,5,,.5,0.,0.\nGRID,6,,1.,.5,0.\nGRID,7,,.5,1.,0.\nGRID,8,,0.,.5,0.\nGRID,9,,.5,.5,0.\n"
+    middles = (
+        "GRID,5,,.5,0.,0.\nGRID,6,,1.,.5,0.\nGRID,7,,.5,1.,0.\nGRID,8,,0.,.5,0.\nGRID,9,,.5,.5,0.\n"
+    )
     rest = "PSHELL,1,1,.01,1,,1\nMAT1,1,7.+10,,.3,2700.\n"
     quad = read(GRIDS + middles + "CQUAD8,1,1,1,2,3,4,5,6\n,7,8,,,,.03,45.,.1\n" + rest)
     assert quad.elements[0].kind == "quad8"
     assert quad.elements[0].nodes[0].tolist() == list(range(8))
-    assert quad.elements[0].thickness[0].tolist() == [0.01, 0.01, 0.01, 0.03, 0.01, 0.01, 0.02, 0.02]
+    assert quad.elements[0].thickness[0].tolist() == [
+        0.01,
+        0.01,
+        0.01,
+        0.03,
+        0.01,
+        0.01,
+        0.02,
+        0.02,
+    ]
     assert quad.elements[0].axes[0] == pytest.approx(np.array([1, 1, 0]) / np.sqrt(2))
-    tri = read(GRIDS + middles + "CTRIA6,1,1,1,2,3,5,6,9\n,90.\nCTRIA3,2,1,1,3,4\nCTRIAR,3,1,1,3,4\n" + rest)
+    tri = read(
+        GRIDS
+        + middles
+        + "CTRIA6,1,1,1,2,3,5,6,9\n,90.\nCTRIA3,2,1,1,3,4\nCTRIAR,3,1,1,3,4\n"
+        + rest
+    )
     assert [(one.kind, len(one.numbers)) for one in tri.elements] == [("tri6", 1), ("tri3", 2)]
     assert tri.elements[0].axes[0] == pytest.approx([0, 1, 0], abs=1e-12)
     bare = read(GRIDS + "CQUAD8,1,1,1,2,3,4,,\n,,,,,,,45.,.1\n" + rest)
@@ -234,7 +283,11 @@ def test_laminates() -> None:
     deck = base + "PCOMP,1,-.002,3.,,,,,{}\n,2,.001,45.,YES,,,-45.\n,2,.002,90.\n"
     model = read(deck.format(""))
     section = shell(model, "pcomp_1")
-    assert [(ply.thickness, ply.angle_deg) for ply in section.plies] == [(0.001, 45), (0.001, -45), (0.002, 90)]
+    assert [(ply.thickness, ply.angle_deg) for ply in section.plies] == [
+        (0.001, 45),
+        (0.001, -45),
+        (0.002, 90),
+    ]
     assert section.offset == pytest.approx(0.0)
     assert section.extra_mass == 3
     assert model.materials["2"].constants["G13"] == 5e9
@@ -244,7 +297,10 @@ def test_laminates() -> None:
     assert symmetric.offset == pytest.approx(0.002)
     assert lost(read(deck.format("MEM")))["PCOMP LAM=MEM"]
     listed = read(base + "PCOMPG,1\n,101,2,.001,45.\n,102,2,.002,90.\n")
-    assert [(ply.thickness, ply.angle_deg) for ply in shell(listed, "pcompg_1").plies] == [(0.001, 45), (0.002, 90)]
+    assert [(ply.thickness, ply.angle_deg) for ply in shell(listed, "pcompg_1").plies] == [
+        (0.001, 45),
+        (0.002, 90),
+    ]
     assert shell(listed, "pcompg_1").offset == 0
 
 
@@ -254,7 +310,9 @@ def test_a_mat2_of_an_orthotropic_plate() -> None:
     values = (E1 / rest, nu * E2 / rest, 0, E2 / rest, 0, G)
     card = "MAT2,1," + ",".join(f"{value:.6E}" for value in values) + ",1900.\n"
     found = read(SQUARE.split("MAT1")[0] + card).materials["1"].constants
-    assert [found[name] for name in ("E1", "E2", "nu12", "G12")] == pytest.approx([E1, E2, nu, G], rel=1e-5)
+    assert [found[name] for name in ("E1", "E2", "nu12", "G12")] == pytest.approx(
+        [E1, E2, nu, G], rel=1e-5
+    )
     coupled = card.replace("0.000000E+00", "1.000000E+09", 1)
     assert lost(read(SQUARE.split("MAT1")[0] + coupled))["MAT2 with G13, G23"]
 
@@ -270,7 +328,9 @@ def test_an_isotropic_material_by_two_constants(card, constants) -> None:
 
 
 def test_nonstructural_mass_of_the_set_that_is_selected() -> None:
-    cards = "NSM,1,PSHELL,1,2.\nNSM1,1,PSHELL,3.,ALL\nNSM1,2,PSHELL,5.,1,THRU,4\nNSML,1,PSHELL,1,9.\n"
+    cards = (
+        "NSM,1,PSHELL,1,2.\nNSM1,1,PSHELL,3.,ALL\nNSM1,2,PSHELL,5.,1,THRU,4\nNSML,1,PSHELL,1,9.\n"
+    )
     deck = "CEND\n{}\nBEGIN BULK\n" + SQUARE + cards + "ENDDATA\n"
     model = read(deck.format("NSM = 1"))
     assert shell(model).extra_mass == 5
@@ -285,7 +345,10 @@ def test_nonstructural_mass_of_properties_of_one_number() -> None:
     """A bar, a rod and a shell may each have a property 1; a PBARL is a bar's."""
     properties = "PBARL,1,1,,BAR\n,.02,.01\nPROD,1,1,1.-4\nNSM1,1,PSHELL,3.,1\nNSM1,1,PBAR,5.,1\n"
     model = read(SQUARE + "CBAR,7,1,1,3,0.,0.,1.\nCROD,8,1,2,4\n" + properties)
-    assert [shell(model).extra_mass, *(beam(model, name).extra_mass for name in ("pbarl_1", "prod_1"))] == [3, 5, 0]
+    assert [
+        shell(model).extra_mass,
+        *(beam(model, name).extra_mass for name in ("pbarl_1", "prod_1")),
+    ] == [3, 5, 0]
 
 
 @pytest.mark.parametrize(
@@ -304,13 +367,19 @@ def test_sets_are_named_as_the_pre_processor_does(comment, name) -> None:
 
 
 def test_two_properties_of_one_name_stay_two_sets() -> None:
-    two = SQUARE + "CQUAD4,2,2,1,2,3,4\n$ Femap Property 2 : skin\nPSHELL,2,1,.02,1,,1\n$ Femap Property 1 : skin\n"
+    two = (
+        SQUARE
+        + "CQUAD4,2,2,1,2,3,4\n$ Femap Property 2 : skin\nPSHELL,2,1,.02,1,,1\n$ Femap Property 1 :"
+        " skin\n"
+    )
     assert read(two).sets == ("skin", "skin_2")
 
 
 def test_masses_off_their_grids() -> None:
     system = "CORD2R,5,,0.,0.,0.,0.,0.,1.\n,0.,1.,0.\n"  # x along the model's y
-    model = read(SQUARE + system + "CONM2,7,3,5,2.,.1,0.,0.\n,5.,1.,6.,0.,0.,7.\nCONM2,8,3,-1,2.,1.5,1.,0.\n")
+    model = read(
+        SQUARE + system + "CONM2,7,3,5,2.,.1,0.,0.\n,5.,1.,6.,0.,0.,7.\nCONM2,8,3,-1,2.,1.5,1.,0.\n"
+    )
     first, second = model.masses
     assert first.offset == pytest.approx((0, 0.1, 0))
     assert np.array(first.inertia) == pytest.approx(np.array([[6, 1, 0], [1, 5, 0], [0, 0, 7]]))
@@ -321,7 +390,13 @@ def test_springs_between_grids_and_to_the_ground() -> None:
     bushes = "CBUSH,21,5,1,3,0.,0.,1.\nPBUSH,5,K,100.,,,200.\nCBUSH,22,6,1,,,,,0\nPBUSH,6,GE,.1\n,,K,,,300.\n"
     model = read(SQUARE + "PELAS,3,50.,,,4,60.\nCELAS1,11,3,1,3,2,3\nCELAS1,12,4,2,1\n" + bushes)
     between, ground, along, turn, lifted = model.springs
-    assert (between.node, between.dof, between.stiffness, between.second, between.second_dof) == (0, 2, 50, 1, 2)
+    assert (between.node, between.dof, between.stiffness, between.second, between.second_dof) == (
+        0,
+        2,
+        50,
+        1,
+        2,
+    )
     assert (ground.stiffness, ground.second) == (60, None)
     assert (along.dof, along.stiffness, turn.dof, turn.stiffness) == (0, 100, 3, 200)
     assert along.direction == pytest.approx(np.array([1, 1, 0]) / np.sqrt(2))
@@ -332,7 +407,9 @@ def test_springs_between_grids_and_to_the_ground() -> None:
 def test_rigid_elements() -> None:
     far = "GRID,11,,0.,0.,1.\nGRID,12,,0.,1.,1.\nGRID,13,,1.,0.,1.\n"
     model = read(
-        SQUARE + far + "RBE2,31,1,123,11,.001\nRBE3,32,,12,123456,1.,123,1,2\n,2.,123,4\nRBAR,33,2,13,123456\n"
+        SQUARE
+        + far
+        + "RBE2,31,1,123,11,.001\nRBE3,32,,12,123456,1.,123,1,2\n,2.,123,4\nRBAR,33,2,13,123456\n"
     )
     rigid, mean, bar = model.links
     assert (rigid.node, rigid.leaders, rigid.dofs) == (4, (0,), (0, 1, 2))
@@ -341,11 +418,11 @@ def test_rigid_elements() -> None:
 
 
 def test_what_is_lost_is_named_and_stops_where_modes_change() -> None:
-    harmless = (
-        "CAERO1,1\nSPLINE1,2\nFLFACT,3\nPLOAD4,1,1,5.\nEIGRL,1\nCVISC,5,1,1,2\nPARAM,K6ROT,100.\nSUPORT,1,123456\n"
-    )
+    harmless = "CAERO1,1\nSPLINE1,2\nFLFACT,3\nPLOAD4,1,1,5.\nEIGRL,1\nCVISC,5,1,1,2\nPARAM,K6ROT,100.\nSUPORT,1,123456\n"
     assert set(lost(read(SQUARE + harmless)).values()) == {False}
-    changing = "MPC,1,2,3,1.\nCGAP,9\nCFAST,8\nMATT1,1\nCSHEAR,7\nASET1,3,1\nPARAM,K6ROT,1.+5\nNEWCARD,1\n"
+    changing = (
+        "MPC,1,2,3,1.\nCGAP,9\nCFAST,8\nMATT1,1\nCSHEAR,7\nASET1,3,1\nPARAM,K6ROT,1.+5\nNEWCARD,1\n"
+    )
     assert set(lost(read(SQUARE + changing)).values()) == {True}
     unselected = read("CEND\nMETHOD=1\nBEGIN BULK\n" + SQUARE + "MPC,1,2,3,1.\nENDDATA")
     assert "MPC" not in lost(unselected)

@@ -162,7 +162,9 @@ def test_the_deck_that_the_fuzz_begins_with_is_read() -> None:
 
 
 def check(content: bytes) -> None:
-    """A model whose parts fit together, or an error with a place: nothing else may come of a deck."""
+    """A model whose parts fit together, or an error with a place: nothing else may come of a
+    deck.
+    """
     faults: list[tuple[str, str]] = []
     model: FiniteElementModel | None = None
     try:
@@ -188,6 +190,9 @@ def test_a_damaged_deck(text: str) -> None:
 
 
 def test_a_range_without_end_takes_no_memory() -> None:
-    wide = SQUARE + "SPC1,1,12,1,THRU,999999999999\nRBE2,9,1,3,2,THRU,99999999\nNSM1,1,PSHELL,1.,1,THRU,99999999\n"
+    wide = (
+        SQUARE
+        + "SPC1,1,12,1,THRU,999999999999\nRBE2,9,1,3,2,THRU,99999999\nNSM1,1,PSHELL,1.,1,THRU,99999999\n"
+    )
     model = read_bdf(wide.encode())
     assert model.supports[0].nodes.tolist() == [0, 1, 2, 3]

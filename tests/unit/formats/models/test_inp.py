@@ -9,7 +9,9 @@ from tests.unit.formats.models.decks import CAE, MATERIAL, PLATE, beam, grid, sh
 
 
 def read(text: str, **included: str) -> FiniteElementModel:
-    return read_inp(text.encode(), {name.replace("_", "."): each.encode() for name, each in included.items()})
+    return read_inp(
+        text.encode(), {name.replace("_", "."): each.encode() for name, each in included.items()}
+    )
 
 
 def test_assembly_of_abaqus_cae() -> None:
@@ -24,11 +26,13 @@ def test_assembly_of_abaqus_cae() -> None:
     block = next(each for each in model.elements if each.set == "rib.set-1")
     assert len(block.numbers) == 4
     c, s = np.cos(np.radians(30)), np.sin(np.radians(30))
-    np.testing.assert_allclose(block.axes[:2], [[c, 0, s]] * 2, atol=1e-15)  # turned with its instance
+    # turned with its instance
+    np.testing.assert_allclose(block.axes[:2], [[c, 0, s]] * 2, atol=1e-15)
     np.testing.assert_allclose(block.axes[2:], [[c, s, 0]] * 2, atol=1e-15)
     place = dict(zip(model.numbers.tolist(), model.nodes.tolist(), strict=True))
     assert len(place) == len(model.numbers) == 9 + 6 + 6 + 1
-    np.testing.assert_allclose(place[1_000_004], [0, 0.1, 0.1], atol=1e-15)  # node 4 of Rib-1, turned up
+    # node 4 of Rib-1, turned up
+    np.testing.assert_allclose(place[1_000_004], [0, 0.1, 0.1], atol=1e-15)
     np.testing.assert_allclose(place[2_000_004], [0, 0.3, 0], atol=1e-15)
     assert [mass.mass for mass in model.masses] == [0.25]
     assert model.masses[0].node == 21
@@ -42,7 +46,8 @@ def test_constraints_of_abaqus_cae() -> None:
     led = {link.node: link.leaders for link in model.links if link.node != 21}
     assert led == {9: (3,), 10: (4,), 11: (5,), 15: (6,), 16: (7,)}
     held = [(support.nodes.tolist(), support.dofs) for support in model.supports]
-    assert held == [([0, 3, 6], (0, 1, 2)), ([6, 18], (0, 1, 2, 3, 4, 5))]  # 15 is led by 6, at its place
+    # 15 is led by 6, at its place
+    assert held == [([0, 3, 6], (0, 1, 2)), ([6, 18], (0, 1, 2, 3, 4, 5))]
     assert {each.loss for each in model.ignored} == {"requests for output"}
 
 
@@ -51,13 +56,18 @@ def test_include_continuation_and_fortran_numbers() -> None:
         MATERIAL, "*INCLUDE, INPUT=data/M.INP\n"
     )
     text = text.replace(
-        "*SHELL SECTION, ELSET=PLATE, MATERIAL=GFRP", "*Shell Section,\n elset=Plate,\n MATERIAL = gfrp"
+        "*SHELL SECTION, ELSET=PLATE, MATERIAL=GFRP",
+        "*Shell Section,\n elset=Plate,\n MATERIAL = gfrp",
     )
     text = text.replace("1, 1, 2, 5, 4", "1, 1, 2,\n5, 4")
     model = read(text.replace("\n", "\r\n"), m_inp=MATERIAL)
     np.testing.assert_array_equal(model.nodes, read(PLATE).nodes)
     np.testing.assert_array_equal(model.elements[0].nodes, read(PLATE).elements[0].nodes)
-    assert (model.title, model.sets, model.elements[0].lines.tolist()) == ("A plate", ("plate",), [11, 13])
+    assert (model.title, model.sets, model.elements[0].lines.tolist()) == (
+        "A plate",
+        ("plate",),
+        [11, 13],
+    )
     place = model.materials["GFRP"].places["G12"]
     assert (place.file, place.line) == ("m.inp", 3)
     assert MATERIAL.splitlines()[2][place.start : place.end] == " 3.0e9"
@@ -66,15 +76,19 @@ def test_include_continuation_and_fortran_numbers() -> None:
 def test_data_lines_of_an_included_file_belong_to_the_card_before() -> None:
     text = PLATE.replace("*STEP", "*BOUNDARY\n1, 1, 6\n*INCLUDE, INPUT=more.inp\n3, 2\n*STEP", 1)
     model = read(text, more_inp="4, 3\n*NSET, NSET=A\n")
-    assert [(s.nodes.tolist(), s.dofs) for s in model.supports] == [([0], (0, 1, 2, 3, 4, 5)), ([3], (2,))]
+    assert [(s.nodes.tolist(), s.dofs) for s in model.supports] == [
+        ([0], (0, 1, 2, 3, 4, 5)),
+        ([3], (2,)),
+    ]
     assert "a" in model.node_sets
 
 
 def test_nested_and_generated_sets() -> None:
     text = PLATE.replace(
         "*SHELL SECTION, ELSET=PLATE",
-        "*NSET, NSET=ENDS\nLEFT, RIGHT\n*NSET, NSET=LEFT, GENERATE\n1, 900000000, 3\n*NSET, NSET=RIGHT\n3, 6\n"
-        "*NSET, NSET=LEFT\n2\n*ELSET, ELSET=A\n1\n*ELSET, ELSET=ALL\nA, 2\n*NSET, NSET=OF, ELSET=A\n*SHELL SECTION, ELSET=ALL",
+        "*NSET, NSET=ENDS\nLEFT, RIGHT\n*NSET, NSET=LEFT, GENERATE\n1, 900000000, 3\n*NSET,"
+        " NSET=RIGHT\n3, 6\n*NSET, NSET=LEFT\n2\n*ELSET, ELSET=A\n1\n*ELSET, ELSET=ALL\nA,"
+        " 2\n*NSET, NSET=OF, ELSET=A\n*SHELL SECTION, ELSET=ALL",
     )
     model = read(text)
     assert model.node_sets["ends"].tolist() == [0, 1, 2, 3, 5]
@@ -85,11 +99,14 @@ def test_nested_and_generated_sets() -> None:
 @pytest.mark.parametrize(
     ("orientation", "expected"),
     [
-        ("SYSTEM=RECTANGULAR\n0.,1.,0.,-1.,0.,0.", [[0, 1, 0], [0, 1, 0]]),  # CalculiX projects axis 1
+        # CalculiX projects axis 1
+        ("SYSTEM=RECTANGULAR\n0.,1.,0.,-1.,0.,0.", [[0, 1, 0], [0, 1, 0]]),
         ("SYSTEM=RECTANGULAR\n1.,0.,0.,0.,1.,0.\n3, 90.", [[0, 1, 0], [0, 1, 0]]),
-        ("SYSTEM=RECTANGULAR\n0.,0.,1.,1.,0.,0.\n1, 90.", [[0, 1, 0], [0, 1, 0]]),  # axis 1 is the normal, 2 projected
+        # axis 1 is the normal, 2 projected
+        ("SYSTEM=RECTANGULAR\n0.,0.,1.,1.,0.,0.\n1, 90.", [[0, 1, 0], [0, 1, 0]]),
         ("SYSTEM=Z RECTANGULAR\n0.,0.,1.,0.,1.,0.\n3, 0.", [[0, 1, 0], [0, 1, 0]]),
-        ("SYSTEM=RECTANGULAR\n3.,1.,0.,2.,2.,0.,2.,1.,0.", [[1, 0, 0], [1, 0, 0]]),  # with an origin of its own
+        # with an origin of its own
+        ("SYSTEM=RECTANGULAR\n3.,1.,0.,2.,2.,0.,2.,1.,0.", [[1, 0, 0], [1, 0, 0]]),
         ("SYSTEM=CYLINDRICAL\n0.,0.,0.,0.,0.,1.", [[2**-0.5, 2**-0.5, 0], [3 / 10**0.5, 1 / 10**0.5, 0]]),
     ],
 )  # fmt: skip
@@ -112,12 +129,16 @@ def test_axis_along_the_normal_without_an_orientation() -> None:
 
 def test_plies_whose_orientations_have_names() -> None:
     section = (
-        "*ORIENTATION, NAME=O0\n1.,0.,0.,0.,1.,0.\n*ORIENTATION, NAME=O60\n1.,0.,0.,0.,1.,0.\n3,60.\n"
-        "*SHELL SECTION, ELSET=PLATE, COMPOSITE, OFFSET=-0.5\n.001,,GFRP,O0\n.002,,GFRP,O60\n"
+        "*ORIENTATION, NAME=O0\n1.,0.,0.,0.,1.,0.\n*ORIENTATION,"
+        " NAME=O60\n1.,0.,0.,0.,1.,0.\n3,60.\n*SHELL SECTION, ELSET=PLATE, COMPOSITE,"
+        " OFFSET=-0.5\n.001,,GFRP,O0\n.002,,GFRP,O60\n"
     )
     model = read(PLATE.replace("*SHELL SECTION, ELSET=PLATE, MATERIAL=GFRP\n0.005\n", section))
     plies = shell(model, "plate").plies
-    assert [(ply.thickness, ply.angle_deg) for ply in plies] == [(0.001, 0.0), (0.002, pytest.approx(60, rel=1e-9))]
+    assert [(ply.thickness, ply.angle_deg) for ply in plies] == [
+        (0.001, 0.0),
+        (0.002, pytest.approx(60, rel=1e-9)),
+    ]
     assert shell(model, "plate").offset == pytest.approx(0.0015, rel=1e-12)
 
 
@@ -130,7 +151,9 @@ def test_thickness_at_nodes() -> None:
 
 def beams(section: str, kind: str = "B31", element: str = "1, 1, 2") -> FiniteElementModel:
     nodes = "1, 0., 0.\n2, 2., 0.\n3, 1., 0.\n4, 0., 1., 1."
-    return read(f"*NODE\n{nodes}\n*ELEMENT, TYPE={kind}, ELSET=Ribs\n{element}\n{MATERIAL}{section}\n")
+    return read(
+        f"*NODE\n{nodes}\n*ELEMENT, TYPE={kind}, ELSET=Ribs\n{element}\n{MATERIAL}{section}\n"
+    )
 
 
 @pytest.mark.parametrize(
@@ -145,7 +168,9 @@ def beams(section: str, kind: str = "B31", element: str = "1, 1, 2") -> FiniteEl
             0.01 * 0.06**3 / 12 + 0.09 * 0.005**3 / 12, 0), (0.12 + 0.095) * 0.005**3 / 3),
     ],
 )  # fmt: skip
-def test_profiles(kind: str, sizes: str, area: float, inertia: tuple[float, float, float], torsion: float) -> None:
+def test_profiles(
+    kind: str, sizes: str, area: float, inertia: tuple[float, float, float], torsion: float
+) -> None:
     model = beams(f"*BEAM SECTION, ELSET=RIBS, MATERIAL=GFRP, SECTION={kind}\n{sizes}\n0., 1., 0.")
     section = beam(model, "ribs")
     assert section.area == pytest.approx(area, rel=1e-12)
@@ -156,10 +181,16 @@ def test_profiles(kind: str, sizes: str, area: float, inertia: tuple[float, floa
 
 
 def test_centroid_away_from_the_nodes() -> None:
-    model = beams("*BEAM SECTION, ELSET=RIBS, MATERIAL=GFRP, SECTION=T\n0.06, 0.05, 0.05, 0.01, 0.01\n0., 1., 0.")
+    model = beams(
+        "*BEAM SECTION, ELSET=RIBS, MATERIAL=GFRP, SECTION=T\n0.06, 0.05, 0.05, 0.01, 0.01\n0.,"
+        " 1., 0."
+    )
     centroid = -(0.005 * 6e-4 + 0.03 * 4e-4) / 1e-3
     np.testing.assert_allclose(model.elements[0].offsets, [[[0, 0, centroid]] * 2], rtol=1e-12)
-    model = beams("*BEAM SECTION, ELSET=RIBS, MATERIAL=GFRP, SECTION=RECT, OFFSET1=0.5\n0.02, 0.03\n0., 1., 0.")
+    model = beams(
+        "*BEAM SECTION, ELSET=RIBS, MATERIAL=GFRP, SECTION=RECT, OFFSET1=0.5\n0.02, 0.03\n0.,"
+        " 1., 0."
+    )
     np.testing.assert_allclose(model.elements[0].offsets, [[[0, -0.01, 0]] * 2], rtol=1e-12)
 
 
@@ -175,13 +206,18 @@ def test_directions_and_order_of_beams() -> None:
 
 def test_beam_by_its_constants() -> None:
     model = beams(
-        "*BEAM GENERAL SECTION, ELSET=RIBS, SECTION=GENERAL, DENSITY=1900.\n1e-3, 2e-7, 1e-8, 3e-7, 5e-8\n\n7e10, 2.6e10"
+        "*BEAM GENERAL SECTION, ELSET=RIBS, SECTION=GENERAL, DENSITY=1900.\n1e-3, 2e-7, 1e-8, 3e-7,"
+        " 5e-8\n\n7e10, 2.6e10"
     )
     section = beam(model, "ribs")
     assert (section.area, section.inertia, section.torsion) == (1e-3, (2e-7, 3e-7, 1e-8), 5e-8)
     assert set(section.places) == {"area", "I1", "I2", "J"}
     material = model.materials[section.material]
-    assert (material.constants["E"], material.constants["G"], material.constants["density"]) == (7e10, 2.6e10, 1900)
+    assert (material.constants["E"], material.constants["G"], material.constants["density"]) == (
+        7e10,
+        2.6e10,
+        1900,
+    )
 
 
 CARRIED = """\
@@ -228,9 +264,9 @@ def test_what_a_structure_carries() -> None:
 
 def test_rigid_bodies_and_equal_dofs() -> None:
     more = (
-        "*NODE\n7, 0., 0., 0.\n8, 0.1, 0.05, 0.2\n*NSET, NSET=LEFT\n1, 4\n*RIGID BODY, NSET=LEFT, REF NODE=8\n"
-        "*EQUATION\n2\n7, 1, 1., 1, 1, -1.\n2\n7, 2, 1.,\n1, 2, -1.\n*KINEMATIC COUPLING, REF NODE=8\n3, 1, 3\n"
-        "*EQUATION\n2\n2, 1, 1., 3, 1, -1.\n"
+        "*NODE\n7, 0., 0., 0.\n8, 0.1, 0.05, 0.2\n*NSET, NSET=LEFT\n1, 4\n*RIGID BODY, NSET=LEFT,"
+        " REF NODE=8\n*EQUATION\n2\n7, 1, 1., 1, 1, -1.\n2\n7, 2, 1.,\n1, 2, -1.\n*KINEMATIC"
+        " COUPLING, REF NODE=8\n3, 1, 3\n*EQUATION\n2\n2, 1, 1., 3, 1, -1.\n"
     )
     model = read(PLATE.replace("*STEP", more + "*STEP", 1))
     links = [(link.node, link.leaders, link.dofs) for link in model.links]
@@ -247,8 +283,9 @@ def test_rigid_bodies_and_equal_dofs() -> None:
 
 def test_steps_before_that_of_the_modes() -> None:
     steps = (
-        "*BOUNDARY\n1, 1, 6\n*STEP, NLGEOM\n*STATIC\n*BOUNDARY\n3, 3\n*CLOAD\n6, 3, 1.\n*END STEP\n"
-        "*STEP, PERTURBATION\n*FREQUENCY\n5\n*BOUNDARY{}\n4, ENCASTRE\n*END STEP\n*STEP\n*STATIC\n*BOUNDARY\n5, 1\n*END STEP\n"
+        "*BOUNDARY\n1, 1, 6\n*STEP, NLGEOM\n*STATIC\n*BOUNDARY\n3, 3\n*CLOAD\n6, 3, 1.\n*END"
+        " STEP\n*STEP, PERTURBATION\n*FREQUENCY\n5\n*BOUNDARY{}\n4, ENCASTRE\n*END"
+        " STEP\n*STEP\n*STATIC\n*BOUNDARY\n5, 1\n*END STEP\n"
     )
     start = PLATE.partition("*STEP")[0]
     model = read(start + steps.format(""))
@@ -263,7 +300,9 @@ def test_steps_before_that_of_the_modes() -> None:
 
 def test_unknown_cards_are_named_and_stop() -> None:
     text = PLATE.replace(
-        "*STEP", "*FLUX CAPACITOR, ELSET=PLATE\n1.21\n*PLASTIC\n1e8\n*Flux Capacitor\n*CONTACT PAIR\n*STEP", 1
+        "*STEP",
+        "*FLUX CAPACITOR, ELSET=PLATE\n1.21\n*PLASTIC\n1e8\n*Flux Capacitor\n*CONTACT PAIR\n*STEP",
+        1,
     )
     found = {each.card: each for each in read(text).ignored}
     assert found["*FLUX CAPACITOR"].lines == (20, 24)

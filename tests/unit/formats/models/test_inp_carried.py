@@ -15,22 +15,35 @@ def with_cards(cards: str) -> FiniteElementModel:
 
 def test_data_begin_below_a_card_that_ends_with_a_comma() -> None:
     """As CalculiX takes them; Abaqus has parameters go on there."""
-    held = read(PLATE.replace("*STEP\n", "*BOUNDARY,\n1, 1, 6\n4, 1\n*STEP,\n** remark\nINC=9\n*BOUNDARY,\n*STATIC\n"))
-    assert [(one.nodes.tolist(), one.dofs) for one in held.supports] == [([0], (0, 1, 2, 3, 4, 5)), ([3], (0,))]
+    held = read(
+        PLATE.replace(
+            "*STEP\n", "*BOUNDARY,\n1, 1, 6\n4, 1\n*STEP,\n** remark\nINC=9\n*BOUNDARY,\n*STATIC\n"
+        )
+    )
+    assert [(one.nodes.tolist(), one.dofs) for one in held.supports] == [
+        ([0], (0, 1, 2, 3, 4, 5)),
+        ([3], (0,)),
+    ]
 
 
 def test_a_set_of_a_step_is_held() -> None:
-    (held,) = read(PLATE.replace("*FREQUENCY", "*NSET, NSET=ROOT\n1, 4\n*BOUNDARY\nROOT, 1\n*FREQUENCY")).supports
+    (held,) = read(
+        PLATE.replace("*FREQUENCY", "*NSET, NSET=ROOT\n1, 4\n*BOUNDARY\nROOT, 1\n*FREQUENCY")
+    ).supports
     assert held.nodes.tolist() == [0, 3]
 
 
 def test_a_beam_of_its_own_constants_whose_set_has_a_materials_name() -> None:
     card = (
-        "*ELEMENT, TYPE=B31, ELSET=GFRP\n9, 1, 2\n*BEAM GENERAL SECTION, ELSET=GFRP, SECTION=GENERAL, DENSITY=1000.\n"
+        "*ELEMENT, TYPE=B31, ELSET=GFRP\n9, 1, 2\n*BEAM GENERAL SECTION, ELSET=GFRP,"
+        " SECTION=GENERAL, DENSITY=1000.\n"
     )
     beam = card + "1e-4, 1e-9, 0., 1e-9, 2e-9\n0., 0., 1.\n7e10, 2.7e10\n"
     model = read(PLATE.replace("*SHELL SECTION", beam + "*SHELL SECTION"))
-    found = {name: model.materials[section.materials[0]].constants for name, section in model.sections.items()}
+    found = {
+        name: model.materials[section.materials[0]].constants
+        for name, section in model.sections.items()
+    }
     assert (found["plate"]["E1"], found["gfrp"]["E"]) == (2.3e10, 7e10)
 
 
@@ -43,8 +56,9 @@ REFERENCE = "*NODE\n9, 0.1, 0.05, 0.3\n"
 
 def test_kinematic_coupling_of_a_side_along_turned_axes() -> None:
     model = with_cards(
-        f"{REFERENCE}*ORIENTATION, NAME=C, SYSTEM=CYLINDRICAL\n0.,0.,0.,0.,0.,1.\n*SURFACE, NAME=SIDE\nPLATE, E3\n"
-        "*COUPLING, REF NODE=9, SURFACE=SIDE, CONSTRAINT NAME=K, ORIENTATION=C\n*KINEMATIC\n1\n3, 4"
+        f"{REFERENCE}*ORIENTATION, NAME=C, SYSTEM=CYLINDRICAL\n0.,0.,0.,0.,0.,1.\n*SURFACE,"
+        " NAME=SIDE\nPLATE, E3\n*COUPLING, REF NODE=9, SURFACE=SIDE, CONSTRAINT NAME=K,"
+        " ORIENTATION=C\n*KINEMATIC\n1\n3, 4"
     )
     assert [(link.node, link.leaders, link.dofs) for link in model.links] == [
         (3, (6,), (0, 2, 3)),
@@ -56,9 +70,14 @@ def test_kinematic_coupling_of_a_side_along_turned_axes() -> None:
 
 
 def test_distributing_coupling_within_a_radius() -> None:
-    cards = f"{REFERENCE}*SURFACE, NAME=ALL, TYPE=NODE\nNALL, 1.\n*COUPLING, REF NODE=9, SURFACE=ALL, CONSTRAINT NAME=K"
+    cards = (
+        f"{REFERENCE}*SURFACE, NAME=ALL, TYPE=NODE\nNALL, 1.\n*COUPLING, REF NODE=9, SURFACE=ALL,"
+        " CONSTRAINT NAME=K"
+    )
     model = with_cards(f"{cards}, INFLUENCE RADIUS=0.31\n*DISTRIBUTING\n1, 3")
-    assert [(link.node, link.leaders, link.dofs) for link in model.links] == [(6, (1, 4), (0, 1, 2))]
+    assert [(link.node, link.leaders, link.dofs) for link in model.links] == [
+        (6, (1, 4), (0, 1, 2))
+    ]
     model = with_cards(f"{cards}\n*DISTRIBUTING, WEIGHTING METHOD=LINEAR")
     assert losses(model)["*DISTRIBUTING"].startswith("weights that fall")
     with pytest.raises(FormatError, match=r"\*COUPLING couples no node"):
@@ -67,7 +86,8 @@ def test_distributing_coupling_within_a_radius() -> None:
 
 def test_distributing_coupling_by_an_element() -> None:
     model = with_cards(
-        f"{REFERENCE}*ELEMENT, TYPE=DCOUP3D, ELSET=D\n99, 9\n*DISTRIBUTING COUPLING, ELSET=D\n1, 2.\n2\n6, 0.5"
+        f"{REFERENCE}*ELEMENT, TYPE=DCOUP3D, ELSET=D\n99, 9\n*DISTRIBUTING COUPLING, ELSET=D\n1,"
+        " 2.\n2\n6, 0.5"
     )
     (link,) = model.links
     assert (link.node, link.leaders, link.weights) == (6, (0, 1, 5), (2.0, 1.0, 0.5))
@@ -97,19 +117,30 @@ def test_tie_of_nodes_that_lie_on_no_node() -> None:
     with pytest.raises(FormatError, match=r"line 105: \*TIE: a tie of 3 node.*falls into 2 parts"):
         read(text)
     (loss,) = [
-        each for each in read(text.replace("Rib-2.Edge, ENC", "Foot, 1, 6\nRib-2.Edge, ENC")).ignored if each.changes
+        each
+        for each in read(text.replace("Rib-2.Edge, ENC", "Foot, 1, 6\nRib-2.Edge, ENC")).ignored
+        if each.changes
     ]
-    assert (loss.card, loss.loss) == ("*TIE", "a tie of 3 node(s) that lie on no node of the other surface")
+    assert (loss.card, loss.loss) == (
+        "*TIE",
+        "a tie of 3 node(s) that lie on no node of the other surface",
+    )
 
 
 def test_systems_of_nodes() -> None:
     lines = grid(2, 1).splitlines()
-    turned = "\n".join(f"{n}, {float(y):g}, {-float(x):g}, {z}" for n, x, y, z in (line.split(",") for line in lines))
+    turned = "\n".join(
+        f"{n}, {float(y):g}, {-float(x):g}, {z}"
+        for n, x, y, z in (line.split(",") for line in lines)
+    )
     nodes = "*NODE, NSET=NALL\n" + grid(2, 1)
-    model = read(PLATE.replace(nodes, f"*SYSTEM\n1., 0., 0., 1., 1., 0.\n*NODE, NSET=NALL\n{turned}"))
+    model = read(
+        PLATE.replace(nodes, f"*SYSTEM\n1., 0., 0., 1., 1., 0.\n*NODE, NSET=NALL\n{turned}")
+    )
     np.testing.assert_allclose(model.nodes, read(PLATE).nodes + np.eye(3)[0], atol=1e-15)
     polar = "\n".join(
-        f"{line.split(',')[0]}, {float(np.hypot(x, y))!r}, {float(np.degrees(np.arctan2(y, x)))!r}, 0."
+        f"{line.split(',')[0]}, {float(np.hypot(x, y))!r},"
+        f" {float(np.degrees(np.arctan2(y, x)))!r}, 0."
         for line, (x, y, _) in zip(lines, read(PLATE).nodes.tolist(), strict=True)
     )
     model = read(PLATE.replace(nodes, f"*NODE, SYSTEM=C\n{polar}"))
@@ -118,18 +149,24 @@ def test_systems_of_nodes() -> None:
 
 def test_orientations_by_element_as_composite_layups_have_them() -> None:
     cards = (
-        "*DISTRIBUTION TABLE, NAME=T\nCOORD3D, COORD3D\n*DISTRIBUTION, NAME=D, LOCATION=ELEMENT, TABLE=T\n"
-        ", 0., 1., 0., -1., 0., 0.\n2, 1., 1., 0., -1., 1., 0.\n*ORIENTATION, NAME=O, SYSTEM=RECTANGULAR\nD\n3, 0.\n"
+        "*DISTRIBUTION TABLE, NAME=T\nCOORD3D, COORD3D\n*DISTRIBUTION, NAME=D, LOCATION=ELEMENT,"
+        " TABLE=T\n, 0., 1., 0., -1., 0., 0.\n2, 1., 1., 0., -1., 1., 0.\n*ORIENTATION, NAME=O,"
+        " SYSTEM=RECTANGULAR\nD\n3, 0.\n"
     )
-    text = PLATE.replace("*SHELL SECTION, ELSET=PLATE,", f"{cards}*SHELL SECTION, ORIENTATION=O, ELSET=PLATE,")
-    np.testing.assert_allclose(read(text).elements[0].axes, [[0, 1, 0], [2**-0.5, 2**-0.5, 0]], atol=1e-15)
+    text = PLATE.replace(
+        "*SHELL SECTION, ELSET=PLATE,", f"{cards}*SHELL SECTION, ORIENTATION=O, ELSET=PLATE,"
+    )
+    np.testing.assert_allclose(
+        read(text).elements[0].axes, [[0, 1, 0], [2**-0.5, 2**-0.5, 0]], atol=1e-15
+    )
 
 
 def test_springs_and_inertia_along_axes() -> None:
     orientation = "*ORIENTATION, NAME=O\n0.,1.,0.,-1.,0.,0.\n"
     model = with_cards(
-        f"{orientation}*ELEMENT, TYPE=SPRING1, ELSET=S\n20, 1\n*SPRING, ELSET=S, ORIENTATION=O\n4\n7.\n"
-        "*ELEMENT, TYPE=ROTARYI, ELSET=R\n21, 1\n*ROTARY INERTIA, ELSET=R, ORIENTATION=O\n1., 2., 3."
+        f"{orientation}*ELEMENT, TYPE=SPRING1, ELSET=S\n20, 1\n*SPRING, ELSET=S,"
+        " ORIENTATION=O\n4\n7.\n*ELEMENT, TYPE=ROTARYI, ELSET=R\n21, 1\n*ROTARY INERTIA, ELSET=R,"
+        " ORIENTATION=O\n1., 2., 3."
     )
     (spring,) = model.springs
     assert (spring.dof, spring.second, spring.direction) == (3, None, (0.0, 1.0, 0.0))
@@ -141,7 +178,9 @@ def test_a_plate_of_one_material_that_bears_spread_mass_in_part() -> None:
     assert shell(with_cards(spread.format("PLATE")), "plate").extra_mass == 1.5
     model = with_cards("*ELSET, ELSET=ONE\n1\n" + spread.format("ONE"))
     assert losses(model) == {
-        "*NONSTRUCTURAL MASS": "spread mass on part of a set, on shells and beams at once, or in other units"
+        "*NONSTRUCTURAL MASS": (
+            "spread mass on part of a set, on shells and beams at once, or in other units"
+        )
     }
 
 

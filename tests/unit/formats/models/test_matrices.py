@@ -35,7 +35,9 @@ def market(matrix: np.ndarray, symmetry: str = "symmetric") -> bytes:
 
 def calculix(matrix: np.ndarray) -> bytes:
     rows, columns = np.nonzero(np.triu(matrix))
-    return "".join(f"{i + 1} {j + 1} {matrix[i, j]:.17e}\n" for i, j in zip(rows, columns, strict=True)).encode()
+    return "".join(
+        f"{i + 1} {j + 1} {matrix[i, j]:.17e}\n" for i, j in zip(rows, columns, strict=True)
+    ).encode()
 
 
 def abaqus(matrix: np.ndarray) -> bytes:
@@ -52,7 +54,10 @@ def punched(matrix: np.ndarray, name: str) -> str:
         below = [i for i in np.flatnonzero(matrix[:, j]) if i >= j]
         if below:
             lines.append(f"DMIG*   {name:16s}{grid:16d}{component:16d}")
-        lines += [f"*       {LABELS[i][0]:16d}{LABELS[i][1]:16d}{matrix[i, j]:16.9E}".replace("E", "D") for i in below]
+        lines += [
+            f"*       {LABELS[i][0]:16d}{LABELS[i][1]:16d}{matrix[i, j]:16.9E}".replace("E", "D")
+            for i in below
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -65,12 +70,19 @@ def same(model: MatrixModel, tolerance: float = 1e-14) -> None:
     expected = {"0": K, "skin": K_SKIN}
     assert set(model.stiffness) <= set(expected)
     for name, matrix in model.stiffness.items():
-        assert matrix.toarray() == pytest.approx(expected[name][np.ix_(order, order)], abs=tolerance * 30)
+        assert matrix.toarray() == pytest.approx(
+            expected[name][np.ix_(order, order)], abs=tolerance * 30
+        )
     assert model.mass["0"].toarray() == pytest.approx(M[np.ix_(order, order)], abs=tolerance * 30)
 
 
 def test_matrix_market() -> None:
-    files = {"K_0.mtx": market(K), "K_skin.mtx": market(K_SKIN, "general"), "M_0.mtx": market(M), "nodes.csv": NODES}
+    files = {
+        "K_0.mtx": market(K),
+        "K_skin.mtx": market(K_SKIN, "general"),
+        "M_0.mtx": market(M),
+        "nodes.csv": NODES,
+    }
     model = read_matrices(files)
     same(model)
     assert set(model.stiffness) == {"0", "skin"}
@@ -85,11 +97,25 @@ def test_calculix_storage_with_its_table_of_dofs() -> None:
     order = np.random.default_rng(0).permutation(18)
     dofs = "".join(f"{LABELS[i][0]}.{LABELS[i][1]}\n" for i in order).encode()
     turned = np.ix_(order, order)
-    same(read_matrices({"b.sti": calculix(K[turned]), "b.mas": calculix(M[turned]), "b.dof": dofs, "nodes.csv": NODES}))
+    same(
+        read_matrices(
+            {
+                "b.sti": calculix(K[turned]),
+                "b.mas": calculix(M[turned]),
+                "b.dof": dofs,
+                "nodes.csv": NODES,
+            }
+        )
+    )
 
 
 def test_abaqus_by_node_and_dof() -> None:
-    files = {"wing_STIF1.mtx": abaqus(K), "wing_MASS1.mtx": abaqus(M), "K_skin.mtx": abaqus(K_SKIN), "nodes.csv": NODES}
+    files = {
+        "wing_STIF1.mtx": abaqus(K),
+        "wing_MASS1.mtx": abaqus(M),
+        "K_skin.mtx": abaqus(K_SKIN),
+        "nodes.csv": NODES,
+    }
     same(read_matrices(files))
 
 
@@ -115,7 +141,9 @@ def test_an_archive_dense_and_sparse() -> None:
 
 def test_three_dofs_of_each_node() -> None:
     part = np.ix_(range(9), range(9))
-    model = read_matrices({"K_0.mtx": market(K[part]), "M_0.mtx": market(M[part]), "nodes.csv": NODES})
+    model = read_matrices(
+        {"K_0.mtx": market(K[part]), "M_0.mtx": market(M[part]), "nodes.csv": NODES}
+    )
     assert model.dofs.tolist() == [[row, dof] for row in range(3) for dof in range(3)]
 
 

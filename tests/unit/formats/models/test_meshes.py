@@ -1,4 +1,6 @@
-"""Meshes without properties: files that gmsh and VTK wrote, what is wrong with others, and what is stated of their sets."""
+"""Meshes without properties: files that gmsh and VTK wrote, what is wrong with others, and what is
+stated of their sets.
+"""
 
 import io
 import xml.etree.ElementTree as ET
@@ -25,7 +27,9 @@ from tests.support.stored_solids import frequencies
 from tests.support.uff import load
 
 FILES = {path.name: path.read_bytes() for path in sorted((ROOT / "tests/corpus/meshes").iterdir())}
-"""By gmsh 4.15 and VTK 9.7: a flange of two quadrilaterals with a web of four triangles, clamped at x = 0, in mm."""
+"""By gmsh 4.15 and VTK 9.7: a flange of two quadrilaterals with a web of four triangles, clamped at
+x = 0, in mm.
+"""
 
 ISOTROPIC = {"E_Pa": 7e10, "nu": 0.3, "density_kg_m3": 2700.0}
 WALL = {"thickness_m": 0.002, "isotropic": ISOTROPIC}
@@ -47,7 +51,9 @@ def test_files_of_other_programs(name: str) -> None:
             np.testing.assert_allclose(x[:, :, 0], 0)
             continue
         n = cells.nodes.shape[1] // 2
-        np.testing.assert_allclose(x[:, n:], (x[:, :n] + np.roll(x[:, :n], -1, axis=1)) / 2, atol=1e-6)
+        np.testing.assert_allclose(
+            x[:, n:], (x[:, :n] + np.roll(x[:, :n], -1, axis=1)) / 2, atol=1e-6
+        )
         np.testing.assert_allclose(x[:, :, 2 if cells.kind == "quad8" else 1], 0)
 
 
@@ -62,7 +68,9 @@ def sections(**more: Any) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", ["gmsh-2.2.msh", "gmsh-4.1.msh"])
 def test_a_line_of_nodes_holds_the_body(name: str) -> None:
-    model = mesh_in_si(FILES[name], name, "mm-N-t", sections(clamp={"held_dofs": [1, 2, 3, 4, 5, 6]}))
+    model = mesh_in_si(
+        FILES[name], name, "mm-N-t", sections(clamp={"held_dofs": [1, 2, 3, 4, 5, 6]})
+    )
     (support,) = model.supports
     np.testing.assert_allclose(model.nodes[support.nodes, 0], 0)
     assert (len(support.nodes), model.ignored) == (5, ())
@@ -86,10 +94,13 @@ def test_a_deck_as_a_mesh_is_the_same_body() -> None:
             np.testing.assert_array_equal(one.axes, other.axes)
             section, stated = found.sections[one.set], model.sections[other.set]
             constants, expected = (
-                m.materials[x.materials[0]].constants for m, x in ((found, section), (model, stated))
+                m.materials[x.materials[0]].constants
+                for m, x in ((found, section), (model, stated))
             )
             assert constants == {name: pytest.approx(expected[name]) for name in constants}
-    np.testing.assert_allclose(frequencies(body_of_model(uff), 4), frequencies(body_of_model(model), 4), rtol=1e-6)
+    np.testing.assert_allclose(
+        frequencies(body_of_model(uff), 4), frequencies(body_of_model(model), 4), rtol=1e-6
+    )
 
 
 def test_plies_and_materials_of_sets() -> None:
@@ -101,7 +112,10 @@ def test_plies_and_materials_of_sets() -> None:
     assert model.materials["set_2"].constants["G"] == pytest.approx(7e10 / 2.6)
 
 
-FOUR = "".join(f"{k + 1} {x} {y} 0\n" for k, (x, y) in enumerate([(0, 0), (1, 0), (1, 1), (0, 1), (2, 0), (2, 1)]))
+FOUR = "".join(
+    f"{k + 1} {x} {y} 0\n"
+    for k, (x, y) in enumerate([(0, 0), (1, 0), (1, 1), (0, 1), (2, 0), (2, 1)])
+)
 
 
 def msh(elements: str, nodes: str = FOUR, count: int | None = None) -> bytes:
@@ -117,13 +131,17 @@ NAMES = b'$PhysicalNames\n2\n2 7 "a b"\n2 8 "A_b"\n$EndPhysicalNames\n'
 
 def vtk(types: str = "9", cells: str = "4 0 1 2 3", more: str = "") -> bytes:
     return (
-        "# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 double\n0 0 0 1 0 0 1 1 0 0 1 0\n"
-        f"CELLS 1 5\n{cells}\nCELL_TYPES 1\n{types}\n{more}"
+        "# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 double\n0 0 0 1"
+        f" 0 0 1 1 0 0 1 0\nCELLS 1 5\n{cells}\nCELL_TYPES 1\n{types}\n{more}"
     ).encode()
 
 
 QUAD = "1 3 2 7 1 1 2 3 4\n"
-TWO = vtk().replace(b"CELLS 1 5\n", b"CELLS 2 10\n4 0 1 2 3\n").replace(b"CELL_TYPES 1", b"CELL_TYPES 2\n9")
+TWO = (
+    vtk()
+    .replace(b"CELLS 1 5\n", b"CELLS 2 10\n4 0 1 2 3\n")
+    .replace(b"CELL_TYPES 1", b"CELL_TYPES 2\n9")
+)
 GMSH, VTU, UNV = (FILES[name] for name in ("gmsh-4.1.msh", "vtk-ascii.vtu", "gmsh.unv"))
 BAD: dict[str, tuple[str, bytes, dict[str, Any], str]] = {
     "cut": ("a.msh", GMSH[: GMSH.index(b"40 9.99")], {}, r"line \d+: the file ends before .*cut"),
@@ -183,7 +201,9 @@ def test_units_are_asked_for_once() -> None:
     with pytest.raises(FormatError, match="units: are not stated"):
         mesh_in_si(FILES["gmsh-2.2.msh"], "a.msh", None, sections())
     uff = b"".join(encode(uff_of(read("gmsh-2.2.msh", FILES["gmsh-2.2.msh"]))))
-    with pytest.raises(FormatError, match=r"units: have the length 0.001 m, but set 164 of the file says 1 m"):
+    with pytest.raises(
+        FormatError, match=r"units: have the length 0.001 m, but set 164 of the file says 1 m"
+    ):
         mesh_in_si(uff, "a.uff", "mm-N-t", {})
 
 
@@ -224,11 +244,22 @@ def test_other_numbers(name: str, share: float, number: int) -> None:
     harmless(name, content[:at] + str(number).encode() + content[max(content.find(b" ", at), at) :])
 
 
-# --- meshes with shapes as files that others read ---------------------------------------------------------------------
+# --- meshes with shapes as files that others read
+# ---------------------------------------------------------------------
 
 
 PLACES = np.array(
-    [[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0], [1, 0, 0], [2, 0.5, 0], [1, 1, 0], [0, 0.5, 0], [3, 0, 0.25]]
+    [
+        [0, 0, 0],
+        [2, 0, 0],
+        [2, 1, 0],
+        [0, 1, 0],
+        [1, 0, 0],
+        [2, 0.5, 0],
+        [1, 1, 0],
+        [0, 0.5, 0],
+        [3, 0, 0.25],
+    ]
 )
 NUMBERS = np.array([11, 12, 13, 14, 15, 16, 17, 18, 30])
 MESH = MeshFile(
@@ -240,15 +271,29 @@ MESH = MeshFile(
         Cells("beam2", "rib <a>", np.array([7]), np.array([[1, 8]])),
     ],
     [
-        ModeShape(0, "model mode 1, 12 Hz", 1, 12.0, 0.01, NUMBERS, np.arange(27.0).reshape(9, 3) + 0j, "normal"),
-        ModeShape(0, "measured mode 1, 13 Hz", 1, 13.0, 0.02, NUMBERS, np.full((9, 3), 1 - 2j), "complex"),
+        ModeShape(
+            0,
+            "model mode 1, 12 Hz",
+            1,
+            12.0,
+            0.01,
+            NUMBERS,
+            np.arange(27.0).reshape(9, 3) + 0j,
+            "normal",
+        ),
+        ModeShape(
+            0, "measured mode 1, 13 Hz", 1, 13.0, 0.02, NUMBERS, np.full((9, 3), 1 - 2j), "complex"
+        ),
     ],
 )
 
 
 def test_a_vtu_has_nodes_cells_sets_and_shapes() -> None:
     root = ET.parse(io.BytesIO(b"".join(write_vtu(MESH)))).getroot()
-    arrays = {each.get("Name"): np.array((each.text or "").split(), float) for each in root.iter("DataArray")}
+    arrays = {
+        each.get("Name"): np.array((each.text or "").split(), float)
+        for each in root.iter("DataArray")
+    }
     np.testing.assert_allclose(arrays["Points"].reshape(-1, 3), PLACES)
     assert arrays["connectivity"].tolist() == [*range(8), 0, 1, 2, 4, 5, 7, 1, 8]
     assert (arrays["offsets"].tolist(), arrays["types"].tolist()) == ([8, 14, 16], [23, 22, 3])
@@ -264,7 +309,8 @@ def test_a_uff_reads_back(tmp_path: Path) -> None:
     assert set(found.outcomes) == {"read"}, found.reasons
     points = [each for each in found.contents if isinstance(each, GridPoint)]
     assert [(each.number, each.xyz_m) for each in points] == [
-        (number, tuple(xyz)) for number, xyz in zip(NUMBERS.tolist(), MESH.nodes.tolist(), strict=True)
+        (number, tuple(xyz))
+        for number, xyz in zip(NUMBERS.tolist(), MESH.nodes.tolist(), strict=True)
     ]
     assert [each for each in found.contents if isinstance(each, Element)] == [
         Element(1, 45, (11, 15, 12, 16, 13, 17, 14, 18)),
@@ -274,4 +320,5 @@ def test_a_uff_reads_back(tmp_path: Path) -> None:
     normal, complex_ = (each for each in found.contents if isinstance(each, ModeShape))
     np.testing.assert_allclose(normal.values, MESH.shapes[0].values)
     np.testing.assert_allclose(complex_.values, MESH.shapes[1].values)
-    assert complex_.frequency_hz == pytest.approx(13.0, rel=1e-9)  # of an eigenvalue in 12 characters
+    # of an eigenvalue in 12 characters
+    assert complex_.frequency_hz == pytest.approx(13.0, rel=1e-9)

@@ -1,4 +1,6 @@
-"""Units of decks: scaled by dimension, guessed from materials, asked about where they are unusual."""
+"""Units of decks: scaled by dimension, guessed from materials, asked about where they are
+unusual.
+"""
 
 import re
 from collections.abc import Iterator
@@ -85,16 +87,22 @@ def numbers(model: FiniteElementModel) -> Iterator[float]:
 def test_one_structure_in_all_units(units: str) -> None:
     expected = read_inp(deck("m-N-kg").encode())
     found = in_si(read_inp(deck(units).encode()), units)
-    np.testing.assert_allclose(list(numbers(found)), list(numbers(expected)), rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(
+        list(numbers(found)), list(numbers(expected)), rtol=1e-12, atol=1e-18
+    )
     assert not [*of_materials(read_inp(deck(units).encode()), units)]
     offered = guess(read_inp(deck(units).encode()))
     assert offered is not None
     assert offered.units == units
-    assert re.search(r"METAL would be aluminium \(E 7e\+10 Pa, density 2700 kg/m³\)", offered.reason)
+    assert re.search(
+        r"METAL would be aluminium \(E 7e\+10 Pa, density 2700 kg/m³\)", offered.reason
+    )
 
 
 def test_offsets_of_shells() -> None:
-    text = PLATE.replace("MATERIAL=GFRP\n", "MATERIAL=GFRP, OFFSET=SPOS\n").replace("*STEP", CARRIED + "*STEP", 1)
+    text = PLATE.replace("MATERIAL=GFRP\n", "MATERIAL=GFRP, OFFSET=SPOS\n").replace(
+        "*STEP", CARRIED + "*STEP", 1
+    )
     model = read_inp(text.encode())
     found = in_si(model, "mm-N-t")
     assert shell(found, "plate").offset == pytest.approx(-2.5e-6, rel=1e-12)
@@ -107,11 +115,28 @@ def test_offsets_of_shells() -> None:
         (
             0.8,
             2.1e11,
-            r"^in m-N-kg the set plate \(material METAL, line 18\) has the density 0.8 kg/m³, usual is 10 to 25000",
+            (
+                r"^in m-N-kg the set plate \(material METAL, line 18\) has the density 0.8 kg/m³,"
+                r" usual is 10 to 25000"
+            ),
         ),
-        (7.85e-9, 2.1e5, "^units: in m-N-kg the set plate .* density 7.85e-09 kg/m³.* mm-N-t would fit: .* steel"),
+        (
+            7.85e-9,
+            2.1e5,
+            (
+                "^units: in m-N-kg the set plate .* density 7.85e-09 kg/m³.* mm-N-t would fit: .*"
+                " steel"
+            ),
+        ),
         (2700.0, 70.0, r"the modulus 70 Pa, usual is 1e\+06 to 2e\+12; accept=modulus:plate"),
-        (12.0, 1.9e12, r"the speed of sound .* 3.98e\+05 m/s, usual is 30 to 30000; accept=speed:plate takes it"),
+        (
+            12.0,
+            1.9e12,
+            (
+                r"the speed of sound .* 3.98e\+05 m/s, usual is 30 to 30000; accept=speed:plate"
+                r" takes it"
+            ),
+        ),
     ],
 )
 def test_unusual_values_are_asked(density: float, modulus: float, said: str) -> None:
@@ -126,9 +151,13 @@ def test_unusual_values_are_asked(density: float, modulus: float, said: str) -> 
 def test_answers_of_no_question() -> None:
     model = read_inp(deck("m-N-kg", density=0.8).encode())
     questions = [*of_materials(model, "m-N-kg")]
-    with pytest.raises(FormatError, match=r"density 0.8 .*accept: 'density:web' answers nothing .*: density:plate"):
+    with pytest.raises(
+        FormatError, match=r"density 0.8 .*accept: 'density:web' answers nothing .*: density:plate"
+    ):
         require_answers(questions, ["density:web"])
-    with pytest.raises(FormatError, match=r"^accept: 'CONTACT' answers nothing .* its questions: none$"):
+    with pytest.raises(
+        FormatError, match=r"^accept: 'CONTACT' answers nothing .* its questions: none$"
+    ):
         require_answers([], ["CONTACT"])
 
 
@@ -148,11 +177,20 @@ def test_no_density_is_asked_unless_masses_are_stated_apart() -> None:
     (note,) = massless(model)
     assert (note.card, note.lines, note.changes) == ("density", (18,), False)
     assert in_si(model, "m-N-kg").materials["METAL"].constants["density"] == 0
-    alone = replace(model, masses=(), sections={k: replace(s, extra_mass=0.0) for k, s in model.sections.items()})
-    with pytest.raises(FormatError, match=r"^line 18: the material METAL has no density, and nothing else has a mass"):
+    alone = replace(
+        model,
+        masses=(),
+        sections={k: replace(s, extra_mass=0.0) for k, s in model.sections.items()},
+    )
+    with pytest.raises(
+        FormatError,
+        match=r"^line 18: the material METAL has no density, and nothing else has a mass",
+    ):
         next(massless(alone))
     heavy = replace(
-        model.materials["METAL"], name="STEEL", constants={**model.materials["METAL"].constants, "density": 7800.0}
+        model.materials["METAL"],
+        name="STEEL",
+        constants={**model.materials["METAL"].constants, "density": 7800.0},
     )
     mixed = replace(
         alone,
@@ -166,7 +204,9 @@ def test_no_density_is_asked_unless_masses_are_stated_apart() -> None:
 def test_units_are_guessed_by_most_elements() -> None:
     model = read_inp(deck("mm-N-t").encode())
     dummy = replace(
-        model.materials["METAL"], name="DUMMY", constants={"E": 10.0, "nu": 0.3, "G": 3.0, "density": 1e-13}
+        model.materials["METAL"],
+        name="DUMMY",
+        constants={"E": 10.0, "nu": 0.3, "G": 3.0, "density": 1e-13},
     )
     sections = {**model.sections, "rib": replace(beam(model, "rib"), material="DUMMY")}
     mixed = replace(model, materials={**model.materials, "DUMMY": dummy}, sections=sections)
@@ -181,12 +221,17 @@ def test_units_are_guessed_by_most_elements() -> None:
 def test_a_structure_as_large_as_a_town_is_asked() -> None:
     model = read_inp(deck("mm-N-t", size=300.0).encode())
     (question,) = of_size(model)
-    assert question.what == "the structure is 4.24e+05 m large, usual is 0.001 to 10000 (are the units right?)"
+    assert (
+        question.what
+        == "the structure is 4.24e+05 m large, usual is 0.001 to 10000 (are the units right?)"
+    )
     assert not [*of_size(model, 1e-3)]
     require_answers([question], ["size"])
 
 
 @pytest.mark.parametrize("name", ["", "mm-n-t", "mm-N-t-s"])
 def test_names_that_are_no_units(name: str) -> None:
-    with pytest.raises(FormatError, match="names no units, expected length-force-mass, such as m-N-kg, mm-N-t"):
+    with pytest.raises(
+        FormatError, match="names no units, expected length-force-mass, such as m-N-kg, mm-N-t"
+    ):
         units_of(name)

@@ -16,7 +16,9 @@ from modalbase.formats.models.write import write_deck
 
 def rewritten(content: bytes, updated: dict[str, dict[str, float]], *remarks: str) -> bytes:
     """The deck after an update, itself where nothing changes."""
-    flat = {(name, constant): value for name, own in updated.items() for constant, value in own.items()}
+    flat = {
+        (name, constant): value for name, own in updated.items() for constant, value in own.items()
+    }
     return write_deck(content, read_bdf(content), flat, remarks=remarks).get("", content)
 
 
@@ -60,7 +62,9 @@ after the end
 def changed(before: str, after: bytes) -> tuple[list[str], list[str]]:
     """Lines that went, and that came."""
     lines = list(difflib.ndiff(before.splitlines(), after.decode("latin-1").splitlines()))
-    return [line[2:] for line in lines if line[0] == "-"], [line[2:] for line in lines if line[0] == "+"]
+    return [line[2:] for line in lines if line[0] == "-"], [
+        line[2:] for line in lines if line[0] == "+"
+    ]
 
 
 def test_nothing_updated_changes_no_byte() -> None:
@@ -108,24 +112,40 @@ def test_sets_that_part_get_materials_of_their_own() -> None:
     assert after.endswith(b"ENDDATA\nafter the end\n")
     again = read_bdf(after)
     assert again.sections["web"].plies[0].material == "5"
-    assert again.materials["5"].constants == pytest.approx({"E": 6.9e10, "nu": 0.3, "G": 6.9e10 / 2.6, "density": 1400})
+    assert again.materials["5"].constants == pytest.approx(
+        {"E": 6.9e10, "nu": 0.3, "G": 6.9e10 / 2.6, "density": 1400}
+    )
     assert again.materials["1"].constants == model.materials["1"].constants
 
 
 def test_an_isotropic_wall_that_is_found_orthotropic() -> None:
     model = read_bdf(DECK.encode())
-    constants = {"E1": 7.3e10, "E2": 7.0e10, "nu12": 0.31, "G12": 2.7e10, "G13": 2.6e10, "G23": 2.5e10}
+    constants = {
+        "E1": 7.3e10,
+        "E2": 7.0e10,
+        "nu12": 0.31,
+        "G12": 2.7e10,
+        "G13": 2.6e10,
+        "G23": 2.5e10,
+    }
     again = read_bdf(rewritten(DECK.encode(), {"flange": constants}))
     found = again.materials[again.sections["flange"].plies[0].material].constants
     assert found == pytest.approx({**constants, "density": 1350})
-    assert again.materials[again.sections["web"].plies[0].material].constants == model.materials["1"].constants
+    assert (
+        again.materials[again.sections["web"].plies[0].material].constants
+        == model.materials["1"].constants
+    )
 
 
 def test_what_cannot_be_written_is_said() -> None:
     for updated, place, message in (
         ({"wing": {"E": 1.0}}, "wing.E", "there is no set 'wing'; there are flange, web"),
         ({"web": {"E7": 1.0}}, "web.E7", "1 of line 25 has no such constant"),
-        ({"web": {"E_2": 1.0}}, "web.E_2", "is none of this set's numbers in the deck; there are t, factor, E, nu, G"),
+        (
+            {"web": {"E_2": 1.0}},
+            "web.E_2",
+            "is none of this set's numbers in the deck; there are t, factor, E, nu, G",
+        ),
         ({"web": {"E": float("nan")}}, "web.E", "expected a number"),
         (
             {"conrod_5": {"area": 1.0}},
@@ -157,32 +177,48 @@ def test_files_that_the_deck_includes() -> None:
 
 
 def test_a_factor_of_all_moduli() -> None:
-    before, again = read_bdf(DECK.encode()), read_bdf(rewritten(DECK.encode(), {"pcomp_30": {"factor": 0.9}}))
+    before, again = (
+        read_bdf(DECK.encode()),
+        read_bdf(rewritten(DECK.encode(), {"pcomp_30": {"factor": 0.9}})),
+    )
     for name in ("3", "4"):
         for constant, value in before.materials[name].constants.items():
             share = 0.9 if constant[0] in "EG" else 1.0
-            assert again.materials[name].constants[constant] == pytest.approx(share * value, rel=1e-4)
+            assert again.materials[name].constants[constant] == pytest.approx(
+                share * value, rel=1e-4
+            )
 
 
 def test_two_plates_of_a_stated_shear_modulus_and_a_mat2() -> None:
     deck = DECK.replace("MAT1,2,2.1+11,, .3,7850.", "MAT1,2,2.1+11,8.+10,,7850.")
     both = {"pbar_40": {"E": 2.0e11, "G": 7.7e10}, "conrod_5": {"E": 2.0e11, "G": 7.7e10}}
     again = read_bdf(rewritten(deck.encode(), both))
-    assert (again.materials["2"].constants["E"], again.materials["2"].constants["G"]) == (2.0e11, 7.7e10)
+    assert (again.materials["2"].constants["E"], again.materials["2"].constants["G"]) == (
+        2.0e11,
+        7.7e10,
+    )
     plane = DECK.replace(
         "MAT8           3  1.4+11    9.+9      .3    5.+9    5.+9    3.+9   1600.",
         "MAT2,3,1.4+11,3.+9,,9.+9,,5.+9,1600.",
     )
     model = read_bdf(plane.encode())
     again = read_bdf(rewritten(plane.encode(), {"pcomp_30": {"E1": 1.3e11, "G12": 4.8e9}}))
-    expected = {**model.materials["3"].constants, "E1": 1.3e11, "G12": 4.8e9, "G13": 4.8e9, "G23": 4.8e9}
+    expected = {
+        **model.materials["3"].constants,
+        "E1": 1.3e11,
+        "G12": 4.8e9,
+        "G13": 4.8e9,
+        "G23": 4.8e9,
+    }
     assert again.materials["3"].constants == pytest.approx(expected, rel=1e-3)
 
 
 def test_plies_that_differ_in_density_alone_have_one_set_of_constants() -> None:
     twin = "MAT8           3  1.4+11    9.+9      .3    5.+9    5.+9    3.+9   1600.\n"
     deck = DECK.replace(twin, twin + twin.replace("       3", "       7").replace("1600.", "1500."))
-    deck = deck.replace("PCOMP,30,,,,,,,SYM\n,3,.001,45.,YES,4", "PCOMP,30,,,,,,,SYM\n,3,.001,45.,YES,7")
+    deck = deck.replace(
+        "PCOMP,30,,,,,,,SYM\n,3,.001,45.,YES,4", "PCOMP,30,,,,,,,SYM\n,3,.001,45.,YES,7"
+    )
     again = read_bdf(rewritten(deck.encode(), {"pcomp_30": {"E1": 1.3e11}}))
     assert [again.materials[name].constants["E1"] for name in ("3", "7")] == [1.3e11, 1.3e11]
     with pytest.raises(FormatError, match=r"pcomp_30\.E1_2"):
@@ -194,7 +230,9 @@ def test_a_number_fits_its_field(value, sign, width) -> None:
     text = fitted(sign * value, width)
     assert len(text) <= width
     assert "." in text
-    assert number(text) == pytest.approx(sign * value, rel=10.0 ** (5 + 1 - width + (1 if sign < 0 else 0)))
+    assert number(text) == pytest.approx(
+        sign * value, rel=10.0 ** (5 + 1 - width + (1 if sign < 0 else 0))
+    )
 
 
 def stated(model: FiniteElementModel) -> dict[str, float]:
@@ -207,7 +245,9 @@ def stated(model: FiniteElementModel) -> dict[str, float]:
             materials = list(dict.fromkeys(ply.material for ply in section.plies))
         else:
             found |= {
-                f"{name}.{c}": v for c, v in zip(("I1", "I2"), section.inertia, strict=False) if c in section.places
+                f"{name}.{c}": v
+                for c, v in zip(("I1", "I2"), section.inertia, strict=False)
+                if c in section.places
             }
             materials = [section.material]
         for k, material in enumerate(materials, start=1):
@@ -238,10 +278,17 @@ def test_each_number_changes_alone(name) -> None:
 
 
 def test_a_mark_of_byte_order_stays_first_and_tabs_and_short_lines_are_written_in_place() -> None:
-    deck = DECK.replace("PSHELL  20      1       .003    1               1", "PSHELL\t20\t1\t.003\t1\t\t1\t\t$ a\ttab")
+    deck = DECK.replace(
+        "PSHELL  20      1       .003    1               1",
+        "PSHELL\t20\t1\t.003\t1\t\t1\t\t$ a\ttab",
+    )
     deck = deck.replace("MAT1,2,2.1+11,, .3,7850. $ steel", "MAT1,2,2.1+11")
     content = b"\xef\xbb\xbf" + deck.encode()
-    after = rewritten(content, {"web": {"t": 0.004}, "conrod_5": {"E": 2.0e11}, "pbar_40": {"E": 2.0e11}}, "by part 7")
+    after = rewritten(
+        content,
+        {"web": {"t": 0.004}, "conrod_5": {"E": 2.0e11}, "pbar_40": {"E": 2.0e11}},
+        "by part 7",
+    )
     assert after.startswith(b"\xef\xbb\xbf$ by part 7\nSOL 103\n")
     assert b"PSHELL  20      1       .004    1               1               $ a\ttab\n" in after
     assert b"\nMAT1,2,2.+11\n" in after

@@ -15,7 +15,17 @@ from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.model import FiniteElementModel
 from modalbase.formats.models.units import guess
 from modalbase.formats.models.write import write_deck
-from tests.unit.formats.models.decks import CAE, MATERIAL, OPEN, PLATE, beam, grid, open_deck, quads, shell
+from tests.unit.formats.models.decks import (
+    CAE,
+    MATERIAL,
+    OPEN,
+    PLATE,
+    beam,
+    grid,
+    open_deck,
+    quads,
+    shell,
+)
 
 Updated = dict[tuple[str, str], float]
 
@@ -37,21 +47,39 @@ def kept(before: str, after: str) -> list[str]:
 
 def test_numbers_change_in_place() -> None:
     found = written(
-        PLATE, {("plate", "E1"): 2.41e10, ("plate", "G12"): 3.21e9, ("plate", "t"): 0.0051, ("plate", "E2"): 8.5e9}
+        PLATE,
+        {
+            ("plate", "E1"): 2.41e10,
+            ("plate", "G12"): 3.21e9,
+            ("plate", "t"): 0.0051,
+            ("plate", "E2"): 8.5e9,
+        },
     )
     expected = PLATE.replace(
         "2.3e10, 8.5e9, 0.27, 3.0e9, 3.0e9",
-        "** updated: E1 of plate was 2.3e+10, is 2.41e+10\n** updated: G12 of plate was 3e+09, is 3.21e+09\n"
-        "2.41e+10, 8.5e9, 0.27,3.21e+09, 3.0e9",
+        "** updated: E1 of plate was 2.3e+10, is 2.41e+10\n** updated: G12 of plate was 3e+09, is"
+        " 3.21e+09\n2.41e+10, 8.5e9, 0.27,3.21e+09, 3.0e9",
     ).replace("\n0.005\n", "\n** updated: thickness of plate was 0.005, is 0.0051\n0.0051\n")
     assert found == expected
-    assert write_deck(PLATE.encode(), read_inp(PLATE.encode()), {("plate", "E1"): 2.3e10, ("plate", "t"): 0.005}) == {}
+    assert (
+        write_deck(
+            PLATE.encode(),
+            read_inp(PLATE.encode()),
+            {("plate", "E1"): 2.3e10, ("plate", "t"): 0.005},
+        )
+        == {}
+    )
 
 
 def test_sets_that_shared_a_material_get_copies() -> None:
     content = open_deck("i-1")
     model = read_inp(content)
-    updated = {("flange", "E1"): 2.5e10, ("web", "E1"): 2.2e10, ("web", "density"): 1900.0, ("flange", "t"): 0.0062}
+    updated = {
+        ("flange", "E1"): 2.5e10,
+        ("web", "E1"): 2.2e10,
+        ("web", "density"): 1900.0,
+        ("flange", "t"): 0.0062,
+    }
     found = write_deck(content, model, updated)[""]
     again = read_inp(found)
     assert set(again.materials) == {"GFRP", "GFRP_web"}
@@ -84,7 +112,11 @@ def test_an_open_deck_is_read_and_keeps_every_other_byte(name: str) -> None:
     assert model.title.startswith(name.partition("-")[0])
     assert not [each for each in model.ignored if each.changes]
     gfrp = model.materials["GFRP"]
-    assert (gfrp.constants["E1"], gfrp.constants["G23"], gfrp.constants["density"]) == (2.3e10, 2.4e9, 1850)
+    assert (gfrp.constants["E1"], gfrp.constants["G23"], gfrp.constants["density"]) == (
+        2.3e10,
+        2.4e9,
+        1850,
+    )
     for block in model.elements:
         assert block.kind == "quad8"
         np.testing.assert_array_equal(block.axes, np.tile([1.0, 0, 0], (len(block.numbers), 1)))
@@ -103,7 +135,13 @@ def test_laminates_of_a_part() -> None:
         "** ---", '*Material, name=Glass\n*Density\n1900.,\n*Elastic, type=LAMINA\n4e10, 9e9, 0.25, 4e9, 4e9, 3e9\n** ---', 1
     )  # fmt: skip
     found = written(
-        deck, {("set-1", "E1"): 1.3e11, ("set-1", "E1_2"): 4.1e10, ("set-1", "t"): 0.0022, ("set-1", "density"): 1800.0}
+        deck,
+        {
+            ("set-1", "E1"): 1.3e11,
+            ("set-1", "E1_2"): 4.1e10,
+            ("set-1", "t"): 0.0022,
+            ("set-1", "density"): 1800.0,
+        },
     )
     again = read_inp(found.encode())
     plies = shell(again, "set-1").plies
@@ -111,7 +149,8 @@ def test_laminates_of_a_part() -> None:
     assert [ply.thickness for ply in plies] == [0.0011, 0.0011]
     carbon, glass = (again.materials[ply.material].constants for ply in plies)
     assert (carbon["E1"], glass["E1"]) == (1.3e11, 4.1e10)
-    assert carbon["density"] == pytest.approx(1600 * 1800 / 1750, rel=1e-8)  # nine digits are written
+    # nine digits are written
+    assert carbon["density"] == pytest.approx(1600 * 1800 / 1750, rel=1e-8)
     assert glass["density"] == pytest.approx(1900 * 1800 / 1750, rel=1e-8)
     assert again.materials[shell(again, "rib.set-1").plies[0].material].constants["E1"] == 1.2e11
     np.testing.assert_array_equal(again.nodes, read_inp(deck.encode()).nodes)
@@ -136,20 +175,39 @@ def test_isotropic_materials_and_beams() -> None:
     assert (plate["E"], plate["nu"]) == (6.9e10, pytest.approx(6.9 / 5.2 - 1, rel=1e-8))
     assert beam(again, "rib").inertia == (2.1e-7, 3e-7, 0.0)
     assert again.materials["rib"].constants["G"] == 2.5e10
-    with pytest.raises(FormatError, match=r"^rib.density: does not stand as a number of its own in rib"):
+    with pytest.raises(
+        FormatError, match=r"^rib.density: does not stand as a number of its own in rib"
+    ):
         written(deck, {("rib", "density"): 1800.0})
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_an_isotropic_material_that_is_so_no_longer(end: str) -> None:
-    deck = PLATE.replace("*ELASTIC, TYPE=LAMINA\n2.3e10, 8.5e9, 0.27, 3.0e9, 3.0e9, 2.4e9", "*ELASTIC\n7.0e10, 0.3")
+    deck = PLATE.replace(
+        "*ELASTIC, TYPE=LAMINA\n2.3e10, 8.5e9, 0.27, 3.0e9, 3.0e9, 2.4e9", "*ELASTIC\n7.0e10, 0.3"
+    )
     deck = deck.replace("\n", end)
     again = read_inp(written(deck, {("plate", "E1"): 7.2e10, ("plate", "E2"): 6.8e10}).encode())
     G = 7e10 / 2.6
-    expected = {"E1": 7.2e10, "E2": 6.8e10, "E3": 6.8e10, "nu12": 0.3, "nu13": 0.3, "nu23": 0.3, "density": 1850.0}
+    expected = {
+        "E1": 7.2e10,
+        "E2": 6.8e10,
+        "E3": 6.8e10,
+        "nu12": 0.3,
+        "nu13": 0.3,
+        "nu23": 0.3,
+        "density": 1850.0,
+    }
     found = constants(again, "plate")
-    assert found == {**expected, **{key: pytest.approx(G, rel=1e-8) for key in ("G12", "G13", "G23")}}
-    stiff = read_inp(written(deck, {("plate", "E1"): 8e10, ("plate", "E2"): 8e10, ("plate", "G12"): 2.4e10}).encode())
+    assert found == {
+        **expected,
+        **{key: pytest.approx(G, rel=1e-8) for key in ("G12", "G13", "G23")},
+    }
+    stiff = read_inp(
+        written(
+            deck, {("plate", "E1"): 8e10, ("plate", "E2"): 8e10, ("plate", "G12"): 2.4e10}
+        ).encode()
+    )
     assert constants(stiff, "plate")["G12"] == 2.4e10  # an isotropic material would have ν = 0.67
 
 
@@ -176,7 +234,10 @@ def test_included_files_and_line_ends() -> None:
         ({("skin", "E1"): 1.0}, r"^skin.E1: there is no set 'skin'; there are plate"),
         ({("plate", "E3"): 1.0}, r"^plate.E3: GFRP of line 13 has no such constant"),
         ({("plate", "E1_2"): 1.0}, r"^plate.E1_2: is none of this set's numbers"),
-        ({("plate", "angle_1"): 1.0}, r"^plate.angle_1: angles are not written back; turn the deck's orientations"),
+        (
+            {("plate", "angle_1"): 1.0},
+            r"^plate.angle_1: angles are not written back; turn the deck's orientations",
+        ),
     ],
 )
 def test_numbers_that_the_deck_has_not(updated: Updated, said: str) -> None:
@@ -195,9 +256,16 @@ def test_it_reads_back(ratios: dict[tuple[str, str], float]) -> None:
     model = read_inp(CAE.encode())
 
     def value(of: FiniteElementModel, name: str, constant: str) -> float:
-        return sum(ply.thickness for ply in shell(of, name).plies) if constant == "t" else constants(of, name)[constant]
+        return (
+            sum(ply.thickness for ply in shell(of, name).plies)
+            if constant == "t"
+            else constants(of, name)[constant]
+        )
 
-    updated = {(name, constant): value(model, name, constant) * ratio for (name, constant), ratio in ratios.items()}
+    updated = {
+        (name, constant): value(model, name, constant) * ratio
+        for (name, constant), ratio in ratios.items()
+    }
     again = read_inp(written(CAE, updated).encode())
     for name in model.sets:
         for constant in ("E1", "E2", "G12", "G13", "G23", "density", "t"):
@@ -219,16 +287,21 @@ def frequencies(folder: Path, content: bytes) -> list[float]:
 def test_the_solver_reads_it_and_all_frequencies_follow(tmp_path: Path) -> None:
     constants = "ENGINEERING CONSTANTS\n2.3e10, 8.5e9, 8.5e9, 0.27, 0.3, 0.35, 3e9, 3e9\n2.4e9,"
     sets = "*ELSET, ELSET=FLANGE, GENERATE\n1, 16\n*ELSET, ELSET=WEB, GENERATE\n17, 32\n"
-    walls = [f"*SHELL SECTION, ELSET={name}, MATERIAL=GFRP\n0.005\n" for name in ("PLATE", "FLANGE", "WEB")]
+    walls = [
+        f"*SHELL SECTION, ELSET={name}, MATERIAL=GFRP\n0.005\n"
+        for name in ("PLATE", "FLANGE", "WEB")
+    ]
     deck = (
         PLATE.replace(grid(2, 1), grid(8, 4))
         .replace(quads(2, 1), quads(8, 4))
         .replace(walls[0], sets + "".join(walls[1:]))
     )
     content = deck.replace("LAMINA\n2.3e10, 8.5e9, 0.27, 3.0e9, 3.0e9, 2.4e9", constants).encode()
-    found = write_deck(content, read_inp(content), {("flange", "factor"): 1.21, ("web", "factor"): 1.21 * (1 + 1e-7)})[
-        ""
-    ]
+    found = write_deck(
+        content,
+        read_inp(content),
+        {("flange", "factor"): 1.21, ("web", "factor"): 1.21 * (1 + 1e-7)},
+    )[""]
     assert b"NAME=GFRP_web" in found
     before, after = np.array(frequencies(tmp_path, content)), np.array(frequencies(tmp_path, found))
     elastic = before > 1.0

@@ -1,5 +1,5 @@
-"""Named arrays and a mapping to time blocks: every kind of file gives the same blocks, and what cannot be right
-is named.
+"""Named arrays and a mapping to time blocks: every kind of file gives the same blocks, and what
+cannot be right is named.
 """
 
 import io
@@ -16,7 +16,14 @@ from scipy import sparse
 from scipy.io import savemat, wavfile
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records import TimeBlock, Variables, blocks_of, propose, read_mapping, read_variables
+from modalbase.formats.records import (
+    TimeBlock,
+    Variables,
+    blocks_of,
+    propose,
+    read_mapping,
+    read_variables,
+)
 from modalbase.formats.records.arrays import arrays_of
 
 RNG = np.random.default_rng(1)
@@ -26,8 +33,19 @@ ARRAYS = {"force": FORCE, "acc": RESPONSE, "point": np.array([4, 4, 7]), "fs": n
 MAPPING: dict[str, Any] = {
     "sample_rate_hz": {"variable": "fs"},
     "channels": [
-        {"variable": "force", "quantity": "force", "point": {"variable": "point"}, "sensitivity": 0.5},
-        {"variable": "acc", "quantity": "acceleration", "point": 33, "direction": -3, "window_rate_per_s": 2.0},
+        {
+            "variable": "force",
+            "quantity": "force",
+            "point": {"variable": "point"},
+            "sensitivity": 0.5,
+        },
+        {
+            "variable": "acc",
+            "quantity": "acceleration",
+            "point": 33,
+            "direction": -3,
+            "window_rate_per_s": 2.0,
+        },
     ],
 }
 
@@ -49,7 +67,9 @@ def _npz(path: Path) -> None:
 
 
 @pytest.mark.parametrize(("suffix", "write"), [(".npz", _npz), (".mat", _mat), (".MAT", _mat73)])
-def test_every_kind_of_file_gives_the_same_blocks(suffix: str, write: Callable[[Path], None], tmp_path: Path) -> None:
+def test_every_kind_of_file_gives_the_same_blocks(
+    suffix: str, write: Callable[[Path], None], tmp_path: Path
+) -> None:
     path = tmp_path / f"hits{suffix}"
     write(path)
     blocks = blocks_of(read_variables(path), read_mapping(MAPPING))
@@ -70,7 +90,9 @@ def test_every_kind_of_file_gives_the_same_blocks(suffix: str, write: Callable[[
 @pytest.mark.parametrize(("separator", "point"), [(",", "."), (";", ","), ("\t", ".")])
 def test_csv_with_a_time_axis(separator: str, point: str, tmp_path: Path) -> None:
     rows = [
-        separator.join(f"{v:.9g}".replace(".", point) for v in (i / 2048, FORCE[0, i], RESPONSE[0, i]))
+        separator.join(
+            f"{v:.9g}".replace(".", point) for v in (i / 2048, FORCE[0, i], RESPONSE[0, i])
+        )
         for i in range(256)
     ]
     path = tmp_path / "4_1.csv"
@@ -90,7 +112,10 @@ def test_a_proposal_takes_the_hits_and_the_time_axis_and_states_no_rate_that_is_
     arrays = {"force": FORCE, "acc": RESPONSE, "hit": np.array([1, 2, 3])}
     assert "sample_rate_hz" not in propose(arrays)
     proposed = propose({**arrays, "time_s": np.arange(256) / 2048})
-    assert (proposed["hit"], proposed["sample_rate_hz"]) == ({"variable": "hit"}, {"variable": "time_s"})
+    assert (proposed["hit"], proposed["sample_rate_hz"]) == (
+        {"variable": "hit"},
+        {"variable": "time_s"},
+    )
 
 
 def test_a_proposal_takes_an_analysers_channels_by_their_length() -> None:
@@ -110,7 +135,9 @@ def test_a_proposal_takes_an_analysers_channels_by_their_length() -> None:
         ("Time_chan_1", None),
         ("Time_chan_2", None),
     ]
-    with pytest.raises(FormatError, match=r"channels\.0\.quantity: is empty, expected one of force"):
+    with pytest.raises(
+        FormatError, match=r"channels\.0\.quantity: is empty, expected one of force"
+    ):
         read_mapping(proposed)
 
 
@@ -174,7 +201,9 @@ def _channel(number: int, **changes: Any) -> dict[str, Any]:
         (_named(fs=np.arange(100)), MAPPING, "fs: has 100 values, expected the rate or a time axis of 256"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_right_is_refused_by_its_place(variables: Variables, mapping: Any, text: str) -> None:
+def test_what_cannot_be_right_is_refused_by_its_place(
+    variables: Variables, mapping: Any, text: str
+) -> None:
     with pytest.raises(FormatError, match=text) as refused:
         blocks_of(variables, read_mapping(mapping))
     assert str(refused.value).startswith(f"{refused.value.place}: ")
@@ -197,8 +226,18 @@ def _wav() -> bytes:
     return stream.getvalue()[:22] + b"\0\0" + stream.getvalue()[24:]
 
 
-NO_FILES = (b"", b"\x00" * 600, b"PK\x03\x04 not really", b"a,b\n1,2\n3\n", b"RIFF\x10\x00\x00\x00WAVE")
-DAMAGED = [(suffix, _bytes(content), None) for suffix in (".npz", ".mat", ".csv", ".wav") for content in NO_FILES]
+NO_FILES = (
+    b"",
+    b"\x00" * 600,
+    b"PK\x03\x04 not really",
+    b"a,b\n1,2\n3\n",
+    b"RIFF\x10\x00\x00\x00WAVE",
+)
+DAMAGED = [
+    (suffix, _bytes(content), None)
+    for suffix in (".npz", ".mat", ".csv", ".wav")
+    for content in NO_FILES
+]
 DAMAGED += [
     (".npz", _damaged_npz, r"cannot be read(:| as \.npz)"),
     (".wav", _bytes(_wav()), r"cannot be read(:| as \.wav)"),
@@ -229,7 +268,9 @@ def test_truncated_files_are_clear_errors(write: Callable[[Path], None], tmp_pat
             blocks_of(read_variables(cut), read_mapping(MAPPING))
 
 
-def test_of_an_npz_nothing_twice_no_pickle_and_no_more_than_allowed_is_taken(tmp_path: Path) -> None:
+def test_of_an_npz_nothing_twice_no_pickle_and_no_more_than_allowed_is_taken(
+    tmp_path: Path,
+) -> None:
     _npz(path := tmp_path / "hits.npz")
     with zipfile.ZipFile(path, "a") as archive, pytest.warns(UserWarning, match="Duplicate name"):
         archive.writestr("force.npy", archive.read("force.npy"))
@@ -257,17 +298,25 @@ def test_a_csv_is_refused_by_its_line(tmp_path: Path, text: str, fault: str) -> 
     (tmp_path / "hit.csv").write_text(text)
     with pytest.raises(FormatError, match=fault):
         read_variables(tmp_path / "hit.csv")
-    with pytest.raises(FormatError, match=r"is a '.xlsx' file, expected one of .npz, .mat, .csv, .wav"):
+    with pytest.raises(
+        FormatError, match=r"is a '.xlsx' file, expected one of .npz, .mat, .csv, .wav"
+    ):
         read_variables(tmp_path / "hit.xlsx")
 
 
 def test_of_a_structure_only_numbers_are_taken(tmp_path: Path) -> None:
-    """Texts and objects within objects say nothing of a time block; a list of structures has its numbers one by one."""
+    """Texts and objects within objects say nothing of a time block; a list of structures has its
+    numbers one by one.
+    """
     thin = sparse.csc_array(np.eye(3))
     several = np.array([(1.0,), (2.0,)], dtype=[("gain", object)])
     savemat(
         tmp_path / "m.mat",
-        {"m": {"force": FORCE, "deep": {"fs": 2048.0}, "name": "hit", "s": thin}, "sensors": several, "s": thin},
+        {
+            "m": {"force": FORCE, "deep": {"fs": 2048.0}, "name": "hit", "s": thin},
+            "sensors": several,
+            "s": thin,
+        },
     )
     found = read_variables(tmp_path / "m.mat")
     assert found.keys() == {"m.force", "m.deep.fs", "sensors.gain"}
@@ -279,10 +328,17 @@ def test_of_a_structure_only_numbers_are_taken(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("write", "missing", "advice"),
-    [(_mat, "scipy", r"install scipy, which modalbase\[server\] brings"), (_mat73, "h5py", "save it with -v7")],
+    [
+        (_mat, "scipy", r"install scipy, which modalbase\[server\] brings"),
+        (_mat73, "h5py", "save it with -v7"),
+    ],
 )
 def test_a_library_that_is_not_there_is_named(
-    write: Callable[[Path], None], missing: str, advice: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    write: Callable[[Path], None],
+    missing: str,
+    advice: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     write(tmp_path / "hits.mat")
     monkeypatch.setitem(sys.modules, missing, None)
@@ -292,27 +348,47 @@ def test_a_library_that_is_not_there_is_named(
 
 @pytest.mark.parametrize("numbered", [True, False])
 def test_blocks_become_one_file_that_gives_them_back(tmp_path: Path, numbered: bool) -> None:
-    """Sensors without a name, or with one that `savez` keeps for itself, get a name of their own."""
+    """Sensors without a name, or with one that `savez` keeps for itself, get a name of their
+    own.
+    """
     sent = [
-        TimeBlock(quantity, point, 3, 4, 3, hit, 2048.0, samples[hit - 5].astype(float), label=label)
+        TimeBlock(
+            quantity, point, 3, 4, 3, hit, 2048.0, samples[hit - 5].astype(float), label=label
+        )
         for hit in (5, 6)
-        for quantity, point, samples, label in (("force", 4, FORCE, "file"), ("velocity", 33, RESPONSE, ""))
+        for quantity, point, samples, label in (
+            ("force", 4, FORCE, "file"),
+            ("velocity", 33, RESPONSE, ""),
+        )
     ]
     content, mapping = arrays_of(sent, numbered=numbered)
     (tmp_path / "hits.npz").write_bytes(content)
     again = blocks_of(read_variables(tmp_path / "hits.npz"), read_mapping(mapping))
     for one, two in zip(again, sent, strict=True):
         np.testing.assert_array_equal(one.samples, two.samples)
-        assert (one.quantity, one.point, one.force_point) == (two.quantity, two.point, two.force_point)
+        assert (one.quantity, one.point, one.force_point) == (
+            two.quantity,
+            two.point,
+            two.force_point,
+        )
         assert one.hit == (two.hit if numbered else two.hit - 4)
     assert [b.label for b in again[:2]] == ["channel_1", "channel_2"]
 
 
 def test_blocks_of_an_archive_are_taken_as_a_service_kept_them(tmp_path: Path) -> None:
-    """In SI whatever their sensitivity, also where a channel carried nothing, with labels and starts of their own."""
-    np.savez(tmp_path / "1.npz", force_1=FORCE[:2], acceleration_2=np.zeros_like(FORCE[:2], np.float32))
+    """In SI whatever their sensitivity, also where a channel carried nothing, with labels and
+    starts of their own.
+    """
+    np.savez(
+        tmp_path / "1.npz", force_1=FORCE[:2], acceleration_2=np.zeros_like(FORCE[:2], np.float32)
+    )
     force = {"variable": "force_1", "quantity": "force", "point": [1, 2], "sensitivity": 0.5}
-    other = {"variable": "acceleration_2", "quantity": "acceleration", "point": 33, "label": ["a", "b"]}
+    other = {
+        "variable": "acceleration_2",
+        "quantity": "acceleration",
+        "point": 33,
+        "label": ["a", "b"],
+    }
     document = {"archived": True, "sample_rate_hz": 2048.0, "hit": [4, 7]}
     document["channels"] = [force, {**other, "start_sample": [0, 4096], "direction": [3, -3]}]
     found = blocks_of(read_variables(tmp_path / "1.npz"), read_mapping(document))
@@ -320,7 +396,11 @@ def test_blocks_of_an_archive_are_taken_as_a_service_kept_them(tmp_path: Path) -
         (1, 4, "force_1", None), (1, 4, "a", 0), (2, 7, "force_1", None), (2, 7, "b", 4096),
     ]  # fmt: skip
     assert (found[2].samples == FORCE[1]).all()
-    assert (found[0].sensitivity, found[1].samples.dtype, found[3].direction) == (0.5, np.float32, -3)
+    assert (found[0].sensitivity, found[1].samples.dtype, found[3].direction) == (
+        0.5,
+        np.float32,
+        -3,
+    )
     with pytest.raises(FormatError, match="carried nothing"):
         blocks_of(read_variables(tmp_path / "1.npz"), read_mapping({**document, "archived": False}))
     for wrong, why in (
@@ -335,13 +415,17 @@ def test_blocks_of_an_archive_are_taken_as_a_service_kept_them(tmp_path: Path) -
             blocks_of(read_variables(tmp_path / "1.npz"), read_mapping({**document, **wrong}))
 
 
-def test_half_precision_goes_in_exactly_and_what_would_be_rounded_is_refused(tmp_path: Path) -> None:
+def test_half_precision_goes_in_exactly_and_what_would_be_rounded_is_refused(
+    tmp_path: Path,
+) -> None:
     half = FORCE.astype(np.float16)
     np.savez(tmp_path / "half.npz", **{**ARRAYS, "force": half})
-    (first, *_) = blocks_of(read_variables(tmp_path / "half.npz"), read_mapping(MAPPING))
+    first, *_ = blocks_of(read_variables(tmp_path / "half.npz"), read_mapping(MAPPING))
     assert first.samples.dtype == np.float64
     sensitivity = next(c["sensitivity"] for c in MAPPING["channels"] if c["variable"] == "force")
     np.testing.assert_array_equal(first.samples, half[0].astype(float) / sensitivity)
     if np.dtype(np.longdouble).itemsize > 8:
-        with pytest.raises(FormatError, match=r"force: holds numbers of type .* which would be rounded"):
+        with pytest.raises(
+            FormatError, match=r"force: holds numbers of type .* which would be rounded"
+        ):
             blocks_of({**ARRAYS, "force": FORCE.astype(np.longdouble)}, read_mapping(MAPPING))

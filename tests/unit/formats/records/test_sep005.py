@@ -26,7 +26,8 @@ def test_series_become_blocks_in_si() -> None:
 
 
 @pytest.mark.parametrize(
-    ("unit", "factor"), [("m/s²", 1.0), ("m/s^2", 1.0), ("mm/s**2", 1e-3), ("g", 9.80665), ("m s-2", 1.0)]
+    ("unit", "factor"),
+    [("m/s²", 1.0), ("m/s^2", 1.0), ("mm/s**2", 1e-3), ("g", 9.80665), ("m s-2", 1.0)],
 )
 def test_units_as_people_write_them(unit: str, factor: float) -> None:
     series = [HAMMER, {**SENSOR, "data": RESPONSE[0], "unit_str": unit}]
@@ -37,7 +38,13 @@ def test_units_as_people_write_them(unit: str, factor: float) -> None:
 def test_volts_with_a_sensitivity_and_an_axis_in_place_of_the_rate() -> None:
     time = 3.0 + np.arange(256) / 2048
     series = [
-        {"name": "hammer", "data": 0.002 * FORCE[0], "time": time, "unit_str": "V", "quantity": "force"},
+        {
+            "name": "hammer",
+            "data": 0.002 * FORCE[0],
+            "time": time,
+            "unit_str": "V",
+            "quantity": "force",
+        },
         {**SENSOR, "data": RESPONSE[0]},
     ]
     force = records_from_sep005(series, PLACES, sensitivities={"hammer": 0.002})[0]
@@ -67,10 +74,22 @@ def test_there_and_back_is_the_same() -> None:
     ("series", "places", "text"),
     [
         ([HAMMER], PLACES, "have no response"),
-        ([SENSOR, {**SENSOR, "name": "b"}], {**PLACES, "b": 2}, "exactly one channel that measures a force"),
-        ([{k: v for k, v in HAMMER.items() if k != "fs"}, SENSOR], PLACES, r"series.0.fs: is missing, and so is time"),
+        (
+            [SENSOR, {**SENSOR, "name": "b"}],
+            {**PLACES, "b": 2},
+            "exactly one channel that measures a force",
+        ),
+        (
+            [{k: v for k, v in HAMMER.items() if k != "fs"}, SENSOR],
+            PLACES,
+            r"series.0.fs: is missing, and so is time",
+        ),
         ([HAMMER, {**SENSOR, "fs": 1024}], PLACES, "differ in sampling rate: 1024 Hz, 2048 Hz"),
-        ([HAMMER, {**SENSOR, "time": np.arange(256) / 512}], PLACES, "the axis in time says 512 Hz"),
+        (
+            [HAMMER, {**SENSOR, "time": np.arange(256) / 512}],
+            PLACES,
+            "the axis in time says 512 Hz",
+        ),
         ([HAMMER, {**SENSOR, "time": np.arange(256) ** 2}], PLACES, "not an evenly rising axis"),
         ([HAMMER, {**SENSOR, "time": np.arange(7)}], PLACES, "has 7 values, the data 256"),
         ([HAMMER, {**SENSOR, "unit_str": "bar"}], PLACES, "is 'bar', expected one of N, kN"),
@@ -80,7 +99,11 @@ def test_there_and_back_is_the_same() -> None:
         ([HAMMER, {**SENSOR, "data": np.array(["a"])}], PLACES, "holds no numbers"),
         ([HAMMER, {**SENSOR, "data": [[1.0], [1.0, 2.0]]}], PLACES, "holds no numbers"),
         ([HAMMER, {**SENSOR, "data": RESPONSE[:2]}], PLACES, "are not alike"),
-        ([HAMMER, {**SENSOR, "data": np.where(RESPONSE > 2, np.nan, RESPONSE)}], PLACES, "holds NaN or infinity"),
+        (
+            [HAMMER, {**SENSOR, "data": np.where(RESPONSE > 2, np.nan, RESPONSE)}],
+            PLACES,
+            "holds NaN or infinity",
+        ),
         ([HAMMER, "acc"], PLACES, "series.1: is a str"),
         ([HAMMER, {**SENSOR, "fs": 0}], PLACES, "expected samples a second"),
     ],

@@ -12,7 +12,9 @@ from modalbase.formats.records.tdms import Tdms, read_tdms_head
 from service.compute.recordings import Channels, channels_of
 from tests.unit.fecore.signal.test_recording import RATE, recording
 
-nptdms = pytest.importorskip("nptdms", reason="npTDMS is not installed: pip install 'modalbase[tdms]'")
+nptdms = pytest.importorskip(
+    "nptdms", reason="npTDMS is not installed: pip install 'modalbase[tdms]'"
+)
 WHOLE = recording([1.0, 4.0], [1.0, 0.6], 7.0)
 NAMES = ["daq/force", "daq/acc"]
 MAPPED = [
@@ -26,7 +28,9 @@ def written(folder: Path, strokes: int = 1, rate: float | None = RATE, lacks: in
     path = folder / "long.tdms"
     said = {"wf_increment": 1 / rate} if rate else {}
     with nptdms.TdmsWriter(path) as file:
-        for force, response in zip(*(np.array_split(row, strokes, axis=0) for row in WHOLE), strict=True):
+        for force, response in zip(
+            *(np.array_split(row, strokes, axis=0) for row in WHOLE), strict=True
+        ):
             file.write_segment(
                 [
                     nptdms.ChannelObject("daq", "force", force, said),
@@ -44,7 +48,9 @@ def channels(path: Path, **said: object) -> Channels:
 @pytest.mark.parametrize("strokes", [1, 7, 300])
 def test_samples_are_those_that_were_written(tmp_path: Path, strokes: int) -> None:
     head = read_tdms_head(written(tmp_path, strokes))
-    assert head == Tdms(head.path, dict.fromkeys(NAMES, WHOLE.shape[1]), dict.fromkeys(NAMES, RATE), True)
+    assert head == Tdms(
+        head.path, dict.fromkeys(NAMES, WHOLE.shape[1]), dict.fromkeys(NAMES, RATE), True
+    )
     parts = list(head.chunks(NAMES[::-1]))
     assert [part.shape[1] for part in parts[:-1]] == [1 << 17] * (len(parts) - 1)
     np.testing.assert_array_equal(np.concatenate(parts, axis=1), WHOLE[::-1].astype(np.float32))
@@ -62,7 +68,9 @@ def test_hits_are_cut_by_group_and_channel(tmp_path: Path) -> None:
     begin = blocks[0].start_sample
     assert begin is not None
     expected = WHOLE[:, begin : begin + found.length] / 0.5
-    np.testing.assert_allclose([blocks[0].samples, blocks[1].samples], expected, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(
+        [blocks[0].samples, blocks[1].samples], expected, rtol=1e-6, atol=1e-7
+    )
     assert own.notes(found) == []
 
 
@@ -80,7 +88,9 @@ def test_a_rate_is_the_files_or_stated_and_one_that_a_recorder_has(tmp_path: Pat
 
 
 def test_a_damaged_name_is_not_printed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """npTDMS printed all bytes of what it took for a name: with a damaged length, the rest of the file."""
+    """npTDMS printed all bytes of what it took for a name: with a damaged length, the rest of the
+    file.
+    """
     path = written(tmp_path)
     path.write_bytes(path.read_bytes().replace(b"wf_increment", b"wf_\xffncrement"))
     assert np.isnan(read_tdms_head(path).rates["daq/force"])
@@ -105,7 +115,9 @@ def test_a_file_that_was_cut_off_says_so_and_one_that_is_broken_is_refused(tmp_p
         channels(path)
 
 
-def test_without_nptdms_the_error_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_nptdms_the_error_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = written(tmp_path)
     monkeypatch.setitem(sys.modules, "nptdms", None)
     with pytest.raises(FormatError, match=r"pip install 'modalbase\[tdms\]'"):
@@ -113,7 +125,9 @@ def test_without_nptdms_the_error_says_what_to_install(tmp_path: Path, monkeypat
 
 
 def strokes_of(path: Path, strokes: int, interleaved: bool = False, cut: int = 0) -> None:
-    """Make the raw data of a file's one segment as many strokes, each with samples of its own, and cut some bytes off."""
+    """Make the raw data of a file's one segment as many strokes, each with samples of its own, and
+    cut some bytes off.
+    """
     whole = bytearray(path.read_bytes())
     meta, begin = int.from_bytes(whole[4:8], "little"), 28 + int.from_bytes(whole[20:28], "little")
     data = np.frombuffer(bytes(whole[begin:]), "<f8")
@@ -130,38 +144,60 @@ def test_every_layout_gives_what_nptdms_reads_at_once(
     tmp_path: Path, strokes: int, interleaved: bool, cut: int
 ) -> None:
     path, rows = tmp_path / "long.tdms", {"daq/force": WHOLE[0], "daq/acc": WHOLE[1]}
-    scale = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": 0.5}
-    scale |= {"NI_Scale[0]_Linear_Y_Intercept": 0.25, "NI_Scale[0]_Linear_Input_Source": 0xFFFF_FFFF}
+    scale = {
+        "NI_Number_Of_Scales": 1,
+        "NI_Scale[0]_Scale_Type": "Linear",
+        "NI_Scale[0]_Linear_Slope": 0.5,
+    }
+    scale |= {
+        "NI_Scale[0]_Linear_Y_Intercept": 0.25,
+        "NI_Scale[0]_Linear_Input_Source": 0xFFFF_FFFF,
+    }
     with nptdms.TdmsWriter(path) as file:
-        file.write_segment([nptdms.ChannelObject(*name.split("/"), row, scale) for name, row in rows.items()])
+        file.write_segment(
+            [nptdms.ChannelObject(*name.split("/"), row, scale) for name, row in rows.items()]
+        )
     strokes_of(path, strokes, interleaved, cut)
     whole = nptdms.TdmsFile.read(path)["daq"]
     for name in rows:
         parts = list(read_tdms_head(path).chunks([name]))
         assert max(part.size for part in parts) <= 1 << 17
-        np.testing.assert_array_equal(np.concatenate(parts, axis=1)[0], whole[name[4:]][:].astype(np.float32))
+        np.testing.assert_array_equal(
+            np.concatenate(parts, axis=1)[0], whole[name[4:]][:].astype(np.float32)
+        )
 
 
 def daqmx(path: Path, strokes: int, frames: int, claimed: int | None = None) -> np.ndarray:
-    """Write two channels of 16 bits in DAQmx's layout, 2 and 3 of a count a volt; gives the (frames, 2) counts."""
+    """Write two channels of 16 bits in DAQmx's layout, 2 and 3 of a count a volt; gives the
+    (frames, 2) counts.
+    """
 
     def text(said: str) -> bytes:
         return struct.pack("<L", len(said)) + said.encode()
 
     counts = np.arange(2 * strokes * frames, dtype="<i2").reshape(-1, 2)
-    objects = [text("/") + struct.pack("<LL", 0xFFFF_FFFF, 0), text("/'daq'") + struct.pack("<LL", 0xFFFF_FFFF, 0)]
+    objects = [
+        text("/") + struct.pack("<LL", 0xFFFF_FFFF, 0),
+        text("/'daq'") + struct.pack("<LL", 0xFFFF_FFFF, 0),
+    ]
     for k in (0, 1):
         index = struct.pack("<LLLQ", 0x1269, 0xFFFF_FFFF, 1, claimed or frames)
         index += struct.pack("<LLLLLL", 1, 3, 0, 2 * k, 0, 0) + struct.pack("<LL", 1, 4)
-        said = [("NI_Number_Of_Scales", 7, struct.pack("<L", 2)), ("NI_Scale[1]_Scale_Type", 0x20, text("Linear"))]
+        said = [
+            ("NI_Number_Of_Scales", 7, struct.pack("<L", 2)),
+            ("NI_Scale[1]_Scale_Type", 0x20, text("Linear")),
+        ]
         said += [
-            (f"NI_Scale[1]_Linear_{n}", 10, struct.pack("<d", v)) for n, v in (("Slope", k + 2), ("Y_Intercept", 0))
+            (f"NI_Scale[1]_Linear_{n}", 10, struct.pack("<d", v))
+            for n, v in (("Slope", k + 2), ("Y_Intercept", 0))
         ]
         said += [
             ("NI_Scale[1]_Linear_Input_Source", 7, struct.pack("<L", 0)),
             ("wf_increment", 10, struct.pack("<d", 1e-3)),
         ]
-        properties = b"".join(text(name) + struct.pack("<L", kind) + value for name, kind, value in said)
+        properties = b"".join(
+            text(name) + struct.pack("<L", kind) + value for name, kind, value in said
+        )
         objects.append(text(f"/'daq'/'c{k}'") + index + struct.pack("<L", len(said)) + properties)
     head = struct.pack("<L", len(objects)) + b"".join(objects)
     lead = b"TDSm" + struct.pack("<lLQQ", 0b1000_1110, 4713, len(head) + counts.nbytes, len(head))
@@ -169,13 +205,16 @@ def daqmx(path: Path, strokes: int, frames: int, claimed: int | None = None) -> 
     return counts
 
 
-def test_daqmx_s_own_layout_is_read_stroke_by_stroke_and_refused_where_one_is_large(tmp_path: Path) -> None:
+def test_daqmx_s_own_layout_is_read_stroke_by_stroke_and_refused_where_one_is_large(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "daqmx.tdms"
     counts = daqmx(path, 5, 100)
     read = np.concatenate(list(read_tdms_head(path).chunks(["daq/c0", "daq/c1"])), axis=1)
     np.testing.assert_array_equal(read, (counts * [2.0, 3.0]).T)
     daqmx(path, 1, 100, claimed=1 << 25)
     with pytest.raises(
-        FormatError, match=r"strokes of 134 MB, of which 67 MB can be read; let the recorder write more"
+        FormatError,
+        match=r"strokes of 134 MB, of which 67 MB can be read; let the recorder write more",
     ):
         list(read_tdms_head(path).chunks(["daq/c0"]))

@@ -1,4 +1,6 @@
-"""What other programs write beside the standard goes in as far as it can be proven right, with a note that says so."""
+"""What other programs write beside the standard goes in as far as it can be proven right, with a
+note that says so.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -18,7 +20,19 @@ from modalbase.formats.uff import (
     read_file,
 )
 from modalbase.formats.uff.channels import Spectra
-from tests.support.uff import FRF, PLAIN, POINTS, Read, Reading, axis, dataset, function, header_58, set_58, set_164
+from tests.support.uff import (
+    FRF,
+    PLAIN,
+    POINTS,
+    Read,
+    Reading,
+    axis,
+    dataset,
+    function,
+    header_58,
+    set_58,
+    set_164,
+)
 
 SECONDS = axis(17, "s")
 VALUES = [1 + 2j, 3 + 4j]
@@ -34,7 +48,9 @@ def frequencies(found: Reading) -> list[float]:
 
 
 ONE = "   1.00000000000e+00   0.00000000000e+00"
-TRACE = dataset("82", f"{1:10d}{3:10d}{0:10d}", "line", "".join(f"{p:10d}" for p in (1, 2, 0, 3, 4, 0, 0, 0)))
+TRACE = dataset(
+    "82", f"{1:10d}{3:10d}{0:10d}", "line", "".join(f"{p:10d}" for p in (1, 2, 0, 3, 4, 0, 0, 0))
+)
 RUN_TOGETHER = f"{1:10d}{0:10d}{0:10d}{1:10d}-1.00000E-101-2.00000E+000-3.000000E-01"
 UNSTATED = set_58(ONE, points=1, ordinate=axis(0), denominator=axis(0))
 TAKEN: dict[str, tuple[bytes, Callable[[Reading], object], object, str]] = {
@@ -44,7 +60,8 @@ TAKEN: dict[str, tuple[bytes, Callable[[Reading], object], object, str]] = {
     "a reference of -1": (
         set_58(PLAIN, reference=(-1, 0)), lambda found: found.of(Frf)[0].reference_point, 0, "-1, read as 0"),
     "rows of other widths": (set_58(" 1.0e+00 2.0e+00", " 3.0e+00 4.0e+00"), of_frf, VALUES, "separated by blanks"),
-    "rows that together fill the columns": (  # the second is a column short and the third one long: none is cut up
+    # the second is a column short and the third one long: none is cut up
+    "rows that together fill the columns": (
         set_58(PLAIN, PLAIN[1:], " " + PLAIN, points=6), of_frf, VALUES * 3, "separated by blanks"),
     "singles beyond their range": (set_58("  1.00000e-42  2.00000e+00  3.00000e+00  4.00000e+00", kind=5), of_frf,
         [1e-42 + 2j, 3 + 4j], "kept as doubles"),
@@ -86,10 +103,14 @@ def test_what_may_be_data_between_datasets_is_not(tmp_path: Path, text: bytes) -
         read_file(path)
 
 
-@pytest.mark.parametrize(("counted", "ends"), [(32, b"\n"), (33, b"\n"), (34, b"\r\n"), (36, b"\r\n\r\n")])
+@pytest.mark.parametrize(
+    ("counted", "ends"), [(32, b"\n"), (33, b"\n"), (34, b"\r\n"), (36, b"\r\n\r\n")]
+)
 def test_a_binary_count_may_hold_the_line_ends(read: Read, counted: int, ends: bytes) -> None:
     values = np.array([1.0, 2.0, 3.0, 4.0])
-    head = b"\n".join(line.encode() if isinstance(line, str) else line for line in header_58()) + b"\n"
+    head = (
+        b"\n".join(line.encode() if isinstance(line, str) else line for line in header_58()) + b"\n"
+    )
     type_line = f"    58b     1     2          11{counted:12d}     0     0           0           0\n".encode()
     found = read(b"    -1\n" + type_line + head + values.tobytes() + ends + b"    -1\n" + FRF)
     assert found.outcomes == ["read", "read"]
@@ -99,13 +120,23 @@ def test_a_binary_count_may_hold_the_line_ends(read: Read, counted: int, ends: b
 
 def test_time_blocks_are_read_in_si(read: Read) -> None:
     samples = np.sin(np.arange(64.0))
-    force = function(1, samples, abscissa=SECONDS, ordinate=axis(13, "lbf"), step="1.00000e-03", reference=(7, 3))
-    metric = function(1, samples, abscissa=SECONDS, ordinate=axis(12, "NONE"), step="1.00000e-03", reference=(7, 3))
+    force = function(
+        1, samples, abscissa=SECONDS, ordinate=axis(13, "lbf"), step="1.00000e-03", reference=(7, 3)
+    )
+    metric = function(
+        1,
+        samples,
+        abscissa=SECONDS,
+        ordinate=axis(12, "NONE"),
+        step="1.00000e-03",
+        reference=(7, 3),
+    )
     pressure = function(1, samples, abscissa=SECONDS, ordinate=axis(15, "Pa"), step="1.00000e-03")
     found = read(set_164(length=1000.0) + force + metric + pressure)
     hammer, sensor = found.of(TimeResponse)
     np.testing.assert_allclose(hammer.samples, 4.4482216152605 * samples, rtol=1e-12)
-    np.testing.assert_allclose(sensor.samples, samples / 1000, rtol=1e-12)  # by set 164: the file is in mm
+    # by set 164: the file is in mm
+    np.testing.assert_allclose(sensor.samples, samples / 1000, rtol=1e-12)
     assert "units of set 164 (USER_DEFINED) assumed" in found.notes
     assert "units of SI (the file has no set 164) assumed" in read(metric).notes
     assert (hammer.quantity, sensor.quantity) == ("force", "acceleration")
@@ -113,7 +144,8 @@ def test_time_blocks_are_read_in_si(read: Read) -> None:
     assert found.of(Function)[0].name == "time response"  # a pressure stays what it was
     others = ((1, axis(15, "N*m")), (2, axis(15, "N*m")), (2, axis(15, "NONE")))
     kept = [
-        read(function(n, samples**2, ordinate=o, abscissa=SECONDS if n == 1 else axis(18, "Hz"))) for n, o in others
+        read(function(n, samples**2, ordinate=o, abscissa=SECONDS if n == 1 else axis(18, "Hz")))
+        for n, o in others
     ]
     assert [len(one.of(Function)) for one in kept] == [1, 1, 1]  # and so does a moment
 
@@ -137,7 +169,9 @@ NEWTONS = {"abscissa": SECONDS, "ordinate": axis(13, "N"), "step": "1.00000e-03"
          "'nan' is not a number"),
     ],
 )  # fmt: skip
-def test_a_time_block_without_a_rate_or_of_two_minds_is_refused(read: Read, file: bytes, reason: str) -> None:
+def test_a_time_block_without_a_rate_or_of_two_minds_is_refused(
+    read: Read, file: bytes, reason: str
+) -> None:
     found = read(file)
     assert found.outcomes == ["refused"]
     assert reason in found.reasons
@@ -173,25 +207,42 @@ def test_spectra_that_make_no_frf_say_why(read: Read) -> None:
     assert "of the force at its reference" in reasons(function(3, cross, **ends))[0]
     assert "makes a coherence above 1" in reasons(function(3, cross, **ends) + of_force + quiet)[0]
     loud = function(2, 1e4 * force, response=(7, 3), reference=(7, 3), ordinate=axis(12, "m/s^2"))
-    bell = np.exp(-(((hz - 128) / 20) ** 2)) + 0j  # real: its impulse response is the same before the hit as after
-    assert "before the hit as much as after it" in reasons(function(3, bell, **ends) + of_force + loud)[0]
-    (known,) = read(function(4, cross, **ends)).of(Frf)
-    assert reasons(function(3, cross, **ends) + of_force + quiet, known)[0] == (
-        "is the cross spectrum of an FRF that the file has itself"
+    # real: its impulse response is the same before the hit as after
+    bell = np.exp(-(((hz - 128) / 20) ** 2)) + 0j
+    assert (
+        "before the hit as much as after it"
+        in reasons(function(3, bell, **ends) + of_force + loud)[0]
     )
-    elsewhere = function(2, force, response=(1, 3), reference=(1, 3), ordinate=axis(13, "N^2"), step="1.00010e+00")
+    (known,) = read(function(4, cross, **ends)).of(Frf)
+    assert (
+        reasons(function(3, cross, **ends) + of_force + quiet, known)[0]
+        == "is the cross spectrum of an FRF that the file has itself"
+    )
+    elsewhere = function(
+        2, force, response=(1, 3), reference=(1, 3), ordinate=axis(13, "N^2"), step="1.00010e+00"
+    )
     assert "of the force at its reference" in reasons(function(3, cross, **ends) + elsewhere)[0]
     assert not Spectra().holds(read(FRF).reports[0])
 
 
-def test_a_cross_spectrum_takes_the_auto_spectra_stated_last_before_it_else_the_first_after_it(read: Read) -> None:
-    """Hits of several points in one file: each has auto spectra of its own, of the same channels."""
+def test_a_cross_spectrum_takes_the_auto_spectra_stated_last_before_it_else_the_first_after_it(
+    read: Read,
+) -> None:
+    """Hits of several points in one file: each has auto spectra of its own, of the same
+    channels.
+    """
     hz = np.arange(256.0)
     exact = 1 / ((300.0 / 6) ** 2 - hz**2 + 2j * hz)
 
     def of(dof: int, size: float) -> bytes:
         level = np.full(256, size) if dof == 1 else size * np.abs(exact) ** 2
-        return function(2, level, response=(dof, 3), reference=(dof, 3), ordinate=axis(13 if dof == 1 else 8, "NONE"))
+        return function(
+            2,
+            level,
+            response=(dof, 3),
+            reference=(dof, 3),
+            ordinate=axis(13 if dof == 1 else 8, "NONE"),
+        )
 
     cross = function(3, exact, response=(7, 3), reference=(1, 3))
     for before, after, force in (((4.0, 2.0), (8.0,), 2.0), ((), (2.0, 4.0), 2.0)):
@@ -202,10 +253,14 @@ def test_a_cross_spectrum_takes_the_auto_spectra_stated_last_before_it_else_the_
 
 
 @pytest.mark.parametrize("conjugated", [False, True])
-def test_power_spectra_make_the_frf_whichever_channel_is_conjugated(read: Read, conjugated: bool) -> None:
+def test_power_spectra_make_the_frf_whichever_channel_is_conjugated(
+    read: Read, conjugated: bool
+) -> None:
     hz = np.arange(0.0, 256.0)
     omega = 2 * np.pi * hz
-    exact = -(omega**2) * sum(a / (w**2 - omega**2 + 2j * 0.02 * w * omega) for a, w in ((1.0, 300.0), (-0.6, 900.0)))
+    exact = -(omega**2) * sum(
+        a / (w**2 - omega**2 + 2j * 0.02 * w * omega) for a, w in ((1.0, 300.0), (-0.6, 900.0))
+    )
     force = 4.0 / (1 + (hz / 200) ** 2)
     noise = 0.01 * np.abs(exact).max() ** 2 * force
     motion = np.abs(exact) ** 2 * force + noise
@@ -221,7 +276,10 @@ def test_power_spectra_make_the_frf_whichever_channel_is_conjugated(read: Read, 
     assert isinstance(coherence, Function)
     np.testing.assert_allclose(frf.values, exact, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(
-        coherence.values, np.abs(exact) ** 2 * force / np.maximum(motion, 1e-300), rtol=1e-9, atol=1e-9
+        coherence.values,
+        np.abs(exact) ** 2 * force / np.maximum(motion, 1e-300),
+        rtol=1e-9,
+        atol=1e-9,
     )
     assert (frf.quantity, frf.response_point, frf.reference_point) == ("accelerance", 7, 1)
     assert [r.outcome for r in reports] == ["read", "read", "read"]

@@ -1,4 +1,6 @@
-"""Files as a whole: broken framing is refused before anything is yielded; other people's files, and damaged ones."""
+"""Files as a whole: broken framing is refused before anything is yielded; other people's files, and
+damaged ones.
+"""
 
 import pickle
 from collections import Counter
@@ -75,7 +77,8 @@ def test_broken_framing(tmp_path: Path, data: bytes, reason: str) -> None:
 @pytest.mark.parametrize("good", [POINTS + FRF, binary()], ids=["text", "binary"])
 def test_every_cut_inside_a_dataset_is_refused(tmp_path: Path, good: bytes) -> None:
     path = tmp_path / "file.uff"
-    whole = range(len(POINTS) - 1, len(POINTS) + 5)  # from before a line end to after the blanks of the next delimiter
+    # from before a line end to after the blanks of the next delimiter
+    whole = range(len(POINTS) - 1, len(POINTS) + 5)
     for size in range(len(good)):
         path.write_bytes(good[:size])
         if (good.startswith(POINTS) and size in whole) or size == len(good) - 1:
@@ -139,13 +142,18 @@ def test_a_file_that_is_cut_while_it_is_read_is_refused(tmp_path: Path) -> None:
     path.write_bytes(POINTS)
     with pytest.raises(UffError, match="the file became shorter while it was read") as refused:
         list(contents)
-    assert str(pickle.loads(pickle.dumps(refused.value))) == str(refused.value)  # as it comes out of a child process
+    # as it comes out of a child process
+    assert str(pickle.loads(pickle.dumps(refused.value))) == str(refused.value)
 
 
 def test_what_pyuff_reads_otherwise_is_refused(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The guard against a dialect that file and reader share: it objects to another number and to one that is lost."""
+    """The guard against a dialect that file and reader share: it objects to another number and to
+    one that is lost.
+    """
     theirs = pyuff.UFF.read_sets
-    monkeypatch.setattr(pyuff.UFF, "read_sets", lambda self: {**theirs(self), "node_nums": np.array([2])})
+    monkeypatch.setattr(
+        pyuff.UFF, "read_sets", lambda self: {**theirs(self), "node_nums": np.array([2])}
+    )
     assert "pyuff reads another 'node_nums' from it than its columns hold" in read(POINTS).reasons
     monkeypatch.setattr(pyuff.UFF, "read_sets", lambda _: {})
     assert "pyuff finds no" in read(POINTS).reasons
@@ -157,7 +165,11 @@ def test_what_pyuff_reads_otherwise_is_refused(read: Read, monkeypatch: pytest.M
 
 def test_a_refused_row_is_named_by_its_line() -> None:
     good = b"1.0 2.0 \n3.0 4.0 \n"
-    for body, count, line in ((b"1.0 2.0 \n3.0 abc \n", 4, 21), (good + b"5.0 6.0 \n", 4, 22), (good, 6, 22)):
+    for body, count, line in (
+        (b"1.0 2.0 \n3.0 abc \n", 4, 21),
+        (good + b"5.0 6.0 \n", 4, 22),
+        (good, 6, 22),
+    ):
         with pytest.raises(Refusal) as refused:
             real_block(body, (4, 4), count, 20)
         assert refused.value.line == line
@@ -170,7 +182,11 @@ COUNTS: dict[str, dict[type, int]] = {
     "murml-uff/UFF58B.FRF": {Frf: 1},
     "murml-uff/coords.unv": {GridPoint: 26, TraceLine: 3},
     "pyuff/2411-and-2414.uff": {FileHeader: 1, GridPoint: 441, Element: 400, ModeShape: 10},
-    "pyuff/Artemis-export---Geometry-RPBC_setup_05_14102016_105117.uff": {GridPoint: 74, TraceLine: 2, Element: 108},
+    "pyuff/Artemis-export---Geometry-RPBC_setup_05_14102016_105117.uff": {
+        GridPoint: 74,
+        TraceLine: 2,
+        Element: 108,
+    },
     "pyuff/NX-simulation-output.uff": {
         FileHeader: 1,
         Units: 1,
@@ -181,7 +197,13 @@ COUNTS: dict[str, dict[type, int]] = {
     },
     "pyuff/Sample_UFF58_ascii.uff": {Function: 1},
     "pyuff/Sample_UFF58b_bin.uff": {Function: 1},
-    "pyuff/TestLab-161-164-18-15-82.uff": {FileHeader: 1, Units: 1, CoordinateSystem: 36, GridPoint: 36, TraceLine: 3},
+    "pyuff/TestLab-161-164-18-15-82.uff": {
+        FileHeader: 1,
+        Units: 1,
+        CoordinateSystem: 36,
+        GridPoint: 36,
+        TraceLine: 3,
+    },
     "pyuff/binary8byte.uff": {TimeResponse: 1},
     "pyuff/groups_test.uff": {Units: 1, CoordinateSystem: 1, GridPoint: 74, Element: 341},
     "pyuff/measurement_v1.uff": {Frf: 3},
@@ -217,7 +239,9 @@ def test_counts(name: str) -> None:
 
 def test_whatever_else_the_corpus_holds_is_read_or_refused_with_a_reason(uff_corpus: Path) -> None:
     """The corpus is other people's and may grow."""
-    for path in sorted(path for path in uff_corpus.glob("*/*") if str(path.relative_to(uff_corpus)) not in COUNTS):
+    for path in sorted(
+        path for path in uff_corpus.glob("*/*") if str(path.relative_to(uff_corpus)) not in COUNTS
+    ):
         with suppress(UffError):  # no UFF file; the error says why
             found = load(path)
             assert found.outcomes, path
@@ -225,7 +249,9 @@ def test_whatever_else_the_corpus_holds_is_read_or_refused_with_a_reason(uff_cor
 
 
 def test_text_and_binary_of_one_measurement_read_alike() -> None:
-    (text,), (binary,) = (corpus_file(f"pyuff/Sample_UFF58{n}.uff").of(Function) for n in ("_ascii", "b_bin"))
+    (text,), (binary,) = (
+        corpus_file(f"pyuff/Sample_UFF58{n}.uff").of(Function) for n in ("_ascii", "b_bin")
+    )
     assert text.values.dtype == binary.values.dtype == np.float32
     assert len(text.values) == len(binary.values) == 79292
     np.testing.assert_allclose(text.values, binary.values, rtol=6e-6)  # E13.5 holds six digits
@@ -235,7 +261,9 @@ def test_text_and_binary_of_one_measurement_read_alike() -> None:
 
 
 def test_line_ends_do_not_matter() -> None:
-    lf, crlf = (corpus_file(f"pyuff/sample_dataset58_psd{n}").of(Function)[0] for n in (".uff", "_crlf.unv"))
+    lf, crlf = (
+        corpus_file(f"pyuff/sample_dataset58_psd{n}").of(Function)[0] for n in (".uff", "_crlf.unv")
+    )
     np.testing.assert_array_equal(lf.values, crlf.values)
     np.testing.assert_array_equal(lf.abscissa.points(), np.arange(3201.0))
     assert lf.name == "power spectral density"
@@ -245,7 +273,9 @@ def test_line_ends_do_not_matter() -> None:
 def test_measured_frfs_peak_at_their_resonances() -> None:
     frfs = corpus_file("pyuff/measurement_v1.uff").of(Frf)
     assert {f.quantity for f in frfs} == {"accelerance"}
-    assert [(f.response_point, f.response_direction, f.reference_point) for f in frfs] == [(1, 1, n) for n in (1, 2, 3)]
+    assert [(f.response_point, f.response_direction, f.reference_point) for f in frfs] == [
+        (1, 1, n) for n in (1, 2, 3)
+    ]
     response, hz = np.max([np.abs(f.values) for f in frfs], axis=0), frfs[0].frequency.points()
     for resonance in (51.5, 142.2, 278.7, 460.4, 687.2, 958.5):
         near = np.abs(hz - resonance) < 15
@@ -262,7 +292,9 @@ def test_units_and_dofs_of_measured_frfs() -> None:
     assert "assumed" in found.notes
     (frf,) = corpus_file("pyuff/non_ascii_header.uff").of(Frf)
     assert frf.quantity == "accelerance"
-    np.testing.assert_allclose(frf.values[:2], [4.07994e-01, -5.99924e-02 - 5.53260e-02j], rtol=1e-7)
+    np.testing.assert_allclose(
+        frf.values[:2], [4.07994e-01, -5.99924e-02 - 5.53260e-02j], rtol=1e-7
+    )
 
 
 def test_a_simulations_mode_shapes_and_coordinates() -> None:
@@ -271,7 +303,8 @@ def test_a_simulations_mode_shapes_and_coordinates() -> None:
     points = {p.number: p.xyz_m for p in found.of(GridPoint)}
     expected = (2.0940900802612305e-2, 1.3069399833679199e-2, 1.01075216497076e-3)
     np.testing.assert_allclose(points[9581], expected, rtol=1e-12)
-    assert {round(x, 9) for x, _, _ in points.values()} == {round(2.0940900802612305e-2, 9)}  # a straight bar along z
+    # a straight bar along z
+    assert {round(x, 9) for x, _, _ in points.values()} == {round(2.0940900802612305e-2, 9)}
     first = found.of(ModeShape)[0]
     assert (first.frequency_hz, first.kind, first.values.shape) == (23383.2, "normal", (18, 3))
     np.testing.assert_array_equal(first.values[0], [1.95655e-02, 1.30354e01, -1.92335e-07])
@@ -289,7 +322,12 @@ def test_complex_eigenvalue_of_set_55() -> None:
 @pytest.mark.parametrize("name", ["paper-like", "free-1pct"])
 def test_independent_frfs_of_beams(name: str) -> None:
     found = load(shared_file("BLIND_OPEN", "blind-open", f"{name}.uff"))
-    assert Counter(type(c) for c in found.contents) == {FileHeader: 1, Units: 1, GridPoint: 33, Frf: 33}
+    assert Counter(type(c) for c in found.contents) == {
+        FileHeader: 1,
+        Units: 1,
+        GridPoint: 33,
+        Frf: 33,
+    }
     assert set(found.outcomes) == {"read"}
     assert found.notes == ""
     for frf in found.of(Frf):
@@ -323,7 +361,9 @@ def test_the_verdict_knows_a_silent_change(tmp_path: Path) -> None:
 
 
 def test_floods_stay_within_bounds(tmp_path: Path) -> None:
-    """Of 20 to 40 MB each; a tenth of the datasets that are taken, and so of the memory: pyuff takes 1,800 MiB."""
+    """Of 20 to 40 MB each; a tenth of the datasets that are taken, and so of the memory: pyuff
+    takes 1,800 MiB.
+    """
     assert Limits().datasets == 200_000
     files = {kind: flood() for kind, flood in uff_damage.FLOODS.items()}
     for kind, (memory, outcome) in uff_damage.flood(files, tmp_path, most=20_000).items():
@@ -334,7 +374,16 @@ def test_floods_stay_within_bounds(tmp_path: Path) -> None:
 def test_memory_follows_the_largest_dataset_not_the_file(tmp_path: Path) -> None:
     axis = Axis(0.5, 0.5, 10_000)
     frf = Frf(
-        0, "FRF 1Z/1Z", ("beam", "", "", "", ""), 1, 3, 1, -3, "accelerance", axis, np.ones(10_000, dtype=complex)
+        0,
+        "FRF 1Z/1Z",
+        ("beam", "", "", "", ""),
+        1,
+        3,
+        1,
+        -3,
+        "accelerance",
+        axis,
+        np.ones(10_000, dtype=complex),
     )
     many = b"".join(uff_damage.encode([frf] * 100, binary=True))
     memory, outcome = uff_damage.flood({"16 MB": many}, tmp_path)["16 MB"]

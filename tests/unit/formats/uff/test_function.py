@@ -1,4 +1,6 @@
-"""Set 58 as programs write it: what the format allows is read, and what it does not allow is refused by name."""
+"""Set 58 as programs write it: what the format allows is read, and what it does not allow is
+refused by name.
+"""
 
 import warnings
 from pathlib import Path
@@ -91,7 +93,9 @@ def test_what_the_format_does_not_allow_is_refused_by_name(
     assert reason in found.reasons
 
 
-def binary_58(data: bytes, *, order: int = 1, count: int | None = None, tail: bytes = b"", **header: object) -> bytes:
+def binary_58(
+    data: bytes, *, order: int = 1, count: int | None = None, tail: bytes = b"", **header: object
+) -> bytes:
     lines = header_58(**header)
     size = len(data) if count is None else count
     head = f"    58b{order:6d}{2:6d}{11:12d}{size:12d}{0:6d}{0:6d}{0:12d}{0:12d}\n".encode()
@@ -102,7 +106,9 @@ def binary_58(data: bytes, *, order: int = 1, count: int | None = None, tail: by
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize(("kind", "item"), [(5, "f4"), (6, "f8")])
 @pytest.mark.parametrize("tail", [b"", b"\n", b"\r\n"])
-def test_binary_of_either_order_and_precision(read: Read, order: int, kind: int, item: str, tail: bytes) -> None:
+def test_binary_of_either_order_and_precision(
+    read: Read, order: int, kind: int, item: str, tail: bytes
+) -> None:
     data = np.array([1, 2, 3, 4], ("<" if order == 1 else ">") + item).tobytes()
     found = read(binary_58(data, order=order, kind=kind, tail=tail))
     assert (values(found), found.notes) == (VALUES, "")
@@ -121,10 +127,16 @@ def test_binary_that_pyuff_wrote_with_its_own_byte_count(tmp_path: Path, read: R
         "ref_dir": 3,
         "abscissa_spacing": 1,
     }
-    types = {"abscissa_spec_data_type": 18, "ordinate_spec_data_type": 12, "orddenom_spec_data_type": 13}
+    types = {
+        "abscissa_spec_data_type": 18,
+        "ordinate_spec_data_type": 12,
+        "orddenom_spec_data_type": 13,
+    }
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)  # pyuff leaves files open
-        pyuff.UFF(str(path)).write_sets(pyuff.prepare_58(**header, **types, id1="x", x=x, data=data), mode="add")
+        pyuff.UFF(str(path)).write_sets(
+            pyuff.prepare_58(**header, **types, id1="x", x=x, data=data), mode="add"
+        )
     found = read(path.read_bytes())
     np.testing.assert_array_equal(found.of(Frf)[0].values, data)
     assert "its header declares 400 bytes of data; the 800 bytes" in found.notes
@@ -135,23 +147,31 @@ def test_binary_faults(read: Read) -> None:
     short = read(binary_58(data.tobytes(), points=3)).reasons
     assert short.startswith("line 7 (byte ")
     assert "declares 3 points of 16 bytes but holds 32 bytes" in short
-    assert "is 3; only 2 (IEEE 754)" in read(binary_58(data.tobytes()).replace(b"1     2  ", b"1     3  ", 1)).reasons
+    assert (
+        "is 3; only 2 (IEEE 754)"
+        in read(binary_58(data.tobytes()).replace(b"1     2  ", b"1     3  ", 1)).reasons
+    )
     data[3] = np.nan
-    assert "1 points are NaN or infinite, the first is number 2 (at 1)" in read(binary_58(data.tobytes())).reasons
+    assert (
+        "1 points are NaN or infinite, the first is number 2 (at 1)"
+        in read(binary_58(data.tobytes())).reasons
+    )
     with pytest.raises(UffError, match="no delimiter stands behind them"):
         read(binary_58(data.tobytes(), count=24))
 
 
 def test_binary_in_the_other_byte_order_than_stated(read: Read) -> None:
     random = np.random.default_rng(1)
-    for data in (random.standard_normal(400), 10 ** random.uniform(-6.5, 6.5, 400)):  # the latter over ten decades
+    # the latter over ten decades
+    for data in (random.standard_normal(400), 10 ** random.uniform(-6.5, 6.5, 400)):
         found = read(binary_58(data.astype(">f8").tobytes(), order=1, points=200))
         assert "the byte order in its header is wrong" in found.reasons
 
 
 def test_numbers_that_are_none_in_the_stated_byte_order_are_in_the_other(read: Read) -> None:
     data = (np.linspace(1.0, 2.0, 64) * (1 + 1j)).astype(">c16").tobytes()
-    data = b"".join(data[i : i + 6] + b"\xff\x7f" for i in range(0, len(data), 8))  # read backwards, a NaN
+    # read backwards, a NaN
+    data = b"".join(data[i : i + 6] + b"\xff\x7f" for i in range(0, len(data), 8))
     found = read(binary_58(data, points=64))
     assert "its numbers make no sense as little endian, and do the other way round" in found.reasons
 
@@ -167,14 +187,18 @@ def test_bytes_of_a_delimiter_inside_binary_data(read: Read) -> None:
 @pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "latin-1"])
 def test_labels_with_umlauts(read: Read, encoding: str) -> None:
     label = "Träger Prüfung ± m/s²".encode(encoding)
-    data = dataset("58", *header_58(first=label, ordinate=axis(12, "m/s²".encode(encoding), (1, 0, 0))), PLAIN)
+    data = dataset(
+        "58", *header_58(first=label, ordinate=axis(12, "m/s²".encode(encoding), (1, 0, 0))), PLAIN
+    )
     found = read(data)
     assert found.of(Frf)[0].label == "Träger Prüfung ± m/s²"
     assert values(found) == VALUES
     assert found.notes == ""
 
 
-@pytest.mark.parametrize(("name", "pad_by_bytes"), [("加速度", True), ("加速度", False), (10 * "加速", False)])
+@pytest.mark.parametrize(
+    ("name", "pad_by_bytes"), [("加速度", True), ("加速度", False), (10 * "加速", False)]
+)
 def test_unit_label_behind_a_name_of_many_bytes(read: Read, name: str, pad_by_bytes: bool) -> None:
     width = 20 - (len(name.encode()) - len(name) if pad_by_bytes else 0)
     record = f"{12:10d}    1    0    0 {name:<{width}} {'mm/s^2':<20}".encode()
@@ -187,7 +211,9 @@ def test_bytes_of_no_encoding_do_no_harm(read: Read) -> None:
     assert values(found) == VALUES
 
 
-def test_blank_degrees_of_freedom_are_noted_and_what_goes_beyond_the_record_is_refused(read: Read) -> None:
+def test_blank_degrees_of_freedom_are_noted_and_what_goes_beyond_the_record_is_refused(
+    read: Read,
+) -> None:
     lines = header_58()
     sixth = lines[5] if isinstance(lines[5], str) else lines[5].decode()
     found = read(dataset("58", *lines[:5], sixth[:76], *lines[6:], PLAIN))
@@ -200,7 +226,9 @@ def test_blank_degrees_of_freedom_are_noted_and_what_goes_beyond_the_record_is_r
         assert read(set_58(PLAIN, function=kind)).notes == f"a {name} with complex ordinates"
 
 
-def test_a_name_that_runs_over_its_columns_leaves_the_unit_where_two_blanks_part_them(read: Read) -> None:
+def test_a_name_that_runs_over_its_columns_leaves_the_unit_where_two_blanks_part_them(
+    read: Read,
+) -> None:
     name = axis(0)[:26] + "Beschleunigung Prüfling mit Meißel".encode("cp1252")
     (frf,) = read(set_58(PLAIN, ordinate=name + b"   mm/s")).of(Frf)
     assert (frf.quantity, frf.values.tolist()) == ("mobility", [1e-3 + 2e-3j, 3e-3 + 4e-3j])
@@ -208,7 +236,8 @@ def test_a_name_that_runs_over_its_columns_leaves_the_unit_where_two_blanks_part
     assert function.unit != "mm/s"  # one blank may be part of the name
     (function,) = read(set_58(PLAIN, function=6, ordinate=name + b"  mm/s  peak")).of(Function)
     assert function.unit == "mm/s  peak"
-    wide = axis(0)[:26] + "Kraft  groß".encode().ljust(20) + b" mm/s"  # two blanks within the columns part nothing
+    # two blanks within the columns part nothing
+    wide = axis(0)[:26] + "Kraft  groß".encode().ljust(20) + b" mm/s"
     (function,) = read(set_58(PLAIN, function=6, ordinate=wide)).of(Function)
     assert function.unit == "mm/s"
 
@@ -216,10 +245,15 @@ def test_a_name_that_runs_over_its_columns_leaves_the_unit_where_two_blanks_part
 def test_degrees_of_freedom_fill_their_columns(read: Read) -> None:
     lines = header_58()
     lines[5] = (
-        f"{4:5d}{1234567890:10d}{12345:5d}{2000000001:10d}{'N' * 10:>11}{1111111111:10d}{-6:4d} {'N' * 10}{2222222:10d}{-5:4d}"
+        f"{4:5d}{1234567890:10d}{12345:5d}{2000000001:10d}{'N' * 10:>11}{1111111111:10d}{-6:4d}"
+        f" {'N' * 10}{2222222:10d}{-5:4d}"
     )
     lines[8], lines[9] = axis(12), axis(13)
     (frf,) = read(dataset("58", *lines, PLAIN)).of(Frf)
-    assert (frf.load_case, frf.response_point, frf.response_direction) == (2000000001, 1111111111, -6)
+    assert (frf.load_case, frf.response_point, frf.response_direction) == (
+        2000000001,
+        1111111111,
+        -6,
+    )
     assert (frf.reference_point, frf.reference_direction, frf.dataset) == (2222222, -5, 1)
     assert frf.id_lines == ("FRF", "NONE", "21-Nov-15 09:00:00", "NONE", "NONE")

@@ -1,4 +1,6 @@
-"""Grid points and directions in coordinate systems of their own, trace lines, elements, mode shapes."""
+"""Grid points and directions in coordinate systems of their own, trace lines, elements, mode
+shapes.
+"""
 
 import numpy as np
 import pytest
@@ -10,12 +12,19 @@ FRF_ROW = "   1.00000000000e+00   0.00000000000e+00"
 
 
 def point(
-    label: int, definition: int = 0, displacement: int = 0, xyz: tuple[float, float, float] = (1.0, 2.0, 3.0)
+    label: int,
+    definition: int = 0,
+    displacement: int = 0,
+    xyz: tuple[float, float, float] = (1.0, 2.0, 3.0),
 ) -> str:
-    return f"{label:10d}{definition:10d}{displacement:10d}{1:10d}" + "".join(f"{x:13.5e}" for x in xyz)
+    return f"{label:10d}{definition:10d}{displacement:10d}{1:10d}" + "".join(
+        f"{x:13.5e}" for x in xyz
+    )
 
 
-def system_18(label: int, origin: tuple, on_x: tuple, on_xz: tuple, kind: int = 0, reference: int = 0) -> list[str]:
+def system_18(
+    label: int, origin: tuple, on_x: tuple, on_xz: tuple, kind: int = 0, reference: int = 0
+) -> list[str]:
     rows = "".join(f"{x:13.5e}" for x in (*origin, *on_x)), "".join(f"{x:13.5e}" for x in on_xz)
     return [f"{label:10d}{kind:10d}{reference:10d}{8:10d}{1:10d}", f"CS{label}", *rows]
 
@@ -42,10 +51,16 @@ def test_a_system_given_in_another(read: Read) -> None:
     nested = system_18(5, (0, 1, 0), (1, 1, 0), (0, 1, 1), reference=4)
     found = read(dataset("15", point(1, 5)) + dataset("18", *TURNED, *nested))
     np.testing.assert_allclose(found.of(GridPoint)[0].xyz_m, (10 - 1 - 2, 1, 3), atol=1e-12)
-    parts = set_164(1000.0) + dataset("15", point(1, 5)) + dataset("18", *TURNED) + dataset("18", *nested)
+    parts = (
+        set_164(1000.0)
+        + dataset("15", point(1, 5))
+        + dataset("18", *TURNED)
+        + dataset("18", *nested)
+    )
     found = read(parts)
     np.testing.assert_allclose(found.of(GridPoint)[0].xyz_m, (7e-3, 1e-3, 3e-3), atol=1e-15)
-    skewed = system_18(6, (1, 2, 3), (3, 2, 3), (2, 2, 4))  # the point of the xz plane need not lie on z
+    # the point of the xz plane need not lie on z
+    skewed = system_18(6, (1, 2, 3), (3, 2, 3), (2, 2, 4))
     (system,) = read(dataset("18", *skewed)).of(CoordinateSystem)
     np.testing.assert_allclose(system.axes, np.eye(3), atol=1e-15)
 
@@ -54,22 +69,35 @@ def test_a_system_given_in_another(read: Read) -> None:
     ("kind", "coordinates", "expected"),
     [(1, (2.0, 30.0, 3.0), (3**0.5, 1.0, 3.0)), (2, (2.0, 60.0, 30.0), (1.5, 0.75**0.5, 1.0))],
 )
-def test_cylindrical_and_spherical_coordinates(read: Read, kind: int, coordinates: tuple, expected: tuple) -> None:
-    found = read(system_2420(3, np.eye(3), (0, 0, 0), kind) + dataset("15", point(1, 3, 0, coordinates)))
+def test_cylindrical_and_spherical_coordinates(
+    read: Read, kind: int, coordinates: tuple, expected: tuple
+) -> None:
+    found = read(
+        system_2420(3, np.eye(3), (0, 0, 0), kind) + dataset("15", point(1, 3, 0, coordinates))
+    )
     np.testing.assert_allclose(found.of(GridPoint)[0].xyz_m, expected, atol=1e-12)
 
 
 def test_an_undefined_system_is_refused_and_label_1_without_any_is_global(read: Read) -> None:
     found = read(dataset("15", point(1, 7)))
-    assert "grid point 1 is given in coordinate system 7, which the file does not define" in found.reasons
+    assert (
+        "grid point 1 is given in coordinate system 7, which the file does not define"
+        in found.reasons
+    )
     found = read(dataset("15", point(1, 1)))
-    assert "coordinate system 1 is not defined in the file; taken as the global system" in found.notes
+    assert (
+        "coordinate system 1 is not defined in the file; taken as the global system" in found.notes
+    )
     damaged = dataset("18", *TURNED).replace(b"CS4", b"CS4\nCS4")
     assert read(damaged + dataset("15", point(1, 1))).outcomes == ["refused", "refused"]
 
 
-@pytest.mark.parametrize(("stated", "found_direction"), [(1, 2), (2, -1), (-2, 1), (3, 3), (4, 5), (-5, 4), (0, 0)])
-def test_directions_along_displacement_systems(read: Read, stated: int, found_direction: int) -> None:
+@pytest.mark.parametrize(
+    ("stated", "found_direction"), [(1, 2), (2, -1), (-2, 1), (3, 3), (4, 5), (-5, 4), (0, 0)]
+)
+def test_directions_along_displacement_systems(
+    read: Read, stated: int, found_direction: int
+) -> None:
     data = (
         set_58(FRF_ROW, points=1, response=(7, stated))
         + dataset("15", point(7, 0, 4), point(1))
@@ -88,7 +116,10 @@ def test_a_system_that_is_not_there_is_the_global_one_and_noted_once(read: Read)
     (taken,) = found.of(Frf)
     assert (taken.response_direction, taken.reference_direction) == (-3, 3)
     assert (
-        found.reports[-1].notes.count("coordinate system 1 is not defined in the file; taken as the global system") == 1
+        found.reports[-1].notes.count(
+            "coordinate system 1 is not defined in the file; taken as the global system"
+        )
+        == 1
     )
 
 
@@ -97,12 +128,22 @@ def test_oblique_directions_are_refused(read: Read) -> None:
     data = system_2420(9, np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), (0, 0, 0)) + dataset(
         "15", point(7, 0, 9), point(1)
     )
-    assert read(data + set_58(FRF_ROW, points=1, response=(7, 3))).outcomes == ["read", "read", "read"]
-    assert "30.0° off the nearest global axis" in read(data + set_58(FRF_ROW, points=1, response=(7, 1))).reasons
+    assert read(data + set_58(FRF_ROW, points=1, response=(7, 3))).outcomes == [
+        "read",
+        "read",
+        "read",
+    ]
+    assert (
+        "30.0° off the nearest global axis"
+        in read(data + set_58(FRF_ROW, points=1, response=(7, 1))).reasons
+    )
 
 
 def test_faults_of_set_2411(read: Read) -> None:
-    labels, coordinates = f"{1:10d}{0:10d}{0:10d}{11:10d}", "".join(f"{x:25.16e}" for x in (0.1, 0.2, 0.3))
+    labels, coordinates = (
+        f"{1:10d}{0:10d}{0:10d}{11:10d}",
+        "".join(f"{x:25.16e}" for x in (0.1, 0.2, 0.3)),
+    )
     good = read(dataset("2411", labels, coordinates.replace("e", "D")))
     assert good.of(GridPoint)[0].xyz_m == (0.1, 0.2, 0.3)
     short = read(dataset("2411", labels, " 0.1  .2 3.D-1"))  # in no columns, but three reals
@@ -118,12 +159,28 @@ def test_faults_of_set_2411(read: Read) -> None:
 
 
 def test_trace_lines_and_elements(read: Read) -> None:
-    found = read(dataset("82", f"{2:10d}{5:10d}{1:10d}", "edge", "".join(f"{p:10d}" for p in (1, 2, 0, 3, 4, 0, 0, 0))))
+    found = read(
+        dataset(
+            "82",
+            f"{2:10d}{5:10d}{1:10d}",
+            "edge",
+            "".join(f"{p:10d}" for p in (1, 2, 0, 3, 4, 0, 0, 0)),
+        )
+    )
     assert found.of(TraceLine) == [TraceLine(1, 2, "edge", (1, 2, 0, 3, 4))]
-    assert read(dataset("82", f"{2:10d}{5:10d}{1:10d}", "edge", f"{1:10d}{2:10d}")).outcomes == ["refused"]
-    beam = [f"{1:10d}{21:10d}{1:10d}{1:10d}{7:10d}{2:10d}", f"{0:10d}{1:10d}{1:10d}", f"{5:10d}{6:10d}"]
+    assert read(dataset("82", f"{2:10d}{5:10d}{1:10d}", "edge", f"{1:10d}{2:10d}")).outcomes == [
+        "refused"
+    ]
+    beam = [
+        f"{1:10d}{21:10d}{1:10d}{1:10d}{7:10d}{2:10d}",
+        f"{0:10d}{1:10d}{1:10d}",
+        f"{5:10d}{6:10d}",
+    ]
     quad = [f"{2:10d}{44:10d}{1:10d}{1:10d}{7:10d}{4:10d}", f"{1:10d}{2:10d}{3:10d}{4:10d}"]
-    assert read(dataset("2412", *beam, *quad)).of(Element) == [Element(1, 21, (5, 6)), Element(2, 44, (1, 2, 3, 4))]
+    assert read(dataset("2412", *beam, *quad)).of(Element) == [
+        Element(1, 21, (5, 6)),
+        Element(2, 44, (1, 2, 3, 4)),
+    ]
     for count in (-4, 3, 5, 10**9):
         assert read(dataset("2412", quad[0][:50] + f"{count:10d}", quad[1])).outcomes == ["refused"]
 
@@ -140,7 +197,12 @@ SHAPE_55 = [
 
 def test_set_55(read: Read) -> None:
     (mode,) = read(dataset("55", *SHAPE_55)).of(ModeShape)
-    assert (mode.frequency_hz, mode.damping_ratio, mode.kind, mode.mode) == (10.0, 0.02, "normal", 1)
+    assert (mode.frequency_hz, mode.damping_ratio, mode.kind, mode.mode) == (
+        10.0,
+        0.02,
+        "normal",
+        1,
+    )
     np.testing.assert_array_equal(mode.values, [[1, 2, 3]])
     rigid = changed_55(7, "  0.00000e+00  0.00000e+00  0.00000e+00  0.00000e+00")
     (mode,) = read(rigid).of(ModeShape)
@@ -174,10 +236,15 @@ def test_a_complex_mode_with_rotations_of_set_2414(read: Read) -> None:
     ]
     (mode,) = read(dataset("2414", *lines)).of(ModeShape)
     assert (mode.mode, mode.kind, mode.points.tolist()) == (4, "complex", [9])
-    assert (mode.frequency_hz, mode.damping_ratio) == pytest.approx((5 / (2 * np.pi), 0.6), rel=1e-12)
+    assert (mode.frequency_hz, mode.damping_ratio) == pytest.approx(
+        (5 / (2 * np.pi), 0.6), rel=1e-12
+    )
     np.testing.assert_array_equal(mode.values, [numbers[::2] + 1j * numbers[1::2]])
     found = read(dataset("2414", *lines[:2], f"{2:10d}", *lines[3:]))
-    assert (found.outcomes, found.reasons) == (["ignored"], "its data are not at nodes (location 2)")
+    assert (found.outcomes, found.reasons) == (
+        ["ignored"],
+        "its data are not at nodes (location 2)",
+    )
 
 
 def changed_55(line: int, text: str) -> bytes:
@@ -237,7 +304,9 @@ def test_what_contradicts_itself_is_refused(read: Read, file: bytes, reason: str
     [((1, 1, 2, 8, 2, 3), "its data are static, no mode shape"), ((1, 5, 2, 8, 2, 3), "a frequency response"),
      ((1, 2, 4, 8, 2, 6), "its data characteristic is 4")],
 )  # fmt: skip
-def test_data_that_are_no_mode_shape_are_left_out(read: Read, numbers: tuple[int, ...], reason: str) -> None:
+def test_data_that_are_no_mode_shape_are_left_out(
+    read: Read, numbers: tuple[int, ...], reason: str
+) -> None:
     found = read(changed_55(5, "".join(f"{n:10d}" for n in numbers)))
     assert (found.outcomes, found.contents) == (["ignored"], [])
     assert reason in found.reasons

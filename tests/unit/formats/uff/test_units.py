@@ -1,4 +1,6 @@
-"""Units of a UFF: by labels, by set 164, and the way from both to SI, with every conversion stated."""
+"""Units of a UFF: by labels, by set 164, and the way from both to SI, with every conversion
+stated.
+"""
 
 from typing import Any
 
@@ -48,16 +50,27 @@ def test_ordinates_by_their_labels(
 @pytest.mark.parametrize(
     ("header", "reason"),
     [
-        ({"ordinate": axis(12, "m/s")}, "its data type says accelerance, its unit 'm/s' says mobility"),
+        (
+            {"ordinate": axis(12, "m/s")},
+            "its data type says accelerance, its unit 'm/s' says mobility",
+        ),
         ({"denominator": axis(13, "m")}, "the unit 'm' of its denominator does not fit"),
         ({"ordinate": axis(0, "N")}, "is no unit of an FRF's response"),
         ({"ordinate": axis(15, "Pa")}, "its ordinate is of type 15, not an acceleration"),
         ({"start": "-5.00000e+00"}, "its first frequency is -5, expected 0 or more"),
-        ({"ordinate": axis(12, "g"), "row": LARGE}, "its ordinates are beyond double precision in SI, first at 1"),
-        ({"ordinate": axis(0), "denominator": axis(0)}, "neither its data type (0) nor its unit ('NONE')"),
+        (
+            {"ordinate": axis(12, "g"), "row": LARGE},
+            "its ordinates are beyond double precision in SI, first at 1",
+        ),
+        (
+            {"ordinate": axis(0), "denominator": axis(0)},
+            "neither its data type (0) nor its unit ('NONE')",
+        ),
     ],
 )
-def test_what_contradicts_itself_is_refused(read: Read, header: dict[str, Any], reason: str) -> None:
+def test_what_contradicts_itself_is_refused(
+    read: Read, header: dict[str, Any], reason: str
+) -> None:
     found = read(set_58(header.pop("row", ROW), points=1, **header))
     assert (found.outcomes, found.contents) == (["refused"], [])
     assert reason in found.reasons
@@ -68,12 +81,20 @@ def test_what_contradicts_itself_is_refused(read: Read, header: dict[str, Any], 
 )
 def test_frequency_axis(read: Read, unit: str, factor: float) -> None:
     row = ROW.replace("0.0", "2.0")
-    found = read(set_58(row + row, start="5.00000e+00", step="2.50000e-01", abscissa=axis(18, unit)))
-    assert one(found).frequency.points().tolist() == pytest.approx([5 * factor, 5.25 * factor], rel=1e-12)
+    found = read(
+        set_58(row + row, start="5.00000e+00", step="2.50000e-01", abscissa=axis(18, unit))
+    )
+    assert one(found).frequency.points().tolist() == pytest.approx(
+        [5 * factor, 5.25 * factor], rel=1e-12
+    )
     uneven = " 5.00000e+00 1.00000e+00 3.00000e+00 5.25000e+00 4.00000e+00 5.00000e+00"
     axis_of = one(read(set_58(uneven, kind=5, even=0, abscissa=axis(18, unit)))).frequency
     assert axis_of.points().tolist() == pytest.approx([5 * factor, 5.25 * factor], rel=1e-12)
-    assert (axis_of.start, axis_of.step, axis_of.count) == (pytest.approx(5 * factor, rel=1e-12), 0.0, 2)
+    assert (axis_of.start, axis_of.step, axis_of.count) == (
+        pytest.approx(5 * factor, rel=1e-12),
+        0.0,
+        2,
+    )
     assert ("converted to Hz" in found.notes) == (unit != "Hz")
 
 
@@ -84,7 +105,9 @@ def test_set_164(read: Read) -> None:
     more = set_164().removesuffix(b"    -1\n") + b"  1.0\n    -1\n"
     assert "holds more than the three lines of the format" in read(more).reasons
     for bad in ("0.0000000000000000D+00", "-1.0000000000000000D+00", "1.0000000000000000D+99"):
-        found = read(set_164().replace(b" 1.0000000000000000D+00", f"{bad:>23}".encode(), 1) + POINT)
+        found = read(
+            set_164().replace(b" 1.0000000000000000D+00", f"{bad:>23}".encode(), 1) + POINT
+        )
         assert found.outcomes == ["refused", "refused"]
         assert "its units (set 164, dataset 1) were refused" in found.reasons
 
@@ -112,11 +135,16 @@ def test_codes_of_set_164_stand_for_their_factors_within_a_thousandth(
     assert read(set_164(1e-12, 1e12)).outcomes == ["read"]
 
 
-POINT = b"    -1\n    15\n         7         0         0         1  1.00000E+03  2.00000E+00  3.00000E+00\n    -1\n"
+POINT = (
+    b"    -1\n    15\n         7         0         0         1  1.00000E+03  2.00000E+00 "
+    b" 3.00000E+00\n    -1\n"
+)
 
 
 def test_units_hold_from_where_they_are_stated_to_the_next_ones(read: Read) -> None:
     other = POINT.replace(b"         7", b"         8", 1)
     third = POINT.replace(b"         7", b"         9", 1)
     found = read(POINT + set_164(1000.0) + other + set_164(10.0) + third)
-    assert [point.xyz_m[0] for point in found.of(GridPoint)] == pytest.approx([1.0, 1.0, 100.0], rel=1e-15)
+    assert [point.xyz_m[0] for point in found.of(GridPoint)] == pytest.approx(
+        [1.0, 1.0, 100.0], rel=1e-15
+    )

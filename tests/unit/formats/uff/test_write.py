@@ -1,4 +1,6 @@
-"""What is written is read back, by our own reader and by pyuff: bit by bit where the format can hold the bits."""
+"""What is written is read back, by our own reader and by pyuff: bit by bit where the format can
+hold the bits.
+"""
 
 import tempfile
 import warnings
@@ -12,7 +14,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from modalbase.formats.uff import Axis, CoordinateSystem, FileHeader, Frf, Function, GridPoint, ModeShape, Units
+from modalbase.formats.uff import (
+    Axis,
+    CoordinateSystem,
+    FileHeader,
+    Frf,
+    Function,
+    GridPoint,
+    ModeShape,
+    Units,
+)
 from modalbase.formats.uff.geometry import read_151
 from modalbase.formats.uff.text import Refusal
 from modalbase.formats.uff.write import encode, write_file
@@ -39,7 +50,12 @@ def frfs(draw: st.DrawFn, parts: st.SearchStrategy[float] = finite) -> Frf:
         axis = Axis(*draw(axes), n) if n > 1 else Axis(draw(axes)[0], 0.0, 1)
     else:
         start, step = draw(axes)
-        axis = Axis(start, 0.0, n, start + step * np.cumsum(draw(hnp.arrays(np.int64, n, elements=st.integers(1, 9)))))
+        axis = Axis(
+            start,
+            0.0,
+            n,
+            start + step * np.cumsum(draw(hnp.arrays(np.int64, n, elements=st.integers(1, 9)))),
+        )
     return Frf(
         0, draw(text).strip(), IDS, draw(labels), draw(directions), draw(labels), draw(directions),
         draw(st.sampled_from(["accelerance", "mobility", "receptance"])), axis, values, draw(st.integers(0, 99)),
@@ -69,7 +85,8 @@ def test_binary_frfs_come_back_bit_by_bit(frf: Frf) -> None:
     (_, ours), (_, theirs) = read_back([frf])
     assert same_bits(ours.values, frf.values)
     assert same_bits(ours.frequency.points(), frf.frequency.points())
-    assert np.array_equal(theirs["data"], frf.values)  # pyuff loses the sign of zeros: it adds 1j * imag
+    # pyuff loses the sign of zeros: it adds 1j * imag
+    assert np.array_equal(theirs["data"], frf.values)
     assert np.array_equal(theirs["x"], frf.frequency.points())
     for name in (
         "quantity",
@@ -88,7 +105,9 @@ def test_binary_frfs_come_back_bit_by_bit(frf: Frf) -> None:
 def test_text_frfs_come_back_to_13_digits(frf: Frf) -> None:
     (_, ours), (_, theirs) = read_back([frf], binary=False)
     for part in ("real", "imag"):
-        np.testing.assert_allclose(getattr(ours.values, part), getattr(frf.values, part), rtol=5.1e-13)
+        np.testing.assert_allclose(
+            getattr(ours.values, part), getattr(frf.values, part), rtol=5.1e-13
+        )
     np.testing.assert_array_equal(theirs["data"], ours.values)
     np.testing.assert_allclose(ours.frequency.points(), frf.frequency.points(), rtol=6e-7)
 
@@ -96,7 +115,9 @@ def test_text_frfs_come_back_to_13_digits(frf: Frf) -> None:
 @QUICK
 @given(
     hnp.arrays(
-        np.float32, st.integers(1, 10).map(lambda n: 2 * n), elements={"min_value": -(2**99), "max_value": 2**99}
+        np.float32,
+        st.integers(1, 10).map(lambda n: 2 * n),
+        elements={"min_value": -(2**99), "max_value": 2**99},
     )
 )
 def test_single_precision_comes_back_single(parts: np.ndarray) -> None:
@@ -106,11 +127,17 @@ def test_single_precision_comes_back_single(parts: np.ndarray) -> None:
     assert same_bits(ours.values, values)
     np.testing.assert_array_equal(theirs["data"], values)
     (_, ours), _ = read_back([frf], binary=False)
-    np.testing.assert_allclose(ours.values.astype(np.complex128).view(float), parts.astype(float), rtol=6e-6)
+    np.testing.assert_allclose(
+        ours.values.astype(np.complex128).view(float), parts.astype(float), rtol=6e-6
+    )
 
 
 @QUICK
-@given(st.dictionaries(st.integers(1, 10**9), st.tuples(finite, finite, finite), min_size=1, max_size=10))
+@given(
+    st.dictionaries(
+        st.integers(1, 10**9), st.tuples(finite, finite, finite), min_size=1, max_size=10
+    )
+)
 def test_grid_points_come_back_bit_by_bit(points: dict[int, tuple[float, float, float]]) -> None:
     given_points = [GridPoint(number, xyz) for number, xyz in points.items()]
     (_, *ours), (_, theirs) = read_back(given_points)
@@ -121,15 +148,34 @@ def test_grid_points_come_back_bit_by_bit(points: dict[int, tuple[float, float, 
 
 
 @QUICK
-@given(st.booleans(), st.sampled_from([3, 6]), st.floats(1e-3, 1e5), st.floats(0, 0.99), st.integers(0, 2**32))
-def test_mode_shapes(complex_mode: bool, components: int, hz: float, damping: float, seed: int) -> None:
+@given(
+    st.booleans(),
+    st.sampled_from([3, 6]),
+    st.floats(1e-3, 1e5),
+    st.floats(0, 0.99),
+    st.integers(0, 2**32),
+)
+def test_mode_shapes(
+    complex_mode: bool, components: int, hz: float, damping: float, seed: int
+) -> None:
     rng = np.random.default_rng(seed)
-    values = rng.standard_normal((4, components)) + 1j * complex_mode * rng.standard_normal((4, components))
+    values = rng.standard_normal((4, components)) + 1j * complex_mode * rng.standard_normal(
+        (4, components)
+    )
     mode = ModeShape(
-        0, "mode", 2, hz, damping, np.array([1, 2, 30, 4]), values, "complex" if complex_mode else "normal"
+        0,
+        "mode",
+        2,
+        hz,
+        damping,
+        np.array([1, 2, 30, 4]),
+        values,
+        "complex" if complex_mode else "normal",
     )
     (_, ours), (_, theirs) = (
-        read_back([mode]) if not (complex_mode and components == 6) else (_ours_alone(mode), (0, {}))
+        read_back([mode])
+        if not (complex_mode and components == 6)
+        else (_ours_alone(mode), (0, {}))
     )
     assert (ours.kind, ours.mode, ours.label) == (mode.kind, 2, "mode")
     assert ours.points.tolist() == [1, 2, 30, 4]
@@ -154,7 +200,9 @@ def _ours_alone(mode: ModeShape) -> tuple:
 @pytest.mark.parametrize("binary", [True, False])
 def test_functions(binary: bool) -> None:
     x = np.array([1.0, 1.5, 4.0])
-    function = Function(0, "coh", IDS, 6, 2, 3, 1, -3, Axis(1.0, 0.0, 3, x), "Hz", np.array([0.25, 0.5, 1.0]), "")
+    function = Function(
+        0, "coh", IDS, 6, 2, 3, 1, -3, Axis(1.0, 0.0, 3, x), "Hz", np.array([0.25, 0.5, 1.0]), ""
+    )
     (_, ours), (_, theirs) = read_back([function], binary=binary)
     assert (ours.name, ours.unit, ours.abscissa_unit) == ("coherence", "", "Hz")
     assert same_bits(ours.values, function.values)
@@ -163,14 +211,17 @@ def test_functions(binary: bool) -> None:
 
 def test_header_and_units() -> None:
     header = FileHeader(0, "BEAM", "a beam", "modalbase", "21-Nov-15 09:00:00")
-    inches = Units(0, 7, "in", 39.37, 0.2248, 1.0, 0.0)  # of the file that was read; what is written is in SI
+    # of the file that was read; what is written is in SI
+    inches = Units(0, 7, "in", 39.37, 0.2248, 1.0, 0.0)
     (ours, units), theirs = read_back([header, inches])
     assert ours == replace(header, dataset=1)
     assert (units.length, units.force) == (1.0, 1.0)
     assert theirs[0]["model_name"] == "BEAM"
 
 
-@pytest.mark.parametrize("label", ["-1", "    -1", "a    -1", "two\nlines", "x" * 200, "±" * 79, "\x00\x85"])
+@pytest.mark.parametrize(
+    "label", ["-1", "    -1", "a    -1", "two\nlines", "x" * 200, "±" * 79, "\x00\x85"]
+)
 def test_labels_cannot_break_the_framing(label: str) -> None:
     frf = Frf(0, label, IDS, 1, 3, 2, 3, "mobility", Axis(0.0, 1.0, 1), np.array([1 + 1j]))
     for binary in (True, False):
@@ -179,9 +230,9 @@ def test_labels_cannot_break_the_framing(label: str) -> None:
             write_file(path, [frf], binary=binary)
             (ours,) = load(path).of(Frf)
             assert ours.values.tolist() == [1 + 1j]
-            assert ours.label == "".join(c if c.isprintable() else " " for c in label).strip().encode()[:80].decode(
-                errors="ignore"
-            )
+            assert ours.label == "".join(
+                c if c.isprintable() else " " for c in label
+            ).strip().encode()[:80].decode(errors="ignore")
 
 
 def test_what_cannot_be_written_is_refused() -> None:
@@ -189,11 +240,20 @@ def test_what_cannot_be_written_is_refused() -> None:
     frf = Frf(0, "x", IDS, 1, 3, 2, 3, "mobility", axis, np.array([np.nan + 0j]))
     for content, message in (
         (frf, "NaN or infinite"),
-        (replace(frf, frequency=Axis(np.nan, 1.0, 1), values=np.array([1j])), "nan cannot be written"),
-        (ModeShape(0, "x", 7, 1.0, 0.1, np.array([1]), np.full((1, 3), np.nan + 0j), "normal"), "mode 7 holds NaN"),
+        (
+            replace(frf, frequency=Axis(np.nan, 1.0, 1), values=np.array([1j])),
+            "nan cannot be written",
+        ),
+        (
+            ModeShape(0, "x", 7, 1.0, 0.1, np.array([1]), np.full((1, 3), np.nan + 0j), "normal"),
+            "mode 7 holds NaN",
+        ),
         (GridPoint(1, (np.inf, 0.0, 0.0)), "grid point 1 is at"),
         (GridPoint(10**11, (0.0, 0.0, 0.0)), "does not fit into 10 columns"),
-        (Function(0, "x", IDS, 1, 0, 0, 0, 0, axis, "s" * 21, np.array([1.0]), ""), "does not fit into 20 columns"),
+        (
+            Function(0, "x", IDS, 1, 0, 0, 0, 0, axis, "s" * 21, np.array([1.0]), ""),
+            "does not fit into 20 columns",
+        ),
     ):
         with pytest.raises(ValueError, match=message):
             b"".join(encode([content]))
