@@ -151,7 +151,8 @@ class ReferenceFit:
     """A ratio of its own for every measured mode: the reference of every law."""
 
     # with the noise variance: the measured one, or one from the residual of an unweighted modal
-    # fit. A delay between the channels is taken out of its FRFs.
+    # fit. A delay between the channels, and flexibilities of driving points, are taken out of its
+    # FRFs.
     misfit: FrfMisfit
     fit: DampingFit  # the modal fit
     # what the misfit of one value is by noise alone, with the weighting of this stage, times how
@@ -188,6 +189,7 @@ def fit_reference(data: DampingData) -> ReferenceFit:
     if data.weighting == "noise":
         scale = max(scale, 1.0)
         fit = fit_law(misfit, data.modal_law, fit, data.nuisance(0, scale), scale)
+    misfit = replace(misfit, frfs=misfit.without_driving(fit.eigenvalue, fit.rate))
     excess = _excess(misfit, fit, scale)
     predicted = misfit.predict(fit.eigenvalue, fit.rate)
     residual, _ = misfit.residual(predicted)
@@ -327,7 +329,8 @@ def _noise_variance(data: DampingData) -> FloatArray:
     even = data.misfit(data.frfs, "linear", np.ones(measured.shape))
     first = fit_law(even, data.modal_law, data.start(data.modal_law), data.nuisance(0), _unit(even))
     predicted = even.predict(first.eigenvalue, first.rate)
-    variance = residual_variance(data.frfs.values - predicted, predicted, measured)
+    values = even.without_driving(first.eigenvalue, first.rate).values
+    variance = residual_variance(values - predicted, predicted, measured)
     return variance if stated is None else np.where(np.isnan(stated), variance, stated)
 
 

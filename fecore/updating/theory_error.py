@@ -21,7 +21,7 @@ clamped ones, whose root a solid keeps from growing thinner too, what the mesh m
 Beside theory there is the body. Laminates that vary by 1.2 % in thickness over their area
 (`fecore.updating.inputs`) miss the frequencies of an even body by 0.1 % (`DISCREPANCY`). A
 laboratory that knows its thickness better has a body that varies less, so this part follows the
-thickness's standard deviation.
+thickness's standard deviation; the modes may say otherwise (`fecore.updating.posterior`).
 """
 
 import numpy as np
@@ -40,9 +40,10 @@ SHEAR_CORRECTION = "shear correction"
 SHEAR_CORRECTION_SD = 0.02
 """Relative standard deviation of κ."""
 
-OF_THEORY = 4e-5
+OF_THEORY = 2e-5
 """Prior scale of what theory misses of a frequency beside κ, as a share of it: what is left against
-the solids.
+free solids. What a clamp's root adds lies between it and what laminates vary by, as half of the
+prior does (`fecore.updating.posterior`).
 """
 
 
