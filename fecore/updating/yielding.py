@@ -192,7 +192,7 @@ class Yielding:
         if pairing.mac is not None:
             modes, probability = measured
             own = np.array([real_shape(modes, row) for row in rows])
-            # (steps, P, n)
+            # an array (steps, P, n)
             alike = np.array(
                 [_alike(own, shapes[:, columns, : own.shape[1]]) for _, shapes in solved]
             )
