@@ -173,7 +173,7 @@ def test_a_file_is_written_and_named_or_described_in_json(
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "message"),
     [
         (
             "cards --out beam.txt",
@@ -203,10 +203,10 @@ def test_a_file_is_written_and_named_or_described_in_json(
     ],
 )
 @pytest.mark.usefixtures("lab")
-def test_what_cannot_be_meant_is_said_and_writes_nothing(line: str, said: str) -> None:
+def test_what_cannot_be_meant_is_said_and_writes_nothing(line: str, message: str) -> None:
     before = sorted(Path.cwd().iterdir())
     out, err = run(line, Exit.USAGE)
-    assert (out, said in err) == ("", True), err
+    assert (out, message in err) == ("", True), err
     assert sorted(Path.cwd().iterdir()) == before
 
 
