@@ -67,7 +67,12 @@ WORDS = {
 }
 """Word, or words joined by `_`, in lower case; and what to write."""
 
-CONTRACTS: dict[str, str] = {}
+CONTRACTS: dict[str, str] = {
+    "FileNotFoundError": "Python",
+    "ModuleNotFoundError": "Python",
+    "ignored": "REST, stored models (service/compute/models/keeping.py), docs/library.md",
+    "leaders": "stored models (service/compute/models/keeping.py): field of Link",
+}
 """Names that stay though they use such a word, each with where it is stated."""
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import psutil
 
-from modalbase.client.place import notes_folder
+from modalbase.client.endpoint import notes_folder
 
 CLOCK_SECONDS = 2.0
 """A process' start is known relative to the machine's, which moves a little where the clock is

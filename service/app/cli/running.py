@@ -45,7 +45,7 @@ def up(port: Port = None, data: Data = None, host: Host = None) -> None:
 def _welcome(service: LocalService, embedded: Path | None) -> None:
     """A line for each thing that is ready, and last how to get in."""
     from fecore import __version__
-    from modalbase.client.place import KEY_FILE, write_private
+    from modalbase.client.endpoint import KEY_FILE, write_private
 
     typer.echo(f"modalbase {__version__}")
     jobs = service.settings.worker_concurrency
