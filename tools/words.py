@@ -67,7 +67,14 @@ WORDS = {
 }
 """Word, or words joined by `_`, in lower case; and what to write."""
 
-CONTRACTS: dict[str, str] = {}
+CONTRACTS: dict[str, str] = {
+    "FileNotFoundError": "Python",
+    "ModuleNotFoundError": "Python",
+    "NotFound": "HTTP: 404 Not Found",
+    "not_found_as": "HTTP: 404 Not Found",
+    "get_found_archive": "REST: an operation id",
+    "missed_percent": "REST: a member of a shape",
+}
 """Names that stay though they use such a word, each with where it is stated."""
 
 
