@@ -50,8 +50,8 @@ class NotStartedError(Exception):
     """This start failed; the next one may not."""
 
 
-class Part:
-    """One part of a service.
+class Component:
+    """One component of a service.
 
     Attributes:
         name: how messages call it.
@@ -214,7 +214,10 @@ class LocalService:
         require_fit(revision_at(self._address()))
         if self.given.database_url is None:
             self._parts.insert(
-                0, Component("PostgreSQL", self._start_postgresql, self._postgresql_ended, self.pauses)
+                0,
+                Component(
+                    "PostgreSQL", self._start_postgresql, self._postgresql_ended, self.pauses
+                ),
             )
         self._open = True
         for process in self.processes.values():

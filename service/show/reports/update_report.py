@@ -153,9 +153,11 @@ def _section(structure: Mapping[str, Any]) -> str:
     return "equivalent orthotropic plate"
 
 
-def _set(found: Mapping[str, Any]) -> str:
-    thickness = found.get("thickness_m")
-    return f"{found['name']}" if thickness is None else f"{found['name']} {1e3 * thickness:.4g} mm"
+def _set(section: Mapping[str, Any]) -> str:
+    thickness = section.get("thickness_m")
+    return (
+        f"{section['name']}" if thickness is None else f"{section['name']} {1e3 * thickness:.4g} mm"
+    )
 
 
 def _wall(wall: Mapping[str, Any]) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from service.app.application import create_app
-from service.app.supervisor import LocalService, Component
+from service.app.supervisor import Component, LocalService
 from service.compute.spectra import decode, encode
 from service.db.engine import DatabaseUrlError, sqlalchemy_url
 from service.errors import MOST_FAULTS, Damaged, Invalid

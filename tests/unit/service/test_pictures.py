@@ -14,7 +14,7 @@ from fecore.updating.findings import FINDINGS, found, warnings
 from service.show.figures.modes import chains, joined, joined_as
 from service.show.measured import _by_axis
 from service.show.pages.comparing import _told_apart, leaves
-from service.show.pages.found import MOST, PLACES, REMEDIES, bar, opening
+from service.show.pages.findings import MOST, PLACES, REMEDIES, bar, opening
 
 GRID = np.array([(0.045 * i, 0.02 * j, 0.0) for i in range(11) for j in range(3)])
 
