@@ -66,7 +66,7 @@ def get_campaign_figure(
     name: FigureName,
     session: SessionDep,
     user: CurrentUser,
-    requested: FigureRequestDep,
+    request: FigureRequestDep,
     point: Annotated[
         Whole, Query(description="where it was hit, or the response of an FRF; default: the first")
     ] = None,
@@ -98,7 +98,7 @@ def get_campaign_figure(
     """
     campaign = campaign_for(session, user, campaign_id)
     require_figure(name, *_CAMPAIGN_FIGURES)
-    requested.require_used(
+    request.require_used(
         name, _CAMPAIGN_FIGURES[name], {one for used in _CAMPAIGN_FIGURES.values() for one in used}
     )
     if name == "frf":
@@ -106,10 +106,10 @@ def get_campaign_figure(
             session, campaign.id, 1
         )
         cut, version = Cut(fmin, fmax), f"{frf.id} {frf.coherence_sha256!r}"
-        return requested.answer(lambda: measured_frf_figure(session, frf, cut), name, version)
+        return request.answer(lambda: measured_frf_figure(session, frf, cut), name, version)
     blocks = point_blocks(session, campaign.id, HitQuery(point, direction, response))
     seconds, hertz = (tmin, tmax), (fmin, fmax)
-    return requested.answer(
+    return request.answer(
         lambda: hits_figure(point_shown(session, blocks), seconds, hertz), name, blocks.version
     )
 
@@ -125,7 +125,7 @@ def get_identification_figure(
     name: FigureName,
     session: SessionDep,
     user: CurrentUser,
-    requested: FigureRequestDep,
+    request: FigureRequestDep,
 ) -> Response:
     """The figure `stabilisation` of an identification; 409 while it has found nothing, or where it
     failed.
@@ -134,7 +134,7 @@ def get_identification_figure(
     require_figure(name, "stabilisation")
     document = up_to_date(IDENTIFICATIONS.result(session, row, row.document))
     # what it found never changes
-    return requested.answer(lambda: stabilisation_figure(document), name, str(row.id))
+    return request.answer(lambda: stabilisation_figure(document), name, str(row.id))
 
 
 @router.get(
@@ -148,7 +148,7 @@ def get_mode_set_figure(
     name: FigureName,
     session: SessionDep,
     user: CurrentUser,
-    requested: FigureRequestDep,
+    request: FigureRequestDep,
     mode_set: Annotated[
         UUID | None,
         Query(
@@ -161,11 +161,11 @@ def get_mode_set_figure(
     """
     first = mode_set_for(session, user, mode_set_id)
     require_figure(name, *_MODE_SET_FIGURES)
-    requested.require_used(name, _MODE_SET_FIGURES[name], {"mode_set"})
+    request.require_used(name, _MODE_SET_FIGURES[name], {"mode_set"})
     if name == "shapes":
-        return requested.answer(lambda: measured_shapes_figure(session, first), name)
+        return request.answer(lambda: measured_shapes_figure(session, first), name)
     second = first if mode_set is None else mode_set_for(session, user, mode_set)
-    return requested.answer(lambda: likeness_figure(session, first, second), name)
+    return request.answer(lambda: likeness_figure(session, first, second), name)
 
 
 @router.get(
@@ -179,7 +179,7 @@ def get_coupon_figure(
     name: FigureName,
     session: SessionDep,
     user: CurrentUser,
-    requested: FigureRequestDep,
+    request: FigureRequestDep,
 ) -> Response:
     """The figure `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039
     the transverse strain.
@@ -192,7 +192,7 @@ def get_coupon_figure(
         title, shear = f"{coupon.specimen}, {coupon.standard}", coupon.standard == "D3518"
         return coupon_figure(title, series_of(curve), curve.reduction, shear=shear)
 
-    return requested.answer(draw, name, curve.sha256.hex())
+    return request.answer(draw, name, curve.sha256.hex())
 
 
 @router.get(
@@ -205,7 +205,7 @@ def get_series_figure(
     monitor_id: UUID,
     session: SessionDep,
     user: CurrentUser,
-    requested: FigureRequestDep,
+    request: FigureRequestDep,
     parameter: Annotated[
         str | None, Query(max_length=60, description="default: the first one that is watched")
     ] = None,
@@ -220,32 +220,32 @@ def get_series_figure(
     chosen = parameter or watched[0]
     if chosen not in watched:
         raise Invalid("parameter", f"{chosen!r} is not watched; {', '.join(watched)} are")
-    return requested.answer(lambda: series_figure(document, chosen), chosen)
+    return request.answer(lambda: series_figure(document, chosen), chosen)
 
 
 @router.get(
     "/search/results/trend/figure", response_class=Response, responses=RESPONSES, tags=["search"]
 )
-def get_result_trend_figure(trend: ResultTrend, requested: FigureRequestDep) -> Response:
+def get_result_trend_figure(trend: ResultTrend, request: FigureRequestDep) -> Response:
     """A constant of the results that a search finds over time, corrected and as it is, and over
     temperature, with intervals.
     """
-    return requested.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
+    return request.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
 
 
 @router.get(
     "/search/modes/trend/figure", response_class=Response, responses=RESPONSES, tags=["search"]
 )
-def get_mode_trend_figure(trend: ModeTrend, requested: FigureRequestDep) -> Response:
+def get_mode_trend_figure(trend: ModeTrend, request: FigureRequestDep) -> Response:
     """Frequency or damping of the modes that a search finds over time and temperature, each mode in
     a colour of its own.
     """
-    return requested.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
+    return request.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
 
 
 @router.get("/search/results/figure", response_class=Response, responses=RESPONSES, tags=["search"])
 def get_results_figure(
-    query: OrderedDep, session: SessionDep, user: CurrentUser, requested: FigureRequestDep
+    query: OrderedDep, session: SessionDep, user: CurrentUser, request: FigureRequestDep
 ) -> Response:
     """The results that a search finds beside one another: a row each, at most 60, a panel a
     constant, with 95 % intervals.
@@ -266,4 +266,4 @@ def get_results_figure(
             f"finds more than {MOST_RESULTS} results, which is as many as a figure has; narrow it",
         )
     rows = [dict(zip(fields, row, strict=True)) for row in values]
-    return requested.answer(lambda: results_figure(rows, CONSTANTS), "results")
+    return request.answer(lambda: results_figure(rows, CONSTANTS), "results")

@@ -49,7 +49,7 @@ class House:
     """The application behind a layer: answers with a status and keeps what it was asked."""
 
     status: int = 200
-    asked: list[Scope] = field(default_factory=list)
+    requests: list[Scope] = field(default_factory=list)
     bodies: list[bytes] = field(default_factory=list)
     busy: list[tuple[int, int]] = field(default_factory=list)
     """Slots taken before and after the answer began."""
@@ -57,7 +57,7 @@ class House:
     error: Exception | None = None
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        self.asked.append(scope)
+        self.requests.append(scope)
         if self.error is not None:
             raise self.error
         if scope["type"] != "http":
@@ -74,7 +74,7 @@ class House:
         await send({"type": "http.response.body", "body": b""})
 
 
-Found = list[tuple[str, UUID, str]]
+Lookups = list[tuple[str, UUID, str]]
 
 
 @dataclass
@@ -84,7 +84,7 @@ class Front:
     layer: Authentication
     house: House
     key: str
-    looked: Found
+    looked: Lookups
     client: tuple[str, int] = ("10.0.0.1", 1)
 
     async def ask(
@@ -176,7 +176,7 @@ async def test_what_is_not_under_a_prefix_passes_by(front: Open) -> None:
         at.house.error = KeyError("passed")
         with pytest.raises(KeyError, match="passed"):
             await at.layer(scope, nothing_comes, nothing_comes)
-    assert len(at.house.asked) == 4
+    assert len(at.house.requests) == 4
 
 
 @awaited
@@ -190,7 +190,7 @@ async def test_nobody_without_a_key_comes_in_and_what_is_large_is_not_received(f
         assert (headers.get("connection") == "close") is closed
     endless = await at.ask(authorization="", transfer_encoding="chunked", receive=nothing_comes)
     assert endless[1]["connection"] == "close"
-    assert not at.house.asked
+    assert not at.house.requests
 
 
 @awaited
@@ -203,16 +203,16 @@ async def test_a_key_is_known_once_an_answer_was_a_success(front: Open) -> None:
         assert caller.known is known
     at.house.status = 401  # revoked meanwhile
     assert (await at.ask())[0] == 401
-    count = len(at.house.asked)
+    count = len(at.house.requests)
     assert (await at.ask())[0] == 401  # by memory
-    assert len(at.house.asked) == count
+    assert len(at.house.requests) == count
 
 
 @awaited
 async def test_a_slot_is_held_until_the_answer_begins_and_never_lost(front: Open) -> None:
     at = front(database_pool=2)
     assert (await at.ask(b"{}"))[0] == 200
-    assert at.house.asked[-1][SLOT] is not None
+    assert at.house.requests[-1][SLOT] is not None
     assert at.house.busy == [(1, 0)]
     at.house.error = RuntimeError("unheard of")
     with pytest.raises(RuntimeError, match="unheard of"):
@@ -252,7 +252,7 @@ async def test_key_and_role_are_asked_before_what_costs_is_received(front: Open)
         for path in (f"/things/{THING}", f"/files/{FILE}/x"):
             assert (await at.ask(content_length="5", receive=nothing_comes, path=path))[0] == status
         assert at.looked == [("ada", THING, "editor"), ("ada", FILE, "editor")]
-        assert (at.layer.admission.answering, at.house.asked) == (0, [])
+        assert (at.layer.admission.answering, at.house.requests) == (0, [])
     at = front()
     assert (await at.ask())[0] == 200  # nothing to read, so nothing is asked here
     assert at.looked == []
@@ -265,7 +265,7 @@ async def test_key_and_role_are_asked_before_what_costs_is_received(front: Open)
     # the route says what is wrong with it
     assert (await at.ask(b"x", path="/files/none/x"))[0] == 200
     assert at.looked == [("ada", THING, "editor"), ("ada", FILE, "editor")]
-    assert at.house.asked[-1]["route"].path == f"{PREFIX}/files/{{thing}}/{{part}}"
+    assert at.house.requests[-1]["route"].path == f"{PREFIX}/files/{{thing}}/{{part}}"
 
 
 @awaited
@@ -280,11 +280,11 @@ async def test_a_wrong_key_is_found_out_before_its_body_and_then_by_memory(
     status, headers, _ = await at.ask(key=f"{wrong}c")
     assert (status, headers["retry-after"]) == (429, "60")
     assert (await at.ask())[0] == 200  # a right key that nobody knew yet, from there
-    assert len(at.house.asked) == 1
-    at.house.asked.clear()
+    assert len(at.house.requests) == 1
+    at.house.requests.clear()
     at.client = ("10.0.0.2", 1)
     assert (await at.ask(content_length="5", receive=nothing_comes, key=f"{wrong}d"))[0] == 401
-    assert (at.layer.admission.answering, at.house.asked, at.looked) == (0, [], [])
+    assert (at.layer.admission.answering, at.house.requests, at.looked) == (0, [], [])
     with sessions.begin() as session:
         narrow = create_key(session, user_named(session, "bob"), "k", scopes=("read",))[1]
     at = front()
@@ -318,10 +318,10 @@ class Slow:
     """A body that comes when it is let in."""
 
     def __init__(self) -> None:
-        self.asked, self.go = asyncio.Event(), asyncio.Event()
+        self.called, self.go = asyncio.Event(), asyncio.Event()
 
     async def __call__(self) -> Message:
-        self.asked.set()
+        self.called.set()
         await self.go.wait()
         return {"type": "http.request", "body": b"x"}
 
@@ -334,7 +334,7 @@ async def test_so_many_large_bodies_are_received_at_a_time(front: Open) -> None:
         slow: Sequence[Slow] = (Slow(), Slow())
         coming = [asyncio.ensure_future(at.ask(receive=one, **large)) for one in slow]
         for one in slow:
-            await one.asked.wait()
+            await one.called.wait()
         status, headers, body = await at.ask(receive=nothing_comes, **large)
         assert (status, headers["connection"]) == (503, "close")
         assert body["detail"].startswith("2 uploads are being received")

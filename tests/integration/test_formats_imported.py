@@ -323,6 +323,6 @@ def test_where_no_more_may_wait_the_import_is_said_at_once(
 def test_bombs_of_every_format_are_refused_in_words_and_the_api_holds_none(
     service: LocalService,
 ) -> None:
-    found = throw(service, count=1, mib=72)
-    assert not found.faults
-    assert found.growth < MOST_GROWTH
+    outcome = throw(service, count=1, mib=72)
+    assert not outcome.faults
+    assert outcome.growth < MOST_GROWTH

@@ -151,7 +151,7 @@ def get_figure(
     ],
     session: SessionDep,
     user: CurrentUser,
-    requested: FigureRequestDep,
+    request: FigureRequestDep,
     point: Annotated[
         Whole, Query(description="`frf`: grid point whose FRF is drawn; default: the first one")
     ] = None,
@@ -178,10 +178,10 @@ def get_figure(
     job = update_job_for(session, user, job_id)
     data = UpdateFigures(session, job)
     require_figure(name, *FIGURES)
-    requested.require_used(name, FIGURES[name].query, _OF_FIGURES)
+    request.require_used(name, FIGURES[name].query, _OF_FIGURES)
     query = FigureQuery(point, reference, fmin, fmax, measured, model)
     # a result never changes
-    return requested.answer(lambda: draw_figure(FIGURES, data, name, query), name, str(job.id))
+    return request.answer(lambda: draw_figure(FIGURES, data, name, query), name, str(job.id))
 
 
 @router.get("/update-jobs/{job_id}/mesh", response_model=ResultMeshOut, responses=MESH_FILES)
@@ -282,7 +282,7 @@ def get_joint_figure(
     name: FigureName,
     session: SessionDep,
     user: CurrentUser,
-    requested: FigureRequestDep,
+    request: FigureRequestDep,
 ) -> Response:
     """A figure of a joint update: `parameters`, `campaigns`, `frequencies`, `budget` or
     `posterior`.
@@ -294,7 +294,7 @@ def get_joint_figure(
     require_figure(name, *JOINT_FIGURES)
     data = JointFigures(row, joint_document(session, row))
     # a result never changes
-    return requested.answer(lambda: draw_figure(JOINT_FIGURES, data, name), name, str(row.id))
+    return request.answer(lambda: draw_figure(JOINT_FIGURES, data, name), name, str(row.id))
 
 
 def _described(

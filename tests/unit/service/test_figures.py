@@ -312,8 +312,8 @@ def test_shapes_of_many_modes_go_over_pages(count: int, sheets: list[int]) -> No
 
 def test_numbers_are_rounded_and_what_json_lacks_is_a_gap() -> None:
     given = [1.23456789, -6.02214076e23, 1e-320, 1e-300, 1.7e308, 0.0, math.nan, math.inf]
-    found = numbers(given)
-    assert found == [
+    rounded = numbers(given)
+    assert rounded == [
         1.234568,
         pytest.approx(-6.022141e23),
         0.0,
@@ -323,7 +323,7 @@ def test_numbers_are_rounded_and_what_json_lacks_is_a_gap() -> None:
         None,
         None,
     ]
-    json.dumps(found, allow_nan=False)
+    json.dumps(rounded, allow_nan=False)
 
 
 def a_result(arrays: dict[str, Any] | None = None, **document: Any) -> UpdateFigures:
@@ -389,8 +389,8 @@ def test_lines_modes_and_points_that_a_result_has_not() -> None:
         20.0
     ]
     shapes = {"shapes_updated": np.ones((3, 1)), "shape_pairs": np.array([[0, 0]])}
-    alone = _shapes(a_result(shapes, modes=MODES), FigureQuery(measured=2))
-    assert "this mode has no partner" in alone.note
+    single = _shapes(a_result(shapes, modes=MODES), FigureQuery(measured=2))
+    assert "this mode has no partner" in single.note
     pairs = a_result(
         {
             "responses": np.array([[1, 3], [2, 3], [2, 3]]),

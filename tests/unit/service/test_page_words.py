@@ -32,10 +32,10 @@ def texts_of(template: str) -> Iterator[str]:
 
 @pytest.mark.parametrize("template", TEMPLATES, ids=[each.stem for each in TEMPLATES])
 def test_templates_name_no_member(template: Path) -> None:
-    said = list(texts_of(template.read_text()))
+    texts = list(texts_of(template.read_text()))
     # a command
     assert [
-        text for text in said if OF_REST.search(text) and not text.startswith("modalbase ")
+        text for text in texts if OF_REST.search(text) and not text.startswith("modalbase ")
     ] == []
 
 

@@ -36,10 +36,10 @@ async def test_callers_take_turns() -> None:
         slot.release()
 
     await admission.enter("first")
-    asked = [asyncio.ensure_future(ask(name)) for name in "aaaabbc"]
+    requests = [asyncio.ensure_future(ask(name)) for name in "aaaabbc"]
     await settle()
     admission.leave(0)
-    await asyncio.gather(*asked)
+    await asyncio.gather(*requests)
     assert order == list("abcabaa")
     assert (admission.answering, admission.waiting) == (0, 0)
 
@@ -76,8 +76,8 @@ async def test_one_client_under_two_names_leaves_places_to_others() -> None:
     assert admission.waiting == 20
     for one in (*crowd, *others):
         one.cancel()
-    found = await asyncio.gather(*crowd, *others, return_exceptions=True)
-    assert sum(isinstance(answer, TooManyRequests) for answer in found) == 25
+    outcomes = await asyncio.gather(*crowd, *others, return_exceptions=True)
+    assert sum(isinstance(answer, TooManyRequests) for answer in outcomes) == 25
     assert admission.waiting == 0
 
 
@@ -294,8 +294,8 @@ def test_only_what_is_asked_for_is_put_together() -> None:
         async with httpx.AsyncClient(
             transport=httpx.ASGITransport(app), base_url="http://test/api/"
         ) as client:
-            found = await client.get("specimens/4", params={"unit": "b"})
-            assert found.json() == {"name": "4b", "layers": 8}
+            answer = await client.get("specimens/4", params={"unit": "b"})
+            assert answer.json() == {"name": "4b", "layers": 8}
             assert (await client.get("specimens/four")).status_code == 422
             assert (await client.put("specimens/4")).status_code == 405
 
@@ -317,7 +317,7 @@ def test_threads_that_ask_at_once_have_the_same_route() -> None:
         return route.dependant
 
     with ThreadPoolExecutor(8) as threads:
-        assert len({id(found) for found in threads.map(ask, range(8))}) == 1
+        assert len({id(made) for made in threads.map(ask, range(8))}) == 1
     with pytest.raises(AttributeError, match="a route has no colour"):
         _ = route.colour
 
