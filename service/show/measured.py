@@ -147,10 +147,8 @@ def _known(processing: Processing | None, hits: Sequence[Hit]) -> list[HitOut] |
         return None
     rows = [HitOut.model_validate(row) for row in processing.document["hits"]]
     by_key = {(row.point, row.direction, row.hit): row for row in rows}
-    verdicts = [
-        by_key.get((hit.force.dof.point, hit.force.dof.direction, hit.number)) for hit in hits
-    ]
-    return [row for row in verdicts if row is not None] if None not in verdicts else None
+    known = [by_key.get((hit.force.dof.point, hit.force.dof.direction, hit.number)) for hit in hits]
+    return [row for row in known if row is not None] if None not in known else None
 
 
 def _shown(hit: Hit, verdict: HitOut, judged: EachHit, *, place: tuple[int, int]) -> HitShown:

@@ -131,11 +131,9 @@ def _write_structure(session: Session, archive: Archive, structure: Structure) -
             target.write(deck_of(session, row))
     _write_coupons(session, archive, structure.id, folder)
     monitors = monitors_of(session, structure.id)
-    for monitor, described in zip(monitors, described_monitors(session, monitors), strict=True):
+    for monitor, item in zip(monitors, described_monitors(session, monitors), strict=True):
         series = series_document(session, monitor, series_for(session, monitor, None))
-        archive.json(
-            f"{folder}/monitors/{monitor.id}.json", {"monitor": described, "series": series}
-        )
+        archive.json(f"{folder}/monitors/{monitor.id}.json", {"monitor": item, "series": series})
 
 
 def _write_coupons(session: Session, archive: Archive, structure_id: UUID, folder: str) -> None:
@@ -143,15 +141,15 @@ def _write_coupons(session: Session, archive: Archive, structure_id: UUID, folde
     for batch in described_batches(session, batch_for.all(session, structure_id=[structure_id])):
         items = []
         for coupon in coupon_for.all(session, batch_id=[batch.id]):
-            described = describe_coupon(coupon).model_dump()
-            rows.append({**described, "batch": batch.name})
+            item = describe_coupon(coupon).model_dump()
+            rows.append({**item, "batch": batch.name})
             if curve := coupon.curve:
-                described["curve"] = curves.describe_curve(curve)
+                item["curve"] = curves.describe_curve(curve)
                 with archive.member(f"{folder}/curves/{coupon.id}/original") as target:
                     target.write(curves.file_of(curve))
                 with archive.member(f"{folder}/curves/{coupon.id}/curve.csv") as target:
                     target.write(curves.as_csv(curve).encode())
-            items.append(described)
+            items.append(item)
         batches.append({"batch": batch, "coupons": items})
     archive.json(f"{folder}/coupon-batches.json", batches)
     archive.table(f"{folder}/coupons.csv", COUPON_COLUMNS, rows)

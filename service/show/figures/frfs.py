@@ -157,11 +157,11 @@ def _responses(curves: FrfCurves, kept: IntArray, phases: Panel) -> list[Mark]:
     marks: list[Mark] = []
     for name, values in {"measured": curves.measured, **(curves.models or {})}.items():
         look = name, *MODELS.get(name, (MEASURED, "solid"))
-        options: Any = {"group": name, "hover": f"{name}, {_HOVER}"}
+        shared: Any = {"group": name, "hover": f"{name}, {_HOVER}"}
         magnitude = np.where(values[kept] == 0, np.nan, np.abs(values[kept]))
         x, phase = _broken(curves.frequency_hz[kept], np.degrees(np.angle(values[kept])))
-        marks.append(Curve(curves.frequency_hz[kept], magnitude, *look, digits=5, **options))
-        marks.append(Curve(x, phase, *look, digits=4, panel=phases, listed=False, **options))
+        marks.append(Curve(curves.frequency_hz[kept], magnitude, *look, digits=5, **shared))
+        marks.append(Curve(x, phase, *look, digits=4, panel=phases, listed=False, **shared))
     return marks
 
 
@@ -434,13 +434,13 @@ def points_figure(
         ):
             if rows.any():
                 scale = Scale(title, floor, 1.0, symbol == "circle", middle, 0.45)
-                options: Any = {
+                look: Any = {
                     "ids": np.array(values.labels)[rows].tolist(),
                     "hover": f"point %{{customdata}}: {title} %{{marker.color:.4f}}",
                 }
                 place = values.x[rows], values.y[rows], words if title == "SAC" else ""
                 marks.append(
-                    Points(*place, criterion[rows], symbol, 14, scale=scale, panel=panel, **options)
+                    Points(*place, criterion[rows], symbol, 14, scale=scale, panel=panel, **look)
                 )
     return Figure(
         "SAC and FRAC by point on the specimen",

@@ -311,7 +311,7 @@ class _Grid:
         if values.size == 0:
             return []
         place = self._across[: values.size], self._up[: values.size] + values
-        options: Any = {
+        look: Any = {
             "text": [f"{value:+.3f}" for value in values],
             "hover": "point %{customdata}: %{text}",
         }
@@ -324,7 +324,7 @@ class _Grid:
                 digits=4,
                 panel=panel,
                 ids=list(labels[: values.size]),
-                **options,
+                **look,
             )
         ]
 

@@ -293,14 +293,14 @@ def damping_figure(laws: Sequence[Mapping[str, Any]], modes: Sequence[Mapping[st
     ratios = np.array([100 * mode["measured_damping"] for mode in seen])
     spread = np.array([100 * Z_95 * (mode["measured_damping_sd"] or 0.0) for mode in seen])
     name = "measured, 95 %" if spread.any() else "measured"
-    options: Any = {
+    look: Any = {
         "text": [f"mode {mode['number']}" for mode in seen],
         "hover": "%{text}: %{y:.3g} %",
     }
     error = np.array([np.minimum(spread, 0.95 * ratios), spread])
     marks.append(
         Points(
-            [mode["measured_hz"] for mode in seen], ratios, name, MEASURED, error_y=error, **options
+            [mode["measured_hz"] for mode in seen], ratios, name, MEASURED, error_y=error, **look
         )
     )
     ends = (ratios.min() / _ABOUT, ratios.max() * _ABOUT) if seen else None
@@ -445,19 +445,13 @@ def _single_estimates(rows: Sequence[_Own]) -> list[Mark]:
             continue
         middle = [100 * own["estimate"] / joint for _, joint, own in chosen]
         reach = [100 * Z_95 * own["standard_deviation"] / abs(joint) for _, joint, own in chosen]
-        options: Any = {
+        look: Any = {
             "text": [f"z {own['z']:+.2f}" for *_, own in chosen],
             "hover": "%{x:.1f} %, %{text}",
         }
         marks.append(
             Points(
-                middle,
-                [place for place, *_ in chosen],
-                name,
-                color,
-                symbol,
-                error_x=reach,
-                **options,
+                middle, [place for place, *_ in chosen], name, color, symbol, error_x=reach, **look
             )
         )
     return marks

@@ -57,11 +57,9 @@ def get_comparison(
     mode_set: Annotated[list[UUID] | None, Query(alias="set")] = None,
 ) -> HTMLResponse:
     """Results, campaigns by their newest result or modes, and mode sets, side by side."""
-    requested = [*(job or ()), *(campaign or ()), *(mode_set or ())]
-    if len(requested) > MOST:
-        raise Invalid(
-            "job", f"names {len(requested)} results, at most {MOST} are compared at a time"
-        )
+    keys = [*(job or ()), *(campaign or ()), *(mode_set or ())]
+    if len(keys) > MOST:
+        raise Invalid("job", f"names {len(keys)} results, at most {MOST} are compared at a time")
     jobs = [updating.single.one(visit.session, visit.user, key) for key in dict.fromkeys(job or ())]
     sets = [mode_set_for(visit.session, visit.user, key) for key in dict.fromkeys(mode_set or ())]
     for key in dict.fromkeys(campaign or ()):
@@ -77,7 +75,7 @@ def get_comparison(
     return visit.show(
         "compare.html",
         sides=sides,
-        without=len(requested) - len(sides),
+        without=len(keys) - len(sides),
         differences=_differences(visit, sides),
         names=list(dict.fromkeys(p["name"] for result in known for p in result["parameters"])),
         units={p["name"]: p["unit"] for result in known for p in result["parameters"]},
@@ -204,25 +202,21 @@ def _by_shape(visit: Visit, sides: Sequence[Side]) -> ByShape | None:
     shown = ByShape(one.name, str(first.id))
     for side, other in rest:
         try:
-            compared = likeness(visit.session, first, other)
+            both = likeness(visit.session, first, other)
         except Conflict as why:
             shown.notes.append(f"{side.name}: {why}")
             continue
-        shown.hz[:] = compared.hz.tolist()
+        shown.hz[:] = both.hz.tolist()
         shown.heads.append(side.name)
-        shown.partners.append([_partner(compared, i) for i in range(len(compared.hz))])
-        if compared.mac is not None:
+        shown.partners.append([_partner(both, i) for i in range(len(both.hz))])
+        if both.mac is not None:
             shown.others.append((side.name, str(other.id)))
     return shown
 
 
-def _partner(compared: Likeness, i: int) -> tuple[float, float, float | None] | None:
+def _partner(both: Likeness, i: int) -> tuple[float, float, float | None] | None:
     """Frequency, difference in per cent and MAC of the mode that is the first set's mode i."""
-    if (j := compared.partners.get(i)) is None:
+    if (j := both.partners.get(i)) is None:
         return None
-    alike = None if compared.mac is None else float(compared.mac[i, j])
-    return (
-        float(compared.other_hz[j]),
-        float(100 * (compared.other_hz[j] / compared.hz[i] - 1)),
-        alike,
-    )
+    alike = None if both.mac is None else float(both.mac[i, j])
+    return float(both.other_hz[j]), float(100 * (both.other_hz[j] / both.hz[i] - 1)), alike

@@ -126,15 +126,13 @@ class _Schema:
         return node
 
 
-def _without_json(meaning: str) -> str:
+def _without_json(text: str) -> str:
     """What the contract says of a member, for someone who fills in a field and writes no JSON.
 
     >>> _without_json("1/τ; null: nobody knows")
     '1/τ; empty: nobody knows'
     """
-    return re.sub(r"\bnull\b", "empty", meaning).replace(
-        "`{}` will do", "everything may stay empty"
-    )
+    return re.sub(r"\bnull\b", "empty", text).replace("`{}` will do", "everything may stay empty")
 
 
 def _label(name: str) -> str:

@@ -153,11 +153,9 @@ def _section(structure: Mapping[str, Any]) -> str:
     return "equivalent orthotropic plate"
 
 
-def _set(section: Mapping[str, Any]) -> str:
-    thickness = section.get("thickness_m")
-    return (
-        f"{section['name']}" if thickness is None else f"{section['name']} {1e3 * thickness:.4g} mm"
-    )
+def _set(group: Mapping[str, Any]) -> str:
+    thickness = group.get("thickness_m")
+    return f"{group['name']}" if thickness is None else f"{group['name']} {1e3 * thickness:.4g} mm"
 
 
 def _wall(wall: Mapping[str, Any]) -> str:
