@@ -72,6 +72,10 @@ CONTRACTS: dict[str, str] = {
     "ModuleNotFoundError": "Python",
     "ignored": "REST, stored models (service/compute/models/keeping.py), docs/library.md",
     "leaders": "stored models (service/compute/models/keeping.py): field of Link",
+    "NotFound": "HTTP: 404 Not Found",
+    "not_found_as": "HTTP: 404 Not Found",
+    "get_found_archive": "REST: an operation id",
+    "missed_percent": "REST: a member of a shape",
 }
 """Names that stay though they use such a word, each with where it is stated."""
 

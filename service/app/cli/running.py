@@ -112,8 +112,8 @@ def worker(
     """Run a worker. Any number may run, on any machine that reaches the database."""
     from service.app.serving import UnknownQueueError, work
 
-    wanted = partial(settings_of, data=data, worker_concurrency=concurrency, job_threads=threads)
+    settings = partial(settings_of, data=data, worker_concurrency=concurrency, job_threads=threads)
     try:
-        work(wanted, queues.split(",") if queues else None)
+        work(settings, queues.split(",") if queues else None)
     except UnknownQueueError as error:
         stop_with(f"--queues {queues}: {error}", 2)

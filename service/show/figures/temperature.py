@@ -46,11 +46,11 @@ def _drawn(
     """The estimate and, dotted, the ends of its interval."""
     name = row["name"] if row["law"] is None else f"{row['name']} ({row['law']})"
     here = 100 / float(np.interp(reference, at, row["estimate"]))
-    said: Any = {"panel": panel, "group": name}
+    look: Any = {"panel": panel, "group": name}
     yield Curve(
-        at, here * np.array(row["estimate"]), name, color, hover="%{x:.3g} °C: %{y:.4g} %", **said
+        at, here * np.array(row["estimate"]), name, color, hover="%{x:.3g} °C: %{y:.4g} %", **look
     )
     for end in ("low", "high"):
         yield Curve(
-            at, here * np.array(row[end]), name, color, "dot", 1.0, listed=False, hover=None, **said
+            at, here * np.array(row[end]), name, color, "dot", 1.0, listed=False, hover=None, **look
         )

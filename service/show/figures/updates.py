@@ -67,7 +67,7 @@ def parameters_figure(parameters: Sequence[Mapping[str, Any]], title: str) -> Fi
     return Figure(title, marks, [panel], height=190 + 42 * max(len(names), 3), margins={"l": 130})
 
 
-def _drawn(rows: Sequence[_Row], said: str, name: str, color: str, symbol: str) -> list[Mark]:
+def _drawn(rows: Sequence[_Row], label: str, name: str, color: str, symbol: str) -> list[Mark]:
     """Estimates with their intervals at places up the figure, in per cent of each row's initial
     value.
     """
@@ -81,7 +81,7 @@ def _drawn(rows: Sequence[_Row], said: str, name: str, color: str, symbol: str) 
     )
     hover: Any = {
         "ids": [row["name"] for _, row in rows],
-        "hover": "%{customdata}, " + said + ": %{x:.1f} %",
+        "hover": "%{customdata}, " + label + ": %{x:.1f} %",
     }
     error = np.array([middle - low, high - middle])
     return [
@@ -176,8 +176,8 @@ class Marginal:
         """The density at these values, in 1 over the drawn unit: the Gaussian one over the slope of
         the values.
         """
-        found: FloatArray = np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi) / np.gradient(self.at(z), z)
-        return found
+        density: FloatArray = np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi) / np.gradient(self.at(z), z)
+        return density
 
 
 def marginal(row: Mapping[str, Any]) -> Marginal:
@@ -206,7 +206,7 @@ def posterior_figure(
         samples: (n, p) of it, SI, drawn in place of contours; None where the posterior is Gaussian.
     """
     count = min(len(parameters), MOST_PARAMETERS)
-    found = [marginal(row) for row in parameters[:count]]
+    marginals = [marginal(row) for row in parameters[:count]]
     factors = [SHOWN.get(row["unit"], (1.0, ""))[0] for row in parameters[:count]]
     drawn = (
         None
@@ -216,15 +216,16 @@ def posterior_figure(
     size = (1 - _GAP / count * (count - 1)) / count
     starts = [i * (size + _GAP / count) for i in range(count)]
     limits = [
-        (float(of.at(np.array([-_REACH]))[0]), float(of.at(np.array([_REACH]))[0])) for of in found
+        (float(of.at(np.array([-_REACH]))[0]), float(of.at(np.array([_REACH]))[0]))
+        for of in marginals
     ]
     columns, rows = (
-        [Axis(of.title, range=ends, few=True) for of, ends in zip(found, limits, strict=True)]
+        [Axis(of.title, range=ends, few=True) for of, ends in zip(marginals, limits, strict=True)]
         for _ in "xy"
     )
     marks: list[Mark] = []
     panels: list[Panel] = []
-    for i, of in enumerate(found):
+    for i, of in enumerate(marginals):
         up = 1 - starts[i] - size, 1 - starts[i]
         *beside, own = (
             Panel(
@@ -236,7 +237,7 @@ def posterior_figure(
         marks += _diagonal(of, limits[i], own, first=i == 0)
         for j, panel in enumerate(beside):
             if drawn is None:
-                marks += _pair(found[j], of, float(correlation[j, i]), panel)
+                marks += _pair(marginals[j], of, float(correlation[j, i]), panel)
             else:
                 marks.append(
                     Points(drawn[:, j], drawn[:, i], "", _CLOUD, size=3, panel=panel, hover=None)
@@ -293,14 +294,14 @@ def damping_figure(laws: Sequence[Mapping[str, Any]], modes: Sequence[Mapping[st
     ratios = np.array([100 * mode["measured_damping"] for mode in seen])
     spread = np.array([100 * Z_95 * (mode["measured_damping_sd"] or 0.0) for mode in seen])
     name = "measured, 95 %" if spread.any() else "measured"
-    said: Any = {
+    look: Any = {
         "text": [f"mode {mode['number']}" for mode in seen],
         "hover": "%{text}: %{y:.3g} %",
     }
     error = np.array([np.minimum(spread, 0.95 * ratios), spread])
     marks.append(
         Points(
-            [mode["measured_hz"] for mode in seen], ratios, name, MEASURED, error_y=error, **said
+            [mode["measured_hz"] for mode in seen], ratios, name, MEASURED, error_y=error, **look
         )
     )
     ends = (ratios.min() / _ABOUT, ratios.max() * _ABOUT) if seen else None
@@ -388,7 +389,7 @@ FAR_Z = 2.0  # |z| from which on a campaign's own estimate is drawn as one that 
 _Own = tuple[Mapping[str, Any], Mapping[str, Any]]
 
 
-def alone_figure(
+def single_estimates_figure(
     parameters: Sequence[Mapping[str, Any]], campaigns: Sequence[Mapping[str, Any]]
 ) -> Figure:
     """What each campaign says of each shared constant by itself, as a share of the joint estimate.
@@ -404,12 +405,12 @@ def alone_figure(
         if part["alone"].get(parameter["name"]) is not None
     ]
     names = [f"{parameter['name']}  {_both_ends(part['name'])}" for parameter, part in rows]
-    said = ", ".join(
+    probabilities = ", ".join(
         f"{shortened(part['name'])}: p {_probability(part['predictive_p'])}" for part in campaigns
     )
     return Figure(
-        f"Each campaign alone, beside all together ({said})",
-        [_joint(rows), *_alone(rows)],
+        f"Each campaign alone, beside all together ({probabilities})",
+        [_joint(rows), *_single_estimates(rows)],
         [Panel(Axis("share of the joint estimate [%]"), rows_axis(names))],
         height=200 + 24 * max(len(rows), 6),
         margins={"l": 40 + 7 * max((len(name) for name in names), default=0)},
@@ -434,7 +435,7 @@ def _joint(rows: Sequence[_Own]) -> Mark:
     return Bars(high - low, range(len(rows)), low, "all together, 95 %", BAND, width=1, hover=None)
 
 
-def _alone(rows: Sequence[_Own]) -> list[Mark]:
+def _single_estimates(rows: Sequence[_Own]) -> list[Mark]:
     """Estimates of single campaigns with 95 % intervals; those far from the joint one stand out."""
     marks: list[Mark] = []
     for far, color, symbol, name in (
@@ -448,17 +449,15 @@ def _alone(rows: Sequence[_Own]) -> list[Mark]:
         ]
         if not chosen:
             continue
-        middle = [100 * found["estimate"] / joint for _, joint, found in chosen]
-        reach = [
-            100 * Z_95 * found["standard_deviation"] / abs(joint) for _, joint, found in chosen
-        ]
-        said: Any = {
-            "text": [f"z {found['z']:+.2f}" for *_, found in chosen],
+        middle = [100 * own["estimate"] / joint for _, joint, own in chosen]
+        reach = [100 * Z_95 * own["standard_deviation"] / abs(joint) for _, joint, own in chosen]
+        look: Any = {
+            "text": [f"z {own['z']:+.2f}" for *_, own in chosen],
             "hover": "%{x:.1f} %, %{text}",
         }
         marks.append(
             Points(
-                middle, [place for place, *_ in chosen], name, color, symbol, error_x=reach, **said
+                middle, [place for place, *_ in chosen], name, color, symbol, error_x=reach, **look
             )
         )
     return marks

@@ -53,7 +53,7 @@ from service.store.records import operations as records
 from service.store.records.processings import judged
 from service.store.records.schemas import Proposal, StoredRecords, from_json
 from service.web import Name, Page, api_router, shown_as
-from service.web.gate import without_slot
+from service.web.admission import without_slot
 from service.web.openapi import BINARY, TEXT, reads
 from service.web.uploads import Spooled, UploadDep
 

@@ -187,12 +187,12 @@ def bar(row: Mapping[str, Any]) -> Bar | None:
     def span(ends: tuple[float, float]) -> tuple[float, float]:
         return round(place(ends[0]), 2), round(max(place(ends[1]) - place(ends[0]), 0.8), 2)
 
-    said = [in_unit(value, row["unit"], row["standard_deviation"]) for value in (low, high)]
-    words = f"95 %: {said[0]} to {said[1]}"
+    shown = [in_unit(value, row["unit"], row["standard_deviation"]) for value in (low, high)]
+    words = f"95 %: {shown[0]} to {shown[1]}"
     if prior is not None:
         words = (
             f"prior {in_unit(prior[0], row['unit'])} to {in_unit(prior[1], row['unit'])}, now"
-            f" {said[0]} to {said[1]}"
+            f" {shown[0]} to {shown[1]}"
         )
     initial = None if row["initial"] is None else round(place(row["initial"]), 2)
     return Bar(
