@@ -384,9 +384,8 @@ def yielding_of(
     """What the data say of each way in which the supports of a campaign's body may give way."""
     campaign, at = elastic.layout.campaigns[number], elastic.rows[number]
     measured = campaign.modes, campaign.probability(range(len(campaign.modes)))
-    return Yielding.of(
-        elastic.states[number], supports, at, elastic.pairings[number], measured, problem, posterior
-    )
+    state, pairing = elastic.states[number], elastic.pairings[number]
+    return Yielding.of(state, supports, at, pairing, measured, problem=problem, posterior=posterior)
 
 
 @dataclass(frozen=True)

@@ -143,10 +143,10 @@ class Losses:
             modes,
             stretches,
             np.log(share / share.sum()),
-            names,
-            lines,
-            energy,
-            step,
+            names=names,
+            lines=lines,
+            energy=energy,
+            step=step,
         )
 
     def of_sets(self, share: FloatArray) -> Iterator[tuple[Losses, FloatArray]]:
@@ -195,7 +195,17 @@ class Losses:
         # As likely as those between lines, of which there are fewer.
         log_density = self.log_prior[0] + np.log(self.stretches[0].length * (step / self.step) ** 2)
         log_prior = np.array([log_density - np.log(each.length) for each in stretches])
-        return _losses(elastic, number, modes, stretches, log_prior, names, finer, energy, step)
+        return _losses(
+            elastic,
+            number,
+            modes,
+            stretches,
+            log_prior,
+            names=names,
+            lines=finer,
+            energy=energy,
+            step=step,
+        )
 
 
 def _columns(elastic: ElasticResult, number: int) -> list[int]:
@@ -208,6 +218,7 @@ def _losses(
     modes: _Modes,
     stretches: list[Stretch],
     log_prior: FloatArray,
+    *,
     names: list[str],
     lines: FloatArray,
     energy: FloatArray,

@@ -57,6 +57,10 @@ REMEDIES: dict[str, tuple[str, str]] = {
         MODES,
         "Leave in-plane modes out of the mode set, and check boundary, frame and geometry.",
     ),
+    "support_moves": (
+        CAMPAIGN,
+        "Measure shapes at points near the support, or how firm it is; or hold it more firmly.",
+    ),
     "shapes_unlike": (CAMPAIGN, "Check boundary, geometry, frame and numbering of the points."),
     "modes_absent": (CAMPAIGN, "Check boundary and geometry, and the pairs in the table of modes."),
     "sign_opposite": (
