@@ -33,7 +33,7 @@ from service.jobs.queue import enqueue
 from service.jobs.tables import Job
 from service.monitoring.campaigns import Seen, seen_campaigns
 from service.monitoring.notifications.messages import announce
-from service.monitoring.runs import counted, latest_runs, monitor_for, moves_of, unit_of
+from service.monitoring.runs import counted, latest_runs, mode_effects_of, monitor_for, unit_of
 from service.monitoring.tables import (
     Alarm,
     AlarmEvent,
@@ -157,9 +157,9 @@ def _load(session: Session, job_id: UUID, _workspace: Path) -> JudgementInputs:
         observations=tuple(_observation(one, run) for one, run in pairs),
         watch=watch_of(monitor),
         as_of=now,
-        acknowledged=tuple(_heard(alarm) for alarm in _acknowledged(session, monitor)),
+        acknowledged=tuple(_acknowledgement(alarm) for alarm in _acknowledged(session, monitor)),
         notes=tuple(_notes(series, pairs)),
-        moves=moves_of(session, described[-1][1]) if described else None,
+        mode_effects=mode_effects_of(session, described[-1][1]) if described else None,
     )
 
 
@@ -198,7 +198,7 @@ def _observation(one: Seen, run: MonitorRun) -> Observation:
     )
 
 
-def _heard(alarm: Alarm) -> Acknowledgement:
+def _acknowledgement(alarm: Alarm) -> Acknowledgement:
     """An acknowledgement on the campaigns' time axis: not before the campaign that raised the
     alarm.
     """
@@ -284,8 +284,8 @@ def update_alarms(
         .order_by(Alarm.id)
     ).all()
     known = {(alarm.parameter, str(alarm.campaign_id)): alarm for alarm in rows}
-    wanted = {(e.parameter, e.campaign) for e in episodes}
-    orphans = [alarm for key, alarm in known.items() if key not in wanted]
+    alarmed = {(e.parameter, e.campaign) for e in episodes}
+    orphans = [alarm for key, alarm in known.items() if key not in alarmed]
     for episode in episodes:
         alarm = known.get((episode.parameter, episode.campaign)) or _adopt(
             session, orphans, episode

@@ -30,7 +30,7 @@ from fecore.errors import FecoreError
 from fecore.updating.parameters import parametrise
 from fecore.updating.temperature import constant_of
 from service.access import Lookup, User
-from service.compute.judging import Moves
+from service.compute.judging import ModeEffects
 from service.errors import ServiceError
 from service.jobs.tables import Job
 from service.monitoring.campaigns import Seen, seen_campaigns
@@ -66,7 +66,8 @@ def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]
     """
     compared = {row["name"]: row["comparable"] for row in document["parameters"]}
     parameters = {
-        name: [found["estimate"], found["standard_deviation"]] for name, found in compared.items()
+        name: [constant["estimate"], constant["standard_deviation"]]
+        for name, constant in compared.items()
     }
     stated: dict[int, Mode] = {}
     if mode_set := document["provenance"].get("mode_set"):
@@ -92,7 +93,7 @@ def _scale(session: Session, key: UUID) -> float | None:
     return float(arrays["frf_scale"][0])
 
 
-def moves_of(session: Session, run: MonitorRun) -> Moves | None:
+def mode_effects_of(session: Session, run: MonitorRun) -> ModeEffects | None:
     """What would move a run's frequencies; None of a run of a version that did not keep it."""
     arrays = None if run.update_job_id is None else arrays_of(session, run.update_job_id)
     if arrays is None or "mass_effects" not in arrays:
@@ -101,7 +102,7 @@ def moves_of(session: Session, run: MonitorRun) -> Moves | None:
         dict(zip(arrays[f"{kind}_names"].tolist(), arrays[f"{kind}_effects"], strict=True))
         for kind in ("stiffness", "support")
     )
-    return Moves(
+    return ModeEffects(
         str(run.campaign_id), stiffness, support, arrays["mass_sites_m"], arrays["mass_effects"]
     )
 
@@ -133,13 +134,13 @@ def newest_series(session: Session, monitor: Monitor) -> MonitorSeries:
     """The version of the series that new runs go into; the first one is made here. The transaction
     holds the monitor's row.
     """
-    found = session.scalars(
+    newest = session.scalars(
         select(MonitorSeries)
         .where(MonitorSeries.monitor_id == monitor.id)
         .order_by(MonitorSeries.number.desc())
         .limit(1)
     ).one_or_none()
-    return found or next_series(session, monitor, 1, "first series")
+    return newest or next_series(session, monitor, 1, "first series")
 
 
 def next_series(session: Session, monitor: Monitor, number: int, reason: str) -> MonitorSeries:
@@ -221,7 +222,7 @@ def bring_up_to_date(
         latest = runs.get(one.campaign.id)
         if only is not None and one.campaign.id != only:
             continue
-        if not (one.complete or by_hand) or not _wanted(one, latest, outdated, by_hand):
+        if not (one.complete or by_hand) or not _is_due(one, latest, outdated, by_hand):
             continue
         if monitor.priors == "last" and not _may_follow(one, seen, runs):
             break
@@ -245,7 +246,7 @@ def counted(seen: Sequence[Seen], runs: dict[UUID, MonitorRun]) -> list[tuple[Se
     return [(one, run) for one, run in pairs if run is not None and run.state == "succeeded"]
 
 
-def _wanted(one: Seen, latest: MonitorRun | None, outdated: str | None, by_hand: bool) -> bool:
+def _is_due(one: Seen, latest: MonitorRun | None, outdated: str | None, by_hand: bool) -> bool:
     """Is there a run to start, or a refusal to note?"""
     if latest is None:
         return True

@@ -123,13 +123,13 @@ class _Scheduler:
             )
             ended = (Job.id.in_(changed), Job.state.in_(ENDED))
             imported_into = structures_with(campaigns_with(select(Job.id).where(*ended)))
-            wanted = or_(
+            concerned = or_(
                 Monitor.id.in_(changed),
                 Monitor.structure_id.in_(imported_into),
                 Monitor.id.in_(of_run.where(*ended)),
                 Monitor.id.in_(of_judgement.where(*ended)),
             )
-            return session.scalars(select(Monitor.id).where(_WATCHING, wanted)).all()
+            return session.scalars(select(Monitor.id).where(_WATCHING, concerned)).all()
 
     def _check_all(self, monitors: Sequence[UUID]) -> None:
         for key in monitors:

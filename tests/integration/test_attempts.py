@@ -18,7 +18,7 @@ from structlog.testing import capture_logs
 from service.db.engine import Sessions, make_engine, make_sessions
 from service.db.schema import upgrade
 from service.jobs import attempt as attempts
-from service.jobs import tickets
+from service.jobs import queue_adapter
 from service.jobs.attempt import Attempt
 from service.jobs.child import (
     CANCELLED,
@@ -111,7 +111,7 @@ class Trial:
             worker = session.scalar(
                 text("INSERT INTO procrastinate_workers DEFAULT VALUES RETURNING id")
             )
-            assert tickets.take(session, job, worker).id == job.ticket
+            assert queue_adapter.take(session, job, worker).id == job.ticket
             session.expunge(job)
         self.attempt = Attempt(self.sessions, Settings(), kind, job)
         if stop is not None:
@@ -223,7 +223,7 @@ def begin(sessions: Sessions, *, silent_for: str = "0 s", count: int = 1) -> int
         worker_id: int = session.execute(REGISTER, {"ago": silent_for}).scalar_one()
         for _ in range(count):
             job = begin_next(session, None, f"worker {worker_id}", None)
-            assert tickets.take(session, job, worker_id).id == job.ticket
+            assert queue_adapter.take(session, job, worker_id).id == job.ticket
     return worker_id
 
 
@@ -268,7 +268,7 @@ def test_a_silent_workers_job_waits_again_and_its_attempt_is_fenced(sessions: Se
     begin(sessions)
     with sessions.begin() as session:
         recover_stalled(session, LEASE)  # the ticket is another worker's now
-        assert tickets.to_abort(session, worker_id, [before[0]]) == [before[0]]
+        assert queue_adapter.to_abort(session, worker_id, [before[0]]) == [before[0]]
     assert (look(sessions, job_id).state, look(sessions, job_id).attempt) == ("running", 2)
 
 

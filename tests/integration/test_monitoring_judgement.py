@@ -16,7 +16,7 @@ from examples.monitoring import structure_body
 from fecore.trend import Acknowledgement, Watch
 from service.access import Member, Project
 from service.access.keys import user_named
-from service.compute.judging import Episode, Judgement, Moves
+from service.compute.judging import Episode, Judgement, ModeEffects
 from service.db.engine import Sessions
 from service.errors import Conflict, NotFound
 from service.jobs.queue import enqueue
@@ -72,14 +72,14 @@ def test_an_open_alarm_names_its_other_explanations_and_what_decides() -> None:
 
     series = [observe(i, 1.0, noisy(MODES)) for i in range(8)]
     series += [observe(i, 0.95, noisy(fallen)) for i in range(8, 11)]
-    moves = Moves(
+    mode_effects = ModeEffects(
         campaign="5",
         stiffness={"Ex": np.full(3, 0.5)},
         support={},
         sites=np.array([[0.1, 0, 0], [0.3, 0, 0], [0.5, 0, 0]]),
         mass=-np.array([[0.0, 0.0, 3.0], [0.1, 3.0, 0.2], [3.0, 0.1, 0.0]]),
     )
-    (episode,) = judged(series, moves=moves).episodes
+    (episode,) = judged(series, mode_effects=mode_effects).episodes
     found = episode.details["explanations"]
     assert found["ranked"][0]["kind"] == "mass"
     assert "g more near x = 0.3 m (100 %)" in found["text"]

@@ -32,7 +32,7 @@ from service.compute.processing import PointFile, ProcessingInputs, process_reco
 from service.compute.spectra import Spectrum, decode, encode, encode_axis
 from service.compute.updating import JointCampaign, JointInputs, compute_joint
 from service.errors import Damaged, PayloadTooLarge
-from service.jobs import aside, process
+from service.jobs import process, subprocess_read
 from service.jobs.child import Failure, Item
 from service.jobs.process import LOST, ChildEnded
 from service.store.coupons import routes as bodies
@@ -194,7 +194,7 @@ def test_spectra_of_a_file_become_an_frf_and_points_come_in_blocks(
 class Dead:
     """A child in whose place an error comes."""
 
-    def __init__(self, order: aside.Order) -> None:
+    def __init__(self, order: subprocess_read.Order) -> None:
         self.order = order
 
     def messages(self) -> Iterator[Item]:
@@ -226,23 +226,23 @@ def test_a_body_is_read_although_the_fork_server_died_and_what_it_meets_is_told_
 ) -> None:
     died, prepared = [LOST], []
 
-    def begun(order: aside.Order) -> Dead:
+    def begun(order: subprocess_read.Order) -> Dead:
         if died:
             raise ChildEnded(died.pop())
         return Dead(order)
 
-    monkeypatch.setattr(aside, "Child", begun)
+    monkeypatch.setattr(subprocess_read, "Child", begun)
     monkeypatch.setattr(
-        aside, "preload", lambda modules, threads: prepared.append((modules, threads))
+        subprocess_read, "preload", lambda modules, threads: prepared.append((modules, threads))
     )
-    assert aside._read(len, ("abc",)) == 3
+    assert subprocess_read._read(len, ("abc",)) == 3
     assert prepared == [(["builtins"], 1)] * 2
     with pytest.raises(InputError, match="is empty"):
-        aside._read(raises, (InputError("file", "is empty"),))
+        subprocess_read._read(raises, (InputError("file", "is empty"),))
     with pytest.raises(RuntimeError, match="the trace"):
-        aside._read(raises, (ZeroDivisionError(),))
+        subprocess_read._read(raises, (ZeroDivisionError(),))
     with pytest.raises(PayloadTooLarge, match="cannot be read here: the job needs more memory"):
-        aside._read(raises, (MemoryError(),))
+        subprocess_read._read(raises, (MemoryError(),))
 
 
 def test_sockets_of_the_fork_server_fit_under_a_long_folder(
