@@ -14,7 +14,7 @@ from service.app import composition
 from service.db.engine import Sessions
 from service.errors import Invalid
 from service.store.search.nouns import SEARCHED
-from service.store.search.operations import Search, Wanted, bounded
+from service.store.search.operations import Search, SearchQuery, bounded
 
 assert composition.ROUTERS  # so that every table is known
 
@@ -85,7 +85,7 @@ def test_an_index_answers_every_question_of_the_documents(sessions: Sessions, us
     ]
     with sessions() as session, bounded(session):
         for noun, question in [*QUESTIONS, *labels]:
-            search = Search(user, SEARCHED[noun], Wanted(question))
+            search = Search(user, SEARCHED[noun], SearchQuery(question))
             for statement in (search.page_query(None, 100), search.some()):
                 assert not scanned(session.connection(), statement) & BIG.keys(), question
             search.page(session, None, 100)
