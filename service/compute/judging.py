@@ -126,10 +126,10 @@ def _assessment(series: Mapping[str, Series], inputs: JudgementInputs) -> Assess
     )
     effective: list[Acknowledgement] = []
     assessment = assess(series, watch, inputs.as_of)
-    for seen in inputs.acknowledged:
-        trend = assessment.parameters.get(seen.parameter)
-        if trend is not None and _state_at(trend.timeline, seen.date) is State.ALARM:
-            effective.append(seen)
+    for acknowledgement in inputs.acknowledged:
+        trend = assessment.parameters.get(acknowledgement.parameter)
+        if trend is not None and _state_at(trend.timeline, acknowledgement.date) is State.ALARM:
+            effective.append(acknowledgement)
             assessment = assess(series, watch, inputs.as_of, effective)
     return assessment
 

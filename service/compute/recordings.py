@@ -176,11 +176,11 @@ class Channels:
 
     def blocks(self, survey: Survey, places: list[Place]) -> Iterator[TimeBlock]:
         """The blocks of each hit, the force first."""
-        seen: Counter[Place] = Counter()
+        counts: Counter[Place] = Counter()
         numbers = {}
         for hit, place in zip(survey.hits, places, strict=True):
-            seen[place] += 1
-            numbers[hit.at] = place, seen[place]
+            counts[place] += 1
+            numbers[hit.at] = place, counts[place]
         for hit, samples in cut(self.chunks(), survey):
             place, number = numbers[hit.at]
             for c, values, full in zip(self.mapped, samples, self.full_scales, strict=True):

@@ -31,7 +31,7 @@ from service.errors import Conflict, NotFound
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
-from service.monitoring.campaigns import Seen, seen_campaigns
+from service.monitoring.campaigns import Candidate, candidates_of
 from service.monitoring.notifications.messages import announce
 from service.monitoring.runs import counted, latest_runs, mode_effects_of, monitor_for, unit_of
 from service.monitoring.tables import (
@@ -65,7 +65,7 @@ def judge_if_changed(
     runs = latest_runs(session, series)
     if any(run.state == "running" for run in runs.values()):
         return
-    pairs = counted(seen_campaigns(session, monitor, now, timedelta(0)), runs)
+    pairs = counted(candidates_of(session, monitor, now, timedelta(0)), runs)
     if not pairs and series.digest is None:
         return
     digest = _digest(session, monitor, pairs, now)
@@ -97,7 +97,7 @@ def _last(session: Session, series: MonitorSeries) -> tuple[str | None, str | No
 
 
 def _digest(
-    session: Session, monitor: Monitor, pairs: list[tuple[Seen, MonitorRun]], now: datetime
+    session: Session, monitor: Monitor, pairs: list[tuple[Candidate, MonitorRun]], now: datetime
 ) -> str:
     """Of everything that a judgement depends on."""
     used = {
@@ -118,7 +118,7 @@ def _digest(
     return hashlib.sha256(json.dumps(used, sort_keys=True).encode()).hexdigest()
 
 
-def _late(monitor: Monitor, pairs: list[tuple[Seen, MonitorRun]], now: datetime) -> int:
+def _late(monitor: Monitor, pairs: list[tuple[Candidate, MonitorRun]], now: datetime) -> int:
     """How many campaigns should have come since the last one."""
     if monitor.expected_interval_days is None or not pairs:
         return 0
@@ -148,7 +148,7 @@ def _load(session: Session, job_id: UUID, _workspace: Path) -> JudgementInputs:
     monitor = session.get_one(Monitor, series.monitor_id)
     now = datetime.now(UTC)
     runs = latest_runs(session, series)
-    pairs = counted(seen_campaigns(session, monitor, now, timedelta(0)), runs)
+    pairs = counted(candidates_of(session, monitor, now, timedelta(0)), runs)
     row.digest = _digest(session, monitor, pairs, now)  # what is judged is what is there now
     described = pairs[: monitor.watch["baseline"]]
     arrival = _arrival(session, series)
@@ -183,7 +183,7 @@ def _arrival(session: Session, series: MonitorSeries) -> dict[UUID, UUID]:
     return dict(rows.all())
 
 
-def _observation(one: Seen, run: MonitorRun) -> Observation:
+def _observation(one: Candidate, run: MonitorRun) -> Observation:
     campaign = one.campaign
     assert campaign.performed_at is not None
     climate = {
@@ -207,7 +207,7 @@ def _acknowledgement(alarm: Alarm) -> Acknowledgement:
     return Acknowledgement(alarm.parameter, max(alarm.acknowledged_at, raised))
 
 
-def _notes(series: MonitorSeries, pairs: list[tuple[Seen, MonitorRun]]) -> Iterator[str]:
+def _notes(series: MonitorSeries, pairs: list[tuple[Candidate, MonitorRun]]) -> Iterator[str]:
     for one, run in pairs:
         if run.revision > 1:
             yield (

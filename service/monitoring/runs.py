@@ -33,7 +33,7 @@ from service.access import Lookup, User
 from service.compute.judging import ModeEffects
 from service.errors import ServiceError
 from service.jobs.tables import Job
-from service.monitoring.campaigns import Seen, seen_campaigns
+from service.monitoring.campaigns import Candidate, candidates_of
 from service.monitoring.tables import Monitor, MonitorRun, MonitorSeries
 from service.store.campaigns.operations import campaign_of
 from service.store.modes.operations import modes_of
@@ -214,17 +214,17 @@ def bring_up_to_date(
         The new runs; refused ones too.
     """
     series = newest_series(session, monitor)
-    seen = seen_campaigns(session, monitor, moment.now, moment.settle)
+    candidates = candidates_of(session, monitor, moment.now, moment.settle)
     runs = latest_runs(session, series)
     outdated = _outdated(session, monitor)
     started: list[MonitorRun] = []
-    for one in seen:
+    for one in candidates:
         latest = runs.get(one.campaign.id)
         if only is not None and one.campaign.id != only:
             continue
         if not (one.complete or by_hand) or not _is_due(one, latest, outdated, by_hand):
             continue
-        if monitor.priors == "last" and not _may_follow(one, seen, runs):
+        if monitor.priors == "last" and not _may_follow(one, candidates, runs):
             break
         objection = one.objection or _held_otherwise(one, monitor) or outdated
         run = _run(session, series, one, latest)
@@ -238,15 +238,17 @@ def bring_up_to_date(
     return started
 
 
-def counted(seen: Sequence[Seen], runs: dict[UUID, MonitorRun]) -> list[tuple[Seen, MonitorRun]]:
+def counted(
+    candidates: Sequence[Candidate], runs: dict[UUID, MonitorRun]
+) -> list[tuple[Candidate, MonitorRun]]:
     """The campaigns that make the series, in time order, each with its run: those without an
     objection whose latest run has succeeded.
     """
-    pairs = ((one, runs.get(one.campaign.id)) for one in seen if one.objection is None)
+    pairs = ((one, runs.get(one.campaign.id)) for one in candidates if one.objection is None)
     return [(one, run) for one, run in pairs if run is not None and run.state == "succeeded"]
 
 
-def _is_due(one: Seen, latest: MonitorRun | None, outdated: str | None, by_hand: bool) -> bool:
+def _is_due(one: Candidate, latest: MonitorRun | None, outdated: str | None, by_hand: bool) -> bool:
     """Is there a run to start, or a refusal to note?"""
     if latest is None:
         return True
@@ -261,13 +263,19 @@ def _is_due(one: Seen, latest: MonitorRun | None, outdated: str | None, by_hand:
     return latest.state == "refused" or not current or by_hand
 
 
-def _may_follow(one: Seen, seen: Sequence[Seen], runs: dict[UUID, MonitorRun]) -> bool:
+def _may_follow(
+    one: Candidate, candidates: Sequence[Candidate], runs: dict[UUID, MonitorRun]
+) -> bool:
     """With priors that are handed on, a run waits for the end of every earlier one."""
-    earlier = [s.campaign.id for s in seen if s.campaign.performed_at < one.campaign.performed_at]  # type: ignore[operator]
+    earlier = [
+        other.campaign.id
+        for other in candidates
+        if other.campaign.performed_at < one.campaign.performed_at  # type: ignore[operator]
+    ]
     return not any(key in runs and runs[key].state == "running" for key in earlier)
 
 
-def _held_otherwise(one: Seen, monitor: Monitor) -> str | None:
+def _held_otherwise(one: Candidate, monitor: Monitor) -> str | None:
     """A campaign that was seen before the monitor knew its boundary."""
     if monitor.boundary is None:
         monitor.boundary = one.campaign.boundary
@@ -292,7 +300,7 @@ def _outdated(session: Session, monitor: Monitor) -> str | None:
 
 
 def _run(
-    session: Session, series: MonitorSeries, one: Seen, latest: MonitorRun | None
+    session: Session, series: MonitorSeries, one: Candidate, latest: MonitorRun | None
 ) -> MonitorRun:
     run = MonitorRun(
         series_id=series.id,
@@ -306,7 +314,11 @@ def _run(
 
 
 def _start(
-    session: Session, monitor: Monitor, run: MonitorRun, one: Seen, runs: dict[UUID, MonitorRun]
+    session: Session,
+    monitor: Monitor,
+    run: MonitorRun,
+    one: Candidate,
+    runs: dict[UUID, MonitorRun],
 ) -> None:
     """Queue the update in the name of the monitor's maker. A recipe that is refused makes a refused
     run with the reason.
@@ -327,7 +339,7 @@ def _start(
 
 
 def _recipe(
-    session: Session, monitor: Monitor, one: Seen, runs: dict[UUID, MonitorRun]
+    session: Session, monitor: Monitor, one: Candidate, runs: dict[UUID, MonitorRun]
 ) -> RecipeIn:
     """The monitor's recipe for a campaign. Coefficients of temperature are its regression's: a
     campaign has one temperature.
@@ -346,7 +358,9 @@ def _recipe(
     return recipe if before is None else _with_priors(session, monitor, recipe, before)
 
 
-def _run_before(session: Session, one: Seen, runs: dict[UUID, MonitorRun]) -> dict[str, Any] | None:
+def _run_before(
+    session: Session, one: Candidate, runs: dict[UUID, MonitorRun]
+) -> dict[str, Any] | None:
     """Values of the last campaign before this one."""
     done = [
         run

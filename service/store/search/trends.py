@@ -250,11 +250,11 @@ def _name_tracks(session: Session, rows: Sequence[Row]) -> None:
     )
     for _, of_structure in groupby(ordered, key=lambda row: row["structure_id"]):
         campaigns = [list(group) for _, group in groupby(of_structure, key=lambda row: row["id"])]
-        seen = [
+        tracked = [
             [TrackedMode(row["hz"], shapes[row["id"], row["number"]]) for row in modes]
             for modes in campaigns
         ]
-        for modes, numbers in zip(campaigns, track(seen), strict=True):
+        for modes, numbers in zip(campaigns, track(tracked), strict=True):
             for row, number in zip(modes, numbers, strict=True):
                 row["series"] = f"mode {number + 1}"
 

@@ -248,14 +248,14 @@ def _require_usual(sections: Mapping[str, Section], accept: Sequence[str], confi
     faults = list(unusual(sections))
     steps = [fault.pointer.split("/") for fault in faults]
     names = [f"{kind_of_member(members[-1])}:{name}" for _, name, *members in steps]
-    given = {plain(name) for name in accept if is_of_sections(name)} if sections else set()
-    if idle := given - {plain(name) for name in names}:
+    answered = {plain(name) for name in accept if is_of_sections(name)} if sections else set()
+    if idle := answered - {plain(name) for name in names}:
         raise Invalid("accept", f"{min(idle)!r} answers nothing that is asked of the sections")
     if not confirm and (
         questions := [
             replace(fault, detail=f"{fault.detail} accept={name} takes it as it is.")
             for fault, name in zip(faults, names, strict=True)
-            if plain(name) not in given
+            if plain(name) not in answered
         ]
     ):
         raise Unusual(

@@ -280,14 +280,14 @@ def recipe_parameters(
         mean = known.mean if parameter.prior_mean is None else parameter.prior_mean
         free = not parameter.fixed and parameter.tied_to is None
         scattered = summary.constants[constant].standard_deviation is not None
-        spread = (
+        prior_sd = (
             known.standard_deviation
             if parameter.prior_sd is None and free and scattered
             else parameter.prior_sd
         )
-        if free and spread is None:
+        if free and prior_sd is None:
             without_scatter.append(parameter.name)
-        filled.append(replace(parameter, prior_mean=mean, prior_sd=spread))
+        filled.append(replace(parameter, prior_mean=mean, prior_sd=prior_sd))
     if without_scatter:
         names = ", ".join(without_scatter)
         warnings.append(
