@@ -120,8 +120,8 @@ def test_a_page_of_heavy_rows_is_shorter(sessions: Sessions) -> None:
             pages.append("".join(page.items))
             cursor = page.next_cursor
         assert pages == ["0123", "4567", "8"]
-        alone = paged(session, select(User), None, 6, names, weight=weight * 5)
-        assert alone.items == ["0"]  # one at least, else there would be no way on
+        heavy = paged(session, select(User), None, 6, names, weight=weight * 5)
+        assert heavy.items == ["0"]  # one at least, else there would be no way on
 
 
 IN_OTHER_PAGES = text(

@@ -26,12 +26,12 @@ BIG = {"frfs": 120_000, "modes": 100_000, "update_results": 60_000}
 def user(engine: Engine, sessions: Sessions) -> User:
     """A member of a project with all of it."""
     with sessions.begin() as session:
-        found = user_named(session, "asker")
+        asker = user_named(session, "asker")
         session.flush()
         project = session.execute(
             text("INSERT INTO projects (name) VALUES ('all') RETURNING id")
         ).scalar_one()
-        values = {"project": project, "user": found.id}
+        values = {"project": project, "user": asker.id}
         session.execute(
             text(
                 "INSERT INTO members (project_id, user_id, role) VALUES (:project, :user, 'viewer')"
@@ -52,7 +52,7 @@ def user(engine: Engine, sessions: Sessions) -> User:
             )
     with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
         connection.exec_driver_sql("VACUUM ANALYZE")
-    return found
+    return asker
 
 
 def scanned(connection: Connection, statement: Any) -> set[str]:

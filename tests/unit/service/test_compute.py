@@ -177,15 +177,15 @@ def test_spectra_of_a_file_become_an_frf_and_points_come_in_blocks(
     path = tmp_path / "file.uff"
     path.write_bytes(b"".join(parts))
     monkeypatch.setattr(reading, "POINTS_AT_ONCE", 2)
-    found = list(reading.read_upload(reading.ReadingInputs(path, None), lambda *_: None))
-    blocks = [item for item in found if isinstance(item, list)]
+    items = list(reading.read_upload(reading.ReadingInputs(path, None), lambda *_: None))
+    blocks = [item for item in items if isinstance(item, list)]
     assert [[point.number for point in block] for block in blocks] == [[1, 2], [3]]
     assert all(isinstance(point, GridPoint) for block in blocks for point in block)
-    (frf,) = [item for item in found if isinstance(item, reading.EncodedFrf)]
+    (frf,) = [item for item in items if isinstance(item, reading.EncodedFrf)]
     assert (frf.response_point, frf.reference_point, frf.axis.count) == (7, 1, 256)
-    (coherence,) = [item for item in found if isinstance(item, Function)]
+    (coherence,) = [item for item in items if isinstance(item, Function)]
     np.testing.assert_allclose(coherence.values, 4 / 32, rtol=1e-9)  # |2 H|² over 2 and 16 |H|²
-    assert [item.number for item in found if isinstance(item, DatasetReport)] == [1, 2, 3, 4]
+    assert [item.number for item in items if isinstance(item, DatasetReport)] == [1, 2, 3, 4]
     path.write_bytes(parts[0][:-20])
     with pytest.raises(InputError, match=r"\(byte "):
         list(reading.read_upload(reading.ReadingInputs(path, None), lambda *_: None))
@@ -339,10 +339,10 @@ def _peak_bytes(inputs: ProcessingInputs) -> int:
 def test_memory_does_not_grow_with_the_frfs_that_a_processing_makes(tmp_path: Path) -> None:
     few, many = 15, 25
     _peak_bytes(_places(tmp_path / "first", 1))  # what it imports is no part of it
-    grown = _peak_bytes(_places(tmp_path / "many", many)) - _peak_bytes(
+    growth = _peak_bytes(_places(tmp_path / "many", many)) - _peak_bytes(
         _places(tmp_path / "few", few)
     )
-    assert grown < 0.4 * (many - few) * FRF_BYTES  # all FRFs in memory, once, would be 1
+    assert growth < 0.4 * (many - few) * FRF_BYTES  # all FRFs in memory, once, would be 1
     assert not list(tmp_path.rglob("*.frfs"))  # what lay on disk between the passes
 
 
