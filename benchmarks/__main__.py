@@ -50,6 +50,7 @@ TABLES = {
         Case("laboratories", "updates", quick="2"),
         Case("independent", "updates", quick="1", needs="ccx"),
         Case("structures", "structures"),
+        Case("panel_decks", "structures_solids"),
         Case("structures_drawn", "structures_solids", needs="ccx"),
         Case("structures_solids", "structures_solids", needs="ccx"),
         Case("campaigns", "updates", "coverage 3 1", "coverage 1 1"),

@@ -283,8 +283,11 @@ def _against_least_squares(data: Measurement) -> None:
     elastic, first = least(lambda: fit(Layout.of_one(replace(model), modes)))
     damping, after = least(second)
     nuisance = damping_data(data.frfs, elastic, modes, "noise").nuisance(damping.discrepancy)
-    # The peer knows of no common gain, so neither does ours here.
-    misfit = replace(damping.reference.misfit, common_gain_sd=0.0)
+    # The peer knows of no common gain, nor of what a driving point has for itself, so neither does
+    # ours here.
+    misfit, found = damping.reference.misfit, damping.fit
+    own = misfit.without_driving(found.eigenvalue, found.rate)
+    misfit = replace(misfit, frfs=own, driving=(), common_gain_sd=0.0)
     elastic_peer = peers.ElasticByDifferences(replace(model, reduced=False), modes, elastic)
     theirs_1, peer_1 = timed(elastic_peer.fit)
     damping_peer = peers.DampingByDifferences(misfit, nuisance, damping.start)

@@ -15,7 +15,9 @@ import numpy as np
 from benchmarks.structures import rms_and_worst, update_printed
 from benchmarks.tables import Off, Table, print_coverage
 from fecore.frf import Dof, FrfSet
-from tests.support import calculix
+from fecore.updating.inputs import Inputs
+from fecore.updating.measurement import Measurement
+from tests.support import calculix, panels
 from tests.support.beams import add_noise
 from tests.support.stored_solids import body, frequencies, stated
 
@@ -232,3 +234,25 @@ def structures_drawn(first_seed: int = 4100, draws: int = 1, *kinds: str) -> Non
             truth, frfs = measured(kind, seed, clamped=clamped)
             offs += update_printed(f"{kind} {seed} {truth['bc']}", *stated(truth, 4, frfs))
     print_coverage(f"{sum(abs(off.z) > 3 for off in offs)} beyond 3 sd", {"all constants": offs})
+
+
+def panel_decks(*kinds: str) -> None:
+    """Panels with a cut-out, curved, tapered as decks of two elements and two sizes each, updated
+    with exact inputs.
+    """
+    offs: list[Off] = []
+    for kind in kinds or panels.KINDS:
+        modes, points = panels.measured(kind)
+        true = {f"skin.{name}": value for name, value in panels.TRUTH.items()}
+        for element, along, across in (
+            ("quad4", 12, 8),
+            ("quad4", 24, 16),
+            ("quad8", 6, 4),
+            ("quad8", 12, 8),
+        ):
+            body = panels.deck(kind, along, across, element)
+            measurement = Measurement(None, points, modes, inputs=Inputs.exact())
+            offs += update_printed(f"{kind}, {along} × {across} {element}", body, measurement, true)
+    print_coverage(
+        f"{sum(abs(off.z) > 2 for off in offs)} beyond 2 sd", {"identifiable constants": offs}
+    )

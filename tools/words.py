@@ -68,6 +68,11 @@ WORDS = {
 """Word, or words joined by `_`, in lower case; and what to write."""
 
 CONTRACTS: dict[str, str] = {
+    "FileNotFoundError": "Python",
+    "ModuleNotFoundError": "Python",
+    "not_found_as": "HTTP: 404 Not Found",
+    "get_found_archive": "REST: an operation id",
+    "missed_percent": "REST: a member of a shape",
     "NotFound": "HTTP: 404 Not Found",
     "ignored": "REST, stored models (service/compute/models/keeping.py), docs/library.md",
     "leaders": "stored models (service/compute/models/keeping.py): field of Link",

@@ -60,6 +60,16 @@ class Group:
         found = flat[0] @ local if count == 1 else flat[self.which] @ local
         return found.reshape(len(local) * points, rows, -1).transpose(1, 0, 2)
 
+    def forces(self, stresses: FloatArray, dofs_of_node: int) -> FloatArray:
+        """(e, n, dofs of a node, m) forces at the elements' nodes that are in balance with (r, e·p,
+        m) stresses.
+        """
+        count, points, rows, dofs = self.operators.shape
+        flat = self.operators.reshape(count, points * rows, dofs).transpose(0, 2, 1)
+        local = stresses.transpose(1, 0, 2).reshape(len(self.nodes), points * rows, -1)
+        found = flat[0] @ local if count == 1 else flat[self.which] @ local
+        return found.reshape(len(local), -1, dofs_of_node, local.shape[2])
+
 
 def distinct(items: FloatArray) -> tuple[IntArray, IntArray]:
     """Numbers of the different ones of (e, …) items, and the (e,) place of each item's among
@@ -190,19 +200,36 @@ class AffineMatrix:
         """(k, l, r) leftᵀ A_k right of (size, l) vectors and r columns of them, from their
         strains.
         """
-        forms = np.zeros((len(self.names), vectors.shape[1], vectors[0, right].size))
-        motion = self.everywhere(vectors)
-        # The middle of these times itself is one triangle, which BLAS takes half the time for.
-        first, last, _ = right.indices(vectors.shape[1])
-        rows = slice(0, first), slice(first, last), slice(last, None)
-        for group in (part for whole in self.groups for part in whole.parts(vectors.shape[1])):
+        return self.forms(self.everywhere(vectors), right)
+
+    def forms(self, motion: FloatArray, right: slice) -> FloatArray:
+        """The same of (nodes, dofs of a node, l) motions, which may move what is held."""
+        vectors = motion.shape[2]
+        forms = np.zeros((len(self.names), vectors, len(range(*right.indices(vectors)))))
+        # The middle of these times itself is one triangle, which BLAS takes half the time for; and
+        # that of the strains i and j is the transpose of that of j and i.
+        first, last, _ = right.indices(vectors)
+        for group in (part for whole in self.groups for part in whole.parts(vectors)):
             x = group.strains(motion)
-            y = x[..., right]
-            for i, j in zip(*np.nonzero(group.terms.any(axis=0)), strict=True):
-                product = np.vstack([x[i][:, some].T @ y[j] for some in rows])
+            y, middles = x[..., right], dict[tuple[int, int], FloatArray]()
+            for i, j in np.argwhere(group.terms.any(axis=0)).tolist():
+                turned = middles.pop((j, i), None)
+                middle = middles[i, j] = x[i][:, right].T @ y[j] if turned is None else turned.T
+                product = np.vstack([x[i][:, :first].T @ y[j], middle, x[i][:, last:].T @ y[j]])
                 for k in np.flatnonzero(group.terms[:, i, j]):
                     forms[group.coefficients[k]] += group.terms[k, i, j] * product
         return forms
+
+    def force(self, coefficients: FloatArray, motion: FloatArray) -> FloatArray:
+        """(size, m) A(c) times (nodes, dofs of a node, m) motions, which may move what is held."""
+        force = np.zeros_like(motion)
+        for group in self.groups:
+            dofs = group.operators.shape[3]
+            each = group.matrices(coefficients).reshape(-1, dofs, dofs)[group.which]
+            moved = motion[group.nodes]
+            own = each @ moved.reshape(len(each), dofs, -1)
+            np.add.at(force, group.nodes, own.reshape(moved.shape))
+        return force[self.pattern.free]
 
     def about(self, nodes: IntArray) -> AffineMatrix:
         """The part of the elements that have one of some nodes, for forms."""

@@ -12,7 +12,8 @@ import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.body.affine import distinct
-from fecore.body.elements.shells import drilling, motions
+from fecore.body.elements.shells import Shell, drilling, surface
+from fecore.body.laminate import AlongNormal
 from fecore.body.mesh import BEAMS, SHELLS, Block
 from fecore.body.sections import ShellSection
 from fecore.body.supports import Link
@@ -99,7 +100,7 @@ def shell_operators(
         return Operators(block.nodes, which, _hung(rows * scale[..., None, None], shift))
 
     strains = weighed(shell.strains(x, along), _STRAIN_POWERS)
-    motion = weighed(motions(shell, x, along), _MOTION_POWERS)
+    motion = weighed(_motions(shell, x, along, r, section.normal), _MOTION_POWERS)
     if not with_drilling:
         return strains, motion, None
     twist, area, N = drilling(shell, x, along)
@@ -107,6 +108,38 @@ def shell_operators(
         :, None, None, None, None
     ]
     return strains, motion, weighed((twist * thin, area, N), _STRAIN_POWERS[:1])
+
+
+def _motions(
+    shell: Shell, x: FloatArray, axis: FloatArray, thickness: FloatArray, normal: AlongNormal | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(e, p, 7, n, 6) motions, (e, p) areas and (p, n) shape functions at the points of the mass.
+
+    Args:
+        shell: the element.
+        x: (e, n, 3) nodes.
+        axis: axis 1.
+        thickness: (e, n) relative, at the nodes.
+        normal: how the mass moves with strains; None where it does not.
+    """
+    natural, weights = shell.mass_rule
+    own = surface(shell, x, natural, axis)
+    rows = own.motion()
+    if normal is not None:
+        r = (thickness @ own.N.T)[..., None, None]
+        curvature = own.curvature()
+        thinner = np.einsum(
+            "r,eprnk->epnk", normal.by_strain, own.membrane() + normal.offset * curvature
+        )
+        rows[:, :, :3] += (normal.spread * r**2 * own.bend[..., None, None])[:, :, None] * rows[
+            :, :, 3:6
+        ]
+        rows[:, :, 2] += (
+            r**2 * np.einsum("r,eprnk->epnk", normal.by_curvature, curvature)
+            + normal.offset * thinner
+        )
+        rows[:, :, 5] -= thinner
+    return rows, own.area * weights, own.N
 
 
 def beam_operators(

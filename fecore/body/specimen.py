@@ -85,7 +85,7 @@ class FlatBody(OfStructure):
         held = of_boundary(self.boundary) if self.supports is None else self.supports
         return Structure(
             mesh,
-            dict.fromkeys(mesh.sets, ShellSection(plies, turning=True)),
+            dict.fromkeys(mesh.sets, ShellSection(plies, turning=True, thins=False)),
             edges("simply_supported") if clamps else held,
             self.springs,
             tuple(each.on_surface() for each in self.masses),

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 import scipy
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import ComplexArray, FloatArray, real_times
 from fecore.dynamics.eigen import NormalModes
 from fecore.frf import Quantity, convert
 
@@ -128,9 +128,12 @@ class ModalFrfModel:
         omega = 2 * np.pi * frequency_hz
         denominator = self.eigenvalue[:, None] - omega**2 + 1j * omega * rate[:, None]
         power = residual_powers(omega, self.shift, self.residual.shape[1], beyond)
-        receptance = self.residues @ (1 / denominator) + self.residual @ power
+        flexibility = 1 / denominator
+        receptance = real_times(self.residues, flexibility) + real_times(self.residual, power)
         if self.roving is not None:
-            drive = self.roving.residues @ (1 / denominator) + self.roving.residual @ power
+            drive = real_times(self.roving.residues, flexibility) + real_times(
+                self.roving.residual, power
+            )
             receptance = receptance / (1 - omega**2 * self.roving.mass * drive)
         converted: ComplexArray = receptance * convert(omega, quantity)
         return converted

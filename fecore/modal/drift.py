@@ -20,6 +20,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.modal.arrangement import FEW, Arrangement
@@ -218,8 +219,8 @@ def _solved(basis: np.ndarray, values: np.ndarray, root: FloatArray) -> FloatArr
     scaled = stacked(basis, root)
     size = np.maximum(np.linalg.norm(scaled, axis=0), np.finfo(float).tiny)
     both = stacked(values.T, root).T
-    left, singular, right = np.linalg.svd(scaled / size, full_matrices=False)
-    damped = singular / (
-        singular**2 + len(both) / max(float(np.sum(both**2)), np.finfo(float).tiny)
+    price = np.sqrt(len(both) / max(float(np.sum(both**2)), np.finfo(float).tiny))
+    frame, upper = np.linalg.qr(np.vstack([scaled / size, price * np.eye(size.size)]))
+    return np.asarray(
+        scipy.linalg.solve_triangular(upper, (both @ frame[: len(scaled)]).T).T / size
     )
-    return np.asarray((((both @ left) * damped) @ right) / size)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fecore.arrays import BoolArray, FloatArray, IntArray
+from fecore.arrays import BoolArray, FloatArray, IntArray, real_times
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import Arrangement
@@ -17,7 +17,6 @@ from fecore.modal.diagram import diagram_of
 from fecore.modal.evidence import Evidence, evidence_of
 from fecore.modal.fitting import Fitted, Report, fit_series
 from fecore.modal.growth import gains, pole_price
-from fecore.modal.linear import real_times
 from fecore.modal.noise import OUTLYING
 from fecore.modal.parting import part
 from fecore.modal.preparation import Prepared, prepare

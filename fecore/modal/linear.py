@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import ComplexArray, FloatArray, real_times
 from fecore.errors import IdentificationError
 
 # of the largest singular value: below it a direction of the scaled coefficients is round-off
@@ -126,14 +126,6 @@ def normal_columns(basis: ComplexArray, weight: FloatArray, first: int = 0) -> F
         if i >= first:
             normal[i:, i - first] = normal[i, i - first :]
     return np.ascontiguousarray(normal.transpose(2, 0, 1))
-
-
-def real_times(real: FloatArray, rows: ComplexArray) -> ComplexArray:
-    """(n, L) A Z of real (n, q) A and complex (q, L) Z, as one real product: half the work of a
-    complex one.
-    """
-    product: ComplexArray = (real @ np.ascontiguousarray(rows).view(np.float64)).view(np.complex128)
-    return product
 
 
 def real_part(rows: ComplexArray, others: ComplexArray) -> FloatArray:

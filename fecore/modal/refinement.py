@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray, real_times
 from fecore.errors import IdentificationError
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import DAMPING_RANGE, Terms, columns, derivatives, slopes
@@ -28,7 +28,6 @@ from fecore.modal.linear import (
     normal_columns,
     orthonormal,
     real_part,
-    real_times,
     solve_normal,
 )
 

@@ -7,7 +7,8 @@ With the reduced basis V and its matrices K and M, and one unknown size each,
 - a foot, a spring k to the ground at a place or along an end, adds kψᵀψ to K;
 - a support that gives way lets its nodes move as a rigid block, along or about an axis, on a spring
   k. The whole body then follows with a rigid motion r that strains nothing, so u = Vq + rρ has the
-  strain energy of q and kρ², and M of [V r] (Craig and Bampton, AIAA J. 6, 1968).
+  strain energy of q and kρ², and M of [V r] (Craig and Bampton, AIAA J. 6, 1968). Where other
+  supports hold it, r ends at their nodes, and V has the deflection that this gives.
 
 So the altered body is a model of the same parameters and one more, recomputed at any size, with its
 frequencies, shapes and derivatives. The size's prior is log-normal, wide, about a few times what a
@@ -63,6 +64,9 @@ class Addition:
     motion: FloatArray | scipy.sparse.csr_array
     # a foot under all nodes at an end of the body, whose stiffness is that of all together
     along_an_end: bool = False
+    # (nodes, dofs of a node) what the rigid motion of a support would have where other supports
+    # hold the body, negative
+    stopped: FloatArray | None = None
 
     @property
     def usual(self) -> float:
@@ -109,7 +113,9 @@ def with_additions(
         ).sum(axis=0)
         scale = np.sqrt(first / own)  # as large as the basis, for the sake of round-off
         V = np.hstack([V, np.vstack(loose).T * scale])
-        stiffness = np.pad(stiffness, ((0, 0), *((0, V.shape[1] - size),) * 2))
+        stiffness = _with_stopped(
+            stiffness, model, V[:, :size], [a for a in additions if a.kind == "support"], scale
+        )
         mass = bordered(mass, model.mass.project(V, slice(size, V.shape[1])))
     rows = [each.motion @ V for each in additions]
     column = size
@@ -146,6 +152,29 @@ def with_additions(
         stiffness_sketch=empty,
         mass_sketch=empty,
     )
+
+
+def _with_stopped(
+    stiffness: FloatArray,
+    model: Model,
+    V: FloatArray,
+    supports: Sequence[Addition],
+    scale: FloatArray,
+) -> FloatArray:
+    """(k, r, r) projected terms bordered by those of supports that give way, which strain what
+    other supports stop.
+    """
+    size = stiffness.shape[1]
+    if all(each.stopped is None for each in supports):
+        return np.pad(stiffness, ((0, 0), *((0, len(supports)),) * 2))
+    none = np.zeros(model.free.shape)
+    stopped = (
+        np.stack([none if each.stopped is None else each.stopped for each in supports], axis=2)
+        * scale
+    )
+    near = model.stiffness.about(np.flatnonzero(stopped.any(axis=(1, 2))))
+    motion = np.concatenate([near.everywhere(V), stopped], axis=2)
+    return bordered(stiffness, near.forms(motion, slice(size, motion.shape[2])))
 
 
 @dataclass(frozen=True)
@@ -229,15 +258,21 @@ class AlteredForward(ForwardModel):
         return self.specimen.additions
 
     @cached_property
-    def _altered(self) -> ReducedSystem:
+    def altered(self) -> ReducedSystem:
+        """The projected model with the terms of the additions."""
         assert self.plain is not None, "an altered model has the one that it alters"
-        system = self.plain.without_mesh_error(self.plain.basis.system)
+        system, model = self.plain.without_mesh_error(self.plain.basis.system), self.specimen.model
         loads = [
             each.motion.T
             for each in self.additions
             if each.kind != "support" and not each.along_an_end
         ]
-        model = self.specimen.model
+        prior = self.plain.parametrisation
+        start = prior.coefficients(prior.prior_mean).stiffness
+        for each in self.additions:
+            if each.stopped is not None:
+                near = model.stiffness.about(np.flatnonzero(each.stopped.any(axis=1)))
+                loads.append(scipy.sparse.csr_array(near.force(start, each.stopped[..., None])))
         forces = scipy.sparse.hstack(
             [scipy.sparse.csr_array((model.mass.size, 0)), *loads]
         ).toarray()
@@ -246,7 +281,7 @@ class AlteredForward(ForwardModel):
 
     def solve(self, theta: FloatArray) -> ForwardState:
         """Modes at parameters θ, of which the additions' sizes are the last."""
-        c, system = self.parametrisation.coefficients(theta), self._altered
+        c, system = self.parametrisation.coefficients(theta), self.altered
         modes = system.modes(c.stiffness, c.mass, self.count)
         return ForwardState(
             c,

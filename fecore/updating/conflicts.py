@@ -4,9 +4,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.updating.posterior import LinearProblem
 
 
 @dataclass(frozen=True)
@@ -91,3 +94,22 @@ class Statement:
     def places(self) -> list[int]:
         """(k,) unknowns that the values are about."""
         return [int(place) for place in self.rows.argmax(axis=1)]
+
+
+def loosened_by(problem: LinearProblem, source: Statement, slip: float) -> LinearProblem:
+    """The problem where a source may be off by a slip."""
+    if source.kind == "input":
+        wider = np.where(source.rows[0], slip, 1.0)
+        return replace(
+            problem, prior=lambda scatter: problem.prior(scatter) / np.outer(wider, wider)
+        )
+    less, off = (1 - slip**-2) / source.sds**2, source.values - source.rows @ problem.x
+    return replace(
+        problem,
+        others={
+            **problem.others,
+            "coupons": problem.others["coupons"] - source.rows.T * less @ source.rows,
+        },
+        other_descent=problem.other_descent - source.rows.T @ (less * off),
+        other_cost=problem.other_cost - float(less @ off**2) / 2,
+    )

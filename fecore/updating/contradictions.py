@@ -38,11 +38,12 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.supports import CLAMP
 from fecore.updating.additions import Kind
-from fecore.updating.conflicts import Agreement, Check, Conflict, Said, Statement
-from fecore.updating.damage import Losses, lost_stiffness
+from fecore.updating.conflicts import Agreement, Check, Conflict, Said, Statement, loosened_by
+from fecore.updating.damage import lost_stiffness
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.explanations import Explanation, Hints, explanations, hints_of, loosened
+from fecore.updating.explanations import Explanation, Hints, Search, hints_of, loosened
 from fecore.updating.layout import Unknown
+from fecore.updating.losses import Losses
 from fecore.updating.posterior import LinearProblem, Mixture
 
 FALSE_ALARMS = 0.05
@@ -176,19 +177,28 @@ class _Sources:
         return found, found[0][0].evidence - max(others) if others else None
 
     @property
+    def _is_first(self) -> bool:
+        """Whether no source is allowed a slip but in the fit."""
+        return self.problem is self.elastic.problem
+
+    @cached_property
+    def _searches(self) -> dict[int, Search]:
+        """Of each campaign, for what its body may have."""
+        return {number: Search.of(self.elastic, number) for number in range(len(self.elastic.rows))}
+
+    @property
     def _candidates(self) -> list[tuple[Check, Callable[[], _Sources]]]:
         """The checks; of what may be added to bodies, and of the likeliest inputs, as fits anew
         say, not the linear problem.
         """
-        if self.problem is not self.elastic.problem:
+        if not self._is_first:
             return self.checks
         found = list[tuple[Check, Callable[[], _Sources]]]()
         p = min(check.p for check, _ in self.checks)
         for number, hints in self._hints.items():
             if max(hint.evidence for _, hint in hints.values()) > 0:
                 found += [
-                    self._with(each, number, p)
-                    for each in explanations(self.elastic, number, hints)
+                    self._with(each, number, p) for each in self._searches[number].best(hints)
                 ]
         added = {check.name for check, _ in found}
         rest = sorted(
@@ -334,7 +344,7 @@ class _Sources:
         p, slip = _beyond(weight, off, V + own), SLIPS[int(np.argmax(slipped))]
         check = Check(source.kind, source.name, p, float(evidence), source.owner, said=said)
         return check, lambda: self._allowing(
-            source.name, problem=_loosened(self.problem, source, slip)
+            source.name, problem=loosened_by(self.problem, source, slip)
         )
 
     def _of_campaign(self, number: int) -> tuple[Check, Callable[[], _Sources]]:
@@ -363,9 +373,20 @@ class _Sources:
         for kind, (additions, hint) in self._hints[number].items():
             first, name = additions[int(np.argmax(hint.share))], self._of_body(kind, number)
             said = (Said(first.name, 0.0, first.usual, hint.mean, hint.sd),)
-            p = float(np.exp(-max(hint.evidence, 0.0)))
+            evidence = hint.evidence
+            if (
+                kind == "support"
+                and 0 < evidence < -np.log(FALSE_ALARMS / self.count)
+                and self._is_first
+            ):
+                # Where constants are far off by it, they do not follow linearly.
+                fitted = self._searches[number].of_supports(additions)
+                evidence = (
+                    evidence if fitted is None else max(fitted.evidence - hint.stated, evidence)
+                )
+            p = float(np.exp(-max(evidence, 0.0)))
             check = Check(
-                kind, name, p, hint.evidence, self._named(number), said=said, place=first.place
+                kind, name, p, evidence, self._named(number), said=said, place=first.place
             )
             found.append((check, self._with_noise(name, hint.covariance)))
         return found
@@ -422,25 +443,6 @@ class _Sources:
 
 def _labelled(unknown: Unknown) -> str:
     return f"prior of {unknown.name}" if unknown.owner is None else unknown.label
-
-
-def _loosened(problem: LinearProblem, source: Statement, slip: float) -> LinearProblem:
-    """The problem where a source may be off by a slip."""
-    if source.kind == "input":
-        wider = np.where(source.rows[0], slip, 1.0)
-        return replace(
-            problem, prior=lambda scatter: problem.prior(scatter) / np.outer(wider, wider)
-        )
-    less, off = (1 - slip**-2) / source.sds**2, source.values - source.rows @ problem.x
-    return replace(
-        problem,
-        others={
-            **problem.others,
-            "coupons": problem.others["coupons"] - source.rows.T * less @ source.rows,
-        },
-        other_descent=problem.other_descent - source.rows.T @ (less * off),
-        other_cost=problem.other_cost - float(less @ off**2) / 2,
-    )
 
 
 def _log_gaussian(residual: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -18,7 +18,8 @@ of the stiffness (the Gaussian orthogonal ensemble), turns modes towards each ot
 2e²λ_jλ_k/(λ_j - λ_k)²). In the frequencies themselves the error of the model of joints is left to
 the constants, which absorb it but for what s is. Of all sets, stretches (each length as likely) and
 losses, and over the posterior of s and k where nothing is damaged, B is the mean, so that without
-damage E[B] = 1, and P(B ≥ 1/p) ≤ p.
+damage E[B] = 1, and P(B ≥ 1/p) ≤ p. Where B is large the likely stretches are compared more closely
+(`fecore.updating.losses`), which the factor is taken from.
 """
 
 from __future__ import annotations
@@ -29,45 +30,17 @@ import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray
-from fecore.body.matrices import MatrixBody
-from fecore.correlation import most_alike
+from fecore.updating.damage_shapes import ShapesGiven
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.posterior import (
-    DISCREPANCY,
-    SHAPE_DISCREPANCY,
-    LinearProblem,
-    grid_of_discrepancies,
-    log_prior_of_scale,
-)
-from fecore.updating.shape_error import ShapeErrors, real_shape
-from fecore.updating.state import ForwardState
+from fecore.updating.losses import LOSSES, SHAPES, Losses, Stretch
+from fecore.updating.posterior import LinearProblem, grid_of_discrepancies, log_prior_of_scale
 
-_PARTS, _LONGEST = 20, 0.5  # of the body's longest side; share of it that a stretch takes at most
-_LOSSES = np.array([0.02, 0.06, 0.12, 0.2, 0.3, 0.4, 0.55, 0.7])  # solved for
-_FINE = np.linspace(0.02, 0.7, 69)  # each as likely; what is between is interpolated
+# losses, each as likely; what is between those solved for is interpolated
+_FINE = np.linspace(0.02, 0.7, 69)
 _COARSE = 5  # of the grid of discrepancies, one in so many
-_SHAPES = np.array([0.5, 1.0, 2.0, 4.0])  # k: a shape's standard deviation over the usual one
-# standard deviations of the middle of the hits at a point about it, and of each end of the grid
-# along the body, m
-_PLACED, _GRID = 0.001, 0.002
-_LIKE = 0.1  # of a shape in another, below which the two are not compared
-_CLOSE = 1e-3  # relative distance of eigenvalues below which modes are turned freely
-# sets at most, those with most energy; share of every mode's energy that is not looked at
-_SETS, _SLIGHT = 4, 0.02
-_ABOVE = 12  # elastic modes above the last paired one that shapes are made of
 _SELDOM = 1e-6  # probability over the greatest that does not count
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """Some sets of a body between two places along an axis."""
-
-    sets: tuple[str, ...]
-    whole: bool  # whether these are all sets
-    axis: int  # 0, 1, 2 for x, y, z
-    # begin, end: m
-    begin: float
-    end: float
+_WORTH = float(np.log(20.0))  # ln B from which the likely stretches are looked at closely …
+_ROUNDS = 2  # … until the likeliest stays
 
 
 @dataclass(frozen=True)
@@ -100,298 +73,115 @@ class LostStiffness:
         return of, f"{axis} = {begin} and {end} mm (at most {least} to {most})"
 
 
-@dataclass(frozen=True)
-class Losses:
-    """What losses of stiffness in P stretches do to the paired modes of a solved body, shapes at
-    the measured points.
-    """
-
-    stretches: tuple[Stretch, ...]
-    log_prior: FloatArray  # (P,)
-    change: FloatArray  # (l, P, n) of ln f, by the losses solved for
-    # what the measured shapes say, for each scale of their error; empty without any
-    shapes: tuple[_ShapesGiven, ...]
-
-    @classmethod
-    def of(cls, elastic: ElasticResult, number: int) -> Losses | None:
-        """Those of a campaign's body at the estimate; None of one that has no elements."""
-        state, columns = (
-            elastic.states[number],
-            [column for _, column in elastic.pairings[number].pairs],
-        )
-        if isinstance(state.forward.specimen, MatrixBody):
-            return None
-        m = min(state.frequency_hz.size, max(columns) + 1 + _ABOVE)
-        sets, axis, lines, energy = _energies(state, m)
-        first, last = np.triu_indices(_PARTS)
-        kept = last - first < _LONGEST * _PARTS
-        first, last = first[kept], last[kept]
-        whole = np.concatenate([np.zeros_like(energy[:, :1]), np.cumsum(energy, axis=1)], axis=1)
-        groups = [(k,) for k in range(len(sets))] + (
-            [tuple(range(len(sets)))] if len(sets) > 1 else []
-        )
-        parts = np.concatenate(
-            [(whole[list(g)][:, last + 1] - whole[list(g)][:, first]).sum(axis=0) for g in groups]
-        )
-        stretches = tuple(
-            Stretch(
-                tuple(sets[k] for k in g),
-                len(g) == len(sets),
-                axis,
-                float(lines[a]),
-                float(lines[b + 1]),
-            )
-            for g in groups
-            for a, b in zip(first, last, strict=True)
-        )
-        share = 1.0 / (last - first + 1)
-        log_prior = np.tile(np.log(share / share.sum() / len(groups)), len(groups))
-        value = state.modes.eigenvalue[state.modes.rigid :][:m]
-        each = [_solved(value, loss * parts, columns) for loss in _LOSSES]
-        change, turned = (np.array(some) for some in zip(*each, strict=True))
-        shapes = _Shapes.of(elastic, number, turned)
-        return cls(
-            stretches,
-            log_prior,
-            change,
-            () if shapes is None else tuple(map(shapes.given, _SHAPES.tolist())),
-        )
-
-
-def _solved(
-    value: FloatArray, lost: FloatArray, columns: list[int]
-) -> tuple[FloatArray, FloatArray]:
-    """(P, n) changes of ln f of some modes with (m,) eigenvalues, and (P, n, m) what they are made
-    of, by (P, m, m) losses.
-    """
-    found, vectors = np.linalg.eigh(np.diag(value) - lost)
-    found = np.maximum(found, 1e-3 * value[0])
-    order = np.array([most_alike(each) for each in vectors])[:, columns]
-    change = np.log(np.take_along_axis(found, order, axis=1) / value[columns]) / 2
-    turned = np.take_along_axis(vectors, order[:, None], axis=2).transpose(0, 2, 1)
-    return change, turned / turned[:, np.arange(len(columns)), columns][..., None]
-
-
-def _energies(state: ForwardState, m: int) -> tuple[list[str], int, FloatArray, FloatArray]:
-    """Sets, the longest axis, (F + 1,) lines between equal parts along it, and (sets, F, m, m)
-    energies of elastic modes.
-    """
-    model, shapes = state.forward.specimen.model, state.full_shapes[:, :m]
-    axis = int(np.argmax(np.ptp(model.mesh.nodes, axis=0)))
-    x, K = model.mesh.nodes[:, axis], model.stiffness
-    lines = np.linspace(x.min(), x.max(), _PARTS + 1)
-    sets = list(model.mesh.sets)
-    owner = [
-        next((k for k, own in enumerate(sets) if name.startswith(f"{own}.")), -1)
-        for name in K.names
-    ]
-    energy, motion = np.zeros((len(sets), _PARTS, m, m)), K.everywhere(shapes)
-    for group in (part for whole in K.groups for part in whole.parts(m)):
-        own = owner[group.coefficients[0]]
-        if own < 0:
-            continue  # a spring
-        C = np.tensordot(state.coefficients.stiffness[group.coefficients], group.terms, 1)
-        share = np.repeat(_inside(x[group.nodes], lines), group.operators.shape[1], axis=1)
-        strains = group.strains(motion)
-        for part in np.flatnonzero(share.any(axis=1)):
-            rows = np.flatnonzero(share[part])
-            some = strains[:, rows] * np.sqrt(share[part, rows])[:, None]
-            energy[own, part] += np.tensordot(some, np.tensordot(C, some, 1), ((0, 1), (0, 1)))
-    most = (np.einsum("sfmm->sm", energy) / state.modes.eigenvalue[state.modes.rigid :][:m]).max(
-        axis=1
-    )
-    kept = sorted(k for k in np.argsort(-most)[:_SETS] if most[k] > _SLIGHT)
-    return [sets[k] for k in kept], axis, lines, energy[kept]
-
-
-def _inside(x: FloatArray, lines: FloatArray) -> FloatArray:
-    """(F, e) share of elements with nodes at (e, n) x that lies between neighbouring ones of (F +
-    1,) lines.
-    """
-    thin = 1e-9 * (lines[-1] - lines[0])
-    low = np.clip(x.min(axis=1), lines[0], lines[-1] - thin)
-    high = np.maximum(x.max(axis=1), low + thin)
-    within = np.minimum(high, lines[1:, None]) - np.maximum(low, lines[:-1, None])
-    return np.asarray(np.maximum(within, 0.0) / (high - low))
-
-
 def lost_stiffness(
-    elastic: ElasticResult,
-    number: int,
-    losses: Losses,
-    problem: LinearProblem,
-    *,
-    with_shapes: bool = True,
+    elastic: ElasticResult, number: int, losses: Losses, problem: LinearProblem
 ) -> LostStiffness:
-    """Compare a loss of stiffness in any stretch of a campaign's body with none.
+    """Compare a loss of stiffness in any stretch of a campaign's body with none, by frequencies and
+    what shapes there are.
 
     Args:
         elastic: the update.
         number: of the campaign.
         losses: of its body.
         problem: at the estimate.
-        with_shapes: look at the shapes too, where there are any.
     """
-    at, count = elastic.rows[number], len(_LOSSES)
-    change = np.zeros((count, len(losses.stretches), problem.residual.size))
-    change[..., at] = losses.change
-    given = _without_joints(elastic, problem)
-
-    def likelier(shapes: tuple[_ShapesGiven, ...]) -> tuple[FloatArray, float]:
-        log = (
-            _likelier(given, elastic.layout.scatter, shapes, change)
-            + losses.log_prior
-            - np.log(_FINE.size)
-        )
-        return log, float(scipy.special.logsumexp(log))
-
-    log, by_frequencies = likelier(())
-    evidence = by_frequencies
-    if with_shapes and losses.shapes:
-        log, evidence = likelier(losses.shapes)
+    given = _Given(elastic, number, _without_joints(elastic, problem))
+    found = [given.compared(losses)]
+    if scipy.special.logsumexp(found[0].log) > _WORTH:
+        found = [given.near(each, log) for each, log in losses.of_sets(found[0].log)]
+        best = int(np.argmax([scipy.special.logsumexp(each.log) for each in found]))
+        found[best] = given.followed(found[best])
+    change, log = (
+        np.concatenate(each, axis=1)
+        for each in zip(*((f.change, f.log) for f in found), strict=True)
+    )
+    stretches = [stretch for each in found for stretch in each.losses.stretches]
     share = scipy.special.softmax(log)
     here, left = share.sum(axis=0), 1 - _FINE
-    best = losses.stretches[int(np.argmax(here))]
-    alike = np.array([each.sets == best.sets for each in losses.stretches])
+    likeliest = stretches[int(np.argmax(here))]
+    alike = np.array([each.sets == likeliest.sets for each in stretches])
     weight = share[:, alike] / share[:, alike].sum()
     factor = float(left @ weight.sum(axis=1))
+    # A stretch stands for those whose ends lie within half a step, or an element, of its own: modes
+    # see loss times length.
+    apart = max(found[0].losses.step, found[0].losses.element)
+    between = (
+        _FINE[:, None] * apart / np.array([each.length for each in stretches])[alike] / np.sqrt(6)
+    )
     begin, end = (
         _quantile(
-            np.array([getattr(each, name) for each in losses.stretches])[alike],
-            weight.sum(axis=0),
-            tail,
+            np.array([getattr(each, name) for each in stretches])[alike], weight.sum(axis=0), tail
         )
         for name, tail in (("begin", 0.025), ("end", 0.975))
     )
     # an array (n, a, P)
-    by = np.array([_between(each / _LOSSES[:, None]) for each in change.transpose(2, 0, 1)])
+    by = np.array([_between(each / LOSSES[:, None]) for each in change.transpose(2, 0, 1)])
     some = share > _SELDOM * share.max()
     each = (by * _FINE[:, None])[:, some]
     mean = each @ share[some]
     return LostStiffness(
-        by_frequencies=by_frequencies,
-        evidence=evidence,
-        likeliest=best,
+        by_frequencies=float(scipy.special.logsumexp([each.by_frequencies for each in found])),
+        evidence=float(scipy.special.logsumexp(log)),
+        likeliest=likeliest,
         begin=begin,
         end=end,
         factor=factor,
-        factor_sd=float(np.sqrt((left - factor) ** 2 @ weight.sum(axis=1))),
+        factor_sd=float(np.sqrt(np.sum(weight * ((left[:, None] - factor) ** 2 + between**2)))),
         mean=mean,
         covariance=(each * share[some]) @ each.T - np.outer(mean, mean),
     )
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """Some losses, and what the data say of them."""
+
+    losses: Losses
+    change: FloatArray  # (l, P, n) of all ln f
+    log: FloatArray  # (a, P) ln B of each loss and stretch, with its prior
+    by_frequencies: float  # ln B of all by the frequencies alone
+
+    @property
+    def likeliest(self) -> Stretch:
+        return self.losses.stretches[int(np.argmax(scipy.special.logsumexp(self.log, axis=0)))]
+
+
+@dataclass(frozen=True)
+class _Given:
+    """The data of a campaign, and of those beside it."""
+
+    elastic: ElasticResult
+    number: int
+    problem: LinearProblem
+
+    def compared(self, losses: Losses) -> _Compared:
+        """What they say of some losses."""
+        change = np.zeros((LOSSES.size, len(losses.stretches), self.problem.residual.size))
+        change[..., self.elastic.rows[self.number]] = losses.change
+        scatter, both = self.elastic.layout.scatter, [(), losses.shapes] if losses.shapes else [()]
+        prior = losses.log_prior - np.log(_FINE.size)
+        logs = [_likelier(self.problem, scatter, each, change) + prior for each in both]
+        return _Compared(losses, change, logs[-1], float(scipy.special.logsumexp(logs[0])))
+
+    def near(self, losses: Losses, log: FloatArray) -> _Compared:
+        """What they say of losses near those that are likely by (a, P) ln B."""
+        return self.compared(
+            losses.near(self.elastic, self.number, scipy.special.softmax(log).sum(axis=0))
+        )
+
+    def followed(self, found: _Compared) -> _Compared:
+        """The same near those, until the likeliest stays."""
+        for _ in range(_ROUNDS):
+            before, found = found.likeliest, self.near(found.losses, found.log)
+            if found.likeliest == before:
+                break
+        return found
 
 
 def _quantile(values: FloatArray, weight: FloatArray, tail: float) -> float:
     order = np.argsort(values)
     place = int(np.searchsorted(np.cumsum(weight[order]), tail))
     return float(values[order][min(place, values.size - 1)])
-
-
-@dataclass(frozen=True)
-class _Shapes:
-    """Residuals of n shapes in the space of b shapes of the model, over σ, and what they follow
-    from.
-    """
-
-    residual: FloatArray  # (n, b)
-    by: FloatArray  # (n, b, X) of the model's by the unknowns
-    # (n, b, b) covariance by turns of modes, and by points that are met within `_PLACED`
-    turned: FloatArray
-    change: FloatArray  # (l, P, n, b) by losses
-    # information, descent: (X, X) and (X,) of them in the fit, where it looks at shapes
-    information: FloatArray
-    descent: FloatArray
-
-    @classmethod
-    def of(cls, elastic: ElasticResult, number: int, turned: FloatArray) -> _Shapes | None:
-        """Of a campaign, by (l, P, n, m) of modes that losses turned; None where it has no
-        shapes.
-        """
-        campaign, state = elastic.layout.campaigns[number], elastic.states[number]
-        pairing = elastic.pairings[number]
-        if campaign.modes.shapes is None:
-            return None
-        count, (rows, columns) = (
-            len(campaign.modes.dofs),
-            (list(each) for each in zip(*pairing.pairs, strict=True)),
-        )
-        weight = np.sqrt(elastic.problem.weights[elastic.rows[number]])
-        missed, of_theta = ShapeErrors().residual(campaign.modes, state, pairing, weight)
-        by = of_theta @ (campaign.prior.slope(state.theta)[:, None] * campaign.pick)
-        shapes = state.shapes[: turned.shape[3], :count]
-        basis = np.linalg.qr(shapes.T)[0]  # (points, b)
-        # A model's shape at the scale at which it is compared with the measured one, over σ.
-        real, own = np.array([real_shape(campaign.modes, row) for row in rows]), shapes[columns]
-        scale = weight * np.sum(real * own, axis=1) / np.sum(own**2, axis=1) / SHAPE_DISCREPANCY
-        placed = _placed(state, scale[:, None, None] * state.slopes[columns, :count], basis)
-        shapes = shapes @ basis
-        own = shapes[columns]
-        seen = turned @ shapes
-        along = np.sum(seen * own, axis=3) / np.sum(own**2, axis=1)
-        like = np.abs(along) > _LIKE
-        change = (
-            scale[:, None] * (seen / np.where(like, along, 1.0)[..., None] - own) * like[..., None]
-        )
-        fitted = elastic.problem.others.get("mode shapes")
-        return cls(
-            missed.reshape(-1, count) @ basis,
-            np.einsum("npx,pb->nbx", by.reshape(len(rows), count, -1), basis),
-            _turned(state, columns, shapes, scale) + placed,
-            change,
-            np.zeros((by.shape[1],) * 2) if fitted is None else fitted,
-            np.zeros(by.shape[1]) if fitted is None else elastic.problem.other_descent,
-        )
-
-    def given(self, k: float) -> _ShapesGiven:
-        """What they say where a shape's standard deviation is k times the usual one."""
-        covariance = k**2 * np.eye(self.residual.shape[1]) + self.turned
-        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
-        r, J = (whiten @ self.residual[..., None])[..., 0], whiten @ self.by
-        d = np.stack([self.change[:, :, j] @ each.T for j, each in enumerate(whiten)], axis=2)
-        return _ShapesGiven(
-            cost=float(np.sum(r**2) + np.linalg.slogdet(covariance)[1].sum()),
-            hessian=np.einsum("nbx,nby->xy", J, J) - self.information,
-            descent=np.einsum("nbx,nb->x", J, r) - self.descent,
-            across=np.tensordot(d, J, ((2, 3), (0, 1))),
-            along=np.tensordot(d, r, 2) - np.sum(d**2, axis=(2, 3)) / 2,
-        )
-
-
-@dataclass(frozen=True)
-class _ShapesGiven:
-    """The terms of the shapes in ln B: of the misfit twice, by the unknowns, and by losses."""
-
-    cost: float
-    hessian: FloatArray  # (X, X)
-    descent: FloatArray  # (X,)
-    across: FloatArray  # (l, P, X) dᵀWS
-    along: FloatArray  # (l, P) dᵀWr - ½ dᵀWd
-
-
-def _turned(
-    state: ForwardState, columns: list[int], shapes: FloatArray, scale: FloatArray
-) -> FloatArray:
-    """(n, b, b) covariance of paired modes' shapes, by what turns them towards others."""
-    value = state.modes.eigenvalue[state.modes.rigid :][: len(shapes)]
-    apart = np.abs(value[columns, None] - value) / np.sqrt(value[columns, None] * value)
-    sd = np.sqrt(2) * DISCREPANCY / np.maximum(apart, _CLOSE)
-    own = shapes[columns]
-    across = shapes - (own @ shapes.T / np.sum(own**2, axis=1)[:, None])[..., None] * own[:, None]
-    sd[np.arange(len(columns)), columns] = 0.0
-    each = (scale[:, None] * sd)[..., None] * across
-    return np.asarray(each.transpose(0, 2, 1) @ each)
-
-
-def _placed(state: ForwardState, slopes: FloatArray, basis: FloatArray) -> FloatArray:
-    """(n, b, b) covariance of (n, p, 3) slopes times how far points, and the ends of their grid,
-    are off their places.
-    """
-    places = state.forward.places[: slopes.shape[1]]
-    axis = int(np.argmax(np.ptp(places, axis=0)))
-    x = (places[:, axis] - places[:, axis].min()) / max(float(np.ptp(places[:, axis])), 1e-300)
-    own = np.einsum("pb,npk,pc->nbc", basis, (_PLACED * slopes) ** 2, basis)
-    ends = _GRID * np.stack([slopes[..., axis] * x, slopes[..., axis] * (1 - x)]) @ basis
-    return np.asarray(own + np.einsum("enb,enc->nbc", ends, ends))
 
 
 def _without_joints(elastic: ElasticResult, problem: LinearProblem) -> LinearProblem:
@@ -411,13 +201,13 @@ def _without_joints(elastic: ElasticResult, problem: LinearProblem) -> LinearPro
 
 
 def _likelier(
-    problem: LinearProblem, scatter: float, shapes: tuple[_ShapesGiven, ...], change: FloatArray
+    problem: LinearProblem, scatter: float, shapes: tuple[ShapesGiven, ...], change: FloatArray
 ) -> FloatArray:
     """(a, P) ln B of each loss and stretch, from (l, P, n) changes of ln f and what the shapes say,
     if they are asked.
     """
     spreads, log_spreads = grid_of_discrepancies(coarse=_COARSE)
-    log_sizes = log_prior_of_scale(_SHAPES, 1.0).tolist()
+    log_sizes = log_prior_of_scale(SHAPES, 1.0).tolist()
     found = [
         (log_size + log_spread, *_given(problem, scatter, s, own, change))
         for log_size, own in (zip(log_sizes, shapes, strict=True) if shapes else [(0.0, None)])
@@ -426,17 +216,13 @@ def _likelier(
     logs = np.array([log + own for log, own, _ in found])
     weight = logs - scipy.special.logsumexp(logs)
     # ln B is zero without a loss, and nearly a parabola in it.
-    over = [each / _LOSSES[:, None] for *_, each in found]
+    over = [each / LOSSES[:, None] for *_, each in found]
     each = [w + _FINE[:, None] * _between(own) for w, own in zip(weight, over, strict=True)]
     return np.asarray(scipy.special.logsumexp(each, axis=0))
 
 
 def _given(
-    problem: LinearProblem,
-    scatter: float,
-    s: float,
-    shapes: _ShapesGiven | None,
-    change: FloatArray,
+    problem: LinearProblem, scatter: float, s: float, shapes: ShapesGiven | None, change: FloatArray
 ) -> tuple[float, FloatArray]:
     """The log evidence without a loss at s, and (l, P) ln B of each loss there."""
     S, r, root = problem.sensitivity, problem.residual, np.sqrt(problem.weights)[:, None]
@@ -458,7 +244,5 @@ def _given(
 
 
 def _between(over: FloatArray) -> FloatArray:
-    """(a, P) of what is nearly linear, (l, P) at the losses solved for, at all losses."""
-    after = np.clip(np.searchsorted(_LOSSES, _FINE), 1, _LOSSES.size - 1)
-    share = ((_FINE - _LOSSES[after - 1]) / (_LOSSES[after] - _LOSSES[after - 1]))[:, None]
-    return np.asarray((1 - share) * over[after - 1] + share * over[after])
+    """(a, P) of what is smooth, (l, P) at the losses solved for, at all losses."""
+    return np.asarray(scipy.interpolate.PchipInterpolator(LOSSES, over)(_FINE))

@@ -233,19 +233,28 @@ class DampingData:
         return self.ratios_of(self.row_omega, measured, covariance)
 
     def misfit(self, frfs: FrfSet, weighting: Weighting, variance: FloatArray) -> FrfMisfit:
-        """The misfit of some FRFs; only `noise` weights give gains and a delay a unit."""
+        """The misfit of some FRFs; only `noise` weights give gains and a delay a unit, and
+        logarithms are not linear.
+        """
         if weighting != "noise":
-            return FrfMisfit(frfs, self.model, weighting, variance)
+            driving = () if weighting == "log" else self.driving
+            return FrfMisfit(frfs, self.model, weighting, variance, driving=driving)
         gain = np.where(np.isin(np.arange(self.model.omega.size), self.lawful), _GAIN_SD, 0.0)
         delay = self.inputs.standard_deviation("delay")
         return FrfMisfit(
-            frfs,
-            self.model,
-            weighting,
-            variance,
-            gain,
+            *(frfs, self.model, weighting, variance, gain),
             common_gain_sd=_COMMON_GAIN_SD,
+            driving=self.driving,
             delay_sd=delay,
+        )
+
+    @property
+    def driving(self) -> tuple[int, ...]:
+        """Numbers of the FRFs whose force and response have one point and direction."""
+        pairs = enumerate(zip(self.frfs.responses, self.frfs.references, strict=True))
+        measured = np.any(self.frfs.measured, axis=1).tolist()
+        return tuple(
+            i for i, (a, b) in pairs if (a.point, a.axis) == (b.point, b.axis) and measured[i]
         )
 
     def window_sd(self) -> float:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fecore.arrays import FloatArray
+from fecore.arrays import FloatArray, real_times
 from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import UpdatingError
@@ -151,7 +151,8 @@ class ReferenceFit:
     """A ratio of its own for every measured mode: the reference of every law."""
 
     # with the noise variance: the measured one, or one from the residual of an unweighted modal
-    # fit. A delay between the channels is taken out of its FRFs.
+    # fit. A delay between the channels, and flexibilities of driving points, are taken out of its
+    # FRFs.
     misfit: FrfMisfit
     fit: DampingFit  # the modal fit
     # what the misfit of one value is by noise alone, with the weighting of this stage, times how
@@ -187,7 +188,8 @@ def fit_reference(data: DampingData) -> ReferenceFit:
     scale = fit.cost / float(np.sum(misfit.counted))
     if data.weighting == "noise":
         scale = max(scale, 1.0)
-        fit = fit_law(misfit, data.modal_law, fit.coefficients, data.nuisance(0, scale), scale)
+        fit = fit_law(misfit, data.modal_law, fit, data.nuisance(0, scale), scale)
+    misfit = replace(misfit, frfs=misfit.without_driving(fit.eigenvalue, fit.rate))
     excess = _excess(misfit, fit, scale)
     predicted = misfit.predict(fit.eigenvalue, fit.rate)
     residual, _ = misfit.residual(predicted)
@@ -327,7 +329,8 @@ def _noise_variance(data: DampingData) -> FloatArray:
     even = data.misfit(data.frfs, "linear", np.ones(measured.shape))
     first = fit_law(even, data.modal_law, data.start(data.modal_law), data.nuisance(0), _unit(even))
     predicted = even.predict(first.eigenvalue, first.rate)
-    variance = residual_variance(data.frfs.values - predicted, predicted, measured)
+    values = even.without_driving(first.eigenvalue, first.rate).values
+    variance = residual_variance(values - predicted, predicted, measured)
     return variance if stated is None else np.where(np.isnan(stated), variance, stated)
 
 
@@ -398,9 +401,9 @@ def _by_elastic(data: DampingData, misfit: FrfMisfit, fit: DampingFit) -> FloatA
     )
     predicted = misfit.predict(fit.eigenvalue, fit.rate)
     jacobian = misfit.jacobian(fit.eigenvalue, fit.rate, predicted)
-    by_residue = state.residue_jacobian(frfs.responses, frfs.references) @ flexibility
+    by_residue = real_times(state.residue_jacobian(frfs.responses, frfs.references), flexibility)
     if jacobian.factors is not None:
-        by_drive = state.residue_jacobian(frfs.responses, frfs.responses) @ flexibility
+        by_drive = real_times(state.residue_jacobian(frfs.responses, frfs.responses), flexibility)
         by_residue = jacobian.factors[0] * by_residue + jacobian.factors[1] * by_drive
     _, weight = misfit.residual(predicted)
     gradients = (

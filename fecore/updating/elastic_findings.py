@@ -15,8 +15,16 @@ from fecore.normal import Z_95
 from fecore.updating.additions import MASS
 from fecore.updating.amounts import amount, plus_minus
 from fecore.updating.conflicts import Check, Conflict, Said
-from fecore.updating.contradictions import compare_sources
-from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, prior_belief
+from fecore.updating.contradictions import SLIPS, compare_sources
+from fecore.updating.elastic_result import (
+    BELIEVED,
+    HOPELESS_MISS,
+    REFUTED,
+    SAME_SHAPE,
+    ElasticResult,
+    prior_belief,
+)
+from fecore.updating.explanations import left_open
 from fecore.updating.findings import Level, found, listed, modes_of, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
@@ -24,14 +32,9 @@ from fecore.updating.parameters import Parameter
 from fecore.updating.result import Finding, ParameterEstimate
 from fecore.updating.temperature import constant_of
 
-SAME_SHAPE = 0.8
-"""MAC below which two shapes are not taken to be those of one mode."""
-
 FAR = 2.0  # prior standard deviations from the prior mean that are worth a warning
 # of frequencies, root mean square: five times what plate theory misses of a body and its supports
 USUAL_MISS = 0.01
-HOPELESS_MISS = 0.03
-"""The same, from which model and measurement do not belong together."""
 
 # standard deviations of a dimension from which a point of the grid beyond it contradicts it
 _DOUBTED = 2.0
@@ -50,6 +53,7 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
         pairing,
         unpaired_model=tuple(column for column in pairing.unpaired_model if column not in twinned),
     )
+    conflicts = compare_sources(elastic)[0]
     findings = remarks("pairing", shown.messages(modes.frequency_hz, elastic.updated.frequency_hz))
     if elastic.unlike and pairing.mac is not None:
         findings.append(found("no_like_mode", mac=np.nanmax(pairing.mac)))
@@ -64,10 +68,15 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
         *_unlike_shapes(elastic),
         *_missed_frequencies(elastic),
         *mesh_findings(elastic),
-        *map(contradiction, compare_sources(elastic)[0]),
+        *map(contradiction, conflicts),
         *_changed(elastic),
         *_confounded(elastic),
         *_moved_by_length(elastic),
+        *(
+            []
+            if any(each.cause.kind == "support" for each in conflicts)
+            else _moved_by_support(elastic)
+        ),
     ]
 
 
@@ -324,11 +333,20 @@ def _sized(said: Said) -> str:
     """
     if said.constant == MASS:
         return f"{1e3 * said.rest:.1f} ± {1e3 * said.rest_sd:.1f} g"
-    dof, unit = said.constant.rpartition("_")[2], "N/m"
-    way = f"along {'xyz'['uvw'.index(dof)]} with " if dof in ("u", "v", "w") else ""
+    return sized(said.constant, f"{said.rest:.3g} ± {said.rest_sd:.2g}")
+
+
+def sized(name: str, stiffness: str) -> str:
+    """A stiffness of a foot or a support by its name: `in rotation about y with 82 N·m/rad`,
+    `of support 2 along z with …`.
+    """
+    *number, dof = name.split("_")[1:] or [name]
+    of = f"of support {number[0]} " if number else ""
+    if dof in ("u", "v", "w"):
+        return f"{of}along {'xyz'['uvw'.index(dof)]} with {stiffness} N/m"
     if dof in ("rx", "ry", "rz"):
-        way, unit = f"in rotation about {dof[1]} with ", "N·m/rad"
-    return f"{way}{said.rest:.3g} ± {said.rest_sd:.2g} {unit}"
+        return f"{of}in rotation about {dof[1]} with {stiffness} N·m/rad"
+    return f"{stiffness} N/m"
 
 
 def _odds(conflict: Conflict) -> str:
@@ -398,6 +416,37 @@ def _moved_by_length(elastic: ElasticResult) -> list[Finding]:
         if each.identifiable and abs(slope) * rest > Z_95 * own
     ]
     return [found("length_moves", rest=100 * rest, moved=listed(moved, _NAMED))] if moved else []
+
+
+def _moved_by_support(elastic: ElasticResult) -> list[Finding]:
+    """How a support that gives way as far as the data leave open moves the constants, where by more
+    than their intervals.
+    """
+    found_open = left_open(elastic, SLIPS)
+    if found_open is None:
+        return []
+    q, move = len(elastic.layout.shared), found_open.move
+    sd = np.sqrt(np.diag(elastic.spanning.total) + elastic.by_excursions(*elastic.every_excursion))[
+        :q
+    ]
+    moved = [
+        f"{name} by {100 * (np.expm1(each) if log else each / theta):+.2g} %"
+        for name, each, own, log, theta, known in zip(
+            elastic.layout.shared,
+            move,
+            sd,
+            elastic.layout.prior.logarithmic,
+            elastic.layout.material(elastic.x),
+            elastic.identifiability,
+            strict=False,
+        )
+        if known.identifiable and abs(each) > Z_95 * own
+    ]
+    if not moved:
+        return []
+    stiffness = sized(found_open.support.name, f"{found_open.stiffness:.2g}")
+    level: Level | None = "with_care" if found_open.favoured else None
+    return [found("support_moves", level=level, stiffness=stiffness, moved=listed(moved, _NAMED))]
 
 
 def undetermined(

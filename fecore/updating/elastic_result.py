@@ -49,6 +49,13 @@ NOISE, DISCREPANCY_OF_MODEL, MODEL_OF_JOINTS = (
 )
 
 _NEGLIGIBLE = 1e-6  # weight of a Gaussian in a budget
+_NOTHING = 1e-9  # of a frequency
+
+SAME_SHAPE = 0.8
+"""MAC below which two shapes are not taken to be those of one mode."""
+
+HOPELESS_MISS = 0.03
+"""Of frequencies, root mean square, from which model and measurement do not belong together."""
 
 BELIEVED = 0.5
 """Weight from which a measured mode is more likely one than none."""
@@ -152,7 +159,9 @@ class ElasticResult:
             for place, each in enumerate(own):
                 if each.kind == "one-sided" and each.name != MESH:
                     by = missed.copy()
-                    by[at] = np.log1p(each.shift[[column for _, column in pairing.pairs]])
+                    shift = each.shift[[column for _, column in pairing.pairs]]
+                    # what is linear may go below nothing
+                    by[at] = np.log1p(np.maximum(shift, _NOTHING - 1))
                     own[place] = each.given(
                         *self.problem.of_another(by, self.discrepancy, self.scatter)
                     )
@@ -357,12 +366,18 @@ class ElasticResult:
 
     @cached_property
     def on_own_mesh(self) -> FloatArray:
-        """(X,) change of x if the bodies' own meshes were taken to be right."""
+        """(X,) change of x if the bodies' own meshes were taken to be right.
+
+        What the constants cannot follow counts as the model's error, as it would: else known inputs
+        would have to.
+        """
         off = np.zeros(self.problem.residual.size)
         for state, pairing, at in zip(self.states, self.pairings, self.rows, strict=True):
             if state.by_mesh is not None:
                 off[at] = np.log1p(state.by_mesh[0][[column for _, column in pairing.pairs]])
-        return np.asarray(-self.gain @ off)
+        own = replace(self.problem, residual=self.problem.residual - off)
+        there, here = (each.at_scatter(self.scatter)[0] for each in (own, self.problem))
+        return np.asarray(there.weight @ there.shift - here.weight @ here.shift)
 
     @property
     def partners(self) -> tuple[Partners, ...]:

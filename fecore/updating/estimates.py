@@ -33,7 +33,7 @@ from fecore.updating.elastic_result import (
     NOISE,
     ElasticResult,
 )
-from fecore.updating.excursions import MESH, SHEAR_FACTOR, Excursion
+from fecore.updating.excursions import MESH, Excursion
 from fecore.updating.findings import found
 from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.laws import RankedLaw
@@ -418,13 +418,16 @@ def _provenance(
             f"{100 * error:.2g} % of a frequency, independent from mode to mode, fixed beforehand"
         )
     if elastic.standing:
-        words[OTHER_PARTNERS] = (
-            f"{len(elastic.standing)} other pairings that the frequencies do not rule out"
+        others = (
+            "1 other pairing"
+            if len(elastic.standing) == 1
+            else f"{len(elastic.standing)} other pairings"
         )
+        words[OTHER_PARTNERS] = f"{others} that the frequencies do not rule out"
     if elastic.in_doubt:
         words[IN_DOUBT] = "the probability of each measured mode, and how it fits the model"
     for column, name in enumerate(prior.names):
-        sd = f"{prior.prior_sd[column]:.3g} {prior.unit_of(name)}"
+        sd = f"{prior.prior_sd[column]:.3g} {prior.unit_of(name)}".removesuffix(" 1")
         if name in prior.reported:
             words[f"prior of {name}"] = sd
         elif constant_of(name) is not None:
@@ -433,7 +436,7 @@ def _provenance(
         else:
             words[name] = f"{sd}, {_stated(inputs.is_stated(tolerance_of(name) or name))}"
     for each in elastic.every_excursion:
-        of_model = each.name in (MESH, SHEAR_FACTOR)
+        of_model = each.name == MESH
         words[each.name] = each.amount if of_model else f"{each.amount}, {_stated(each.stated)}"
     if damping is not None:
         words["measurement noise of FRFs"] = "noise of the FRFs, measured or from their residual"

@@ -14,8 +14,6 @@ frequencies is exact to first order, or solved for:
   lowers a strip's, δλ/λ = -4 EI/kL;
 - a mass m at a point where the mode moves by φ lowers it by δλ = -λ m φ²; one that nobody stated
   may be large for the body, so the modes Λ are solved for with it, on I + m φφᵀ;
-- a shear factor larger by dκ raises it by δλ/λ = dκ/κ, of the share of strain energy in transverse
-  shear;
 - what a mesh misses is the same sort of error in all modes (`fecore.updating.mesh_error`);
 - fibres askew by an angle change it by the angle's square, so the model is solved with them at one
   standard deviation.
@@ -47,13 +45,8 @@ from fecore.normal import Z_95
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import UNSTATED_SENSOR, Inputs
 
-MESH, SHEAR_FACTOR = "mesh", "shear factor"
-"""The budget's sources for what meshes and plate theory miss."""
-
-_SHEAR_FACTOR_SD = 0.04
-"""Of κ = 5/6, relative: waves in an isotropic plate ask for 5/(6 - ν) (Stephen 1997), 4 % more for
-ν = 0.3.
-"""
+MESH = "mesh"
+"""The budget's source for what meshes miss."""
 
 _SOLVED_TO = 1e-5  # relative, of a frequency on the reduced basis: a difference below is round-off
 
@@ -145,7 +138,6 @@ def excursions(
         *_sensor(state, inputs, fixed_points),
         *_fibres(state, inputs),
         *_mesh(state),
-        *_shear(state),
     ]
     return tuple(each for each in found if np.any(each.shift))
 
@@ -295,14 +287,6 @@ def _mesh(state: ForwardState) -> list[Excursion]:
         Excursion(MESH, missed, "both", False, words),
         Excursion(MESH, flat, "one-sided", False, words),
     ]
-
-
-def _shear(state: ForwardState) -> list[Excursion]:
-    """The shear factor of shells that a deck or shape is made of."""
-    if not isinstance(state.forward.specimen, Structure):
-        return []
-    words = f"{100 * _SHEAR_FACTOR_SD:.2g} % of 5/6, as plate theory has it"
-    return [Excursion(SHEAR_FACTOR, _SHEAR_FACTOR_SD * state.shear / 2, "both", False, words)]
 
 
 def _mirrored(body: Specimen | LayeredSpecimen) -> bool:

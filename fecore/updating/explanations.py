@@ -12,9 +12,7 @@ fit is that of its frequencies,
 
 with the terms of `belief` for modes that are none, or have no partner; that of a place is shared by
 all that were tried. Shapes say whether a model is the body's where frequencies hardly do, as of a
-soft root and a mass at the tip. What a model misses of a shape is smooth, so each mode counts for
-one number, 1 - MAC, whatever its points, of a variance that has the prior of a
-discrepancy: -½(ν₀ + n) ln(ν₀s₀² + Σ(1 - MAC)).
+soft root and a mass at the tip (`of_shapes`).
 """
 
 from __future__ import annotations
@@ -36,14 +34,9 @@ from fecore.updating.elastic_result import ElasticResult, prior_belief
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import TOLERANCES
 from fecore.updating.layout import CampaignModel, Layout, Unknown
-from fecore.updating.posterior import (
-    DISCREPANCY,
-    DISCREPANCY_DOF,
-    SHAPE_DISCREPANCY,
-    LinearProblem,
-    Mixture,
-)
+from fecore.updating.posterior import DISCREPANCY, LinearProblem, Mixture
 from fecore.updating.screening import Screened, effect_of, screened
+from fecore.updating.yielding import Yielding, likeness, of_shapes
 
 _STARTS = (3.0, 1.0, -1.0, -3.0, -5.0)  # logarithms of sizes over their medians to start from
 _SIZES = (3.0, 30.0, 300.0)  # over usual ones, at which places are compared
@@ -113,30 +106,12 @@ def _of_shapes(campaign: CampaignModel, pairing: Pairing) -> float:
     """The part of a campaign's shapes in the log evidence; 0 where they say nothing."""
     if pairing.mac is None:
         return 0.0
-    alike = np.nan_to_num(pairing.mac).max(axis=1)
-    for row, column in pairing.pairs:
-        alike[row] = pairing.mac[row, column]
-    probability = campaign.probability(range(alike.size))
-    off = DISCREPANCY_DOF * SHAPE_DISCREPANCY**2 + float(probability @ (1 - alike))
-    return float(-(DISCREPANCY_DOF + probability.sum()) / 2 * np.log(off))
-
-
-def explanations(elastic: ElasticResult, number: int, hints: Hints) -> list[Explanation]:
-    """The best explanation of each kind by an addition to one body.
-
-    Args:
-        elastic: the update without.
-        number: of the campaign.
-        hints: of it.
-    """
-    search = _Search.of(elastic, number)
-    found = [search.of_supports(hints["support"][0])] if "support" in hints else []
-    found += [search.of_places(*hint) for kind, hint in hints.items() if kind != "support"]
-    return [each for each in found if each is not None]
+    alike = likeness(pairing)
+    return float(of_shapes(campaign.probability(range(alike.size)), alike))
 
 
 @dataclass(frozen=True)
-class _Search:
+class Search:
     """Fits of one update with additions to one of its bodies."""
 
     elastic: ElasticResult
@@ -144,17 +119,34 @@ class _Search:
     without: float  # log evidence
     use_shapes: bool
     known: dict[tuple[str, bytes], ForwardState] = field(default_factory=dict)  # solved models
+    # that were tried
+    supports: dict[tuple[str, ...], Explanation | None] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, elastic: ElasticResult, number: int) -> _Search:
+    def of(cls, elastic: ElasticResult, number: int) -> Search:
+        """Of a campaign's body."""
         layout = elastic.layout.unverified()
         campaigns = list(layout.campaigns)
         campaigns[number] = replace(campaigns[number], forward=campaigns[number].forward.on_basis())
         plain = replace(elastic, layout=replace(layout, campaigns=tuple(campaigns)))
         return cls(plain, number, log_evidence(elastic), "mode shapes" in elastic.problem.others)
 
+    def best(self, hints: Hints) -> list[Explanation]:
+        """The best explanation of each kind by an addition to the body, with what screening makes
+        of these.
+        """
+        found = [self.of_supports(hints["support"][0])] if "support" in hints else []
+        found += [self.of_places(*hint) for kind, hint in hints.items() if kind != "support"]
+        return [each for each in found if each is not None]
+
     def of_supports(self, supports: Sequence[Addition]) -> Explanation | None:
         """The support that gives way along or about one axis, or all of them."""
+        key = tuple(each.name for each in supports)
+        if key not in self.supports:
+            self.supports[key] = self._of_supports(supports)
+        return self.supports[key]
+
+    def _of_supports(self, supports: Sequence[Addition]) -> Explanation | None:
         choices = [[each] for each in supports]
         price = float(np.log(len(choices) + (len(choices) > 1)))
         ones = sorted(filter(None, map(self.fitted, choices)), key=lambda each: -each.evidence)
@@ -359,22 +351,65 @@ def hints_of(
         "support": suspects.supports(state, max(columns)),
     }
 
-    def of(additions: list[Addition], sizes: Sequence[float]) -> Screened:
-        sigma = np.array(sizes)[:, None] * [each.usual for each in additions]
-        return screened(effect_of(state, additions), at, columns, problem, posterior, sigma)
-
-    found: Hints = {kind: (some, of(some, slips)) for kind, some in every.items() if some}
+    found = Hints()
+    for kind in ("mass", "foot"):
+        if additions := every[kind]:
+            sigma = np.array(slips)[:, None] * [each.usual for each in additions]
+            hint = screened(effect_of(state, additions), at, columns, problem, posterior, sigma)
+            found[kind] = additions, hint
+    if not every["support"]:
+        return found
+    yielding = yielding_of(elastic, number, every["support"], problem, posterior)
+    found["support"] = every["support"], yielding.screened(slips)
     yields = (
         elastic.layout.campaigns[number].inputs.standard_deviation("clamp_compliance")
         / TOLERANCES[CLAMP][0]
     )
-    if not yields or not every["support"]:
+    if not yields:
         return found
-    stated = max(of(every["support"], [yields]).evidence, 0.0)
+    stated = max(yielding.screened([yields]).evidence, 0.0)
     return {
-        kind: (some, replace(each, evidence=each.evidence - stated))
+        kind: (some, replace(each, evidence=each.evidence - stated, stated=stated))
         for kind, (some, each) in found.items()
     }
+
+
+def yielding_of(
+    elastic: ElasticResult,
+    number: int,
+    supports: Sequence[Addition],
+    problem: LinearProblem,
+    posterior: tuple[Mixture, FloatArray],
+) -> Yielding:
+    """What the data say of each way in which the supports of a campaign's body may give way."""
+    campaign, at = elastic.layout.campaigns[number], elastic.rows[number]
+    measured = campaign.modes, campaign.probability(range(len(campaign.modes)))
+    return Yielding.of(
+        elastic.states[number], supports, at, elastic.pairings[number], measured, problem, posterior
+    )
+
+
+@dataclass(frozen=True)
+class LeftOpen:
+    """How far a support may give way for all that the data say."""
+
+    support: Addition
+    stiffness: float  # N/m or N·m/rad
+    move: FloatArray  # (X,) of x, were it so soft
+    favoured: bool  # whether the data are likelier where it gives way by more than is stated
+
+
+def left_open(elastic: ElasticResult, slips: Sequence[float]) -> LeftOpen | None:
+    """Of an update of one campaign; None of a body that nothing holds."""
+    (columns,) = ([column for _, column in pairing.pairs] for pairing in elastic.pairings)
+    supports = suspects.supports(elastic.updated, max(columns))
+    if not supports:
+        return None
+    posterior = elastic.problem.at_scatter(elastic.layout.scatter)
+    yielding = yielding_of(elastic, 0, supports, elastic.problem, posterior)
+    axis, compliance, change = yielding.left_open()
+    favoured = yielding.screened(slips).evidence > 0
+    return LeftOpen(supports[axis], 1 / compliance, -elastic.gain @ change, favoured)
 
 
 def loosened(elastic: ElasticResult, place: int, slip: float) -> tuple[float, ElasticResult] | None:

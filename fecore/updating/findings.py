@@ -218,6 +218,12 @@ FINDINGS = {
         " change {moved}",
         "measure it twice",
     ),
+    "support_moves": Row(
+        None,
+        1.1,
+        "the support may give way {stiffness} for all that the modes say: that would change"
+        " {moved}",
+    ),
     # of the FRFs
     "frfs_unlike": Row(
         "do_not_use",

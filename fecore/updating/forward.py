@@ -44,7 +44,7 @@ class ForwardModel:
 
     specimen: Body  # nominal specimen
     parametrisation: Parametrisation  # from θ to coefficients
-    dofs: tuple[Dof, ...]  # the r measured rows: a point and a direction each, without sign
+    dofs: tuple[Dof, ...]  # the r measured rows: a point and a signed direction each
     places: FloatArray  # (r, 3) coordinates of their points, m; (r, 2) where z = 0
     count: int  # how many modes to solve for
     # solve on a reduced basis (frequencies within 1e-6 of the full model), or the full model each
@@ -214,7 +214,8 @@ class ForwardModel:
         return set()
 
     def rows(self, dofs: Sequence[Dof]) -> tuple[IntArray, FloatArray]:
-        """(N,) numbers of the rows of some dofs, and (N,) their signs.
+        """(N,) numbers of the rows of some dofs, and (N,) +1 or -1 where a dof has the opposite
+        sense of its row.
 
         Raises:
             InputError: a dof is not among the model's.
@@ -227,8 +228,9 @@ class ForwardModel:
                 raise InputError(
                     "direction", f"{dof.direction} at point {dof.point} is none of the model's rows"
                 )
-        return np.array([number[dof.point, dof.axis] for dof in dofs]), np.array(
-            [float(dof.sign) for dof in dofs]
+        rows = [number[dof.point, dof.axis] for dof in dofs]
+        return np.array(rows), np.array(
+            [float(dof.sign * self.dofs[k].sign) for dof, k in zip(dofs, rows, strict=True)]
         )
 
     def solve(self, theta: FloatArray) -> ForwardState:
@@ -282,11 +284,13 @@ class ForwardModel:
 
 
 def directions_of(dofs: Sequence[Dof], axes: Mapping[int, FloatArray]) -> FloatArray:
-    """(r, 3) unit vectors of dofs: along x, y and z, or along the (3, 3) axes of their own that
-    some points have.
+    """(r, 3) unit vectors along dofs: of x, y and z, or of the (3, 3) axes of their own that some
+    points have.
     """
     whole = np.eye(3)
-    return np.array([axes.get(dof.point, whole)[dof.axis - 1] for dof in dofs]).reshape(-1, 3)
+    return np.array([dof.sign * axes.get(dof.point, whole)[dof.axis - 1] for dof in dofs]).reshape(
+        -1, 3
+    )
 
 
 def modes_to_cover(parametrisation: Parametrisation, highest_hz: float, at_least: int) -> int:

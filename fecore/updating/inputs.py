@@ -17,6 +17,8 @@ careful laboratory:
 | clamp, EI/kL | 0.0075, one-sided | a vice on a bench: the source paper's own was 0.012 |
 | sensor not stated | 1 g, one-sided | a small accelerometer that nobody wrote down |
 | sensor stated | 5 % | its cable and wax |
+| a point of the grid | 1 mm | a pencil's cross, and the middle of the hits at it |
+| the grid along the body | 2 mm | a tape that slips, or a drawing's other end |
 | delay between channels | 30 µs | one line of a slow multiplexed converter |
 | window not stated | rate 4/T, one-sided | exponential windows are the habit of hammer tests; T is the record's length |
 
@@ -129,6 +131,11 @@ TOLERANCES: dict[str, tuple[float, bool]] = {
 }
 """Standard deviation of each input that a laboratory does not state, and whether it is a share of
 the input's value.
+"""
+
+POINT_SD, GRID_SD = 0.001, 0.002
+"""Standard deviation of a point about its place in the grid, and of the whole grid about the body,
+m.
 """
 
 SOFTEST_CLAMP = 1.0

@@ -79,14 +79,19 @@ class DampingFit:
 
 
 def fit_law(
-    misfit: FrfMisfit, law: DampingLaw, start: FloatArray, nuisance: Nuisance, scale: float = 1.0
+    misfit: FrfMisfit,
+    law: DampingLaw,
+    start: FloatArray | DampingFit,
+    nuisance: Nuisance,
+    scale: float = 1.0,
 ) -> DampingFit:
     """Fit a law's coefficients and the modes' frequency shifts.
 
     Args:
         misfit: data and model.
         law: the law.
-        start: (p,) first coefficients.
+        start: (p,) first coefficients; or a fit of the law with the same modes off it, to go on
+            where that ended.
         nuisance: modes that may lie off the model and the law.
         scale: what E of one value is by noise alone: 1 for `noise` weights. It brings priors into
             the units of E.
@@ -101,7 +106,8 @@ def fit_law(
         if not history or point.coefficients is not history[-1]:
             history.append(point.coefficients)
 
-    found = minimise(problem.at(problem.first(start)), problem.move, problem.stopping(), visit)
+    first = problem.first(start) if isinstance(start, np.ndarray) else _end(problem, start)
+    found = minimise(problem.at(first), problem.move, problem.stopping(), visit)
     best = by_name(law.coefficient_names, found.point.coefficients)
     if found.outcome == "singular":
         raise UpdatingError(
@@ -117,6 +123,12 @@ def fit_law(
             history=(found.point.normal.cost,),
         )
     return _finished(problem, found.point, np.array(history))
+
+
+def _end(problem: LawProblem, fit: DampingFit) -> FloatArray:
+    """X where a fit ended."""
+    own = np.log(fit.rate[problem.own] - problem.nuisance.window_rate)
+    return np.concatenate([fit.coefficients, fit.shift, own])
 
 
 def _finished(problem: LawProblem, point: LawPoint, history: FloatArray) -> DampingFit:

@@ -7,21 +7,26 @@ FRFs come from Hermitian (modes × modes) sums.
 
 A mode may have a **gain** g_k, common to all FRFs: H = Σ (1 + g_k) A_k f/D_k. A sensor's
 calibration, or what it stands on, scales a resonance as damping does, but does not widen it. A
-**delay** d between the channels turns the phase by -ωd, which looks like damping too. The misfit is
-linear in gains and small delays, so they are minimised out of it at every point (variable
-projection; Golub and Pereyra, Inverse Problems 19, 2003): cost, gradient and hessian are those that
-remain.
+**delay** d between the channels turns the phase by -ωd, which
+looks like damping too. A **driving point** gives way under its own force as no plate theory says: a
+point load leaves a dent, and the deflection of a plate that shears has no limit there, so what a
+mesh makes of it is the mesh's. That is a real flexibility r of such an FRF, H + fr, of which
+nothing is known beforehand; left out, the gains of the modes make up for it, and their damping for
+these. The misfit is linear in gains, such flexibilities and small delays, so they are minimised out
+of it at every point (variable projection; Golub and Pereyra, Inverse Problems 19, 2003): cost,
+gradient and hessian are those that remain.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
+import scipy
 
-from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray, real_times
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.errors import InputError
 from fecore.frf import FrfSet, convert
@@ -57,6 +62,8 @@ class FrfMisfit:
     gain_sd: FloatArray | None = None
     # the same of what the gains have in common: calibration, and the model's mass
     common_gain_sd: float = 0.0
+    # numbers of the FRFs that have a flexibility of their own at the driving point
+    driving: tuple[int, ...] = ()
     # prior standard deviation of a delay d between the channels, s: H e^(-iωd); 0 for none
     delay_sd: float = 0.0
 
@@ -121,22 +128,41 @@ class FrfMisfit:
 
     @cached_property
     def linear_prior(self) -> FloatArray:
-        """(g, g) prior precision of what is minimised out: the gains, then the delay."""
+        """(g, g) prior precision of what is minimised out: the gains, the flexibilities of driving
+        points, the delay.
+        """
         sd = np.zeros(0) if self.gain_sd is None else self.gain_sd[self.gained]
-        covariance = np.diag(np.append(sd**2, [self.delay_sd**2] if self.delay_sd else []))
-        covariance[: sd.size, : sd.size] += self.common_gain_sd**2
-        return np.linalg.inv(covariance)
+        gains = np.linalg.inv(np.diag(sd**2) + self.common_gain_sd**2)
+        of_delay = [self.delay_sd**-2] if self.delay_sd else []
+        return np.asarray(
+            scipy.linalg.block_diag(gains, np.diag([*np.zeros(len(self.driving)), *of_delay]))
+        )
 
     def delay(self, eigenvalue: FloatArray, rate: FloatArray) -> float:
         """The most probable delay between the channels at given eigenvalues and rates, s."""
-        if not self.delay_sd:
-            return 0.0
+        return float(self._linear(eigenvalue, rate)[-1]) if self.delay_sd else 0.0
+
+    def without_driving(self, eigenvalue: FloatArray, rate: FloatArray) -> FrfSet:
+        """The FRFs less what flexibilities of their own make of driving points at given eigenvalues
+        and rates.
+        """
+        if not self.driving:
+            return self.frfs
+        values, gains = self.frfs.values.copy(), self.gained.size
+        jacobian = self.jacobian(eigenvalue, rate, self.predict(eigenvalue, rate))
+        own = self._linear(eigenvalue, rate)[gains : gains + len(self.driving)]
+        for row, size in zip(self.driving, own, strict=True):
+            values[row] -= size * jacobian.by_flexibility(row)
+        return replace(self.frfs, values=values)
+
+    def _linear(self, eigenvalue: FloatArray, rate: FloatArray) -> FloatArray:
+        """(g,) the most probable values of what is minimised out."""
         predicted = self.predict(eigenvalue, rate)
         residual, weight = self.residual(predicted)
         jacobian = self.jacobian(eigenvalue, rate, predicted)
         g = slice(2 * eigenvalue.size, None)
         own = jacobian.hessian(weight)[g, g] + self.linear_prior
-        return float(np.linalg.solve(own, jacobian.gradient(weight * residual)[g])[-1])
+        return np.asarray(np.linalg.solve(own, jacobian.gradient(weight * residual)[g]))
 
     @cached_property
     def gained(self) -> IntArray:
@@ -214,8 +240,9 @@ class FrfMisfit:
 
 @dataclass(frozen=True)
 class FrfJacobian:
-    """Derivatives of the FRFs at one point by v = (λ, c, g of the gained modes, d of the delay):
-    A_ik d_k, or under a roving mass (A_ik g_i + B_ik h_i) d_k; and -iωH for the delay.
+    """Derivatives of the FRFs at one point by v = (λ, c, g of the gained modes, r of the driving
+    points, d of the delay): A_ik d_k, or under a roving mass (A_ik g_i + B_ik h_i) d_k; f, there f
+    (g_i + h_i), for r; and -iωH for the delay.
     """
 
     misfit: FrfMisfit  # whose FRFs they are
@@ -240,48 +267,63 @@ class FrfJacobian:
         )
         return factor
 
+    def by_flexibility(self, row: int) -> ComplexArray:
+        """(L,) derivative of an FRF by the flexibility of its driving point."""
+        factor: ComplexArray = convert(self.misfit.frfs.omega, self.misfit.frfs.quantity) + 0j
+        return (
+            factor
+            if self.factors is None
+            else factor * (self.factors[0][row] + self.factors[1][row])
+        )
+
     @cached_property
-    def by_delay(self) -> ComplexArray:
-        """(N, L) derivative by the delay."""
-        turned: ComplexArray = -1j * self.misfit.frfs.omega * self.predicted
-        return turned
+    def others(self) -> list[tuple[slice, ComplexArray]]:
+        """Of each flexibility, then of the delay, the rows that it changes, and the derivative of
+        these.
+        """
+        found = [
+            (slice(row, row + 1), self.by_flexibility(row)[None]) for row in self.misfit.driving
+        ]
+        if self.misfit.delay_sd:
+            found.append((slice(None), -1j * self.misfit.frfs.omega * self.predicted))
+        return found
 
     def gradient(self, weighted: ComplexArray) -> FloatArray:
         """(b,) 2 Re Jᴴ(w r): the descent direction's data."""
-        if not self.misfit.delay_sd:
-            return self._modal_gradient(weighted)
-        own = 2 * float(np.vdot(self.by_delay, weighted).real)
+        own = [2 * float(np.vdot(by, weighted[rows]).real) for rows, by in self.others]
         return np.append(self._modal_gradient(weighted), own)
 
     def hessian(self, weight: FloatArray) -> FloatArray:
         """(b, b) 2 Re JᴴWJ."""
-        modal = self._modal_hessian(weight)
-        if not self.misfit.delay_sd:
-            return modal
-        weighted = weight * self.by_delay
-        crossed, own = (
-            self._modal_gradient(weighted),
-            2 * float(np.vdot(self.by_delay, weighted).real),
-        )
-        return np.block([[modal, crossed[:, None]], [crossed, np.array([[own]])]])
+        modal, others = self._modal_hessian(weight), self.others
+        size = len(modal)
+        whole = np.zeros((size + len(others),) * 2)
+        whole[:size, :size] = modal
+        for place, (rows, by) in enumerate(others, start=size):
+            weighted = weight[rows] * by
+            whole[:size, place] = whole[place, :size] = self._modal_gradient(weighted, rows)
+            whole[place, place] = 2 * float(np.vdot(by, weighted).real)
+            if self.misfit.delay_sd and place < len(whole) - 1:
+                crossed = 2 * float(np.vdot(others[-1][1][rows], weighted).real)
+                whole[place, -1] = whole[-1, place] = crossed
+        return whole
 
-    def _modal_gradient(self, weighted: ComplexArray) -> FloatArray:
-        """(2m + g,) the same without the delay."""
+    def _modal_gradient(self, weighted: ComplexArray, rows: slice = slice(None)) -> FloatArray:
+        """(2m + g,) the same by the modes and their gains alone, of some rows."""
         misfit, model = self.misfit, self.misfit.model
         if self.factors is None or model.roving is None:
-            projected = model.residues.T @ weighted
+            projected = real_times(model.residues[rows].T, weighted)
         else:
-            g, h = self.factors
-            projected = model.residues.T @ (g.conj() * weighted) + model.roving.residues.T @ (
-                h.conj() * weighted
-            )
+            g, h = (each[rows] for each in self.factors)
+            projected = real_times(model.residues[rows].T, g.conj() * weighted)
+            projected = projected + real_times(model.roving.residues[rows].T, h.conj() * weighted)
         by = 2 * self.by_eigenvalue.conj() * projected
         gains = -np.sum((self.denominator.conj() * by)[misfit.gained].real, axis=1)
         return np.concatenate([by.real.sum(axis=1), by.imag @ misfit.frfs.omega, gains])
 
     def _modal_hessian(self, weight: FloatArray) -> FloatArray:
-        """(2m + g, 2m + g) the same without the delay, from sums over lines: all else is a power of
-        ω.
+        """(2m + g, 2m + g) the same by the modes and their gains alone, from sums over lines: all
+        else is a power of ω.
         """
         n, (c, lam) = self.misfit.gained, (self.rate[:, None], self.eigenvalue[:, None])
         S = self._sums(self._coupling(weight), 5 if n.size else 3)

@@ -19,8 +19,8 @@ from fecore.updating.curves import check_temperatures
 from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import fit_damping, fit_reference
 from fecore.updating.discretisation import DISCRETISATION, Discretisation, meshed
-from fecore.updating.elastic_findings import HOPELESS_MISS, mesh_on_trust, points_beyond
-from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.elastic_findings import mesh_on_trust, points_beyond
+from fecore.updating.elastic_result import HOPELESS_MISS, ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
 from fecore.updating.excursions import fixed_points
 from fecore.updating.findings import found, remarks

@@ -34,7 +34,7 @@ from fecore.updating.amounts import amount
 from fecore.updating.damping_data import DampingData
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.findings import Level, found, listed
-from fecore.updating.inputs import Inputs
+from fecore.updating.inputs import GRID_SD, POINT_SD, Inputs
 from fecore.updating.parameters import by_name
 from fecore.updating.result import Finding
 
@@ -52,7 +52,8 @@ _UNITS = {
 """What is often taken for another unit, and the factor that it gives an FRF."""
 
 _OWN = 0.3  # by which one FRF's factor may lie off that of all
-_PLACED = 0.002  # standard deviation of where a sensor sits, or a hammer hits, about its point, m
+# of where a sensor sits, or a hammer hits, about its point, m
+_PLACED = float(np.hypot(POINT_SD, GRID_SD))
 _LIKE = 0.7  # likeness below which an FRF is another one
 # of the median energy of the FRFs: weaker ones, near a nodal line, are noise and the neighbours'
 # tails

@@ -3,9 +3,14 @@ both are marginalised.
 
 A body is never its model: each of its natural frequencies is off by a share ε ~ N(0, s²), and s is
 not known. Its prior is a scaled inverse χ² of ν₀ = 2 degrees of freedom about s₀ = 0.1 %: between
-what plate theory misses, 0.05 %, and what real laminates show, 0.2 %. The constants of a specimen,
-or of a set, are off the material's by a share of standard deviation τ, with the same kind of prior
-about its own scale (Gelman et al., Bayesian Data Analysis, 3rd ed., 5, 11.6 and 14).
+what plate theory misses, 0.05 %, and what real laminates show, 0.2 %. Where a laboratory's inputs
+say that a body is more even than that, s₀ is smaller (`theory_error`), but
+a thickness that is known well need not be the same everywhere: half of the prior is about such an
+s₀, half about a scale that lies anywhere between it and 0.1 %, even in its logarithm, as nobody
+knows its order of magnitude (Jeffreys 1946). So modes that follow the model closely keep their
+narrow intervals, and modes that scatter have those of laminates that do. The constants of a
+specimen, or of a set, are off the material's by a share of standard deviation τ, with the same kind
+of prior about its own scale (Gelman et al., Bayesian Data Analysis, 3rd ed., 5, 11.6 and 14).
 
 With the residuals r = ln f_measured - ln f at the estimate, their derivative S by the unknowns, the
 noise N, prior precision P(τ) and the hessian A of what is no frequency (coupons, shapes), the
@@ -45,6 +50,7 @@ SCATTER = 0.02
 COMMON = "common material of the sets"
 """Name of the information that sets of one material give one another."""
 
+_SCALES = 12  # between which the prior's scale may lie
 _GRID = np.linspace(np.log(0.1), np.log(30.0), 41)  # ln s over s₀
 _SCATTERS = np.exp(np.linspace(np.log(0.1), np.log(8.0), 9))  # τ over its scale
 _POINT = 1e-6  # of the widest Gaussian's standard deviation: what is narrower is a point
@@ -389,7 +395,20 @@ def grid_of_discrepancies(
     """
     low, high = _GRID[0] + np.log(scale), _GRID[-1] + np.log(DISCREPANCY)
     spreads = np.exp(np.linspace(low, high, _GRID.size)[::coarse])
-    return spreads, log_prior_of_scale(spreads, scale)
+    return spreads, _log_prior_of_discrepancy(spreads, scale)
+
+
+def _log_prior_of_discrepancy(spreads: FloatArray, scale: float) -> FloatArray:
+    """Of ln s: half about the scale, half about one that lies between it and that of usual
+    laminates; up to a constant.
+    """
+    among = np.geomspace(scale, DISCREPANCY, _SCALES)[:, None]
+    uneven = log_prior_of_scale(spreads, among) + DISCREPANCY_DOF * np.log(among / scale)
+    log: FloatArray = np.logaddexp(
+        log_prior_of_scale(spreads, scale),
+        scipy.special.logsumexp(uneven, axis=0) - np.log(_SCALES),
+    )
+    return np.asarray(log - np.log(2))
 
 
 def prior_of_scatter(scale: float) -> tuple[FloatArray, FloatArray]:
@@ -400,7 +419,7 @@ def prior_of_scatter(scale: float) -> tuple[FloatArray, FloatArray]:
     return scatters, scipy.special.softmax(log_prior_of_scale(scatters, scale))
 
 
-def log_prior_of_scale(value: FloatArray, scale: float) -> FloatArray:
+def log_prior_of_scale(value: FloatArray, scale: FloatArray | float) -> FloatArray:
     """Of ln s for a scaled inverse χ² of two degrees of freedom, up to a constant."""
     log: FloatArray = -DISCREPANCY_DOF * (np.log(value) + scale**2 / (2 * value**2))
     return log

@@ -1,11 +1,9 @@
-"""Whether a body shows something that nobody stated: a mass at a point, a foot that it stands on, a
-support that gives way.
+"""Whether a body shows something that nobody stated: a mass at a point, a foot that it stands on.
 
 With a size a at a place that the modes move by Φ (N, q), mass-normalised, the frequencies are those
-of Λ and I + aΦΦᵀ (a mass), of Λ + aΦΦᵀ and I (a foot), or of Λ⁻¹ and a support's compliance a, with
-the inertia that the modes and its rigid motion share. With this as one more unknown, a ~ |N(0,
-σ²)|, and the change d(a) of ln f linear about its likeliest â, d = c + ea, the data are likelier
-than without by
+of Λ and I + aΦΦᵀ (a mass), of Λ + aΦΦᵀ and I (a foot); of supports `yielding` has them.
+With this as one more unknown, a ~ |N(0, σ²)|, and the change d(a) of ln f linear about its
+likeliest â, d = c + ea, the data are likelier than without by
 
     B = 2 Φ(b/√q) exp(cᵀWμ - ½ cᵀMc + b²/2q)/√(σ²q),     μ = r - Sδ,     b = eᵀ(Wμ - Mc),     q = eᵀMe + σ⁻²,
 
@@ -32,8 +30,6 @@ from fecore.updating.state import ForwardState
 
 _ROUNDS = 4  # linearisations about the likeliest size of each place
 
-_FIRM = 1e-15  # of the largest 1/λ, below which a mode is that of a support that does not give way
-
 
 class Effect(Protocol):
     """What P additions do to the frequencies, each by itself."""
@@ -54,6 +50,7 @@ class Screened:
     sd: float  # likewise
     # (n, n) second moments of the change of ln f by the slip, over places and sizes
     covariance: FloatArray
+    stated: float = 0.0  # ln B of what is stated to be possible, which is taken off the evidence
 
 
 def screened(
@@ -75,7 +72,7 @@ def screened(
             weights.
         sigma: (k, P) σ of each.
     """
-    data, sigma = _Data.of(problem, *posterior), sigma[:, None]
+    data, sigma = Data.of(problem, *posterior), sigma[:, None]
     change, by = np.zeros((2, problem.residual.size, sigma.shape[2]))
     size = np.zeros(sigma.shape[2])
     for _ in range(_ROUNDS):
@@ -100,7 +97,7 @@ def screened(
 
 
 @dataclass(frozen=True)
-class _Modes:
+class Modes:
     """A body's (N,) eigenvalues, 0 of rigid motions, and the (P, N, q) motion of P additions in its
     modes.
     """
@@ -123,7 +120,7 @@ class _Modes:
         return (np.log(value / self.value[self.rigid :]) / 2).T, by.T
 
 
-class MassEffect(_Modes):
+class MassEffect(Modes):
     """A mass at any of P places."""
 
     def at(self, size: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -141,61 +138,34 @@ class MassEffect(_Modes):
         return self.relative(value, vectors, by)
 
 
-class FootEffect(_Modes):
-    """A spring to the ground at any of P places."""
+class FootEffect(Modes):
+    """A spring to the ground at any of P places; `moved` is (P, N, N) of ΦΦᵀ, since a foot may
+    stand under many nodes.
+    """
 
     def at(self, size: FloatArray) -> tuple[FloatArray, FloatArray]:
         """As of `Effect`, N/m."""
-        across = self.moved.transpose(0, 2, 1)
-        value, vectors = np.linalg.eigh(
-            np.diag(self.value) + size[:, None, None] * (self.moved @ across)
-        )
-        by = np.sum((across @ vectors) ** 2, axis=1) / np.where(value > 0, value, 1.0) / 2
+        value, vectors = np.linalg.eigh(np.diag(self.value) + size[:, None, None] * self.moved)
+        by = np.sum(vectors * (self.moved @ vectors), axis=1) / np.where(value > 0, value, 1.0) / 2
         return self.relative(value, vectors, by)
 
 
-@dataclass(frozen=True)
-class SupportEffect(_Modes):
-    """A support that gives way in any of P rigid motions, each by a compliance."""
-
-    inertia: FloatArray  # (P,) of the rigid motions
-
-    def at(self, size: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """As of `Effect`, by the compliance, m/N or rad/N·m."""
-        count, modes = self.value.size, np.arange(self.value.size)
-        M = np.zeros((size.size, count + 1, count + 1))
-        M[:, modes, modes], M[:, -1, -1] = 1.0, self.inertia
-        M[:, :-1, -1] = M[:, -1, :-1] = self.moved[..., 0]
-        root = np.concatenate(
-            [np.broadcast_to(self.value**-0.5, (size.size, count)), np.sqrt(size)[:, None]], axis=1
-        )
-        inverse, vectors = np.linalg.eigh(root[:, :, None] * M * root[:, None])
-        inverse = np.maximum(inverse, _FIRM * inverse.max())
-        by = -(((M * root[:, None])[:, -1:] @ vectors)[:, 0] ** 2) / inverse**2 / 2
-        return self.relative(1 / inverse, vectors, by)
-
-
 def effect_of(state: ForwardState, additions: Sequence[Addition]) -> Effect:
-    """What each of some additions of one kind does to a solved body."""
+    """What each of some masses or feet does to a solved body."""
     moving = np.arange(state.modes.eigenvalue.size) >= state.modes.rigid
     value, shapes = np.where(moving, state.modes.eigenvalue, 0.0), state.modes.shapes
     shapes = shapes if state.basis is None else state.basis @ shapes
-    if additions[0].kind == "support":
-        model = state.forward.specimen.model
-        mass = model.mass.at(state.coefficients.mass[: len(model.mass.names)])
-        motions = np.vstack([each.motion for each in additions])
-        images = (mass @ motions.T).T
-        inertia = np.sum(images * motions, axis=1)
-        return SupportEffect(value, (images @ shapes)[..., None], state.modes.rigid, inertia)
     own = [each.motion @ shapes for each in additions]
+    if not additions[0].of_mass:
+        return FootEffect(value, np.array([rows.T @ rows for rows in own]), state.modes.rigid)
     moved = np.zeros((len(own), shapes.shape[1], max(map(len, own))))
     for place, rows in enumerate(own):
         moved[place, :, : len(rows)] = rows.T
-    return (MassEffect if additions[0].of_mass else FootEffect)(value, moved, state.modes.rigid)
+    return MassEffect(value, moved, state.modes.rigid)
 
 
 @dataclass(frozen=True)
-class _Data:
+class Data:
     """The data at each of s discrepancies: (s,) logarithms of weights, (s, n) Wμ and (s, n, n)
     M.
     """
@@ -205,7 +175,8 @@ class _Data:
     M: FloatArray
 
     @classmethod
-    def of(cls, problem: LinearProblem, posterior: Mixture, log_weight: FloatArray) -> _Data:
+    def of(cls, problem: LinearProblem, posterior: Mixture, log_weight: FloatArray) -> Data:
+        """At an estimate, about which the posterior is."""
         root, S = np.sqrt(problem.weights)[:, None], problem.sensitivity
         variance = problem.noise + posterior.scale[:, None, None] ** 2 * np.eye(len(S))
         W = root * np.linalg.inv(variance) * root.T
@@ -213,6 +184,11 @@ class _Data:
         across = W @ S
         M = W - across @ posterior.covariance @ across.transpose(0, 2, 1)
         return cls(log_weight, (W @ missed[..., None])[..., 0], M)
+
+    def likeliest(self, change: FloatArray) -> FloatArray:
+        """(P,) logarithms of how much likelier the data are by (n, P) changes of ln f."""
+        each = self.pull @ change - np.sum(change * (self.M @ change), axis=1) / 2
+        return np.asarray(scipy.special.logsumexp(self.log_weight[:, None] + each, axis=0))
 
     def likelier(
         self, c: FloatArray, e: FloatArray, sigma: FloatArray

@@ -142,7 +142,9 @@ class ForwardState:
         """(n,) shares of the elastic modes' strain energy in transverse shear of shells."""
         energies = self._energies[self.modes.rigid :] * self.coefficients.stiffness
         names = self.forward.specimen.model.stiffness.names
-        across = [name.rpartition(".")[2] in ("S44", "S45", "S55") for name in names]
+        across = [
+            k for k, name in enumerate(names) if name.rpartition(".")[2] in ("S44", "S45", "S55")
+        ]
         return np.asarray(
             energies[:, across].sum(axis=1) / self.modes.eigenvalue[self.modes.rigid :]
         )

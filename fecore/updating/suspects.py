@@ -7,15 +7,16 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from fecore.arrays import FloatArray, IntArray
+from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.body.locate import evenly_spread
 from fecore.body.model import Model
 from fecore.body.named import OfStructure
 from fecore.body.structure import Structure
-from fecore.body.supports import CLAMP, DISPLACEMENTS
+from fecore.body.supports import CLAMP, DISPLACEMENTS, Support, rigid_motions
 from fecore.updating.additions import MASS, TYPICAL, Addition
 from fecore.updating.inputs import TOLERANCES, UNSTATED_SENSOR
 from fecore.updating.state import ForwardState
+from fecore.updating.yielding import SupportEffect
 
 _SITES = 200  # nodes at which a mass or a foot is tried, at most
 _DIGITS = 9  # of a place in m
@@ -29,10 +30,11 @@ def masses(state: ForwardState) -> list[Addition]:
     model, nodes = state.forward.specimen.model, _sites(state)
     found = []
     for node in nodes:
-        place = tuple(model.mesh.nodes[node].tolist())
-        found.append(
-            Addition("mass", MASS, "kg", place, TYPICAL * UNSTATED_SENSOR, _moving(model, node))
+        place, motion = (
+            tuple(model.mesh.nodes[node].tolist()),
+            _moving(model, np.array([node]), np.ones(1)),
         )
+        found.append(Addition("mass", MASS, "kg", place, TYPICAL * UNSTATED_SENSOR, motion))
     return found
 
 
@@ -45,10 +47,7 @@ def feet(state: ForwardState, highest: int) -> list[Addition]:
     model, found = state.forward.specimen.model, []
     nodes = model.mesh.nodes
     for group in [*_ends(model), *(np.array([node]) for node in _sites(state))]:
-        root = np.sqrt(_shares(nodes[group]))
-        motion = scipy.sparse.vstack(
-            [share * _moving(model, node) for share, node in zip(root, group, strict=True)]
-        )
+        motion = _moving(model, group, np.sqrt(_shares(nodes[group])))
         place = tuple(nodes[group].mean(axis=0).tolist())
         found.append(Addition("foot", "foot", "N/m", place, 1.0, motion, len(group) > 1))
     shapes = _shapes(state)[:, state.modes.rigid :][:, : highest + 1]
@@ -62,44 +61,55 @@ def feet(state: ForwardState, highest: int) -> list[Addition]:
 
 
 def supports(state: ForwardState, highest: int) -> list[Addition]:
-    """The body's one support, giving way along or about each axis in which it holds the body; none
-    of a body otherwise held.
+    """The body's supports, each giving way along or about each axis in which it holds the body;
+    none of a body that moves.
     """
     body, model = state.forward.specimen, state.forward.specimen.model
     inner = getattr(body, "body", body)
     structure = inner.structure if isinstance(inner, OfStructure) else inner
-    if not isinstance(structure, Structure) or len(structure.supports) != 1 or state.modes.rigid:
+    if not isinstance(structure, Structure) or state.modes.rigid:
         return []
-    (support,) = structure.supports
-    places = model.mesh.nodes[model.mesh.select(support.where)]
-    centre = np.round(places.mean(axis=0), _DIGITS) + 0.0
-    motions = model.motions.T.copy()
-    motions[3:] += _about(centre - model.mesh.nodes.mean(axis=0), motions[:3])
-    shapes = _shapes(state)[:, : highest + 1]
+    several = len(structure.supports) > 1
+    held = np.zeros((len(structure.supports), *model.free.shape), dtype=bool)
+    for own, support in zip(held, structure.supports, strict=True):
+        columns = [model.dofs.index(dof) for dof in support.dofs if dof in model.dofs]
+        own[np.ix_(model.mesh.select(support.where), np.array(columns, dtype=np.int64))] = True
+    found = []
+    for number, (own, support) in enumerate(zip(held, structure.supports, strict=True), start=1):
+        name = f"support_{number}" if several else "support"
+        found += _of_support(model, support, held.any(axis=0) & ~own, name)
+    if not found:
+        return []
+    effect = SupportEffect.of(state, found)
     value = state.modes.eigenvalue[: highest + 1]
-    mass = model.mass.at(state.coefficients.mass[: len(model.mass.names)])
+    reaction = value * effect.moved[:, : highest + 1] ** 2
+    usual = [float(np.median(each[each >= _MOVED * each.max()])) for each in reaction]
+    largest = max(usual)
+    return [
+        replace(each, median=most / (4 * _TOLERANCE) / TYPICAL)
+        for each, most in zip(found, usual, strict=True)
+        if most > 1e-12 * largest
+    ]
+
+
+def _of_support(model: Model, support: Support, others: BoolArray, name: str) -> list[Addition]:
+    """A support that gives way along or about each of its axes, where (nodes, dofs of a node) are
+    held by others.
+    """
+    places, nodes = model.mesh.nodes, model.mesh.select(support.where)
+    centre = np.round(places[nodes].mean(axis=0), _DIGITS) + 0.0
+    motions = rigid_motions(places, model.links)[:, list(model.dofs)]
+    # θ × (x - c) = θ × (x - m) - θ × (c - m), m the nodes' centre
+    motions[..., 3:] -= motions[..., :3] @ np.cross(np.eye(3), centre - places.mean(axis=0)).T
     found = []
     for dof in support.dofs:
-        motion = motions[dof]
-        if not np.any(motion):
-            continue
-        reaction = value * (motion @ (mass @ shapes)) ** 2
-        usual = float(np.median(reaction[reaction >= _MOVED * reaction.max()]))
-        median = usual / (4 * _TOLERANCE) / TYPICAL
-        unit = "N/m" if dof < 3 else "N·m/rad"
-        name = f"support_{DISPLACEMENTS[dof]}"
-        found.append(Addition("support", name, unit, tuple(centre.tolist()), median, motion[None]))
-    largest = max((each.median for each in found), default=0.0)
-    return [each for each in found if each.median > 1e-12 * largest]
-
-
-def _about(arm: FloatArray, shifts: FloatArray) -> FloatArray:
-    """(3, dofs) what turns about x, y, z through a point that lies off the nodes' centre by an arm
-    have beside those about it.
-
-    θ × (x - c) = θ × (x - m) - θ × (c - m).
-    """
-    return np.asarray(-np.cross(np.eye(3), arm) @ shifts)
+        motion, stopped = motions[..., dof], np.where(others, -motions[..., dof], 0.0)
+        if np.any(motion[model.free]):
+            unit = "N/m" if dof < 3 else "N·m/rad"
+            names = f"{name}_{DISPLACEMENTS[dof]}", unit, tuple(centre.tolist())
+            held = stopped if stopped.any() else None
+            found.append(Addition("support", *names, 1.0, motion[model.free][None], stopped=held))
+    return found
 
 
 def _shapes(state: ForwardState) -> FloatArray:
@@ -142,7 +152,10 @@ def _shares(places: FloatArray) -> FloatArray:
     return np.asarray(share / share.sum())
 
 
-def _moving(model: Model, node: int) -> scipy.sparse.csr_array:
-    """(q, dofs) displacement of a node along those of x, y and z in which it moves."""
-    rows = model.unfolded[6 * int(node) : 6 * int(node) + 3]
+def _moving(model: Model, nodes: IntArray, weights: FloatArray) -> scipy.sparse.csr_array:
+    """(q, dofs) displacement of (n,) nodes, times (n,) weights, along those of x, y and z in which
+    they move.
+    """
+    rows = model.unfolded[(6 * nodes[:, None] + np.arange(3)).ravel()]
+    rows.data *= np.repeat(np.repeat(weights, 3), np.diff(rows.indptr))
     return rows[np.diff(rows.indptr) > 0]

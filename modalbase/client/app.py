@@ -32,7 +32,7 @@ def login(
     them.
     """
     from modalbase.client.connection import Connection
-    from modalbase.client.place import save_profile
+    from modalbase.client.endpoint import save_profile
 
     with Connection(url, key) as service:
         service.get("projects", limit=1)

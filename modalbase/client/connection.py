@@ -12,8 +12,8 @@ from urllib.parse import urlsplit
 
 import httpx
 
+from modalbase.client.endpoint import checked_key, checked_url
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.place import checked_key, checked_url
 
 BLOCK_BYTES = 1 << 20
 PAGE_ROWS = 1000
@@ -50,8 +50,7 @@ class Connection:
 
         Args:
             url: of the service, such as `http://127.0.0.1:8000`.
-            key: API key; by default that of MODALBASE_API_KEY. `modalbase.client.place.find_place`
-                looks further.
+            key: API key; by default that of MODALBASE_API_KEY. `find_endpoint` looks further.
 
         Raises:
             ClientError: there is no key, or the URL is none.
@@ -244,12 +243,13 @@ class Connection:
 
     def _json(self, answer: httpx.Response) -> dict[str, Any]:
         try:
-            found: dict[str, Any] = answer.json()  # each call of the contract answers by an object
+            # each call of the contract answers by an object
+            document: dict[str, Any] = answer.json()
         except ValueError:
             raise ClientError(
                 f"{self.url} does not answer in JSON; is it modalbase's address?", Exit.UNREACHABLE
             ) from None
-        return found
+        return document
 
     def _unreachable(self, error: httpx.HTTPError) -> ClientError:
         reason = str(error) or type(error).__name__

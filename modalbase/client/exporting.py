@@ -103,13 +103,13 @@ def export(
     target = None if str(out) == "-" else out
     if what != "original" and file_format is None:
         file_format = format_of(out, FRF_FORMATS, "state --format: ")
-    wanted = {"point": point, "reference": reference, "fmin": fmin, "fmax": fmax, "stride": stride}
-    stated = [f"--{name}" for name, value in wanted.items() if value is not None]
+    chosen = {"point": point, "reference": reference, "fmin": fmin, "fmax": fmax, "stride": stride}
+    stated = [f"--{name}" for name, value in chosen.items() if value is not None]
     if stated and what not in ("frfs", "predicted"):
         raise ClientError(f"{', '.join(stated)} choose FRFs, not {what}", Exit.USAGE)
     with service_at(url) as service, transfer(out.name) as watch:
         path = PATHS[what].format(_id(service, what, id_))
-        size = service.download(path, target, watch, format=file_format, **wanted)
+        size = service.download(path, target, watch, format=file_format, **chosen)
     if as_json and target is not None:
         print_json({"file": str(target), "bytes": size})
 
@@ -131,8 +131,8 @@ def figure(
     with service_at(url) as service:
         path = f"update-jobs/{find_job(service, job)}/figures"
         if name == "list":
-            found = service.get(path)["items"]
-            show(found, ("name", "title", "available", "reason"), as_json)
+            figures = service.get(path)["items"]
+            show(figures, ("name", "title", "available", "reason"), as_json)
             return
         target = out or Path(f"{name}.svg")
         chosen = format_of(target, FIGURES, "--out ")

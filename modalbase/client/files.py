@@ -39,11 +39,11 @@ def format_of(file: Path, formats: Mapping[str, str], advice: str = "") -> str:
     Raises:
         ClientError: it says none.
     """
-    if (found := formats.get(file.suffix.lower())) is None:
+    if (form := formats.get(file.suffix.lower())) is None:
         raise ClientError(
             f"{advice}{file.name!r} does not end in one of {', '.join(formats)}", Exit.USAGE
         )
-    return found
+    return form
 
 
 def send_file(

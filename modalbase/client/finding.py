@@ -110,21 +110,21 @@ def find_or_make(
             the service refuses.
     """
     path, name = kind.below.format(within), str(body["name"])
-    found = _only(kind, name, [one for one in service.pages(path) if one["name"] == name])
-    if found is None:
+    existing = _only(kind, name, [one for one in service.pages(path) if one["name"] == name])
+    if existing is None:
         answer = service.request("POST", path, params={**query, "unless_named": True}, json=body)
         made: dict[str, Any] = answer.json()
         if answer.status_code != OK:
             return made
-        found = made  # somebody else has made it since
-    if other := list(_differences(body, found)):
+        existing = made  # somebody else has made it since
+    if other := list(_differences(body, existing)):
         raise ClientError(
             f"the {kind.word} {name!r} is there already, and is not as stated:"
             f" {'; '.join(other[:MOST_NAMED])}. State what it has, change it, or give the new one"
             " another name",
             Exit.USAGE,
         )
-    return found
+    return existing
 
 
 def find_id(service: Connection, kind: Kind, text: str, within: str | None = None) -> str:
@@ -200,26 +200,30 @@ def _only(kind: Kind, text: str, matching: Sequence[dict[str, Any]]) -> dict[str
     return next(iter(matching), None)
 
 
-def _differences(stated: Any, found: Any, name: str = "") -> Iterator[str]:
+def _differences(stated: Any, existing: Any, name: str = "") -> Iterator[str]:
     """What a thing has otherwise than stated; members and items that are not stated do not
     count.
     """
-    if isinstance(stated, Mapping) and isinstance(found, Mapping):
+    if isinstance(stated, Mapping) and isinstance(existing, Mapping):
         for member, value in stated.items():
             yield from _differences(
-                value, found.get(member), f"{name}.{member}" if name else str(member)
+                value, existing.get(member), f"{name}.{member}" if name else str(member)
             )
-    elif isinstance(stated, list | tuple) and isinstance(found, list) and len(stated) == len(found):
-        for number, (one, other) in enumerate(zip(stated, found, strict=True)):
+    elif (
+        isinstance(stated, list | tuple)
+        and isinstance(existing, list)
+        and len(stated) == len(existing)
+    ):
+        for number, (one, other) in enumerate(zip(stated, existing, strict=True)):
             yield from _differences(one, other, f"{name}[{number}]")
-    elif stated != found and not _same_time(stated, found):
-        yield f"{name} is {shorten(found)}, not {shorten(stated)}"
+    elif stated != existing and not _same_time(stated, existing):
+        yield f"{name} is {shorten(existing)}, not {shorten(stated)}"
 
 
-def _same_time(stated: Any, found: Any) -> bool:
+def _same_time(stated: Any, existing: Any) -> bool:
     """Whether two texts are one moment, which ISO 8601 writes in several ways."""
     try:
-        return datetime.fromisoformat(stated) == datetime.fromisoformat(found)
+        return datetime.fromisoformat(stated) == datetime.fromisoformat(existing)
     except (TypeError, ValueError):
         return False
 

@@ -62,13 +62,13 @@ def projects(
             made = make(service, PROJECT, {"name": new}, None, reuse)
             _made(made, as_json, f'structures --new NAME --project "{new}" …')
             return
-        found = list(service.pages("projects"))
+        rows = list(service.pages("projects"))
     show(
-        found,
+        rows,
         {"id": "id", "name": "name", "description": "description", "made": "created_at"},
         as_json,
     )
-    if not found and not as_json:
+    if not rows and not as_json:
         say_next("projects --new NAME")
 
 
@@ -105,7 +105,7 @@ def structures(
             )
             _made(made, as_json, f'campaigns --new NAME --structure "{new}" --boundary cantilever')
             return
-        found = _below(service, STRUCTURE, project)
+        rows = _below(service, STRUCTURE, project)
     columns = {
         "id": "id",
         "project": "project_name",
@@ -113,7 +113,7 @@ def structures(
         "version": "version",
         "made": "created_at",
     }
-    show(found, columns, as_json)
+    show(rows, columns, as_json)
 
 
 def campaigns(
@@ -162,12 +162,12 @@ def campaigns(
             )
             _made(made, as_json, f'import FILE.uff --campaign "{new}"')
             return
-        found = _below(service, CAMPAIGN, structure, project)
+        rows = _below(service, CAMPAIGN, structure, project)
     columns = {
         "id": "id", "structure": "structure_name", "name": "name", "boundary": "boundary", "performed": "performed_at",
         "°C": "temperature_c",
     }  # fmt: skip
-    show(found, columns, as_json)
+    show(rows, columns, as_json)
 
 
 def _below(
@@ -181,9 +181,9 @@ def _below(
         within = find(service, kind.above, above)
         pairs = [(one, within) for one in service.pages(kind.below.format(within["id"]))]
     else:
-        wanted = None if project is None else find(service, PROJECT, project)["id"]
+        project_id = None if project is None else find(service, PROJECT, project)["id"]
         pairs = [(one, one.pop("above")) for one in all_of(service, kind)]
-        pairs = [(one, up) for one, up in pairs if wanted in (None, up.get("project_id"))]
+        pairs = [(one, up) for one, up in pairs if project_id in (None, up.get("project_id"))]
     return [{**one, f"{kind.above.word}_name": up["name"]} for one, up in pairs]
 
 
@@ -214,7 +214,7 @@ def _geometry(text: str) -> dict[str, float]:
 
 def _material(text: str) -> dict[str, float]:
     """Moduli in Pa of a text in GPa."""
-    found: dict[str, float] = {}
+    constants: dict[str, float] = {}
     for part in text.split(","):
         name, _, value = (piece.strip() for piece in part.partition("="))
         try:
@@ -228,10 +228,10 @@ def _material(text: str) -> dict[str, float]:
                 f"--moduli: there is no {name!r}, there is {', '.join((*MODULI, 'nu_xy'))}",
                 Exit.USAGE,
             )
-        found[name if name == "nu_xy" else f"{name}_Pa"] = (
+        constants[name if name == "nu_xy" else f"{name}_Pa"] = (
             number if name == "nu_xy" else number * 1e9
         )
-    return found
+    return constants
 
 
 def coupons(
@@ -277,11 +277,11 @@ def coupons(
                 )
             except ClientError as error:
                 raise ClientError(f"{file}: {error}", error.code) from error
-        found, summary = list(service.pages(f"{path}/coupons")), service.get(f"{path}/summary")
+        listed, summary = list(service.pages(f"{path}/coupons")), service.get(f"{path}/summary")
     if as_json:
-        print_json({"coupons": found, "summary": summary})
+        print_json({"coupons": listed, "summary": summary})
         return
-    print_table(f"{len(found)} specimens", list(COLUMNS), [_cells(coupon) for coupon in found])
+    print_table(f"{len(listed)} specimens", list(COLUMNS), [_cells(coupon) for coupon in listed])
     rows = [[name, *_statistics(of)] for name, of in summary["constants"].items()]
     print_table("\nconstants", ("constant", "n", "mean", "± sd", "CV %", "unit", "from"), rows)
     for warning in summary["warnings"]:
@@ -360,34 +360,34 @@ def model(
     with service_at(url) as service:
         address = f"structures/{find_id(service, STRUCTURE, structure or 'latest')}/model"
         if file is None:
-            found = service.get(address)
+            document = service.get(address)
         else:
             stated = None if sections is None else json_file(sections)
-            said: dict[str, Any] = {
+            options: dict[str, Any] = {
                 "units": units,
                 "accept": accept or [],
                 "confirm": confirm or None,
             }
-            sent = send_file(service, address, file, sections=stated, **said)
-            found = wait_for(service, f"models/{sent['id']}", "model")
-            require_success(found, f"model {sent['id']}")
+            sent = send_file(service, address, file, sections=stated, **options)
+            document = wait_for(service, f"models/{sent['id']}", "model")
+            require_success(document, f"model {sent['id']}")
     if as_json:
-        print_json(found)
+        print_json(document)
         return
-    _show(found)
+    _show(document)
     say_next("campaigns --new NAME --boundary free")
 
 
-def _show(found: dict[str, Any]) -> None:
+def _show(document: dict[str, Any]) -> None:
     """Sets, junctions and what was not used."""
-    read = found["found"]
+    read = document["found"]
     rows = [
         [s["name"], s["elements"], ", ".join(s["materials"]), s["thickness_m"], s["mass_kg"]]
         for s in read["sets"]
     ]
     title = (
-        f"{found['filename']}: {read['counts']['nodes']} nodes, {read['mass_kg']:.4g} kg,"
-        f" {found['units']}"
+        f"{document['filename']}: {read['counts']['nodes']} nodes, {read['mass_kg']:.4g} kg,"
+        f" {document['units']}"
     )
     print_table(title, ("set", "elements", "materials", "thickness m", "mass kg"), rows)
     for line in read["junctions"]:

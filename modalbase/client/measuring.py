@@ -54,16 +54,16 @@ def points(
     with service_at(url) as service:
         path = f"campaigns/{find_id(service, CAMPAIGN, campaign)}/grid-points"
         there = service.request("GET", path)
-        found = there.json()
+        table = there.json()
         if stated is not None:
             replaced = {"If-Match": there.headers["etag"]}  # by whoever looked last
-            found = service.call("PUT", path, json={"items": stated}, headers=replaced)
+            table = service.call("PUT", path, json={"items": stated}, headers=replaced)
     if as_json:
-        print_json(found)
+        print_json(table)
         return
     rows = [
         [p["label"], *(Written(f"{1000 * p[f'{axis}_m']:.6g}") for axis in AXES)]
-        for p in found["items"]
+        for p in table["items"]
     ]
     print_table(f"{len(rows)} grid points", ("label", "x mm", "y mm", "z mm"), rows)
     if not rows:
@@ -206,14 +206,16 @@ def frfs(
 ) -> None:
     """List the FRFs of a campaign; `modalbase export` fetches their values."""
     with service_at(url) as service:
-        wanted = {
+        filters = {
             "point": point,
             "direction": direction,
             "reference": reference,
             "quantity": quantity,
         }
-        found = list(
-            service.pages(f"campaigns/{find_id(service, CAMPAIGN, campaign)}/frfs", limit, **wanted)
+        listed = list(
+            service.pages(
+                f"campaigns/{find_id(service, CAMPAIGN, campaign)}/frfs", limit, **filters
+            )
         )
     columns = (
         "id",
@@ -231,9 +233,9 @@ def frfs(
             f["id"], f["label"], _dof(f, "response"), _dof(f, "reference"), f["quantity"],
             f["lines"], f["start_hz"], f["end_hz"], f["averages"],
         ]
-        for f in found
+        for f in listed
     ]  # fmt: skip
-    show(found, columns, as_json, rows, f"{len(found)} FRFs")
+    show(listed, columns, as_json, rows, f"{len(listed)} FRFs")
 
 
 def _dof(frf: dict[str, Any], side: str) -> str:
@@ -294,7 +296,7 @@ def hits(
     if as_json:
         print_json(judged)
         return
-    rows = [[hit["point"], hit["hit"], hit["accepted"], _said(hit)] for hit in judged]
+    rows = [[hit["point"], hit["hit"], hit["accepted"], _failures(hit)] for hit in judged]
     print_table("", ("point", "hit", "good", "why not"), rows)
     if not placed:  # shapes have no place on the body without them
         say_next(f'points "{campaign}" POINTS.csv')
@@ -305,7 +307,7 @@ def hits(
     )
 
 
-def _said(hit: dict[str, Any]) -> str | None:
+def _failures(hit: dict[str, Any]) -> str | None:
     """What failed of a hit."""
     return (
         "; ".join(finding["sentence"] for finding in hit["findings"] if finding["failed"]) or None
@@ -341,22 +343,23 @@ def modes(
     decided = _decided(keep or [], drop or [], why)
     with service_at(url) as service:
         id_ = find_id(service, CAMPAIGN, campaign)
-        found = (
+        document = (
             _identified(service, id_, band, threshold)
             if identify
             else find(service, MODE_SET, mode_set, within=id_)
         )
         if decided:
-            found = _edited(service, found, decided)
+            document = _edited(service, document, decided)
     if as_json:
-        print_json(found)
+        print_json(document)
         return
     print_table(
-        f"{found['name']} ({found['origin']}), {found['id']}", *mode_set_cells(found["modes"])
+        f"{document['name']} ({document['origin']}), {document['id']}",
+        *mode_set_cells(document["modes"]),
     )
-    for line in beside_lines(found["details"]):
+    for line in beside_lines(document["details"]):
         typer.echo(line, err=True)
-    say_next(f'update "{campaign}" --mode-set {found["id"]} --wait')
+    say_next(f'update "{campaign}" --mode-set {document["id"]} --wait')
 
 
 def _decided(keep: list[float], drop: list[float], why: str | None) -> list[dict[str, Any]]:
@@ -368,10 +371,10 @@ def _decided(keep: list[float], drop: list[float], why: str | None) -> list[dict
 
 
 def _edited(
-    service: Connection, found: dict[str, Any], decisions: list[dict[str, Any]]
+    service: Connection, document: dict[str, Any], decisions: list[dict[str, Any]]
 ) -> dict[str, Any]:
-    body = {"name": f"{found['name']}, edited", "decisions": decisions}
-    return service.post(f"mode-sets/{found['id']}/edits", body)
+    body = {"name": f"{document['name']}, edited", "decisions": decisions}
+    return service.post(f"mode-sets/{document['id']}/edits", body)
 
 
 def _identified(

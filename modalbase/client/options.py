@@ -40,9 +40,9 @@ def service_at(url: str | None) -> Connection:
         ClientError: no service or no key is found.
     """
     from modalbase.client.connection import Connection
-    from modalbase.client.place import find_place
+    from modalbase.client.endpoint import find_endpoint
 
-    place = find_place(url)
+    place = find_endpoint(url)
     return Connection(place.url, place.key)
 
 
@@ -95,7 +95,7 @@ def make(
 
 
 def show(
-    found: Any,
+    content: Any,
     columns: Sequence[str] | Mapping[str, str],
     as_json: bool,
     rows: Sequence[Sequence[Any]] | None = None,
@@ -104,20 +104,20 @@ def show(
     """What a command found: its JSON, or a table of it.
 
     Args:
-        found: things as REST describes them.
+        content: things as REST describes them.
         columns: the members that are shown; of a mapping, by their headings.
         as_json: print all of it.
         rows: what the columns hold, where that is not members of the things.
         title: of the table.
     """
     if as_json:
-        print_json(found)
+        print_json(content)
         return
     members = columns.values() if isinstance(columns, Mapping) else columns
     print_table(
         title,
         list(columns),
-        rows if rows is not None else [[one[name] for name in members] for one in found],
+        rows if rows is not None else [[one[name] for name in members] for one in content],
     )
 
 

@@ -65,18 +65,18 @@ class Rest:
         return _call(self._connection, name, route)
 
 
-def require_known(name: str, wanted: Iterable[str]) -> None:
+def require_known(name: str, filters: Iterable[str]) -> None:
     """Refuse names that the query of a call does not have, before anything is sent.
 
     Args:
         name: of the call, such as `list_frfs`.
-        wanted: the names that a script states.
+        filters: the names that a script states.
 
     Raises:
         ClientError: one is unknown; the message lists those that there are.
     """
     known = [one for one in routes()[name].query if one not in _OF_THE_CLIENT]
-    if unknown := sorted(set(wanted) - set(known)):
+    if unknown := sorted(set(filters) - set(known)):
         raise ClientError(
             f"there is no {', '.join(map(repr, unknown))} to choose by; there is {', '.join(known)}"
         )

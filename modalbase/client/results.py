@@ -64,8 +64,10 @@ def print_result(
     """
     from rich.console import Console
 
-    if said := verdict_lines(document):
-        (console or Console()).print("\n".join(said), highlight=False, markup=False, soft_wrap=True)
+    if lines := verdict_lines(document):
+        (console or Console()).print(
+            "\n".join(lines), highlight=False, markup=False, soft_wrap=True
+        )
     print_table(title, *parameter_cells(document["parameters"], published), console)
     print_table("\nmodes", *mode_cells(document["modes"]), console)
     print_table("\ncorrelation, means", *correlation_cells(document["correlation"]), console)
@@ -124,12 +126,13 @@ def motion_words(mode: Mapping[str, Any]) -> str | None:
     """
     if mode["kind"] is None:
         return None
-    shares = {mode["kind"]: (mode.get("motion") or {}).get(mode["kind"])}
+    fractions = {mode["kind"]: (mode.get("motion") or {}).get(mode["kind"])}
     if len(energy := mode.get("energy") or {}) > 1:
         first = max(energy, key=lambda name: energy[name])
-        shares[first] = energy[first]
+        fractions[first] = energy[first]
     return ", ".join(
-        name if share is None else f"{name} {100 * share:.0f} %" for name, share in shares.items()
+        name if share is None else f"{name} {100 * share:.0f} %"
+        for name, share in fractions.items()
     )
 
 

@@ -142,14 +142,14 @@ def _follow(
             )
             typer.echo(out)
             return
-        found = service.get(path, **query)
+        trend = service.get(path, **query)
     if as_json:
-        print_json(found)
+        print_json(trend)
         return
-    rows = rate_rows(found)
+    rows = rate_rows(trend)
     columns = list(dict.fromkeys(name for row in rows for name in row))
     print_table("", columns, [[row.get(name) for name in columns] for row in rows])
     for note in dict.fromkeys(
-        [*found["notes"], *(note for one in found["series"] for note in one["notes"])]
+        [*trend["notes"], *(note for one in trend["series"] for note in one["notes"])]
     ):
         typer.echo(note)

@@ -124,7 +124,7 @@ def jobs(
     with service_at(url) as service:
         if cancel is not None or retry is not None:
             verb, which = ("cancel", cancel) if cancel is not None else ("retry", retry)
-            found = [service.call("POST", f"update-jobs/{find_job(service, str(which))}/{verb}")]
+            listed = [service.call("POST", f"update-jobs/{find_job(service, str(which))}/{verb}")]
         else:
             given = {CAMPAIGN: campaign, STRUCTURE: structure, PROJECT: project}
             narrowed = {
@@ -132,15 +132,15 @@ def jobs(
                 for kind, text in given.items()
                 if text is not None
             }
-            found = list(service.pages("update-jobs", limit, status=status, **narrowed))
+            listed = list(service.pages("update-jobs", limit, status=status, **narrowed))
     rows = [
         [
             one["id"], one["campaign_name"], one["status"], one["stage"], one["created_at"],
             (one["error"] or {}).get("detail"),
         ]
-        for one in found
+        for one in listed
     ]  # fmt: skip
-    show(found, ("id", "campaign", "status", "stage", "queued", "error"), as_json, rows)
+    show(listed, ("id", "campaign", "status", "stage", "queued", "error"), as_json, rows)
 
 
 def monitors(
@@ -183,8 +183,8 @@ def monitors(
             if structure is None
             else f"structures/{find_id(service, STRUCTURE, structure)}/monitors"
         )
-        found = list(service.pages(path))
-    show(found, ("id", "structure_name", "name", "state", "state_since", "open_alarms"), as_json)
+        listed = list(service.pages(path))
+    show(listed, ("id", "structure_name", "name", "state", "state_since", "open_alarms"), as_json)
 
 
 def alarms(
@@ -208,13 +208,13 @@ def alarms(
                     "--acknowledge takes the id of an alarm, and --note what is done about it",
                     Exit.USAGE,
                 )
-            found: list[dict[str, Any]] = [
+            listed: list[dict[str, Any]] = [
                 service.post(f"alarms/{id_}/acknowledge", {"note": note})
             ]
         else:
-            found = list(service.pages("alarms", state=state))
+            listed = list(service.pages("alarms", state=state))
     show(
-        found,
+        listed,
         ("id", "created_at", "monitor_name", "parameter", "state", "acknowledged_by", "note"),
         as_json,
     )

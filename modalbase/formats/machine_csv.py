@@ -98,7 +98,7 @@ class MachineFile:
 
 
 @dataclass(frozen=True)
-class _Layout:
+class _Columns:
     """Where the wanted columns are in the rows, and what the file says of them."""
 
     delimiter: str
@@ -190,11 +190,11 @@ def _numbers(block: _Block, parse: Callable[[str], float]) -> FloatArray:
 
 def _layout(
     lines: Sequence[str], columns: Mapping[str, Column], delimiters: Sequence[str]
-) -> _Layout:
+) -> _Columns:
     """The delimiter under which the header is found and most lines hold numbers in all wanted
     columns.
     """
-    best: tuple[int, _Layout] | None = None
+    best: tuple[int, _Columns] | None = None
     reasons: list[FormatError] = []
     for delimiter in delimiters:
         rows = [
@@ -237,31 +237,31 @@ def _is_datum(row: Row, place: int, column: Column) -> bool:
     return is_number(cell) or (column.quantity == "time" and kind_of(cell) == "time")
 
 
-def _find_columns(rows: list[Row], delimiter: str, columns: Mapping[str, Column]) -> _Layout:
+def _find_columns(rows: list[Row], delimiter: str, columns: Mapping[str, Column]) -> _Columns:
     numbered = {name: c.header - 1 for name, c in columns.items() if isinstance(c.header, int)}
     if any(place < 0 for place in numbered.values()):
         raise FormatError("columns", "are numbered from 1")
-    wanted = {name: c for name, c in columns.items() if isinstance(c.header, str)}
-    if not wanted:
-        return _Layout(delimiter, rows, -1, {name: numbered[name] for name in columns})
-    nearest: set[str] = {str(c.header) for c in wanted.values()}
+    named = {name: c for name, c in columns.items() if isinstance(c.header, str)}
+    if not named:
+        return _Columns(delimiter, rows, -1, {name: numbered[name] for name in columns})
+    nearest: set[str] = {str(c.header) for c in named.values()}
     for i, row in enumerate(rows):
         cells = joined_brackets(row, delimiter).cells
-        places = {name: _places_of(cells, column) for name, column in wanted.items()}
-        absent = {str(wanted[name].header) for name, at in places.items() if not at}
+        places = {name: _places_of(cells, column) for name, column in named.items()}
+        absent = {str(named[name].header) for name, at in places.items() if not at}
         if absent:
             nearest = min(nearest, absent, key=len)
             continue
         for name, at in places.items():
             if len(at) > 1:
-                header = wanted[name].header
+                header = named[name].header
                 raise FormatError(
                     f"columns.{name}",
                     f"{header!r} is in line {i + 1} twice; give the column's number",
                 )
         rows[i] = Row(row.line, cells)
-        found = {**numbered, **{name: at[0] for name, at in places.items()}}
-        return _Layout(delimiter, rows, i, {name: found[name] for name in columns})
+        positions = {**numbered, **{name: at[0] for name, at in places.items()}}
+        return _Columns(delimiter, rows, i, {name: positions[name] for name in columns})
     raise FormatError("columns", f"no line has the header {', '.join(sorted(nearest))}")
 
 
@@ -293,7 +293,9 @@ def _without_brackets(header: str) -> str:
     return _folded(match[1] if match else header)
 
 
-def _units_row(layout: _Layout, columns: Mapping[str, Column], index: int) -> dict[str, str] | None:
+def _units_row(
+    layout: _Columns, columns: Mapping[str, Column], index: int
+) -> dict[str, str] | None:
     """Units by column if this row is a line of units, else None.
 
     It is one where no wanted cell is a number and at least one is a unit of its column's quantity.
@@ -313,7 +315,7 @@ def _units_row(layout: _Layout, columns: Mapping[str, Column], index: int) -> di
 
 
 def _units(
-    layout: _Layout, columns: Mapping[str, Column], blocks: Sequence[_Block]
+    layout: _Columns, columns: Mapping[str, Column], blocks: Sequence[_Block]
 ) -> dict[str, str]:
     at = layout.header_row
     beside: dict[str, str] = {}
@@ -350,7 +352,7 @@ def _units(
     return units
 
 
-def _unread(layout: _Layout, name: str) -> str:
+def _unread(layout: _Columns, name: str) -> str:
     """What stands in or below the header of a column whose unit is missing, where that may have
     been meant as its unit.
     """
@@ -369,7 +371,7 @@ def _unread(layout: _Layout, name: str) -> str:
     )
 
 
-def _blocks(layout: _Layout, columns: Mapping[str, Column], notes: list[str]) -> list[_Block]:
+def _blocks(layout: _Columns, columns: Mapping[str, Column], notes: list[str]) -> list[_Block]:
     """Data rows, cut where the header comes again; remarks go to the notes."""
     blocks = [_Block([], [])]
     remarks = []
@@ -392,7 +394,7 @@ def _blocks(layout: _Layout, columns: Mapping[str, Column], notes: list[str]) ->
                     " between comma-separated cells?",
                 )
             blocks[-1].lines.append(i + 1)
-            blocks[-1].cells.append(_wanted_cells(row, layout.places, columns))
+            blocks[-1].cells.append(_column_cells(row, layout.places, columns))
         elif begun > 0 or blocks[-1].lines:
             remarks.append(f"line {i + 1}: {' '.join(filter(None, row.cells))[:80]!r} is no data")
     notes += remarks[:_MOST_QUOTED]
@@ -401,7 +403,7 @@ def _blocks(layout: _Layout, columns: Mapping[str, Column], notes: list[str]) ->
     return [block for block in blocks if block.lines]
 
 
-def _wanted_cells(row: Row, places: Mapping[str, int], columns: Mapping[str, Column]) -> list[str]:
+def _column_cells(row: Row, places: Mapping[str, int], columns: Mapping[str, Column]) -> list[str]:
     cells = []
     for name, place in places.items():
         if place >= len(row.cells):

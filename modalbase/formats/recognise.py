@@ -38,9 +38,9 @@ def recognise(path: Path, name: str = "") -> FormatName:
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     suffix = PurePosixPath(name).suffix.lower()
-    for magic, found in _MAGIC.items():
+    for magic, kind in _MAGIC.items():
         if head.startswith(magic):
-            return found
+            return kind
     if _DELIMITER.match(head) or suffix in _UFF_NAMES:
         return "uff"
     named: dict[str, FormatName] = {f".{form}": form for form in FORMATS} | dict.fromkeys(

@@ -68,16 +68,16 @@ class ArchiveFile:
         if version != FORMAT:
             raise broken(f"{path.name} is of format {version}; this version reads {FORMAT}")
         infos = [info for info in self._zip.infolist() if info.filename != MANIFEST]
-        found = {info.filename: info.file_size for info in infos}
-        if len(found) != len(infos) or found != stated:
-            other = sorted(found.items() ^ stated.items())
+        sizes = {info.filename: info.file_size for info in infos}
+        if len(sizes) != len(infos) or sizes != stated:
+            other = sorted(sizes.items() ^ stated.items())
             raise broken(
                 f"{path.name} has other members than its manifest:"
                 f" {other[0][0] if other else 'one twice'}"
             )
-        if sum(found.values()) > MOST_RATIO * path.stat().st_size:
+        if sum(sizes.values()) > MOST_RATIO * path.stat().st_size:
             raise broken(
-                f"{path.name} would grow to {sum(found.values())} bytes, over {MOST_RATIO} times"
+                f"{path.name} would grow to {sum(sizes.values())} bytes, over {MOST_RATIO} times"
                 " its size"
             )
 

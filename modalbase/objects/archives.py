@@ -18,8 +18,8 @@ from uuid import UUID
 from modalbase.client.errors import ClientError
 from modalbase.client.finding import OK
 from modalbase.objects.archive_file import ArchiveFile, broken
-from modalbase.objects.found import Found
 from modalbase.objects.jobs import Import
+from modalbase.objects.search import SearchResults
 
 if TYPE_CHECKING:
     from modalbase.objects.campaigns import Campaign
@@ -89,18 +89,18 @@ def import_archive(project: Project, path: Path, *, again: bool = False) -> Impo
         archive.check()
         if not again:
             _require_new(project, archive)
-        reading = _Import(project, archive, alone=not again)
+        reading = _Import(project, archive, unique=not again)
         try:
             return reading.whole()
         except BaseException as error:
             reading.undo()
             if isinstance(error, AlreadyThere) or not isinstance(error, _OF_A_PART):
                 raise
-            said = (
+            reason = (
                 str(error) if isinstance(error, ClientError) else f"{type(error).__name__} {error}"
             )
             raise broken(
-                f"{archive.last} of {path.name} is not as an archive is: {said}; nothing of it"
+                f"{archive.last} of {path.name} is not as an archive is: {reason}; nothing of it"
                 " stays"
             ) from error
 
@@ -117,7 +117,9 @@ def _require_new(project: Project, archive: ArchiveFile, before: str | None = No
     """Refuse an archive whose content is in a project already; `before` is the id of a structure,
     of which older ones count.
     """
-    same = Found(project.lab, "structures", {"filter": f"meta.archive.sha256 = '{archive.digest}'"})
+    same = SearchResults(
+        project.lab, "structures", {"filter": f"meta.archive.sha256 = '{archive.digest}'"}
+    )
     for there in same:
         if before is not None and there["id"] >= before:  # ids are in the order of creation
             continue
@@ -131,11 +133,11 @@ def _require_new(project: Project, archive: ArchiveFile, before: str | None = No
 class _Import:
     """An archive on its way into a project; `ids` are those that are known by now."""
 
-    def __init__(self, project: Project, archive: ArchiveFile, *, alone: bool) -> None:
+    def __init__(self, project: Project, archive: ArchiveFile, *, unique: bool) -> None:
         self.project, self.archive, self.ids = project, archive, dict[str, str]()
         self.made: list[Structure] = []
         self.calibrations_before: dict[str, list[Any] | None] = {}
-        self.alone, self.name = alone, ""
+        self.unique, self.name = unique, ""
 
     def undo(self) -> None:
         """Take back what was made: structures with all that is theirs, instruments,
@@ -206,7 +208,7 @@ class _Import:
     def structure(self, was: Mapping[str, Any]) -> Structure:
         """A structure with its deck and its coupons."""
         archive, folder = self.archive, f"structures/{_id(was)}"
-        if self.alone and not self.made:
+        if self.unique and not self.made:
             made = self.first(was)
         else:
             made = self.project.new_structure(**self.stated(was), confirm=True)
@@ -215,8 +217,8 @@ class _Import:
         if archive.has(f"{folder}/deck"):
             deck = archive.json(f"{folder}/model.json")
             with archive.unpacked(f"{folder}/deck", str(deck["filename"])) as file:
-                said = {"accept": deck["accepted"], "sections": deck.get("sections")}
-                made.import_model(file, deck["units"], **said, confirm=True)
+                options = {"accept": deck["accepted"], "sections": deck.get("sections")}
+                made.import_model(file, deck["units"], **options, confirm=True)
         if archive.has(f"{folder}/coupon-batches.json"):
             for one in archive.json(f"{folder}/coupon-batches.json"):
                 self.coupons(made, folder, one["batch"], one["coupons"])

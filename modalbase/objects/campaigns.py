@@ -136,31 +136,33 @@ class Campaign(Editable):
             if pairs is None
             else [dict(zip(POINT, (n, *at), strict=True)) for n, at in pairs.items()]
         )
-        found: dict[str, Any] = self.lab.rest.find_alignment(
+        alignment: dict[str, Any] = self.lab.rest.find_alignment(
             self.fields["id"], body={"pairs": named}
         )
-        if len(found["frames"]) > 1:
-            raise ClientError(found["sentence"], Exit.USAGE)
-        self.change(frame=found["frames"][0]["frame"])
-        return found
+        if len(alignment["frames"]) > 1:
+            raise ClientError(alignment["sentence"], Exit.USAGE)
+        self.change(frame=alignment["frames"][0]["frame"])
+        return alignment
 
-    def list_frfs(self, **wanted: Any) -> Table:
+    def list_frfs(self, **filters: Any) -> Table:
         """What its FRFs are, without their spectra.
 
         Args:
-            wanted: `point`, `direction`, `reference`, `quantity`, `import_id`, `fmin`, `fmax`.
+            filters: `point`, `direction`, `reference`, `quantity`, `import_id`, `fmin`, `fmax`.
 
         Raises:
             ClientError: there is no such filter.
         """
-        require_known("list_frfs", wanted)
-        return Table(list(self.lab.connection.pages(f"{self.address}/frfs", **wanted)), key="label")
+        require_known("list_frfs", filters)
+        return Table(
+            list(self.lab.connection.pages(f"{self.address}/frfs", **filters)), key="label"
+        )
 
-    def frfs(self, **wanted: Any) -> Frfs:
+    def frfs(self, **filters: Any) -> Frfs:
         """Its FRFs with their spectra, as numpy arrays. They must have one axis and one quantity.
 
         Args:
-            wanted: as for `list_frfs`, and `stride`.
+            filters: as for `list_frfs`, and `stride`.
 
         Raises:
             ClientError: none matches, they have several axes or quantities, or there is no such
@@ -169,7 +171,7 @@ class Campaign(Editable):
         from modalbase.objects.frfs import Frfs
 
         return Frfs.from_npz(
-            self.lab.connection.call("GET", f"{self.address}/frfs/data", params=_npz(wanted))
+            self.lab.connection.call("GET", f"{self.address}/frfs/data", params=_npz(filters))
         )
 
     def figure(self, name: str, **options: Any) -> Figure:
@@ -285,8 +287,8 @@ class Campaign(Editable):
         """What a file of time blocks holds, and a mapping in its own words; None where it says
         nothing. Nothing is stored.
         """
-        found: dict[str, Any] = self.import_file(file, kind="hits", dry_run=True).fields["found"]
-        return found
+        proposal: dict[str, Any] = self.import_file(file, kind="hits", dry_run=True).fields["found"]
+        return proposal
 
     def _judged(self, answer: dict[str, Any]) -> dict[str, Any]:
         """Stored blocks and the judgement of their hits; waits for a file that was not read at
@@ -297,17 +299,17 @@ class Campaign(Editable):
         sent = Import(self.lab, answer).wait().check()
         return self.lab.connection.get(f"{sent.address}/records")
 
-    def records(self, **wanted: Any) -> list[Record]:
+    def records(self, **filters: Any) -> list[Record]:
         """Its time blocks, without their samples.
 
         Args:
-            wanted: `point` that was hit, `hit`.
+            filters: `point` that was hit, `hit`.
 
         Raises:
             ClientError: there is no such filter.
         """
-        require_known("list_records", wanted)
-        return self._list(Record, **wanted)
+        require_known("list_records", filters)
+        return self._list(Record, **filters)
 
     def judge(
         self, hit: Record | Mapping[str, Any] | tuple[int, int], *, good: bool | None, why: str
@@ -428,25 +430,25 @@ class Campaign(Editable):
         runs: list[dict[str, Any]] = self.lab.rest.complete_campaign(self.fields["id"])["runs"]
         return runs
 
-    def export(self, file: str | Path, file_format: str | None = None, **wanted: Any) -> Path:
+    def export(self, file: str | Path, file_format: str | None = None, **filters: Any) -> Path:
         """Write its FRFs to a file: `.uff`, `.npz`, `.csv`, `.json` or `.arrow`, as its name says.
 
         Raises:
             ClientError: the name says none of these, nothing matches, or there is no such filter.
         """
-        require_known("get_campaign_data", wanted)
+        require_known("get_campaign_data", filters)
         return save_file(
             self.lab.connection,
             f"{self.address}/frfs/data",
             file,
             FRF_FORMATS,
             format=file_format,
-            **wanted,
+            **filters,
         )
 
 
-def _npz(wanted: Mapping[str, Any]) -> dict[str, Any]:
-    if "format" in wanted:
+def _npz(filters: Mapping[str, Any]) -> dict[str, Any]:
+    if "format" in filters:
         raise ClientError("frfs() has arrays; export() writes a file in a format")
-    require_known("get_campaign_data", wanted)
-    return {**wanted, "format": "npz"}
+    require_known("get_campaign_data", filters)
+    return {**filters, "format": "npz"}

@@ -99,8 +99,8 @@ class Frfs(files.Frfs):
         with tempfile.NamedTemporaryFile(suffix=".npz") as file:
             file.write(content)
             file.flush()
-            found = files.read_npz(Path(file.name))
-        return cls(found.frequency_hz, found.values, found.frfs, found.quantity, found.coherence)
+            table = files.read_npz(Path(file.name))
+        return cls(table.frequency_hz, table.values, table.frfs, table.quantity, table.coherence)
 
     def to_npz(self) -> bytes:
         """The bytes of an npz file."""
@@ -116,13 +116,13 @@ class Frfs(files.Frfs):
         Raises:
             ValueError: there is no FRF among them, or they have several axes or quantities.
         """
-        found = [one for one in datasets if one.get("type") == 58 and one.get("func_type") == 4]
-        if not found:
+        frfs = [one for one in datasets if one.get("type") == 58 and one.get("func_type") == 4]
+        if not frfs:
             raise ValueError("no dataset 58 is an FRF (function type 4)")
         kinds = {code: name for name, code in ORDINATES.items()}
-        quantities = {kinds.get(int(one.get("ordinate_spec_data_type", 12))) for one in found}
-        axis = np.asarray(found[0]["x"], dtype=np.float64)
-        if len(quantities) > 1 or any(not np.array_equal(axis, one["x"]) for one in found):
+        quantities = {kinds.get(int(one.get("ordinate_spec_data_type", 12))) for one in frfs}
+        axis = np.asarray(frfs[0]["x"], dtype=np.float64)
+        if len(quantities) > 1 or any(not np.array_equal(axis, one["x"]) for one in frfs):
             raise ValueError(
                 "the FRFs have several frequency axes or quantities; take those of one"
             )
@@ -136,9 +136,9 @@ class Frfs(files.Frfs):
                 ),
                 str(one.get("id1", "")).strip(),
             )
-            for one in found
+            for one in frfs
         )
-        values = np.array([one["data"] for one in found], dtype=np.complex128)
+        values = np.array([one["data"] for one in frfs], dtype=np.complex128)
         return cls(axis, values, rows, quantities.pop() or "accelerance")  # type: ignore[arg-type]  # one of the three
 
     def to_pyuff(self) -> list[dict[str, Any]]:

@@ -164,8 +164,8 @@ class Result:
         return f"<Result of update {self.job}: {self.verdict}>"
 
     def _repr_html_(self) -> str:
-        said = [*verdict_lines(self.document), *(f"warning: {one}" for one in self.warnings)]
-        return "<br>".join(map(escape, said)) + self.parameters._repr_html_()
+        lines = [*verdict_lines(self.document), *(f"warning: {one}" for one in self.warnings)]
+        return "<br>".join(map(escape, lines)) + self.parameters._repr_html_()
 
     @property
     def verdict(self) -> str:
@@ -291,10 +291,10 @@ class Job(Thing):
         return self
 
     @property
-    def _found(self) -> dict[str, Any]:
+    def _document(self) -> dict[str, Any]:
         """What it found; waits for it."""
-        found: dict[str, Any] = self.wait().check().fields["found"]
-        return found
+        document: dict[str, Any] = self.wait().check().fields["found"]
+        return document
 
     def summary(self) -> str:
         """How it stands, in words."""
@@ -351,8 +351,8 @@ class Identification(Stoppable):
         Raises:
             JobFailed: it found none; the text says why.
         """
-        found = self.wait().check().fields["mode_set"]
-        return ModeSet(self.lab, self.lab.connection.get(ModeSet.noun.path.format(found)))
+        id_ = self.wait().check().fields["mode_set"]
+        return ModeSet(self.lab, self.lab.connection.get(ModeSet.noun.path.format(id_)))
 
 
 class UpdateJob(Stoppable):
@@ -423,16 +423,18 @@ class UpdateJob(Stoppable):
             if line.startswith("data:"):
                 yield json.loads(line.removeprefix("data:"))
 
-    def predicted(self, **wanted: Any) -> Frfs:
+    def predicted(self, **filters: Any) -> Frfs:
         """The FRFs that the model predicts, as numpy arrays.
 
         Args:
-            wanted: `model` (`updated` or `initial`), `point`, `direction`, `reference`, `fmin`,
+            filters: `model` (`updated` or `initial`), `point`, `direction`, `reference`, `fmin`,
                 `fmax`, `stride`.
         """
         from modalbase.objects.frfs import Frfs
 
-        content = self.lab.rest.get_predicted_frfs(self.fields["id"], **{**wanted, "format": "npz"})
+        content = self.lab.rest.get_predicted_frfs(
+            self.fields["id"], **{**filters, "format": "npz"}
+        )
         return Frfs.from_npz(content)
 
     def save_cards(self, file: str | Path, solver: str | None = None) -> Path:

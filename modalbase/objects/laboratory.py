@@ -9,15 +9,15 @@ from typing import Any, Self
 
 from modalbase.client.connection import Connection
 from modalbase.client.display import Written
+from modalbase.client.endpoint import find_endpoint
 from modalbase.client.finding import CAMPAIGN, MONITOR, PROJECT, STRUCTURE, find, find_job
-from modalbase.client.place import find_place
 from modalbase.client.results import parameter_cells
 from modalbase.objects.campaigns import Campaign
-from modalbase.objects.found import Found
 from modalbase.objects.jobs import Result, UpdateJob, update_jobs
 from modalbase.objects.projects import Project, Structure
+from modalbase.objects.search import SearchResults
 from modalbase.objects.structures import Alarm, Monitor
-from modalbase.objects.thing import Access, Table, found_or_made
+from modalbase.objects.thing import Access, Table, find_or_create
 
 TOGETHER = 8
 """Results that are fetched at a time."""
@@ -40,7 +40,7 @@ def connect(url: str | None = None, key: str | None = None) -> Laboratory:
     Raises:
         ClientError: none is found, the service does not answer, or it refuses the key.
     """
-    place = find_place(url, key)
+    place = find_endpoint(url, key)
     connection = Connection(place.url, place.key)
     try:
         connection.get("projects", limit=1)
@@ -102,7 +102,7 @@ class Laboratory(Access):
             ClientError: there is none, several have the name, or the one that has it is not as
                 stated.
         """
-        return Project(self, found_or_made(self.connection, PROJECT, which, None, create, fields))
+        return Project(self, find_or_create(self.connection, PROJECT, which, None, create, fields))
 
     def structure(self, which: str) -> Structure:
         """A structure by id, name, `project/structure` or `latest`."""
@@ -144,14 +144,14 @@ class Laboratory(Access):
         Raises:
             ClientError: one of them has no result.
         """
-        wanted = list(self.jobs(**{"status": "succeeded", **narrowed}) if jobs is None else jobs)
+        selected = list(self.jobs(**{"status": "succeeded", **narrowed}) if jobs is None else jobs)
         with ThreadPoolExecutor(TOGETHER) as pool:
-            results = list(pool.map(UpdateJob.result, wanted))
+            results = list(pool.map(UpdateJob.result, selected))
         read = [_read(result) for result in results]
         columns = list(dict.fromkeys(name for each in read for name in each))
         shown = columns, [[each.get(name) for name in columns] for each in read]
         return Table(
-            [_row(*pair) for pair in zip(wanted, results, strict=True)], key="job", shown=shown
+            [_row(*pair) for pair in zip(selected, results, strict=True)], key="job", shown=shown
         )
 
     def find(
@@ -162,7 +162,7 @@ class Laboratory(Access):
         words: str | None = None,
         sort: str | None = None,
         fields: Iterable[str] = (),
-    ) -> Found:
+    ) -> SearchResults:
         """What a search over all your projects finds, fetched as it is needed.
 
             lab.find("results", "Ex < 30e9 AND verdict = 'usable'", sort="Ex").to_pandas()
@@ -176,7 +176,7 @@ class Laboratory(Access):
             fields: the columns; by default a choice of them.
         """
         query = {"filter": filter, "q": words, "sort": sort, "fields": ",".join(fields) or None}
-        return Found(self, noun, query)
+        return SearchResults(self, noun, query)
 
     def alarms(self, **narrowed: Any) -> list[Alarm]:
         """Alarms of all monitors that you may see, newest first.

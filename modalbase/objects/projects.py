@@ -189,11 +189,19 @@ class Structure(Editable):
             JobFailed: it could not be read; says line and card.
             ClientError: the service refuses it.
         """
-        said: dict[str, Any] = {"units": units, "accept": list(accept), "confirm": confirm or None}
+        stated: dict[str, Any] = {
+            "units": units,
+            "accept": list(accept),
+            "confirm": confirm or None,
+        }
         sent = Model(
             self.lab,
             send_file(
-                self.lab.connection, f"{self.address}/model", Path(file), sections=sections, **said
+                self.lab.connection,
+                f"{self.address}/model",
+                Path(file),
+                sections=sections,
+                **stated,
             ),
         )
         if wait:
@@ -220,36 +228,36 @@ class Structure(Editable):
         """
         return save_file(self.lab.connection, f"{self.address}/model/mesh", file, MESH_FORMATS)
 
-    def forecast(self, **asked: Any) -> Forecast:
+    def forecast(self, **request: Any) -> Forecast:
         """Solve its nominal model, before anything is measured: modes, where to hit, and FRFs where
         damping is stated.
 
         Args:
-            asked: `boundary`, `modes` or `highest_hz`, `points` among which to choose,
+            request: `boundary`, `modes` or `highest_hz`, `points` among which to choose,
                 `points_to_measure`, `references`, `damping_ratio`, `line_spacing_hz`.
 
         Raises:
             ClientError: the structure lacks what a model needs.
         """
-        return Forecast(self.lab, self.lab.connection.post(f"{self.address}/forecasts", asked))
+        return Forecast(self.lab, self.lab.connection.post(f"{self.address}/forecasts", request))
 
     def forecasts(self) -> list[Forecast]:
         """Its forecasts, newest first."""
         return self._list(Forecast)
 
-    def plan(self, tests: Sequence[Mapping[str, Any]] = (), **asked: Any) -> Table:
+    def plan(self, tests: Sequence[Mapping[str, Any]] = (), **request: Any) -> Table:
         """Which test would show most, the best first: boundaries, points to hit, coupons.
 
         Args:
             tests: to compare: `boundary`, `highest_hz`, `points_m` and so on; none compares the
                 boundaries.
-            asked: `coupons`, `about`, `made` so far, `points_to_hit` and the others of
+            request: `coupons`, `about`, `made` so far, `points_to_hit` and the others of
                 `POST /structures/{id}/plans`.
 
         Raises:
             ClientError: the structure lacks what a model needs.
         """
-        body = {**asked, **({"tests": list(tests)} if tests else {})}
+        body = {**request, **({"tests": list(tests)} if tests else {})}
         return Table(self.lab.connection.post(f"{self.address}/plans", body)["items"])
 
     def new_campaign(

@@ -87,25 +87,25 @@ class Model(Job):
     @property
     def sets(self) -> Table:
         """Its sets of elements: materials, area or length, thickness, mass."""
-        return Table(self._found["sets"], key="name")
+        return Table(self._document["sets"], key="name")
 
     @property
     def materials(self) -> Table:
         """Its materials with their constants, SI."""
         return Table(
-            [{"name": one["name"], **one["constants"]} for one in self._found["materials"]],
+            [{"name": one["name"], **one["constants"]} for one in self._document["materials"]],
             key="name",
         )
 
     @property
     def junctions(self) -> Table:
         """Lines along which walls meet, with the model of their joint."""
-        return Table(self._found["junctions"])
+        return Table(self._document["junctions"])
 
     @property
     def ignored(self) -> Table:
         """Cards that were not used, and what is lost by that."""
-        return Table(self._found["ignored"])
+        return Table(self._document["ignored"])
 
     def save(self, file: str | Path) -> Path:
         """Write the deck as it was sent."""
@@ -117,11 +117,11 @@ class Model(Job):
         """What was read, or why it was not."""
         if not self.succeeded:
             return super().summary()
-        found = self.fields["found"]
-        sets = ", ".join(f"{one['name']} ({one['mass_kg']:.4g} kg)" for one in found["sets"])
-        counts = ", ".join(f"{count} {name}" for name, count in found["counts"].items() if count)
-        lost = [f"{one['card']} was not used: {one['loss']}" for one in found["ignored"]]
-        joints = f"{len(found['junctions'])} lines where walls meet"
+        document = self.fields["found"]
+        sets = ", ".join(f"{one['name']} ({one['mass_kg']:.4g} kg)" for one in document["sets"])
+        counts = ", ".join(f"{count} {name}" for name, count in document["counts"].items() if count)
+        lost = [f"{one['card']} was not used: {one['loss']}" for one in document["ignored"]]
+        joints = f"{len(document['junctions'])} lines where walls meet"
         return "\n".join([f"{self.fields['filename']}: {counts}", f"sets: {sets}", joints, *lost])
 
 
@@ -135,12 +135,12 @@ class Forecast(Stoppable):
         """Its modes: frequency in Hz, kind, and how much of each the references and the points
         show.
         """
-        return Table(self._found["model_modes"], key="number")
+        return Table(self._document["model_modes"], key="number")
 
     @property
     def points(self) -> Table:
         """Where to hit and where to measure, m."""
-        return Table(self._found["points"], key="label")
+        return Table(self._document["points"], key="label")
 
     def frfs(self) -> Frfs:
         """Accelerances of the model, as numpy arrays: every point to measure by every reference.
@@ -181,7 +181,9 @@ class Forecast(Stoppable):
 
     def summary(self) -> str:
         """Where to hit, and the modes; or why there are none."""
-        return f"{self._found['sentence']}\n{self.modes}" if self.succeeded else super().summary()
+        return (
+            f"{self._document['sentence']}\n{self.modes}" if self.succeeded else super().summary()
+        )
 
 
 class Monitor(Editable):
@@ -219,8 +221,8 @@ class Monitor(Editable):
 
     def alarms(self) -> list[Alarm]:
         """Its alarms, newest first."""
-        found = self.lab.connection.pages("alarms", monitor=self.fields["id"])
-        return [Alarm(self.lab, fields) for fields in found]
+        rows = self.lab.connection.pages("alarms", monitor=self.fields["id"])
+        return [Alarm(self.lab, fields) for fields in rows]
 
 
 class Alarm(Thing):

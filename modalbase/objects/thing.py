@@ -66,7 +66,7 @@ class Thing:
     def __getattr__(self, name: str) -> Any:
         if name != "fields" and name in self.fields:
             return self.fields[name]
-        raise AttributeError(f"a {self.noun.word} has no {name!r}")
+        raise AttributeError(f"there is no {name!r} of this {self.noun.word}")
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.fields]
@@ -112,7 +112,7 @@ class Thing:
         query = {"confirm": True} if confirm else {}
         return of(
             self.lab,
-            found_or_made(
+            find_or_create(
                 self.lab.connection, of.noun, which, self.fields["id"], create, body, **query
             ),
         )
@@ -157,7 +157,7 @@ class Editable(Thing):
         self.lab.connection.call("DELETE", self.address, headers={"If-Match": "*"})
 
 
-def found_or_made(
+def find_or_create(
     service: Connection,
     kind: Kind,
     which: str,
@@ -303,8 +303,8 @@ class Figure:
 
     def plotly(self) -> dict[str, Any]:
         """The figure as Plotly has it: `plotly.graph_objects.Figure(figure.plotly())`."""
-        found: dict[str, Any] = self.content("plotly")
-        return found
+        document: dict[str, Any] = self.content("plotly")
+        return document
 
     def _repr_svg_(self) -> str:
         content: bytes = self.content("svg")

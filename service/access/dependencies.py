@@ -13,7 +13,7 @@ from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
-from service.access.keys import found_key, require_scope
+from service.access.keys import authenticated_key, require_scope
 from service.access.tables import ApiKey, User
 from service.settings import Settings
 
@@ -60,17 +60,17 @@ def _current_key(
     session: SessionDep,
     credentials: Annotated[HTTPAuthorizationCredentials, Depends(_bearer)],
 ) -> tuple[ApiKey, User]:
-    key, user = found_key(session, credentials.credentials)
+    key, user = authenticated_key(session, credentials.credentials)
     require_scope(key, request.scope)
     return key, user
 
 
-async def _key(found: Annotated[tuple[ApiKey, User], Depends(_current_key)]) -> ApiKey:
-    return found[0]
+async def _key(authenticated: Annotated[tuple[ApiKey, User], Depends(_current_key)]) -> ApiKey:
+    return authenticated[0]
 
 
-async def _user(found: Annotated[tuple[ApiKey, User], Depends(_current_key)]) -> User:
-    return found[1]
+async def _user(authenticated: Annotated[tuple[ApiKey, User], Depends(_current_key)]) -> User:
+    return authenticated[1]
 
 
 class Beforehand:
@@ -95,7 +95,7 @@ class Beforehand:
 
     def _do(self, work: Callable[[Session, ApiKey, User], Result]) -> Result:
         with self._request.app.state.sessions.begin() as session:
-            key, user = found_key(session, self._token)
+            key, user = authenticated_key(session, self._token)
             require_scope(key, self._request.scope)
             return work(session, key, user)
 

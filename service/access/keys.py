@@ -143,10 +143,10 @@ def require_scope(key: ApiKey, request: RequestScope) -> None:
         Forbidden: it lacks the scope.
     """
     route: Any = request.get("route")
-    wanted = scope_of(request["method"], route.path)
-    if wanted not in key.scopes:
+    needed = scope_of(request["method"], route.path)
+    if needed not in key.scopes:
         raise Forbidden(
-            f"this needs a key of the scope {wanted}; this one has {', '.join(key.scopes)}"
+            f"this needs a key of the scope {needed}; this one has {', '.join(key.scopes)}"
         )
 
 
@@ -182,7 +182,7 @@ def user_named(session: Session, name: str) -> User:
     return session.scalars(select(User).where(User.name == name)).one()
 
 
-def found_key(session: Session, key: str) -> tuple[ApiKey, User]:
+def authenticated_key(session: Session, key: str) -> tuple[ApiKey, User]:
     """A valid key, or that of a browser's session, and the user that it belongs to.
 
     Raises:
@@ -197,21 +197,21 @@ def found_key(session: Session, key: str) -> tuple[ApiKey, User]:
         return opened
     scheme, _, rest = key.partition("_")
     prefix, _, secret = rest.partition("_")
-    found = None
+    match = None
     if scheme == SCHEME and prefix.isalnum() and prefix.isascii():
-        found = session.execute(
+        match = session.execute(
             select(ApiKey, User)
             .join(User, User.id == ApiKey.user_id)
             .where(ApiKey.prefix == prefix)
         ).one_or_none()
-    stored = found[0].secret_sha256 if found else b"\0" * 32
+    stored = match[0].secret_sha256 if match else b"\0" * 32
     proven = hmac.compare_digest(digest(secret), stored)
-    if found is None or not proven or not _opens(*found):
+    if match is None or not proven or not _opens(*match):
         raise Unauthorized(
             "the API key is not valid; make one with `modalbase keys create --name NAME`"
         )
-    _touch(session, found[0])
-    return found[0], found[1]
+    _touch(session, match[0])
+    return match[0], match[1]
 
 
 def locked_key(session: Session, user_id: UUID, key_id: UUID) -> ApiKey:

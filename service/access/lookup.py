@@ -58,8 +58,8 @@ def role_in(session: Session, user: User, project_id: UUID) -> Role | None:
     decides what may be done.
     """
     query = select(Member.role).where(Member.project_id == project_id, Member.user_id == user.id)
-    found: Role | None = session.scalar(query)
-    return found
+    role: Role | None = session.scalar(query)
+    return role
 
 
 def require_role(project: Project, held: str | None, role: Role, *, resting: bool = False) -> None:
@@ -158,10 +158,10 @@ class Lookup(Generic[Row]):
             Forbidden: the user's role is too low.
         """
         chain = self._chain()
-        found = session.execute(self._query(), {"key": key, "user_id": user.id}).one_or_none()
-        if found is None:
+        match = session.execute(self._query(), {"key": key, "user_id": user.id}).one_or_none()
+        if match is None:
             raise NotFound(self.kind, key)
-        *rows, project, held = found  # the row, what it belongs to, and so on
+        *rows, project, held = match  # the row, what it belongs to, and so on
         row: Any = rows[0]
         with not_found_as(self.kind, key):
             require_role(project, held, role)
@@ -253,8 +253,8 @@ class Lookup(Generic[Row]):
             .order_by(table.id)
             .limit(1)
         )
-        found: Row | None = session.scalar(query)
-        return found
+        first: Row | None = session.scalar(query)
+        return first
 
     def add(self, session: Session, user: User, row: Row, **noted: Any) -> Row:
         """Store a new row, with what the database gives it, and note it in the audit trail."""
@@ -285,7 +285,7 @@ class Lookup(Generic[Row]):
         """
         self._set_deleted(session, user, row, "delete", transaction_time(session))
 
-    def bring_back(self, session: Session, user: User, row: Row) -> None:
+    def restore(self, session: Session, user: User, row: Row) -> None:
         """Undo `hide`.
 
         Raises:

@@ -371,7 +371,7 @@ class NounRoutes(Generic[Row, Out]):
             session: SessionDep, user: CurrentUser, response: Response, key: UUID = row_id
         ) -> Any:
             row = self._find(session, user, key, "editor", deleted=True, lock=True)
-            self._find.bring_back(session, user, row)
+            self._find.restore(session, user, row)
             if then is not None:
                 then(session, row)
             return self.tagged(session, row, response)

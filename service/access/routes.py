@@ -155,7 +155,7 @@ def restore_project(
 ) -> ProjectOut:
     """Bring a deleted project back."""
     project = _locked(session, user, project_id)
-    projects.bring_back(session, user, project)
+    projects.restore(session, user, project)
     return _shown(project, response)
 
 
@@ -267,35 +267,35 @@ def put_member(
     member as soon as the operator makes one (`modalbase keys create --name NAME`).
     """
     project = project_for(session, user, project_id, "owner")
-    found = expected_user(session, member)
+    added = expected_user(session, member)
     if body.role != "owner":
-        _keep_an_owner(session, project_id, found)
-    _require_place(session, project_id, found)
+        _keep_an_owner(session, project_id, added)
+    _require_place(session, project_id, added)
     session.execute(
         insert(Member)
-        .values(project_id=project.id, user_id=found.id, role=body.role)
+        .values(project_id=project.id, user_id=added.id, role=body.role)
         .on_conflict_do_update(index_elements=["project_id", "user_id"], set_={"role": body.role})
     )
-    audit(session, user, "member.put", "user", found.id, project.id, role=body.role)
-    return MemberOut(project_id=project.id, user_id=found.id, user=found.name, role=body.role)
+    audit(session, user, "member.put", "user", added.id, project.id, role=body.role)
+    return MemberOut(project_id=project.id, user_id=added.id, user=added.name, role=body.role)
 
 
 @router.delete("/projects/{project_id}/members/{member}", status_code=204)
 def delete_member(project_id: UUID, member: str, session: SessionDep, user: CurrentUser) -> None:
     """Take a user out of the project: an owner anybody, every member themselves."""
-    found = user if member in (user.name, str(user.id)) else None
+    removed = user if member in (user.name, str(user.id)) else None
     project = project_for(
-        session, user, project_id, "viewer" if found else "owner", resting=found is not None
+        session, user, project_id, "viewer" if removed else "owner", resting=removed is not None
     )
     # whether there is a user of that name is nobody's business
     with not_found_as("member", member):
-        found = found or find_user(session, member)
-    row = session.get(Member, (project.id, found.id))
+        removed = removed or find_user(session, member)
+    row = session.get(Member, (project.id, removed.id))
     if row is None:
         raise NotFound("member", member)
-    _keep_an_owner(session, project_id, found)
+    _keep_an_owner(session, project_id, removed)
     session.delete(row)
-    audit(session, user, "member.delete", "user", found.id, project.id)
+    audit(session, user, "member.delete", "user", removed.id, project.id)
 
 
 def _require_place(session: Session, project_id: UUID, coming: User) -> None:
@@ -392,17 +392,17 @@ def get_user(user_id: UUID, session: SessionDep) -> UserOut:
 @router.post("/users/{user_id}/disable", dependencies=ADMINISTRATORS)
 def disable_user(user_id: UUID, session: SessionDep, user: CurrentUser) -> UserOut:
     """Disable a user: from now on none of their keys opens anything; for administrators."""
-    found = user_of_id(session, user_id, locked=True)
-    set_disabled(session, user, found, disabled=True)
-    return _described(session, [found])[0]
+    disabled = user_of_id(session, user_id, locked=True)
+    set_disabled(session, user, disabled, disabled=True)
+    return _described(session, [disabled])[0]
 
 
 @router.post("/users/{user_id}/enable", dependencies=ADMINISTRATORS)
 def enable_user(user_id: UUID, session: SessionDep, user: CurrentUser) -> UserOut:
     """Enable a user who was disabled; for administrators."""
-    found = user_of_id(session, user_id, locked=True)
-    set_disabled(session, user, found, disabled=False)
-    return _described(session, [found])[0]
+    enabled = user_of_id(session, user_id, locked=True)
+    set_disabled(session, user, enabled, disabled=False)
+    return _described(session, [enabled])[0]
 
 
 @router.get("/users/{user_id}/api-keys", dependencies=ADMINISTRATORS)

@@ -6,9 +6,9 @@ from uuid import UUID
 
 from pydantic import ConfigDict, Field
 
-from service.access.demands import Schemas
 from service.access.keys import Scope
 from service.access.lookup import Role
+from service.access.metadata_schema import Schemas
 from service.web.bodies import Meta, Name, StrictModel, Tags, Text, Time, example, not_null
 
 

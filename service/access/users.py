@@ -70,10 +70,10 @@ def first_event(
     ]
     if members:
         acts.append(AuditEvent.detail["now"].has_any(array(members)))
-    found: datetime | None = session.scalar(
+    first: datetime | None = session.scalar(
         select(func.min(AuditEvent.created_at)).where(*acts, AuditEvent.created_at > after)
     )
-    return found
+    return first
 
 
 _SOME_TIME_AGO = text(
@@ -90,13 +90,15 @@ def find_user(session: Session, name_or_id: str) -> User:
     Raises:
         NotFound: there is none.
     """
-    wanted: ColumnElement[bool] = User.name == name_or_id
+    condition: ColumnElement[bool] = User.name == name_or_id
     with suppress(ValueError):  # not an id, so a name
-        wanted = or_(wanted, User.id == UUID(name_or_id))
-    found = session.scalars(select(User).where(wanted)).first() if "\0" not in name_or_id else None
-    if found is None:
+        condition = or_(condition, User.id == UUID(name_or_id))
+    user = (
+        session.scalars(select(User).where(condition)).first() if "\0" not in name_or_id else None
+    )
+    if user is None:
         raise NotFound("user", name_or_id)
-    return found
+    return user
 
 
 def expected_user(session: Session, name_or_id: str) -> User:
@@ -159,10 +161,10 @@ def user_of_id(session: Session, user_id: UUID, *, locked: bool = False) -> User
     Raises:
         NotFound: there is none.
     """
-    found = session.get(User, user_id, with_for_update={"key_share": True} if locked else None)
-    if found is None:
+    user = session.get(User, user_id, with_for_update={"key_share": True} if locked else None)
+    if user is None:
         raise NotFound("user", user_id)
-    return found
+    return user
 
 
 def valid_key_counts(session: Session, user_ids: Iterable[UUID]) -> dict[UUID, int]:

@@ -15,7 +15,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.concurrency import run_in_threadpool
 
 from fecore import __version__
-from service.access.door import Door, Paths, SessionCookie
+from service.access.authentication import Authentication, Paths, SessionCookie
 from service.access.once import answered_once
 from service.app.composition import FINDERS, ROUTERS
 from service.db.engine import for_reading, make_engine, make_sessions
@@ -129,7 +129,11 @@ def _add_middleware(app: FastAPI, settings: Settings) -> None:
     paths = Paths(app.routes, PREFIX, FINDERS)
     prefixes = (PREFIX, PAGES) if settings.pages else (PREFIX,)
     app.add_middleware(
-        Door, settings=settings, sessions=app.state.sessions, paths=paths, prefixes=prefixes
+        Authentication,
+        settings=settings,
+        sessions=app.state.sessions,
+        paths=paths,
+        prefixes=prefixes,
     )
     app.add_middleware(SessionCookie)
     if hosts := settings.known_hosts:

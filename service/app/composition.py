@@ -9,7 +9,7 @@ from functools import partial
 
 from fastapi import APIRouter
 
-from service.access.door import Finder
+from service.access.authentication import Finder
 from service.access.lookup import project_for
 from service.access.routes import router as access
 from service.monitoring.notifications.routes import router as webhooks

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import psutil
 
-from modalbase.client.place import notes_folder
+from modalbase.client.endpoint import notes_folder
 
 CLOCK_SECONDS = 2.0
 """A process' start is known relative to the machine's, which moves a little where the clock is
@@ -54,7 +54,7 @@ def announced(url: str, data: Path | None) -> Iterator[None]:
 
 def running_services() -> list[RunningService]:
     """The services that run; notes of those that were killed are cleared away."""
-    found = []
+    running = []
     for file in sorted(notes_folder().glob("*.json")):
         try:
             note = RunningService(**json.loads(file.read_text(encoding="utf-8")))
@@ -62,7 +62,7 @@ def running_services() -> list[RunningService]:
         except (FileNotFoundError, psutil.NoSuchProcess, ValueError, TypeError):
             alive = False
         if alive:
-            found.append(note)
+            running.append(note)
         else:
             file.unlink(missing_ok=True)
-    return found
+    return running

@@ -47,16 +47,16 @@ def serve(
         from service.logs import configure_logs
         from service.web.middleware import PatientProtocol
 
-    wanted = settings()
-    configure_logs(wanted)
+    config = settings()
+    configure_logs(config)
     if attached:
         _follow()
     own = (
-        listening_socket(wanted.host, wanted.port)
+        listening_socket(config.host, config.port)
         if listener is None
         else socket.socket(fileno=listener)
     )
-    with own, open_database(wanted) as opened:
+    with own, open_database(config) as opened:
         api = create_app(opened)
 
         class Ending(Server):
@@ -104,15 +104,15 @@ def work(
         from service.logs import configure_logs
         from service.monitoring.scheduler import scheduler
 
-    wanted, known = settings(), {REQUESTS, *(kind.queue for kind in KINDS)}
+    config, known = settings(), {REQUESTS, *(kind.queue for kind in KINDS)}
     if queues is not None and not known.issuperset(queues):  # it would wait for ever
         raise UnknownQueueError(
             f"there is {', '.join(sorted(known))}, separated by commas where several"
         )
-    configure_logs(wanted)
+    configure_logs(config)
     if attached:
         _follow()
-    with open_database(wanted) as opened, scheduler(opened):
+    with open_database(config) as opened, scheduler(opened):
         run_worker(opened, KINDS, queues, ready)
 
 

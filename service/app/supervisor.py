@@ -42,7 +42,7 @@ PAUSES = (0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
 STEADY_SECONDS = 60.0  # what has run for so long has started well: its next end counts as the first
 
 
-class GivenUpError(Exception):
+class RestartLimitError(Exception):
     """A part ended again and again; the message names it and how it ended."""
 
 
@@ -50,8 +50,8 @@ class NotStartedError(Exception):
     """This start failed; the next one may not."""
 
 
-class Part:
-    """One part of a service.
+class Component:
+    """One component of a service.
 
     Attributes:
         name: how messages call it.
@@ -87,7 +87,7 @@ class Part:
         something happened.
 
         Raises:
-            GivenUpError: it ended once more than there are pauses.
+            RestartLimitError: it ended once more than there are pauses.
         """
         if self._again_at is not None and time.monotonic() >= self._again_at:
             return self._begin()
@@ -108,7 +108,7 @@ class Part:
         if self._again_at is None and now - self._began > STEADY_SECONDS:
             self._ends = 0
         if self._ends == len(self._pauses):
-            raise GivenUpError(
+            raise RestartLimitError(
                 f"{self.name} {how}, {self._ends + 1} times in a row; it is not started again"
             )
         pause = self._pauses[self._ends]
@@ -171,7 +171,7 @@ class LocalService:
         self.settings = settings
         self.url = ""
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
-        self._parts: list[Part] = []
+        self._parts: list[Component] = []
         self._open = False  # the database is
         self._stack = ExitStack()
 
@@ -214,7 +214,10 @@ class LocalService:
         require_fit(revision_at(self._address()))
         if self.given.database_url is None:
             self._parts.insert(
-                0, Part("PostgreSQL", self._start_postgresql, self._postgresql_ended, self.pauses)
+                0,
+                Component(
+                    "PostgreSQL", self._start_postgresql, self._postgresql_ended, self.pauses
+                ),
             )
         self._open = True
         for process in self.processes.values():
@@ -279,7 +282,7 @@ class LocalService:
         for part in self._parts:  # PostgreSQL first: without it the others cannot start
             try:
                 lines += [line] if (line := part.tend()) else []
-            except GivenUpError as error:
+            except RestartLimitError as error:
                 raise StartError(f"{error}; the log above says why") from error
             if part.name == "PostgreSQL" and not part.runs:
                 break
@@ -323,7 +326,7 @@ class LocalService:
 
         start()
         self._parts.append(
-            Part(f"the {name}", start, lambda: how_it_ended(self.processes[name]), self.pauses)
+            Component(f"the {name}", start, lambda: how_it_ended(self.processes[name]), self.pauses)
         )
 
     def _wait_until(self, otherwise: str, ready: Callable[[], bool]) -> None:

@@ -116,20 +116,20 @@ def embedded_server(folder: Path) -> Iterator[str]:
     """
     folder = folder.expanduser().resolve()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    gate = InterProcessLock(folder / ".starting")  # held while the server is started or stopped
+    lock = InterProcessLock(folder / ".starting")  # held while the server is started or stopped
     inside = InterProcessReaderWriterLock(folder / ".in-use")
     cluster = Cluster(folder / "postgres")
-    with gate:
+    with lock:
         inside.acquire_read_lock()
     try:
-        with gate:
+        with lock:
             cluster.initialise()
             if not cluster.runs():
                 cluster.start()
             url = _database(cluster)
         yield url
     finally:
-        with gate:
+        with lock:
             inside.release_read_lock()
             if inside.acquire_write_lock(blocking=False):  # nobody else is in
                 cluster.stop()

@@ -141,14 +141,14 @@ class Cluster:
 
     def _require_version(self) -> None:
         try:
-            found = (self.files / "PG_VERSION").read_text().strip()
+            version = (self.files / "PG_VERSION").read_text().strip()
         except FileNotFoundError:
             raise PostgresError(
                 f"{self.files} is not empty, and holds no files of PostgreSQL"
             ) from None
-        if found != VERSION:
+        if version != VERSION:
             raise PostgresError(
-                f"the files are of PostgreSQL {found}, this version of modalbase brings {VERSION}"
+                f"the files are of PostgreSQL {version}, this version of modalbase brings {VERSION}"
             )
 
     def _write_access(self) -> None:
@@ -193,13 +193,13 @@ class Cluster:
         """The folder that an earlier start made, where it is still there and nobody else's."""
         try:
             folder = Path(self._socket_record.read_text(encoding="utf-8"))
-            found = folder.lstat()
+            status = folder.lstat()
         except FileNotFoundError:
             return None
         ours = (
-            stat.S_ISDIR(found.st_mode)
-            and found.st_uid == self.files.stat().st_uid
-            and not found.st_mode & 0o077
+            stat.S_ISDIR(status.st_mode)
+            and status.st_uid == self.files.stat().st_uid
+            and not status.st_mode & 0o077
         )
         return folder if ours else None
 
@@ -212,18 +212,18 @@ class Cluster:
             for name, value in os.environ.items()
             if not name.startswith(("MODALBASE_", "PG"))
         }
-        with tempfile.TemporaryFile() as said:  # a pipe would stay open in the server
+        with tempfile.TemporaryFile() as output:  # a pipe would stay open in the server
             done = subprocess.run(
                 [*_as_owner(self.files), str(programs() / program), *words],
                 cwd=self.files,
                 env=keep | {"PGDATA": str(self.files), "LC_ALL": "C"},
                 stdin=subprocess.DEVNULL,
-                stdout=said,
+                stdout=output,
                 stderr=subprocess.STDOUT,
                 check=False,
             )
-            said.seek(0)
-            lines = said.read().decode(errors="replace").split("\n")
+            output.seek(0)
+            lines = output.read().decode(errors="replace").split("\n")
         if done.returncode:
             written = [line.strip() for line in lines if line.strip()]
             reasons = [line for line in written if "error:" in line or "FATAL" in line] or written[

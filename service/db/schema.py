@@ -77,9 +77,9 @@ def require_version(connection: Connection) -> None:
 def _require_new(connection: psycopg.Connection[Any]) -> None:
     version = connection.info.server_version
     if version < 10_000 * POSTGRESQL:
-        found = f"{version // 10_000}.{version % 10_000}"
+        running = f"{version // 10_000}.{version % 10_000}"
         raise SchemaError(
-            f"the server runs PostgreSQL {found}, modalbase needs {POSTGRESQL} or newer; use such a"
+            f"the server runs PostgreSQL {running}, modalbase needs {POSTGRESQL} or newer; use such a"
             " server"
         )
 
@@ -193,9 +193,9 @@ def _parents() -> dict[str, str | None]:
     """
     files = Path(migrations.__file__).parent.joinpath("versions").glob("[0-9]*.py")
     return {
-        found["revision"]: found["parent"]
+        match["revision"]: match["parent"]
         for file in files
-        if (found := _LINEAGE.search(file.read_text(encoding="utf-8"))) is not None
+        if (match := _LINEAGE.search(file.read_text(encoding="utf-8"))) is not None
     }
 
 

@@ -44,7 +44,7 @@ AXES = ("", "x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True)
-class Chosen:
+class HitQuery:
     """Which hits are drawn; None takes the first there is."""
 
     point: int | None = None  # where it was hit
@@ -60,7 +60,7 @@ class PointBlocks:
 
     rows: list[BlockRow]
     judged: Processing | None
-    chosen: Chosen
+    chosen: HitQuery
 
     @property
     def version(self) -> str:
@@ -69,23 +69,23 @@ class PointBlocks:
         return f"{blocks} {self.judged.id if self.judged else ''}"
 
 
-def point_blocks(session: Session, campaign_id: UUID, chosen: Chosen) -> PointBlocks:
+def point_blocks(session: Session, campaign_id: UUID, chosen: HitQuery) -> PointBlocks:
     """The blocks of the place that was asked for.
 
     Raises:
         NotFound: the campaign has no hits there; says where it has some.
     """
     places = block_rows(session, campaign_id, None if chosen.point is None else {chosen.point})
-    found = [
+    matches = [
         (place, rows)
         for place, rows in places.items()
         if chosen.point in (None, place[0]) and chosen.direction in (None, place[1])
     ]
-    if not found:
+    if not matches:
         known = [_name(Dof(*place)) for place in sorted(block_rows(session, campaign_id))]
         there = f"; there are hits at {', '.join(known)}" if known else "; it has no time blocks"
         raise NotFound(f"hit{_where(chosen)} in this campaign{there}")
-    rows, lacking = whole(found[0][1])
+    rows, lacking = whole(matches[0][1])
     if not rows:
         raise NotFound(f"complete hit{_where(chosen)} in this campaign: {'; '.join(lacking)}")
     return PointBlocks(rows, newest_document(session, campaign_id), chosen)
@@ -107,9 +107,9 @@ def point_shown(session: Session, blocks: PointBlocks) -> PointShown:
     )
     drawn = hits[-MOST_HITS:]
     known = _known(blocks.judged, drawn)
-    found = each_hit(drawn, None if known is None else [verdict.accepted for verdict in known])
+    judged = each_hit(drawn, None if known is None else [verdict.accepted for verdict in known])
     verdicts = known or [
-        HitOut.model_validate(describe_verdict(verdict)) for verdict in found.verdicts
+        HitOut.model_validate(describe_verdict(verdict)) for verdict in judged.verdicts
     ]
     response = drawn[0].responses[channel]
     many = f", the latest {len(drawn)} of {len(hits)}" if len(drawn) < len(hits) else ""
@@ -118,14 +118,14 @@ def point_shown(session: Session, blocks: PointBlocks) -> PointShown:
         quantity=response.quantity,
         frf_quantity=FRF_QUANTITY[response.quantity],
         sample_rate_hz=drawn[0].sample_rate_hz,
-        frequency_hz=found.frequency_hz,
-        pulse_s=found.pulse_s,
+        frequency_hz=judged.frequency_hz,
+        pulse_s=judged.pulse_s,
         hits=[
-            _shown(hit, verdict, found, place=(number, channel))
+            _shown(hit, verdict, judged, place=(number, channel))
             for number, (hit, verdict) in enumerate(zip(drawn, verdicts, strict=True))
         ],
-        mean=found.mean[channel].values if found.mean else None,
-        coherence=found.mean[channel].coherence if sum(found.accepted) > 1 else None,
+        mean=judged.mean[channel].values if judged.mean else None,
+        coherence=judged.mean[channel].coherence if sum(judged.accepted) > 1 else None,
     )
 
 
@@ -147,11 +147,11 @@ def _known(processing: Processing | None, hits: Sequence[Hit]) -> list[HitOut] |
         return None
     rows = [HitOut.model_validate(row) for row in processing.document["hits"]]
     by_key = {(row.point, row.direction, row.hit): row for row in rows}
-    found = [by_key.get((hit.force.dof.point, hit.force.dof.direction, hit.number)) for hit in hits]
-    return [row for row in found if row is not None] if None not in found else None
+    known = [by_key.get((hit.force.dof.point, hit.force.dof.direction, hit.number)) for hit in hits]
+    return [row for row in known if row is not None] if None not in known else None
 
 
-def _shown(hit: Hit, verdict: HitOut, found: EachHit, *, place: tuple[int, int]) -> HitShown:
+def _shown(hit: Hit, verdict: HitOut, judged: EachHit, *, place: tuple[int, int]) -> HitShown:
     failed = [finding for finding in verdict.findings if finding.failed]
     why = ", ".join(finding.criterion for finding in failed)
     if verdict.overruled is not None:
@@ -163,7 +163,7 @@ def _shown(hit: Hit, verdict: HitOut, found: EachHit, *, place: tuple[int, int])
         sentence=" ".join(finding.sentence for finding in failed),
         force=hit.force.samples,
         response=hit.responses[place[1]].samples,
-        frf=found.frfs[place],
+        frf=judged.frfs[place],
     )
 
 
@@ -171,10 +171,10 @@ def _name(dof: Dof) -> str:
     return f"{dof.point}{'−' if dof.direction < 0 else '+'}{AXES[abs(dof.direction)]}"
 
 
-def _where(chosen: Chosen) -> str:
-    wanted = (("point", chosen.point), ("direction", chosen.direction))
-    said = [f"{name} {value}" for name, value in wanted if value is not None]
-    return f" at {' and '.join(said)}" if said else ""
+def _where(chosen: HitQuery) -> str:
+    members = (("point", chosen.point), ("direction", chosen.direction))
+    parts = [f"{name} {value}" for name, value in members if value is not None]
+    return f" at {' and '.join(parts)}" if parts else ""
 
 
 def measured_frf_figure(session: Session, frf: Frf, cut: Cut) -> Figure:
@@ -308,17 +308,17 @@ def likeness_figure(session: Session, first: ModeSet, other: ModeSet) -> Figure:
     Raises:
         Conflict: they have no shapes at shared degrees of freedom.
     """
-    found = likeness(session, first, other)
-    if found.mac is None:
+    alike = likeness(session, first, other)
+    if alike.mac is None:
         raise Conflict(
-            f"the sets have shapes at {counted(found.dofs, 'shared degree')} of freedom, and a MAC"
+            f"the sets have shapes at {counted(alike.dofs, 'shared degree')} of freedom, and a MAC"
             f" needs {FEWEST_DOFS}"
         )
     names = [shortened(each.name) for each in (first, other)]
-    title = f"MAC of {names[0]} and {names[1]}, at {found.dofs} shared degrees of freedom"
-    rows, columns = _modes(found.hz), _modes(found.other_hz)
+    title = f"MAC of {names[0]} and {names[1]}, at {alike.dofs} shared degrees of freedom"
+    rows, columns = _modes(alike.hz), _modes(alike.other_hz)
     return mac_figure(
-        found.mac.tolist(), rows, columns, title, f"mode of {names[1]}", f"mode of {names[0]}"
+        alike.mac.tolist(), rows, columns, title, f"mode of {names[1]}", f"mode of {names[0]}"
     )
 
 

@@ -16,14 +16,14 @@ from service.monitoring.monitors import series_for
 from service.monitoring.presentation import series_document
 from service.monitoring.routes import Version
 from service.monitoring.runs import monitor_for
-from service.show.figures.answers import RESPONSES, Asked, FigureName, require_figure
+from service.show.figures.answers import RESPONSES, FigureName, FigureRequestDep, require_figure
 from service.show.figures.coupon import coupon_figure
 from service.show.figures.frfs import hits_figure
 from service.show.figures.marks import Figure
 from service.show.figures.modes import stabilisation_figure
 from service.show.figures.trend import MOST_RESULTS, results_figure, series_figure, trend_figure
 from service.show.measured import (
-    Chosen,
+    HitQuery,
     likeness_figure,
     measured_frf_figure,
     measured_shapes_figure,
@@ -66,7 +66,7 @@ def get_campaign_figure(
     name: FigureName,
     session: SessionDep,
     user: CurrentUser,
-    asked: Asked,
+    request: FigureRequestDep,
     point: Annotated[
         Whole, Query(description="where it was hit, or the response of an FRF; default: the first")
     ] = None,
@@ -98,7 +98,7 @@ def get_campaign_figure(
     """
     campaign = campaign_for(session, user, campaign_id)
     require_figure(name, *_CAMPAIGN_FIGURES)
-    asked.require_used(
+    request.require_used(
         name, _CAMPAIGN_FIGURES[name], {one for used in _CAMPAIGN_FIGURES.values() for one in used}
     )
     if name == "frf":
@@ -106,10 +106,10 @@ def get_campaign_figure(
             session, campaign.id, 1
         )
         cut, version = Cut(fmin, fmax), f"{frf.id} {frf.coherence_sha256!r}"
-        return asked.answer(lambda: measured_frf_figure(session, frf, cut), name, version)
-    blocks = point_blocks(session, campaign.id, Chosen(point, direction, response))
+        return request.answer(lambda: measured_frf_figure(session, frf, cut), name, version)
+    blocks = point_blocks(session, campaign.id, HitQuery(point, direction, response))
     seconds, hertz = (tmin, tmax), (fmin, fmax)
-    return asked.answer(
+    return request.answer(
         lambda: hits_figure(point_shown(session, blocks), seconds, hertz), name, blocks.version
     )
 
@@ -121,16 +121,20 @@ def get_campaign_figure(
     tags=["identifications"],
 )
 def get_identification_figure(
-    identification_id: UUID, name: FigureName, session: SessionDep, user: CurrentUser, asked: Asked
+    identification_id: UUID,
+    name: FigureName,
+    session: SessionDep,
+    user: CurrentUser,
+    request: FigureRequestDep,
 ) -> Response:
     """The figure `stabilisation` of an identification; 409 while it has found nothing, or where it
     failed.
     """
     row = identification_for(session, user, identification_id)
     require_figure(name, "stabilisation")
-    found = up_to_date(IDENTIFICATIONS.result(session, row, row.document))
+    document = up_to_date(IDENTIFICATIONS.result(session, row, row.document))
     # what it found never changes
-    return asked.answer(lambda: stabilisation_figure(found), name, str(row.id))
+    return request.answer(lambda: stabilisation_figure(document), name, str(row.id))
 
 
 @router.get(
@@ -144,7 +148,7 @@ def get_mode_set_figure(
     name: FigureName,
     session: SessionDep,
     user: CurrentUser,
-    asked: Asked,
+    request: FigureRequestDep,
     mode_set: Annotated[
         UUID | None,
         Query(
@@ -157,11 +161,11 @@ def get_mode_set_figure(
     """
     first = mode_set_for(session, user, mode_set_id)
     require_figure(name, *_MODE_SET_FIGURES)
-    asked.require_used(name, _MODE_SET_FIGURES[name], {"mode_set"})
+    request.require_used(name, _MODE_SET_FIGURES[name], {"mode_set"})
     if name == "shapes":
-        return asked.answer(lambda: measured_shapes_figure(session, first), name)
+        return request.answer(lambda: measured_shapes_figure(session, first), name)
     second = first if mode_set is None else mode_set_for(session, user, mode_set)
-    return asked.answer(lambda: likeness_figure(session, first, second), name)
+    return request.answer(lambda: likeness_figure(session, first, second), name)
 
 
 @router.get(
@@ -171,7 +175,11 @@ def get_mode_set_figure(
     tags=["coupons"],
 )
 def get_coupon_figure(
-    coupon_id: UUID, name: FigureName, session: SessionDep, user: CurrentUser, asked: Asked
+    coupon_id: UUID,
+    name: FigureName,
+    session: SessionDep,
+    user: CurrentUser,
+    request: FigureRequestDep,
 ) -> Response:
     """The figure `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039
     the transverse strain.
@@ -184,7 +192,7 @@ def get_coupon_figure(
         title, shear = f"{coupon.specimen}, {coupon.standard}", coupon.standard == "D3518"
         return coupon_figure(title, series_of(curve), curve.reduction, shear=shear)
 
-    return asked.answer(draw, name, curve.sha256.hex())
+    return request.answer(draw, name, curve.sha256.hex())
 
 
 @router.get(
@@ -197,7 +205,7 @@ def get_series_figure(
     monitor_id: UUID,
     session: SessionDep,
     user: CurrentUser,
-    asked: Asked,
+    request: FigureRequestDep,
     parameter: Annotated[
         str | None, Query(max_length=60, description="default: the first one that is watched")
     ] = None,
@@ -209,35 +217,35 @@ def get_series_figure(
     monitor = monitor_for(session, user, monitor_id)
     document = series_document(session, monitor, series_for(session, monitor, series))
     watched = list(monitor.watch["directions"])
-    wanted = parameter or watched[0]
-    if wanted not in watched:
-        raise Invalid("parameter", f"{wanted!r} is not watched; {', '.join(watched)} are")
-    return asked.answer(lambda: series_figure(document, wanted), wanted)
+    chosen = parameter or watched[0]
+    if chosen not in watched:
+        raise Invalid("parameter", f"{chosen!r} is not watched; {', '.join(watched)} are")
+    return request.answer(lambda: series_figure(document, chosen), chosen)
 
 
 @router.get(
     "/search/results/trend/figure", response_class=Response, responses=RESPONSES, tags=["search"]
 )
-def get_result_trend_figure(trend: ResultTrend, asked: Asked) -> Response:
+def get_result_trend_figure(trend: ResultTrend, request: FigureRequestDep) -> Response:
     """A constant of the results that a search finds over time, corrected and as it is, and over
     temperature, with intervals.
     """
-    return asked.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
+    return request.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
 
 
 @router.get(
     "/search/modes/trend/figure", response_class=Response, responses=RESPONSES, tags=["search"]
 )
-def get_mode_trend_figure(trend: ModeTrend, asked: Asked) -> Response:
+def get_mode_trend_figure(trend: ModeTrend, request: FigureRequestDep) -> Response:
     """Frequency or damping of the modes that a search finds over time and temperature, each mode in
     a colour of its own.
     """
-    return asked.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
+    return request.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
 
 
 @router.get("/search/results/figure", response_class=Response, responses=RESPONSES, tags=["search"])
 def get_results_figure(
-    wanted: OrderedDep, session: SessionDep, user: CurrentUser, asked: Asked
+    query: OrderedDep, session: SessionDep, user: CurrentUser, request: FigureRequestDep
 ) -> Response:
     """The results that a search finds beside one another: a row each, at most 60, a panel a
     constant, with 95 % intervals.
@@ -249,13 +257,13 @@ def get_results_figure(
     )
     with bounded(session):
         search = Search(
-            user, NOUNS["result"], SearchQuery(wanted.filter, wanted.words, wanted.sort, fields)
+            user, NOUNS["result"], SearchQuery(query.filter, query.words, query.sort, fields)
         )
-        found, more = search.page(session, None, MOST_RESULTS)
+        values, more = search.page(session, None, MOST_RESULTS)
     if more is not None:
         raise Invalid(
             "filter",
             f"finds more than {MOST_RESULTS} results, which is as many as a figure has; narrow it",
         )
-    rows = [dict(zip(fields, row, strict=True)) for row in found]
-    return asked.answer(lambda: results_figure(rows, CONSTANTS), "results")
+    rows = [dict(zip(fields, row, strict=True)) for row in values]
+    return request.answer(lambda: results_figure(rows, CONSTANTS), "results")

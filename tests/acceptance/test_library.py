@@ -14,7 +14,7 @@ import pyuff
 from scipy.spatial.transform import Rotation
 
 import modalbase
-from modalbase.client.place import find_place, profile_file, save_profile
+from modalbase.client.endpoint import find_endpoint, profile_file, save_profile
 from modalbase.formats.models.inp import read_inp
 from modalbase.formats.records import Place
 from service.app.demo import paper
@@ -289,7 +289,7 @@ def test_where_the_service_and_its_key_are_looked_for(
     monkeypatch.setenv("MODALBASE_URL", "http://elsewhere.example:1")
     # the profile's is not for that address
     with pytest.raises(modalbase.ClientError, match="no API key"):
-        find_place()
+        find_endpoint()
     monkeypatch.delenv("MODALBASE_URL")
     profile_file().write_text("{")
     with pytest.raises(modalbase.ClientError, match="modalbase login"):
@@ -300,7 +300,7 @@ def test_where_the_service_and_its_key_are_looked_for(
 
 def the_service_that_runs_here(folder: Path) -> None:
     """`modalbase up` notes where it is; its data folder has the key that it made."""
-    from modalbase.client.place import KEY_FILE, notes_folder
+    from modalbase.client.endpoint import KEY_FILE, notes_folder
     from service.app.running import announced
 
     data = folder / "data"
@@ -308,13 +308,13 @@ def the_service_that_runs_here(folder: Path) -> None:
     (data / KEY_FILE).write_text("mb_local\n")
     assert str(notes_folder()).startswith(str(folder))
     with announced("http://127.0.0.1:4711", data):
-        place = find_place()
+        place = find_endpoint()
         assert (place.url, place.key) == ("http://127.0.0.1:4711", "mb_local")
         (notes_folder() / "1.json").write_text(
             json.dumps({"pid": 1, "url": "http://127.0.0.1:4712", "data": None})
         )
         with pytest.raises(modalbase.ClientError, match="2 services run here"):
-            find_place()
+            find_endpoint()
 
 
 def test_a_profile_is_stated_by_its_shape(lab: modalbase.Laboratory) -> None:

@@ -10,7 +10,7 @@ from fastapi import Request
 from pydantic import BaseModel
 from sqlalchemy import select
 
-from service.access.keys import COOKIE, create_key, found_key, user_named
+from service.access.keys import COOKIE, authenticated_key, create_key, user_named
 from service.access.tables import ApiKey
 from service.app.supervisor import LocalService
 from service.db.engine import Sessions
@@ -161,13 +161,13 @@ def test_only_the_digest_of_a_key_is_stored(sessions: Sessions) -> None:
         row, key = create_key(session, user_named(session, "ada"), "k")
         assert user_named(session, "ada").id == row.user_id
     with sessions.begin() as session:
-        assert found_key(session, key)[1].name == "ada"
+        assert authenticated_key(session, key)[1].name == "ada"
         stored = session.scalars(select(ApiKey)).one()
         assert key.split("_", 2)[2].encode() not in stored.secret_sha256
         assert stored.last_used_at is not None
         for wrong in (key + "x", key[:-1], key.upper(), key.replace("mb_", "xx_"), "mb__", ""):
             with pytest.raises(Unauthorized):
-                found_key(session, wrong)
+                authenticated_key(session, wrong)
 
 
 class _Body(BaseModel):

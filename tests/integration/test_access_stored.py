@@ -16,9 +16,9 @@ from service.access import routes
 from service.access.keys import (
     LIFETIME,
     USED_RESOLUTION,
+    authenticated_key,
     close_session,
     create_key,
-    found_key,
     is_session_token,
     key_of_session,
     open_session,
@@ -83,9 +83,19 @@ def test_a_key_opens_until_it_ends_is_revoked_or_its_user_disabled(sessions: Ses
             "mb_\udc80_x",
         ):
             refused(
-                Unauthorized, "the API key is not valid; make one with", found_key, session, wrong
+                Unauthorized,
+                "the API key is not valid; make one with",
+                authenticated_key,
+                session,
+                wrong,
             )
-        refused(Unauthorized, "the session has ended; sign in again", found_key, session, "mbs_x")
+        refused(
+            Unauthorized,
+            "the session has ended; sign in again",
+            authenticated_key,
+            session,
+            "mbs_x",
+        )
         for place, name, value, opens in (
             (row, "expires_at", now + timedelta(hours=1), True),
             (row, "expires_at", now - timedelta(seconds=1), False),
@@ -95,11 +105,11 @@ def test_a_key_opens_until_it_ends_is_revoked_or_its_user_disabled(sessions: Ses
             setattr(place, name, value)
             for shown in (key, token):
                 if opens:
-                    assert found_key(session, shown) == (row, user)
+                    assert authenticated_key(session, shown) == (row, user)
                 else:
-                    refused(Unauthorized, "valid|ended", found_key, session, shown)
+                    refused(Unauthorized, "valid|ended", authenticated_key, session, shown)
             setattr(place, name, None)
-        assert found_key(session, key)[1] is user
+        assert authenticated_key(session, key)[1] is user
 
 
 def test_the_use_of_a_key_is_noted_once_a_minute_and_waits_for_nobody(sessions: Sessions) -> None:
@@ -114,7 +124,7 @@ def test_the_use_of_a_key_is_noted_once_a_minute_and_waits_for_nobody(sessions: 
         with sessions.begin() as session:
             session.execute(update(ApiKey).values(last_used_at=ago))
         with sessions.begin() as session:
-            found_key(session, shown)
+            authenticated_key(session, shown)
         with sessions() as session:
             noted = session.scalars(select(ApiKey.last_used_at)).one()
         return (datetime.now(UTC) - noted).total_seconds()
@@ -129,7 +139,7 @@ def test_the_use_of_a_key_is_noted_once_a_minute_and_waits_for_nobody(sessions: 
         other.execute(select(ApiKey).with_for_update())
         # the lock stays for as long as `other` is open
         session.execute(text("SET LOCAL lock_timeout = '1ms'"))
-        assert found_key(session, key)[0].prefix == row.prefix
+        assert authenticated_key(session, key)[0].prefix == row.prefix
 
 
 def test_a_session_ends_with_its_time_its_key_and_by_itself(sessions: Sessions) -> None:
@@ -303,7 +313,7 @@ def test_a_row_is_found_with_the_role_that_the_act_needs(house: House) -> None:
 def test_what_is_deleted_is_not_found_with_all_that_is_in_it(house: House) -> None:
     session, ada, project, structure, campaign = house
     key = campaign.id
-    refused(Conflict, "the campaign is not deleted", CAMPAIGN.bring_back, session, ada, campaign)
+    refused(Conflict, "the campaign is not deleted", CAMPAIGN.restore, session, ada, campaign)
     refused(
         Conflict,
         "not deleted; delete it first, and purge it",
@@ -317,7 +327,7 @@ def test_what_is_deleted_is_not_found_with_all_that_is_in_it(house: House) -> No
     assert (campaign.deleted_at, campaign.updated_at) == (now, now)
     refused(NotFound, "no campaign", CAMPAIGN, session, ada, key)
     assert CAMPAIGN(session, ada, key, deleted=True) is campaign
-    CAMPAIGN.bring_back(session, ada, campaign)
+    CAMPAIGN.restore(session, ada, campaign)
     assert CAMPAIGN(session, ada, key).deleted_at is None
     structure_for.hide(session, ada, structure)
     for deleted in (False, True):

@@ -265,11 +265,11 @@ def test_a_backup_that_cannot_be_read_back_is_none(
                 disk.write(bytes([byte ^ 1]))
 
     monkeypatch.setattr(os, "fsync", rot)
-    said = modalbase_here("backup", file, code=1, MODALBASE_DATABASE_URL=database).stderr
-    assert said.startswith(
+    message = modalbase_here("backup", file, code=1, MODALBASE_DATABASE_URL=database).stderr
+    assert message.startswith(
         "modalbase: the backup was written and cannot be read back; is the disk sound?"
-    ), said
-    assert len(said.splitlines()) == 1
+    ), message
+    assert len(message.splitlines()) == 1
     assert [path.name for path in tmp_path.iterdir()] == ["sound"]
 
 
@@ -379,7 +379,7 @@ def test_damage_of_the_database_is_named_and_carried(
 
 
 def test_every_column_of_bytes_is_checked() -> None:
-    found = {
+    columns = {
         (table.name, column.name)
         for table in Base.metadata.tables.values()
         for column in table.columns
@@ -388,9 +388,9 @@ def test_every_column_of_bytes_is_checked() -> None:
     checked = {(table, data) for table, _, data, _ in CHECKED}
     elsewhere = {("original_chunks", "data")}  # checked as whole files
     without_digest = {("frfs", "axis"), ("job_checkpoints", "data")}
-    assert found >= checked | elsewhere
+    assert columns >= checked | elsewhere
     assert {
-        name for name in found - checked - elsewhere - without_digest if has_digest(*name)
+        name for name in columns - checked - elsewhere - without_digest if has_digest(*name)
     } == set()
 
 
@@ -425,8 +425,8 @@ def test_jobs_that_waited_or_ran_wait_again(engine: Engine, target: Engine, tmp_
             ("queued", None),
             ("succeeded", "gone"),
         ]
-        tickets = connection.scalars(
+        queued = connection.scalars(
             text("SELECT args->>'job_id' FROM procrastinate_jobs WHERE status = 'todo'")
         ).all()
         waiting = connection.scalars(text("SELECT id::text FROM jobs WHERE state = 'queued'")).all()
-        assert sorted(tickets) == sorted(waiting)
+        assert sorted(queued) == sorted(waiting)

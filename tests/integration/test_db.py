@@ -137,7 +137,7 @@ def test_a_connection_whose_server_process_has_gone_is_replaced(engine: Engine) 
     """Nobody is asked whether it lives: the end shows on this side."""
     with engine.connect() as connection:
         before = connection.scalar(OWN_PID)
-    assert asked(engine, "SELECT pg_terminate_backend(%s, 60000)", before) is True
+    assert answer_of(engine, "SELECT pg_terminate_backend(%s, 60000)", before) is True
     with engine.connect() as connection:
         assert connection.scalar(OWN_PID) != before
 
@@ -146,13 +146,15 @@ def test_what_only_reads_holds_no_transaction(engine: Engine) -> None:
     for of, state in ((for_reading(engine), "idle"), (engine, "idle in transaction")):
         with make_sessions(of)() as session:
             pid = session.scalar(OWN_PID)
-            assert asked(engine, "SELECT state FROM pg_stat_activity WHERE pid = %s", pid) == state
+            assert (
+                answer_of(engine, "SELECT state FROM pg_stat_activity WHERE pid = %s", pid) == state
+            )
 
 
 OWN_PID = text("SELECT pg_backend_pid()")
 
 
-def asked(engine: Engine, question: LiteralString, pid: int | None) -> object:
+def answer_of(engine: Engine, question: LiteralString, pid: int | None) -> object:
     """By a connection of its own."""
     with psycopg.connect(
         psycopg_url(engine.url.render_as_string(hide_password=False))
@@ -272,8 +274,8 @@ def test_an_upgrade_keeps_every_row(empty: Engine) -> None:
                 kept = connection.execute(
                     select(*(after[name].c[column] for column in columns))
                 ).all()
-                found = sorted(str(dict(row._mapping)) for row in kept)
-                assert found == sorted(str({c: row[c] for c in columns}) for row in rows), (
+                copied = sorted(str(dict(row._mapping)) for row in kept)
+                assert copied == sorted(str({c: row[c] for c in columns}) for row in rows), (
                     name,
                     following,
                 )
@@ -349,13 +351,13 @@ def engine_schema(url: str) -> list[tuple[Any, ...]]:
     )
     engine = make_engine(url)
     with engine.connect() as connection:
-        found = [
+        tables = [
             tuple(row)
             for query in queries
             for row in connection.exec_driver_sql(query.replace("%", "%%"))
         ]
     engine.dispose()
-    return sorted(found, key=str)
+    return sorted(tables, key=str)
 
 
 def test_the_engines_scripts_by_version_make_the_schema_that_it_brings(

@@ -108,7 +108,7 @@ def test_everybody_who_connects_is_asked_who_they_are(folder: Path, cluster: Pat
         assert methods == [("peer",)]
 
 
-def asked_by(user: str | None, url: str) -> bool:
+def lets_in(user: str | None, url: str) -> bool:
     """Whether a user's question is answered."""
     command = [str(programs() / "psql"), "--no-password", url, "-c", "SELECT 1"]
     done = subprocess.run(
@@ -130,8 +130,8 @@ def test_another_local_user_does_not_reach_the_database(
         pytest.skip("the installation is closed to other users")
     data = filled(folder / name, cluster)
     with embedded_server(data) as url:
-        assert asked_by(None, url)
-        assert not asked_by("nobody", url)
+        assert lets_in(None, url)
+        assert not lets_in("nobody", url)
         for path in (
             folder.parent,
             folder,
@@ -141,7 +141,7 @@ def test_another_local_user_does_not_reach_the_database(
             next(socket_of(url).glob(".s.*2")),
         ):
             path.chmod(0o777)  # whatever the modes: the server itself refuses
-        assert not asked_by("nobody", url)
+        assert not lets_in("nobody", url)
         (data / "postgres").chmod(0o700)
 
 

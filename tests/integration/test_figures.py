@@ -130,8 +130,8 @@ def test_the_frf_figure_draws_the_measured_and_the_predicted_values(demo: Done) 
     stored = demo.api.get(
         f"campaigns/{demo.result['provenance']['campaign']}/frfs/data", params=chosen
     )
-    with np.load(io.BytesIO(stored.content)) as found:
-        measured = found["values"][0]
+    with np.load(io.BytesIO(stored.content)) as arrays:
+        measured = arrays["values"][0]
     for name, values in (("measured", measured), ("updated", updated)):
         magnitude, phase = traces(figure, name)
         np.testing.assert_allclose(magnitude["x"], frequency, rtol=1e-6)
@@ -247,8 +247,8 @@ def test_shapes_give_the_results_mac(demo: Done) -> None:
             if pair[0] is not None
         ]
         measured, updated = np.array(pairs).T
-        found = (measured @ updated) ** 2 / (measured @ measured) / (updated @ updated)
-        assert found == pytest.approx(mac["z"][row][column], abs=2e-3)
+        expected = (measured @ updated) ** 2 / (measured @ measured) / (updated @ updated)
+        assert expected == pytest.approx(mac["z"][row][column], abs=2e-3)
     (automac,) = demo.figure("automac")["data"]
     assert np.diag(automac["z"]) == pytest.approx(1)
     np.testing.assert_allclose(automac["z"], np.transpose(automac["z"]), atol=1e-6)
@@ -403,17 +403,17 @@ def test_the_report_says_what_the_result_says_and_stands_alone(demo: Done) -> No
     assert "<script" not in page.text
     assert not re.findall(r'(?:src|href)="(?!data:)', page.text)
     provenance = demo.result["provenance"]
-    said = [
+    sentences = [
         demo.result["verdict"]["sentence"],
         *demo.result["verdict"]["reasons"],
         *demo.result["warnings"],
     ]
-    said += [
+    sentences += [
         provenance["update_job"],
         provenance["software"]["modalbase"],
         provenance["frfs"][-1]["sha256"],
     ]
-    said += [
+    sentences += [
         "pultruded FRP beam",
         "Brüel &amp; Kjær",
         "cantilever",
@@ -421,7 +421,7 @@ def test_the_report_says_what_the_result_says_and_stands_alone(demo: Done) -> No
         "prior_from_coupon_batch",
         "31.7",
     ]
-    for words in said:
+    for words in sentences:
         assert words.replace("'", "&#x27;") in page.text, words
     assert page.text.count("<img") == 13  # every figure but the stabilisation diagram
     printed = demo.api.get(f"{demo.path}/report", params={"format": "pdf"})
@@ -462,18 +462,18 @@ def test_what_a_browser_opens_and_cannot_be_made_is_said_on_a_page(
             problems = [demo.api.get(path) for path, _, _ in expected]
         finally:
             database.execute(damage, [kept, job])
-        for answer, problem, (path, status, said) in zip(answers, problems, expected, strict=True):
+        for answer, problem, (path, status, words) in zip(answers, problems, expected, strict=True):
             assert (answer.status_code, problem.status_code) == (status, status), path
             assert answer.headers["content-type"] == "text/html; charset=utf-8", path
             assert problem.headers["content-type"] == "application/problem+json", path
             assert "script-src 'self'" in answer.headers["content-security-policy"]
             assert answer.headers["x-request-id"] in answer.text
-            assert said in answer.text, path
-            assert said in problem.text, path
+            assert words in answer.text, path
+            assert words in problem.text, path
     with plain_client(service.url) as nobody:
         report = f"/api/v1/{demo.path}/report?format=pdf"
-        led = nobody.get(report, headers=looked_for)
-        assert (led.status_code, unquote(led.headers["location"])) == (
+        redirect = nobody.get(report, headers=looked_for)
+        assert (redirect.status_code, unquote(redirect.headers["location"])) == (
             303,
             f"../../../../sign-in?next={report[1:]}",
         )

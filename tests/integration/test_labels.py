@@ -80,17 +80,17 @@ QUESTIONS = [
 
 
 def test_a_filter_asks_for_tags_and_metadata(api: httpx.Client, labelled: dict[str, str]) -> None:
-    for condition, found in QUESTIONS:
+    for condition, matches in QUESTIONS:
         query = {
             "filter": f"({condition}) AND project.id = '{labelled['project']}'",
             "fields": "name",
         }
         items = ok(api.get("search/campaigns", params=query), 200)["items"]
-        assert "".join(row["name"] for row in items) == found, condition
+        assert "".join(row["name"] for row in items) == matches, condition
 
 
 def test_what_a_filter_cannot_ask_is_refused(api: httpx.Client) -> None:
-    asked = [
+    refusals = [
         ("tag > 'a'", "IN or LIKE"),
         ("tag = 3", "a text in single quotes"),
         ("CASEI(tag) = 'a'", "CASEI takes a text"),
@@ -102,10 +102,10 @@ def test_what_a_filter_cannot_ask_is_refused(api: httpx.Client) -> None:
         ("meta.a = 1e999", "expected a number"),
         (r"tag LIKE 'a\'", "ends in a single"),
     ]
-    for condition, said in asked:
+    for condition, words in refusals:
         answer = api.get("search/campaigns", params={"filter": condition})
         assert answer.status_code == 422, condition
-        assert said in answer.json()["errors"][0]["detail"], condition
+        assert words in answer.json()["errors"][0]["detail"], condition
     answer = api.get("search/campaigns", params={"sort": "meta.client"})
     assert "has no order" in answer.json()["errors"][0]["detail"]
 
@@ -140,8 +140,8 @@ def test_frfs_and_results_take_labels(
         campaign = lab.campaign(labelled["a"])
         assert (campaign.tags, campaign.meta["client"]) == (["winter", "night shift"], "ACME")
         assert campaign.label_frfs(tags=["steel tip"], meta={"tip": "steel"}, point=12) == 1
-        found = list(lab.find("frfs", "tag = 'steel tip' AND meta.tip = 'steel'"))
-        assert [row["response_point"] for row in found if row["campaign.id"] == labelled["a"]] == [
+        rows = list(lab.find("frfs", "tag = 'steel tip' AND meta.tip = 'steel'"))
+        assert [row["response_point"] for row in rows if row["campaign.id"] == labelled["a"]] == [
             12
         ]
         job = lab.job(labelled["job"])

@@ -143,13 +143,13 @@ def test_many_clients_and_streams_at_once_get_answers(
     new_service: Callable[..., LocalService],
 ) -> None:
     with new_service(access_log=False) as service:
-        found = load(service, seconds=2, clients=40, streams=40, keys=4, pause=1)
-    assert found.bare_errors == []
-    assert found.streams == 40
-    assert found.events >= 40
-    assert found.statuses["list"].keys() <= {200, 503}
-    assert found.statuses["list"][200] > 0
-    assert found.statuses["healthz"].keys() == {200}
+        outcome = load(service, seconds=2, clients=40, streams=40, keys=4, pause=1)
+    assert outcome.bare_errors == []
+    assert outcome.streams == 40
+    assert outcome.events >= 40
+    assert outcome.statuses["list"].keys() <= {200, 503}
+    assert outcome.statuses["list"][200] > 0
+    assert outcome.statuses["healthz"].keys() == {200}
 
 
 @pytest.fixture

@@ -35,8 +35,8 @@ def lab(service: LocalService) -> Iterator[Lab]:
 
 @pytest.fixture(scope="module")
 def document(service: LocalService) -> Node:
-    found: Node = httpx.get(f"{service.url}/openapi.json", trust_env=False, timeout=120).json()
-    return found
+    document: Node = httpx.get(f"{service.url}/openapi.json", trust_env=False, timeout=120).json()
+    return document
 
 
 def named(operation: str, kind: str) -> str:
@@ -64,13 +64,13 @@ def test_the_members_within_members_that_have_no_row_become_fewer(document: Node
     """Each is listed once, by its schema, wherever it can be sent; a row in one operation is
     enough.
     """
-    inner = {named(*key): found for key, found in within(document).items()}
-    there = {one for found in inner.values() for names in found.values() for one in names}
+    inner = {named(*key): members for key, members in within(document).items()}
+    there = {one for members in inner.values() for names in members.values() for one in names}
     with_row = {
         one
-        for name, found in inner.items()
-        for path in found
+        for name, members in inner.items()
+        for path in members
         if path in MEMBERS[name].members
-        for one in found[path]
+        for one in members[path]
     }
     assert there - with_row == WITHOUT_ROW

@@ -277,7 +277,7 @@ def test_a_deleted_monitor_raises_no_alarm_and_hides_those_it_has(world: World) 
         ["alarm.raised"],
         "no data",
     )
-    monitor_for.bring_back(session, world.user, monitor)
+    monitor_for.restore(session, world.user, monitor)
     assert alarm_for(session, world.user, alarm.id) is alarm
     JUDGE.store(session, job.id, iter([result]))
     # the same alarm, raised by another campaign
@@ -290,7 +290,7 @@ def test_a_deleted_monitor_is_not_looked_after(world: World) -> None:
     monitor_for.hide(session, world.user, monitor)
     check(session, monitor.id, timedelta(0))
     assert session.scalars(select(MonitorRun)).all() == []
-    monitor_for.bring_back(session, world.user, monitor)
+    monitor_for.restore(session, world.user, monitor)
     check(session, monitor.id, timedelta(0))
     assert [run.state for run in session.scalars(select(MonitorRun))] == ["running"]
 

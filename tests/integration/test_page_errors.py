@@ -61,7 +61,7 @@ def test_no_page_fails_at_a_mutated_address(
         "campaign_id": campaign,
         "item_id": project,
     }
-    failed, asked = [], 0
+    failed, count = [], 0
     pages = FastAPI()
     add_pages(pages)
     for route in pages.routes:
@@ -90,13 +90,13 @@ def test_no_page_fails_at_a_mutated_address(
         ]
         for address in dict.fromkeys(addresses):
             answer = browser.get(address)
-            asked += 1
+            count += 1
             if answer.status_code >= 500 or (
                 answer.status_code < 300 and "<!DOCTYPE html>" not in answer.text[:20]
             ):
                 failed.append((answer.status_code, address[:120]))
     assert not failed
-    assert asked > 500
+    assert count > 500
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,7 @@ def test_a_page_shows_one_moment(
     path = f"/ui/campaigns/{campaign}"
     with psycopg.connect(service.settings.database_url) as holding, ThreadPoolExecutor(1) as beside:
         holding.execute("LOCK TABLE processings IN ACCESS EXCLUSIVE MODE")
-        asked = beside.submit(browser.get, path)
+        pending = beside.submit(browser.get, path)
         until(
             lambda: holding.execute(waits).fetchone(),
             "the page waits for the processings, in the middle of its parts",
@@ -98,7 +98,7 @@ def test_a_page_shows_one_moment(
             201,
         )
         holding.rollback()
-        assert "No mode set yet" in asked.result().text
+        assert "No mode set yet" in pending.result().text
     then = browser.get(path).text
     assert "No mode set yet" not in then
     assert "later" in then
@@ -165,14 +165,14 @@ def test_names_are_shown_and_not_run(
 
 
 def test_files_of_pages_are_kept_by_browsers_and_sent_compressed(browser: httpx.Client) -> None:
-    (found,) = re.findall(r'src="\.\./(static/[^"]+/pages\.js)"', browser.get("/ui/").text)
-    answer = browser.get(f"/{found}", headers={"Accept-Encoding": "gzip"})
+    (address,) = re.findall(r'src="\.\./(static/[^"]+/pages\.js)"', browser.get("/ui/").text)
+    answer = browser.get(f"/{address}", headers={"Accept-Encoding": "gzip"})
     assert answer.text == (FOLDER / "pages.js").read_text()
     assert "immutable" in answer.headers["cache-control"]
     assert answer.headers["content-encoding"] == "gzip"
     assert int(answer.headers["content-length"]) < len(gzip.compress(answer.content)) + 100
     assert (
-        browser.get(f"/{found}", headers={"If-None-Match": answer.headers["etag"]}).status_code
+        browser.get(f"/{address}", headers={"If-None-Match": answer.headers["etag"]}).status_code
         == 304
     )
     for wrong in (
@@ -231,6 +231,6 @@ def test_points_are_joined_along_the_files_trace_lines(
         ("82", "read"),
     ]
     page = browser.get(f"/ui/campaigns/{campaign}").text
-    found = re.search(r'id="in-space">(.*?)</script>', page)
-    assert found
-    assert json.loads(found.group(1))["joined"] == [[1, 2]]
+    match = re.search(r'id="in-space">(.*?)</script>', page)
+    assert match
+    assert json.loads(match.group(1))["joined"] == [[1, 2]]

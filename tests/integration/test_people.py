@@ -98,24 +98,24 @@ def test_administrators_look_after_users_and_their_keys(
         reader = with_key(ok(chief.post("api-keys", json={"name": "r", "scopes": ["read"]}), 201))
         assert "scope admin" in ok(chief.get("users", headers=reader), 403)["detail"]
 
-        spare = ok(guest.post("api-keys", json={"name": "s"}), 201)
+        second = ok(guest.post("api-keys", json={"name": "s"}), 201)
         soon, later = ((datetime.now(UTC) + timedelta(hours=h)).isoformat() for h in (1, 2))
-        ended = ok(chief.patch(f"{place}/api-keys/{spare['id']}", json={"expires_at": soon}), 200)
+        ended = ok(chief.patch(f"{place}/api-keys/{second['id']}", json={"expires_at": soon}), 200)
         assert datetime.fromisoformat(ended["expires_at"]) == datetime.fromisoformat(soon)
         for wrong in (later, "2020-01-01T00:00:00Z"):
-            ok(chief.patch(f"{place}/api-keys/{spare['id']}", json={"expires_at": wrong}), 422)
+            ok(chief.patch(f"{place}/api-keys/{second['id']}", json={"expires_at": wrong}), 422)
         assert (
-            ok(chief.patch(f"{place}/api-keys/{spare['id']}", json={"expires_at": soon}), 200)
+            ok(chief.patch(f"{place}/api-keys/{second['id']}", json={"expires_at": soon}), 200)
             == ended
         )
         own = ok(chief.get("api-keys"), 200)["items"][0]["id"]
         ok(chief.delete(f"{place}/api-keys/{own}"), 404)  # a key of another user
         for _ in range(2):  # again is fine, and no act
-            ok(chief.delete(f"{place}/api-keys/{spare['id']}"), 204)
-        assert guest.get("projects", headers=with_key(spare)).status_code == 401
+            ok(chief.delete(f"{place}/api-keys/{second['id']}"), 204)
+        assert guest.get("projects", headers=with_key(second)).status_code == 401
         ok(chief.get(f"users/{uuid4()}"), 404)
         assert ok(chief.get(place), 200) == user
-        ok(chief.patch(f"{place}/api-keys/{spare['id']}", json={"expires_at": soon}), 409)
+        ok(chief.patch(f"{place}/api-keys/{second['id']}", json={"expires_at": soon}), 409)
         assert [
             k["revoked_at"] is None for k in ok(chief.get(f"{place}/api-keys"), 200)["items"]
         ] == [True, False]
@@ -187,9 +187,9 @@ def test_a_project_is_edited_and_archived(
         )
         moments.append(answer.json()["archived_at"])
     assert moments[0] == moments[1]
-    said = api.get("audit-events").json()["items"][0]
-    assert (said["action"], said["subject_id"]) == ("project.change", project)
-    assert said["detail"] == {
+    event = api.get("audit-events").json()["items"][0]
+    assert (event["action"], event["subject_id"]) == ("project.change", project)
+    assert event["detail"] == {
         "was": {"description": "e"},
         "now": {"archived": True, "description": "e"},
     }
@@ -389,8 +389,8 @@ def test_the_same_commands_over_rest(
 
 
 def looked_at(database: str, subject: str) -> list[Finding]:
-    found = examine(Settings(database_url=database), stored=False)
-    return [finding for finding in found if finding.subject == subject]
+    findings = examine(Settings(database_url=database), stored=False)
+    return [finding for finding in findings if finding.subject == subject]
 
 
 def test_doctor_sees_jobs_that_wait_in_vain_and_those_that_were_given_up(

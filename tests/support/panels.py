@@ -96,7 +96,10 @@ def _nearer(share: FloatArray, cells: int, hole: tuple[float, float]) -> FloatAr
     return np.interp(share, even, lines)
 
 
-def _solid(kind: str, along: int = 30, across: int = 20, layers: int = 2) -> Solid:
+def _solid(kind: str, along: int = 30, across: int = 20, layers: int = 4) -> Solid:
+    """Of four layers: two have the shear of a parabola 1 % too stiff, and frequencies up to 0.05 %
+    too high.
+    """
     numbers: dict[tuple[int, int, int], int] = {}
     bricks = []
     for (i, j), k in product(_cells(kind, along, across), range(layers)):

@@ -30,7 +30,8 @@ def plate(
 ) -> Structure:
     """A rectangle for any laminate, whose coefficients `matrices` sets."""
     mesh = strip(*size, *divisions)
-    stack = ShellSection((Ply(PAPER, 0.01),), turning=True)
+    # as closed forms of shear theory have it
+    stack = ShellSection((Ply(PAPER, 0.01),), turning=True, thins=False)
     carried = tuple(Mass(each.mass, (each.x, each.y, 0.0), each.rotary_inertia) for each in masses)
     dofs = (0, 1, 2, 3, 4) if membrane else (2, 3, 4)
     return Structure(mesh, {"strip": stack}, supports, tuple(springs), carried, dofs=dofs)

@@ -19,8 +19,8 @@ from typer.main import get_command
 import modalbase
 from modalbase.client.connection import Connection
 from modalbase.client.display import print_table
+from modalbase.client.endpoint import NO_SERVICE, checked_key, find_endpoint
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.place import NO_SERVICE, checked_key, find_place
 from modalbase.objects.campaigns import Campaign
 from modalbase.objects.jobs import Import, ModeSet
 from modalbase.objects.laboratory import Laboratory
@@ -173,7 +173,7 @@ def test_a_file_is_written_and_named_or_described_in_json(
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "message"),
     [
         (
             "cards --out beam.txt",
@@ -203,10 +203,10 @@ def test_a_file_is_written_and_named_or_described_in_json(
     ],
 )
 @pytest.mark.usefixtures("lab")
-def test_what_cannot_be_meant_is_said_and_writes_nothing(line: str, said: str) -> None:
+def test_what_cannot_be_meant_is_said_and_writes_nothing(line: str, message: str) -> None:
     before = sorted(Path.cwd().iterdir())
     out, err = run(line, Exit.USAGE)
-    assert (out, said in err) == ("", True), err
+    assert (out, message in err) == ("", True), err
     assert sorted(Path.cwd().iterdir()) == before
 
 
@@ -335,7 +335,7 @@ def test_without_service_and_key_it_is_said_how_to_get_them(
     monkeypatch.setenv("MODALBASE_PROFILE", str(tmp_path / "profile.json"))
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     wrong: list[tuple[Callable[[], object], str]] = [
-        (find_place, NO_SERVICE),
+        (find_endpoint, NO_SERVICE),
         (lambda: checked_key("mb_ä"), "the API key holds characters that no key has"),
         (lambda: modalbase.connect("ftp://lab"), "'ftp://lab' is no URL such as http"),
     ]

@@ -37,7 +37,7 @@ def _nobody(_: httpx.Request) -> httpx.Response:
 
 
 @pytest.mark.parametrize(
-    ("answer", "said", "code"),
+    ("answer", "message", "code"),
     [
         (_nobody, "no answer from http://lab:8000: connection refused; is the service up", Exit.UNREACHABLE),
         (lambda _: httpx.Response(200, text="<html>"), "does not answer in JSON; is it modalbase's", Exit.UNREACHABLE),
@@ -49,7 +49,7 @@ def _nobody(_: httpx.Request) -> httpx.Response:
     ],
 )  # fmt: skip
 def test_every_way_to_ask_says_what_went_wrong(
-    answer: Answer, said: str, code: Exit, tmp_path: Path
+    answer: Answer, message: str, code: Exit, tmp_path: Path
 ) -> None:
     service, target = at(answer), tmp_path / "file"
     ways: list[Callable[[], Any]] = [
@@ -60,10 +60,10 @@ def test_every_way_to_ask_says_what_went_wrong(
         lambda: list(service.lines("events")),
         lambda: service.download("frfs", target, lambda *_: None),
     ]
-    for ask in ways[:1] if "JSON" in said else ways:  # only what is asked as JSON must be JSON
+    for ask in ways[:1] if "JSON" in message else ways:  # only what is asked as JSON must be JSON
         with pytest.raises(ClientError) as refused:
             ask()
-        assert said in str(refused.value)
+        assert message in str(refused.value)
         assert refused.value.code is code
     assert not list(tmp_path.iterdir())  # nothing half written
 
@@ -121,10 +121,12 @@ def test_a_call_of_the_contract_is_sent_as_it_is_meant() -> None:
     assert {"get_campaign", "create_project"} <= set(dir(rest))
 
 
-@pytest.mark.parametrize(("text", "said"), [("{", "is not JSON"), ("[1]", "holds no JSON object")])
-def test_a_file_that_holds_no_json_object_is_named(text: str, said: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("text", "message"), [("{", "is not JSON"), ("[1]", "holds no JSON object")]
+)
+def test_a_file_that_holds_no_json_object_is_named(text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "recipe.json").write_text(text)
-    with pytest.raises(ClientError, match=f"recipe.json {said}") as refused:
+    with pytest.raises(ClientError, match=f"recipe.json {message}") as refused:
         json_file(tmp_path / "recipe.json")
     assert refused.value.code is Exit.USAGE
     with pytest.raises(ClientError, match="is not JSON"):
@@ -168,7 +170,7 @@ WRONG: dict[str, tuple[type[Exception], str, Callable[[], object]]] = {
     "a query of what has none": (TypeError, r"\(\) has no page; it has no query",
         lambda: REST.get_campaign("1", page=2)),
     "no name of the library": (AttributeError, "has no attribute 'cats'", lambda: cast("Any", modalbase).cats),
-    "no field of a thing": (AttributeError, "a structure has no 'colour'",
+    "no field of a thing": (AttributeError, "there is no 'colour' of this structure",
         lambda: Structure(cast("Any", None), {}).colour),
     "no row of a table": (KeyError, "'Gxy'; there is Ex, Ey", lambda: Table([{"name": "Ex"}, {"name": "Ey"}])["Gxy"]),
     "values of another shape": (ValueError, r"values have shape \(1, 3\), expected \(1, 2\)",
@@ -205,7 +207,7 @@ def test_points_are_read_in_metres(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("", "line 1: is '', expected label,x_mm,y_mm,z_mm"),
         ("label,x,y\n", "the header: is 'label,x,y', expected label,x_mm"),
@@ -217,12 +219,12 @@ def test_points_are_read_in_metres(tmp_path: Path) -> None:
         ("label,x_mm,y_mm\n1.5,2,3\n", "line 2, label: is '1.5', expected a whole number"),
     ],
 )
-def test_what_is_no_table_of_points_is_named(tmp_path: Path, text: str, said: str) -> None:
+def test_what_is_no_table_of_points_is_named(tmp_path: Path, text: str, message: str) -> None:
     file = tmp_path / "points.csv"
     file.write_text(text)
     with pytest.raises(ClientError) as refused:
         read_points(file)
-    assert said in str(refused.value)
+    assert message in str(refused.value)
 
 
 # --- FRFs and tables in the words of other libraries, where these are installed

@@ -67,17 +67,6 @@ def surface(shell: Shell, x: FloatArray, natural: FloatArray, axis: FloatArray) 
     return Surface.at(x, shell.functions(natural), shell.derivatives(natural), directors, axis)
 
 
-def motions(
-    shell: Shell, x: FloatArray, axis: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(e, p, 7, n, 6) motions, (e, p) areas and (p, n) shape functions at the points of the
-    mass.
-    """
-    natural, weights = shell.mass_rule
-    own = surface(shell, x, natural, axis)
-    return own.motion(), own.area * weights, own.N
-
-
 def drilling(
     shell: Shell, x: FloatArray, axis: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:

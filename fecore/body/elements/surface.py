@@ -12,12 +12,19 @@ rigid rotation has no strain whatever the surface, as the term with ∂_jd sees 
 leaves free, the rotation about the normal, is held to the surface's own by θ · n − ½ (e₂ · ∂₁u₀ −
 e₁ · ∂₂u₀) (Hughes and Brezzi, Comput. Methods Appl. Mech. Eng. 72, 1989).
 
+A point's own lengths are 1 + ζb of the middle's, b = sym(∂ᵢd · e_j), and the wall's volume grows by
+1 + ζ tr b. Of energy and inertia to the first order in b that is κ - 3/2 (bε + εb) + ε tr b in the
+place of κ, and u₀ + (t²/12) tr b θ × d in that
+of u₀: a cylinder has κ₂₂ - 2ε₂₂/R, κ₁₁ + ε₁₁/R. Without it an arc of R = 18 t has its lowest
+frequencies 0.15 % too low.
+
 All rows are (e, p, rows, n, 6) over e elements, p points and n nodes with u, v, w, θx, θy, θz.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -97,7 +104,26 @@ class Surface:
         turned = np.cross(self.directors[:, None, None], self.axes[:, :, :, None])
         rows = _rows(self.by, slope)
         rows[..., 3:] = self.by[:, :, :, None, :, None] * turned[:, :, None]
-        return _symmetric(rows)
+        bend = self._bend
+        b11, b22, b12 = (
+            part[..., None, None] for part in (bend[..., 0, 0], bend[..., 1, 1], bend[..., 0, 1])
+        )
+        (e11, e22, g12), found = np.moveaxis(self.membrane(), 2, 0), _symmetric(rows)
+        found[:, :, 0] += (b22 - 2 * b11) * e11 - 1.5 * b12 * g12
+        found[:, :, 1] += (b11 - 2 * b22) * e22 - 1.5 * b12 * g12
+        found[:, :, 2] -= 3 * b12 * (e11 + e22) + (b11 + b22) / 2 * g12
+        return found
+
+    @cached_property
+    def _bend(self) -> FloatArray:
+        """(e, p, 2, 2) the surface's own curvature b_ij = sym(∂ᵢd · e_j), 1/m."""
+        slope = np.einsum("epin,enk,epjk->epij", self.by, self.directors, self.axes)
+        return np.asarray((slope + np.swapaxes(slope, -1, -2)) / 2)
+
+    @property
+    def bend(self) -> FloatArray:
+        """(e, p) by how much per metre along the normal the surface's area grows, tr b."""
+        return np.asarray(np.trace(self._bend, axis1=-2, axis2=-1))
 
     def shear(self) -> FloatArray:
         """γ₁₃ and γ₂₃."""

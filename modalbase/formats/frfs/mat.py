@@ -263,10 +263,10 @@ def _named(variables: Variables, document: dict[str, Any], field: str) -> np.nda
 
 
 def _real(variables: Variables, name: str, field: str) -> np.ndarray[Any, Any]:
-    found = variable(variables, name)
-    if found.dtype.kind == "c":
+    values = variable(variables, name)
+    if values.dtype.kind == "c":
         raise FormatError(name, f"is complex, expected the real numbers of {field}")
-    return found
+    return values
 
 
 def _frf(
@@ -286,14 +286,14 @@ def _frf(
             " name}"
         )
         raise FormatError("mapping.frf", f"is {given!r}, expected {ways}")
-    found = variable(variables, given["variable"])
-    if found.dtype.kind != "c":
+    values = variable(variables, given["variable"])
+    if values.dtype.kind != "c":
         raise FormatError(
             given["variable"],
             "is real: an FRF without phase is of no use; name real and imaginary parts, or"
             " magnitude and phase",
         )
-    table = _rows(found, lines, "frf")
+    table = _rows(values, lines, "frf")
     return table if table.dtype == np.complex64 else table.astype(np.complex128)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from modalbase.formats.dof_names import dof_in_name
 from modalbase.formats.errors import FormatError
-from modalbase.formats.tables import Table
+from modalbase.formats.tables import TextTable
 from modalbase.formats.units import factor_of, unit_in_name
 
 Part = Literal["real", "imaginary", "magnitude", "phase"]
@@ -37,7 +37,7 @@ _PAIR = re.compile(r"([\w.:+-]+)\s*/\s*([\w.:+-]+)")
 Texts = Mapping[str, str]
 
 
-def texts_of(table: Table) -> dict[str, str]:
+def texts_of(table: TextTable) -> dict[str, str]:
     """The texts beside the columns of a table: their units, and points of response and reference
     where its headings name one pair, such as `2:+Z/1:+Z`, or the columns one for each FRF.
     """
@@ -73,12 +73,12 @@ def is_frequency(name: str, units: Mapping[str, str]) -> bool:
 
 def propose_parts(names: list[str], texts: Texts) -> dict[str, Any] | None:
     """Which columns are parts of FRFs, by their names and units; None where they do not say it."""
-    found: dict[Part, list[str]] = {part: [] for pair in PARTS for part in pair}
+    by_part: dict[Part, list[str]] = {part: [] for pair in PARTS for part in pair}
     for name in names:
         if (part := _part_of(name, texts)) is not None:
-            found[part].append(name)
+            by_part[part].append(name)
     for pair in PARTS:
-        columns = [found[part] for part in pair]
+        columns = [by_part[part] for part in pair]
         if columns[0] and len(columns[0]) == len(columns[1]):
             mapping: dict[str, Any] = {
                 part: listed[0] if len(listed) == 1 else listed

@@ -38,29 +38,29 @@ def propose_frfs(variables: Variables, texts: Mapping[str, str] | None = None) -
         texts: texts of the file by name.
     """
     texts = texts or {}
-    found: dict[str, Any] = {"frequency_hz": _axis(variables, texts)}
+    mapping: dict[str, Any] = {"frequency_hz": _axis(variables, texts)}
     complexes = [n for n, a in variables.items() if a.dtype.kind == "c"]
     frf = min(
         complexes, key=lambda name: any(part in name.lower() for part in _SPECTRA), default=None
     )
     columns = [name for name, array in variables.items() if 1 < array.size == max(array.shape)]
-    found["frf"] = propose_parts(columns, texts) if frf is None else {"variable": frf}
-    valued = names_of(found["frf"] or {})
+    mapping["frf"] = propose_parts(columns, texts) if frf is None else {"variable": frf}
+    valued = names_of(mapping["frf"] or {})
     if valued and (unit := unit_of_values(unit_beside(valued[0], texts), valued[0])):
-        found["unit"] = unit
+        mapping["unit"] = unit
     of = frf or (valued[0] if valued else None)
     alike = [
         n
         for n, a in variables.items()
         if of and a.shape == variables[of].shape and a.dtype.kind == "f"
     ]
-    shares = [
+    ratios = [
         n for n in alike if frf and variables[n].min() >= 0 and variables[n].max() <= 1 + 1e-6
     ]
-    if coherence := [n for n in alike if "coh" in n.lower()] or shares:
-        found["coherence"] = {"variable": coherence[0]}
+    if coherence := [n for n in alike if "coh" in n.lower()] or ratios:
+        mapping["coherence"] = {"variable": coherence[0]}
     count = len(valued) or 1 if frf is None else variables[frf].size // max(variables[frf].shape)
-    return found | _dofs(texts, count)
+    return mapping | _dofs(texts, count)
 
 
 def doubts(mapping: Any) -> list[str]:
@@ -119,7 +119,7 @@ def _axis(variables: Variables, texts: Mapping[str, str]) -> dict[str, Any] | No
         name for name, array in variables.items() if "omega" in name.lower() and _rises(array)
     ]
     if lines:
-        found: dict[str, Any] = {"variable": lines[0]}
+        axis: dict[str, Any] = {"variable": lines[0]}
     else:
         ends = {
             part: {
@@ -132,13 +132,13 @@ def _axis(variables: Variables, texts: Mapping[str, str]) -> dict[str, Any] | No
         parent = next((parent for parent in ends["start"] if parent in ends["step"]), None)
         if parent is None:
             return None
-        found = {
+        axis = {
             part: {"variable": names[parent]} for part, names in ends.items() if parent in names
         }
-    name = found.get("variable") or found["start"]["variable"]
+    name = axis.get("variable") or axis["start"]["variable"]
     if unit := unit_beside(name, texts, "frequency"):
-        found["unit"] = unit
-    return found
+        axis["unit"] = unit
+    return axis
 
 
 def _ends(name: str, words: tuple[str, ...]) -> bool:
@@ -149,9 +149,9 @@ def _dofs(texts: Mapping[str, str], count: int) -> dict[str, Any]:
     """Points and directions that the file states in names; else they are empty, the responses one
     by one.
     """
-    found: dict[str, Any] = dict.fromkeys(DOFS)
+    mapping: dict[str, Any] = dict.fromkeys(DOFS)
     if 1 < count <= _MOST_EMPTY:
-        found["response_point"] = [None] * count
+        mapping["response_point"] = [None] * count
     for side, words in _SIDES.items():
         named = {
             tuple(dof_in_name(line) for line in text.split("\n"))
@@ -164,8 +164,8 @@ def _dofs(texts: Mapping[str, str], count: int) -> dict[str, Any]:
                 [dof[part] for dof in whole[0] if dof is not None] for part in (0, 1)
             )
             for what, numbers in (("point", points), ("direction", directions)):
-                found[f"{side}_{what}"] = numbers[0] if len(set(numbers)) == 1 else numbers
-    return found
+                mapping[f"{side}_{what}"] = numbers[0] if len(set(numbers)) == 1 else numbers
+    return mapping
 
 
 def _rises(array: np.ndarray[Any, Any]) -> bool:

@@ -16,9 +16,9 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.models.files import lines_of
 from modalbase.formats.models.model import (
     BeamSection,
+    FieldPlace,
     FiniteElementModel,
     Material,
-    Place,
     ShellSection,
 )
 
@@ -34,7 +34,7 @@ class Number:
     """
 
     set: str
-    place: Place
+    place: FieldPlace
     value: float
     comment: str
 
@@ -52,25 +52,25 @@ class Changes:
         """New constants and the sets that have them; the first keep the material, those that do not
         change before others.
         """
-        found: list[tuple[dict[str, float], list[str]]] = []
+        groups: list[tuple[dict[str, float], list[str]]] = []
         for name in self.model.sets:
             if material.name in self.model.sections[name].materials:
                 values = self.materials.get((name, material.name), {})
-                own = next((sets for other, sets in found if _all_same(values, other)), None)
+                own = next((sets for other, sets in groups if _all_same(values, other)), None)
                 if own is None:
-                    found.append((values, own := []))
+                    groups.append((values, own := []))
                 own.append(name)
-        return sorted(found, key=lambda each: bool(each[0]))
+        return sorted(groups, key=lambda each: bool(each[0]))
 
     def comment(self, sets: Sequence[str], constant: str, material: Material, value: float) -> str:
         """What is said of a new constant."""
         before = material.constants[
             ISOTROPIC[constant] if constant not in material.constants else constant
         ]
-        return said(f"{constant} of {', '.join(sets)}", before, value)
+        return change_comment(f"{constant} of {', '.join(sets)}", before, value)
 
 
-def said(what: str, before: float, now: float) -> str:
+def change_comment(what: str, before: float, now: float) -> str:
     """A comment on a number that was updated."""
     return f"updated: {what} was {before:.9g}, is {now:.9g}"
 
@@ -82,7 +82,7 @@ def changes_of(model: FiniteElementModel, updated: Mapping[tuple[str, str], floa
         FormatError: a set or constant is none of the deck's, a value is no number, or a section's
             does not stand in the deck as a number of its own.
     """
-    found = Changes(model, [], {})
+    changes = Changes(model, [], {})
     by_set: dict[str, dict[str, float]] = {}
     for (name, constant), value in updated.items():
         if name not in model.sections:
@@ -93,23 +93,23 @@ def changes_of(model: FiniteElementModel, updated: Mapping[tuple[str, str], floa
             raise FormatError(f"{name}.{constant}", f"is {value}, expected a number")
         by_set.setdefault(name, {})[constant] = value
     for name, values in by_set.items():
-        _of_set(found, name, values)
-    return found
+        _of_set(changes, name, values)
+    return changes
 
 
-def _of_set(found: Changes, name: str, values: Mapping[str, float]) -> None:
-    section = found.model.sections[name]
+def _of_set(changes: Changes, name: str, values: Mapping[str, float]) -> None:
+    section = changes.model.sections[name]
     rest = dict(values)
     if isinstance(section, ShellSection) and "t" in rest:
-        found.sections.extend(_thickness(found.model, name, section, rest.pop("t")))
+        changes.sections.extend(_thickness(changes.model, name, section, rest.pop("t")))
     if isinstance(section, BeamSection):
-        found.sections.extend(
+        changes.sections.extend(
             _beam(name, section, {key: rest.pop(key) for key in _SECTION if key in rest})
         )
     factor = rest.pop("factor", 1.0)
-    alike = _alike(found.model, name)
+    alike = _alike(changes.model, name)
     density = rest.pop("density", 0.0)
-    share = density / _mean_density(found.model, name) if density else 1.0
+    share = density / _mean_density(changes.model, name) if density else 1.0
     for number, materials in enumerate(alike, start=1):
         suffix = "" if number == 1 else f"_{number}"
         own = {
@@ -117,15 +117,15 @@ def _of_set(found: Changes, name: str, values: Mapping[str, float]) -> None:
             for key in list(rest)
             if _numbered(key) == number
         }
-        for material in (found.model.materials[each] for each in materials):
+        for material in (changes.model.materials[each] for each in materials):
             changed = _as_stated(name, material, own, factor, share)
             if changed:
-                found.materials[name, material.name] = changed
+                changes.materials[name, material.name] = changed
     for key in rest:
         there = ", ".join(
             constant
             for materials in alike
-            for constant in found.model.materials[materials[0]].constants
+            for constant in changes.model.materials[materials[0]].constants
         )
         raise FormatError(
             f"{name}.{key}",
@@ -143,13 +143,13 @@ def _alike(model: FiniteElementModel, name: str) -> list[list[str]]:
     """A set's materials from the bottom; those that differ in density alone are one, with constants
     in common.
     """
-    found: dict[tuple[tuple[str, float], ...], list[str]] = {}
+    by_constants: dict[tuple[tuple[str, float], ...], list[str]] = {}
     for each in model.sections[name].materials:
         constants = model.materials[each].constants
-        found.setdefault(
+        by_constants.setdefault(
             tuple(sorted((k, v) for k, v in constants.items() if k != "density")), []
         ).append(each)
-    return list(found.values())
+    return list(by_constants.values())
 
 
 def _mean_density(model: FiniteElementModel, name: str) -> float:
@@ -181,7 +181,9 @@ def _thickness(
             raise FormatError(f"{name}.t", "does not stand in the deck as a number")
         value = ply.thickness * share
         if not _same(value, ply.thickness):
-            yield Number(name, place, value, said(f"thickness of {name}", ply.thickness, value))
+            yield Number(
+                name, place, value, change_comment(f"thickness of {name}", ply.thickness, value)
+            )
 
 
 def _beam(name: str, section: BeamSection, values: Mapping[str, float]) -> Iterable[Number]:
@@ -198,7 +200,7 @@ def _beam(name: str, section: BeamSection, values: Mapping[str, float]) -> Itera
                 name,
                 section.places[constant],
                 value,
-                said(f"{constant} of {name}", stated[constant], value),
+                change_comment(f"{constant} of {name}", stated[constant], value),
             )
 
 
@@ -264,26 +266,26 @@ def _isotropic(material: Material, values: Mapping[str, float]) -> dict[str, flo
     """E and ν, and G where the deck states it; None where the values are those of no isotropic
     material.
     """
-    wanted: dict[str, float] = {}
+    updated: dict[str, float] = {}
     for key, value in values.items():
         own = ISOTROPIC.get(key, key)
-        if abs(wanted.setdefault(own, value) - value) > _SAME * abs(value):
+        if abs(updated.setdefault(own, value) - value) > _SAME * abs(value):
             return None
-    now = {key: wanted.get(key, value) for key, value in material.constants.items()}
+    now = {key: updated.get(key, value) for key, value in material.constants.items()}
     if "G" in material.places:
         return now
     G = now.pop("G")
-    if "G" in wanted:
+    if "G" in updated:
         now["nu"] = now["E"] / (2 * G) - 1
     return (
         now
-        if -1 < now["nu"] <= 0.5 and abs(now["nu"] - wanted.get("nu", now["nu"])) < _SAME
+        if -1 < now["nu"] <= 0.5 and abs(now["nu"] - updated.get("nu", now["nu"])) < _SAME
         else None
     )
 
 
 Constants = Mapping[str, float]
-Fields = Sequence[tuple[Place, str]]
+Fields = Sequence[tuple[FieldPlace, str]]
 
 
 class Edits:
@@ -298,7 +300,7 @@ class Edits:
     def __init__(self, content: bytes, sign: str, tab: int = 0) -> None:
         self.texts, self.sign, self.tab = lines_of(content), sign, tab
         self._content = content
-        self._fields: defaultdict[int, list[tuple[Place, str]]] = defaultdict(list)
+        self._fields: defaultdict[int, list[tuple[FieldPlace, str]]] = defaultdict(list)
         self._before: defaultdict[int, list[str]] = defaultdict(list)
         self._after: defaultdict[int, list[str]] = defaultdict(list)
 
@@ -307,18 +309,18 @@ class Edits:
         """Whether anything changes."""
         return bool(self._fields or self._before or self._after)
 
-    def old(self, place: Place) -> str:
+    def old(self, place: FieldPlace) -> str:
         """What stood in a field; empty where the line ends before it."""
-        return self._parted(place.line)[0][place.start : place.end]
+        return self._split(place.line)[0][place.start : place.end]
 
-    def put(self, *fields: tuple[Place, str]) -> None:
+    def put(self, *fields: tuple[FieldPlace, str]) -> None:
         """Let texts stand in fields instead."""
         for place, text in fields:
             self._fields[place.line].append((place, text))
 
-    def remark(self, line: int, *said: str) -> None:
+    def remark(self, line: int, *comments: str) -> None:
         """Put comments before a line."""
-        self._before[line] += (f"{self.sign} {each}" for each in said)
+        self._before[line] += (f"{self.sign} {each}" for each in comments)
 
     def before(self, line: int, texts: Iterable[str]) -> None:
         """Put lines before one."""
@@ -332,7 +334,7 @@ class Edits:
         """A line with fields of its own."""
         if not fields:
             return self.texts[number - 1]
-        code, comment = self._parted(number)
+        code, comment = self._split(number)
         for place, text in sorted(fields, key=lambda each: each[0].start, reverse=True):
             rest = code[place.end :]
             code = code[: place.start].ljust(place.start, "," if "," in code else " ") + text + rest
@@ -346,19 +348,21 @@ class Edits:
             for raw in self._content.splitlines(keepends=True)
         ]
         newline = (ends or ["\n"])[0] or "\n"
-        found = [f"{line}{newline}" for line in head]
+        lines = [f"{line}{newline}" for line in head]
         for number, end in enumerate(ends, start=1):
             after = self._after[number]
-            found += [f"{line}{newline}" for line in self._before[number]]
-            found.append(
+            lines += [f"{line}{newline}" for line in self._before[number]]
+            lines.append(
                 self.line(number, self._fields[number]).replace("\n", newline)
                 + (end or newline if after else end)
             )
-            found += [f"{line}{newline}" for line in after]
+            lines += [f"{line}{newline}" for line in after]
         mark = BOM_UTF8 if self._content.startswith(BOM_UTF8) else b""
-        return mark + "".join(found).encode("latin-1", "replace")
+        # Numbers in what we say have a minus sign, which Latin-1 lacks; the user's own text has
+        # none.
+        return mark + "".join(lines).replace("−", "-").encode("latin-1", "replace")
 
-    def _parted(self, number: int) -> tuple[str, str]:
+    def _split(self, number: int) -> tuple[str, str]:
         """A line up to a comment, and the rest."""
         code, sign, comment = self.texts[number - 1].partition(self.sign)
         return code.expandtabs(self.tab) if self.tab else code, sign + comment

@@ -115,12 +115,12 @@ def check(model: FiniteElementModel) -> None:
     if faults:
         raise FormatError(faults[:NAMED])
     _weigh(model)
-    _led_once(model)
+    _constrained_once(model)
     try:
         _hangs_together(model)
     except IncompleteError as error:
         raise error.after(model.ignored) from None
-    _held_or_led(model)
+    _held_or_dependent(model)
 
 
 def _weigh(model: FiniteElementModel) -> None:
@@ -143,7 +143,7 @@ def _weigh(model: FiniteElementModel) -> None:
             )
 
 
-def _led_once(model: FiniteElementModel) -> None:
+def _constrained_once(model: FiniteElementModel) -> None:
     links: dict[int, Link] = {}
     for link in model.links:
         first = links.setdefault(link.node, link)
@@ -165,10 +165,10 @@ def _led_once(model: FiniteElementModel) -> None:
 
 
 def gathered(links: Iterable[Link]) -> tuple[Link, ...]:
-    """Links of one node by the same leaders along the same axes as one, which leads the dofs of
-    all.
+    """Links of one node to the same independent ones along the same axes as one, which leads the
+    dofs of all.
     """
-    found: dict[object, Link] = {}
+    merged: dict[object, Link] = {}
     for link in links:
         key = (
             link.node,
@@ -176,9 +176,9 @@ def gathered(links: Iterable[Link]) -> tuple[Link, ...]:
             link.weights,
             None if link.axes is None else link.axes.tobytes(),
         )
-        before = found.get(key, link)
-        found[key] = replace(before, dofs=tuple(sorted({*before.dofs, *link.dofs})))
-    return tuple(found.values())
+        before = merged.get(key, link)
+        merged[key] = replace(before, dofs=tuple(sorted({*before.dofs, *link.dofs})))
+    return tuple(merged.values())
 
 
 def nearness(places: Floats) -> float:
@@ -186,11 +186,11 @@ def nearness(places: Floats) -> float:
     return 1e-6 * float(np.linalg.norm(np.ptp(places, axis=0))) if len(places) else 0.0
 
 
-def on_leaders(
+def on_independent_nodes(
     supports: Iterable[Support], links: Iterable[Link], places: Floats
 ) -> Iterator[Support]:
-    """Supports, of which what holds a led node holds the one that leads it, where both lie at one
-    place.
+    """Supports, of which what holds a dependent node holds the independent one, where both lie at
+    one place.
     """
     near = nearness(places)
     ties = {
@@ -203,14 +203,14 @@ def on_leaders(
         held: dict[tuple[int, ...], list[int]] = defaultdict(list)
         for node in support.nodes.tolist():
             tie = ties.get(node)
-            led = (
+            dependent = (
                 set(tie.dofs)
                 if tie and (len(tie.dofs) == 6 or tie.axes is support.axes is None)
                 else set()
             )
             for at, some in (
-                (node, set(support.dofs) - led),
-                (tie.leaders[0] if tie else node, led & set(support.dofs)),
+                (node, set(support.dofs) - dependent),
+                (tie.leaders[0] if tie else node, dependent & set(support.dofs)),
             ):
                 if some:
                     held[tuple(sorted(some))].append(at)
@@ -234,27 +234,27 @@ def free_motions(supports: Iterable[Support], nodes: Iterable[int]) -> dict[int,
     return {node: scipy.linalg.null_space(np.concatenate(rows)) for node, rows in held.items()}
 
 
-def _held_or_led(model: FiniteElementModel) -> None:
-    """A led node moves as its leaders do: to hold it there holds nothing, unless these are held in
-    that motion too.
+def _held_or_dependent(model: FiniteElementModel) -> None:
+    """A dependent node moves as the independent ones do: to hold it there holds nothing, unless these
+    are held in that motion too.
     """
     links = {link.node: link for link in model.links}
-    free = free_motions(model.supports, {leader for link in model.links for leader in link.leaders})
+    free = free_motions(model.supports, {other for link in model.links for other in link.leaders})
     for support in model.supports:
         for node in links.keys() & set(support.nodes.tolist()):
-            link, led = links[node], directions(links[node])
-            rows = directions(support) @ led.T @ led
-            for leader in link.leaders:
+            link, dependent = links[node], directions(links[node])
+            rows = directions(support) @ dependent.T @ dependent
+            for other in link.leaders:
                 if len(link.leaders) == 1:  # d · (u + θ × r) = d · u + θ · (r × d)
-                    arm = np.cross(model.nodes[node] - model.nodes[leader], rows[:, :3])
+                    arm = np.cross(model.nodes[node] - model.nodes[other], rows[:, :3])
                     moved = np.hstack([rows[:, :3], rows[:, 3:] + arm])
                 else:
                     moved = np.eye(6)[:3] * np.abs(rows).max(initial=0.0)
-                if np.abs(moved @ free[leader]).max(initial=0.0) > LEAST:
+                if np.abs(moved @ free[other]).max(initial=0.0) > LEAST:
                     raise FormatError(
                         str(support.where),
                         f"holds node {model.numbers[node]} in what {link.where} has node"
-                        f" {model.numbers[leader]} lead; hold the one that leads",
+                        f" {model.numbers[other]} lead; hold the one that leads",
                     )
 
 
@@ -285,7 +285,7 @@ def _parts(model: FiniteElementModel) -> Integers:
         np.stack([np.repeat(b.nodes[:, 0], b.nodes.shape[1]), b.nodes.ravel()])
         for b in model.elements
     ]
-    joined = [(link.node, leader) for link in model.links for leader in link.leaders]
+    joined = [(link.node, independent) for link in model.links for independent in link.leaders]
     joined += [
         (spring.node, spring.second) for spring in model.springs if spring.second is not None
     ]

@@ -19,9 +19,9 @@ def included_file(name: str, included: Iterable[str]) -> str | None:
     small letters.
     """
     names = list(included)
-    wanted = PureWindowsPath(name).name.lower()
+    basename = PureWindowsPath(name).name.lower()
     return (
         name
         if name in names
-        else next((one for one in names if PureWindowsPath(one).name.lower() == wanted), None)
+        else next((one for one in names if PureWindowsPath(one).name.lower() == basename), None)
     )

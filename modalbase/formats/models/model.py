@@ -35,7 +35,7 @@ class Where:
 
 
 @dataclass(frozen=True)
-class Place:
+class FieldPlace:
     """Where a number stands, so that another can be written there."""
 
     line: int  # from 1, of its file
@@ -85,7 +85,7 @@ class Material:
     # `nu13`, `nu23` where stated; `density` where stated
     constants: Mapping[str, float]
     where: Where
-    places: Mapping[str, Place] = field(default_factory=dict)  # of the constants
+    places: Mapping[str, FieldPlace] = field(default_factory=dict)  # of the constants
 
     @property
     def is_isotropic(self) -> bool:
@@ -102,7 +102,7 @@ class Ply:
     material: str
     thickness: float
     angle_deg: float = 0.0
-    place: Place | None = None
+    place: FieldPlace | None = None
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class BeamSection:
     shear: tuple[float, float] | None = (5 / 6, 5 / 6)
     extra_mass: float = 0.0  # non-structural mass per length
     # of `area`, `I1`, `I2`, `J`, where the deck states them themselves
-    places: Mapping[str, Place] = field(default_factory=dict)
+    places: Mapping[str, FieldPlace] = field(default_factory=dict)
 
     @property
     def materials(self) -> tuple[str, ...]:
@@ -178,8 +178,8 @@ class Spring:
 
 @dataclass(frozen=True)
 class Link:
-    """A node whose dofs (0 … 5) others lead: one as a rigid body, or several as their weighted
-    mean.
+    """A dependent node, whose dofs (0 … 5) independent ones (`leaders`) lead: one as a rigid body,
+    or several as their weighted mean.
 
     The dofs are along the model's axes, or along those (3, 3, as rows) of `axes`.
     """
@@ -205,7 +205,7 @@ class Support:
 
 
 @dataclass(frozen=True)
-class Ignored:
+class SkippedCard:
     """Cards that were not used."""
 
     card: str  # name, such as `*CONTACT PAIR` or `PLOAD4`
@@ -238,7 +238,7 @@ class FiniteElementModel:
     springs: tuple[Spring, ...] = ()
     links: tuple[Link, ...] = ()
     supports: tuple[Support, ...] = ()
-    ignored: tuple[Ignored, ...] = ()  # what was not used
+    ignored: tuple[SkippedCard, ...] = ()  # what was not used
 
     @property
     def sets(self) -> tuple[str, ...]:
@@ -257,20 +257,20 @@ class Placed(Protocol):
 class IncompleteError(FormatError):
     """A model lacks what one of its parts needs; cards that were not read may be why."""
 
-    def after(self, ignored: Iterable[Ignored]) -> IncompleteError:
+    def after(self, skipped: Iterable[SkippedCard]) -> IncompleteError:
         """The same after the cards that were not read, which come first."""
         unread = [
             (
                 str(Where(each.lines[0], each.file)),
                 f"{each.card}: {each.loss}; this may be why the model is incomplete",
             )
-            for each in ignored
+            for each in skipped
             if each.changes
         ]
         return IncompleteError([*unread, *self.faults])
 
 
-class Losses:
+class ReadReport:
     """Cards that were not used, or not as their solver would."""
 
     def __init__(self) -> None:
@@ -282,10 +282,10 @@ class Losses:
         self._noted[card, loss, changes, where.file].append(where.line)
 
     @property
-    def found(self) -> tuple[Ignored, ...]:
+    def skipped(self) -> tuple[SkippedCard, ...]:
         """All of it, what changes modes first."""
         every = [
-            Ignored(card, tuple(lines), loss, changes, file)
+            SkippedCard(card, tuple(lines), loss, changes, file)
             for (card, loss, changes, file), lines in self._noted.items()
         ]
         return tuple(sorted(every, key=lambda each: not each.changes))

@@ -10,8 +10,16 @@ from dataclasses import dataclass, replace
 from math import sqrt
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.model import FiniteElementModel, Ignored, Material, Where
-from modalbase.formats.models.units import SIZES, Units, extent, guess, modulus_of, units_of, within
+from modalbase.formats.models.model import FiniteElementModel, Material, SkippedCard, Where
+from modalbase.formats.models.units import (
+    SIZES,
+    UnitSystem,
+    extent,
+    guess,
+    modulus_of,
+    units_of,
+    within,
+)
 
 DENSITIES, MODULI, SPEEDS = (10.0, 2.5e4), (1e6, 2e12), (30.0, 3e4)
 """Usual in solids: kg/m³, Pa, and √(E/ρ) in m/s."""
@@ -35,21 +43,21 @@ def plain(name: str) -> str:
 
 
 def require_answers(
-    questions: Iterable[Question], accepted: Sequence[str], ignored: Iterable[Ignored] = ()
+    questions: Iterable[Question], accepted: Sequence[str], skipped: Iterable[SkippedCard] = ()
 ) -> None:
     """Refuse questions without an answer, and answers without a question.
 
     Args:
         questions: all of a model.
         accepted: names that the user sends.
-        ignored: cards that are not used, which may be named though they change nothing.
+        skipped: cards that are not used, which may be named though they change nothing.
 
     Raises:
         FormatError: as said; every one is named.
     """
     questions, given = list(questions), {plain(name): name for name in accepted}
     known = {plain(name) for question in questions for name in question.names} | {
-        plain(one.card) for one in ignored
+        plain(one.card) for one in skipped
     }
     faults = [
         (question.place, f"{question.what}; accept={question.names[0]} {question.effect}")
@@ -58,9 +66,9 @@ def require_answers(
     ]
     if len(faults) > MOST_NAMED:
         faults[MOST_NAMED:] = [("", f"and {len(faults) - MOST_NAMED} more such questions")]
-    asked = ", ".join(question.names[0] for question in questions[:MOST_NAMED]) or "none"
+    named = ", ".join(question.names[0] for question in questions[:MOST_NAMED]) or "none"
     faults += [
-        ("accept", f"{name!r} answers nothing that is asked of this model; its questions: {asked}")
+        ("accept", f"{name!r} answers nothing that is asked of this model; its questions: {named}")
         for key, name in given.items()
         if key not in known
     ]
@@ -119,7 +127,7 @@ def is_weighed_apart(model: FiniteElementModel, name: str, material: Material) -
     return apart and not material.constants.get("density")
 
 
-def massless(model: FiniteElementModel) -> Iterator[Ignored]:
+def massless(model: FiniteElementModel) -> Iterator[SkippedCard]:
     """Notes of materials without density, which are no question where masses are stated apart.
 
     Raises:
@@ -139,10 +147,10 @@ def massless(model: FiniteElementModel) -> Iterator[Ignored]:
     for material in model.materials.values():
         if not material.constants.get("density"):
             loss = f"{material.name} has none: its elements weigh nothing"
-            yield Ignored("density", (material.where.line,), loss, file=material.where.file)
+            yield SkippedCard("density", (material.where.line,), loss, file=material.where.file)
 
 
-def _unusual(material: Material, u: Units) -> Iterator[tuple[str, str]]:
+def _unusual(material: Material, u: UnitSystem) -> Iterator[tuple[str, str]]:
     density, modulus = (
         material.constants.get("density", 0.0) * u.density,
         modulus_of(material) * u.stress,

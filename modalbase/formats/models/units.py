@@ -57,7 +57,7 @@ frequencies are then in odd units.
 """
 
 
-class Units(NamedTuple):
+class UnitSystem(NamedTuple):
     """SI value of one unit of length, force and mass."""
 
     length: float
@@ -109,7 +109,7 @@ SIZES = (1e-3, 1e4)
 """Usual extent of a structure, m."""
 
 
-def units_of(name: str) -> Units:
+def units_of(name: str) -> UnitSystem:
     """Units by name: of length, force and mass, with hyphens between.
 
     >>> units_of("m-kN-t").density
@@ -130,7 +130,7 @@ def units_of(name: str) -> Units:
             f"{name!r} names no units, expected length-force-mass, such as {', '.join(COMMON)}; "
             f"lengths {' '.join(LENGTHS)}, forces {' '.join(FORCES)}, masses {' '.join(MASSES)}",
         )
-    return Units(LENGTHS[parts[0]], FORCES[parts[1]], MASSES[parts[2]])
+    return UnitSystem(LENGTHS[parts[0]], FORCES[parts[1]], MASSES[parts[2]])
 
 
 def in_si(model: FiniteElementModel, units: str) -> FiniteElementModel:
@@ -162,7 +162,7 @@ def in_si(model: FiniteElementModel, units: str) -> FiniteElementModel:
     )
 
 
-def _section(section: ShellSection | BeamSection, u: Units) -> ShellSection | BeamSection:
+def _section(section: ShellSection | BeamSection, u: UnitSystem) -> ShellSection | BeamSection:
     if isinstance(section, ShellSection):
         plies = tuple(replace(ply, thickness=ply.thickness * u.length) for ply in section.plies)
         extra = section.extra_mass * u.mass / u.length**2
@@ -177,12 +177,12 @@ def _section(section: ShellSection | BeamSection, u: Units) -> ShellSection | Be
     )
 
 
-def _material(material: Material, u: Units) -> Material:
+def _material(material: Material, u: UnitSystem) -> Material:
     stated = {name: value * unit_of(name, u) for name, value in material.constants.items()}
     return replace(material, constants={**stated, "density": stated.get("density", 0.0)})
 
 
-def unit_of(constant: str, u: Units) -> float:
+def unit_of(constant: str, u: UnitSystem) -> float:
     """SI value of one unit of a constant of a section or material, such as `t`, `I1`, `E2`, `nu` or
     `density`.
     """
@@ -193,7 +193,7 @@ def unit_of(constant: str, u: Units) -> float:
     return u.stress if constant[0] in "EG" else 1.0
 
 
-def _mass(mass: PointMass, u: Units) -> PointMass:
+def _mass(mass: PointMass, u: UnitSystem) -> PointMass:
     x, y, z = (value * u.length for value in mass.offset)
     inertia = tuple(
         (a * u.mass * u.length**2, b * u.mass * u.length**2, c * u.mass * u.length**2)
@@ -202,7 +202,7 @@ def _mass(mass: PointMass, u: Units) -> PointMass:
     return replace(mass, mass=mass.mass * u.mass, inertia=inertia, offset=(x, y, z))
 
 
-def _spring(spring: Spring, u: Units) -> Spring:
+def _spring(spring: Spring, u: UnitSystem) -> Spring:
     """N/m between displacements, N·m between turns, N between the two."""
     turns = [
         dof >= 3
@@ -232,13 +232,13 @@ def guess(model: FiniteElementModel) -> Guess | None:
         if within(extent(model) * u.length, SIZES):
             kinds = {each: _kind(material, u) for each, material in model.materials.items()}
             known[name] = {each: kind for each, kind in kinds.items() if kind}
-    shares = {name: sum(counts[each] for each in kinds) for name, kinds in known.items()}
-    most = max(shares.values(), default=0)
+    recognised = {name: sum(counts[each] for each in kinds) for name, kinds in known.items()}
+    most = max(recognised.values(), default=0)
     if not most:
         return None
-    first, *others = (name for name, share in shares.items() if share == most)
+    first, *others = (name for name, share in recognised.items() if share == most)
     u = units_of(first)
-    said = "; ".join(
+    materials = "; ".join(
         f"{name} would be {known[first].get(name) or 'no usual material'} (E"
         f" {modulus_of(material) * u.stress:.3g} Pa, density"
         f" {material.constants.get('density', 0.0) * u.density:.4g} kg/m³)"
@@ -247,11 +247,11 @@ def guess(model: FiniteElementModel) -> Guess | None:
     also = f"; {', '.join(others)} would fit too" if others else ""
     return Guess(
         first,
-        f"in {first} the structure is {extent(model) * u.length:.3g} m large, and {said}{also}",
+        f"in {first} the structure is {extent(model) * u.length:.3g} m large, and {materials}{also}",
     )
 
 
-def _kind(material: Material, u: Units) -> str:
+def _kind(material: Material, u: UnitSystem) -> str:
     """A known kind of material that has these constants; empty where none has."""
     density, E = material.constants.get("density", 0.0) * u.density, modulus_of(material) * u.stress
     return next((k.name for k in _KNOWN if within(density, k.density) and within(E, k.modulus)), "")

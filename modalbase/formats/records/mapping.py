@@ -179,7 +179,9 @@ _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
     "label": (_is_texts, "a list of texts, one for each block"),
 }
 """What the fields of a mapping and of its channels must be."""
-_ASKED = ("direction",)  # have a default, and are asked for where a proposal left them empty
+_REQUIRED_IF_NAMED = (
+    "direction",
+)  # have a default, and are asked for where a proposal left them empty
 
 
 def _faults_of(
@@ -189,17 +191,17 @@ def _faults_of(
     null is not stated.
     """
     own = {f.name: f.default is MISSING for f in fields(kind) if f.name in _EXPECTED}
-    found = [
+    faults = [
         (f"{place}.{name}", "is unknown") for name in sorted(document.keys() - {*own, "channels"})
     ]
     for name, is_required in own.items():
         given, (holds, expected) = document.get(name), _EXPECTED[name]
-        if given is None and (is_required or (name in _ASKED and name in document)):
+        if given is None and (is_required or (name in _REQUIRED_IF_NAMED and name in document)):
             is_empty = "is empty" if name in document else "is missing"
-            found.append((f"{place}.{name}", f"{is_empty}, expected {expected}"))
+            faults.append((f"{place}.{name}", f"{is_empty}, expected {expected}"))
         elif given is not None and not holds(given):
-            found.append((f"{place}.{name}", f"is {given!r}, expected {expected}"))
-    return found
+            faults.append((f"{place}.{name}", f"is {given!r}, expected {expected}"))
+    return faults
 
 
 def _taken(document: dict[str, Any]) -> dict[str, Any]:
@@ -393,8 +395,8 @@ def _hits(variables: Variables, given: Values | None, where: list[tuple[int, int
     if given is not None:
         return _integers(variables, given, len(where), "hit", 1)
     seen: dict[tuple[int, int], int] = {}
-    found = []
+    numbers = []
     for place in where:
         seen[place] = seen.get(place, 0) + 1
-        found.append(seen[place])
-    return found
+        numbers.append(seen[place])
+    return numbers

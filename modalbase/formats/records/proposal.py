@@ -64,12 +64,12 @@ def propose(variables: Variables, units: Mapping[str, str] | None = None) -> dic
         channel = _channel(name, units or {})
         at = point if channel["quantity"] == "force" else None
         channels.append(channel if channel["point"] or at is None else channel | {"point": at})
-    found: dict[str, Any] = {"channels": sorted(channels, key=lambda c: c["quantity"] != "force")}
+    mapping: dict[str, Any] = {"channels": sorted(channels, key=lambda c: c["quantity"] != "force")}
     if rate or time:
-        found["sample_rate_hz"] = {"variable": rate or time}
+        mapping["sample_rate_hz"] = {"variable": rate or time}
     if "hit" in variables:
-        found["hit"] = {"variable": "hit"}
-    return found
+        mapping["hit"] = {"variable": "hit"}
+    return mapping
 
 
 def propose_recording(

@@ -136,27 +136,25 @@ def _entry(number: int, entry: Any) -> tuple[int, int, int]:
         "direction",
     }:
         raise FormatError(place, "is not {point, hits} with or without direction")
-    found = entry["point"], entry.get("direction", 3), entry["hits"]
-    if any(isinstance(n, bool) or not isinstance(n, int) for n in found):
+    hit = entry["point"], entry.get("direction", 3), entry["hits"]
+    if any(isinstance(n, bool) or not isinstance(n, int) for n in hit):
         raise FormatError(place, "has a point, direction or number of hits that is no whole number")
-    if not (
-        1 <= found[0] <= MOST_POINT and 1 <= abs(found[1]) <= 6 and 1 <= found[2] <= _MOST_HITS
-    ):
+    if not (1 <= hit[0] <= MOST_POINT and 1 <= abs(hit[1]) <= 6 and 1 <= hit[2] <= _MOST_HITS):
         raise FormatError(
             place,
             f"is no place to hit: expected point and hits from 1 (to {_MOST_HITS}), direction ±1"
             " to ±6",
         )
-    return found
+    return hit
 
 
 def _point_of(filename: str) -> int:
     """The number behind `point` or `p` in a file's name, or the only number in it."""
     stem = PurePosixPath(filename).stem
-    found = _POINT.findall(stem) or re.findall(r"\d+", stem)
-    if len(found) != 1 or int(found[0]) < 1:
+    numbers = _POINT.findall(stem) or re.findall(r"\d+", stem)
+    if len(numbers) != 1 or int(numbers[0]) < 1:
         raise FormatError(
             f"{_RECORDING}.order",
             f"cannot take the point from the name {filename!r}; expected one such as point_4.wav",
         )
-    return int(found[0])
+    return int(numbers[0])

@@ -96,15 +96,16 @@ def _unit(channel: Mapping[str, Any], in_file: Sequence[str], place: str) -> str
     there is none.
     """
     stated, instead = channel.get("unit") or "", channel.get("instead_of") or ""
-    said = " and ".join(map(repr, in_file))
+    file_units = " and ".join(map(repr, in_file))
     if instead and instead not in in_file:
         raise FormatError(
-            f"{place}.instead_of", f"is {instead!r}, and the file states {said or 'no unit'}"
+            f"{place}.instead_of", f"is {instead!r}, and the file states {file_units or 'no unit'}"
         )
     if not stated:
         if len(in_file) > 1:
             raise FormatError(
-                f"{place}.unit", f"is stated in the file as {said}; state the one that is right"
+                f"{place}.unit",
+                f"is stated in the file as {file_units}; state the one that is right",
             )
         return in_file[0] if in_file else ""
     unit = read_unit(stated)
@@ -119,7 +120,7 @@ def _unit(channel: Mapping[str, Any], in_file: Sequence[str], place: str) -> str
         wrong = in_file[0]
         raise FormatError(
             f"{place}.unit",
-            f"is {stated!r}, and the file states {said}; where the file is wrong, state"
+            f"is {stated!r}, and the file states {file_units}; where the file is wrong, state"
             f' "instead_of": "{wrong}"',
         )
     return stated

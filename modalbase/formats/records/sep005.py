@@ -61,18 +61,18 @@ def records_from_sep005(
     """
     listed = [series] if isinstance(series, Mapping) else list(series)
     faults: list[tuple[str, str]] = []
-    found = [
+    entries = [
         entry
         for i, one in enumerate(listed)
         if (entry := _channel(one, f"series.{i}", places, sensitivities or {}, faults)) is not None
     ]
-    rates = sorted({entry.rate for entry in found})
-    names = [entry.mapping.variable for entry in found]
+    rates = sorted({entry.rate for entry in entries})
+    names = [entry.mapping.variable for entry in entries]
     if not faults and len(set(names)) < len(names):
         faults.append(("series", "hold a name twice: places are by name"))
-    if not faults and sum(entry.mapping.quantity == "force" for entry in found) != 1:
+    if not faults and sum(entry.mapping.quantity == "force" for entry in entries) != 1:
         faults.append(("series", "have not exactly one channel that measures a force"))
-    if not faults and len(found) < 2:
+    if not faults and len(entries) < 2:
         faults.append(("series", "have no response"))
     if not faults and rates[-1] - rates[0] > 1e-9 * rates[-1]:
         faults.append(
@@ -80,7 +80,7 @@ def records_from_sep005(
         )
     if faults:
         raise FormatError(faults)
-    variables = {entry.mapping.variable: entry.data for entry in found}
+    variables = {entry.mapping.variable: entry.data for entry in entries}
     rows = max(
         1, next(iter(variables.values())).size // np.shape(next(iter(variables.values())))[-1]
     )
@@ -89,7 +89,7 @@ def records_from_sep005(
         variables["\0hit"] = np.arange(hit, hit + rows, dtype=float)  # no channel has such a name
         number = "\0hit"
     return blocks_of(
-        variables, BlockMapping(rates[0], tuple(entry.mapping for entry in found), number)
+        variables, BlockMapping(rates[0], tuple(entry.mapping for entry in entries), number)
     )
 
 

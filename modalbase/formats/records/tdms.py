@@ -228,13 +228,13 @@ def _broken() -> Iterator[None]:
 
 def _channels(file: Any) -> dict[str, Any]:
     """The channels that hold numbers, by group/channel."""
-    found = (
+    pairs = (
         (f"{group.name}/{channel.name}", channel)
         for group in file.groups()
         for channel in group.channels()
     )
     return {
-        name: channel for name, channel in found if len(channel) and channel.dtype.kind in "iuf"
+        name: channel for name, channel in pairs if len(channel) and channel.dtype.kind in "iuf"
     }
 
 
@@ -322,7 +322,7 @@ def _of_segment(segment: Any, own: Any, raw: BinaryIO) -> Iterator[Any]:
     from nptdms.base_segment import RawChannelDataChunk
 
     kind = own.data_type.nptype.newbyteorder(segment._get_data_reader().endianness)
-    for begin, count, width, column in _stretches(segment, own):
+    for begin, count, width, column in _sample_blocks(segment, own):
         for first in range(0, count, FRAMES):
             raw.seek(begin + first * width)
             read = np.frombuffer(raw.read(min(FRAMES, count - first) * width), np.uint8)
@@ -332,7 +332,7 @@ def _of_segment(segment: Any, own: Any, raw: BinaryIO) -> Iterator[Any]:
             yield RawChannelDataChunk.channel_data(np.ascontiguousarray(rows).view(kind)[:, 0])
 
 
-def _stretches(segment: Any, own: Any) -> Iterator[tuple[int, int, int, int]]:
+def _sample_blocks(segment: Any, own: Any) -> Iterator[tuple[int, int, int, int]]:
     """Where the samples of a channel lie: first byte, rows, bytes of a row, and the sample's place
     in it.
     """

@@ -13,7 +13,7 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.records.arrays import SAMPLE_RATE, Variables, sampling_rate
 from modalbase.formats.records.proposal import is_time
 from modalbase.formats.records.wav import FRAMES
-from modalbase.formats.tables import Stated, Table, open_table
+from modalbase.formats.tables import Stated, TextTable, open_table
 from modalbase.formats.types import FloatArray
 
 
@@ -25,7 +25,7 @@ class TextRecording:
         table: of the file.
     """
 
-    table: Table
+    table: TextTable
     full_scale, declared = None, True
 
     @property

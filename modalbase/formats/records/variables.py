@@ -63,22 +63,22 @@ def read_named(
     if kind not in SUFFIXES:
         raise FormatError("", f"is a '{kind}' file, expected one of {', '.join(SUFFIXES)}")
     try:
-        found = SUFFIXES[kind](path, limit_bytes)
+        arrays = SUFFIXES[kind](path, limit_bytes)
     except FormatError:
         raise
     except Exception as error:  # noqa: BLE001 - of damaged files the readers raise errors of a dozen kinds
         why = " ".join(str(error).split()) or type(error).__name__
         raise FormatError("", f"cannot be read as {kind}: {why}") from None
-    if any("\0" in name for name in found):
+    if any("\0" in name for name in arrays):
         raise FormatError("", "has a variable whose name holds a NUL character")
     numbers = {
-        name: array for name, array in found.items() if array.dtype.kind in "fiuc" and array.size
+        name: array for name, array in arrays.items() if array.dtype.kind in "fiuc" and array.size
     }
     if not numbers:
         raise FormatError("", "holds no numeric array")
     words = {
         name: array
-        for name, array in found.items()
+        for name, array in arrays.items()
         if array.dtype.kind == "U" and array.size < _LONGEST_TEXT
     }
     texts = {
@@ -99,9 +99,9 @@ def _npz(path: Path, limit_bytes: int | None) -> Variables:
     with zipfile.ZipFile(path) as archive:
         members = members_of(archive)
         _within(sum(member.file_size for member in members), limit_bytes, "")
-        found = [member for member in members if member.filename.endswith(".npy")]
+        stored = [member for member in members if member.filename.endswith(".npy")]
         return {
-            member.filename.removesuffix(".npy"): read_array(archive, member) for member in found
+            member.filename.removesuffix(".npy"): read_array(archive, member) for member in stored
         }
 
 
@@ -124,11 +124,11 @@ def _mat(path: Path, limit_bytes: int | None) -> Variables:
         for loss in _SCIPY_LOSES:
             warnings.filterwarnings("error", message=loss)
         try:
-            found = reader.loadmat(path, squeeze_me=False)
+            content = reader.loadmat(path, squeeze_me=False)
         except Exception as error:  # noqa: BLE001 - on damaged files scipy raises errors of a dozen kinds
             raise FormatError("", f"cannot be read as .mat: {error}") from None
     arrays: Variables = {}
-    for name, value in found.items():
+    for name, value in content.items():
         if not name.startswith("__") and isinstance(value, np.ndarray):
             _flatten(name, value, arrays)
     _within(sum(array.nbytes for array in arrays.values()), limit_bytes, "")

@@ -94,16 +94,16 @@ class Wav:
                 )
 
 
-def _decoded(raw: bytes, kind: str, wanted: type[np.floating]) -> FloatArray:
+def _decoded(raw: bytes, kind: str, dtype: type[np.floating]) -> FloatArray:
     if kind[1:] == "i3":
         order = slice(None) if kind[0] == "<" else slice(None, None, -1)
         whole = np.zeros((len(raw) // 3, 4), dtype=np.uint8)
         whole[:, 1:] = np.frombuffer(raw, np.uint8).reshape(-1, 3)[:, order]
-        return _decoded(whole.tobytes(), "<i4", wanted)
-    values = np.frombuffer(raw, kind).astype(wanted)
+        return _decoded(whole.tobytes(), "<i4", dtype)
+    values = np.frombuffer(raw, kind).astype(dtype)
     if kind[1] == "f":
         return values
-    half = wanted(2.0 ** (8 * int(kind[2]) - 1))
+    half = dtype(2.0 ** (8 * int(kind[2]) - 1))
     return np.asarray((values - half if kind[1] == "u" else values) / half)
 
 
@@ -163,11 +163,11 @@ def _head(path: Path, form: bytes, order: Literal["little", "big"], begin: int, 
     if not channels or not rate:
         raise FormatError("", f"cannot be read as .wav: it has {channels} channels at {rate} Hz")
     if tag == _PCM and (frame != size * channels or flow != rate * frame):
-        said = (
+        claims = (
             f"{rate} frames of {channels} times {bits} bits a second, {frame} bytes a frame and"
             f" {flow} bytes a second"
         )
-        raise FormatError("", f"cannot be read as .wav: its head is damaged, which says {said}")
+        raise FormatError("", f"cannot be read as .wav: its head is damaged, which says {claims}")
     kind = ("<" if order == "little" else ">") + kind
     return Wav(path, channels, float(rate), kind, begin, length // (size * channels))
 

@@ -188,7 +188,7 @@ def layout_of(
     signs = (
         list(SEPARATORS.values()) if stated.separator is None else [SEPARATORS[stated.separator]]
     )
-    splits = [found for sign in signs if (found := _Split.of(lines, sign)) is not None]
+    splits = [split for sign in signs if (split := _Split.of(lines, sign)) is not None]
     if not splits:
         first = next((line.strip() for _, line in lines if line.strip()), "")
         why = f"it begins {first[:60]!r}" if first else "it is empty"

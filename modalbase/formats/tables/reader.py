@@ -71,7 +71,7 @@ def encoding_of(file: BinaryIO) -> str:
 
 
 @dataclass(frozen=True)
-class Table:
+class TextTable:
     """A table of text in a file."""
 
     open_text: Callable[[], IO[str]]
@@ -111,7 +111,7 @@ class Table:
             yield numbers
 
 
-def open_table(source: Path | bytes, stated: Stated = Stated()) -> Table:  # noqa: B008 - frozen
+def open_table(source: Path | bytes, stated: Stated = Stated()) -> TextTable:  # noqa: B008 - frozen
     """A table, and what its lines are.
 
     Raises:
@@ -127,7 +127,7 @@ def open_table(source: Path | bytes, stated: Stated = Stated()) -> Table:  # noq
         raise FormatError("encoding", f"is stated as {encoding}, and the file is not") from None
     is_whole = len(head) <= _HEAD_LINES
     layout = layout_of(list(enumerate(head[:_HEAD_LINES], 1)), stated, is_whole=is_whole)
-    return Table(open_text, encoding, layout, list(layout.notes))
+    return TextTable(open_text, encoding, layout, list(layout.notes))
 
 
 def read_rows(

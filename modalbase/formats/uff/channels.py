@@ -75,10 +75,10 @@ def time_of(
             takes it out of range.
     """
     notes: list[str] = []
-    found = _channel(raw, units, notes)
-    if found is None or raw.values.dtype.kind == "c":
+    channel = _channel(raw, units, notes)
+    if channel is None or raw.values.dtype.kind == "c":
         return None
-    quantity, factor = found
+    quantity, factor = channel
     unit = raw.abscissa.unit.lower().strip()
     if unit not in _SECONDS or raw.abscissa.data_type not in (*_UNSTATED_TYPES, 17):
         raise Refusal(f"is a time block over '{raw.abscissa.unit}', expected seconds", 7)
@@ -109,10 +109,10 @@ def spectrum_of(
     """
     notes: list[str] = []
     kind: Literal["auto", "cross"] = "auto" if raw.function_type == AUTO_SPECTRUM else "cross"
-    found = _channel(raw, units, notes, squared=True) if kind == "auto" else (None, 1.0)
-    if found is None:
+    channel = _channel(raw, units, notes, squared=True) if kind == "auto" else (None, 1.0)
+    if channel is None:
         return None
-    quantity, factor = found
+    quantity, factor = channel
     axis: Axis = frequency_of(raw, notes)
     values = np.asarray(raw.values, dtype=np.complex128)
     dofs = global_dofs(raw, geometry, notes)

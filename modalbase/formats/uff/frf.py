@@ -166,10 +166,10 @@ def _quantity_and_factor(
     quantity, whole = _quantity(raw, top.label, response, below, limits, notes)
     _note_exponents(raw, rotation, moment, notes)
     if whole and top.label is not None:
-        factor, said = top.label.factor, f"'{top.text}'"
+        factor, label = top.label.factor, f"'{top.text}'"
     else:
-        factor, said = _ratio(top, bottom, response[quantity], below, units, notes)
-    _note_factor(factor, said, top, bottom, units, notes)
+        factor, label = _ratio(top, bottom, response[quantity], below, units, notes)
+    _note_factor(factor, label, top, bottom, units, notes)
     return quantity, factor
 
 
@@ -249,16 +249,18 @@ def _ratio(
 
 
 def _note_factor(
-    factor: float, said: str, top: _Side, bottom: _Side, units: Units | None, notes: list[str]
+    factor: float, label: str, top: _Side, bottom: _Side, units: Units | None, notes: list[str]
 ) -> None:
     """State the conversion, and where labels and set 164 disagree."""
     if factor != 1.0:
         gravity = " (1 g = 9.80665 m/s²)" if _GRAVITY.search(top.text) else ""
-        notes.append(f"ordinates multiplied by {factor:.9g} to SI{gravity}: their units are {said}")
+        notes.append(
+            f"ordinates multiplied by {factor:.9g} to SI{gravity}: their units are {label}"
+        )
     by_164 = top.by_164 / bottom.by_164
     if units is not None and (top.label or bottom.label) and abs(by_164 / factor - 1) > 1e-6:
         notes.append(
-            f"the unit labels {said} contradict set 164, by which the factor is {by_164:.9g}; the"
+            f"the unit labels {label} contradict set 164, by which the factor is {by_164:.9g}; the"
             " labels are used"
         )
 

@@ -116,13 +116,13 @@ class Geometry:
                 f" {skew:.1f}° off the nearest global axis; only directions along the global axes"
                 " are stored"
             )
-        found = int(np.sign(along[nearest])) * (nearest + 1 + (3 if abs(direction) > 3 else 0))
-        if found != direction:
+        turned = int(np.sign(along[nearest])) * (nearest + 1 + (3 if abs(direction) > 3 else 0))
+        if turned != direction:
             notes.append(
-                f"{name} direction {direction:+d} of coordinate system {label} is {found:+d} of the"
+                f"{name} direction {direction:+d} of coordinate system {label} is {turned:+d} of the"
                 " global system"
             )
-        return found
+        return turned
 
 
 def rows_15(body: bytes) -> list[PointRow]:
@@ -210,7 +210,7 @@ def grid_points(
             )
         points[row.label] = point
     moved = sorted(
-        {row.definition_system for row in rows if _moves(row.definition_system, geometry)}
+        {row.definition_system for row in rows if _is_local(row.definition_system, geometry)}
     )
     if moved:
         notes.append(
@@ -229,7 +229,7 @@ def grid_points(
     return Parsed(tuple(points.values()), notes, claims)
 
 
-def _moves(label: int, geometry: Geometry) -> bool:
+def _is_local(label: int, geometry: Geometry) -> bool:
     """Whether a system is another than the global one."""
     system = geometry.systems.get(label)
     if system is None:
@@ -259,7 +259,7 @@ def read_18(
 ) -> Parsed:
     """Set 18: origin, a point on +x and a point in the +xz plane of each system."""
     cursor = Cursor(body)
-    found: list[CoordinateSystem] = []
+    defined: list[CoordinateSystem] = []
     claims: dict[str, list[float]] = {"cs_num": [], "cs_type": [], "ref_cs_num": []}
     while cursor:
         row = cursor.next("a coordinate system")
@@ -274,7 +274,7 @@ def read_18(
             )
         origin, on_x, on_xz = np.array(numbers).reshape(3, 3)
         if reference:
-            base = next((s for s in found if s.label == reference), systems.get(reference))
+            base = next((s for s in defined if s.label == reference), systems.get(reference))
             if base is None or base.kind != "cartesian":
                 raise cursor.refuse(
                     f"coordinate system {label} refers to {reference}, which is no Cartesian one"
@@ -290,12 +290,12 @@ def read_18(
         x = (on_x - origin) / np.linalg.norm(on_x - origin)
         y = -z_side / np.linalg.norm(z_side)
         axes = np.array([x, y, np.cross(x, y)])
-        found.append(
+        defined.append(
             CoordinateSystem(dataset, label, name, _KINDS[kind], _metres(origin, units), axes)
         )
         for key, value in (("cs_num", label), ("cs_type", kind), ("ref_cs_num", reference)):
             claims[key].append(value)
-    return _systems(found, dict(claims))
+    return _systems(defined, dict(claims))
 
 
 def read_2420(body: bytes, dataset: int, units: Units | None) -> Parsed:
@@ -305,7 +305,7 @@ def read_2420(body: bytes, dataset: int, units: Units | None) -> Parsed:
     cursor = Cursor(body)
     cursor.integers(cursor.next("the part number"), ["part number"])
     cursor.next("the part name")
-    found: list[CoordinateSystem] = []
+    systems: list[CoordinateSystem] = []
     while cursor:
         label, kind, _ = cursor.integers(cursor.next("a coordinate system"), ["label", "type", ""])
         name = decoded(cursor.next("the name of a coordinate system"))
@@ -317,10 +317,10 @@ def read_2420(body: bytes, dataset: int, units: Units | None) -> Parsed:
         axes = matrix[:3]
         if np.abs(axes @ axes.T - np.eye(3)).max() > _ORTHONORMAL:
             raise cursor.refuse(f"the axes of coordinate system {label} are not orthonormal")
-        found.append(
+        systems.append(
             CoordinateSystem(dataset, label, name, _KINDS[kind], _metres(matrix[3], units), axes)
         )
-    return _systems(found, {"CS_sys_labels": [s.label for s in found]})
+    return _systems(systems, {"CS_sys_labels": [s.label for s in systems]})
 
 
 def _metres(origin: FloatArray, units: Units | None) -> FloatArray:
@@ -328,14 +328,14 @@ def _metres(origin: FloatArray, units: Units | None) -> FloatArray:
     return origin if units is None else origin / units.length
 
 
-def _systems(found: list[CoordinateSystem], claims: dict[str, object]) -> Parsed:
+def _systems(systems: list[CoordinateSystem], claims: dict[str, object]) -> Parsed:
     """The systems of a dataset, each label once."""
-    labels = [system.label for system in found]
-    if not found or len(set(labels)) < len(labels):
+    labels = [system.label for system in systems]
+    if not systems or len(set(labels)) < len(labels):
         raise Refusal(
-            "holds no coordinate system" if not found else "defines a coordinate system twice"
+            "holds no coordinate system" if not systems else "defines a coordinate system twice"
         )
-    return Parsed(found, [], claims)
+    return Parsed(systems, [], claims)
 
 
 BEAMS = (11, 21, 22, 23, 24)

@@ -32,16 +32,16 @@ def placed(raw: RawFunction) -> tuple[RawFunction, list[str]]:
         if named is None or stated == named:
             dofs += stated
             continue
-        said = (
+        statement = (
             f"its {side} is {point} {_shown(direction)} by the numbers of record 6, and {name!r} by"
             " its name"
         )
         if point and direction:
-            notes.append(f"{said}; the numbers are used")
+            notes.append(f"{statement}; the numbers are used")
             dofs += stated
             continue
         if point not in (0, named[0]) or direction not in (0, named[1]):
-            raise Refusal(f"{said}; correct the one that is wrong", _RECORD_6)
+            raise Refusal(f"{statement}; correct the one that is wrong", _RECORD_6)
         notes.append(
             f"its {side} is {named[0]} {_shown(named[1])} by its name {name!r}, as record 6 has no"
             " number for it"

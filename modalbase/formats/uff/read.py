@@ -54,7 +54,7 @@ from modalbase.formats.uff.geometry import (
 from modalbase.formats.uff.names import placed, unplaced
 from modalbase.formats.uff.scan import Frame, scan
 from modalbase.formats.uff.shapes import read_55, read_2414
-from modalbase.formats.uff.text import Ignored, Refusal
+from modalbase.formats.uff.text import Refusal, SkippedDataset
 from modalbase.formats.uff.units import read_164
 
 _TAG = b"    -1\n"
@@ -99,26 +99,26 @@ class SecondReader:
             file.write(_TAG + frame.type_line + body + _TAG)
             file.truncate()
         try:
-            found = pyuff.UFF(str(self._file)).read_sets()
+            reading = pyuff.UFF(str(self._file)).read_sets()
         except Exception:  # noqa: BLE001 - pyuff raises bare Exception for whatever went wrong
             return _UNREADABLE
-        if not isinstance(found, dict):
+        if not isinstance(reading, dict):
             return _UNREADABLE
         for key, expected in claims.items():
-            if key not in found:
+            if key not in reading:
                 raise Refusal(f"pyuff finds no '{key}' in it")
-            if not _equal(found[key], expected):
+            if not _equal(reading[key], expected):
                 raise Refusal(f"pyuff reads another '{key}' from it than its columns hold")
         return ""
 
 
-def _equal(found: object, expected: object) -> bool:
+def _equal(reading: object, expected: object) -> bool:
     """Whether two readings are the same; text is compared where it is plain, for pyuff decodes it
     otherwise.
     """
     if isinstance(expected, str):
-        return not expected.isascii() or str(found).strip() == expected
-    ours, theirs = np.asarray(expected), np.asarray(found)
+        return not expected.isascii() or str(reading).strip() == expected
+    ours, theirs = np.asarray(expected), np.asarray(reading)
     return ours.shape == theirs.shape and bool(np.array_equal(theirs.astype(ours.dtype), ours))
 
 
@@ -141,10 +141,10 @@ def read_file(
         UffError: the framing of the file is broken. It is raised by the call itself, before
             anything is yielded.
     """
-    return _Reading(Path(path), scan(Path(path), limits), limits).stream()
+    return _UffReading(Path(path), scan(Path(path), limits), limits).stream()
 
 
-class _Reading:
+class _UffReading:
     """One pass through a file whose framing is sound."""
 
     def __init__(self, path: Path, frames: list[Frame], limits: Limits) -> None:
@@ -181,9 +181,9 @@ class _Reading:
                 _located(refusal, frame, body),
                 framing,
             )
-        except Ignored as ignored:
+        except SkippedDataset as skipped:
             yield DatasetReport(
-                frame.number, frame.type, frame.offset, "ignored", str(ignored), framing
+                frame.number, frame.type, frame.offset, "ignored", str(skipped), framing
             )
         else:
             yield from parsed.contents
@@ -313,7 +313,7 @@ class _Reading:
             return read_2412(body)
         readers = {"55": read_55, "2414": read_2414, "82": read_82, "151": read_151}
         if kind not in readers:
-            raise Ignored(f"set {kind} is not among those that are read")
+            raise SkippedDataset(f"set {kind} is not among those that are read")
         return readers[kind](body, frame.number)
 
     def _function(self, frame: Frame, body: bytes) -> Parsed:

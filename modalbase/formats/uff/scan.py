@@ -73,11 +73,11 @@ def scan(path: Path, limits: Limits) -> list[Frame]:
                 raise UffError(f"the file holds more than {limits.datasets} datasets", opening[0])
             frame, position = _dataset(file, len(frames) + 1, *opening, size, limits)
             if words:
-                said = (
+                remark = (
                     f"before it stands the text {', '.join(map(shown, words))}, which is no dataset"
                     " and was passed over"
                 )
-                frame = replace(frame, note="; ".join(filter(None, [frame.note, said])))
+                frame = replace(frame, note="; ".join(filter(None, [frame.note, remark])))
                 words.clear()
             frames.append(frame)
     if not frames:

@@ -9,7 +9,7 @@ import numpy as np
 from modalbase.formats.types import ComplexArray, FloatArray, IntArray
 from modalbase.formats.uff.content import ModeShape
 from modalbase.formats.uff.geometry import Parsed
-from modalbase.formats.uff.text import Cursor, Ignored, Refusal, decoded, shown
+from modalbase.formats.uff.text import Cursor, Refusal, SkippedDataset, decoded, shown
 
 _NORMAL, _COMPLEX_FIRST, _COMPLEX_SECOND = 2, 3, 7
 _KINDS: dict[int, Literal["normal", "complex"]] = {
@@ -80,7 +80,7 @@ def read_2414(body: bytes, dataset: int) -> Parsed:
     label = decoded(cursor.next("the name"))
     (location,) = cursor.integers(cursor.next("the location of the data"), ["location of the data"])
     if location != 1:
-        raise Ignored(f"its data are not at nodes (location {location})")
+        raise SkippedDataset(f"its data are not at nodes (location {location})")
     for _ in range(5):
         cursor.next("the ID lines")
     analysis, components, values_are_complex = _definition(cursor, "2414")
@@ -121,11 +121,11 @@ def _definition(cursor: Cursor, dataset_type: str) -> tuple[int, int, bool]:
         cursor.next("the data definition"), names
     )
     if analysis not in _KINDS:
-        raise Ignored(
+        raise SkippedDataset(
             f"its data are {_ANALYSES.get(analysis, f'of analysis type {analysis}')}, no mode shape"
         )
     if characteristic not in (_TRANSLATIONS, _WITH_ROTATIONS):
-        raise Ignored(f"its data characteristic is {characteristic}, no displacement (2, 3)")
+        raise SkippedDataset(f"its data characteristic is {characteristic}, no displacement (2, 3)")
     if data_type not in (_REAL, _COMPLEX):
         raise cursor.refuse(
             f"the data type of this set {dataset_type} is {data_type}, expected 2 (real) or 5"

@@ -41,7 +41,7 @@ class Refusal(Exception):  # noqa: N818 - a verdict about one dataset, not about
         self.line = line
 
 
-class Ignored(Exception):  # noqa: N818 - a verdict, not an error
+class SkippedDataset(Exception):  # noqa: N818 - a verdict, not an error
     """A dataset is sound but of no use here; the message says why."""
 
 

@@ -56,11 +56,11 @@ def _wrong_digests(
     )
     try:
         with connection.begin_nested():
-            found = connection.scalars(text(query)).all()
+            wrong = connection.scalars(text(query)).all()
     except DBAPIError as error:  # a damaged page, which PostgreSQL knows by its own checksum
         yield f"{table}: {first_line(error)}"
         return
-    for row in found:
+    for row in wrong:
         yield f"{table} {row}: {data}"
 
 
@@ -71,13 +71,13 @@ def _wrong_originals(connection: Connection) -> Iterator[str]:
             expected: dict[bytes, int] = {
                 row.sha256: row.size for row in connection.execute(text(_SIZES))
             }
-            found = {sha256: (size, digest) for sha256, size, digest in _digests(connection)}
+            stored = {sha256: (size, digest) for sha256, size, digest in _digests(connection)}
     except DBAPIError as error:
         yield f"originals: {first_line(error)}"
         return
     nothing = (0, hashlib.sha256().digest())
     for sha256, size in expected.items():
-        if found.get(sha256, nothing) != (size, sha256):
+        if stored.get(sha256, nothing) != (size, sha256):
             yield f"originals {sha256.hex()}: data"
 
 

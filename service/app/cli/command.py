@@ -37,8 +37,8 @@ def main() -> None:
         (running.commands if sys.argv[1:2] in STARTS else app)()
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(requested: bool) -> None:
+    if requested:
         from fecore import __version__
 
         typer.echo(f"modalbase {__version__}")

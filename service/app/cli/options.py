@@ -40,17 +40,17 @@ def settings_of_running(data: Path | None) -> Any:
     settings = settings_of(data=data)
     if settings.database_url is not None or "data" in settings.model_fields_set:
         return settings
-    found = running_services()
-    if not found:
+    running = running_services()
+    if not running:
         return settings
-    if len(found) > 1:
+    if len(running) > 1:
         stop_with(
-            f"{len(found)} services run here; say which with --data:"
-            f" {', '.join(str(one.data) for one in found)}"
+            f"{len(running)} services run here; say which with --data:"
+            f" {', '.join(str(one.data) for one in running)}"
         )
-    if found[0].data is None:
+    if running[0].data is None:
         stop_with(
-            f"the service at {found[0].url} has a database server of its own; set"
+            f"the service at {running[0].url} has a database server of its own; set"
             " MODALBASE_DATABASE_URL as there"
         )
-    return settings.model_copy(update={"data": Path(found[0].data)})
+    return settings.model_copy(update={"data": Path(running[0].data)})

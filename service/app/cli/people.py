@@ -99,10 +99,10 @@ def set_disabled_at(service: Connection, name: str, *, disabled: bool) -> None:
     Raises:
         ClientError: there is no such user, or the key is no administrator's.
     """
-    found = list(service.pages("users", name=name))
-    if not found:
+    users = list(service.pages("users", name=name))
+    if not users:
         raise ClientError(f"there is no user {name!r}; `modalbase users list` shows all")
-    service.call("POST", f"users/{found[0]['id']}/{'disable' if disabled else 'enable'}")
+    service.call("POST", f"users/{users[0]['id']}/{'disable' if disabled else 'enable'}")
 
 
 keys = typer.Typer(help="API keys.", no_args_is_help=True)
@@ -258,7 +258,7 @@ def list_users(data: Data = None, remote: Remote = False, url: Url = None) -> No
 
     if (service := remote_service(remote, url)) is not None:
         with service:
-            for one in sorted(service.pages("users"), key=lambda found: str(found["name"])):
+            for one in sorted(service.pages("users"), key=lambda user: str(user["name"])):
                 _say_user(one["name"], one["disabled_at"], one["administrator"])
         return
     with _transaction(data) as session:

@@ -45,7 +45,7 @@ def up(port: Port = None, data: Data = None, host: Host = None) -> None:
 def _welcome(service: LocalService, embedded: Path | None) -> None:
     """A line for each thing that is ready, and last how to get in."""
     from fecore import __version__
-    from modalbase.client.place import KEY_FILE, write_private
+    from modalbase.client.endpoint import KEY_FILE, write_private
 
     typer.echo(f"modalbase {__version__}")
     jobs = service.settings.worker_concurrency
@@ -112,8 +112,8 @@ def worker(
     """Run a worker. Any number may run, on any machine that reaches the database."""
     from service.app.serving import UnknownQueueError, work
 
-    wanted = partial(settings_of, data=data, worker_concurrency=concurrency, job_threads=threads)
+    settings = partial(settings_of, data=data, worker_concurrency=concurrency, job_threads=threads)
     try:
-        work(wanted, queues.split(",") if queues else None)
+        work(settings, queues.split(",") if queues else None)
     except UnknownQueueError as error:
         stop_with(f"--queues {queues}: {error}", 2)

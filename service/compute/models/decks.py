@@ -11,7 +11,7 @@ from fecore.body.structure import SIZES, Structure
 from fecore.dynamics.bodies import body_modes
 from fecore.updating.mesh_error import on_finer_mesh
 from modalbase.formats.models.model import BeamSection, FiniteElementModel
-from modalbase.formats.models.units import Units, in_si, unit_of, units_of
+from modalbase.formats.models.units import UnitSystem, in_si, unit_of, units_of
 from modalbase.formats.models.write import write_deck
 from service.compute.models.bodies import body_of_model
 from service.compute.models.reading import faults_of, parsed, repacked, unpacked
@@ -48,7 +48,7 @@ def updated_deck(order: DeckOrder) -> bytes:
 
 
 def _in_deck(
-    model: FiniteElementModel, constants: Mapping[str, float], units: Units
+    model: FiniteElementModel, constants: Mapping[str, float], units: UnitSystem
 ) -> dict[tuple[str, str], float]:
     """Constants in the deck's units by set and name; no G of a beam whose isotropic material states
     none.
@@ -104,7 +104,9 @@ def _joints(model: FiniteElementModel, order: DeckOrder) -> list[str]:
             f" Hz{where}"
         )
         notes.append(
-            row if finer is None else f"{row}; by the mesh {100 * (mesh / of_body - 1):+.2f} %"
+            row
+            if finer is None
+            else f"{row}; by the mesh {round(100 * (mesh / of_body - 1), 2) + 0.0:+.2f} %"
         )
     return notes
 

@@ -7,7 +7,7 @@ from typing import Any
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile
 from modalbase.formats.models.meshes import (
-    Stated,
+    MeshSets,
     model_of_mesh,
     read_gmsh,
     read_uff_mesh,
@@ -79,7 +79,7 @@ def _length(mesh: MeshFile, units: str | None) -> float:
     return stated
 
 
-def _stated(sections: Mapping[str, Mapping[str, Any]]) -> Stated:
+def _stated(sections: Mapping[str, Mapping[str, Any]]) -> MeshSets:
     if len(known := {plain(name): stated for name, stated in sections.items()}) < len(sections):
         raise FormatError("sections", "name a set twice: capitals and signs of a name do not count")
     sections, materials = known, dict[str, Material]()
@@ -106,7 +106,7 @@ def _stated(sections: Mapping[str, Mapping[str, Any]]) -> Stated:
         for name, stated in sections.items()
         if stated.get("held_dofs")
     }
-    return Stated(shells, materials, axes, held)
+    return MeshSets(shells, materials, axes, held)
 
 
 def _named(constants: dict[str, float], name: str, materials: dict[str, Material]) -> str:

@@ -131,9 +131,9 @@ def _write_structure(session: Session, archive: Archive, structure: Structure) -
             target.write(deck_of(session, row))
     _write_coupons(session, archive, structure.id, folder)
     monitors = monitors_of(session, structure.id)
-    for monitor, said in zip(monitors, described_monitors(session, monitors), strict=True):
+    for monitor, item in zip(monitors, described_monitors(session, monitors), strict=True):
         series = series_document(session, monitor, series_for(session, monitor, None))
-        archive.json(f"{folder}/monitors/{monitor.id}.json", {"monitor": said, "series": series})
+        archive.json(f"{folder}/monitors/{monitor.id}.json", {"monitor": item, "series": series})
 
 
 def _write_coupons(session: Session, archive: Archive, structure_id: UUID, folder: str) -> None:
@@ -141,15 +141,15 @@ def _write_coupons(session: Session, archive: Archive, structure_id: UUID, folde
     for batch in described_batches(session, batch_for.all(session, structure_id=[structure_id])):
         items = []
         for coupon in coupon_for.all(session, batch_id=[batch.id]):
-            said = describe_coupon(coupon).model_dump()
-            rows.append({**said, "batch": batch.name})
+            item = describe_coupon(coupon).model_dump()
+            rows.append({**item, "batch": batch.name})
             if curve := coupon.curve:
-                said["curve"] = curves.describe_curve(curve)
+                item["curve"] = curves.describe_curve(curve)
                 with archive.member(f"{folder}/curves/{coupon.id}/original") as target:
                     target.write(curves.file_of(curve))
                 with archive.member(f"{folder}/curves/{coupon.id}/curve.csv") as target:
                     target.write(curves.as_csv(curve).encode())
-            items.append(said)
+            items.append(item)
         batches.append({"batch": batch, "coupons": items})
     archive.json(f"{folder}/coupon-batches.json", batches)
     archive.table(f"{folder}/coupons.csv", COUPON_COLUMNS, rows)
@@ -282,12 +282,12 @@ def _alike(blocks: Sequence[Record]) -> Iterator[list[list[Record]]]:
     hits: dict[tuple[int, int, int], list[Record]] = {}
     for block in blocks:
         hits.setdefault((block.force_point, block.force_direction, block.hit), []).append(block)
-    found: dict[tuple[Any, ...], list[list[Record]]] = {}
+    groups: dict[tuple[Any, ...], list[list[Record]]] = {}
     for own in hits.values():
         own.sort(key=lambda block: block.quantity != "force")
         alike = tuple((*(getattr(b, name) for name in _ALIKE), b.start_sample is None) for b in own)
-        found.setdefault(alike, []).append(own)
-    for group in found.values():
+        groups.setdefault(alike, []).append(own)
+    for group in groups.values():
         most = min(MOST_HITS, group[0][0].samples)
         yield from (group[start : start + most] for start in range(0, len(group), most))
 

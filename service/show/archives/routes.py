@@ -46,15 +46,15 @@ def get_campaign_archive(campaign_id: UUID, session: SessionDep, user: CurrentUs
 
 
 @router.get("/search/campaigns/archive", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
-def get_found_archive(wanted: FilterDep, session: SessionDep, user: CurrentUser) -> FileResponse:
+def get_found_archive(query: FilterDep, session: SessionDep, user: CurrentUser) -> FileResponse:
     """All campaigns that a search finds, over all projects, as one zip of UFF, npz, CSV and
     JSON.
     """
     with bounded(session):
-        keys = Search(user, NOUNS["campaign"], wanted).keys(session, MOST_CAMPAIGNS + 1)
+        keys = Search(user, NOUNS["campaign"], query).keys(session, MOST_CAMPAIGNS + 1)
     if not keys:
         raise NotFound("campaign that the search finds")
-    return _archive(session, user, wanted.filter or wanted.words or "all campaigns", keys)
+    return _archive(session, user, query.filter or query.words or "all campaigns", keys)
 
 
 def _archive(
@@ -69,13 +69,13 @@ def _archive(
             "filter",
             f"finds more than {MOST_CAMPAIGNS:,} campaigns, which is as many as an archive has",
         )
-    with _standing_still(session):
+    with _snapshot(session):
         write = partial(write_archive, session, user, title, campaigns, structures)
         return spooled(write, MEDIA_TYPE, "archive.zip", {})
 
 
 @contextmanager
-def _standing_still(session: Session) -> Iterator[None]:
+def _snapshot(session: Session) -> Iterator[None]:
     """Many files are written of one moment."""
     connection = session.connection()
     connection.exec_driver_sql("BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY")

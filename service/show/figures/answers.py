@@ -67,7 +67,7 @@ class FiguresOut(BaseModel):
 
 
 @dataclass(frozen=True)
-class AskedFigure:
+class FigureRequest:
     """How a client asks for a figure: what every route of one takes beside its name."""
 
     request: Request
@@ -107,7 +107,7 @@ class AskedFigure:
         return Response(body, media_type=MEDIA_TYPES[self.file_format], headers=headers)
 
 
-def _asked(
+def _figure_request(
     request: Request,
     file_format: Annotated[
         Format,
@@ -117,11 +117,12 @@ def _asked(
         ),
     ] = "plotly",
     theme: Annotated[Theme, Query(description="colours for a light or a dark page")] = "light",
-) -> AskedFigure:
-    return AskedFigure(request, file_format, theme)
+) -> FigureRequest:
+    return FigureRequest(request, file_format, theme)
 
 
-Asked = Annotated[AskedFigure, Depends(_asked)]  # the parameter of a figure's route
+# the parameter of a figure's route
+FigureRequestDep = Annotated[FigureRequest, Depends(_figure_request)]
 
 
 def require_figure(name: str, *known: str) -> None:

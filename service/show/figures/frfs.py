@@ -120,10 +120,9 @@ def thinned(magnitude: FloatArray, most: int = MOST_LINES) -> IntArray:
     if count <= most:
         return np.arange(count)
     edges = np.linspace(0, count, most // 2 + 1).astype(int)
-    stretches = pairwise(edges)
+    bins = pairwise(edges)
     ends = [
-        (a + int(np.argmin(magnitude[a:b])), a + int(np.argmax(magnitude[a:b])))
-        for a, b in stretches
+        (a + int(np.argmin(magnitude[a:b])), a + int(np.argmax(magnitude[a:b]))) for a, b in bins
     ]
     return np.unique(np.concatenate([np.array(ends).ravel(), [0, count - 1]]))
 
@@ -158,11 +157,11 @@ def _responses(curves: FrfCurves, kept: IntArray, phases: Panel) -> list[Mark]:
     marks: list[Mark] = []
     for name, values in {"measured": curves.measured, **(curves.models or {})}.items():
         look = name, *MODELS.get(name, (MEASURED, "solid"))
-        said: Any = {"group": name, "hover": f"{name}, {_HOVER}"}
+        shared: Any = {"group": name, "hover": f"{name}, {_HOVER}"}
         magnitude = np.where(values[kept] == 0, np.nan, np.abs(values[kept]))
         x, phase = _broken(curves.frequency_hz[kept], np.degrees(np.angle(values[kept])))
-        marks.append(Curve(curves.frequency_hz[kept], magnitude, *look, digits=5, **said))
-        marks.append(Curve(x, phase, *look, digits=4, panel=phases, listed=False, **said))
+        marks.append(Curve(curves.frequency_hz[kept], magnitude, *look, digits=5, **shared))
+        marks.append(Curve(x, phase, *look, digits=4, panel=phases, listed=False, **shared))
     return marks
 
 
@@ -203,13 +202,13 @@ def _interval(curves: FrfCurves, kept: IntArray, phases: Panel) -> list[Mark]:
 def _regions(curves: FrfCurves, panels: list[Panel]) -> list[Mark]:
     """What lies outside the fitted band is grey, what was held out of it orange, in every panel."""
     first, last = float(curves.frequency_hz[0]), float(curves.frequency_hz[-1])
-    wanted: list[tuple[float, float, str]] = []
+    bands: list[tuple[float, float, str]] = []
     if curves.band_hz is not None:
         low, high = curves.band_hz
-        wanted = [(first, low, OUTSIDE), (high, last, OUTSIDE)]
+        bands = [(first, low, OUTSIDE), (high, last, OUTSIDE)]
     if curves.held_band_hz is not None:
-        wanted.append((*curves.held_band_hz, HELD_OUT))
-    inside = [(max(low, first), min(high, last), color) for low, high, color in wanted]
+        bands.append((*curves.held_band_hz, HELD_OUT))
+    inside = [(max(low, first), min(high, last), color) for low, high, color in bands]
     return [
         Region((low, high), color, panel=panel)
         for low, high, color in inside
@@ -327,13 +326,13 @@ def _marks(
 ) -> list[Mark]:
     """Force, response and FRF of a hit, in full where they are in view."""
     name, group, color, dash = style
-    said = f"hit {hit.number}" + (f", {hit.why}" if hit.why else "")
+    title = f"hit {hit.number}" + (f", {hit.why}" if hit.why else "")
     seconds = 1 / point.sample_rate_hz
-    times, (asked, hertz) = seconds * np.arange(hit.force.size), windows
+    times, (window, hertz) = seconds * np.arange(hit.force.size), windows
     low, high = _about_the_pulse(point)
-    pulse = asked if any(end is not None for end in asked) else (1e-3 * low, 1e-3 * high)
+    pulse = window if any(end is not None for end in window) else (1e-3 * low, 1e-3 * high)
     forced = seen_in(pulse, times, hit.force, MOST_SAMPLES)
-    answered = seen_in(asked, times, hit.response, MOST_SAMPLES)
+    answered = seen_in(window, times, hit.response, MOST_SAMPLES)
     seen = seen_in(hertz, point.frequency_hz, np.abs(np.nan_to_num(hit.frf)), MOST_SAMPLES)
     series = (
         (1e3 * seconds * forced, hit.force[forced], "%{x:.5g} ms: %{y:.4g} N"),
@@ -343,7 +342,7 @@ def _marks(
     return [
         Curve(
             x, y, name if panel is panels[0] else "", color, dash, 1, panel=panel, digits=5,
-            hover=f"{said}<br>{hover}", group=group, meta=hit.sentence,
+            hover=f"{title}<br>{hover}", group=group, meta=hit.sentence,
         )
         for (x, y, hover), panel in zip(series, panels, strict=False)
     ]  # fmt: skip
@@ -422,7 +421,7 @@ def points_figure(
     y = Axis("y [m]", range=(across[0] - spread / 4, across[1] + spread / 4))
     marks: list[Mark] = []
     panels = []
-    for title, found, up, middle in (
+    for title, criterion, up, middle in (
         ("SAC", values.sac, (0.58, 1.0), 0.8),
         ("FRAC", values.frac, (0.0, 0.42), 0.2),
     ):
@@ -435,13 +434,13 @@ def points_figure(
         ):
             if rows.any():
                 scale = Scale(title, floor, 1.0, symbol == "circle", middle, 0.45)
-                said: Any = {
+                look: Any = {
                     "ids": np.array(values.labels)[rows].tolist(),
                     "hover": f"point %{{customdata}}: {title} %{{marker.color:.4f}}",
                 }
                 place = values.x[rows], values.y[rows], words if title == "SAC" else ""
                 marks.append(
-                    Points(*place, found[rows], symbol, 14, scale=scale, panel=panel, **said)
+                    Points(*place, criterion[rows], symbol, 14, scale=scale, panel=panel, **look)
                 )
     return Figure(
         "SAC and FRAC by point on the specimen",

@@ -60,9 +60,9 @@ def decades(values: ArrayLike) -> Kind:
     """The kind of a logarithmic axis of these values: over more than two decades only powers of ten
     are named.
     """
-    found = np.asarray(values, dtype=float)
-    found = found[np.isfinite(found) & (found > 0)]
-    return "decades" if found.size > 0 and found.max() > 100 * found.min() else "powers"
+    array = np.asarray(values, dtype=float)
+    array = array[np.isfinite(array) & (array > 0)]
+    return "decades" if array.size > 0 and array.max() > 100 * array.min() else "powers"
 
 
 @dataclass(frozen=True, eq=False)

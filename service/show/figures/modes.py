@@ -46,7 +46,7 @@ PROBABILITY = Scale("P", 0, 1, length=0.8)
 _DASHES: tuple[Dash, ...] = ("solid", "dash", "dot")
 
 
-def stabilisation_figure(found: Mapping[str, Any]) -> Figure:
+def stabilisation_figure(document: Mapping[str, Any]) -> Figure:
     """Poles by order, the fitted poles above them, and the modes that were chosen.
 
     A pole of an order has the colour of the fitted pole within 1 % of it; those without one, and
@@ -54,13 +54,13 @@ def stabilisation_figure(found: Mapping[str, Any]) -> Figure:
     which a page keeps or drops them.
 
     Args:
-        found: an identification's document: `stabilisation`, `modes`, `doubtful` and
+        document: an identification's document: `stabilisation`, `modes`, `doubtful` and
             `refused_poles`.
     """
-    diagram, modes, doubtful = found["stabilisation"], found["modes"], found["doubtful"]
+    diagram, modes, doubtful = document["stabilisation"], document["modes"], document["doubtful"]
     poles = [
         row
-        for row in (*modes, *doubtful, *found["refused_poles"])
+        for row in (*modes, *doubtful, *document["refused_poles"])
         if row["probability"] is not None
     ]
     lines = diagram["indicator"]["frequency_hz"]
@@ -111,11 +111,11 @@ def _by_order(diagram: Mapping[str, Any], poles: Sequence[Mapping[str, Any]]) ->
     for coloured in (False, True):
         for (name, symbol, size), kind in zip(KINDS, kinds, strict=True):
             rows = np.flatnonzero(kind & (known == coloured))
-            said = [
+            labels = [
                 f"{ratio[k]:.3g} %" + (f", P {probability[k]:.2f}" if coloured else "")
                 for k in rows
             ]
-            look: Any = {"text": said, "hover": "%{x:.5g} Hz, ζ %{text}, order %{y}"}
+            look: Any = {"text": labels, "hover": "%{x:.5g} Hz, ζ %{text}, order %{y}"}
             if coloured:
                 look |= {"color": probability[rows], "scale": replace(PROBABILITY, shown=False)}
                 look["ids"] = [poles[near[k]]["frequency_hz"] for k in rows]
@@ -144,13 +144,13 @@ def _nearest(hz: FloatArray, fitted: FloatArray) -> tuple[Any, BoolArray]:
 def _fitted(poles: Sequence[Mapping[str, Any]], at: float) -> Mark:
     """The poles of the joint fit in a row on top, each with what speaks most for or against it."""
     hz = [row["frequency_hz"] for row in poles]
-    said = [
+    labels = [
         f"ζ {100 * row['damping_ratio']:.3g} %, P {row['probability']:.2f}"
         + "".join(f"\n{each['words']}" for each in row["features"][:2])
         for row in poles
     ]
     look: Any = {
-        "text": said,
+        "text": labels,
         "ids": hz,
         "hover": "fitted: %{x:.5g} Hz, %{text}",
         "scale": PROBABILITY,
@@ -311,7 +311,7 @@ class _Grid:
         if values.size == 0:
             return []
         place = self._across[: values.size], self._up[: values.size] + values
-        said: Any = {
+        look: Any = {
             "text": [f"{value:+.3f}" for value in values],
             "hover": "point %{customdata}: %{text}",
         }
@@ -324,7 +324,7 @@ class _Grid:
                 digits=4,
                 panel=panel,
                 ids=list(labels[: values.size]),
-                **said,
+                **look,
             )
         ]
 
@@ -349,10 +349,10 @@ def joined(places: FloatArray) -> list[tuple[int, int]]:
     a, b = a[a < b], b[a < b]
     # the nearest are the two themselves
     third = tree.query((distinct[a] + distinct[b]) / 2, k=[3])[0][:, 0]
-    alone = third > (1 + _TOUCHING) * np.linalg.norm(distinct[a] - distinct[b], axis=1) / 2
+    adjacent = third > (1 + _TOUCHING) * np.linalg.norm(distinct[a] - distinct[b], axis=1) / 2
     return sorted(
         (min(i, j), max(i, j))
-        for i, j in zip(first[a[alone]].tolist(), first[b[alone]].tolist(), strict=True)
+        for i, j in zip(first[a[adjacent]].tolist(), first[b[adjacent]].tolist(), strict=True)
     )
 
 
@@ -382,13 +382,13 @@ def chains(places: FloatArray) -> list[list[int]]:
     for i, j in pairs:
         left.setdefault(i, set()).add(j)
         left.setdefault(j, set()).add(i)
-    found = []
+    lines = []
     for i, j in pairs:
         if j in left[i]:
             _take(left, i, j)
             ahead = _onward(places, left, i, j)
-            found.append([*reversed(_onward(places, left, j, i)), i, j, *ahead])
-    return found
+            lines.append([*reversed(_onward(places, left, j, i)), i, j, *ahead])
+    return lines
 
 
 def _onward(places: FloatArray, left: dict[int, set[int]], before: int, last: int) -> list[int]:

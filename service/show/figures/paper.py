@@ -411,7 +411,7 @@ class Pen:
 
 def _values(values: ArrayLike) -> Any:
     """Dates as dates, None as NaN."""
-    found = np.asarray(values)
-    if found.dtype.kind == "U":
-        return [datetime.fromisoformat(each) for each in found.tolist()]
-    return found.astype(float)
+    array = np.asarray(values)
+    if array.dtype.kind == "U":
+        return [datetime.fromisoformat(each) for each in array.tolist()]
+    return array.astype(float)

@@ -37,14 +37,14 @@ def numbers(values: ArrayLike, digits: int = 7) -> list[float | None]:
     """Numbers for JSON, to as many significant digits as a figure can show; what is not finite is
     None, a gap.
     """
-    found = np.asarray(values, dtype=float).ravel()
-    finite = np.isfinite(found)
-    some = finite & (np.abs(found) > _NOTHING_LEFT)
-    decimals = digits - 1 - np.floor(np.log10(np.abs(found, where=some, out=np.ones_like(found))))
+    array = np.asarray(values, dtype=float).ravel()
+    finite = np.isfinite(array)
+    some = finite & (np.abs(array) > _NOTHING_LEFT)
+    decimals = digits - 1 - np.floor(np.log10(np.abs(array, where=some, out=np.ones_like(array))))
     scale = 10.0 ** np.abs(decimals)  # an exact power, so that a rounded number prints short
     # of the two the one is taken that does not overflow
     with np.errstate(over="ignore", invalid="ignore"):
-        up, down = np.round(found * scale) / scale, np.round(found / scale) * scale
+        up, down = np.round(array * scale) / scale, np.round(array / scale) * scale
     rounded = np.where(some, np.where(decimals >= 0, up, down), 0.0).tolist()
     return (
         rounded
@@ -55,8 +55,8 @@ def numbers(values: ArrayLike, digits: int = 7) -> list[float | None]:
 
 def _values(values: ArrayLike, digits: int = 7) -> list[Any]:
     """Whole numbers and dates as they are."""
-    found = np.asarray(values)
-    return found.tolist() if found.dtype.kind in "iuU" else numbers(found, digits)
+    array = np.asarray(values)
+    return array.tolist() if array.dtype.kind in "iuU" else numbers(array, digits)
 
 
 def _text(plain: str) -> str:
@@ -113,7 +113,7 @@ class _Screen:
         across = name[0] == "x"
         panels = [panel for panel in self._figure.panels if axis in (panel.x, panel.y)]
         at = min(panels, key=lambda panel: panel.up[0] if across else panel.across[0])
-        found: Json = {
+        layout: Json = {
             "title": {"text": _text(axis.title)},
             "showgrid": axis.grid and not axis.bare,
             "gridcolor": self._color(GRID),
@@ -122,11 +122,11 @@ class _Screen:
             "anchor": self._names[at.y if across else at.x],
         }
         if axis.kind != "linear":
-            found["type"] = "log" if axis.log else "date"
+            layout["type"] = "log" if axis.log else "date"
         if axis.range is not None:
-            found["range"] = _values(np.log10(axis.range) if axis.log else axis.range)
+            layout["range"] = _values(np.log10(axis.range) if axis.log else axis.range)
         if axis.ticks is not None:
-            found |= {
+            layout |= {
                 "tickvals": list(axis.ticks),
                 "ticktext": [_text(each) for each in axis.ticks.values()],
             }
@@ -140,8 +140,8 @@ class _Screen:
             (at.over and not across, {"overlaying": "y", "side": "right"}),
         )
         for applies, properties in special:
-            found |= properties if applies else {}
-        return found
+            layout |= properties if applies else {}
+        return layout
 
     def _notes(self) -> Iterator[Json]:
         for panel in self._figure.panels:
@@ -179,20 +179,20 @@ class _Screen:
                 "line": line,
             }
         (x0, x1), (y0, y1) = mark.across, mark.up or (0, 1)
-        found: Json = {
+        shape: Json = {
             "type": "rect",
             "layer": "below",
             "xref": x,
             "yref": y if mark.up else f"{y} domain",
         }
-        found |= {
+        shape |= {
             "x0": x0,
             "x1": x1,
             "y0": y0,
             "y1": y1,
             "line": {"width": int(mark.outline), "color": color},
         }
-        return found if mark.outline else {**found, "fillcolor": color}
+        return shape if mark.outline else {**shape, "fillcolor": color}
 
     def _traces(self, mark: Mark) -> Iterator[Json]:
         match mark:
@@ -246,7 +246,7 @@ class _Screen:
 
     def _trace(self, mark: Mark, kind: str, name: str, **more: Any) -> Json:
         x, y = self._place(mark)
-        found = {
+        trace = {
             "type": kind,
             "name": _text(name),
             "showlegend": bool(name) and mark.listed,
@@ -254,9 +254,9 @@ class _Screen:
             "yaxis": y,
             **more,
         }
-        said: Json = {"hoverinfo": "skip"} if mark.hover is None else {}
+        hover: Json = {"hoverinfo": "skip"} if mark.hover is None else {}
         if mark.hover:
-            said = {"hovertemplate": f"{mark.hover}<extra></extra>"}
+            hover = {"hovertemplate": f"{mark.hover}<extra></extra>"}
         text = [_text(each) for each in mark.text]
         optional = {
             "text": text,
@@ -264,7 +264,7 @@ class _Screen:
             "legendgroup": mark.group,
             "meta": mark.meta,
         }
-        return found | said | {name: value for name, value in optional.items() if value}
+        return trace | hover | {name: value for name, value in optional.items() if value}
 
     def _points(self, mark: Points) -> Json:
         marker: Json = {"symbol": mark.symbol, "size": mark.size}
@@ -277,7 +277,7 @@ class _Screen:
                 "showscale": scale.shown,
             }
             marker["line"] = {"color": self._color(QUIET), "width": 0.5}
-        found: Json = {
+        properties: Json = {
             "mode": "markers",
             "x": _values(mark.x),
             "y": _values(mark.y, mark.digits),
@@ -286,15 +286,15 @@ class _Screen:
         for which, error in (("error_x", mark.error_x), ("error_y", mark.error_y)):
             if error is not None:
                 below, above = np.broadcast_to(np.asarray(error, float), (2, np.shape(error)[-1]))
-                found[which] = {
+                properties[which] = {
                     "type": "data",
                     "array": numbers(above),
                     "color": marker["color"],
                     "thickness": 1.5,
                 }
                 if np.ndim(error) == 2:
-                    found[which] |= {"symmetric": False, "arrayminus": numbers(below)}
-        return self._trace(mark, "scatter", mark.name, **found)
+                    properties[which] |= {"symmetric": False, "arrayminus": numbers(below)}
+        return self._trace(mark, "scatter", mark.name, **properties)
 
     def _matrix(self, mark: Matrix) -> Json:
         rows = [numbers(row, 5) for row in np.atleast_2d(mark.values)]

@@ -23,11 +23,12 @@ def temperature_figure(curve: Mapping[str, Any], parameters: Sequence[Mapping[st
     reference, rows = curve["reference_c"], curve["constants"]
     elastic = [row for row in rows if row["law"] is None and row["name"] in known]
     damping = [row for row in rows if row["law"] is not None]
-    x, share = Axis("temperature [°C]"), Axis(f"share of the value at {reference:g} °C [%]")
+    x, title = Axis("temperature [°C]"), f"share of the value at {reference:g} °C [%]"
     groups = [each for each in (elastic, damping) if each]
     height = 1 / max(len(groups), 1)
     panels = [
-        Panel(x, share, up=(1 - (k + 0.82) * height, 1 - k * height)) for k in range(len(groups))
+        Panel(x, Axis(title), up=(1 - (k + 0.82) * height, 1 - k * height))
+        for k in range(len(groups))
     ]
     marks, colors = list[Mark](), cycle(PALETTE)
     for panel, group in zip(panels, groups, strict=True):
@@ -45,11 +46,11 @@ def _drawn(
     """The estimate and, dotted, the ends of its interval."""
     name = row["name"] if row["law"] is None else f"{row['name']} ({row['law']})"
     here = 100 / float(np.interp(reference, at, row["estimate"]))
-    said: Any = {"panel": panel, "group": name}
+    look: Any = {"panel": panel, "group": name}
     yield Curve(
-        at, here * np.array(row["estimate"]), name, color, hover="%{x:.3g} °C: %{y:.4g} %", **said
+        at, here * np.array(row["estimate"]), name, color, hover="%{x:.3g} °C: %{y:.4g} %", **look
     )
     for end in ("low", "high"):
         yield Curve(
-            at, here * np.array(row[end]), name, color, "dot", 1.0, listed=False, hover=None, **said
+            at, here * np.array(row[end]), name, color, "dot", 1.0, listed=False, hover=None, **look
         )

@@ -58,25 +58,25 @@ def trend_figure(trend: Row) -> Figure:
     ]
     marks: list[Mark] = []
     for number, one in enumerate(series):
-        marks += _over_time(one, factor, PALETTE[number % len(PALETTE)], alone=len(series) == 1)
+        marks += _over_time(one, factor, PALETTE[number % len(PALETTE)], single=len(series) == 1)
         marks.append(_over(one, covariate, factor, PALETTE[number % len(PALETTE)], panels[1]))
     names = {one["structure_name"] for one in series}
     where = shortened(names.pop()) if len(names) == 1 else counted(len(names), "structure")
     return Figure(f"{where}: {trend['value']} over time", marks, panels, height=640)
 
 
-def _over_time(one: Row, factor: float, color: str, *, alone: bool) -> Iterator[Mark]:
+def _over_time(one: Row, factor: float, color: str, *, single: bool) -> Iterator[Mark]:
     points, name = one["points"], shortened(f"{one['structure_name']}, {one['name']}")
     times = [point["performed_at"] for point in points]
-    said: Any = {"group": name, "text": [shortened(point["campaign_name"]) for point in points]}
-    said["ids"] = [point["id"] for point in points]
+    look: Any = {"group": name, "text": [shortened(point["campaign_name"]) for point in points]}
+    look["ids"] = [point["id"] for point in points]
     values = factor * np.array([point["value"] for point in points])
     corrected = next((line["corrected"] for line in one["lines"] if line["covariates"]), None)
     if corrected is not None:
-        as_it_is = f"{name}, as it is", QUIET if alone else color, "circle-open"
-        yield Points(times, values, *as_it_is, listed=alone, **said)
+        as_it_is = f"{name}, as it is", QUIET if single else color, "circle-open"
+        yield Points(times, values, *as_it_is, listed=single, **look)
         values = factor * np.array(corrected, dtype=float)
-    yield Points(times, values, name, color, error_y=_reach(points, factor), **said)
+    yield Points(times, values, name, color, error_y=_reach(points, factor), **look)
     for line in one["lines"]:
         beside = (
             " with " + ", ".join(each.split("_")[0] for each in line["covariates"])
@@ -87,7 +87,7 @@ def _over_time(one: Row, factor: float, color: str, *, alone: bool) -> Iterator[
         dash: Dash = "solid" if beside else "dot"
         ends = [factor * value for value in line["ends"]]
         yield Curve(
-            [times[0], times[-1]], ends, rate, color, dash, listed=alone, hover=None, group=name
+            [times[0], times[-1]], ends, rate, color, dash, listed=single, hover=None, group=name
         )
 
 
@@ -96,11 +96,11 @@ def _over(one: Row, covariate: str, factor: float, color: str, panel: Panel) -> 
     points = [point for point in one["points"] if point[covariate] is not None]
     x, y = [point[covariate] for point in points], [factor * point["value"] for point in points]
     group = shortened(f"{one['structure_name']}, {one['name']}")
-    said: Any = {
+    look: Any = {
         "text": [shortened(point["campaign_name"]) for point in points],
         "error_y": _reach(points, factor),
     }
-    return Points(x, y, "", color, panel=panel, group=group, **said)
+    return Points(x, y, "", color, panel=panel, group=group, **look)
 
 
 def _reach(points: Sequence[Row], factor: float) -> Any:
@@ -195,19 +195,19 @@ def _campaigns(points: Sequence[Row], names: Mapping[str, str]) -> dict[str, Any
 
 
 def _values(row: Row, names: Mapping[str, str], scale: float) -> list[Mark]:
-    points, said = row["points"], _campaigns(row["points"], names)
+    points, look = row["points"], _campaigns(row["points"], names)
     raw = [scale * point["raw"] for point in points]
     error = [Z_95 * scale * point["standard_deviation"] for point in points]
     if row["baseline"] is None or not row["baseline"]["covariates"]:
-        return [Points(_times(points), raw, "estimate", error_y=error, **said)]
+        return [Points(_times(points), raw, "estimate", error_y=error, **look)]
     corrected = [
         np.nan if point["corrected"] is None else scale * point["corrected"] for point in points
     ]
     name = "corrected for " + ", ".join(
         each["name"].split("_")[0] for each in row["baseline"]["covariates"]
     )
-    before = Points(_times(points), raw, "raw", QUIET, "circle-open", **said)
-    return [before, Points(_times(points), corrected, name, error_y=error, **said)]
+    before = Points(_times(points), raw, "raw", QUIET, "circle-open", **look)
+    return [before, Points(_times(points), corrected, name, error_y=error, **look)]
 
 
 def _expectation(row: Row, scale: float) -> list[Mark]:
@@ -247,7 +247,7 @@ def _chart(row: Row, names: Mapping[str, str], panel: Panel) -> list[Mark]:
     for side, listed in _sides(row).items() if judged else ():
         values = [SIGNS[side] * point["judged"]["chart"][side] for point in judged]
         dots = [ALARM if point["judged"]["outside"] else UPDATED for point in judged]
-        said: Any = _campaigns(judged, names) | {"panel": panel}
+        look: Any = _campaigns(judged, names) | {"panel": panel}
         limit = [SIGNS[side] * row["limits"]["chart"]] * 2
         line: Any = {"panel": panel, "listed": listed, "hover": None}
         marks += [
@@ -259,7 +259,7 @@ def _chart(row: Row, names: Mapping[str, str], panel: Panel) -> list[Mark]:
                 symbol="circle",
                 size=7,
                 dots=dots,
-                **said,
+                **look,
             ),
             Curve(
                 _times([judged[0], judged[-1]]), limit, "limit of the chart", ALARM, "dash", **line

@@ -67,7 +67,7 @@ def parameters_figure(parameters: Sequence[Mapping[str, Any]], title: str) -> Fi
     return Figure(title, marks, [panel], height=190 + 42 * max(len(names), 3), margins={"l": 130})
 
 
-def _drawn(rows: Sequence[_Row], said: str, name: str, color: str, symbol: str) -> list[Mark]:
+def _drawn(rows: Sequence[_Row], label: str, name: str, color: str, symbol: str) -> list[Mark]:
     """Estimates with their intervals at places up the figure, in per cent of each row's initial
     value.
     """
@@ -81,7 +81,7 @@ def _drawn(rows: Sequence[_Row], said: str, name: str, color: str, symbol: str) 
     )
     hover: Any = {
         "ids": [row["name"] for _, row in rows],
-        "hover": "%{customdata}, " + said + ": %{x:.1f} %",
+        "hover": "%{customdata}, " + label + ": %{x:.1f} %",
     }
     error = np.array([middle - low, high - middle])
     return [
@@ -143,6 +143,7 @@ def _named(row: Mapping[str, Any]) -> str:
 
 
 MOST_PARAMETERS = 8
+_SHORT = 7  # letters of a parameter's name that leave room for its unit beside it
 _RADII = (1.0, 2.4477)  # of what holds 39 % and 95 % of two Gaussian variables
 _SHOWN_SAMPLES = 600
 _CLOUD = "rgba(0,114,178,0.35)"
@@ -175,20 +176,20 @@ class Marginal:
         """The density at these values, in 1 over the drawn unit: the Gaussian one over the slope of
         the values.
         """
-        found: FloatArray = np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi) / np.gradient(self.at(z), z)
-        return found
+        density: FloatArray = np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi) / np.gradient(self.at(z), z)
+        return density
 
 
 def marginal(row: Mapping[str, Any]) -> Marginal:
     """The marginal of a parameter of a result, of which its 95 % interval is the central part."""
     factor, unit = SHOWN.get(row["unit"], (1.0, row["unit"]))
-    low, high = row["interval_95"]
-    estimate = row["estimate"]
+    (low, high), estimate = row["interval_95"], row["estimate"]
     log = row["unit"] == "Pa" and low > 0
     to = np.log if log else (lambda value: factor * value)
     below, above = (max(float(abs(to(end) - to(estimate))) / Z_95, 1e-9) for end in (low, high))
     prior = (factor * row["prior_mean"], factor * row["prior_sd"]) if row["prior_sd"] else None
-    return Marginal(f"{row['name']} [{unit}]", factor * estimate, below, above, log, prior)
+    title = row["name"] + ("\n" if len(row["name"]) > _SHORT else " ") + f"[{unit}]"
+    return Marginal(title, factor * estimate, below, above, log, prior)
 
 
 def posterior_figure(
@@ -205,7 +206,7 @@ def posterior_figure(
         samples: (n, p) of it, SI, drawn in place of contours; None where the posterior is Gaussian.
     """
     count = min(len(parameters), MOST_PARAMETERS)
-    found = [marginal(row) for row in parameters[:count]]
+    marginals = [marginal(row) for row in parameters[:count]]
     factors = [SHOWN.get(row["unit"], (1.0, ""))[0] for row in parameters[:count]]
     drawn = (
         None
@@ -215,15 +216,16 @@ def posterior_figure(
     size = (1 - _GAP / count * (count - 1)) / count
     starts = [i * (size + _GAP / count) for i in range(count)]
     limits = [
-        (float(of.at(np.array([-_REACH]))[0]), float(of.at(np.array([_REACH]))[0])) for of in found
+        (float(of.at(np.array([-_REACH]))[0]), float(of.at(np.array([_REACH]))[0]))
+        for of in marginals
     ]
     columns, rows = (
-        [Axis(of.title, range=ends, few=True) for of, ends in zip(found, limits, strict=True)]
+        [Axis(of.title, range=ends, few=True) for of, ends in zip(marginals, limits, strict=True)]
         for _ in "xy"
     )
     marks: list[Mark] = []
     panels: list[Panel] = []
-    for i, of in enumerate(found):
+    for i, of in enumerate(marginals):
         up = 1 - starts[i] - size, 1 - starts[i]
         *beside, own = (
             Panel(
@@ -235,7 +237,7 @@ def posterior_figure(
         marks += _diagonal(of, limits[i], own, first=i == 0)
         for j, panel in enumerate(beside):
             if drawn is None:
-                marks += _pair(found[j], of, float(correlation[j, i]), panel)
+                marks += _pair(marginals[j], of, float(correlation[j, i]), panel)
             else:
                 marks.append(
                     Points(drawn[:, j], drawn[:, i], "", _CLOUD, size=3, panel=panel, hover=None)
@@ -292,14 +294,14 @@ def damping_figure(laws: Sequence[Mapping[str, Any]], modes: Sequence[Mapping[st
     ratios = np.array([100 * mode["measured_damping"] for mode in seen])
     spread = np.array([100 * Z_95 * (mode["measured_damping_sd"] or 0.0) for mode in seen])
     name = "measured, 95 %" if spread.any() else "measured"
-    said: Any = {
+    look: Any = {
         "text": [f"mode {mode['number']}" for mode in seen],
         "hover": "%{text}: %{y:.3g} %",
     }
     error = np.array([np.minimum(spread, 0.95 * ratios), spread])
     marks.append(
         Points(
-            [mode["measured_hz"] for mode in seen], ratios, name, MEASURED, error_y=error, **said
+            [mode["measured_hz"] for mode in seen], ratios, name, MEASURED, error_y=error, **look
         )
     )
     ends = (ratios.min() / _ABOUT, ratios.max() * _ABOUT) if seen else None
@@ -387,7 +389,7 @@ FAR_Z = 2.0  # |z| from which on a campaign's own estimate is drawn as one that 
 _Own = tuple[Mapping[str, Any], Mapping[str, Any]]
 
 
-def alone_figure(
+def single_estimates_figure(
     parameters: Sequence[Mapping[str, Any]], campaigns: Sequence[Mapping[str, Any]]
 ) -> Figure:
     """What each campaign says of each shared constant by itself, as a share of the joint estimate.
@@ -402,19 +404,24 @@ def alone_figure(
         for part in campaigns
         if part["alone"].get(parameter["name"]) is not None
     ]
-    names = [
-        f"{parameter['name']}  {shortened(part['name'], _LONGEST)}" for parameter, part in rows
-    ]
-    said = ", ".join(
+    names = [f"{parameter['name']}  {_both_ends(part['name'])}" for parameter, part in rows]
+    probabilities = ", ".join(
         f"{shortened(part['name'])}: p {_probability(part['predictive_p'])}" for part in campaigns
     )
     return Figure(
-        f"Each campaign alone, beside all together ({said})",
-        [_joint(rows), *_alone(rows)],
+        f"Each campaign alone, beside all together ({probabilities})",
+        [_joint(rows), *_single_estimates(rows)],
         [Panel(Axis("share of the joint estimate [%]"), rows_axis(names))],
         height=200 + 24 * max(len(rows), 6),
         margins={"l": 40 + 7 * max((len(name) for name in names), default=0)},
     )
+
+
+def _both_ends(name: str) -> str:
+    """A campaign's name, in the middle cut where it is too long: it begins as those of the same
+    structure do.
+    """
+    return name if len(name) <= _LONGEST else f"{name[:10]}…{name[11 - _LONGEST :]}"
 
 
 def _probability(value: float | None) -> str:
@@ -428,7 +435,7 @@ def _joint(rows: Sequence[_Own]) -> Mark:
     return Bars(high - low, range(len(rows)), low, "all together, 95 %", BAND, width=1, hover=None)
 
 
-def _alone(rows: Sequence[_Own]) -> list[Mark]:
+def _single_estimates(rows: Sequence[_Own]) -> list[Mark]:
     """Estimates of single campaigns with 95 % intervals; those far from the joint one stand out."""
     marks: list[Mark] = []
     for far, color, symbol, name in (
@@ -442,17 +449,15 @@ def _alone(rows: Sequence[_Own]) -> list[Mark]:
         ]
         if not chosen:
             continue
-        middle = [100 * found["estimate"] / joint for _, joint, found in chosen]
-        reach = [
-            100 * Z_95 * found["standard_deviation"] / abs(joint) for _, joint, found in chosen
-        ]
-        said: Any = {
-            "text": [f"z {found['z']:+.2f}" for *_, found in chosen],
+        middle = [100 * own["estimate"] / joint for _, joint, own in chosen]
+        reach = [100 * Z_95 * own["standard_deviation"] / abs(joint) for _, joint, own in chosen]
+        look: Any = {
+            "text": [f"z {own['z']:+.2f}" for *_, own in chosen],
             "hover": "%{x:.1f} %, %{text}",
         }
         marks.append(
             Points(
-                middle, [place for place, *_ in chosen], name, color, symbol, error_x=reach, **said
+                middle, [place for place, *_ in chosen], name, color, symbol, error_x=reach, **look
             )
         )
     return marks

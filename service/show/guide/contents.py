@@ -28,7 +28,7 @@ _WIDE = ("table", "fence", "code_block")  # a reader scrolls these, not the page
 
 
 @dataclass(frozen=True)
-class Heading:
+class PageHeading:
     """A title within a page."""
 
     anchor: str  # its `id`
@@ -41,7 +41,7 @@ class Rendered:
 
     title: str  # its first heading
     body: str  # HTML
-    sections: tuple[Heading, ...]  # the headings of the second level
+    sections: tuple[PageHeading, ...]  # the headings of the second level
 
 
 def render(text: str, name: str, names: Set[str]) -> Rendered:
@@ -113,13 +113,13 @@ def _close_alike(tokens: list[Token]) -> None:
             token.tag = tag
 
 
-def _headings(tokens: list[Token]) -> Iterator[tuple[str, Heading]]:
+def _headings(tokens: list[Token]) -> Iterator[tuple[str, PageHeading]]:
     """Each heading with its level; its token gets the anchor."""
     for opening, inline in itertools.pairwise(tokens):
         if opening.type == "heading_open":
             text = "".join(part.content for part in inline.children or [])
             opening.attrs["id"] = anchor(text)
-            yield opening.tag, Heading(anchor(text), text)
+            yield opening.tag, PageHeading(anchor(text), text)
 
 
 def _pieces(markdown: MarkdownIt, tokens: list[Token]) -> Iterator[tuple[bool, str]]:
@@ -150,8 +150,8 @@ _ENTRY = re.compile(
 
 
 @dataclass(frozen=True)
-class Part:
-    """A part of the guide."""
+class Chapter:
+    """A chapter of the guide."""
 
     title: str  # its name
     pages: tuple[tuple[str, str], ...]  # title and address of each page, in order
@@ -175,15 +175,15 @@ def addresses() -> list[str]:
 
 
 @cache
-def parts() -> tuple[Part, ...]:
-    """The parts, as `index.md` has them."""
-    found: list[tuple[str, list[tuple[str, str]]]] = []
+def chapters() -> tuple[Chapter, ...]:
+    """The chapters, as `index.md` has them."""
+    entries: list[tuple[str, list[tuple[str, str]]]] = []
     for entry in _ENTRY.finditer(files()["index.md"].read_text(encoding="utf-8")):
         if entry["part"]:
-            found.append((entry["part"], []))
+            entries.append((entry["part"], []))
         else:
-            found[-1][1].append((entry["title"], f"{entry['page']}.html"))
-    return tuple(Part(title, tuple(pages)) for title, pages in found)
+            entries[-1][1].append((entry["title"], f"{entry['page']}.html"))
+    return tuple(Chapter(title, tuple(pages)) for title, pages in entries)
 
 
 @cache
@@ -209,7 +209,7 @@ def whole_page(address: str, root: str, styles: tuple[str, ...], *, service: boo
         .get_template("guide.html")
         .render(
             page=_rendered(name),
-            parts=parts(),
+            chapters=chapters(),
             home=home,
             here="decisions/README.html" if address.startswith("decisions/") else address,
             styles=[root + style for style in styles],

@@ -29,10 +29,10 @@ def to_guide() -> RedirectResponse:
 @router.api_route("/guide/{name:path}", methods=["GET", "HEAD"])
 def get_page(name: str, request: Request) -> Response:
     """A page of the guide, or a picture."""
-    found = _picture(name) or _page(name or INDEX, request)
-    if found is None:
+    file = _picture(name) or _page(name or INDEX, request)
+    if file is None:
         raise NotFound("page of the guide", name)
-    content, media_type = found
+    content, media_type = file
     headers = {
         "Content-Security-Policy": POLICY,
         "Cache-Control": "no-cache",

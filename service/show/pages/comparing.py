@@ -57,25 +57,25 @@ def get_comparison(
     mode_set: Annotated[list[UUID] | None, Query(alias="set")] = None,
 ) -> HTMLResponse:
     """Results, campaigns by their newest result or modes, and mode sets, side by side."""
-    wanted = [*(job or ()), *(campaign or ()), *(mode_set or ())]
-    if len(wanted) > MOST:
-        raise Invalid("job", f"names {len(wanted)} results, at most {MOST} are compared at a time")
+    keys = [*(job or ()), *(campaign or ()), *(mode_set or ())]
+    if len(keys) > MOST:
+        raise Invalid("job", f"names {len(keys)} results, at most {MOST} are compared at a time")
     jobs = [updating.single.one(visit.session, visit.user, key) for key in dict.fromkeys(job or ())]
     sets = [mode_set_for(visit.session, visit.user, key) for key in dict.fromkeys(mode_set or ())]
     for key in dict.fromkeys(campaign or ()):
         campaign_for(visit.session, visit.user, key)
-        found = updating.list_update_jobs(
+        newest = updating.list_update_jobs(
             visit.session, visit.user, campaign=key, status=["succeeded"], limit=1
         ).items
-        jobs += found
-        sets += () if found else mode_set_for.all(visit.session, campaign_id=[key])[-1:]
+        jobs += newest
+        sets += () if newest else mode_set_for.all(visit.session, campaign_id=[key])[-1:]
     rows = [row for row in name_jobs(visit, jobs, PARTS) if row.result is not None]
     sides = _sides(visit, rows, sets)
     known = [row.result for row in rows if row.result is not None]
     return visit.show(
         "compare.html",
         sides=sides,
-        without=len(wanted) - len(sides),
+        without=len(keys) - len(sides),
         differences=_differences(visit, sides),
         names=list(dict.fromkeys(p["name"] for result in known for p in result["parameters"])),
         units={p["name"]: p["unit"] for result in known for p in result["parameters"]},
@@ -91,8 +91,8 @@ def _sides(visit: Visit, rows: Sequence[NamedJob], sets: Sequence[ModeSet]) -> l
     campaigns = {key: describe(row) for key, row in campaigns_of(visit.session, keys).items()}
     structures = structures_of(visit.session, [each.structure_id for each in campaigns.values()])
     several = len(structures) > 1
-    said = [(row.campaign, row.structure, moment(row.job.created_at)) for row in rows]
-    said += [
+    labels = [(row.campaign, row.structure, moment(row.job.created_at)) for row in rows]
+    labels += [
         (
             campaigns[s.campaign_id].name,
             structures[campaigns[s.campaign_id].structure_id].name,
@@ -100,7 +100,7 @@ def _sides(visit: Visit, rows: Sequence[NamedJob], sets: Sequence[ModeSet]) -> l
         )
         for s in sets
     ]
-    names = _told_apart([each if several else (each[0], each[2]) for each in said])
+    names = _told_apart([each if several else (each[0], each[2]) for each in labels])
     results = [
         Side(name, f"update of {moment(row.job.created_at)}", f"ui/update-jobs/{row.job.id}",
              campaigns[row.job.campaign_id], row, _modes_of(visit, row))
@@ -128,9 +128,9 @@ def _told_apart(names: Sequence[tuple[str, ...]]) -> list[str]:
 
 def _modes_of(visit: Visit, row: NamedJob) -> ModeSet | None:
     """The measured modes of a result; its campaign may be gone, and they with it."""
-    found = (row.result or {})["provenance"].get("mode_set")
+    key = (row.result or {})["provenance"].get("mode_set")
     try:
-        return mode_set_for(visit.session, visit.user, UUID(found)) if found else None
+        return mode_set_for(visit.session, visit.user, UUID(key)) if key else None
     except NotFound:
         return None
 
@@ -202,21 +202,21 @@ def _by_shape(visit: Visit, sides: Sequence[Side]) -> ByShape | None:
     shown = ByShape(one.name, str(first.id))
     for side, other in rest:
         try:
-            found = likeness(visit.session, first, other)
+            both = likeness(visit.session, first, other)
         except Conflict as why:
             shown.notes.append(f"{side.name}: {why}")
             continue
-        shown.hz[:] = found.hz.tolist()
+        shown.hz[:] = both.hz.tolist()
         shown.heads.append(side.name)
-        shown.partners.append([_partner(found, i) for i in range(len(found.hz))])
-        if found.mac is not None:
+        shown.partners.append([_partner(both, i) for i in range(len(both.hz))])
+        if both.mac is not None:
             shown.others.append((side.name, str(other.id)))
     return shown
 
 
-def _partner(found: Likeness, i: int) -> tuple[float, float, float | None] | None:
+def _partner(both: Likeness, i: int) -> tuple[float, float, float | None] | None:
     """Frequency, difference in per cent and MAC of the mode that is the first set's mode i."""
-    if (j := found.partners.get(i)) is None:
+    if (j := both.partners.get(i)) is None:
         return None
-    alike = None if found.mac is None else float(found.mac[i, j])
-    return float(found.other_hz[j]), float(100 * (found.other_hz[j] / found.hz[i] - 1)), alike
+    alike = None if both.mac is None else float(both.mac[i, j])
+    return float(both.other_hz[j]), float(100 * (both.other_hz[j] / both.hz[i] - 1)), alike

@@ -26,7 +26,7 @@ SIMPLE = {"number": "number", "integer": "whole", "boolean": "switch"}
 
 
 @dataclass(frozen=True)
-class Field:
+class FormField:
     """One question of a form."""
 
     name: str  # JSON pointer of its value without the first slash
@@ -36,7 +36,7 @@ class Field:
     help: str = ""  # what the contract says of it
     default: Any = None  # its value where nothing is said
     options: list[tuple[str, str]] = field(default_factory=list)  # value and words of each choice
-    fields: list[Field] = field(default_factory=list)  # of a group, or of one row of a table
+    fields: list[FormField] = field(default_factory=list)  # of a group, or of one row of a table
     nullable: bool = False  # whether nothing can be said
     of: str = ""  # question of the same row that names the parameter in whose unit the value is
 
@@ -52,7 +52,9 @@ class Field:
         return in_words(self.default, *units_of_field(self.name, self.label)).split()[0]
 
 
-def fields_of(model: type[BaseModel], choices: Mapping[str, list[tuple[str, str]]]) -> list[Field]:
+def fields_of(
+    model: type[BaseModel], choices: Mapping[str, list[tuple[str, str]]]
+) -> list[FormField]:
     """The questions of a body, in the order of its members.
 
     Args:
@@ -72,13 +74,13 @@ class _Schema:
     definitions: Mapping[str, Any]
     choices: Mapping[str, list[tuple[str, str]]]
 
-    def members(self, node: Mapping[str, Any], prefix: str) -> list[Field]:
+    def members(self, node: Mapping[str, Any], prefix: str) -> list[FormField]:
         return [
             self._field(prefix + name, name, inner)
             for name, inner in node.get("properties", {}).items()
         ]
 
-    def _field(self, name: str, label: str, outer: Mapping[str, Any]) -> Field:
+    def _field(self, name: str, label: str, outer: Mapping[str, Any]) -> FormField:
         node, nullable = self._resolved(outer), False
         if "anyOf" in node:
             kinds = [self._resolved(option) for option in node["anyOf"]]
@@ -93,30 +95,30 @@ class _Schema:
             "of": "name" if label in OF_PARAMETER else "",
         }
         if name in self.choices:
-            return Field(kind="select", options=self.choices[name], **common)
+            return FormField(kind="select", options=self.choices[name], **common)
         if "enum" in node:
-            return Field(
+            return FormField(
                 kind="select", options=[(value, words(value)) for value in node["enum"]], **common
             )
         if node.get("type") == "object":
-            return Field(kind="group", fields=self.members(node, f"{name}/"), **common)
+            return FormField(kind="group", fields=self.members(node, f"{name}/"), **common)
         if node.get("type") == "array":
             return self._list(node, common)
-        return Field(kind=SIMPLE.get(node.get("type", ""), "text"), **common)
+        return FormField(kind=SIMPLE.get(node.get("type", ""), "text"), **common)
 
-    def _list(self, node: Mapping[str, Any], common: dict[str, Any]) -> Field:
+    def _list(self, node: Mapping[str, Any], common: dict[str, Any]) -> FormField:
         if "prefixItems" in node:
-            return Field(kind="pair", **common)
+            return FormField(kind="pair", **common)
         item = self._resolved(node["items"])
         if "enum" in item:
-            return Field(
+            return FormField(
                 kind=CHECKED_LIST,
                 options=[(value, words(value)) for value in item["enum"]],
                 **common,
             )
         if item.get("type") == "object":
-            return Field(kind="table", fields=self.members(item, ""), **common)
-        return Field(kind="numbers", **common)
+            return FormField(kind="table", fields=self.members(item, ""), **common)
+        return FormField(kind="numbers", **common)
 
     def _resolved(self, node: Mapping[str, Any]) -> Mapping[str, Any]:
         while "$ref" in node:
@@ -124,13 +126,13 @@ class _Schema:
         return node
 
 
-def _without_json(said: str) -> str:
+def _without_json(text: str) -> str:
     """What the contract says of a member, for someone who fills in a field and writes no JSON.
 
     >>> _without_json("1/τ; null: nobody knows")
     '1/τ; empty: nobody knows'
     """
-    return re.sub(r"\bnull\b", "empty", said).replace("`{}` will do", "everything may stay empty")
+    return re.sub(r"\bnull\b", "empty", text).replace("`{}` will do", "everything may stay empty")
 
 
 def _label(name: str) -> str:
@@ -151,19 +153,19 @@ def _members() -> dict[str, str]:
     """Labels of the members of recipes, campaigns and structures, by the last step of their
     names.
     """
-    found: dict[str, str] = {}
+    labels: dict[str, str] = {}
 
-    def gather(fields: list[Field]) -> None:
+    def gather(fields: list[FormField]) -> None:
         for one in fields:
-            found.setdefault(one.name.rsplit("/", 1)[-1], re.sub(r" \[.*\]", "", one.label))
+            labels.setdefault(one.name.rsplit("/", 1)[-1], re.sub(r" \[.*\]", "", one.label))
             gather(one.fields)
 
     for model in (RecipeIn, CampaignIn, StructureIn):
         gather(fields_of(model, {}))
-    return found
+    return labels
 
 
-_ASIDE = re.compile(r" ?[^.;:?(]*\((?:`[^`]*`(?:, )?)+\)")
+_PARENTHESIS = re.compile(r" ?[^.;:?(]*\((?:`[^`]*`(?:, )?)+\)")
 _CALL = re.compile(r"\b(?:GET|POST|PUT|PATCH|DELETE) /[\w/{}…-]+")
 _NAME = re.compile(r"`?(?<![\w/.@-])/?((?:[A-Za-z]\w*[./])*)([A-Za-z]\w*)(?![\w@/-])`?")
 
@@ -178,14 +180,14 @@ def page_words(text: str | None) -> str:
     'measure a wider band, or put modal first in “Damping models”; “Thickness standard deviation” is stated'
     """
 
-    def member(found: re.Match[str]) -> str:
-        name, marked = found[2], found[0].startswith("`")
+    def member(match: re.Match[str]) -> str:
+        name, marked = match[2], match[0].startswith("`")
         # a constant is called so
         if name in _members() and name not in CONSTANTS and (marked or "_" in name):
             return f"“{_members()[name]}”"
-        return found[0].strip("`") if marked else found[0]
+        return match[0].strip("`") if marked else match[0]
 
-    plain = _CALL.sub("this page", _ASIDE.sub("", text or ""))
+    plain = _CALL.sub("this page", _PARENTHESIS.sub("", text or ""))
     return (
         _NAME.sub(member, re.sub(r"\?([a-z_]+)=(\w*)", r"`\1` \2", plain))
         .replace(" ;", ";")

@@ -27,15 +27,15 @@ def get_events(
     """The states of jobs and monitors as server-sent events, of those among them that the visitor
     may see.
     """
-    asked = set(job)
+    keys = set(job)
     seen = set(
         session.scalars(
-            select(Job.id).where(Job.id.in_(asked), Job.project_id.in_(projects_of(user)))
+            select(Job.id).where(Job.id.in_(keys), Job.project_id.in_(projects_of(user)))
         )
     )
     states = {
         **look_at_jobs(session, seen),
-        **look_at_monitors(session, monitors_among(session, user, asked)),
+        **look_at_monitors(session, monitors_among(session, user, keys)),
     }
     if not states:
         raise NotFound("job", ", ".join(map(str, job)))

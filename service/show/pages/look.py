@@ -31,8 +31,8 @@ from service.access import routes as access
 from service.access.keys import COOKIE, request_token
 from service.errors import NotAcceptable, NotFound
 from service.show.pages import numbers
+from service.show.pages.findings import bar
 from service.show.pages.forms import labelled, page_words
-from service.show.pages.found import bar
 from service.show.pages.quantities import attributes
 from service.store.campaigns.operations import campaign_for, describe
 from service.store.structures import routes as structures
@@ -69,8 +69,8 @@ class Asset:
 @cache
 def assets() -> dict[str, Asset]:
     """All files by their names below `static`."""
-    found = (file for file in sorted(FOLDER.rglob("*")) if file.suffix in MEDIA_TYPES)
-    return {file.relative_to(FOLDER).as_posix(): _read(file) for file in found}
+    paths = (file for file in sorted(FOLDER.rglob("*")) if file.suffix in MEDIA_TYPES)
+    return {file.relative_to(FOLDER).as_posix(): _read(file) for file in paths}
 
 
 def _read(file: Path) -> Asset:
@@ -90,20 +90,20 @@ def address(name: str) -> str:
 @files.api_route("/static/{digest}/{name:path}", methods=["GET", "HEAD"])
 def get_asset(digest: str, name: str, request: Request) -> Response:
     """A file of the pages; under the digest of its content it never changes."""
-    found = assets().get(name)
-    if found is None or found.digest != digest:
+    asset = assets().get(name)
+    if asset is None or asset.digest != digest:
         raise NotFound("file", name)
     headers = {
         "Cache-Control": "public, max-age=31536000, immutable",
-        "ETag": f'"{found.digest}"',
+        "ETag": f'"{asset.digest}"',
         "Vary": "Accept-Encoding",
     }
     if (unchanged := not_modified(request, headers)) is not None:
         return unchanged
-    if found.compressed is not None and "gzip" in request.headers.get("accept-encoding", ""):
+    if asset.compressed is not None and "gzip" in request.headers.get("accept-encoding", ""):
         headers["Content-Encoding"] = "gzip"
-        return Response(found.compressed, media_type=found.media_type, headers=headers)
-    return Response(found.content, media_type=found.media_type, headers=headers)
+        return Response(asset.compressed, media_type=asset.media_type, headers=headers)
+    return Response(asset.content, media_type=asset.media_type, headers=headers)
 
 
 PREFIX = "/ui"
@@ -266,8 +266,8 @@ def _is_problem(message: Message) -> bool:
 def _answer(scope: Scope, problem: dict[str, Any]) -> Response:
     request = Request(scope)
     if problem["status"] == 401 and "authorization" not in request.headers:
-        asked = scope["path"].lstrip("/") + (f"?{request.url.query}" if request.url.query else "")
-        to = f"{root_of(scope['path'])}sign-in?next={quote(asked, safe='')}"
+        target = scope["path"].lstrip("/") + (f"?{request.url.query}" if request.url.query else "")
+        to = f"{root_of(scope['path'])}sign-in?next={quote(target, safe='')}"
         if "hx-request" in request.headers:  # a piece of a page: the page itself must go
             return Response(status_code=204, headers={"HX-Redirect": to})
         return RedirectResponse(to, status_code=303)

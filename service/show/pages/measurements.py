@@ -53,7 +53,7 @@ def get_structure(
     listed = campaigns.nouns.page(
         visit.session, visit.user, structure_id, cursor=cursor, limit=MOST, deleted=False
     )
-    shown = [c for c in listed.items if _wanted(c, boundary, name)]
+    shown = [c for c in listed.items if _matches(c, boundary, name)]
     jobs = updating.list_update_jobs(
         visit.session, visit.user, structure=structure_id, status=["succeeded"], limit=MOST
     ).items
@@ -101,16 +101,16 @@ def get_forecast(forecast_id: UUID, visit: VisitDep) -> Response:
     return RedirectResponse(f"../structures/{forecast.structure_id}")
 
 
-def _wanted(campaign: CampaignOut, boundary: str | None, name: str) -> bool:
+def _matches(campaign: CampaignOut, boundary: str | None, name: str) -> bool:
     return boundary in (None, campaign.boundary) and name.casefold() in campaign.name.casefold()
 
 
 def _newest(jobs: Sequence[NamedJob]) -> dict[UUID, NamedJob]:
     """The newest result of each campaign; jobs come newest first."""
-    found: dict[UUID, NamedJob] = {}
+    newest: dict[UUID, NamedJob] = {}
     for job in jobs:
-        found.setdefault(job.job.campaign_id, job)
-    return found
+        newest.setdefault(job.job.campaign_id, job)
+    return newest
 
 
 def _parameter_names(jobs: Iterable[NamedJob]) -> list[str]:
@@ -199,13 +199,13 @@ def _starts(looked_at: Sequence[ImportOut], sent: Sequence[ImportOut]) -> dict[U
     }
 
 
-def _overruling(mapping: dict[str, Any], found: Proposal) -> dict[str, Any]:
+def _overruling(mapping: dict[str, Any], proposal: Proposal) -> dict[str, Any]:
     """A mapping whose units are shown beside those of the file, so that what a person then types in
     their place counts.
     """
     own = {
         each["variable"]: each["unit"]
-        for each in found.mapping.get("channels", ())
+        for each in proposal.mapping.get("channels", ())
         if each.get("unit")
     }
     if not own or not isinstance(mapping.get("channels"), list):
@@ -240,11 +240,11 @@ def _sets_to_compare(visit: Visit, campaign: CampaignOut) -> list[tuple[UUID, st
     names = {
         each.id: "" if each.id == campaign.id else f", {each.name}" for each in (campaign, *others)
     }
-    found = [
+    sets = [
         (row.id, row.name + names[row.campaign_id], row.campaign_id)
         for row in mode_set_for.all(visit.session, campaign_id=names)
     ]
-    return [(key, name) for key, name, _ in sorted(found, key=lambda each: each[2] != campaign.id)]
+    return [(key, name) for key, name, _ in sorted(sets, key=lambda each: each[2] != campaign.id)]
 
 
 def _decided(visit: Visit, campaign_id: UUID) -> dict[tuple[int, int, int], HitDecisionOut]:

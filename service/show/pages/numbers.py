@@ -87,9 +87,9 @@ def in_laboratory_units(text: str) -> str:
     '0.121 mm, stated'
     """
 
-    def shown(found: re.Match[str]) -> str:
-        factor, unit = SHOWN[found[2]]
-        return f"{factor * float(found[1]):.3g} {unit}"
+    def shown(match: re.Match[str]) -> str:
+        factor, unit = SHOWN[match[2]]
+        return f"{factor * float(match[1]):.3g} {unit}"
 
     return _AMOUNT.sub(shown, text)
 
@@ -151,14 +151,14 @@ def _in_words(name: str, value: Any) -> tuple[str, str]:
         ((end, unit) for end, unit in _UNITS.items() if name.endswith(end)), ("", "")
     )
     parts = value if isinstance(value, list) else [value]
-    said = ", ".join(_said(each, unit) for each in parts)
+    text = ", ".join(_in_digits(each, unit) for each in parts)
     counts = any(isinstance(each, int | float) and not isinstance(each, bool) for each in parts)
     return words(name.removesuffix(ending) if counts else name), (
-        f"{said} {unit_of(unit)}".strip() if counts else said
+        f"{text} {unit_of(unit)}".strip() if counts else text
     )
 
 
-def _said(value: Any, unit: str) -> str:
+def _in_digits(value: Any, unit: str) -> str:
     if value is None:
         return "–"
     if isinstance(value, bool) or not isinstance(value, int | float):

@@ -38,37 +38,37 @@ class Typed(StrictModel):
 
 @router.post("/quantities")
 def read_typed(
-    asked: Annotated[list[Typed], Body(max_length=5000)], _user: CurrentUser
+    entries: Annotated[list[Typed], Body(max_length=5000)], _user: CurrentUser
 ) -> list[dict[str, Any]]:
     """Of each text its `value`, as REST takes it, with `words` for the page; or the `fault` in
     it.
     """
-    return [_read(one, place) for place, one in enumerate(asked)]
+    return [_read(one, place) for place, one in enumerate(entries)]
 
 
-def _read(asked: Typed, place: int) -> dict[str, Any]:
-    if asked.of == "":
+def _read(entry: Typed, place: int) -> dict[str, Any]:
+    if entry.of == "":
         return {"fault": "name the parameter first: the value is in its unit"}
-    unit, to = (asked.unit, asked.to) if asked.of is None else units_of_parameter(asked.of)
+    unit, to = (entry.unit, entry.to) if entry.of is None else units_of_parameter(entry.of)
     if not typed.are_alike(unit, to):
         raise Invalid([Fault(f"/{place}/unit", f"{unit!r} is no unit of what is {to!r}")])
     try:
-        match asked.kind:
+        match entry.kind:
             case "whole":
-                whole = typed.read_whole(asked.text)
+                whole = typed.read_whole(entry.text)
                 return {"value": whole, "words": str(whole)}
             case "points":
-                points = typed.read_points(asked.text)
+                points = typed.read_points(entry.text)
                 return {"value": points, "words": f"{len(points)} points"}
-            case "array" if not _NUMBER.match(asked.text):
-                return {"value": {"variable": asked.text.strip()}, "words": ""}
+            case "array" if not _NUMBER.match(entry.text):
+                return {"value": {"variable": entry.text.strip()}, "words": ""}
             case "number":
-                value = typed.read(asked.text, unit, to)
+                value = typed.read(entry.text, unit, to)
                 return {"value": value, "words": typed.in_words(value, unit, to)}
-        values = typed.read_numbers(asked.text, unit, to)
+        values = typed.read_numbers(entry.text, unit, to)
         words = "; ".join(typed.in_words(value, unit, to) for value in values)
         return {
-            "value": values[0] if asked.kind == "array" and len(values) == 1 else values,
+            "value": values[0] if entry.kind == "array" and len(values) == 1 else values,
             "words": words,
         }
     except typed.UnreadableError as error:
@@ -92,11 +92,11 @@ def attributes(name: str, label: str, kind: str = "number") -> Markup:
     """
     unit, to = units_of_field(name, label)
     scale = 1.0 if "°C" in (unit, to) else typed.size_of(unit, to)
-    said = f' data-unit="{escape(unit)}"' if unit else ""
-    said += f' data-to="{escape(to)}"' if to else ""
-    said += f' data-scale="{scale!r}"' if scale != 1 else ""
+    data = f' data-unit="{escape(unit)}"' if unit else ""
+    data += f' data-to="{escape(to)}"' if to else ""
+    data += f' data-scale="{scale!r}"' if scale != 1 else ""
     mode = "numeric" if kind == "whole" else "text" if kind in ("numbers", "points") else "decimal"
-    return Markup(f'type="text" inputmode="{mode}" autocomplete="off" data-quantity="{kind}"{said}')
+    return Markup(f'type="text" inputmode="{mode}" autocomplete="off" data-quantity="{kind}"{data}')
 
 
 def units_of_field(name: str, label: str) -> tuple[str, str]:

@@ -143,7 +143,7 @@ def get_new_test(
         for p in access.list_projects(visit.session, visit.user, limit=MOST).items
         if p.archived_at is None
     ]
-    found = structures_to_choose(visit.session, visit.user)
+    choices = structures_to_choose(visit.session, visit.user)
     start = {}
     if example in EXAMPLES:
         test = {"name": "first test", "boundary": "cantilever"}
@@ -156,7 +156,7 @@ def get_new_test(
         "new_test.html",
         projects=projects,
         structures=[
-            (p.name, [(key, name) for owner, key, name in found if owner == p.id])
+            (p.name, [(key, name) for owner, key, name in choices if owner == p.id])
             for p in reversed(projects)
         ],
         chosen=structure,

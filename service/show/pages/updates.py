@@ -16,8 +16,8 @@ from fastapi.responses import HTMLResponse
 from service.access import routes as access
 from service.jobs.resource import ENDED, JobState
 from service.show.figures.marks import counted
+from service.show.pages.findings import opening
 from service.show.pages.forms import OF_PARAMETER, fields_of
-from service.show.pages.found import opening
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.numbers import leaves
 from service.show.pages.quantities import units_of_parameter
@@ -255,12 +255,12 @@ def get_new_joint(
     mode sets.
     """
     context = visit.in_project(project_id)
-    found = structures.nouns.page(
+    listed = structures.nouns.page(
         visit.session, visit.user, project_id, limit=MOST, deleted=False
     ).items
     tests = [
         (s, campaigns.nouns.page(visit.session, visit.user, s.id, limit=MOST, deleted=False).items)
-        for s in found
+        for s in listed
     ]
     chosen = [(s, c) for s, each in tests for c in each if c.id in set(campaign or ())]
     sets: dict[UUID, list[tuple[UUID, str]]] = {c.id: [] for _, c in chosen}
@@ -314,11 +314,11 @@ def get_joint(joint_id: UUID, visit: VisitDep) -> HTMLResponse:
         **common,
         result=joint_document(visit.session, joint_update_for(visit.session, visit.user, joint_id)),
         figures=shown.list_joint_figures(joint_id, visit.session, visit.user).items,
-        alone=_newest_alone(visit, names),
-        asked=[
-            (name, names.get(said, said))
-            for name, said in _stated(job.request)
-            if said not in ("", "–")
+        newest=_newest_single(visit, names),
+        stated=[
+            (name, names.get(value, value))
+            for name, value in _stated(job.request)
+            if value not in ("", "–")
         ],
     )
 
@@ -338,18 +338,18 @@ def _stated(request: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield from leaves(own({**request, "jobs": [own(job) for job in request["jobs"]]}))
 
 
-def _newest_alone(visit: Visit, names: Mapping[str, str]) -> dict[str, UUID]:
+def _newest_single(visit: Visit, names: Mapping[str, str]) -> dict[str, UUID]:
     """The newest result of each campaign by itself, by the campaign's key; those without one are
     left out.
     """
-    found = {}
+    newest = {}
     for key in names:
         jobs = updating.list_update_jobs(
             visit.session, visit.user, campaign=UUID(key), status=["succeeded"], limit=1
         )
         if jobs.items:
-            found[key] = jobs.items[0].id
-    return found
+            newest[key] = jobs.items[0].id
+    return newest
 
 
 def joint_updates_of(

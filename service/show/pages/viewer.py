@@ -170,10 +170,10 @@ def points_in_space(
 
 
 def _directions(dofs: Iterable[tuple[int, int]]) -> dict[int, set[int]]:
-    found: dict[int, set[int]] = {}
+    directions: dict[int, set[int]] = {}
     for point, direction in dofs:
-        found.setdefault(point, set()).add(direction)
-    return found
+        directions.setdefault(point, set()).add(direction)
+    return directions
 
 
 def has_mesh(structure: StructureOut) -> bool:

@@ -143,9 +143,9 @@ def _picture(figure: Figure, width: float) -> Any:
     from reportlab.lib.utils import ImageReader
     from reportlab.platypus.flowables import Flowable
 
-    found = pixels(figure, PICTURE_DPI)
-    width = min(width, HEIGHT * found.shape[1] / found.shape[0])
-    height = width * found.shape[0] / found.shape[1]
+    picture = pixels(figure, PICTURE_DPI)
+    width = min(width, HEIGHT * picture.shape[1] / picture.shape[0])
+    height = width * picture.shape[0] / picture.shape[1]
 
     class Drawn(Flowable):  # type: ignore[misc]  # ReportLab has no types
         hAlign = "CENTER"
@@ -154,7 +154,7 @@ def _picture(figure: Figure, width: float) -> Any:
             return width, height
 
         def draw(self) -> None:
-            self.canv.drawImage(ImageReader(fromarray(found)), 0, 0, width, height)
+            self.canv.drawImage(ImageReader(fromarray(picture)), 0, 0, width, height)
 
     return Drawn()
 
@@ -216,12 +216,17 @@ def _table(table: Table) -> Any:
     return drawn
 
 
+_PADDING = 2  # letters' widths of what a cell keeps free on both sides
+
+
 def _widths(table: Table) -> list[float]:
     """By the longest text of each column, within limits, so that one long cell does not squeeze the
     others; a word is not broken.
     """
     rows = ([table.columns] if table.columns else []) + list(table.rows)
-    lengths = [max(6, *(_length(row[k]) for row in rows)) for k in range(len(table.numeric))]
+    lengths = [
+        max(6, *(_length(row[k]) for row in rows)) + _PADDING for k in range(len(table.numeric))
+    ]
     total = sum(lengths)
     return [WIDTH * length / total for length in lengths]
 

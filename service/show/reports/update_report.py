@@ -153,9 +153,9 @@ def _section(structure: Mapping[str, Any]) -> str:
     return "equivalent orthotropic plate"
 
 
-def _set(found: Mapping[str, Any]) -> str:
-    thickness = found.get("thickness_m")
-    return f"{found['name']}" if thickness is None else f"{found['name']} {1e3 * thickness:.4g} mm"
+def _set(group: Mapping[str, Any]) -> str:
+    thickness = group.get("thickness_m")
+    return f"{group['name']}" if thickness is None else f"{group['name']} {1e3 * thickness:.4g} mm"
 
 
 def _wall(wall: Mapping[str, Any]) -> str:

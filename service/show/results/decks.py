@@ -238,5 +238,5 @@ def _constants(document: dict[str, Any]) -> dict[str, float]:
     """Estimates by name, SI: those of the recipe, and of the inputs that moved with them."""
     steps = document["convergence"]
     inputs = steps[-1]["parameters"] if steps else {}
-    found = {row["name"]: row["estimate"] for row in document["parameters"] if "." in row["name"]}
-    return {**inputs, **found} if found else {}
+    values = {row["name"]: row["estimate"] for row in document["parameters"] if "." in row["name"]}
+    return {**inputs, **values} if values else {}

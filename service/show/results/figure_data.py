@@ -55,8 +55,8 @@ class UpdateFigures:
         Raises:
             Conflict: the job has no result, yet or ever.
         """
-        found = result_parts(self.session, [self.job.id], ("band_hz", "provenance"))
-        return found[self.job.id] if found else self.document
+        parts = result_parts(self.session, [self.job.id], ("band_hz", "provenance"))
+        return parts[self.job.id] if parts else self.document
 
     @cached_property
     def arrays(self) -> StoredArrays:
@@ -154,7 +154,7 @@ Drawn = TypeVar("Drawn", UpdateFigures, JointFigures)
 
 
 @dataclass(frozen=True)
-class Wanted:
+class FigureQuery:
     """What the query of a figure's route says."""
 
     point: int | None = None  # grid point whose FRF is drawn; None for the first one
@@ -169,10 +169,7 @@ class Wanted:
     model: int | None = None
 
 
-ANYTHING = Wanted()
-
-
-def update_frf_figure(data: UpdateFigures, wanted: Wanted) -> Figure:
+def update_frf_figure(data: UpdateFigures, query: FigureQuery) -> Figure:
     """The overlay of one FRF of an update that predicted some. Its `meta` says which points there
     are.
 
@@ -180,9 +177,9 @@ def update_frf_figure(data: UpdateFigures, wanted: Wanted) -> Figure:
         NotFound: there is no FRF at the points.
         Invalid: no line lies in the band.
     """
-    row = _row_at(data, wanted)
+    row = _row_at(data, query)
     frequency = data.arrays["frequency_hz"]
-    lines = Cut(wanted.fmin, wanted.fmax).lines(frequency)
+    lines = Cut(query.fmin, query.fmax).lines(frequency)
     frf = data.measured_frf(row)
     measured, coherence = data.measured(frf)
     response, reference = data.dofs[row]
@@ -209,21 +206,21 @@ def update_frf_figure(data: UpdateFigures, wanted: Wanted) -> Figure:
     return replace(frf_figure(curves), meta=meta)
 
 
-def _row_at(data: UpdateFigures, wanted: Wanted) -> int:
+def _row_at(data: UpdateFigures, query: FigureQuery) -> int:
     """Place of the FRF at a point: that between the two points where both are named."""
     pairs = [(response.point, reference.point) for response, reference in data.dofs]
-    named = [point for point in (wanted.point, wanted.reference) if point is not None]
-    found = [row for row, pair in enumerate(pairs) if all(point in pair for point in named)]
-    if wanted.point is not None and wanted.point == wanted.reference:
-        found = [row for row in found if pairs[row][0] == pairs[row][1]]
-    if not found:
+    named = [point for point in (query.point, query.reference) if point is not None]
+    rows = [row for row, pair in enumerate(pairs) if all(point in pair for point in named)]
+    if query.point is not None and query.point == query.reference:
+        rows = [row for row in rows if pairs[row][0] == pairs[row][1]]
+    if not rows:
         raise NotFound(
             f"FRF at point {' and '.join(map(str, named))} in this result; there are points"
             f" {_listed(data)}"
         )
-    # Of those that share a fixed point the one whose moving point is the wanted one.
+    # Of those that share a fixed point the one whose moving point is the requested one.
     moving = 1 if len({pair[1] for pair in pairs}) >= len({pair[0] for pair in pairs}) else 0
-    return next((row for row in found if pairs[row][moving] == wanted.point), found[0])
+    return next((row for row in rows if pairs[row][moving] == query.point), rows[0])
 
 
 def _points(data: UpdateFigures) -> list[int]:

@@ -25,21 +25,21 @@ from service.show.figures.modes import (
 )
 from service.show.figures.temperature import temperature_figure
 from service.show.figures.updates import (
-    alone_figure,
+    MOST_PARAMETERS,
     budget_figure,
     convergence_figure,
     damping_figure,
     errors_figure,
     parameters_figure,
     posterior_figure,
+    single_estimates_figure,
 )
 from service.show.results.figure_data import (
-    ANYTHING,
     AnyFigures,
     Drawn,
+    FigureQuery,
     JointFigures,
     UpdateFigures,
-    Wanted,
     update_frf_figure,
 )
 
@@ -49,7 +49,7 @@ class NamedFigure(Generic[Drawn]):
     """A figure of an update, or of a joint update."""
 
     title: str  # what it shows, in one line
-    draw: Callable[[Drawn, Wanted], Figure]  # draws it
+    draw: Callable[[Drawn, FigureQuery], Figure]  # draws it
     # says why the result has nothing for it; nothing where it has
     why_not: Callable[[Drawn], str | None]
     arrays: tuple[str, ...] = ()  # that must be kept, which an earlier version may not have done
@@ -67,7 +67,10 @@ class NamedFigure(Generic[Drawn]):
 
 
 def draw_figure(
-    figures: Mapping[str, NamedFigure[Drawn]], data: Drawn, name: str, wanted: Wanted = ANYTHING
+    figures: Mapping[str, NamedFigure[Drawn]],
+    data: Drawn,
+    name: str,
+    query: FigureQuery | None = None,
 ) -> Figure:
     """One of the figures of a kind of result.
 
@@ -78,7 +81,7 @@ def draw_figure(
     require_figure(name, *figures)
     if (why := figures[name].lacks(data)) is not None:
         raise Conflict(why)
-    return figures[name].draw(data, wanted)
+    return figures[name].draw(data, query or FigureQuery())
 
 
 def draw_sheets(data: UpdateFigures, name: str) -> Sequence[Figure]:
@@ -88,7 +91,7 @@ def draw_sheets(data: UpdateFigures, name: str) -> Sequence[Figure]:
     figure = FIGURES[name]
     if figure.lacks(data) is not None:
         return ()
-    return [figure.draw(data, ANYTHING)] if figure.sheets is None else figure.sheets(data)
+    return [figure.draw(data, FigureQuery())] if figure.sheets is None else figure.sheets(data)
 
 
 def _no_result(data: AnyFigures) -> None:
@@ -115,7 +118,7 @@ def _one_temperature(data: AnyFigures) -> str | None:
     return None if shown else "the data determine none of the constants"
 
 
-def _mac(data: UpdateFigures, _: Wanted) -> Figure:
+def _mac(data: UpdateFigures, _: FigureQuery) -> Figure:
     document = data.document
     matrix = document["correlation"]["mac_matrix"]
     across = document.get("model_modes") or [
@@ -134,7 +137,7 @@ def _measured_names(data: UpdateFigures) -> list[str]:
     return [_mode_name(mode["number"], mode["measured_hz"]) for mode in data.document["modes"]]
 
 
-def _automac(data: UpdateFigures, _: Wanted) -> Figure:
+def _automac(data: UpdateFigures, _: FigureQuery) -> Figure:
     matrix = auto_mac(data.arrays["shapes_measured"].astype(complex)).tolist()
     names = _measured_names(data)
     title = "AutoMAC of the measured shapes: can the points keep the modes apart?"
@@ -150,32 +153,32 @@ def _no_shapes(data: UpdateFigures) -> str | None:
     )
 
 
-def _shapes(data: UpdateFigures, wanted: Wanted) -> Figure:
-    found = _shape_pairs(data, wanted)
-    if not found:
+def _shapes(data: UpdateFigures, query: FigureQuery) -> Figure:
+    pairs = _shape_pairs(data, query)
+    if not pairs:
         return words(
             "Mode shapes, measured and updated",
             "this mode has no partner; choose a mode of the other side too",
         )
-    which = f"the first {MOST_MODES} of {len(found)} pairs" if len(found) > MOST_MODES else ""
-    return _drawn_shapes(data, wanted, found[:MOST_MODES], which)
+    which = f"the first {MOST_MODES} of {len(pairs)} pairs" if len(pairs) > MOST_MODES else ""
+    return _drawn_shapes(data, query, pairs[:MOST_MODES], which)
 
 
 def _shape_sheets(data: UpdateFigures) -> list[Figure]:
-    found = _shape_pairs(data, ANYTHING)
-    if len(found) <= MOST_ROWS:
-        return [_shapes(data, ANYTHING)]
-    sheets = np.array_split(found[:MOST_MODES], -(-min(len(found), MOST_MODES) // MOST_ROWS))
+    pairs = _shape_pairs(data, FigureQuery())
+    if len(pairs) <= MOST_ROWS:
+        return [_shapes(data, FigureQuery())]
+    sheets = np.array_split(pairs[:MOST_MODES], -(-min(len(pairs), MOST_MODES) // MOST_ROWS))
     return [
         _drawn_shapes(
-            data, ANYTHING, sheet.tolist(), f"modes {sheet[0, 0] + 1} to {sheet[-1, 0] + 1}"
+            data, FigureQuery(), sheet.tolist(), f"modes {sheet[0, 0] + 1} to {sheet[-1, 0] + 1}"
         )
         for sheet in sheets
     ]
 
 
 def _drawn_shapes(
-    data: UpdateFigures, wanted: Wanted, found: Sequence[tuple[int, int]], which: str
+    data: UpdateFigures, query: FigureQuery, places: Sequence[tuple[int, int]], which: str
 ) -> Figure:
     arrays, modes = data.arrays, data.document["modes"]
     pairs = [
@@ -183,33 +186,33 @@ def _drawn_shapes(
             number=modes[i]["number"],
             measured_title=f"mode {modes[i]['number']}, measured: {modes[i]['measured_hz']:.4g} Hz",
             updated_title=(
-                _updated_title(modes[i]) if wanted.model is None else _model_title(data, i, j)
+                _updated_title(modes[i]) if query.model is None else _model_title(data, i, j)
             ),
             measured=arrays["shapes_measured"][i].astype(complex),
             updated=arrays["shapes_updated"][j].astype(float),
         )
-        for i, j in found
+        for i, j in places
     ]
     return shapes_figure(pairs, arrays["shape_points"].tolist(), arrays["shape_places_m"], which)
 
 
-def _shape_pairs(data: UpdateFigures, wanted: Wanted) -> list[tuple[int, int]]:
+def _shape_pairs(data: UpdateFigures, query: FigureQuery) -> list[tuple[int, int]]:
     """Places of the modes whose shapes are drawn: the pairs of the result, those of one measured
     mode, or any two.
     """
     measured, model = len(data.document["modes"]), len(data.arrays["shapes_updated"])
     for name, number, most in (
-        ("measured", wanted.measured, measured),
-        ("model", wanted.model, model),
+        ("measured", query.measured, measured),
+        ("model", query.model, model),
     ):
         if number is not None and number > most:
             raise NotFound(f"{name} mode {number} in this result; there are 1 to {most}")
-    if wanted.measured is not None and wanted.model is not None:
-        return [(wanted.measured - 1, wanted.model - 1)]
+    if query.measured is not None and query.model is not None:
+        return [(query.measured - 1, query.model - 1)]
     return [
         (i, j)
         for i, j in data.arrays["shape_pairs"].tolist()
-        if wanted.measured in (None, i + 1) and wanted.model in (None, j + 1)
+        if query.measured in (None, i + 1) and query.model in (None, j + 1)
     ]
 
 
@@ -225,7 +228,7 @@ def _updated_title(mode: dict[str, Any]) -> str:
     return f"updated: {mode['updated_hz']:.4g} Hz, {motion_words(mode)}{mac}"
 
 
-def _parameters(title: str) -> Callable[[AnyFigures, Wanted], Figure]:
+def _parameters(title: str) -> Callable[[AnyFigures, FigureQuery], Figure]:
     return lambda data, _: parameters_figure(
         data.document["parameters"], f"{title}: prior and updated, 95 % intervals"
     )
@@ -235,17 +238,19 @@ def _no_posterior(data: AnyFigures) -> str | None:
     return _OLDER if data.document["posterior"].get("correlation") is None else None
 
 
-def _posterior(data: AnyFigures, _: Wanted) -> Figure:
+def _posterior(data: AnyFigures, _: FigureQuery) -> Figure:
     described = data.document["posterior"]
     rows = {row["name"]: row for row in data.document["parameters"]}
     places = [i for i, name in enumerate(described["names"]) if name in rows]
+    known_first = sorted(places, key=lambda i: not rows[described["names"][i]]["identifiable"])
+    places = sorted(known_first[:MOST_PARAMETERS])
     chosen = [rows[described["names"][i]] for i in places]
     correlation = np.array(described["correlation"], dtype=float)[np.ix_(places, places)]
     samples = data.arrays["samples"][:, places].astype(float) if "samples" in data.arrays else None
     return posterior_figure(chosen, correlation, samples)
 
 
-def _sensitivities(data: UpdateFigures, _: Wanted) -> Figure:
+def _sensitivities(data: UpdateFigures, _: FigureQuery) -> Figure:
     effects = dict(
         zip(data.arrays["parameter_names"].tolist(), data.arrays["parameter_effects"], strict=True)
     )
@@ -260,15 +265,15 @@ def _no_budget(data: AnyFigures) -> str | None:
     )
 
 
-def _none_alone(data: JointFigures) -> str | None:
+def _no_single_estimates(data: JointFigures) -> str | None:
     known = any(part["alone"] for part in data.document["campaigns"])
     return None if known else "no campaign has an estimate of its own"
 
 
-def _agreement(name: str) -> Callable[[UpdateFigures, Wanted], Figure]:
-    def draw(data: UpdateFigures, wanted: Wanted) -> Figure:
+def _agreement(name: str) -> Callable[[UpdateFigures, FigureQuery], Figure]:
+    def draw(data: UpdateFigures, query: FigureQuery) -> Figure:
         hz = data.arrays["band_lines_hz"]
-        low, high = wanted.fmin or 0.0, np.inf if wanted.fmax is None else wanted.fmax
+        low, high = query.fmin or 0.0, np.inf if query.fmax is None else query.fmax
         kept = (hz >= low) & (hz <= high)
         if not kept.any():
             raise NotFound(
@@ -287,7 +292,7 @@ def _agreement(name: str) -> Callable[[UpdateFigures, Wanted], Figure]:
     return draw
 
 
-def _sac(data: UpdateFigures, _: Wanted) -> Figure:
+def _sac(data: UpdateFigures, _: FigureQuery) -> Figure:
     arrays, correlation = data.arrays, data.document["correlation"]
     parts = [(arrays["fitted"].tolist(), correlation, False)]
     if correlation["held_out"]["frfs"] is not None:
@@ -298,7 +303,8 @@ def _sac(data: UpdateFigures, _: Wanted) -> Figure:
     at = np.array([places[label] for label in labels])
     values = {
         name: np.array(
-            [np.nan if v is None else v for _, found, _ in parts for v in found[name]], dtype=float
+            [np.nan if v is None else v for _, criteria, _ in parts for v in criteria[name]],
+            dtype=float,
         )
         for name in ("sac", "frac")
     }
@@ -308,7 +314,7 @@ def _sac(data: UpdateFigures, _: Wanted) -> Figure:
     )
 
 
-def _convergence(data: UpdateFigures, _: Wanted) -> Figure:
+def _convergence(data: UpdateFigures, _: FigureQuery) -> Figure:
     document = data.document
     steps = document["convergence"]
     reported = {row["name"] for row in document["parameters"]}
@@ -344,7 +350,7 @@ def _no_identification(data: UpdateFigures) -> str | None:
     )
 
 
-def _stabilisation(data: UpdateFigures, _: Wanted) -> Figure:
+def _stabilisation(data: UpdateFigures, _: FigureQuery) -> Figure:
     return stabilisation_figure(data.document["identification"])
 
 
@@ -417,8 +423,10 @@ JOINT_FIGURES: dict[str, NamedFigure[JointFigures]] = {
     ),
     "campaigns": NamedFigure(
         "Each campaign alone, beside all together",
-        lambda data, _: alone_figure(data.document["parameters"], data.document["campaigns"]),
-        _none_alone,
+        lambda data, _: single_estimates_figure(
+            data.document["parameters"], data.document["campaigns"]
+        ),
+        _no_single_estimates,
     ),
     "frequencies": NamedFigure(
         "Errors of the frequencies, campaign by campaign",

@@ -32,7 +32,7 @@ Model = Literal["updated", "initial"]
 
 
 @dataclass(frozen=True)
-class Chosen:
+class FrfQuery:
     """Which of the predicted FRFs; None does not narrow."""
 
     point: int | None = None
@@ -41,7 +41,7 @@ class Chosen:
 
 
 def predicted_table(
-    session: Session, job: UpdateJob, model: Model, chosen: Chosen, cut: Cut
+    session: Session, job: UpdateJob, model: Model, chosen: FrfQuery, cut: Cut
 ) -> PredictedTable:
     """The FRFs of a job's model.
 
@@ -56,19 +56,19 @@ def predicted_table(
     dofs = list(zip(_dofs(arrays["responses"]), _dofs(arrays["references"]), strict=True))
     ids = [UUID(frf["id"]) for frf in document["provenance"]["frfs"]]
     measured = used_frfs(session, job, frfs_of(session, ids), dofs)
-    wanted = [i for i, frf in enumerate(measured) if _is_chosen(frf, chosen)]
-    if not wanted:
+    rows = [i for i, frf in enumerate(measured) if _is_chosen(frf, chosen)]
+    if not rows:
         raise NotFound("predicted FRF at these points and in this direction in this result")
     lines = cut.lines(frequency)
-    said = [
+    described = [
         {name: getattr(measured[i], name) for name in (*DOFS, "label")}
         | {"id": str(measured[i].id)}
-        for i in wanted
+        for i in rows
     ]
     return PredictedTable(
         frequency_hz=frequency[lines],
-        values=values[wanted][:, lines],
-        frfs=tuple(FrfRow(**each) for each in said),
+        values=values[rows][:, lines],
+        frfs=tuple(FrfRow(**each) for each in described),
         quantity=measured[0].quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
         description=f"predicted by the {model} model, update job {job.id}",
         points_of=lambda: stored_points(session, job.campaign_id),
@@ -111,10 +111,10 @@ def _dofs_in(frame: Frame, frf: Frf) -> tuple[Dof, Dof]:
     )
 
 
-def _is_chosen(frf: Frf, chosen: Chosen) -> bool:
+def _is_chosen(frf: Frf, chosen: FrfQuery) -> bool:
     pairs = (
         (chosen.point, frf.response_point),
         (chosen.direction, frf.response_direction),
         (chosen.reference, frf.reference_point),
     )
-    return all(wanted in (None, there) for wanted, there in pairs)
+    return all(value in (None, there) for value, there in pairs)

@@ -17,18 +17,18 @@ from service.errors import Invalid
 from service.jobs.subprocess_read import read_in_subprocess
 from service.show.figures.answers import (
     RESPONSES,
-    Asked,
     FigureName,
     FigureOut,
+    FigureRequestDep,
     FiguresOut,
     require_figure,
 )
 from service.show.reports.as_html import POLICY, as_html
 from service.show.reports.as_pdf import as_pdf
 from service.show.results.decks import SUFFIXES, Element, Program, deck_order, written_deck
-from service.show.results.figure_data import Drawn, JointFigures, UpdateFigures, Wanted
+from service.show.results.figure_data import Drawn, FigureQuery, JointFigures, UpdateFigures
 from service.show.results.figures import FIGURES, JOINT_FIGURES, NamedFigure, draw_figure
-from service.show.results.predictions import Chosen, Model, predicted_table
+from service.show.results.predictions import FrfQuery, Model, predicted_table
 from service.show.results.reporting import report_of
 from service.show.results.space import (
     At,
@@ -81,7 +81,7 @@ def get_predicted_frfs(
     `id` and `label` are those of the measured FRF. Values are in single precision.
     """
     job, written = update_job_for(session, user, job_id), FORMATS[form]
-    table = predicted_table(session, job, model, Chosen(point, direction, reference), cut)
+    table = predicted_table(session, job, model, FrfQuery(point, direction, reference), cut)
     # A result never changes: the query says which part of it this is, and only UFF holds grid
     # points, which may.
     headers = {"Vary": "Accept"}
@@ -151,7 +151,7 @@ def get_figure(
     ],
     session: SessionDep,
     user: CurrentUser,
-    asked: Asked,
+    request: FigureRequestDep,
     point: Annotated[
         Whole, Query(description="`frf`: grid point whose FRF is drawn; default: the first one")
     ] = None,
@@ -178,10 +178,10 @@ def get_figure(
     job = update_job_for(session, user, job_id)
     data = UpdateFigures(session, job)
     require_figure(name, *FIGURES)
-    asked.require_used(name, FIGURES[name].query, _OF_FIGURES)
-    wanted = Wanted(point, reference, fmin, fmax, measured, model)
+    request.require_used(name, FIGURES[name].query, _OF_FIGURES)
+    query = FigureQuery(point, reference, fmin, fmax, measured, model)
     # a result never changes
-    return asked.answer(lambda: draw_figure(FIGURES, data, name, wanted), name, str(job.id))
+    return request.answer(lambda: draw_figure(FIGURES, data, name, query), name, str(job.id))
 
 
 @router.get("/update-jobs/{job_id}/mesh", response_model=ResultMeshOut, responses=MESH_FILES)
@@ -278,7 +278,11 @@ def list_joint_figures(joint_id: UUID, session: SessionDep, user: CurrentUser) -
     "/joint-updates/{joint_id}/figures/{name}", response_class=Response, responses=RESPONSES
 )
 def get_joint_figure(
-    joint_id: UUID, name: FigureName, session: SessionDep, user: CurrentUser, asked: Asked
+    joint_id: UUID,
+    name: FigureName,
+    session: SessionDep,
+    user: CurrentUser,
+    request: FigureRequestDep,
 ) -> Response:
     """A figure of a joint update: `parameters`, `campaigns`, `frequencies`, `budget` or
     `posterior`.
@@ -290,7 +294,7 @@ def get_joint_figure(
     require_figure(name, *JOINT_FIGURES)
     data = JointFigures(row, joint_document(session, row))
     # a result never changes
-    return asked.answer(lambda: draw_figure(JOINT_FIGURES, data, name), name, str(row.id))
+    return request.answer(lambda: draw_figure(JOINT_FIGURES, data, name), name, str(row.id))
 
 
 def _described(

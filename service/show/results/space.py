@@ -188,7 +188,7 @@ def measured_shape(data: InSpace, number: int) -> ShapeOut:
     )
     at_points = arrays["shapes_updated"][near].astype(float)[:, : shape.size]
     share = np.linalg.pinv(at_points.T, rcond=UNSEEN) @ shape
-    missed = 100 * float(np.linalg.norm(at_points.T @ share - shape) / np.linalg.norm(shape))
+    miss = 100 * float(np.linalg.norm(at_points.T @ share - shape) / np.linalg.norm(shape))
     everywhere = np.einsum(
         "m,mnk->nk",
         share * arrays["mesh_largest"][near],
@@ -198,8 +198,8 @@ def measured_shape(data: InSpace, number: int) -> ShapeOut:
         f"{counted(shape.size, 'measured value')}, expanded over the mesh by"
         f" {counted(len(near), 'mode')} of the model"
     )
-    words += f", which miss {missed:.1f} % of them"
-    return _shape(data, shape, everywhere, missed, words)
+    words += f", which miss {miss:.1f} % of them"
+    return _shape(data, shape, everywhere, miss, words)
 
 
 def model_shape(data: InSpace, number: int) -> ShapeOut:
@@ -230,8 +230,10 @@ def model_shape(data: InSpace, number: int) -> ShapeOut:
 
 def _nearest(data: InSpace, hz: float, most: int) -> IntArray:
     """Numbers from 0 of the model's modes that are nearest in frequency."""
-    away = np.abs(np.array([mode["frequency_hz"] for mode in data.document["model_modes"]]) - hz)
-    return np.sort(np.argsort(away, kind="stable")[:most])
+    distance = np.abs(
+        np.array([mode["frequency_hz"] for mode in data.document["model_modes"]]) - hz
+    )
+    return np.sort(np.argsort(distance, kind="stable")[:most])
 
 
 def _arrays(data: InSpace) -> Any:
@@ -268,7 +270,7 @@ def _shape(
     data: InSpace,
     values: ComplexArray | FloatArray,
     everywhere: Any,
-    missed: float | None,
+    miss: float | None,
     words: str,
 ) -> ShapeOut:
     """Values along the directions of the first rows of the points, and displacements of the nodes,
@@ -282,7 +284,7 @@ def _shape(
     return ShapeOut(
         nodes=_motion(everywhere / scale),
         points=_motion(at_points / scale),
-        missed_percent=missed,
+        missed_percent=miss,
         words=words,
     )
 
@@ -302,9 +304,9 @@ def file_of_result(data: InSpace, at: At) -> MeshFile:
     Raises:
         Conflict: as of `mesh_of_result`.
     """
-    found = mesh_of_result(data)
+    mesh = mesh_of_result(data)
     if at == "nodes":
-        nodes = columns(found.nodes.model_dump())
+        nodes = columns(mesh.nodes.model_dump())
         numbers = (
             data.arrays["mesh_numbers"]
             if "mesh_numbers" in data.arrays
@@ -312,11 +314,11 @@ def file_of_result(data: InSpace, at: At) -> MeshFile:
         )
         cells = [
             Cells(block.kind, block.set, np.array(block.numbers), np.array(block.nodes))
-            for block in found.blocks
+            for block in mesh.blocks
         ]
     else:
-        nodes = np.array([(point.x_m, point.y_m, point.z_m) for point in found.points])
-        numbers = np.array([point.label for point in found.points])
+        nodes = np.array([(point.x_m, point.y_m, point.z_m) for point in mesh.points])
+        numbers = np.array([point.label for point in mesh.points])
         cells = [Cells("point", "points", numbers, np.arange(len(numbers))[:, None])]
     damping = {mode["number"]: mode.get("measured_damping") for mode in data.document["modes"]}
     expanded = ", expanded" if at == "nodes" else ""
@@ -329,9 +331,9 @@ def file_of_result(data: InSpace, at: At) -> MeshFile:
             mode.frequency_hz,
             points=numbers,
         )
-        for mode in found.model
+        for mode in mesh.model
     ]
-    for mode in found.measured:
+    for mode in mesh.measured:
         label = f"measured mode {mode.number}{expanded}"
         shape = measured_shape(data, mode.number)
         zeta = damping.get(mode.number)

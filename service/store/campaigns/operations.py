@@ -15,7 +15,7 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 from modalbase.formats.errors import FormatError
 from modalbase.formats.points import read_points
 from service.access import Lookup, User
-from service.access.demands import require_demanded
+from service.access.metadata_schema import require_metadata
 from service.compute.frame import SPECIMEN, Frame, make_frame
 from service.db.base import Base, Big, Identified, Labelled, label_indexes, transaction_time
 from service.db.bytea import copy_rows
@@ -102,7 +102,7 @@ def create_campaign(session: Session, user: User, structure_id: UUID, body: Camp
     """Store a new campaign of a structure and note it in the audit trail."""
     structure = structure_for(session, user, structure_id, "editor")
     described = body.model_dump(mode="json")
-    require_demanded(session, structure.project_id, "campaign", described)
+    require_metadata(session, structure.project_id, "campaign", described)
     described["performed_at"] = body.performed_at
     return campaign_for.add(
         session, user, Campaign(structure_id=structure.id, **described), name=body.name
@@ -123,7 +123,7 @@ def change_campaign(session: Session, user: User, campaign: Campaign, patch: Cam
             value.model_dump(mode="json") if isinstance(value, BaseModel) else value,
         )
     demanded = describe(campaign).model_dump(mode="json")
-    require_demanded(session, campaign_for.project_of(session, campaign), "campaign", demanded)
+    require_metadata(session, campaign_for.project_of(session, campaign), "campaign", demanded)
     campaign.updated_at = transaction_time(session)
     session.flush()
     campaign_for.note(session, user, campaign, "change", was=was, now=now)

@@ -34,7 +34,7 @@ from service.store.coupons.schemas import (
     Summary,
 )
 from service.web import IF_MATCH, Confirm, Page, api_router, etag_of, require_match, require_usual
-from service.web.gate import without_slot
+from service.web.admission import without_slot
 from service.web.json_body import checked, parse_json
 from service.web.negotiation import content_type, is_json
 from service.web.openapi import BINARY, reads

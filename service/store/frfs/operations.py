@@ -35,7 +35,7 @@ from fecore.arrays import FloatArray
 from fecore.signal import Averages
 from modalbase.formats.frfs.table import DOFS
 from service.access import Lookup, User, present
-from service.access.demands import require_demanded
+from service.access.metadata_schema import require_metadata
 from service.compute.frf_rows import COLUMNS, coherence_columns
 from service.compute.spectra import encode, encode_axis
 from service.db.base import Base, Big, Identified, Labelled, label_indexes
@@ -302,7 +302,7 @@ def label_frfs(
         Invalid: they are not what the project demands.
     """
     stated = labels.model_dump()
-    require_demanded(session, campaign_for.project_of(session, campaign), "frfs", stated)
+    require_metadata(session, campaign_for.project_of(session, campaign), "frfs", stated)
     keys = select(selection.subquery().c.id)
     count = len(
         session.scalars(

@@ -53,7 +53,7 @@ from service.store.records import operations as records
 from service.store.records.processings import judged
 from service.store.records.schemas import Proposal, StoredRecords, from_json
 from service.web import Name, Page, api_router, shown_as
-from service.web.gate import without_slot
+from service.web.admission import without_slot
 from service.web.openapi import BINARY, TEXT, reads
 from service.web.uploads import Spooled, UploadDep
 
@@ -178,7 +178,11 @@ async def _records(
         return _Came(sent, name, dry_run, [upload.stated, name, dry_run])
     suffix = (PurePosixPath(name).suffix or SUFFIX_OF.get(upload.content_type, "")).lower()
     if suffix not in RECORD_SUFFIXES:
-        raise Invalid("", f"is a '{suffix}' file, expected one of {', '.join(RECORD_SUFFIXES)}")
+        raise Invalid(
+            "",
+            f"is a '{suffix}' file, expected one of {', '.join(RECORD_SUFFIXES)}; POST"
+            " /campaigns/{id}/imports takes every format, UFF too",
+        )
     if stated is None and not dry_run:
         raise Invalid("mapping", "is missing; ?dry_run=true proposes one")
     draft = Import(

@@ -26,7 +26,7 @@ from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, Session, mapped_column, relationship
 
 from service.access import Lookup, User, project_for, projects_of
-from service.access.demands import require_demanded
+from service.access.metadata_schema import require_metadata
 from service.db.base import Base, Identified, Labelled, label_indexes, transaction_time
 from service.errors import Fault, Invalid
 from service.store.structures.schemas import (
@@ -131,7 +131,7 @@ def create_structure(
 ) -> Structure:
     """Store a new structure in version 1 and note it in the audit trail."""
     project = project_for(session, user, project_id, "editor")
-    require_demanded(session, project.id, "structure", body.model_dump(mode="json"))
+    require_metadata(session, project.id, "structure", body.model_dump(mode="json"))
     structure = Structure(
         project_id=project.id, name=body.name, version=1, tags=body.tags, meta=body.meta
     )
@@ -156,7 +156,7 @@ def change_structure(
     """
     before = describe(session, structure)
     after = _patched(before, patch)
-    require_demanded(session, structure.project_id, "structure", after.model_dump(mode="json"))
+    require_metadata(session, structure.project_id, "structure", after.model_dump(mode="json"))
     structure.name, structure.tags, structure.meta = after.name, after.tags, after.meta
     physical = (
         "geometry",

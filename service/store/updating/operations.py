@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 from fecore.errors import InputError
 from fecore.updating.curves import check_temperatures
 from service.access import Lookup, User
-from service.access.demands import require_demanded
+from service.access.metadata_schema import require_metadata
 from service.compute.updating import JointOutput, UpdateOutput, compute_joint, compute_update
 from service.errors import Invalid
 from service.jobs.kinds import CORE_LIBRARIES
@@ -302,7 +302,7 @@ def label_result(session: Session, user: User, row: UpdateJob, labels: Labels) -
         Invalid: they are not what the project demands.
     """
     result, stated = _result(session, row), labels.model_dump()
-    require_demanded(session, row.project_id, "result", stated)
+    require_metadata(session, row.project_id, "result", stated)
     result.tags, result.meta = labels.tags, labels.meta
     update_job_for.note(session, user, row, "label", **stated)
 

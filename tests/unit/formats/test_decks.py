@@ -45,11 +45,11 @@ def test_the_edges_are_held_as_the_boundary_says(
 ) -> None:
     deck = replace(DECK, boundary=boundary)
     at = {"ROOT": 0.0, "START": 0.0, "END": deck.length}
-    for text, wanted in ((write_shells(deck), shell), (write_solids(deck), solid)):
+    for text, expected in ((write_shells(deck), shell), (write_solids(deck), solid)):
         held: dict[str, list[str]] = {}
         for name, first, last in re.findall(r"^([A-Z]+),(\d),(\d)$", text, re.MULTILINE):
             held.setdefault(name, []).append(f"{first},{last}")
-        assert held == wanted
+        assert held == expected
         for name in held:
             members = (
                 np.concatenate([np.array(row, int) for row in _block(text, f"*NSET, NSET={name}")])
@@ -112,8 +112,10 @@ def test_masses_hang_on_the_nodes_of_their_places() -> None:
 def test_nastran_has_the_mesh_of_the_shells_in_fields_that_it_reads() -> None:
     nastran, shells = write_nastran(LOADED), write_shells(LOADED)
     quads = re.findall(r"^CQUAD8,\d+,1,(.+)\n,(\d+),(\d+),", nastran, re.MULTILINE)
-    found = [[int(n) - 1 for n in (*six.split(","), seven, eight)] for six, seven, eight in quads]
-    np.testing.assert_array_equal(found, _elements(shells, "S8R"))
+    connectivity = [
+        [int(n) - 1 for n in (*six.split(","), seven, eight)] for six, seven, eight in quads
+    ]
+    np.testing.assert_array_equal(connectivity, _elements(shells, "S8R"))
     for line in nastran.split("BEGIN BULK\n")[1].splitlines():
         wide = 16 if line.split(",")[0].endswith("*") else 8
         for cell in line.split(",")[1:]:

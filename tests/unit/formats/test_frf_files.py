@@ -43,17 +43,17 @@ def test_what_is_written_is_read_back_bit_for_bit(
     for write in (write_npz, write_csv):
         with (path := tmp_path / write.__name__).open("wb") as file:
             write(sent, file)
-        found = read_npz(path) if write is write_npz else read_csv(path, "mobility")
-        np.testing.assert_array_equal(found.frequency_hz, HZ)
-        np.testing.assert_array_equal(found.values, sent.values)
-        assert (found.quantity, found.has_coherence) == ("mobility", coherence is not None)
+        loaded = read_npz(path) if write is write_npz else read_csv(path, "mobility")
+        np.testing.assert_array_equal(loaded.frequency_hz, HZ)
+        np.testing.assert_array_equal(loaded.values, sent.values)
+        assert (loaded.quantity, loaded.has_coherence) == ("mobility", coherence is not None)
         if coherence is not None:
-            np.testing.assert_array_equal(found.coherence, coherence)
-        stated = [(r.label, r.averages) for r in found.frfs]
+            np.testing.assert_array_equal(loaded.coherence, coherence)
+        stated = [(r.label, r.averages) for r in loaded.frfs]
         assert stated == (
             [("drive point", 5), ("", None)] if write is write_npz else [("", None)] * 2
         )
-        assert [[getattr(r, d) for d in DOFS] for r in found.frfs] == [
+        assert [[getattr(r, d) for d in DOFS] for r in loaded.frfs] == [
             [7, 3, 1, -3],
             [8, -2, 1, -3],
         ]
@@ -143,9 +143,9 @@ def test_an_npz_of_one_frf_needs_no_second_dimension(tmp_path: Path) -> None:
     np.savez(tmp_path / "one.npz", frequency_hz=HZ, values=VALUES[0], coherence=GAMMA[0], **one)
     with pytest.raises(FormatError, match="quantity: is missing"):
         read_npz(tmp_path / "one.npz")
-    found = read_npz(tmp_path / "one.npz", limit_bytes=10_000, quantity="mobility")
-    assert (found.values.shape, found.quantity) == ((1, 20), "mobility")
-    np.testing.assert_array_equal(found.coherence, GAMMA[:1])
+    loaded = read_npz(tmp_path / "one.npz", limit_bytes=10_000, quantity="mobility")
+    assert (loaded.values.shape, loaded.quantity) == ((1, 20), "mobility")
+    np.testing.assert_array_equal(loaded.coherence, GAMMA[:1])
 
 
 def _claims(archive: zipfile.ZipFile) -> None:
@@ -208,7 +208,7 @@ def written(kind: str) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("content", "name", "found"),
+    ("content", "name", "format_name"),
     [
         (written("npz"), "a.uff", "npz"),
         (written("5"), "", "mat"),
@@ -230,11 +230,11 @@ def written(kind: str) -> bytes:
     ids=lambda given: f"{len(given)}b" if isinstance(given, bytes) else None,
 )
 def test_a_format_is_recognised_by_content(
-    tmp_path: Path, content: bytes, name: str, found: str
+    tmp_path: Path, content: bytes, name: str, format_name: str
 ) -> None:
     path = tmp_path / "original"
     path.write_bytes(content)
-    assert recognise(path, name) == found
+    assert recognise(path, name) == format_name
 
 
 def test_a_mat_is_inflated_no_further_than_allowed(tmp_path: Path) -> None:
@@ -307,13 +307,13 @@ def newer(path: Path) -> None:
 def test_a_structure_of_frfs_and_coherences(tmp_path: Path, write: Any) -> None:
     path = tmp_path / "tour.mat"
     write(path)
-    found = read_mat(path, MAPPING, "accelerance")
-    np.testing.assert_allclose(found.values, H * 9.80665, rtol=1e-14)
-    np.testing.assert_array_equal(found.coherence, COHERENCE)
-    np.testing.assert_array_equal(found.frequency_hz, LINES)
+    loaded = read_mat(path, MAPPING, "accelerance")
+    np.testing.assert_allclose(loaded.values, H * 9.80665, rtol=1e-14)
+    np.testing.assert_array_equal(loaded.coherence, COHERENCE)
+    np.testing.assert_array_equal(loaded.frequency_hz, LINES)
     dofs = [
         (r.response_point, r.response_direction, r.reference_point, r.reference_direction)
-        for r in found.frfs
+        for r in loaded.frfs
     ]
     assert dofs == [(33, 3, 4, 3), (33, 3, 5, 3), (33, 3, 7, 3)]
     bare = {k: v for k, v in MAPPING.items() if k not in ("coherence", "reference_point", "factor")}

@@ -28,12 +28,12 @@ def test_a_german_export_with_preamble_units_below_and_decimal_commas() -> None:
         "Prüfbericht;Ä 12\r\nDatum;21.11.2026\r\n\r\nZeit;Load;Strain\r\ns;kN;µm/m\r\n"
         "0,0;0,000;0,0\r\n0,1;1,250;500,5\r\n\r\n0,2;2,500;1001,0\r\nEnde der Prüfung\r\n"
     )
-    found = read(text, "cp1252")
-    np.testing.assert_allclose(found.runs[0].columns["force"], [0, 1250, 2500], rtol=1e-15)
-    np.testing.assert_allclose(found.runs[0].columns["strain"], [0, 500.5e-6, 1001e-6], rtol=1e-12)
-    assert (found.encoding, found.delimiter, found.decimal) == ("cp1252", ";", ",")
-    assert (found.runs[0].first_line, found.runs[0].last_line) == (6, 9)
-    assert found.notes == ("line 10: 'Ende der Prüfung' is no data",)
+    parsed = read(text, "cp1252")
+    np.testing.assert_allclose(parsed.runs[0].columns["force"], [0, 1250, 2500], rtol=1e-15)
+    np.testing.assert_allclose(parsed.runs[0].columns["strain"], [0, 500.5e-6, 1001e-6], rtol=1e-12)
+    assert (parsed.encoding, parsed.delimiter, parsed.decimal) == ("cp1252", ";", ",")
+    assert (parsed.runs[0].first_line, parsed.runs[0].last_line) == (6, 9)
+    assert parsed.notes == ("line 10: 'Ende der Prüfung' is no data",)
 
 
 @pytest.mark.parametrize(
@@ -43,15 +43,15 @@ def test_a_german_export_with_preamble_units_below_and_decimal_commas() -> None:
 def test_encodings_and_inches_and_pounds(encoding: str, name: str) -> None:
     text = "Load (lbf),Strain (µm/m),Ext (in)\n100,1000,0.002\n200,2000,0.004\n"
     columns = {**LOAD, "extension": Column("Ext", "length")}
-    found = read(text, encoding, columns)
-    assert found.encoding == name
+    parsed = read(text, encoding, columns)
+    assert parsed.encoding == name
     np.testing.assert_allclose(
-        found.runs[0].columns["force"], [444.82216152605, 889.6443230521], rtol=1e-14
+        parsed.runs[0].columns["force"], [444.82216152605, 889.6443230521], rtol=1e-14
     )
     np.testing.assert_allclose(
-        found.runs[0].columns["extension"], [0.0508e-3, 0.1016e-3], rtol=1e-14
+        parsed.runs[0].columns["extension"], [0.0508e-3, 0.1016e-3], rtol=1e-14
     )
-    assert found.units == {"force": "lbf", "strain": "µm/m", "extension": "in"}
+    assert parsed.units == {"force": "lbf", "strain": "µm/m", "extension": "in"}
 
 
 UNITS = [
@@ -72,37 +72,37 @@ UNITS = [
 def test_units_stated_by_the_caller_or_by_the_file(quantity, unit: str, si: float) -> None:
     stated = read("x\n2\n3\n", columns={"x": Column("X", quantity, unit)})
     written = read(f"X [{unit}]\n2\n3\n", columns={"x": Column("x", quantity)})
-    for found in (stated, written):
-        np.testing.assert_allclose(found.runs[0].columns["x"], [2 * si, 3 * si], rtol=1e-14)
+    for parsed in (stated, written):
+        np.testing.assert_allclose(parsed.runs[0].columns["x"], [2 * si, 3 * si], rtol=1e-14)
 
 
 def test_columns_by_number_in_a_file_without_header() -> None:
     columns = {"force": Column(2, "force", "N"), "strain": Column(1, "strain", "%")}
-    found = read("0.1\t10\n0.2\t20\n", columns=columns)
-    np.testing.assert_allclose(found.runs[0].columns["force"], [10, 20])
-    assert found.delimiter == "\t"
+    parsed = read("0.1\t10\n0.2\t20\n", columns=columns)
+    np.testing.assert_allclose(parsed.runs[0].columns["force"], [10, 20])
+    assert parsed.delimiter == "\t"
 
 
 def test_a_header_that_comes_again_begins_a_run() -> None:
     half = "Load (N);Strain (%)\n1;0.1\n2;0.2\n"
-    found = read(half + "\n" + half + "3;0.3\n")
-    assert [run.columns["force"].size for run in found.runs] == [2, 3]
-    assert found.notes == ("restarted at line 6",)
+    parsed = read(half + "\n" + half + "3;0.3\n")
+    assert [run.columns["force"].size for run in parsed.runs] == [2, 3]
+    assert parsed.notes == ("restarted at line 6",)
 
 
 def test_time_that_goes_back_begins_a_run() -> None:
     columns = {**LOAD, "time": Column("t", "time")}
-    found = read(
+    parsed = read(
         "t (s)\tLoad (N)\tStrain (%)\n0\t1\t0\n1\t2\t.1\n0\t1\t0\n1\t3\t.2\n2\t4\t.3\n",
         columns=columns,
     )
-    assert [run.columns["time"].tolist() for run in found.runs] == [[0, 1], [0, 1, 2]]
+    assert [run.columns["time"].tolist() for run in parsed.runs] == [[0, 1], [0, 1, 2]]
 
 
 def test_empty_cells_are_not_measured_and_counted() -> None:
-    found = read("Load (N);Strain (%)\n1;0.1\n2;\n")
-    assert np.isnan(found.runs[0].columns["strain"][1])
-    assert found.notes == ("1 empty cells, taken as not measured",)
+    parsed = read("Load (N);Strain (%)\n1;0.1\n2;\n")
+    assert np.isnan(parsed.runs[0].columns["strain"][1])
+    assert parsed.notes == ("1 empty cells, taken as not measured",)
 
 
 def test_grouped_thousands() -> None:
@@ -167,11 +167,11 @@ def test_arguments_that_say_nothing_are_refused(arguments: dict[str, Any], messa
 
 
 def test_remarks_are_quoted_up_to_twenty_and_what_stands_above_bare_numbers_is_none() -> None:
-    found = read("Load (N);Strain (%)\n1;2\n" + "Pause;\n" * 23)
-    assert (len(found.notes), found.notes[-1]) == (21, "and 3 more such lines")
+    parsed = read("Load (N);Strain (%)\n1;2\n" + "Pause;\n" * 23)
+    assert (len(parsed.notes), parsed.notes[-1]) == (21, "and 3 more such lines")
     columns = {"force": Column(1, "force", "N"), "strain": Column(2, "strain", "%")}
-    found = read("Machine A;\n1;2\nEnd;\n", columns=columns)
-    assert found.notes == ("line 3: 'End' is no data",)
+    parsed = read("Machine A;\n1;2\nEnd;\n", columns=columns)
+    assert parsed.notes == ("line 3: 'End' is no data",)
 
 
 @pytest.mark.parametrize(("text", "message"), REFUSED)
@@ -209,16 +209,18 @@ def test_what_is_written_is_read(
     delimiter, decimal = style
     body = [delimiter.join(f"{v:.4f}".replace(".", decimal) for v in row) for row in rows]
     text = end.join([f"Load (N){delimiter}Strain (%)", "", *body, ""])
-    found = read(text, "utf-8-sig" if bom else "utf-8")
-    assert len(found.runs) == 1
-    np.testing.assert_allclose(found.runs[0].columns["force"], [r[0] for r in rows], rtol=0, atol=0)
+    parsed = read(text, "utf-8-sig" if bom else "utf-8")
+    assert len(parsed.runs) == 1
     np.testing.assert_allclose(
-        found.runs[0].columns["strain"], [r[1] * 0.01 for r in rows], rtol=1e-15
+        parsed.runs[0].columns["force"], [r[0] for r in rows], rtol=0, atol=0
+    )
+    np.testing.assert_allclose(
+        parsed.runs[0].columns["strain"], [r[1] * 0.01 for r in rows], rtol=1e-15
     )
 
 
 def test_a_line_of_units_is_read_column_by_column() -> None:
     columns = {"force": Column("Load", "force"), "strain": Column("Strain", "strain", "%")}
-    found = read_machine_csv(b"Load;Strain\nkN;(lost)\n1;0.1\n2;0.2\n", columns)
-    assert found.units == {"force": "kN", "strain": "%"}
-    assert found.runs[0].columns["force"].tolist() == [1000.0, 2000.0]
+    parsed = read_machine_csv(b"Load;Strain\nkN;(lost)\n1;0.1\n2;0.2\n", columns)
+    assert parsed.units == {"force": "kN", "strain": "%"}
+    assert parsed.runs[0].columns["force"].tolist() == [1000.0, 2000.0]

@@ -131,13 +131,13 @@ def test_milli_and_mega_are_told_apart_or_not_at_all() -> None:
 
 
 def test_a_sensitivity_has_a_dimension() -> None:
-    found = read_unit("mV/g")
-    assert found is not None
-    assert (found.factor, found.dimension) == (
+    unit = read_unit("mV/g")
+    assert unit is not None
+    assert (unit.factor, unit.dimension) == (
         pytest.approx(1e-3 / G),
         VOLTAGE.times(ACCELERATION, -1),
     )
-    assert found.quantity is None
+    assert unit.quantity is None
 
 
 @pytest.mark.parametrize(

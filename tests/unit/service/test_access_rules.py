@@ -11,8 +11,8 @@ from uuid import uuid4
 import pytest
 
 import service.app.composition  # noqa: F401  imports every table
-from service.access import door
-from service.access.door import KnownKeys, session_token
+from service.access import authentication
+from service.access.authentication import KnownKeys, session_token
 from service.access.keys import COOKIE
 from service.access.lookup import Role, require_role
 from service.access.tables import Project
@@ -64,15 +64,15 @@ def test_a_key_counts_for_itself_only_when_it_was_found_valid(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     now = 1000.0
-    monkeypatch.setattr(door, "time", SimpleNamespace(monotonic=lambda: now))
+    monkeypatch.setattr(authentication, "time", SimpleNamespace(monotonic=lambda: now))
     keys = KnownKeys(5)
     new = keys.caller("bearer mb_1_2 ", "home")
     assert (new.name, new.token, new.known) == ("address home", "mb_1_2", False)
-    keys.found(new, "home", valid=True)
+    keys.remember(new, "home", valid=True)
     known = keys.caller("Bearer mb_1_2", "elsewhere")
     assert (known.name, known.known, known.digest) == (f"key {new.digest.hex()}", True, new.digest)
     assert not keys.caller("Bearer mb_1_3", "home").known
-    now += door.SECONDS - 1
+    now += authentication.SECONDS - 1
     assert keys.caller("Bearer mb_1_2", "home").known
     now += 1
     assert not keys.caller("Bearer mb_1_2", "home").known  # the database is asked again
@@ -81,13 +81,13 @@ def test_a_key_counts_for_itself_only_when_it_was_found_valid(
 def test_a_wrong_key_is_refused_and_its_address_after_some() -> None:
     keys = KnownKeys(2)
     right = keys.caller("Bearer right", "home")
-    keys.found(right, "home", valid=True)
+    keys.remember(right, "home", valid=True)
     wrong = keys.caller("Bearer wrong", "home")
     for _ in range(3):  # several requests that came at once with one wrong key are one try
-        keys.found(wrong, "home", valid=False)
+        keys.remember(wrong, "home", valid=False)
     with pytest.raises(Unauthorized, match="the API key is not valid"):
         keys.caller("Bearer wrong", "home")
-    keys.found(keys.caller("Bearer other", "home"), "home", valid=False)
+    keys.remember(keys.caller("Bearer other", "home"), "home", valid=False)
     # it is looked up before anything else is done for it
     assert keys.caller("Bearer third", "home").suspect
     right = keys.caller("Bearer right", "home")
@@ -98,11 +98,11 @@ def test_a_wrong_key_is_refused_and_its_address_after_some() -> None:
 
 
 def test_only_so_many_keys_are_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(door, "MOST_KEYS", 2)
+    monkeypatch.setattr(authentication, "MOST_KEYS", 2)
     keys = KnownKeys(5)
     first, second, third = (keys.caller(f"Bearer {name}", "home") for name in "abc")
     for one in (first, second, first, third):  # the second is the one that was found longest ago
-        keys.found(one, "home", valid=True)
+        keys.remember(one, "home", valid=True)
     assert [keys.caller(f"Bearer {name}", "home").known for name in "abc"] == [True, False, True]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from service.app.application import create_app
-from service.app.supervisor import LocalService, Part
+from service.app.supervisor import Component, LocalService
 from service.compute.spectra import decode, encode
 from service.db.engine import DatabaseUrlError, sqlalchemy_url
 from service.errors import MOST_FAULTS, Damaged, Invalid
@@ -110,7 +110,7 @@ def test_nothing_is_tended_while_the_database_is_down() -> None:
     service = LocalService(Settings())
     tended: list[str] = []
     for name, ended in (("PostgreSQL", "ended by itself"), ("the API", None)):
-        part = Part(
+        part = Component(
             name, lambda: None, lambda name=name, ended=ended: tended.append(name) or ended, (60.0,)
         )
         service._parts.append(part)

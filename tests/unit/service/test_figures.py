@@ -31,12 +31,13 @@ from service.show.figures.marks import Figure, Region
 from service.show.figures.modes import MOST_ROWS, ShapePair, shapes_figure
 from service.show.figures.paper import draw, render
 from service.show.figures.screen import numbers, screen
+from service.show.figures.temperature import temperature_figure
 from service.show.figures.trend import series_figure
 from service.show.figures.updates import OTHERS, budget_figure, parameters_figure
 from service.show.pages.viewer import draw_grid
 from service.show.reports.as_pdf import as_pdf
 from service.show.reports.blocks import Picture, Report
-from service.show.results.figure_data import UpdateFigures, Wanted, _row_at
+from service.show.results.figure_data import FigureQuery, UpdateFigures, _row_at
 from service.show.results.figures import FIGURES, _shapes, draw_figure, draw_sheets
 from tests.support.judged import judged, observe, values
 
@@ -166,6 +167,17 @@ def test_a_coupon_s_curve_has_what_its_standard_could_read_off(
     figure = coupon_figure("A1", series, (SHEAR if shear else TENSION) | found, shear=shear)
     assert names(figure)[3:] == more  # after the curve, its chord and the chord's bounds
     assert len(figure.panels) == (1 if shear else 2)
+
+
+def test_constants_and_damping_over_temperature_have_a_panel_each() -> None:
+    row = {"unit": "Pa", "law": None, "estimate": [2.0, 1.8], "low": [1.9, 1.7], "high": [2.1, 1.9]}
+    rows = [{**row, "name": "Ex"}, {**row, "name": "a0", "law": "rayleigh"}]
+    curve = {"reference_c": 20.0, "temperature_c": [20.0, 50.0], "constants": rows}
+    shown = screen(temperature_figure(curve, [{"name": "Ex", "identifiable": True}]))
+    axes = {trace["name"]: trace["yaxis"] for trace in shown["data"] if trace["name"]}
+    assert axes == {"Ex": "y", "a0 (rayleigh)": "y2"}
+    low, high = shown["layout"]["yaxis2"]["domain"], shown["layout"]["yaxis"]["domain"]
+    assert low[1] < high[0]
 
 
 def test_points_of_which_none_was_held_out_have_one_symbol() -> None:
@@ -298,10 +310,10 @@ def test_shapes_of_many_modes_go_over_pages(count: int, sheets: list[int]) -> No
         printed = as_pdf(Report("r", "", [Picture(figure, 0.9) for figure in figures]))
         assert printed.count(b"/Subtype /Image") == len(sheets)
         # than a page: it is drawn smaller
-        higher = draw_figure(FIGURES, many_modes(count), "shapes", Wanted())
+        higher = draw_figure(FIGURES, many_modes(count), "shapes", FigureQuery())
         assert as_pdf(Report("r", "", [Picture(higher, 1.0)])).count(b"/Type /Page\n") == 1
     if count == 41:
-        assert draw_figure(FIGURES, many_modes(41), "shapes", Wanted()).title.endswith(
+        assert draw_figure(FIGURES, many_modes(41), "shapes", FigureQuery()).title.endswith(
             "the first 40 of 41 pairs"
         )
 
@@ -312,8 +324,8 @@ def test_shapes_of_many_modes_go_over_pages(count: int, sheets: list[int]) -> No
 
 def test_numbers_are_rounded_and_what_json_lacks_is_a_gap() -> None:
     given = [1.23456789, -6.02214076e23, 1e-320, 1e-300, 1.7e308, 0.0, math.nan, math.inf]
-    found = numbers(given)
-    assert found == [
+    rounded = numbers(given)
+    assert rounded == [
         1.234568,
         pytest.approx(-6.022141e23),
         0.0,
@@ -323,7 +335,7 @@ def test_numbers_are_rounded_and_what_json_lacks_is_a_gap() -> None:
         None,
         None,
     ]
-    json.dumps(found, allow_nan=False)
+    json.dumps(rounded, allow_nan=False)
 
 
 def a_result(arrays: dict[str, Any] | None = None, **document: Any) -> UpdateFigures:
@@ -373,7 +385,7 @@ def test_a_figure_says_why_there_is_nothing_to_draw(
     name: str, data: UpdateFigures, why: str
 ) -> None:
     with pytest.raises(Conflict) as refused:
-        draw_figure(FIGURES, data, name, Wanted())
+        draw_figure(FIGURES, data, name, FigureQuery())
     assert str(refused.value) == why
 
 
@@ -384,11 +396,13 @@ def test_lines_modes_and_points_that_a_result_has_not() -> None:
     with pytest.raises(
         NotFound, match="line of the fitted band, 10 to 20 Hz, between 12 and 13 Hz"
     ):
-        draw_figure(FIGURES, data, "csac", Wanted(fmin=12, fmax=13))
-    assert screen(draw_figure(FIGURES, data, "csac", Wanted(fmin=12)))["data"][0]["x"] == [20.0]
+        draw_figure(FIGURES, data, "csac", FigureQuery(fmin=12, fmax=13))
+    assert screen(draw_figure(FIGURES, data, "csac", FigureQuery(fmin=12)))["data"][0]["x"] == [
+        20.0
+    ]
     shapes = {"shapes_updated": np.ones((3, 1)), "shape_pairs": np.array([[0, 0]])}
-    alone = _shapes(a_result(shapes, modes=MODES), Wanted(measured=2))
-    assert "this mode has no partner" in alone.note
+    single = _shapes(a_result(shapes, modes=MODES), FigureQuery(measured=2))
+    assert "this mode has no partner" in single.note
     pairs = a_result(
         {
             "responses": np.array([[1, 3], [2, 3], [2, 3]]),
@@ -396,7 +410,7 @@ def test_lines_modes_and_points_that_a_result_has_not() -> None:
         }
     )
     assert [
-        _row_at(pairs, Wanted(point=point, reference=other))
+        _row_at(pairs, FigureQuery(point=point, reference=other))
         for point, other in ((2, 2), (2, 1), (3, 1))
     ] == [
         2,
@@ -406,7 +420,7 @@ def test_lines_modes_and_points_that_a_result_has_not() -> None:
     with pytest.raises(
         NotFound, match="FRF at point 1 and 1 in this result; there are points 1, 2, 3"
     ):
-        _row_at(pairs, Wanted(point=1, reference=1))
+        _row_at(pairs, FigureQuery(point=1, reference=1))
 
 
 def test_points_without_a_geometry_are_seen_from_where_they_spread() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from fecore.updating.findings import FINDINGS
-from service.show.pages.forms import Field, fields_of, labelled, page_words
+from service.show.pages.forms import FormField, fields_of, labelled, page_words
 from service.show.pages.look import FOLDER
 from service.store.updating.schemas import RecipeIn
 
@@ -32,10 +32,10 @@ def texts_of(template: str) -> Iterator[str]:
 
 @pytest.mark.parametrize("template", TEMPLATES, ids=[each.stem for each in TEMPLATES])
 def test_templates_name_no_member(template: Path) -> None:
-    said = list(texts_of(template.read_text()))
+    texts = list(texts_of(template.read_text()))
     # a command
     assert [
-        text for text in said if OF_REST.search(text) and not text.startswith("modalbase ")
+        text for text in texts if OF_REST.search(text) and not text.startswith("modalbase ")
     ] == []
 
 
@@ -47,7 +47,7 @@ def test_findings_are_told_in_words(kind: str) -> None:
 
 
 def test_forms_are_told_in_words() -> None:
-    def walk(fields: list[Field]) -> Iterator[Field]:
+    def walk(fields: list[FormField]) -> Iterator[FormField]:
         for one in fields:
             yield one
             yield from walk(one.fields)

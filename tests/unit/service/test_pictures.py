@@ -14,22 +14,22 @@ from fecore.updating.findings import FINDINGS, found, warnings
 from service.show.figures.modes import chains, joined, joined_as
 from service.show.measured import _by_axis
 from service.show.pages.comparing import _told_apart, leaves
-from service.show.pages.found import MOST, PLACES, REMEDIES, bar, opening
+from service.show.pages.findings import MOST, PLACES, REMEDIES, bar, opening
 
 GRID = np.array([(0.045 * i, 0.02 * j, 0.0) for i in range(11) for j in range(3)])
 
 
 def test_irregular_points_are_joined_to_neighbours_in_one_net_and_never_over_a_point() -> None:
     places = np.random.default_rng(1).random((60, 3)) * [1.0, 0.3, 0.0]
-    found = joined(places)
-    reached, rest = {0}, list(found)
+    pairs = joined(places)
+    reached, rest = {0}, list(pairs)
     for _ in places:
         reached |= {k for pair in rest if reached & set(pair) for k in pair}
     assert reached == set(range(60))
-    for i, j in found:
+    for i, j in pairs:
         others = np.delete(places, [i, j], axis=0)
-        away = np.linalg.norm(others - (places[i] + places[j]) / 2, axis=1)
-        assert away.min() > np.linalg.norm(places[i] - places[j]) / 2
+        distance = np.linalg.norm(others - (places[i] + places[j]) / 2, axis=1)
+        assert distance.min() > np.linalg.norm(places[i] - places[j]) / 2
 
 
 @pytest.mark.parametrize(
@@ -41,9 +41,9 @@ def test_two_places_have_a_line(places: list[list[float]], pairs: list[tuple[int
 
 
 def test_lines_go_on_along_a_grid_and_hold_each_pair_once() -> None:
-    found = chains(GRID)
-    assert sorted(len(line) for line in found) == [3] * 11 + [11] * 3
-    held = sorted((min(a, b), max(a, b)) for line in found for a, b in itertools.pairwise(line))
+    lines = chains(GRID)
+    assert sorted(len(line) for line in lines) == [3] * 11 + [11] * 3
+    held = sorted((min(a, b), max(a, b)) for line in lines for a, b in itertools.pairwise(line))
     assert held == joined(GRID)
     assert len(held) == 11 * 2 + 10 * 3
     irregular = np.random.default_rng(2).random((40, 3)) * [1.0, 0.5, 0.0]

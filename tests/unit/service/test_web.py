@@ -1,4 +1,4 @@
-"""The front of the service, without the rest: the gate, bodies as they come, routes that are made
+"""The front of the service, without the rest: admission, bodies as they come, routes that are made
 late, formats of answers.
 """
 
@@ -18,7 +18,7 @@ from starlette.types import Receive
 
 from service.errors import Invalid, NotAcceptable, TooManyRequests, TooSlow, Unavailable
 from service.web import uploads
-from service.web.gate import SLOT, Buckets, Gate, Slot, without_slot
+from service.web.admission import SLOT, AdmissionControl, Buckets, Slot, without_slot
 from service.web.negotiation import choose_format
 from service.web.routing import LateRoute, StrictRoute, include
 from tests.support.waiting import awaited, settle
@@ -26,133 +26,137 @@ from tests.support.waiting import awaited, settle
 
 @awaited
 async def test_callers_take_turns() -> None:
-    gate, order = Gate(1, 100, 60), []
+    admission, order = AdmissionControl(1, 100, 60), []
 
     async def ask(name: str) -> None:
-        slot = Slot(gate, name)
+        slot = Slot(admission, name)
         await slot.take()
         order.append(name)
         await asyncio.sleep(0)
-        slot.give_back()
+        slot.release()
 
-    await gate.enter("first")
-    asked = [asyncio.ensure_future(ask(name)) for name in "aaaabbc"]
+    await admission.enter("first")
+    requests = [asyncio.ensure_future(ask(name)) for name in "aaaabbc"]
     await settle()
-    gate.leave(0)
-    await asyncio.gather(*asked)
+    admission.leave(0)
+    await asyncio.gather(*requests)
     assert order == list("abcabaa")
-    assert (gate.answering, gate.waiting) == (0, 0)
+    assert (admission.answering, admission.waiting) == (0, 0)
 
 
 @awaited
 async def test_waiting_is_bounded_in_number() -> None:
-    gate = Gate(1, 4, 60)
-    await gate.enter("x")
-    waiting = [asyncio.ensure_future(gate.enter(name)) for name in "aabc"]
+    admission = AdmissionControl(1, 4, 60)
+    await admission.enter("x")
+    waiting = [asyncio.ensure_future(admission.enter(name)) for name in "aabc"]
     await settle()
     with pytest.raises(TooManyRequests, match="2 requests of this key wait already"):
-        await gate.enter("a")
+        await admission.enter("a")
     with pytest.raises(Unavailable, match="1 requests are being answered and 4 wait"):
-        await gate.enter("d")
+        await admission.enter("d")
     for _ in range(5):
-        gate.leave(0)
+        admission.leave(0)
         await settle()
     await asyncio.gather(*waiting)
-    assert (gate.answering, gate.waiting) == (0, 0)
+    assert (admission.answering, admission.waiting) == (0, 0)
 
 
 @awaited
 async def test_one_client_under_two_names_leaves_places_to_others() -> None:
     """A key is counted under its address until it is known, and then under its name."""
-    gate = Gate(1, 20, 60)
-    await gate.enter("x")
-    crowd = [asyncio.ensure_future(gate.enter(name)) for name in ["address"] * 20 + ["key"] * 20]
+    admission = AdmissionControl(1, 20, 60)
+    await admission.enter("x")
+    crowd = [
+        asyncio.ensure_future(admission.enter(name)) for name in ["address"] * 20 + ["key"] * 20
+    ]
     await settle()
-    assert gate.waiting == 15
-    others = [asyncio.ensure_future(gate.enter(name)) for name in "abcde"]
+    assert admission.waiting == 15
+    others = [asyncio.ensure_future(admission.enter(name)) for name in "abcde"]
     await settle()
-    assert gate.waiting == 20
+    assert admission.waiting == 20
     for one in (*crowd, *others):
         one.cancel()
-    found = await asyncio.gather(*crowd, *others, return_exceptions=True)
-    assert sum(isinstance(answer, TooManyRequests) for answer in found) == 25
-    assert gate.waiting == 0
+    outcomes = await asyncio.gather(*crowd, *others, return_exceptions=True)
+    assert sum(isinstance(answer, TooManyRequests) for answer in outcomes) == 25
+    assert admission.waiting == 0
 
 
 @awaited
 async def test_who_is_refused_is_asked_to_come_back_when_the_queue_will_have_been_answered() -> (
     None
 ):
-    gate = Gate(2, 40, 60)
-    assert gate.retry_after() == 1
+    admission = AdmissionControl(2, 40, 60)
+    assert admission.retry_after() == 1
     for _ in range(2):
-        await gate.enter("x")
-    gate.leave(10)  # so answers seem to take 0.05 s + (10 s - 0.05 s)/20
-    await gate.enter("x")
-    waiting = [asyncio.ensure_future(gate.enter(str(number))) for number in range(40)]
+        await admission.enter("x")
+    admission.leave(10)  # so answers seem to take 0.05 s + (10 s - 0.05 s)/20
+    await admission.enter("x")
+    waiting = [asyncio.ensure_future(admission.enter(str(number))) for number in range(40)]
     await settle()
     with pytest.raises(Unavailable, match="40 wait, as many as may wait") as full:
-        await gate.enter("y")
-    assert full.value.retry_after == gate.retry_after() == 11  # 40 · 0.5475 s / 2 slots
+        await admission.enter("y")
+    assert full.value.retry_after == admission.retry_after() == 11  # 40 · 0.5475 s / 2 slots
     for one in waiting:
         one.cancel()
     await asyncio.gather(*waiting, return_exceptions=True)
-    assert gate.retry_after() == 1
+    assert admission.retry_after() == 1
 
 
 @awaited
 async def test_a_slot_is_given_back_once() -> None:
-    gate = Gate(2, 4, 60)
-    first, second, third = (Slot(gate, name) for name in "abc")
+    admission = AdmissionControl(2, 4, 60)
+    first, second, third = (Slot(admission, name) for name in "abc")
     assert first.try_take()
     await second.take()
     assert not third.try_take()
-    third.give_back()  # it has none
+    third.release()  # it has none
     for _ in range(2):
-        first.give_back()
-        assert gate.answering == 1
+        first.release()
+        assert admission.answering == 1
     async with without_slot({SLOT: second}):
-        assert gate.answering == 0
-    assert gate.answering == 1
+        assert admission.answering == 0
+    assert admission.answering == 1
     async with without_slot({}):
-        assert gate.answering == 1
+        assert admission.answering == 1
     await third.take()
-    waits = asyncio.ensure_future(Slot(gate, "d").take())
+    waits = asyncio.ensure_future(Slot(admission, "d").take())
     await settle()
-    assert gate.retry_after() == 1  # what was held was held for a moment
+    assert admission.retry_after() == 1  # what was held was held for a moment
     waits.cancel()
 
 
 @awaited
 async def test_waiting_is_bounded_in_time() -> None:
-    gate = Gate(1, 4, 0.01)
-    await gate.enter("x")
+    admission = AdmissionControl(1, 4, 0.01)
+    await admission.enter("x")
     with pytest.raises(Unavailable, match=r"has waited 0\.01 s"):
-        await gate.enter("a")
-    assert (gate.answering, gate.waiting) == (1, 0)
+        await admission.enter("a")
+    assert (admission.answering, admission.waiting) == (1, 0)
 
 
 @awaited
 async def test_who_goes_away_leaves_no_gap() -> None:
     """Cancelled while it waits, or at the moment when its turn has come."""
-    gate = Gate(1, 10, 60)
-    await gate.enter("x")
-    first, second, third = (asyncio.ensure_future(gate.enter(name)) for name in "abc")
+    admission = AdmissionControl(1, 10, 60)
+    await admission.enter("x")
+    first, second, third = (asyncio.ensure_future(admission.enter(name)) for name in "abc")
     await settle()
     second.cancel()
     await settle()
-    gate.leave(0)  # it is the first one's turn
+    admission.leave(0)  # it is the first one's turn
     first.cancel()
     await third
-    assert (gate.answering, gate.waiting) == (1, 0)
+    assert (admission.answering, admission.waiting) == (1, 0)
     for others in (["d"], []):  # it goes before its turn comes, and nobody has noticed yet
-        gone, *others_wait = (asyncio.ensure_future(gate.enter(name)) for name in ["c", *others])
+        gone, *others_wait = (
+            asyncio.ensure_future(admission.enter(name)) for name in ["c", *others]
+        )
         await settle()
         gone.cancel()
-        gate.leave(0)
+        admission.leave(0)
         await asyncio.gather(gone, *others_wait, return_exceptions=True)
         assert gone.cancelled()
-        assert (gate.answering, gate.waiting) == (len(others), 0)
+        assert (admission.answering, admission.waiting) == (len(others), 0)
 
 
 def test_buckets_fill_again() -> None:
@@ -169,7 +173,7 @@ def test_buckets_fill_again() -> None:
 def test_the_callers_that_were_silent_longest_are_forgotten(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("service.web.gate.MOST_CALLERS", 2)
+    monkeypatch.setattr("service.web.admission.MOST_CALLERS", 2)
     buckets = Buckets(10, 5, clock=lambda: 0.0)
     for caller in "abac":
         assert buckets.take(caller, 2) == 0
@@ -290,8 +294,8 @@ def test_only_what_is_asked_for_is_put_together() -> None:
         async with httpx.AsyncClient(
             transport=httpx.ASGITransport(app), base_url="http://test/api/"
         ) as client:
-            found = await client.get("specimens/4", params={"unit": "b"})
-            assert found.json() == {"name": "4b", "layers": 8}
+            answer = await client.get("specimens/4", params={"unit": "b"})
+            assert answer.json() == {"name": "4b", "layers": 8}
             assert (await client.get("specimens/four")).status_code == 422
             assert (await client.put("specimens/4")).status_code == 405
 
@@ -313,7 +317,7 @@ def test_threads_that_ask_at_once_have_the_same_route() -> None:
         return route.dependant
 
     with ThreadPoolExecutor(8) as threads:
-        assert len({id(found) for found in threads.map(ask, range(8))}) == 1
+        assert len({id(made) for made in threads.map(ask, range(8))}) == 1
     with pytest.raises(AttributeError, match="a route has no colour"):
         _ = route.colour
 

@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 
 from modalbase.formats.models.bdf.card import Card
-from modalbase.formats.models.bdf.deck import Deck, family
+from modalbase.formats.models.bdf.deck import BdfDeck, family
 from modalbase.formats.models.model import BeamSection, Elements, Floats
 from modalbase.formats.models.shapes import NASTRAN, is_real
 
@@ -35,10 +35,10 @@ class Property:
     centroid: tuple[float, float] = (0.0, 0.0)
 
 
-class Sections:
+class BeamSections:
     """Sections of a deck, read when an element asks."""
 
-    def __init__(self, deck: Deck, extra: Mapping[tuple[str, int], float]) -> None:
+    def __init__(self, deck: BdfDeck, extra: Mapping[tuple[str, int], float]) -> None:
         """Of a deck, and non-structural mass per length by family and number of property."""
         self._deck, self._extra = deck, extra
         self._read: dict[tuple[str | int, ...], Property] = {}
@@ -82,8 +82,8 @@ class Sections:
         return self._read[key]
 
     def _of(self, card: Card, number: int) -> Property:
-        found = getattr(self, f"_{card.name.lower()}")(card)
-        section, centroid = found if isinstance(found, tuple) else (found, (0.0, 0.0))
+        parsed = getattr(self, f"_{card.name.lower()}")(card)
+        section, centroid = parsed if isinstance(parsed, tuple) else (parsed, (0.0, 0.0))
         extra = section.extra_mass + self._extra.get((family(card.name), number), 0.0)
         section = self._resisting(card, replace(section, extra_mass=extra))
         return Property(self._deck.labels.of(card.name, number), section, centroid)
@@ -298,17 +298,17 @@ class Beams:
         sections: of the sets that elements use, by name.
     """
 
-    def __init__(self, deck: Deck, extra: Mapping[tuple[str, int], float]) -> None:
+    def __init__(self, deck: BdfDeck, extra: Mapping[tuple[str, int], float]) -> None:
         """Of a deck, and non-structural mass per length by family and number of property."""
         self.sections: dict[str, BeamSection] = {}
-        self._deck, self._properties = deck, Sections(deck, extra)
+        self._deck, self._properties = deck, BeamSections(deck, extra)
         self._defaults = {
             element: card for element, name in _DEFAULTS.items() for card in deck.take(name)
         }
 
     def blocks(self) -> list[Elements]:
         """Elements by set, in the order in which these appear."""
-        found: dict[str, list[_Row]] = {}
+        by_set: dict[str, list[_Row]] = {}
         for card in self._deck.elements(*_ELEMENTS):
             number = card.integer(0, "EID")
             own = self._property(card, number)
@@ -319,8 +319,8 @@ class Beams:
                 for index, end in zip(ends, "AB", strict=True)
             )
             axis, offsets = self._rod(a, b) if card.name in _RODS else self._bar(card, own, a, b)
-            found.setdefault(own.set, []).append((number, (a, b), card, axis, offsets))
-        return [_block(name, rows) for name, rows in found.items()]
+            by_set.setdefault(own.set, []).append((number, (a, b), card, axis, offsets))
+        return [_block(name, rows) for name, rows in by_set.items()]
 
     def _property(self, card: Card, number: int) -> Property:
         if card.name == "CONROD":

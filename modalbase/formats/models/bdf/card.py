@@ -7,7 +7,7 @@ from functools import cache
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf.lines import Line
-from modalbase.formats.models.model import Place, Where
+from modalbase.formats.models.model import FieldPlace, Where
 
 _REAL = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[ED][+-]?\d+|[+-]\d+)?")
 _PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d+)?")
@@ -39,7 +39,7 @@ def whole(text: str) -> int | None:
 
 
 @dataclass(slots=True)
-class Row:
+class CardLine:
     """One line of a card."""
 
     start: int  # the card's field that its first field is
@@ -56,17 +56,17 @@ class Row:
         """Whether its fields have 16 columns."""
         return "*" in (self.text.split(",", 1)[0] if self.is_free else self.text[:8])
 
-    def place(self, column: int) -> Place:
+    def place(self, column: int) -> FieldPlace:
         """Where its field of a number from 0, the name not counted, stands."""
         if not self.is_free:
             width = 16 if self.is_large else 8
-            return Place(
+            return FieldPlace(
                 self.where.line, 8 + width * column, 8 + width * (column + 1), self.where.file
             )
         parts = self.text.split(",")
         parts += [""] * (column + 2 - len(parts))
         start = sum(len(part) + 1 for part in parts[: column + 1])
-        return Place(self.where.line, start, start + len(parts[column + 1]), self.where.file)
+        return FieldPlace(self.where.line, start, start + len(parts[column + 1]), self.where.file)
 
 
 @dataclass(slots=True)
@@ -75,7 +75,7 @@ class Card:
 
     name: str  # in capitals, without the mark of large fields
     fields: list[str]  # from the one behind the name; eight stand on a line of small fields
-    rows: list[Row]  # its lines
+    rows: list[CardLine]  # its lines
     # fields that were read as reals although Nastran asks a decimal point of these
     integers_for_reals: list[int] = field(default_factory=list)
 
@@ -141,7 +141,7 @@ class Card:
             if self.fields[index]
         )
 
-    def row(self, index: int) -> Row:
+    def row(self, index: int) -> CardLine:
         """The line of a field."""
         return next((row for row in reversed(self.rows) if row.start <= index), self.rows[0])
 
@@ -150,7 +150,7 @@ class Card:
         row = self.row(index)
         return index - row.start < (4 if row.is_large else 8)
 
-    def place(self, index: int) -> Place:
+    def place(self, index: int) -> FieldPlace:
         """Where a field stands."""
         row = self.row(index)
         return row.place(index - row.start)
@@ -176,8 +176,8 @@ class Card:
     def wrong(self, index: int, what: str, expected: str) -> FormatError:
         """An error at a field that does not hold what it should."""
         text, field = self.text(index), index - self.row(index).start + 2
-        found = f"is {text[:40]!r}" if text else "is empty"
-        return self.error(f"{what} (field {field}) {found}, expected {expected}", index)
+        actual = f"is {text[:40]!r}" if text else "is empty"
+        return self.error(f"{what} (field {field}) {actual}, expected {expected}", index)
 
 
 def numbered(cards: Iterable[Card], noun: str, field: str) -> dict[int, Card]:
@@ -186,12 +186,12 @@ def numbered(cards: Iterable[Card], noun: str, field: str) -> dict[int, Card]:
     Raises:
         FormatError: a number stands twice.
     """
-    found: dict[int, Card] = {}
+    by_number: dict[int, Card] = {}
     for card in cards:
         number = card.integer(0, field)
-        if found.setdefault(number, card) is not card:
-            raise card.error(f"the {noun} is there twice, first in {found[number].where}", 0)
-    return found
+        if by_number.setdefault(number, card) is not card:
+            raise card.error(f"the {noun} is there twice, first in {by_number[number].where}", 0)
+    return by_number
 
 
 _SMALL = tuple(range(8, 72, 8))
@@ -210,9 +210,9 @@ def cards_of(lines: Sequence[Line]) -> Iterator[Card | Line]:
     Raises:
         FormatError: a continuation continues nothing, or a card has more fields than a line holds.
     """
-    found: list[Card | Line] = []
+    cards: list[Card | Line] = []
     waiting: dict[str, Card] = {}
-    strays: list[tuple[str, Line, list[str], str]] = []
+    orphans: list[tuple[str, Line, list[str], str]] = []
     card: Card | None = None
     tail = ""
 
@@ -227,11 +227,13 @@ def cards_of(lines: Sequence[Line]) -> Iterator[Card | Line]:
     for line in lines:
         text = line.text
         if not text:
-            found.append(line)
+            cards.append(line)
             continue
         if _PROSE.match(text):
-            card = Card("DEQATN", [text.lstrip()[8:16].strip(" ,")], [Row(0, text, line.where)])
-            found.append(card)
+            card = Card(
+                "DEQATN", [text.lstrip()[8:16].strip(" ,")], [CardLine(0, text, line.where)]
+            )
+            cards.append(card)
             continue
         if (
             card is not None
@@ -239,7 +241,7 @@ def cards_of(lines: Sequence[Line]) -> Iterator[Card | Line]:
             and text[0] in "+*, "
             and not _CARD.match(text)
         ):
-            card.rows.append(Row(len(card), text, line.where))
+            card.rows.append(CardLine(len(card), text, line.where))
             continue
         head, fields, mark = _fields(line)
         if head and head[0] not in "+*":
@@ -248,8 +250,8 @@ def cards_of(lines: Sequence[Line]) -> Iterator[Card | Line]:
                 raise FormatError(
                     str(line.where), "replication by = is not read; write the cards out"
                 )
-            card = Card(name, fields, [Row(0, text, line.where)])
-            found.append(card)
+            card = Card(name, fields, [CardLine(0, text, line.where)])
+            cards.append(card)
             tail = mark
             if _joint(mark):
                 waiting[_joint(mark)] = card
@@ -263,21 +265,21 @@ def cards_of(lines: Sequence[Line]) -> Iterator[Card | Line]:
         elif card is not None and not _joint(tail) and own not in names():
             _continue(card, fields, line)
         else:
-            strays.append((own, line, fields, mark))
+            orphans.append((own, line, fields, mark))
             continue
         tail = mark
         if _joint(mark):
             waiting[_joint(mark)] = card
-    _join(strays, waiting)
-    return iter(found)
+    _join(orphans, waiting)
+    return iter(cards)
 
 
-def _join(strays: list[tuple[str, Line, list[str], str]], waiting: dict[str, Card]) -> None:
+def _join(orphans: list[tuple[str, Line, list[str], str]], waiting: dict[str, Card]) -> None:
     """Continue cards by lines that stand before them."""
-    while strays:
-        fitting = [stray for stray in strays if stray[0] in waiting]
+    while orphans:
+        fitting = [orphan for orphan in orphans if orphan[0] in waiting]
         if not fitting:
-            own, line, _, _ = strays[0]
+            own, line, _, _ = orphans[0]
             place = str(line.where)
             named = f"+{own}" if own else line.text[:20]
             raise FormatError(
@@ -285,7 +287,7 @@ def _join(strays: list[tuple[str, Line, list[str], str]], waiting: dict[str, Car
                 f"the continuation {named!r} continues no card; behind its first character it has"
                 " to be as field 10 of one",
             )
-        strays = [stray for stray in strays if stray[0] not in waiting]
+        orphans = [orphan for orphan in orphans if orphan[0] not in waiting]
         for own, line, fields, mark in fitting:
             if own not in waiting:
                 raise FormatError(str(line.where), f"a second continuation +{own}")
@@ -339,5 +341,5 @@ def _continue(card: Card, fields: list[str], line: Line) -> None:
             str(line.where), "the second half of a line of large fields begins with *"
         )
     card.fields += [""] * missing
-    card.rows.append(Row(len(card.fields), line.text, line.where))
+    card.rows.append(CardLine(len(card.fields), line.text, line.where))
     card.fields += fields

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 import numpy as np
 
 from modalbase.formats.models.bdf.card import Card, numbered, whole
-from modalbase.formats.models.bdf.deck import PLATES, PROFILES, Case, Deck, family
+from modalbase.formats.models.bdf.deck import PLATES, PROFILES, BdfDeck, Case, family
 from modalbase.formats.models.model import Floats, PointMass, Spring
 
 _LOWER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2))  # I11 I21 I22 I31 I32 I33
@@ -17,7 +17,7 @@ _ROUND_OFF = 1e-6  # of an inertia that is not quite one
 Vector = tuple[float, float, float]
 
 
-def read_masses(deck: Deck) -> Iterator[PointMass]:
+def read_masses(deck: BdfDeck) -> Iterator[PointMass]:
     """CONM2: mass, place of its centre, and inertia about that.
 
     Raises:
@@ -47,7 +47,7 @@ def read_masses(deck: Deck) -> Iterator[PointMass]:
         yield PointMass(row, mass * mass_factor, card.where, rows, _vector(offset))
 
 
-def read_springs(deck: Deck) -> Iterator[Spring]:
+def read_springs(deck: BdfDeck) -> Iterator[Spring]:
     """CELAS1, CELAS2 and CBUSH."""
     springs = _Springs(deck)
     for card in deck.elements("CELAS1", "CELAS2", "CBUSH"):
@@ -57,7 +57,7 @@ def read_springs(deck: Deck) -> Iterator[Spring]:
 class _Springs:
     """Reader of springs, with what PBUSH and PELAS state; two PELAS may stand on a card."""
 
-    def __init__(self, deck: Deck) -> None:
+    def __init__(self, deck: BdfDeck) -> None:
         self.grids, self.notes = deck.grids, deck.notes
         self.bushes = numbered(deck.take("PBUSH"), "property", "PID")
         self.properties: dict[int, float] = {}
@@ -81,16 +81,16 @@ class _Springs:
         ends = [(at, at + 1) for at in (2, 4) if card.text(at) not in ("", "0")]
         if not ends:
             raise card.wrong(2, "G1", "a grid")
-        found = []
+        attached = []
         for at, component in ends:
             row, dofs = self.grids.row(card, at, f"G{at // 2}"), card.dofs(component, f"C{at // 2}")
             if len(dofs) != 1:
                 raise card.wrong(component, f"C{at // 2}", "one component of 1 … 6")
-            found.append((row, dofs[0]))
+            attached.append((row, dofs[0]))
         if stiffness < 0:
             raise card.error(f"the stiffness is {stiffness:g}, expected not below zero")
         if stiffness > 0:
-            yield self._spring(card, stiffness, *found)
+            yield self._spring(card, stiffness, *attached)
 
     def _spring(
         self,
@@ -216,11 +216,11 @@ def _vector(values: Floats) -> Vector:
     return x, y, z
 
 
-def spread_masses(deck: Deck) -> Mapping[tuple[str, int], float]:
+def nonstructural_masses(deck: BdfDeck) -> Mapping[tuple[str, int], float]:
     """Mass per area of shells and per length of beams by family and number of property, of the set
     that the deck selects.
     """
-    found: dict[tuple[str, int], float] = defaultdict(float)
+    masses: dict[tuple[str, int], float] = defaultdict(float)
     cards, joining = deck.take("NSM", "NSM1", "NSML", "NSML1"), deck.take("NSMADD")
     selected = _selected(joining, deck.case)
     for card in cards:
@@ -236,8 +236,8 @@ def spread_masses(deck: Deck) -> Mapping[tuple[str, int], float]:
             continue
         plates = {number for number, plate in deck.plates.items() if plate.name == kind}
         for number, value in _values(card, plates if kind in PLATES else set(deck.profiles[kind])):
-            found[family(kind), number] += value * deck.mass_factor
-    return found
+            masses[family(kind), number] += value * deck.mass_factor
+    return masses
 
 
 def _selected(joined: Iterable[Card], case: Case) -> set[int]:

@@ -15,8 +15,8 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf.card import Card, cards_of, numbered
 from modalbase.formats.models.bdf.frames import Grids, read_grids
 from modalbase.formats.models.bdf.lines import Line, split_deck
-from modalbase.formats.models.bdf.materials import Materials
-from modalbase.formats.models.model import Losses, Where
+from modalbase.formats.models.bdf.materials import BdfMaterials
+from modalbase.formats.models.model import ReadReport, Where
 from modalbase.formats.uff.text import decoded
 
 _SOLIDS = frozenset(
@@ -78,7 +78,7 @@ _TABLE = [
 _STIFFENED_DRILLING = 100.0  # K6ROT that Nastran itself takes
 
 
-def note_unread(deck: Deck) -> None:
+def note_unread(deck: BdfDeck) -> None:
     """Note cards that change modes and that no reader takes, before what they may leave incomplete
     is read.
     """
@@ -94,12 +94,12 @@ def note_unread(deck: Deck) -> None:
     )
 
 
-def note_unused(deck: Deck) -> None:
+def note_unused(deck: BdfDeck) -> None:
     """Note cards that no reader took."""
     _note(deck, list(deck.cards))
 
 
-def _note(deck: Deck, names: Iterable[str]) -> None:
+def _note(deck: BdfDeck, names: Iterable[str]) -> None:
     for name in names:
         loss, changes = _loss(name)
         for card in deck.take(name):
@@ -129,7 +129,7 @@ def _loss(name: str) -> tuple[str, bool]:
     return "not used: a card that is not known here", True
 
 
-def note_params(cards: Iterable[Card], notes: Losses) -> None:
+def note_params(cards: Iterable[Card], notes: ReadReport) -> None:
     """Note PARAM cards; WTMASS is used elsewhere."""
     for card in cards:
         name = card.text(0)
@@ -186,7 +186,7 @@ def read_case(lines: Sequence[Line]) -> Case:
     Orders above the first subcase hold in all. Of several subcases the first with a METHOD of its
     own is taken, else the first; what others select instead is noted.
     """
-    found = Case(is_stated=bool(lines))
+    control = Case(is_stated=bool(lines))
     common: dict[str, tuple[str, Where]] = {}
     subcases: list[dict[str, tuple[str, Where]]] = []
     for line in lines:
@@ -195,24 +195,24 @@ def read_case(lines: Sequence[Line]) -> Case:
             subcases.append({})
             continue
         if text.replace(",", " ").split(None, 1)[:1] == ["PARAM"]:
-            found.params.append(line)
+            control.params.append(line)
             continue
         match = _ORDER.match(text)
         if match is None:
             continue
         order, value = match.groups()
-        if order == "TITLE" and not found.title:
-            found.title = decoded(line.raw.partition("=")[2].encode("latin-1"))[:200]
+        if order == "TITLE" and not control.title:
+            control.title = decoded(line.raw.partition("=")[2].encode("latin-1"))[:200]
         for name in _SELECTORS:
             if order == name or (len(order) >= 4 and name.startswith(order)):
                 (subcases[-1] if subcases else common)[name] = (value, line.where)
     chosen = next((case for case in subcases if "METHOD" in case), subcases[0] if subcases else {})
-    found.selected = {name: value for name, (value, _) in {**common, **chosen}.items()}
+    control.selected = {name: value for name, (value, _) in {**common, **chosen}.items()}
     for case in subcases:
         for name, (value, where) in case.items():
-            if value != found.selected.get(name):
-                found.others.setdefault(name, []).append((value, where))
-    return found
+            if value != control.selected.get(name):
+                control.others.setdefault(name, []).append((value, where))
+    return control
 
 
 _NUMBERED = (
@@ -286,7 +286,7 @@ _FRAMES = tuple(f"CORD{number}{kind}" for number in "12" for kind in "RCS")
 _MATERIALS = ("MAT1", "MAT2", "MAT8", "MAT3", "MAT9", "MAT10")
 
 
-class Deck:
+class BdfDeck:
     """A deck whose readers take the cards that they read; what stays is not used.
 
     Attributes:
@@ -301,7 +301,7 @@ class Deck:
 
     def __init__(self, content: bytes, included: Mapping[str, bytes]) -> None:
         split = split_deck(content, included)
-        self.labels, self.notes = Labels(), Losses()
+        self.labels, self.notes = Labels(), ReadReport()
         if split.unended:
             self.notes.add(
                 split.unended,
@@ -333,7 +333,7 @@ class Deck:
             grids, defaults[0] if defaults else None, self.take(*_FRAMES)
         )
         materials = numbered(self.take(*_MATERIALS), "material", "MID")
-        self.materials = Materials(materials, self.mass_factor, self.notes)
+        self.materials = BdfMaterials(materials, self.mass_factor, self.notes)
         plates = self.take(*PLATES)
         self.profiles = {name: numbered(self.take(name), "property", "PID") for name in PROFILES}
         self.plates = numbered(plates, "property", "PID")
@@ -344,6 +344,6 @@ class Deck:
 
     def elements(self, *names: str) -> list[Card]:
         """Cards of elements, in the deck's order; numbers may not repeat among them."""
-        found = self.take(*names)
-        numbered(found, "element", "EID")
-        return sorted(found, key=lambda card: card.where.line) if len(names) > 1 else found
+        cards = self.take(*names)
+        numbered(cards, "element", "EID")
+        return sorted(cards, key=lambda card: card.where.line) if len(names) > 1 else cards

@@ -105,22 +105,22 @@ def read_grids(cards: Iterable[Card], defaults: Card | None, frames: Iterable[Ca
     ).reshape(-1, 3)
     rows = {number: row for row, number in enumerate(numbers.tolist())}
     in_system = [_inherited(card, 1, "CP", defaults) for card in ordered]
-    found = Grids(
+    grids = Grids(
         numbers, points.copy(), rows, {str(number): row for number, row in rows.items()}, {0: BASIC}
     )
-    found.repeated = repeated
+    grids.repeated = repeated
     stated = _stated(frames)
-    _resolve(stated, found, in_system, ordered)
+    _resolve(stated, grids, in_system, ordered)
     for system in set(in_system) - {0}:
         own = np.flatnonzero(np.array(in_system) == system)
-        if system not in found.systems:
+        if system not in grids.systems:
             raise ordered[own[0]].wrong(
                 1, "CP", f"a coordinate system of the deck; there is no CORD {system}"
             )
-        found.places[own] = found.systems[system].place(points[own])
+        grids.places[own] = grids.systems[system].place(points[own])
     for row, card in enumerate(ordered):
-        _constrain(found, row, card, defaults)
-    return found
+        _constrain(grids, row, card, defaults)
+    return grids
 
 
 def _inherited(card: Card, index: int, what: str, defaults: Card | None) -> int:
@@ -147,20 +147,20 @@ def _constrain(grids: Grids, row: int, card: Card, defaults: Card | None) -> Non
 
 def _stated(frames: Iterable[Card]) -> dict[int, tuple[Card, int]]:
     """Each system's card, and the field where it begins: two CORD1R may share a card."""
-    found: dict[int, tuple[Card, int]] = {}
+    by_number: dict[int, tuple[Card, int]] = {}
     for card in frames:
         starts = [0] if card.name.startswith("CORD2") else [at for at in (0, 4) if card.text(at)]
         for at in starts or [0]:
             number = card.integer(at, "CID")
             if number <= 0:
                 raise card.wrong(at, "CID", "a number above zero")
-            if number in found:
+            if number in by_number:
                 raise card.error(
                     f"the coordinate system {number} is there twice, first in"
-                    f" {found[number][0].where}"
+                    f" {by_number[number][0].where}"
                 )
-            found[number] = (card, at)
-    return found
+            by_number[number] = (card, at)
+    return by_number
 
 
 def _resolve(
@@ -199,9 +199,9 @@ def _resolve(
             values = [card.real(2 + k, f"{'ABC'[k // 3]}{k % 3 + 1}") for k in range(9)]
             corners = grids.systems[card.integer(1, "RID", 0)].place(np.array(values).reshape(3, 3))
         else:
-            found = [grids.row(card, at + i, f"G{i}") for i in (1, 2, 3)]
+            rows = [grids.row(card, at + i, f"G{i}") for i in (1, 2, 3)]
             corners = np.vstack(
-                [grids.systems[in_system[row]].place(grids.places[row : row + 1]) for row in found]
+                [grids.systems[in_system[row]].place(grids.places[row : row + 1]) for row in rows]
             )
         grids.systems[number] = _system(card, corners)
 

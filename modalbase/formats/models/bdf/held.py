@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from modalbase.formats.models.bdf.card import Card, whole
-from modalbase.formats.models.bdf.deck import Deck
+from modalbase.formats.models.bdf.deck import BdfDeck
 from modalbase.formats.models.bdf.frames import BASIC, Grids
 from modalbase.formats.models.model import Floats, Link, Support, Where
 
@@ -58,36 +58,36 @@ def _turned(grids: Grids, row: int, dofs: tuple[int, ...]) -> Floats | None:
     return None if np.allclose(axes, BASIC.axes, atol=1e-12) else axes
 
 
-def read_links(deck: Deck) -> Iterator[Link]:
+def read_links(deck: BdfDeck) -> Iterator[Link]:
     """RBE2, RBE3 and RBAR."""
     for card in deck.elements(*_READERS):
         card.integer(0, "EID")
         yield from _READERS[card.name](card, deck)
 
 
-def _rbe2(card: Card, deck: Deck) -> Iterator[Link]:
+def _rbe2(card: Card, deck: BdfDeck) -> Iterator[Link]:
     grids = deck.grids
-    leader, dofs = grids.row(card, 1, "GN"), card.dofs(2, "CM")
+    independent, dofs = grids.row(card, 1, "GN"), card.dofs(2, "CM")
     rows = dict.fromkeys(listed(card, 3, grids, "GM"))
     if not rows:
         raise card.wrong(3, "GM1", "a grid that is led")
     for row in rows:
-        yield Link(row, (leader,), dofs, card.where, axes=_turned(grids, row, dofs))
+        yield Link(row, (independent,), dofs, card.where, axes=_turned(grids, row, dofs))
 
 
-def _rbar(card: Card, deck: Deck) -> Iterator[Link]:
+def _rbar(card: Card, deck: BdfDeck) -> Iterator[Link]:
     grids = deck.grids
     ends = grids.row(card, 1, "GA"), grids.row(card, 2, "GB")
     lead = [card.dofs(3 + k, name, "0") for k, name in enumerate(("CNA", "CNB"))]
-    for leader, follower, index in ((0, 1, 6), (1, 0, 5)):
-        if lead[leader] == ALL and not lead[follower]:
+    for independent, dependent, index in ((0, 1, 6), (1, 0, 5)):
+        if lead[independent] == ALL and not lead[dependent]:
             dofs = card.dofs(index, "CM", "123456") or ALL
             yield Link(
-                ends[follower],
-                (ends[leader],),
+                ends[dependent],
+                (ends[independent],),
                 dofs,
                 card.where,
-                axes=_turned(grids, ends[follower], dofs),
+                axes=_turned(grids, ends[dependent], dofs),
             )
             return
     deck.notes.add(
@@ -95,7 +95,7 @@ def _rbar(card: Card, deck: Deck) -> Iterator[Link]:
     )
 
 
-def _rbe3(card: Card, deck: Deck) -> Iterator[Link]:
+def _rbe3(card: Card, deck: BdfDeck) -> Iterator[Link]:
     grids = deck.grids
     node, dofs = grids.row(card, 2, "REFGRID"), card.dofs(3, "REFC")
     weights: dict[int, float] = {}
@@ -140,7 +140,7 @@ def _rbe3(card: Card, deck: Deck) -> Iterator[Link]:
 _READERS = {"RBE2": _rbe2, "RBE3": _rbe3, "RBAR": _rbar}
 
 
-def read_supports(deck: Deck) -> list[Support]:
+def read_supports(deck: BdfDeck) -> list[Support]:
     """Constraints of the set that holds, and those that grids state themselves."""
     grids, cards, joined = deck.grids, deck.take("SPC", "SPC1"), deck.take("SPCADD")
     holding = _holding(deck, cards, joined)
@@ -168,11 +168,11 @@ def read_supports(deck: Deck) -> list[Support]:
         support
         for (where, dofs), own in rows.items()
         if dofs
-        for support in _parted(grids, own, dofs, where)
+        for support in _by_frame(grids, own, dofs, where)
     ]
 
 
-def _parted(
+def _by_frame(
     grids: Grids, rows: list[int], dofs: tuple[int, ...], where: Where
 ) -> Iterator[Support]:
     """Nodes that are held in the model's frame together, others by themselves."""
@@ -187,7 +187,7 @@ def _parted(
         yield Support(np.array(plain, dtype=np.int64), dofs, where)
 
 
-def _holding(deck: Deck, cards: list[Card], joining: list[Card]) -> set[int]:
+def _holding(deck: BdfDeck, cards: list[Card], joining: list[Card]) -> set[int]:
     """Numbers of the sets that hold, with those that an SPCADD joins."""
     case, notes = deck.case, deck.notes
     joined: dict[int, list[Card]] = defaultdict(list)

@@ -25,7 +25,7 @@ class Line:
 
 
 @dataclass
-class Sections:
+class DeckSections:
     """A deck's lines: control before BEGIN BULK, and bulk data up to ENDDATA."""
 
     control: list[Line] = field(default_factory=list)
@@ -33,7 +33,7 @@ class Sections:
     unended: Where | None = None  # its last line, where no ENDDATA follows BEGIN BULK
 
 
-def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections:
+def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> DeckSections:
     """The lines of a deck by section; a deck that has neither CEND nor BEGIN BULK is bulk data
     alone.
 
@@ -45,8 +45,8 @@ def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections
     """
     if b"\0" in content:
         raise FormatError("", "the file holds NUL bytes; expected the text of a Nastran deck")
-    found = Sections()
-    current = found.control
+    sections = DeckSections()
+    current = sections.control
     controlled = ended = False
     for line in _lines(content, ("",), included, set()):
         word = line.text.replace(",", " ").split(None, 1)[:1]
@@ -54,8 +54,8 @@ def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections
             ended = True
             break
         begins = bool(word) and word[0].startswith("BEGI")
-        if begins and current is found.control:
-            current, controlled = found.bulk, True
+        if begins and current is sections.control:
+            current, controlled = sections.bulk, True
         elif begins:
             raise FormatError(
                 str(line.where),
@@ -64,9 +64,9 @@ def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections
         else:
             controlled |= word == ["CEND"]
             current.append(line)
-    if current is found.control:
-        grid = next((line for line in found.control if line.text.startswith("GRID")), None)
-        controlled |= any(_CONTROL.match(line.text) for line in found.control)
+    if current is sections.control:
+        grid = next((line for line in sections.control if line.text.startswith("GRID")), None)
+        controlled |= any(_CONTROL.match(line.text) for line in sections.control)
         if controlled and grid:
             raise FormatError(
                 str(grid.where),
@@ -74,18 +74,18 @@ def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections
             )
         if controlled:
             raise FormatError(
-                _last(found.control), "the deck ends before BEGIN BULK; it seems to be cut"
+                _last(sections.control), "the deck ends before BEGIN BULK; it seems to be cut"
             )
-        return Sections([], found.control)
+        return DeckSections([], sections.control)
     if not ended:
         if not content.endswith((b"\n", b"\r")):
             raise FormatError(
-                _last(found.bulk or found.control),
+                _last(sections.bulk or sections.control),
                 "the deck ends within a line and without ENDDATA; it seems to be cut. Add the line"
                 " ENDDATA if it is whole",
             )
-        found.unended = (found.bulk or found.control)[-1].where
-    return found
+        sections.unended = (sections.bulk or sections.control)[-1].where
+    return sections
 
 
 def _last(lines: list[Line]) -> str:

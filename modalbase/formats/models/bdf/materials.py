@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from modalbase.formats.models.bdf.card import Card
-from modalbase.formats.models.model import Losses, Material
+from modalbase.formats.models.model import Material, ReadReport
 
 _COUPLING = 1e-6  # of G11 and G22, below which a MAT2 has its axes along its symmetry
 
@@ -16,19 +16,19 @@ FIELDS = {
 
 
 @dataclass
-class Materials:
+class BdfMaterials:
     """Materials of a deck, read when a section asks."""
 
     cards: dict[int, Card]  # by number
     mass_factor: float  # PARAM WTMASS, by which densities are multiplied
-    notes: Losses  # what is lost
-    found: dict[str, Material] = field(default_factory=dict)  # those that were asked for, by name
+    notes: ReadReport  # what is lost
+    by_name: dict[str, Material] = field(default_factory=dict)  # those that were asked for, by name
 
     def get(self, user: Card, index: int, what: str) -> Material:
         """The material that a field of a property names."""
         number = user.integer(index, what)
         name = str(number)
-        if name not in self.found:
+        if name not in self.by_name:
             card = self.cards.get(number)
             if card is None:
                 raise user.wrong(
@@ -36,8 +36,8 @@ class Materials:
                 )
             if card.name not in _READERS:
                 raise user.wrong(index, what, f"MAT1, MAT2 or MAT8; {number} is a {card.name}")
-            self.found[name] = self._read(card)
-        return self.found[name]
+            self.by_name[name] = self._read(card)
+        return self.by_name[name]
 
     def _read(self, card: Card) -> Material:
         constants = _READERS[card.name](card, self.notes)
@@ -54,7 +54,7 @@ class Materials:
         return Material(str(card.integer(0, "MID")), constants, card.where, places)
 
 
-def _isotropic(card: Card, _: Losses) -> dict[str, float]:
+def _isotropic(card: Card, _: ReadReport) -> dict[str, float]:
     """E, G and ν: two are given, and the third follows from E = 2 G (1 + ν)."""
     given = {name: card.text(index) != "" for name, index in (("E", 1), ("G", 2), ("nu", 3))}
     if not given["E"] and not given["G"]:
@@ -74,7 +74,7 @@ def _isotropic(card: Card, _: Losses) -> dict[str, float]:
     return {"E": E, "nu": nu, "G": G}
 
 
-def _orthotropic(card: Card, notes: Losses) -> dict[str, float]:
+def _orthotropic(card: Card, notes: ReadReport) -> dict[str, float]:
     E1, E2 = card.positive(1, "E1"), card.positive(2, "E2")
     nu, G12 = card.real(3, "NU12", 0.0), card.positive(4, "G12")
     if not nu**2 * E2 < E1:
@@ -89,7 +89,7 @@ def _orthotropic(card: Card, notes: Losses) -> dict[str, float]:
     return {"E1": E1, "E2": E2, "nu12": nu, "G12": G12, "G13": G13 or G12, "G23": G23 or G12}
 
 
-def _anisotropic(card: Card, notes: Losses) -> dict[str, float]:
+def _anisotropic(card: Card, notes: ReadReport) -> dict[str, float]:
     """Plane-stress stiffness by its entries; what couples stretch and shear is lost."""
     g11, g12, g13, g22, g23, g33 = (
         card.real(1 + k, f"G{name}", 0.0) for k, name in enumerate(_ENTRIES)
@@ -103,8 +103,8 @@ def _anisotropic(card: Card, notes: Losses) -> dict[str, float]:
             "the coupling of stretch and shear is lost; use MAT8 with an angle",
             True,
         )
-    found = {"E1": g11 - g12**2 / g22, "E2": g22 - g12**2 / g11, "nu12": g12 / g22, "G12": g33}
-    return {**found, "G13": g33, "G23": g33}
+    constants = {"E1": g11 - g12**2 / g22, "E2": g22 - g12**2 / g11, "nu12": g12 / g22, "G12": g33}
+    return {**constants, "G13": g33, "G23": g33}
 
 
 _ENTRIES = ("11", "12", "13", "22", "23", "33")

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from modalbase.formats.models.bdf.beams import Beams
-from modalbase.formats.models.bdf.carried import read_masses, read_springs, spread_masses
-from modalbase.formats.models.bdf.deck import Deck, note_unread, note_unused
+from modalbase.formats.models.bdf.carried import nonstructural_masses, read_masses, read_springs
+from modalbase.formats.models.bdf.deck import BdfDeck, note_unread, note_unused
 from modalbase.formats.models.bdf.held import read_links, read_supports
 from modalbase.formats.models.bdf.shells import Shells
-from modalbase.formats.models.check import check, gathered, on_leaders
+from modalbase.formats.models.check import check, gathered, on_independent_nodes
 from modalbase.formats.models.model import FiniteElementModel, IncompleteError
 
 _DIRECT = ("K2GG", "M2GG", "K2PP", "M2PP")
@@ -27,19 +27,19 @@ def read_bdf(content: bytes, included: Mapping[str, bytes] | None = None) -> Fin
     Raises:
         FormatError: a card is wrong, in the words of the manual, with its line.
     """
-    deck = Deck(content, included or {})
+    deck = BdfDeck(content, included or {})
     note_unread(deck)
     try:
         model = _model(deck)
     except IncompleteError as error:
-        raise error.after(deck.notes.found) from None
+        raise error.after(deck.notes.skipped) from None
     check(model)
     return model
 
 
-def _model(deck: Deck) -> FiniteElementModel:
+def _model(deck: BdfDeck) -> FiniteElementModel:
     """All that readers of its cards take, and what stays."""
-    extra = spread_masses(deck)
+    extra = nonstructural_masses(deck)
     shells, beams = Shells(deck, extra), Beams(deck, extra)
     elements = sorted([*shells.blocks(), *beams.blocks()], key=lambda block: int(block.lines[0]))
     links = gathered(read_links(deck))
@@ -50,18 +50,18 @@ def _model(deck: Deck) -> FiniteElementModel:
         deck.grids.places,
         tuple(elements),
         {**shells.sections, **beams.sections},
-        deck.materials.found,
+        deck.materials.by_name,
         node_axes={row: deck.grids.axes(row) for row in deck.grids.displacement},
         links=links,
-        supports=tuple(on_leaders(read_supports(deck), links, deck.grids.places)),
+        supports=tuple(on_independent_nodes(read_supports(deck), links, deck.grids.places)),
         masses=tuple(read_masses(deck)),
         springs=tuple(read_springs(deck)),
     )
     _note_rest(deck)
-    return replace(model, ignored=deck.notes.found)
+    return replace(model, ignored=deck.notes.skipped)
 
 
-def _note_rest(deck: Deck) -> None:
+def _note_rest(deck: BdfDeck) -> None:
     """Note what was not read, or not as Nastran would."""
     for card in deck.grids.repeated:
         deck.notes.add(card, "GRID twice", "it says what another has said, as MSC Nastran allows")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from modalbase.formats.models.bdf.card import Card
-from modalbase.formats.models.bdf.deck import Deck, family
+from modalbase.formats.models.bdf.deck import BdfDeck, family
 from modalbase.formats.models.check import normals_of, unit
 from modalbase.formats.models.model import Elements, Floats, Kind, Ply, ShellSection
 
@@ -16,7 +16,7 @@ _MOST_PLIES = 2000
 
 
 @dataclass(frozen=True)
-class _Layout:
+class _FieldLayout:
     """Fields of an element, from 0 behind the name: grids, the angle, the offset, thicknesses, and
     their flag.
     """
@@ -29,15 +29,15 @@ class _Layout:
     flag: int
 
 
-_QUAD4 = _Layout("quad4", (2, 3, 4, 5), 6, 7, (10, 11, 12, 13), 9)
-_TRI3 = _Layout("tri3", (2, 3, 4), 5, 6, (10, 11, 12), 9)
+_QUAD4 = _FieldLayout("quad4", (2, 3, 4, 5), 6, 7, (10, 11, 12, 13), 9)
+_TRI3 = _FieldLayout("tri3", (2, 3, 4), 5, 6, (10, 11, 12), 9)
 LAYOUTS = {
     "CQUAD4": _QUAD4,
     "CQUADR": _QUAD4,
     "CTRIA3": _TRI3,
     "CTRIAR": _TRI3,
-    "CQUAD8": _Layout("quad8", (2, 3, 4, 5, 6, 7, 8, 9), 14, 15, (10, 11, 12, 13), 16),
-    "CTRIA6": _Layout("tri6", (2, 3, 4, 5, 6, 7), 8, 9, (10, 11, 12), 13),
+    "CQUAD8": _FieldLayout("quad8", (2, 3, 4, 5, 6, 7, 8, 9), 14, 15, (10, 11, 12, 13), 16),
+    "CTRIA6": _FieldLayout("tri6", (2, 3, 4, 5, 6, 7), 8, 9, (10, 11, 12), 13),
 }
 
 
@@ -61,7 +61,7 @@ class _Property:
 class _Group:
     """Elements of one kind and one set as they are read."""
 
-    layout: _Layout
+    layout: _FieldLayout
     section: _Property
     numbers: list[int] = field(default_factory=list)
     nodes: list[list[int]] = field(default_factory=list)
@@ -79,7 +79,7 @@ class Shells:
         sections: of the sets that elements use, by name.
     """
 
-    def __init__(self, deck: Deck, extra: Mapping[tuple[str, int], float]) -> None:
+    def __init__(self, deck: BdfDeck, extra: Mapping[tuple[str, int], float]) -> None:
         """Of a deck, and non-structural mass per area by family and number of property."""
         self.sections: dict[str, ShellSection] = {}
         self._deck, self._extra = deck, extra
@@ -127,7 +127,7 @@ class Shells:
         if len(card) > layout.thickness[0]:
             self._thickness(group, card, layout, at)
 
-    def _thickness(self, group: _Group, card: Card, layout: _Layout, at: int) -> None:
+    def _thickness(self, group: _Group, card: Card, layout: _FieldLayout, at: int) -> None:
         """Thicknesses that an element states at its corners."""
         if not any(card.text(index) for index in layout.thickness):
             return
@@ -219,8 +219,8 @@ class Shells:
                     continue
                 break
             if card.text(at + shift):
-                found = self._deck.materials.get(card, at + shift, "MID")
-                material, isotropic = found.name, isotropic and found.is_isotropic
+                ply_material = self._deck.materials.get(card, at + shift, "MID")
+                material, isotropic = ply_material.name, isotropic and ply_material.is_isotropic
             elif not material:
                 raise card.wrong(at + shift, "MID1", "the material of the first ply")
             if card.text(at + shift + 1) or not plies:
@@ -312,27 +312,27 @@ class Shells:
                 )
             return None
         corners = len(group.layout.thickness)
-        found = np.full((len(group.numbers), corners), group.section.thickness or np.nan)
+        thickness = np.full((len(group.numbers), corners), group.section.thickness or np.nan)
         for at, own in group.own_thickness.items():
-            found[at] = own
-        bare = np.flatnonzero(np.isnan(found).any(axis=1))
+            thickness[at] = own
+        bare = np.flatnonzero(np.isnan(thickness).any(axis=1))
         if bare.size:
             raise group.cards[bare[0]].error(
                 f"neither it nor {group.section.card.title} states a thickness"
             )
         if len(group.layout.grids) > corners:
-            found = np.hstack([found, (found + np.roll(found, -1, axis=1)) / 2])
-        return found
+            thickness = np.hstack([thickness, (thickness + np.roll(thickness, -1, axis=1)) / 2])
+        return thickness
 
     def _store(self, section: _Property, thickness: Floats | None) -> None:
         plies = section.plies
         if section.thickness is None and thickness is not None and section.set not in self.sections:
             plies = (Ply(plies[0].material, float(thickness.mean())),)
-        found = ShellSection(plies, section.card.where, section.offset, section.extra_mass)
-        self.sections.setdefault(section.set, found)
+        shell = ShellSection(plies, section.card.where, section.offset, section.extra_mass)
+        self.sections.setdefault(section.set, shell)
 
 
-def _without_middles(card: Card, layout: _Layout) -> _Layout:
+def _without_middles(card: Card, layout: _FieldLayout) -> _FieldLayout:
     """The layout of four nodes, or three, where an element leaves out the middles of its sides."""
     corners = len(layout.thickness)
     left_out = [not card.text(index) for index in layout.grids[corners:]]

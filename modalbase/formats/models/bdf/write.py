@@ -77,8 +77,8 @@ class BdfWriting(Writing):
         for index, value in numbers.items():
             fields[index] = fitted(value, _LARGE)
         fields[0] = new
-        said = [f"copy of material {material.name} for {', '.join(sets)}", *comments.values()]
-        self._append([*(f"$ {each}" for each in said), *_large(name, fields)])
+        remarks = [f"copy of material {material.name} for {', '.join(sets)}", *comments.values()]
+        self._append([*(f"$ {each}" for each in remarks), *_large(name, fields)])
         for each in sets:
             for owner, indices in self._owners(each):
                 self._remark(owner, f"updated: material of {each} was {material.name}, is {new}")
@@ -147,12 +147,12 @@ def _fields_of(card: Card, material: Material, values: Constants) -> dict[int, f
     before, after = (
         _on_card(card.name, each) for each in (material.constants, {**material.constants, **values})
     )
-    found = {
+    fields = {
         _FIELDS[card.name][name]: value for name, value in after.items() if value != before[name]
     }
     if "density" in values:
-        found[_FIELDS[card.name]["density"]] = _density_on(card, material, values["density"])
-    return found
+        fields[_FIELDS[card.name]["density"]] = _density_on(card, material, values["density"])
+    return fields
 
 
 def _density_on(card: Card, material: Material, density: float) -> float:
@@ -167,8 +167,8 @@ def _on_card(name: str, constants: Constants) -> dict[str, float]:
         return dict(constants)
     E1, E2, nu = constants["E1"], constants["E2"], constants["nu12"]
     rest = 1 - nu**2 * E2 / E1
-    found = {"G11": E1 / rest, "G12": nu * E2 / rest, "G22": E2 / rest, "G33": constants["G12"]}
-    return found | {name: constants[name] for name in ("density",) if name in constants}
+    entries = {"G11": E1 / rest, "G12": nu * E2 / rest, "G22": E2 / rest, "G33": constants["G12"]}
+    return entries | {name: constants[name] for name in ("density",) if name in constants}
 
 
 def _large(name: str, fields: Sequence[str]) -> list[str]:
@@ -189,9 +189,9 @@ def fitted(value: float, width: int) -> str:
     """
     best, distance = "", float("inf")
     for text in _candidates(value, width):
-        found = number(text)
-        if len(text) <= width and found is not None and abs(found - value) < distance:
-            best, distance = text, abs(found - value)
+        read_back = number(text)
+        if len(text) <= width and read_back is not None and abs(read_back - value) < distance:
+            best, distance = text, abs(read_back - value)
     if not best:
         raise ValueError(f"{value} does not fit into {width} columns")
     return best

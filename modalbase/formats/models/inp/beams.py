@@ -3,10 +3,10 @@
 import numpy as np
 
 from modalbase.formats.models.check import unit
-from modalbase.formats.models.inp.lines import Card, Row
-from modalbase.formats.models.inp.materials import Materials
-from modalbase.formats.models.inp.mesh import SLENDER, Element
-from modalbase.formats.models.model import BeamSection, Floats, Material, Place
+from modalbase.formats.models.inp.lines import DataLine, Keyword
+from modalbase.formats.models.inp.materials import InpMaterials
+from modalbase.formats.models.inp.mesh import SLENDER, InpElement
+from modalbase.formats.models.model import BeamSection, FieldPlace, Floats, Material
 from modalbase.formats.models.shapes import Shape, abaqus
 
 _SHORT = {"RECTANGULAR": "RECT", "CIRCULAR": "CIRC"}
@@ -14,7 +14,7 @@ _CONSTANTS = ("area", "I1", "I12", "I2", "J")
 
 
 def beam_section(
-    card: Card, name: str, elements: list[Element], materials: Materials
+    card: Keyword, name: str, elements: list[InpElement], materials: InpMaterials
 ) -> tuple[BeamSection, Floats, tuple[float, float]]:
     """A section, its direction n1, and the centroid's y and z from the nodes.
 
@@ -31,11 +31,11 @@ def beam_section(
             raise card.error(
                 "has SECTION=GENERAL; *BEAM GENERAL SECTION states a beam by its constants"
             )
-        found = _general(row)
+        profile = _general(row)
         places = {name: row.place(k) for k, name in enumerate(_CONSTANTS) if name != "I12"}
     else:
         try:
-            found = abaqus(_SHORT.get(kind, kind), row.numbers("dimensions"))
+            profile = abaqus(_SHORT.get(kind, kind), row.numbers("dimensions"))
         except ValueError as error:
             raise row.error(str(error)) from None
     own = card.name == "BEAMGENERALSECTION" and not card.get("MATERIAL")
@@ -49,19 +49,19 @@ def beam_section(
         raise card.error(
             "has elements that are rigid in shear and others that are not; split the set"
         )
-    shear = None if True in slender else found.shear
+    shear = None if True in slender else profile.shear
     section = BeamSection(
-        material, found.area, found.inertia, found.torsion, card.where, shear, places=places
+        material, profile.area, profile.inertia, profile.torsion, card.where, shear, places=places
     )
-    y, z = found.centroid
+    y, z = profile.centroid
     shifts = [
-        -card.number(card.get(f"OFFSET{k + 1}") or "0", f"OFFSET{k + 1}") * found.extent[k]
+        -card.number(card.get(f"OFFSET{k + 1}") or "0", f"OFFSET{k + 1}") * profile.extent[k]
         for k in (0, 1)
     ]
     return section, _direction(card), (y + shifts[0], z + shifts[1])
 
 
-def _general(row: Row) -> Shape:
+def _general(row: DataLine) -> Shape:
     values = row.numbers("A, I11, I12, I22, J", 5)
     area, first, mixed, second, torsion = values[:5]
     if min(area, first, second, torsion) <= 0 or mixed**2 >= first * second:
@@ -71,14 +71,14 @@ def _general(row: Row) -> Shape:
     return Shape(area, (first, second, mixed), torsion, (1.0, 1.0))
 
 
-def _direction_row(card: Card) -> Row | None:
+def _direction_row(card: Keyword) -> DataLine | None:
     """The second line, unless an empty one stands for it."""
     if len(card.rows) > 1 and not card.rows[1].after_blank:
         return card.rows[1]
     return None
 
 
-def _direction(card: Card) -> Floats:
+def _direction(card: Keyword) -> Floats:
     """n1, by default (0, 0, −1)."""
     row = _direction_row(card)
     if row is None or not any(row.fields):
@@ -89,7 +89,7 @@ def _direction(card: Card) -> Floats:
     return values
 
 
-def _own_material(card: Card, name: str, materials: Materials) -> str:
+def _own_material(card: Keyword, name: str, materials: InpMaterials) -> str:
     """Of *BEAM GENERAL SECTION, which states E, G and density itself."""
     rows = card.rows[2 if _direction_row(card) is not None else 1 :]
     if not rows:
@@ -108,12 +108,12 @@ def _own_material(card: Card, name: str, materials: Materials) -> str:
             f"E = {E:g}, G = {G:g} and density {density:g}: expected E and G above 0, and no"
             " density below 0"
         )
-    places: dict[str, Place] = {"E": rows[0].place(0), "G": rows[0].place(1)}
+    places: dict[str, FieldPlace] = {"E": rows[0].place(0), "G": rows[0].place(1)}
     constants = {"E": E, "G": G, "nu": E / (2 * G) - 1, "density": density}
     return materials.add(Material(name, constants, card.where, places))
 
 
-def directions(places: Floats, elements: list[Element], first: Floats) -> tuple[Floats, Floats]:
+def directions(places: Floats, elements: list[InpElement], first: Floats) -> tuple[Floats, Floats]:
     """(e, 3) axes 1 and 2 across beams: n1 made square to the beam, and t × n1.
 
     An element with a node more than its type has takes n1 from its first node to that one.

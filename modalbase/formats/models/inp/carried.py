@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from modalbase.formats.models.check import sizes
-from modalbase.formats.models.inp.lines import Card, Losses, Row
-from modalbase.formats.models.inp.mesh import Element, Mesh
-from modalbase.formats.models.inp.orientations import Part, System
+from modalbase.formats.models.inp.lines import DataLine, InpReport, Keyword
+from modalbase.formats.models.inp.mesh import InpElement, InpMesh
+from modalbase.formats.models.inp.orientations import Orientation, Part
 from modalbase.formats.models.inp.sections import Sections
 from modalbase.formats.models.model import BeamSection, Elements, Floats, PointMass, Spring, Where
 
@@ -19,13 +19,13 @@ PROPERTIES = {"mass": "MASS", "inertia": "ROTARYINERTIA", "spring": "SPRING"}
 class Carried:
     """Masses and springs as they are read."""
 
-    def __init__(self, mesh: Mesh, losses: Losses) -> None:
+    def __init__(self, mesh: InpMesh, report: InpReport) -> None:
         self.masses: list[PointMass] = []
         self.springs: list[Spring] = []
-        self._mesh, self._losses = mesh, losses
+        self._mesh, self._report = mesh, report
         self._done: set[int] = set()
 
-    def read(self, card: Card, part: Part, axes: dict[int, Floats]) -> None:
+    def read(self, card: Keyword, part: Part, axes: dict[int, Floats]) -> None:
         """Take a card *MASS, *ROTARY INERTIA or *SPRING; `axes` are those of nodes, by row."""
         role = next(role for role, name in PROPERTIES.items() if name == card.name)
         chosen = part.elements(card.needs("ELSET"), card)
@@ -42,7 +42,7 @@ class Carried:
         )
 
     def _mass(
-        self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]
+        self, card: Keyword, part: Part, elements: list[InpElement], axes: dict[int, Floats]
     ) -> None:
         del part, axes
         if card.get("TYPE").upper() not in ("", "ISOTROPIC"):
@@ -56,7 +56,7 @@ class Carried:
         self.masses += [PointMass(element.nodes[0], mass, card.where) for element in elements]
 
     def _inertia(
-        self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]
+        self, card: Keyword, part: Part, elements: list[InpElement], axes: dict[int, Floats]
     ) -> None:
         del axes
         a, b, c, ab, ac, bc = [
@@ -74,16 +74,16 @@ class Carried:
             rows = tuple(tuple(row) for row in (turn.T @ tensor @ turn).tolist())
             self.masses.append(PointMass(element.nodes[0], 0.0, card.where, rows))
 
-    def _axes(self, system: System, element: Element) -> Floats:
+    def _axes(self, system: Orientation, element: InpElement) -> Floats:
         """(3, 3) of a system at an element's first node."""
         axes: Floats = system.at(np.array([self._mesh.places[element.nodes[0]]]))[0]
         return axes
 
     def _spring(
-        self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]
+        self, card: Keyword, part: Part, elements: list[InpElement], axes: dict[int, Floats]
     ) -> None:
         if "NONLINEAR" in card.parameters:
-            self._losses.note(card, "a spring that is not linear")
+            self._report.note(card, "a spring that is not linear")
             return
         system = part.system(card.get("ORIENTATION"), card)
         for element in elements:
@@ -101,7 +101,7 @@ class Carried:
             turned = axes.get(element.nodes[0]) if system is None else self._axes(system, element)
             self.springs.append(_between(element, dofs, k, card.where, turned))
 
-    def _axial(self, card: Card, element: Element) -> Spring:
+    def _axial(self, card: Keyword, element: InpElement) -> Spring:
         a, b = (np.array(self._mesh.places[node]) for node in element.nodes)
         length = float(np.linalg.norm(b - a))
         if not length > 0:
@@ -125,7 +125,7 @@ class Carried:
                 )
 
 
-def _stiffness(row: Row) -> float:
+def _stiffness(row: DataLine) -> float:
     k = row.numbers("a stiffness")[0]
     if not 0 <= k < 1e25:
         raise row.error(f"is a stiffness of {k:g}, expected one of at least 0")
@@ -133,7 +133,7 @@ def _stiffness(row: Row) -> float:
 
 
 def _between(
-    element: Element, dofs: list[int], k: float, where: Where, turned: Floats | None
+    element: InpElement, dofs: list[int], k: float, where: Where, turned: Floats | None
 ) -> Spring:
     """A spring between dofs, or from one to the ground."""
     first = dofs[0] - 1
@@ -153,12 +153,12 @@ def _between(
     )
 
 
-def spread_mass(
-    card: Card,
+def add_nonstructural_mass(
+    card: Keyword,
     sections: Sections,
     parts: Sequence[Part],
     blocks: Iterable[Elements],
-    losses: Losses,
+    report: InpReport,
 ) -> None:
     """Take *NONSTRUCTURAL MASS, of all instances that have it, into the sections of the sets that
     it covers as a whole.
@@ -170,14 +170,14 @@ def spread_mass(
         raise card.first.error(f"is a mass of {value:g}, expected one of at least 0")
     names = [name for name, members in sections.members.items() if chosen & set(members)]
     whole = all(chosen >= set(sections.members[name]) for name in names)
-    beams = {isinstance(sections.found[name], BeamSection) for name in names}
+    beams = {isinstance(sections.by_name[name], BeamSection) for name in names}
     fits = {
         "MASSPERAREA": beams == {False},
         "MASSPERLENGTH": beams == {True},
         "TOTALMASS": len(beams) == 1,
     }
     if not whole or not fits.get(units, False):
-        losses.note(
+        report.note(
             card, "spread mass on part of a set, on shells and beams at once, or in other units"
         )
         return
@@ -186,5 +186,5 @@ def spread_mass(
         total = sum(float(sizes(block, places).sum()) for block in blocks if block.set in names)
         value *= len(parts) / total
     for name in names:
-        section = sections.found[name]
-        sections.found[name] = replace(section, extra_mass=section.extra_mass + value)
+        section = sections.by_name[name]
+        sections.by_name[name] = replace(section, extra_mass=section.extra_mass + value)

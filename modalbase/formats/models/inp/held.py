@@ -8,9 +8,9 @@ import numpy as np
 import scipy
 
 from modalbase.formats.models.check import nearness
-from modalbase.formats.models.inp.lines import Card, Losses, Row, card_names, folded
-from modalbase.formats.models.inp.mesh import Mesh
-from modalbase.formats.models.inp.orientations import Part, System
+from modalbase.formats.models.inp.lines import DataLine, InpReport, Keyword, card_names, folded
+from modalbase.formats.models.inp.mesh import InpMesh
+from modalbase.formats.models.inp.orientations import Orientation, Part
 from modalbase.formats.models.model import Floats, Integers, Link, Support, Where
 
 ALL = (0, 1, 2, 3, 4, 5)
@@ -29,16 +29,16 @@ class Constraints:
         surfaces: cards *SURFACE with their parts, by scope and folded name.
     """
 
-    def __init__(self, mesh: Mesh, losses: Losses, axes: dict[int, Floats]) -> None:
+    def __init__(self, mesh: InpMesh, report: InpReport, axes: dict[int, Floats]) -> None:
         self.links: list[Link] = []
         self.supports: list[Support] = []
-        self.surfaces: dict[tuple[str, str], tuple[Card, Part]] = {}
-        self._mesh, self._losses, self._axes = mesh, losses, axes
+        self.surfaces: dict[tuple[str, str], tuple[Keyword, Part]] = {}
+        self._mesh, self._report, self._axes = mesh, report, axes
         self._places = np.array(mesh.places).reshape(-1, 3)
         self._near = nearness(self._places)
-        self._coupling: Card | None = None
+        self._coupling: Keyword | None = None
 
-    def read(self, card: Card, part: Part) -> None:
+    def read(self, card: Keyword, part: Part) -> None:
         """Take a card of `NAMES`."""
         if card.name == "COUPLING":
             self._coupling = card
@@ -54,49 +54,53 @@ class Constraints:
                 "TIE": self._tie,
             }[card.name](card, part)
 
-    def _one(self, name: str, part: Part, where: Card | Row) -> int:
+    def _one(self, name: str, part: Part, where: Keyword | DataLine) -> int:
         """A reference node, by number or by a set that has it alone."""
-        found = part.nodes(name, where)
-        if len(found) != 1:
-            raise where.error(f"needs one node, and {name!r} has {len(found)}")
-        return int(found[0])
+        nodes = part.nodes(name, where)
+        if len(nodes) != 1:
+            raise where.error(f"needs one node, and {name!r} has {len(nodes)}")
+        return int(nodes[0])
 
     def _rigid(
         self,
         nodes: Integers,
-        leader: int,
+        reference: int,
         dofs: tuple[int, ...],
         where: Where,
-        system: System | None = None,
+        system: Orientation | None = None,
     ) -> None:
-        led = nodes[nodes != leader]
-        axes = [None] * len(led) if system is None or dofs == ALL else system.at(self._places[led])
+        dependent = nodes[nodes != reference]
+        axes = (
+            [None] * len(dependent)
+            if system is None or dofs == ALL
+            else system.at(self._places[dependent])
+        )
         self.links += [
-            Link(node, (leader,), dofs, where, axes=own)
-            for node, own in zip(led.tolist(), axes, strict=True)
+            Link(node, (reference,), dofs, where, axes=own)
+            for node, own in zip(dependent.tolist(), axes, strict=True)
         ]
 
-    def _mpc(self, card: Card, part: Part) -> None:
+    def _mpc(self, card: Keyword, part: Part) -> None:
         for row in card.rows:
-            kind, names = row.parted
+            kind, names = row.name_and_rest
             if kind.upper() not in ("BEAM", "TIE", "PIN") or len(names) != 2:
-                self._losses.note(row, f"a constraint of type {kind[:12].upper()} between nodes")
+                self._report.note(row, f"a constraint of type {kind[:12].upper()} between nodes")
                 continue
-            led, leaders = (part.nodes(name, row) for name in names)
-            if len(leaders) != 1:
-                raise row.error(f"has {len(leaders)} nodes that lead, expected one")
-            leader = int(leaders[0])
+            dependent, independent = (part.nodes(name, row) for name in names)
+            if len(independent) != 1:
+                raise row.error(f"has {len(independent)} nodes that lead, expected one")
+            reference = int(independent[0])
             dofs = ALL[:3] if kind.upper() == "PIN" else ALL
-            apart = np.linalg.norm(self._places[led] - self._places[leader], axis=1)
+            apart = np.linalg.norm(self._places[dependent] - self._places[reference], axis=1)
             if kind.upper() != "BEAM" and np.any(apart > self._near):
-                self._losses.note(row, f"{kind.upper()} between nodes that are apart")
+                self._report.note(row, f"{kind.upper()} between nodes that are apart")
                 continue
-            self._rigid(led, leader, dofs, row.where)
+            self._rigid(dependent, reference, dofs, row.where)
 
-    def _rigid_body(self, card: Card, part: Part) -> None:
-        leader = self._one(card.needs("REF NODE"), part, card)
+    def _rigid_body(self, card: Keyword, part: Part) -> None:
+        reference = self._one(card.needs("REF NODE"), part, card)
         if card.get("ROT NODE"):
-            self._losses.note(card, "the ROT NODE: supports and masses that act on it")
+            self._report.note(card, "the ROT NODE: supports and masses that act on it")
         for parameter, dofs in (
             ("ELSET", ALL),
             ("NSET", ALL),
@@ -114,72 +118,72 @@ class Constraints:
                 nodes = np.array(sorted(every), dtype=np.int64)
             else:
                 nodes = part.nodes(name, card)
-            self._rigid(nodes, leader, dofs, card.where)
+            self._rigid(nodes, reference, dofs, card.where)
 
-    def _surface_coupling(self, card: Card, part: Part) -> None:
+    def _surface_coupling(self, card: Keyword, part: Part) -> None:
         coupling = self._coupling
         if coupling is None:
             raise card.error("stands before any *COUPLING, to which it would belong")
-        leader = self._one(coupling.needs("REF NODE"), part, coupling)
+        reference = self._one(coupling.needs("REF NODE"), part, coupling)
         nodes = self._surface(coupling.needs("SURFACE"), part, coupling)
         if radius := coupling.get("INFLUENCE RADIUS"):
-            near = np.linalg.norm(self._places[nodes] - self._places[leader], axis=1)
+            near = np.linalg.norm(self._places[nodes] - self._places[reference], axis=1)
             limit = (
                 np.inf
                 if radius.upper() == "WORLD"
                 else coupling.number(radius, "the influence radius")
             )
             nodes = nodes[near <= limit]
-        nodes = nodes[nodes != leader]
+        nodes = nodes[nodes != reference]
         if not nodes.size:
             raise coupling.error("couples no node")
         system = part.system(coupling.get("ORIENTATION"), coupling)
         dofs = self._dofs(card)
         if card.name == "KINEMATIC":
-            self._rigid(nodes, leader, dofs, coupling.where, system)
+            self._rigid(nodes, reference, dofs, coupling.where, system)
             return
         if card.get("WEIGHTING METHOD").upper() not in ("", "UNIFORM"):
-            self._losses.note(card, "weights that fall with the distance: all are taken alike")
-        axes = None if system is None or dofs == ALL else system.at(self._places[[leader]])[0]
-        self.links.append(Link(leader, tuple(nodes.tolist()), dofs, coupling.where, axes=axes))
+            self._report.note(card, "weights that fall with the distance: all are taken alike")
+        axes = None if system is None or dofs == ALL else system.at(self._places[[reference]])[0]
+        self.links.append(Link(reference, tuple(nodes.tolist()), dofs, coupling.where, axes=axes))
 
-    def _dofs(self, card: Card) -> tuple[int, ...]:
+    def _dofs(self, card: Keyword) -> tuple[int, ...]:
         """Of lines of first and last dof; all where there is none."""
-        found: set[int] = set()
+        dofs: set[int] = set()
         for row in card.rows:
             fields = [text for text in row.fields if text]
             if fields:
-                found |= set(dof_range(fields, row))
-        return tuple(sorted(found)) or ALL
+                dofs |= set(dof_range(fields, row))
+        return tuple(sorted(dofs)) or ALL
 
-    def _kinematic_coupling(self, card: Card, part: Part) -> None:
-        leader = self._one(card.needs("REF NODE"), part, card)
+    def _kinematic_coupling(self, card: Keyword, part: Part) -> None:
+        reference = self._one(card.needs("REF NODE"), part, card)
         system = part.system(card.get("ORIENTATION"), card)
         for row in card.rows:
-            name, rest = row.parted
+            name, rest = row.name_and_rest
             nodes = part.nodes(name, row)
             dofs = tuple(dof_range(rest, row)) if rest else ALL
-            self._rigid(nodes, leader, dofs, row.where, system)
+            self._rigid(nodes, reference, dofs, row.where, system)
 
-    def _distributing_coupling(self, card: Card, part: Part) -> None:
+    def _distributing_coupling(self, card: Keyword, part: Part) -> None:
         chosen = part.elements(card.needs("ELSET"), card)
         if len(chosen) != 1 or self._mesh.elements[chosen[0]].type.name != "DCOUP3D":
             raise card.error("needs one element of type DCOUP3D")
-        leaders: dict[int, float] = {}
+        weights: dict[int, float] = {}
         for row in card.rows:
-            name, rest = row.parted
+            name, rest = row.name_and_rest
             weight = rest[0] if rest else "1"
             value = row.number(weight, "the weight")
             if not 0 < value < 1e12:
                 raise row.error(f"has the weight {value:g}, expected one above 0")
-            leaders |= dict.fromkeys(part.nodes(name, row).tolist(), value)
+            weights |= dict.fromkeys(part.nodes(name, row).tolist(), value)
         node = self._mesh.elements[chosen[0]].nodes[0]
-        leaders.pop(node, None)
-        if not leaders:
+        weights.pop(node, None)
+        if not weights:
             raise card.error("couples no node")
-        self.links.append(Link(node, tuple(leaders), ALL, card.where, tuple(leaders.values())))
+        self.links.append(Link(node, tuple(weights), ALL, card.where, tuple(weights.values())))
 
-    def _equations(self, card: Card, part: Part) -> None:
+    def _equations(self, card: Keyword, part: Part) -> None:
         rows = iter(card.rows)
         for row in rows:
             terms = row.whole(row.fields[0] if row.fields else "", "the number of terms")
@@ -196,7 +200,7 @@ class Constraints:
                 fields += following.fields[: 3 * terms - len(fields)] or [""]
             self._equation(row, [fields[k : k + 3] for k in range(0, 3 * terms, 3)], part)
 
-    def _equation(self, row: Row, terms: list[list[str]], part: Part) -> None:
+    def _equation(self, row: DataLine, terms: list[list[str]], part: Part) -> None:
         """One whose two terms make dofs of nodes at one place equal is a link; one of one term a
         support.
         """
@@ -221,46 +225,48 @@ class Constraints:
             ):
                 self.links.append(Link(int(a[0]), (int(b[0]),), (dofs[0],), row.where))
                 return
-        self._losses.note(
+        self._report.note(
             row, "an equation between dofs, other than that nodes at one place move alike"
         )
 
-    def _tie(self, card: Card, part: Part) -> None:
-        """Nodes of the first surface that lie on nodes of the second are led by them."""
+    def _tie(self, card: Keyword, part: Part) -> None:
+        """Nodes of the first surface that lie on nodes of the second depend on them."""
         for row in card.rows:
             names = row.fields
             if len(names) < 2:
                 raise row.error("expected two surfaces: the one tied, and the one that leads")
-            led, leading = (self._surface(name, part, row) for name in names[:2])
-            pairs = self._coincident(led, leading)
-            for node, leader in pairs:
-                self.links.append(Link(node, (leader,), ALL, row.where))
-            if missed := len(set(led.tolist()) - set(leading.tolist())) - len(pairs):
-                self._losses.note(
-                    row, f"a tie of {missed} node(s) that lie on no node of the other surface"
+            dependent, independent = (self._surface(name, part, row) for name in names[:2])
+            pairs = self._coincident(dependent, independent)
+            for node, other in pairs:
+                self.links.append(Link(node, (other,), ALL, row.where))
+            if unmatched := len(set(dependent.tolist()) - set(independent.tolist())) - len(pairs):
+                self._report.note(
+                    row, f"a tie of {unmatched} node(s) that lie on no node of the other surface"
                 )
 
-    def _coincident(self, led: Integers, leading: Integers) -> list[tuple[int, int]]:
-        """Pairs of nodes at one place, each led one once; a node that is in both surfaces does not
+    def _coincident(self, dependent: Integers, independent: Integers) -> list[tuple[int, int]]:
+        """Pairs of nodes at one place, each dependent one once; a node that is in both surfaces does not
         lead itself.
         """
-        if not (led.size and leading.size):
+        if not (dependent.size and independent.size):
             return []
-        apart, at = scipy.spatial.cKDTree(self._places[leading]).query(self._places[led], k=2)
-        found: dict[int, int] = {}
+        apart, at = scipy.spatial.cKDTree(self._places[independent]).query(
+            self._places[dependent], k=2
+        )
+        pairs: dict[int, int] = {}
         for k, which in np.argwhere(apart <= self._near).tolist():
-            if (leader := int(leading[at[k, which]])) != led[k]:
-                found.setdefault(int(led[k]), leader)
-        return list(found.items())
+            if (other := int(independent[at[k, which]])) != dependent[k]:
+                pairs.setdefault(int(dependent[k]), other)
+        return list(pairs.items())
 
-    def _surface(self, name: str, part: Part, where: Card | Row) -> Integers:
+    def _surface(self, name: str, part: Part, where: Keyword | DataLine) -> Integers:
         """Nodes of a surface, or of a set of nodes."""
         inside, dot, last = folded(name).rpartition(".")
         scope = inside if dot and inside in self._mesh.scopes else part.scope
-        found = self.surfaces.get((scope, last if scope == inside else folded(name)))
-        if found is None:
+        surface = self.surfaces.get((scope, last if scope == inside else folded(name)))
+        if surface is None:
             return part.nodes(name, where)
-        card, part = found
+        card, part = surface
         nodes: set[int] = set()
         for row in card.rows:
             first, face = [*row.fields, "", ""][:2]
@@ -271,7 +277,7 @@ class Constraints:
                     nodes |= set(self._face(at, face.upper(), row))
         return np.array(sorted(nodes), dtype=np.int64)
 
-    def _face(self, at: int, face: str, row: Row) -> tuple[int, ...]:
+    def _face(self, at: int, face: str, row: DataLine) -> tuple[int, ...]:
         """Nodes of an element's face: all of a shell's, or those of its side E1 … E4 (S3 … S6 in
         CalculiX).
         """
@@ -286,7 +292,7 @@ class Constraints:
         return (nodes[k], nodes[(k + 1) % corners], *nodes[corners + k : corners + k + 1])
 
 
-def dof_range(fields: list[str], row: Row) -> range:
+def dof_range(fields: list[str], row: DataLine) -> range:
     """Dofs from 0 of first and last."""
     first = row.whole(fields[0], "the first dof")
     last = row.whole(fields[1], "the last dof") if len(fields) > 1 and fields[1] else first
@@ -308,10 +314,10 @@ _NAMED = {
 _LOADS = frozenset(["CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE"])
 GENERAL = frozenset(["STATIC", "VISCO", "DYNAMIC", "COUPLEDTEMPERATURE-DISPLACEMENT"])
 
-Owned = tuple[Card, Part]
+Owned = tuple[Keyword, Part]
 
 
-def step_of_modes(steps: list[list[Card]]) -> int:
+def step_of_modes(steps: list[list[Keyword]]) -> int:
     """Place of the first step with *FREQUENCY; the first where there is none."""
     return next(
         (k for k, step in enumerate(steps) if any(card.name == "FREQUENCY" for card in step)), 0
@@ -320,10 +326,10 @@ def step_of_modes(steps: list[list[Card]]) -> int:
 
 def supports(
     initial: list[Owned],
-    steps: list[list[Card]],
+    steps: list[list[Keyword]],
     whole: Part,
     axes: dict[int, Floats],
-    losses: Losses,
+    report: InpReport,
 ) -> list[Support]:
     """What is held when modes are taken.
 
@@ -333,24 +339,26 @@ def supports(
     for step in steps[: step_of_modes(steps) + 1]:
         own = [(card, whole) for card in step if card.name == "BOUNDARY"]
         held = own if any(card.get("OP").upper() == "NEW" for card, _ in own) else held + own
-    return [each for card, part in held for each in _of_card(card, part, axes, losses)]
+    return [each for card, part in held for each in _of_card(card, part, axes, report)]
 
 
-def _of_card(card: Card, part: Part, axes: dict[int, Floats], losses: Losses) -> list[Support]:
+def _of_card(
+    card: Keyword, part: Part, axes: dict[int, Floats], report: InpReport
+) -> list[Support]:
     if "SUBMODEL" in card.parameters:
-        losses.note(card, "motion that another model prescribes")
+        report.note(card, "motion that another model prescribes")
         return []
-    found: list[Support] = []
+    held: list[Support] = []
     for row in card.rows:
-        name, rest = row.parted
+        name, rest = row.name_and_rest
         nodes = part.nodes(name, row)
-        dofs = _dofs(rest, row, losses)
+        dofs = _dofs(rest, row, report)
         turned = [node for node in nodes.tolist() if node in axes and not _alike(dofs)]
         plain = nodes[~np.isin(nodes, turned)] if turned else nodes
         if dofs and plain.size:
-            found.append(Support(plain, dofs, row.where))
-        found += [Support(np.array([node]), dofs, row.where, axes[node]) for node in turned if dofs]
-    return found
+            held.append(Support(plain, dofs, row.where))
+        held += [Support(np.array([node]), dofs, row.where, axes[node]) for node in turned if dofs]
+    return held
 
 
 def _alike(dofs: tuple[int, ...]) -> bool:
@@ -360,7 +368,7 @@ def _alike(dofs: tuple[int, ...]) -> bool:
     )
 
 
-def _dofs(fields: list[str], row: Row, losses: Losses) -> tuple[int, ...]:
+def _dofs(fields: list[str], row: DataLine, report: InpReport) -> tuple[int, ...]:
     if not fields:
         raise row.error("names no dof; expected ENCASTRE, PINNED or the first and last dof")
     if fields[0].upper() in _NAMED:
@@ -371,12 +379,12 @@ def _dofs(fields: list[str], row: Row, losses: Losses) -> tuple[int, ...]:
         )
     first = row.whole(fields[0], "the first dof")
     if first > 6:
-        losses.note(row, "dofs above 6, such as temperature", changes=False)
+        report.note(row, "dofs above 6, such as temperature", changes=False)
         return ()
     return tuple(dof_range(fields, row))
 
 
-def note_prestress(steps: list[list[Card]], losses: Losses) -> None:
+def note_prestress(steps: list[list[Keyword]], report: InpReport) -> None:
     """Note steps before that of the modes whose loads stiffen the structure, and later ones that
     ask for modes again.
 
@@ -394,9 +402,9 @@ def note_prestress(steps: list[list[Card]], losses: Losses) -> None:
             and names & _LOADS
             and (nonlinear or ("PERTURBATION" in steps[modes][0].parameters and not plain))
         ):
-            losses.note(step[0], "a state of stress before the modes, which stiffens or softens")
+            report.note(step[0], "a state of stress before the modes, which stiffens or softens")
     for card in (card for step in steps[modes + 1 :] for card in step if card.name == "FREQUENCY"):
-        losses.note(
+        report.note(
             card,
             "modes of a later step: what the first with *FREQUENCY holds is taken",
             changes=False,

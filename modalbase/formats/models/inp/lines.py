@@ -11,7 +11,7 @@ from typing import NamedTuple
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models import model
 from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines_of
-from modalbase.formats.models.model import Place, Where
+from modalbase.formats.models.model import FieldPlace, Where
 
 MOST_LINES = 2_000_000
 MOST_READINGS = 20
@@ -48,7 +48,7 @@ def folded(name: str) -> str:
 
 
 @dataclass(frozen=True)
-class Row:
+class DataLine:
     """A data line."""
 
     card: str  # name of the card that it belongs to, for messages
@@ -64,13 +64,13 @@ class Row:
     @property
     def fields(self) -> list[str]:
         """Texts between commas; empty ones at the end are left out."""
-        found = [text.strip() for text in self.text.split(",")]
-        while found and not found[-1]:
-            found.pop()
-        return found
+        texts = [text.strip() for text in self.text.split(",")]
+        while texts and not texts[-1]:
+            texts.pop()
+        return texts
 
     @property
-    def parted(self) -> tuple[str, list[str]]:
+    def name_and_rest(self) -> tuple[str, list[str]]:
         """The first field, and those behind it.
 
         Raises:
@@ -80,24 +80,24 @@ class Row:
             raise self.error("has no field, expected at least one")
         return fields[0], fields[1:]
 
-    def place(self, column: int) -> Place:
+    def place(self, column: int) -> FieldPlace:
         """Where a field stands."""
         start = 0
         for text in self.text.split(",")[:column]:
             start += len(text) + 1
-        return Place(
+        return FieldPlace(
             self.where.line, start, start + len(self.text[start:].split(",", 1)[0]), self.where.file
         )
 
     def number(self, text: str, what: str) -> float:
         """A finite number."""
         try:
-            found = float(_FORTRAN.sub(r"\1e\2", text))
+            value = float(_FORTRAN.sub(r"\1e\2", text))
         except ValueError:
-            found = math.nan
-        if not abs(found) < LARGEST or "_" in text:
+            value = math.nan
+        if not abs(value) < LARGEST or "_" in text:
             raise self.error(f"{what} is {text[:40]!r}, expected a number below {LARGEST:g}")
-        return found
+        return value
 
     def whole(self, text: str, what: str) -> int:
         """A whole number that fits 9 digits, as both solvers ask."""
@@ -105,10 +105,10 @@ class Row:
             raise self.error(
                 f"{what} is {text[:40]!r}, expected a whole number of at most 9 digits"
             )
-        found = int(text)
-        if abs(found) > 999_999_999:
+        value = int(text)
+        if abs(value) > 999_999_999:
             raise self.error(f"{what} is {text}, expected a whole number of at most 9 digits")
-        return found
+        return value
 
     def numbers(self, what: str, least: int = 1) -> list[float]:
         """All fields as numbers, empty ones as 0."""
@@ -122,14 +122,14 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Card:
-    """A card with its data lines."""
+class Keyword:
+    """A keyword and its data lines, called a card."""
 
     name: str  # squeezed, without the star
     label: str  # as the user wrote it, with the star
     parameters: Mapping[str, str]  # by squeezed name; empty where they have no value
     where: Where
-    rows: list[Row] = field(default_factory=list)  # its data lines
+    rows: list[DataLine] = field(default_factory=list)  # its data lines
 
     def error(self, message: str) -> FormatError:
         """A fault of this card."""
@@ -145,16 +145,16 @@ class Card:
         Raises:
             FormatError: it is missing.
         """
-        if not (found := self.get(parameter)):
+        if not (value := self.get(parameter)):
             raise self.error(f"has no {parameter}=, which says what it belongs to")
-        return found
+        return value
 
     def number(self, text: str, what: str) -> float:
         """A parameter as a finite number."""
-        return Row(self.label, text, self.where).number(text, what)
+        return DataLine(self.label, text, self.where).number(text, what)
 
     @property
-    def first(self) -> Row:
+    def first(self) -> DataLine:
         """The first data line.
 
         Raises:
@@ -170,7 +170,7 @@ def fault(where: Where, card: str, message: str) -> FormatError:
     return FormatError(str(where), f"{card} {message}")
 
 
-def read_cards(content: bytes, included: Mapping[str, bytes]) -> list[Card]:
+def read_cards(content: bytes, included: Mapping[str, bytes]) -> list[Keyword]:
     """All cards in their order; those of included files stand where *INCLUDE does.
 
     Raises:
@@ -183,18 +183,18 @@ def read_cards(content: bytes, included: Mapping[str, bytes]) -> list[Card]:
             "the file is binary, expected a deck of Abaqus or CalculiX: text with cards such as"
             " *NODE",
         )
-    found = list(_cards(_Files(content, included).lines(content)))
-    if not found:
+    cards = list(_cards(_Files(content, included).lines(content)))
+    if not cards:
         raise FormatError(
             "",
             "the file has no card such as *NODE or *ELEMENT; it is no deck of Abaqus or CalculiX",
         )
-    for card in found:
+    for card in cards:
         if card.get("INPUT"):
             raise card.error(
                 f"reads its lines from {card.get('INPUT')}; put them there by *INCLUDE"
             )
-    return found
+    return cards
 
 
 class _Line(NamedTuple):
@@ -235,19 +235,19 @@ class _Files:
             else:
                 yield line
 
-    def _named(self, card: Card, within: tuple[str, ...]) -> str:
+    def _named(self, card: Keyword, within: tuple[str, ...]) -> str:
         """The included file that a card means, by its path or the last part of it."""
         name = card.needs("INPUT").strip('"')
-        if (found := included_file(name, self._included)) is None:
+        if (match := included_file(name, self._included)) is None:
             raise card.error(f"names {name!r}, which was not handed in; give that file too")
-        if found in within:
-            raise card.error(f"of {name!r} goes in a circle: {' → '.join((*within, found))}")
+        if match in within:
+            raise card.error(f"of {name!r} goes in a circle: {' → '.join((*within, match))}")
         if len(within) >= DEEPEST_INCLUDE:
             raise card.error(
                 f"of {name!r} lies more than {DEEPEST_INCLUDE} files deep, which is the most that"
                 " is read"
             )
-        return found
+        return match
 
 
 def _continued(texts: list[str], file: str) -> Iterator[_Line]:
@@ -273,9 +273,9 @@ def _continued(texts: list[str], file: str) -> Iterator[_Line]:
         yield begun
 
 
-def _cards(lines: Iterator[_Line]) -> Iterator[Card]:
+def _cards(lines: Iterator[_Line]) -> Iterator[Keyword]:
     """Cards of lines."""
-    card: Card | None = None
+    card: Keyword | None = None
     blank = False
     for line in lines:
         text = line.text.lstrip()
@@ -289,13 +289,13 @@ def _cards(lines: Iterator[_Line]) -> Iterator[Card]:
         elif card is None:
             raise fault(line.where, "the data line", f"{line.text[:40]!r} stands before any card")
         else:
-            card.rows.append(Row(card.label, line.text, line.where, blank))
+            card.rows.append(DataLine(card.label, line.text, line.where, blank))
         blank = False
     if card is not None:
         yield card
 
 
-def _card(line: _Line) -> Card:
+def _card(line: _Line) -> Keyword:
     """A card of its line."""
     label, *parts = (match.group(1) for match in _PARAMETER.finditer(line.text.strip()))
     parameters = {}
@@ -303,7 +303,7 @@ def _card(line: _Line) -> Card:
         name, _, value = part.partition("=")
         if name.strip():
             parameters[squeezed(name)] = value.strip()
-    return Card(squeezed(label[1:]), label.strip(), parameters, line.where)
+    return Keyword(squeezed(label[1:]), label.strip(), parameters, line.where)
 
 
 _HARMLESS = {
@@ -376,22 +376,22 @@ _CHANGES = {
         " SUBSTRUCTUREPATH NONSTRUCTURALMASS ADDEDMASS POINTMASS SOLIDSECTION MEMBRANESECTION"
     ),
 }
-_LOSSES = {name: (loss, False) for loss, names in _HARMLESS.items() for name in names.split()}
-_LOSSES |= {name: (loss, True) for loss, names in _CHANGES.items() for name in names.split()}
+_KNOWN = {name: (loss, False) for loss, names in _HARMLESS.items() for name in names.split()}
+_KNOWN |= {name: (loss, True) for loss, names in _CHANGES.items() for name in names.split()}
 
 
-class Losses(model.Losses):
+class InpReport(model.ReadReport):
     """Cards that were not used, under the names that the user wrote."""
 
-    def note(self, where: Card | Row, loss: str, *, changes: bool = True) -> None:
+    def note(self, where: Keyword | DataLine, loss: str, *, changes: bool = True) -> None:
         """Note a card, or a line of one; most change modes."""
-        label = where.label if isinstance(where, Card) else where.card
+        label = where.label if isinstance(where, Keyword) else where.card
         self.add(where, label.upper(), loss, changes)
 
-    def unused(self, card: Card) -> None:
+    def unused(self, card: Keyword) -> None:
         """Note a card by what is known of it; one that is unknown may change modes."""
         unknown = "unknown to this reader; it may be a stiffness, a mass or a constraint", True
-        loss, changes = _LOSSES.get(card.name, unknown)
+        loss, changes = _KNOWN.get(card.name, unknown)
         if card.name == "INITIALCONDITIONS" and card.get("TYPE").upper() == "STRESS":
             loss, changes = "stresses, which stiffen", True
         self.note(card, loss, changes=changes)

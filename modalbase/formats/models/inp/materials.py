@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from modalbase.formats.models.inp.lines import Card, Row, card_names, folded
-from modalbase.formats.models.model import Material, Place
+from modalbase.formats.models.inp.lines import DataLine, Keyword, card_names, folded
+from modalbase.formats.models.model import FieldPlace, Material
 
 _LAMINA = ("E1", "E2", "nu12", "G12", "G13", "G23")
 ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
@@ -32,21 +32,21 @@ NONLINEAR = card_names(
 """Those that replace *ELASTIC."""
 
 
-class Materials:
+class InpMaterials:
     """Materials as they are read.
 
     Attributes:
-        found: by the user's name.
+        by_name: by the user's name.
         hot: cards that have constants at several temperatures, of which the first are taken.
     """
 
     def __init__(self) -> None:
-        self.found: dict[str, Material] = {}
-        self.hot: list[Card] = []
+        self.by_name: dict[str, Material] = {}
+        self.hot: list[Keyword] = []
         self._names: dict[str, str] = {}
-        self._nonlinear: dict[str, Card] = {}
+        self._nonlinear: dict[str, Keyword] = {}
 
-    def read(self, cards: list[Card]) -> None:
+    def read(self, cards: list[Keyword]) -> None:
         """Take the materials of cards."""
         current: Material | None = None
         for card in cards:
@@ -66,29 +66,29 @@ class Materials:
                     )
                 constants, places = {**current.constants, **constants}, {**current.places, **places}
                 current = replace(current, constants=constants, places=places)
-                self.found[current.name] = current
+                self.by_name[current.name] = current
 
-    def _begun(self, card: Card) -> Material:
+    def _begun(self, card: Keyword) -> Material:
         name = card.needs("NAME").strip('"')
         if before := self._names.get(folded(name)):
             raise card.error(
-                f"{name} is there already, in {self.found[before].where}; give it another name"
+                f"{name} is there already, in {self.by_name[before].where}; give it another name"
             )
         self._names[folded(name)] = name
-        self.found[name] = Material(name, {}, card.where)
-        return self.found[name]
+        self.by_name[name] = Material(name, {}, card.where)
+        return self.by_name[name]
 
     def add(self, material: Material) -> str:
         """A material that a section states itself, which no other card means by its name; the name
         that it has here.
         """
         name = material.name
-        while name in self.found and self.found[name].where != material.where:
+        while name in self.by_name and self.by_name[name].where != material.where:
             name += "_section"
-        self.found[name] = replace(material, name=name)
+        self.by_name[name] = replace(material, name=name)
         return name
 
-    def named(self, name: str, where: Card | Row) -> str:
+    def named(self, name: str, where: Keyword | DataLine) -> str:
         """The user's name of a complete material.
 
         Raises:
@@ -96,7 +96,7 @@ class Materials:
         """
         own = self._names.get(folded(name))
         if own is None:
-            there = ", ".join(self.found) or "none"
+            there = ", ".join(self.by_name) or "none"
             raise where.error(
                 f"names the material {name!r}, which no *MATERIAL has; there are {there}"
             )
@@ -106,7 +106,7 @@ class Materials:
                 f"makes {own} nonlinear; give *ELASTIC constants for small motions about the state"
                 " measured"
             )
-        material = self.found[own]
+        material = self.by_name[own]
         if not {"E", "E1"} & set(material.constants):
             raise where.error(
                 f"names the material {own} of {material.where}, which has no *ELASTIC"
@@ -114,7 +114,7 @@ class Materials:
         return own
 
 
-def _elastic(card: Card) -> tuple[dict[str, float], dict[str, Place]]:
+def _elastic(card: Keyword) -> tuple[dict[str, float], dict[str, FieldPlace]]:
     """Constants of *ELASTIC, and their places."""
     kind = card.get("TYPE").replace(" ", "").upper() or "ISO"
     if kind not in _KINDS:
@@ -149,7 +149,7 @@ def _elastic(card: Card) -> tuple[dict[str, float], dict[str, Place]]:
     return constants, places
 
 
-def _definite(constants: dict[str, float], row: Row) -> None:
+def _definite(constants: dict[str, float], row: DataLine) -> None:
     """Raise where a material would give energy when strained."""
     if "E" in constants and not -1 < constants["nu"] <= 0.5:
         raise row.error(f"ν is {constants['nu']:g}, expected −1 < ν ≤ 0.5")
@@ -162,7 +162,7 @@ def _definite(constants: dict[str, float], row: Row) -> None:
             )
 
 
-def _density(card: Card) -> tuple[dict[str, float], dict[str, Place]]:
+def _density(card: Keyword) -> tuple[dict[str, float], dict[str, FieldPlace]]:
     fields = card.first.fields
     value = card.first.number(fields[0] if fields else "", "the density")
     if not 0 <= value < 1e12:

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from modalbase.formats.coordinates import cartesian
-from modalbase.formats.models.inp.lines import Card, Row, folded
+from modalbase.formats.models.inp.lines import DataLine, Keyword, folded
 from modalbase.formats.models.model import Floats, Integers, Kind
 
 Role = Literal["shell", "beam", "mass", "inertia", "spring", "rigid", "other"]
@@ -99,15 +99,15 @@ MATRICES = (
 )
 
 
-def type_of(card: Card) -> ElementType:
+def type_of(card: Keyword) -> ElementType:
     """The type of a card's elements.
 
     Raises:
         FormatError: it is none that is read.
     """
     name = card.needs("TYPE").upper()
-    if found := TYPES.get(name):
-        return found
+    if known := TYPES.get(name):
+        return known
     for prefixes, reason in _REFUSED:
         if name.startswith(tuple(prefixes.split())):
             raise card.error(f"TYPE={name[:20]}: {reason}; {MATRICES}")
@@ -125,13 +125,13 @@ MOST_MEMBERS = 3_000_000
 DEEPEST_SET = 50
 
 
-class Element(NamedTuple):
+class InpElement(NamedTuple):
     """An element."""
 
     type: ElementType  # what its type is
     number: int  # the user's
     nodes: tuple[int, ...]  # rows of the table of nodes, as the deck orders them
-    row: Row  # where it begins
+    row: DataLine  # where it begins
 
 
 class Move(NamedTuple):
@@ -149,7 +149,7 @@ class Source(NamedTuple):
     itself.
     """
 
-    card: Card
+    card: Keyword
     scope: str
     own: set[int] | None = None
 
@@ -165,7 +165,7 @@ class Scope:
     members: dict[tuple[str, str], set[int]] = field(default_factory=dict)
 
 
-class Mesh:
+class InpMesh:
     """Nodes and elements as they are read.
 
     Attributes:
@@ -179,13 +179,13 @@ class Mesh:
     def __init__(self) -> None:
         self.places: list[tuple[float, float, float]] = []
         self.numbers: list[int] = []
-        self.node_rows: list[Row] = []
-        self.elements: list[Element] = []
+        self.node_rows: list[DataLine] = []
+        self.elements: list[InpElement] = []
         self.scopes: dict[str, Scope] = {"": Scope()}
         self._system: tuple[Floats, Floats] | None = None
         self._spent = 0
 
-    def read(self, cards: list[Card], scope: str, move: Move = AT_REST) -> None:
+    def read(self, cards: list[Keyword], scope: str, move: Move = AT_REST) -> None:
         """Take the nodes, elements and sets of cards into a scope."""
         own = self.scopes.setdefault(scope, Scope())
         self._system = None
@@ -214,11 +214,11 @@ class Mesh:
                 sets = own.node_sets if card.name == "NSET" else own.element_sets
                 _name(sets, card.needs(card.name), Source(card, inside))
 
-    def _nodes(self, card: Card, own: Scope, move: Move) -> set[int]:
+    def _nodes(self, card: Keyword, own: Scope, move: Move) -> set[int]:
         """Take nodes; their rows."""
         taken = set()
         system = card.get("SYSTEM").upper()[:1] or "R"
-        still = self._system is None and move is AT_REST and system == "R"
+        untransformed = self._system is None and move is AT_REST and system == "R"
         for row in card.rows:
             fields = row.fields
             if not 2 <= len(fields) <= 7:
@@ -228,7 +228,7 @@ class Mesh:
             number = row.whole(fields[0], "the node's number")
             values = [row.number(text or "0", "xyz"[k]) for k, text in enumerate(fields[1:4])]
             x, y, z = (*values, 0.0, 0.0)[:3]
-            if not still:
+            if not untransformed:
                 x, y, z = self._placed((x, y, z), system, move, row)
             if max(abs(x), abs(y), abs(z)) > 1e12:
                 raise row.error(
@@ -253,7 +253,7 @@ class Mesh:
         return taken
 
     def _placed(
-        self, x: tuple[float, ...], system: str, move: Move, row: Row
+        self, x: tuple[float, ...], system: str, move: Move, row: DataLine
     ) -> tuple[float, float, float]:
         """A node's place in the deck's frame."""
         if system not in ("R", "C"):
@@ -268,7 +268,7 @@ class Mesh:
         a, b, c = (move.turn @ point + move.shift).tolist()
         return a, b, c
 
-    def _elements(self, card: Card, own: Scope, scope: str) -> set[int]:
+    def _elements(self, card: Keyword, own: Scope, scope: str) -> set[int]:
         """Take elements; their places."""
         kind = type_of(card)
         begun = len(self.elements)
@@ -276,11 +276,11 @@ class Mesh:
             number = row.whole(fields[0] if fields else "", "the element's number")
             nodes = tuple(self._node(text, scope, row, number) for text in fields[1:])
             if not kind.least <= len(nodes) <= kind.most:
-                wanted = (
+                expected = (
                     f"{kind.least}" if kind.least == kind.most else f"{kind.least} to {kind.most}"
                 )
                 raise row.error(
-                    f"gives element {number} {len(nodes)} nodes, expected {wanted} of"
+                    f"gives element {number} {len(nodes)} nodes, expected {expected} of"
                     f" {card.get('TYPE')}"
                 )
             if len(set(nodes)) < len(nodes):
@@ -291,30 +291,30 @@ class Mesh:
                     f"has element {number} again, which {before.where} has; give it another number"
                 )
             own.elements[number] = len(self.elements)
-            self.elements.append(Element(kind, number, nodes, row))
+            self.elements.append(InpElement(kind, number, nodes, row))
             if len(self.elements) > MOST_ELEMENTS:
                 raise row.error(f"is element {MOST_ELEMENTS + 1}; at most {MOST_ELEMENTS} are read")
 
         return set(range(begun, len(self.elements)))
 
-    def _node(self, text: str, scope: str, row: Row, number: int) -> int:
+    def _node(self, text: str, scope: str, row: DataLine, number: int) -> int:
         own = self.scopes[scope].nodes
         if (
             text.isdigit()
             and text.isascii()
             and len(text) < 10
-            and (found := own.get(int(text))) is not None
+            and (index := own.get(int(text))) is not None
         ):
-            return found
+            return index
         inside, dot, last = folded(text).rpartition(".")
         at = self.scopes[inside] if dot and inside in self.scopes else self.scopes[scope]
-        found = at.nodes.get(row.whole(last if dot else text, "a node's number"))
-        if found is None:
+        index = at.nodes.get(row.whole(last if dot else text, "a node's number"))
+        if index is None:
             raise row.error(f"gives element {number} the node {text}, which no *NODE has")
-        return found
+        return index
 
     def select(
-        self, what: Literal["node", "element"], name: str, scope: str, row: Row | Card
+        self, what: Literal["node", "element"], name: str, scope: str, row: DataLine | Keyword
     ) -> Integers:
         """Rows of a node, or places of an element, by its number, or of a set of them by its name.
 
@@ -325,7 +325,7 @@ class Mesh:
         self._spend(len(members), row)
         return np.array(sorted(members), dtype=np.int64)
 
-    def _spend(self, members: int, where: Row | Card) -> None:
+    def _spend(self, members: int, where: DataLine | Keyword) -> None:
         """Count members of sets.
 
         Raises:
@@ -345,14 +345,16 @@ class Mesh:
                 return name[:at], name[at + 1 :]
         return scope, name
 
-    def _members(self, name: str, scope: str, row: Row | Card, what: str, depth: int) -> set[int]:
+    def _members(
+        self, name: str, scope: str, row: DataLine | Keyword, what: str, depth: int
+    ) -> set[int]:
         inside, last = self._inside(name, scope)
         own = self.scopes[inside]
         if last.isdigit() and last.isascii() and len(last) < 10:
-            found = (own.nodes if what == "node" else own.elements).get(int(last))
-            if found is None:
+            index = (own.nodes if what == "node" else own.elements).get(int(last))
+            if index is None:
                 raise row.error(f"names the {what} {last}, which is not there")
-            return {found}
+            return {index}
         if (what, last) in own.members:
             return own.members[what, last]
         defined = own.node_sets if what == "node" else own.element_sets
@@ -374,25 +376,25 @@ class Mesh:
         own.members[what, last] = members
         return members
 
-    def _of_card(self, card: Card, scope: str, what: str, depth: int) -> set[int]:
+    def _of_card(self, card: Keyword, scope: str, what: str, depth: int) -> set[int]:
         """What a card of a set puts there."""
         own = self.scopes[scope]
         table = own.nodes if what == "node" else own.elements
         if "GENERATE" in card.parameters:
-            found = {at for row in card.rows for at in self._generated(row, table)}
+            members = {at for row in card.rows for at in self._generated(row, table)}
         elif what == "node" and card.get("ELSET"):
             chosen = self._members(folded(card.get("ELSET")), scope, card, "element", depth + 1)
-            found = {node for at in chosen for node in self.elements[at].nodes}
+            members = {node for at in chosen for node in self.elements[at].nodes}
         else:
-            found = set()
+            members = set()
             for row in card.rows:
                 for text in row.fields:
                     if text:
-                        found |= self._members(folded(text), scope, row, what, depth + 1)
-        self._spend(len(found), card)
-        return found
+                        members |= self._members(folded(text), scope, row, what, depth + 1)
+        self._spend(len(members), card)
+        return members
 
-    def _generated(self, row: Row, table: dict[int, int]) -> Iterator[int]:
+    def _generated(self, row: DataLine, table: dict[int, int]) -> Iterator[int]:
         """Those of first, last and step that are there."""
         fields = row.fields
         if not 2 <= len(fields) <= 3:
@@ -411,7 +413,7 @@ class Mesh:
         return (at for n, at in table.items() if first <= n <= last and (n - first) % step == 0)
 
 
-def joined(card: Card, most: int) -> Iterator[tuple[Row, list[str]]]:
+def joined(card: Keyword, most: int) -> Iterator[tuple[DataLine, list[str]]]:
     """Each element of a card: its first line, and its fields over as many lines as it takes.
 
     A line that ends with a comma goes on; so does one of a 3-D element that is short, as both
@@ -435,7 +437,7 @@ def _name(sets: dict[str, list[Source]], name: str, source: Source) -> None:
         sets.setdefault(folded(name), []).append(source)
 
 
-def system_of(card: Card) -> tuple[Floats, Floats]:
+def system_of(card: Keyword) -> tuple[Floats, Floats]:
     """Origin and axes (rows) of *SYSTEM."""
     values = [number for row in card.rows for number in row.numbers("coordinates")]
     a, b, c = (np.array([*values, *[0.0] * 9][k : k + 3]) for k in (0, 3, 6))
@@ -446,7 +448,7 @@ def system_of(card: Card) -> tuple[Floats, Floats]:
     return a, frame(b - a, c - a, card.first)
 
 
-def frame(first: Floats, second: Floats, row: Row) -> Floats:
+def frame(first: Floats, second: Floats, row: DataLine) -> Floats:
     """Axes (rows): 1 along the first direction, 2 in the plane of both.
 
     Raises:

@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from modalbase.formats.models.check import axis_without_system
-from modalbase.formats.models.inp.lines import Card, Row, folded
-from modalbase.formats.models.inp.mesh import AT_REST, Mesh, Move, frame
+from modalbase.formats.models.inp.lines import DataLine, Keyword, folded
+from modalbase.formats.models.inp.mesh import AT_REST, InpMesh, Move, frame
 from modalbase.formats.models.model import Floats, Integers
 
 
 @dataclass(frozen=True)
-class System:
+class Orientation:
     """A rectangular or cylindrical system."""
 
     cylindrical: bool  # axes are radial, tangential and along axis 3
@@ -25,7 +25,7 @@ class System:
 
     def at(self, points: Floats) -> Floats:
         """(p, 3, 3) axes as rows at (p, 3) points."""
-        found = np.broadcast_to(self.axes, (len(points), 3, 3))
+        axes = np.broadcast_to(self.axes, (len(points), 3, 3))
         if self.cylindrical:
             along = self.axes[2]
             radial = points - self.origin
@@ -34,28 +34,28 @@ class System:
             radial = np.where(
                 length > 1e-12, radial / np.where(length > 0, length, 1), self.axes[0]
             )
-            found = np.stack(
+            axes = np.stack(
                 [radial, np.cross(along, radial), np.broadcast_to(along, radial.shape)], axis=1
             )
-        return self._turned(found)
+        return self._turned(axes)
 
     def of(self, elements: Integers, points: Floats) -> Floats:
         """(e, 3, 3) axes as rows of elements whose middles are at (e, 3) points."""
-        found = np.array(self.at(points))
+        axes = np.array(self.at(points))
         for row, element in enumerate(elements.tolist()):
             if element in self.own:
-                found[row] = self._turned(self.own[element][None])[0]
-        return found
+                axes[row] = self._turned(self.own[element][None])[0]
+        return axes
 
     def _turned(self, axes: Floats) -> Floats:
         if not self.turn:
             return axes
         k = 2 if self.about is None else self.about
         i, j = (k + 1) % 3, (k + 2) % 3
-        found = np.array(axes)
+        new = np.array(axes)
         c, s = np.cos(self.turn), np.sin(self.turn)
-        found[:, i], found[:, j] = c * axes[:, i] + s * axes[:, j], c * axes[:, j] - s * axes[:, i]
-        return found
+        new[:, i], new[:, j] = c * axes[:, i] + s * axes[:, j], c * axes[:, j] - s * axes[:, i]
+        return new
 
     @property
     def projected(self) -> int:
@@ -64,7 +64,7 @@ class System:
 
 
 def axis_of_shells(
-    system: System | None, elements: Integers, points: Floats, normals: Floats
+    system: Orientation | None, elements: Integers, points: Floats, normals: Floats
 ) -> Floats:
     """(e, 3) axis 1 of shells, not projected; without a system the model's x axis, or z where x is
     their normal.
@@ -80,27 +80,27 @@ def axis_of_shells(
 class Part:
     """An instance of a part, or the deck itself: its cards, and what the names in them mean."""
 
-    mesh: Mesh  # of all
-    cards: list[Card]  # of it
+    mesh: InpMesh  # of all
+    cards: list[Keyword]  # of it
     scope: str = ""  # name of the instance, folded
     name: str = ""  # of the part
     move: Move = AT_REST  # how it stands
-    systems: dict[str, System] = field(default_factory=dict)  # its orientations by folded name
+    systems: dict[str, Orientation] = field(default_factory=dict)  # its orientations by folded name
 
-    def nodes(self, name: str, where: Card | Row) -> Integers:
+    def nodes(self, name: str, where: Keyword | DataLine) -> Integers:
         """Rows of a node, or of a set of nodes."""
         return self.mesh.select("node", name, self.scope, where)
 
-    def elements(self, name: str, where: Card | Row) -> list[int]:
+    def elements(self, name: str, where: Keyword | DataLine) -> list[int]:
         """Places of an element, or of a set of elements."""
         chosen: list[int] = self.mesh.select("element", name, self.scope, where).tolist()
         return chosen
 
-    def named(self, *names: str) -> list[Card]:
+    def named(self, *names: str) -> list[Keyword]:
         """Its cards of some names."""
         return [card for card in self.cards if card.name in names]
 
-    def system(self, name: str, where: Card | Row) -> System | None:
+    def system(self, name: str, where: Keyword | DataLine) -> Orientation | None:
         """An orientation by its name.
 
         Raises:
@@ -116,7 +116,7 @@ class Part:
         return self.systems[folded(name)]
 
 
-def orientation(card: Card, part: Part, tables: dict[str, Card]) -> System:
+def orientation(card: Keyword, part: Part, tables: dict[str, Keyword]) -> Orientation:
     """The system of *ORIENTATION.
 
     Raises:
@@ -140,12 +140,12 @@ def orientation(card: Card, part: Part, tables: dict[str, Card]) -> System:
     origin, axes = _points(values, system, first)
     about, turn = _turn(card)
     move = part.move
-    return System(
+    return Orientation(
         system[0] == "C", move.turn @ origin + move.shift, axes @ move.turn.T, about, turn, own
     )
 
 
-def _points(values: list[float], system: str, row: Row) -> tuple[Floats, Floats]:
+def _points(values: list[float], system: str, row: DataLine) -> tuple[Floats, Floats]:
     """Origin and axes of a, b and c."""
     a, b = np.array(values[:3]), np.array(values[3:6])
     if system[0] == "C":
@@ -155,12 +155,12 @@ def _points(values: list[float], system: str, row: Row) -> tuple[Floats, Floats]
     return c, axes[[1, 2, 0]] if system[0] == "Z" else axes
 
 
-def _about(along: Floats, row: Row) -> Floats:
+def _about(along: Floats, row: DataLine) -> Floats:
     """Axes of which the third lies along a direction."""
     return frame(along, np.eye(3)[np.argmin(np.abs(along))], row)[[1, 2, 0]]
 
 
-def _turn(card: Card) -> tuple[int | None, float]:
+def _turn(card: Keyword) -> tuple[int | None, float]:
     """The second line: an axis from 0, and the angle about it in rad."""
     if len(card.rows) < 2 or not card.rows[1].fields:
         return None, 0.0
@@ -172,7 +172,7 @@ def _turn(card: Card) -> tuple[int | None, float]:
     return axis - 1, float(np.radians(row.number(angle or "0", "the angle")))
 
 
-def _distributed(card: Card, part: Part) -> tuple[list[float], dict[int, Floats]]:
+def _distributed(card: Keyword, part: Part) -> tuple[list[float], dict[int, Floats]]:
     """Points that hold where elements have none of their own, and the axes of those that have."""
     default = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
     own: dict[int, Floats] = {}
@@ -191,7 +191,7 @@ def _distributed(card: Card, part: Part) -> tuple[list[float], dict[int, Floats]
 
 def transforms(part: Part) -> dict[int, Floats]:
     """(3, 3) axes, as rows, of the nodes that *TRANSFORM names, by row."""
-    found: dict[int, Floats] = {}
+    by_node: dict[int, Floats] = {}
     for card in part.named("TRANSFORM"):
         kind = card.get("TYPE").upper() or "R"
         if kind not in ("R", "C"):
@@ -199,13 +199,15 @@ def transforms(part: Part) -> dict[int, Floats]:
         values = card.first.numbers("coordinates of two points", 6)
         a, b = np.array(values[:3]), np.array(values[3:6])
         axes = frame(a, b, card.first) if kind == "R" else _about(b - a, card.first)
-        system = System(kind == "C", part.move.turn @ a + part.move.shift, axes @ part.move.turn.T)
+        system = Orientation(
+            kind == "C", part.move.turn @ a + part.move.shift, axes @ part.move.turn.T
+        )
         nodes = part.nodes(card.needs("NSET"), card)
-        found |= dict(
+        by_node |= dict(
             zip(
                 nodes.tolist(),
                 system.at(np.array(part.mesh.places)[nodes].reshape(-1, 3)),
                 strict=True,
             )
         )
-    return found
+    return by_node

@@ -5,19 +5,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from modalbase.formats.models.check import check, gathered, on_leaders
-from modalbase.formats.models.inp.carried import PROPERTIES, Carried, spread_mass
+from modalbase.formats.models.check import check, gathered, on_independent_nodes
+from modalbase.formats.models.inp.carried import PROPERTIES, Carried, add_nonstructural_mass
 from modalbase.formats.models.inp.held import NAMES, Constraints, note_prestress, supports
 from modalbase.formats.models.inp.lines import (
-    Card,
-    Losses,
+    InpReport,
+    Keyword,
     card_names,
     folded,
     read_cards,
     squeezed,
 )
-from modalbase.formats.models.inp.materials import Materials
-from modalbase.formats.models.inp.mesh import AT_REST, Mesh, Move
+from modalbase.formats.models.inp.materials import InpMaterials
+from modalbase.formats.models.inp.mesh import AT_REST, InpMesh, Move
 from modalbase.formats.models.inp.orientations import Part, orientation, transforms
 from modalbase.formats.models.inp.sections import BEAMS, SHELLS, Sections
 from modalbase.formats.models.model import FiniteElementModel, Floats
@@ -36,14 +36,16 @@ _USED = card_names(
 
 
 @dataclass
-class Deck:
+class InpDeck:
     """Cards by where they belong."""
 
-    parts: dict[str, list[Card]] = field(default_factory=dict)  # cards of each part, by folded name
+    # cards of each part, by folded name
+    parts: dict[str, list[Keyword]] = field(default_factory=dict)
     # card and cards of each instance
-    instances: list[tuple[Card, list[Card]]] = field(default_factory=list)
-    own: list[Card] = field(default_factory=list)  # those of the assembly and of the model
-    steps: list[list[Card]] = field(default_factory=list)  # those of each step, with the card *STEP
+    instances: list[tuple[Keyword, list[Keyword]]] = field(default_factory=list)
+    own: list[Keyword] = field(default_factory=list)  # those of the assembly and of the model
+    # those of each step, with the card *STEP
+    steps: list[list[Keyword]] = field(default_factory=list)
 
 
 def read_inp(content: bytes, included: Mapping[str, bytes] | None = None) -> FiniteElementModel:
@@ -63,20 +65,20 @@ def read_inp(content: bytes, included: Mapping[str, bytes] | None = None) -> Fin
             card.
     """
     deck = _sorted(read_cards(content, included or {}))
-    mesh = Mesh()
-    found = _Reading(deck, mesh, _meshed(deck, mesh)).model()
-    check(found)
-    return found
+    mesh = InpMesh()
+    model = _InpReading(deck, mesh, _meshed(deck, mesh)).model()
+    check(model)
+    return model
 
 
-def _sorted(cards: list[Card]) -> Deck:
+def _sorted(cards: list[Keyword]) -> InpDeck:
     """Cards by part, instance and step.
 
     Raises:
         FormatError: one is not closed, or closed before it begins.
     """
-    deck = Deck()
-    opened: Card | None = None
+    deck = InpDeck()
+    opened: Keyword | None = None
     taken = deck.own
     for card in cards:
         if card.name in ("PARAMETER", *_GENERATORS):
@@ -103,7 +105,7 @@ def _sorted(cards: list[Card]) -> Deck:
     return deck
 
 
-def _begun(deck: Deck, card: Card) -> list[Card]:
+def _begun(deck: InpDeck, card: Keyword) -> list[Keyword]:
     """Where the cards of a part, instance or step go."""
     if card.name == "STEP":
         deck.steps.append([card])
@@ -118,7 +120,7 @@ def _begun(deck: Deck, card: Card) -> list[Card]:
     return deck.parts[name]
 
 
-def _meshed(deck: Deck, mesh: Mesh) -> list[Part]:
+def _meshed(deck: InpDeck, mesh: InpMesh) -> list[Part]:
     """The instances and then the deck itself, whose meshes are read."""
     if len(deck.instances) > MOST_INSTANCES:
         raise deck.instances[-1][0].error(
@@ -147,7 +149,7 @@ def _meshed(deck: Deck, mesh: Mesh) -> list[Part]:
     return [*parts, Part(mesh, deck.own)]
 
 
-def _move(card: Card) -> Move:
+def _move(card: Keyword) -> Move:
     """Where an instance stands: moved by the first line, then turned about the axis of the
     second.
     """
@@ -168,29 +170,29 @@ def _move(card: Card) -> Move:
     return Move(turn, turn @ (shift - a) + a)
 
 
-class _Reading:
+class _InpReading:
     """The model's members, taken from the cards of one part after the other; the last is the deck
     itself.
     """
 
-    def __init__(self, deck: Deck, mesh: Mesh, parts: list[Part]) -> None:
+    def __init__(self, deck: InpDeck, mesh: InpMesh, parts: list[Part]) -> None:
         self._deck, self._mesh, self._parts = deck, mesh, parts
-        self._losses, self._materials = Losses(), Materials()
+        self._report, self._materials = InpReport(), InpMaterials()
         self._materials.read([card for part in parts for card in part.cards])
         for card in self._materials.hot:
-            self._losses.note(
+            self._report.note(
                 card, "constants at other temperatures: those of the first line are taken"
             )
         self._sections = Sections(mesh, self._materials)
-        self._carried = Carried(mesh, self._losses)
+        self._carried = Carried(mesh, self._report)
 
     def model(self) -> FiniteElementModel:
         """The whole."""
-        mesh, deck, losses = self._mesh, self._deck, self._losses
+        mesh, deck, report = self._mesh, self._deck, self._report
         axes: dict[int, Floats] = {}
         for part in self._parts:
             axes |= transforms(part)
-        constraints = Constraints(mesh, losses, axes)
+        constraints = Constraints(mesh, report, axes)
         self._take_systems(constraints)
         for part in self._parts:
             self._properties(part, axes)
@@ -198,21 +200,21 @@ class _Reading:
         self._carried.complete()
         for element in mesh.elements:
             if element.type.loss:
-                losses.note(element.row, element.type.loss, changes=element.type.changes)
+                report.note(element.row, element.type.loss, changes=element.type.changes)
         # by card, which the instances of a part share
-        spread: dict[int, tuple[Card, list[Part]]] = {}
+        nonstructural: dict[int, tuple[Keyword, list[Part]]] = {}
         for part in self._parts:
             for card in part.named(*NAMES):
                 constraints.read(card, part)
             for card in part.named("NONSTRUCTURALMASS"):
-                spread.setdefault(id(card), (card, []))[1].append(part)
-        for card, parts in spread.values():
-            spread_mass(card, self._sections, parts, blocks, losses)
+                nonstructural.setdefault(id(card), (card, []))[1].append(part)
+        for card, parts in nonstructural.values():
+            add_nonstructural_mass(card, self._sections, parts, blocks, report)
         initial = [(card, part) for part in self._parts for card in part.named("BOUNDARY")]
-        held = supports(initial, deck.steps, self._parts[-1], axes, losses)
-        note_prestress(deck.steps, losses)
+        held = supports(initial, deck.steps, self._parts[-1], axes, report)
+        note_prestress(deck.steps, report)
         self._note_unused()
-        used = {name for section in self._sections.found.values() for name in section.materials}
+        used = {name for section in self._sections.by_name.values() for name in section.materials}
         places, links = np.array(mesh.places).reshape(-1, 3), gathered(constraints.links)
         return FiniteElementModel(
             "inp",
@@ -220,15 +222,15 @@ class _Reading:
             self._numbers(),
             places,
             blocks,
-            self._sections.found,
-            {name: material for name, material in self._materials.found.items() if name in used},
+            self._sections.by_name,
+            {name: material for name, material in self._materials.by_name.items() if name in used},
             self._node_sets(),
             axes,
             tuple(self._carried.masses),
             tuple(self._carried.springs),
             links,
-            tuple(on_leaders((*constraints.supports, *held), links, places)),
-            losses.found,
+            tuple(on_independent_nodes((*constraints.supports, *held), links, places)),
+            report.skipped,
         )
 
     def _take_systems(self, constraints: Constraints) -> None:
@@ -255,28 +257,28 @@ class _Reading:
                 self._sections.read(card, part, thickness)
                 self._note_section(card, part)
 
-    def _note_section(self, card: Card, part: Part) -> None:
+    def _note_section(self, card: Keyword, part: Part) -> None:
         """Note what a section says beyond what is read, or in two ways."""
         for parameter in ("DENSITY", "BENDING ONLY", "MEMBRANE ONLY", "STIFFNESS MODIFIER"):
             if card.name in SHELLS and squeezed(parameter) in card.parameters:
-                self._losses.note(card, f"the parameter {parameter} of a section")
+                self._report.note(card, f"the parameter {parameter} of a section")
         if card.get("SECTION").upper() == "CIRC" and len(card.first.fields) == 1 and not part.scope:
             loss = (
                 "whether CIRC states a radius, as Abaqus has it and is taken, or a diameter, as"
                 " CalculiX does"
             )
-            self._losses.note(card, loss)
+            self._report.note(card, loss)
 
     def _thickness(self, part: Part) -> dict[int, float]:
         """Of the nodes that *NODAL THICKNESS names, by row."""
-        found: dict[int, float] = {}
+        thicknesses: dict[int, float] = {}
         for row in (row for card in part.named("NODALTHICKNESS") for row in card.rows):
             name, value = [*row.fields, "", ""][:2]
             thickness = row.number(value, "the thickness")
             if not 0 < thickness < 1e9:
                 raise row.error(f"the thickness is {thickness:g}, expected a length above 0")
-            found |= dict.fromkeys(part.nodes(name, row).tolist(), thickness)
-        return found
+            thicknesses |= dict.fromkeys(part.nodes(name, row).tolist(), thickness)
+        return thicknesses
 
     def _note_unused(self) -> None:
         used = _USED | NAMES | set(SHELLS) | set(BEAMS) | set(PROPERTIES.values())
@@ -285,7 +287,7 @@ class _Reading:
         for cards in (deck.own, *steps, *deck.parts.values(), *(own for _, own in deck.instances)):
             for card in cards:
                 if card.name not in used:
-                    self._losses.unused(card)
+                    self._report.unused(card)
 
     def _title(self) -> str:
         heading = next(
@@ -311,14 +313,14 @@ class _Reading:
 
     def _node_sets(self) -> dict[str, np.ndarray[tuple[int], np.dtype[np.int64]]]:
         """All named sets; of an instance with its name before them, unless it is the only one."""
-        alone = len(self._mesh.scopes) == 2
-        found = {}
+        one_instance = len(self._mesh.scopes) == 2
+        sets = {}
         for scope, own in self._mesh.scopes.items():
             for name, defined in own.node_sets.items():
                 full = (
                     f"{scope}.{name}"
-                    if scope and not (alone and name not in self._mesh.scopes[""].node_sets)
+                    if scope and not (one_instance and name not in self._mesh.scopes[""].node_sets)
                     else name
                 )
-                found[full] = self._mesh.select("node", name, scope, defined[0].card)
-        return found
+                sets[full] = self._mesh.select("node", name, scope, defined[0].card)
+        return sets

@@ -7,10 +7,10 @@ import numpy as np
 
 from modalbase.formats.models.check import CORNERS, normals_of, unit
 from modalbase.formats.models.inp.beams import beam_section, directions
-from modalbase.formats.models.inp.lines import Card, Row, folded
-from modalbase.formats.models.inp.materials import Materials
-from modalbase.formats.models.inp.mesh import Element, Mesh
-from modalbase.formats.models.inp.orientations import Part, System, axis_of_shells
+from modalbase.formats.models.inp.lines import DataLine, Keyword, folded
+from modalbase.formats.models.inp.materials import InpMaterials
+from modalbase.formats.models.inp.mesh import InpElement, InpMesh
+from modalbase.formats.models.inp.orientations import Orientation, Part, axis_of_shells
 from modalbase.formats.models.model import (
     BeamSection,
     Elements,
@@ -37,20 +37,20 @@ class Sections:
     """Sections and their elements as they are read.
 
     Attributes:
-        found: sections by the name of their set.
+        by_name: sections by the name of their set.
         blocks: elements.
     """
 
-    def __init__(self, mesh: Mesh, materials: Materials) -> None:
-        self.found: dict[str, ShellSection | BeamSection] = {}
+    def __init__(self, mesh: InpMesh, materials: InpMaterials) -> None:
+        self.by_name: dict[str, ShellSection | BeamSection] = {}
         self.blocks: dict[tuple[str, Kind], list[Elements]] = {}
         self.members: dict[str, list[int]] = {}
         self._mesh, self._materials = mesh, materials
         self._places = np.array(mesh.places).reshape(-1, 3)
-        self._of: dict[int, Card] = {}
+        self._of: dict[int, Keyword] = {}
         self._names: dict[Where, str] = {}
 
-    def read(self, card: Card, part: Part, thickness: Mapping[int, float]) -> None:
+    def read(self, card: Keyword, part: Part, thickness: Mapping[int, float]) -> None:
         """Take a section's card.
 
         Args:
@@ -84,7 +84,7 @@ class Sections:
             kinds.setdefault(kind, []).append(at)
         (self._shells if role == "shell" else self._beams)(card, part, name, kinds, thickness)
 
-    def _name(self, card: Card, part: Part) -> str:
+    def _name(self, card: Keyword, part: Part) -> str:
         """Of the set: the deck's ELSET in small letters, with the part's before it where two have
         one name.
         """
@@ -101,7 +101,7 @@ class Sections:
 
     def _shells(
         self,
-        card: Card,
+        card: Keyword,
         part: Part,
         name: str,
         kinds: Mapping[Kind, list[int]],
@@ -123,7 +123,7 @@ class Sections:
         plies = tuple(self._ply(row, parts, part, card) for row in stack)
         total = sum(ply.thickness for ply in plies)
         section = ShellSection(plies, card.where, -_offset(card) * total)
-        self.found[name] = section
+        self.by_name[name] = section
         for kind, chosen, axes, _ in parts:
             nodes = self._nodes(chosen)
             own = self._nodal(card, nodes, thickness, None if by_nodes else total)
@@ -135,7 +135,7 @@ class Sections:
             self._add(name, kind, chosen, nodes, axes, thickness=own)
 
     def _nodal(
-        self, card: Card, nodes: Integers, thickness: Mapping[int, float], else_: float | None
+        self, card: Keyword, nodes: Integers, thickness: Mapping[int, float], else_: float | None
     ) -> Floats | None:
         """Thickness at the elements' nodes; None where *NODAL THICKNESS names none of them.
 
@@ -155,7 +155,7 @@ class Sections:
         )
 
     def _shell_axes(
-        self, kind: Kind, chosen: Integers, system: System | None
+        self, kind: Kind, chosen: Integers, system: Orientation | None
     ) -> tuple[Floats, Floats]:
         """(e, 3) axis 1 and normals."""
         corners = self._places[self._nodes(chosen)[:, : CORNERS[kind]]]
@@ -171,7 +171,7 @@ class Sections:
             )
         return np.array(axes), normals
 
-    def _stack(self, card: Card, by_nodes: bool) -> list[tuple[Row, float, str, str]]:
+    def _stack(self, card: Keyword, by_nodes: bool) -> list[tuple[DataLine, float, str, str]]:
         """Row, thickness, material and angle or orientation of each ply."""
         if "COMPOSITE" not in card.parameters:
             if card.name == "SHELLGENERALSECTION" and not card.get("MATERIAL"):
@@ -183,7 +183,9 @@ class Sections:
                     "has SHELL THICKNESS from a distribution; give the thickness by sets or by"
                     " NODAL THICKNESS"
                 )
-            row = Row(card.label, "1", card.where) if by_nodes and not card.rows else card.first
+            row = (
+                DataLine(card.label, "1", card.where) if by_nodes and not card.rows else card.first
+            )
             return [
                 (
                     row,
@@ -196,17 +198,17 @@ class Sections:
             raise card.error("is COMPOSITE with NODAL THICKNESS; give the plies by sets")
         if len(card.rows) > MOST_PLIES:
             raise card.error(f"has {len(card.rows)} plies, at most {MOST_PLIES} are read")
-        found = []
+        plies = []
         for row in [card.first, *card.rows[1:]]:
             fields = [*row.fields, "", "", ""]
             if not fields[2]:
                 raise row.error(
                     "names no material; expected thickness, points, material, angle or orientation"
                 )
-            found.append((row, self._thickness(row, fields[0], False), fields[2], fields[3]))
-        return found + found[::-1] if "SYMMETRIC" in card.parameters else found
+            plies.append((row, self._thickness(row, fields[0], False), fields[2], fields[3]))
+        return plies + plies[::-1] if "SYMMETRIC" in card.parameters else plies
 
-    def _thickness(self, row: Row, text: str, by_nodes: bool) -> float:
+    def _thickness(self, row: DataLine, text: str, by_nodes: bool) -> float:
         value = row.number(text, "the thickness")
         if not (0 < value < 1e9 or by_nodes):
             raise row.error(f"the thickness is {value:g}, expected a length above 0")
@@ -214,10 +216,10 @@ class Sections:
 
     def _ply(
         self,
-        stacked: tuple[Row, float, str, str],
+        stacked: tuple[DataLine, float, str, str],
         parts: list[tuple[Kind, Integers, Floats, Floats]],
         part: Part,
-        card: Card,
+        card: Keyword,
     ) -> Ply:
         row, thickness, material, angle = stacked
         name = self._materials.named(material, row if "COMPOSITE" in card.parameters else card)
@@ -230,7 +232,10 @@ class Sections:
         return Ply(name, thickness, degrees, row.place(0))
 
     def _angle(
-        self, system: System | None, parts: list[tuple[Kind, Integers, Floats, Floats]], row: Row
+        self,
+        system: Orientation | None,
+        parts: list[tuple[Kind, Integers, Floats, Floats]],
+        row: DataLine,
     ) -> float:
         """Angle in degrees from the section's axis 1 to that of a ply's own orientation, about the
         normals.
@@ -253,7 +258,7 @@ class Sections:
 
     def _beams(
         self,
-        card: Card,
+        card: Keyword,
         part: Part,
         name: str,
         kinds: Mapping[Kind, list[int]],
@@ -270,7 +275,7 @@ class Sections:
             )
         every = [self._mesh.elements[at] for chosen in kinds.values() for at in chosen]
         section, first, centroid = beam_section(card, name, every, self._materials)
-        self.found[name] = section
+        self.by_name[name] = section
         for kind, chosen in kinds.items():
             nodes = self._nodes(np.array(chosen))
             axes, second = directions(
@@ -283,7 +288,7 @@ class Sections:
             self._add(name, kind, np.array(chosen), nodes, axes, offsets=offsets)
 
     def _nodes(self, chosen: Integers) -> Integers:
-        elements: list[Element] = [self._mesh.elements[at] for at in chosen.tolist()]
+        elements: list[InpElement] = [self._mesh.elements[at] for at in chosen.tolist()]
         return np.array(
             [[element.nodes[k] for k in element.type.order] for element in elements], dtype=np.int64
         )
@@ -329,7 +334,7 @@ class Sections:
                     " has; give its set one"
                 )
         return tuple(
-            _together(blocks, self.found[name]) for (name, _), blocks in self.blocks.items()
+            _together(blocks, self.by_name[name]) for (name, _), blocks in self.blocks.items()
         )
 
 
@@ -349,13 +354,13 @@ def _together(blocks: list[Elements], section: ShellSection | BeamSection) -> El
     columns = zip(*((b.numbers, b.nodes, b.axes, b.lines) for b in blocks), strict=True)
     numbers, nodes, axes, lines = (np.concatenate(column) for column in columns)
     files = tuple(file for b in blocks for file in b.files)
-    found = Elements(first.kind, numbers, nodes, first.set, axes, lines, files=files)
+    merged = Elements(first.kind, numbers, nodes, first.set, axes, lines, files=files)
     if offsets:
-        found = replace(found, offsets=np.concatenate(offsets))
-    return replace(found, thickness=np.concatenate(thickness)) if thickness else found
+        merged = replace(merged, offsets=np.concatenate(offsets))
+    return replace(merged, thickness=np.concatenate(thickness)) if thickness else merged
 
 
-def _named_orientation(stacked: tuple[Row, float, str, str]) -> str:
+def _named_orientation(stacked: tuple[DataLine, float, str, str]) -> str:
     """The orientation that a ply names instead of an angle; empty where it states an angle or
     none.
     """
@@ -367,7 +372,7 @@ def _named_orientation(stacked: tuple[Row, float, str, str]) -> str:
     return ""
 
 
-def _offset(card: Card) -> float:
+def _offset(card: Keyword) -> float:
     """Of the nodes from the middle, in thicknesses."""
     text = card.get("OFFSET").upper()
     named = {"": 0.0, "SPOS": 0.5, "SNEG": -0.5, "MID": 0.0, "MIDDLE": 0.0}

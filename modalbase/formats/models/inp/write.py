@@ -8,9 +8,9 @@ from collections.abc import Mapping
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.changes import ISOTROPIC, Constants, Edits, Number, Writing
-from modalbase.formats.models.inp.lines import Card, folded, read_cards
+from modalbase.formats.models.inp.lines import Keyword, folded, read_cards
 from modalbase.formats.models.inp.materials import ENGINEERING, SUBORDINATE
-from modalbase.formats.models.model import FiniteElementModel, Material, Place, Where
+from modalbase.formats.models.model import FieldPlace, FiniteElementModel, Material, Where
 
 _MATERIAL = re.compile(r'(\bMATERIAL\s*=\s*)("[^"]*"|[^,]*?)(?=\s*(?:,|$))', re.IGNORECASE)
 _NAME = re.compile(r'(\bNAME\s*=\s*)("[^"]*"|[^,]*?)(?=\s*(?:,|$))', re.IGNORECASE)
@@ -51,14 +51,14 @@ class InpWriting(Writing):
 
     def _fields(
         self, material: Material, values: Constants, sets: list[str]
-    ) -> list[tuple[Place, str]]:
+    ) -> list[tuple[FieldPlace, str]]:
         """What stands in a material's lines instead.
 
         Raises:
             FormatError: a constant does not stand as a number of its own, or stands in another file
                 than the material.
         """
-        found = []
+        fields = []
         for constant, value in values.items():
             place = material.places.get(constant)
             if place is None and constant in material.constants:
@@ -73,12 +73,12 @@ class InpWriting(Writing):
                     " *MATERIAL",
                 )
             if place is not None:
-                found.append((place, _fitted(value, place)))
+                fields.append((place, _fitted(value, place)))
         if any(constant not in material.places for constant in values):
-            found += self._orthotropic(material, values)
-        return found
+            fields += self._orthotropic(material, values)
+        return fields
 
-    def _orthotropic(self, material: Material, values: Constants) -> list[tuple[Place, str]]:
+    def _orthotropic(self, material: Material, values: Constants) -> list[tuple[FieldPlace, str]]:
         """An isotropic material's card as one of engineering constants, out of the plane those of
         axis 2.
         """
@@ -106,8 +106,8 @@ class InpWriting(Writing):
         c |= {"E3": c["E2"], "nu13": c["nu12"], "nu23": material.constants["nu"]}
         *row, last = (f"{c[name]:.9g}" for name in ENGINEERING)
         return [
-            (Place(line, 0, len(texts[line - 1])), "*ELASTIC, TYPE=ENGINEERING CONSTANTS"),
-            (Place(place.line, 0, len(texts[place.line - 1])), f"{','.join(row)},\n{last}"),
+            (FieldPlace(line, 0, len(texts[line - 1])), "*ELASTIC, TYPE=ENGINEERING CONSTANTS"),
+            (FieldPlace(place.line, 0, len(texts[place.line - 1])), f"{','.join(row)},\n{last}"),
         ]
 
     def copy(
@@ -118,8 +118,8 @@ class InpWriting(Writing):
         file = self.files[material.where.file]
         name = self._free(f"{material.name}_{sets[0]}")
         copied = [
-            f"** {said}"
-            for said in (f"copy of {material.name} for {', '.join(sets)}", *comments.values())
+            f"** {comment}"
+            for comment in (f"copy of {material.name} for {', '.join(sets)}", *comments.values())
         ]
         fields = self._fields(material, values, sets)
         renamed = 0
@@ -134,7 +134,7 @@ class InpWriting(Writing):
         for each in sets:
             self._point(each, material.name, name)
 
-    def _block(self, material: Material) -> tuple[Card, int]:
+    def _block(self, material: Material) -> tuple[Keyword, int]:
         """A material's card, and the last line of those that belong to it."""
         at = next(
             k
@@ -148,9 +148,9 @@ class InpWriting(Writing):
             last = (card.rows[-1] if card.rows else card).where.line
         return self._cards[at], last
 
-    def _free(self, wanted: str) -> str:
+    def _free(self, preferred: str) -> str:
         """A name that no material has."""
-        base = wanted[:LONGEST_NAME]
+        base = preferred[:LONGEST_NAME]
         name, number = base, 1
         while folded(name) in self._names:
             number += 1
@@ -173,11 +173,11 @@ class InpWriting(Writing):
         number = card.where.line
         while not (match := _MATERIAL.search(file.texts[number - 1])):
             number += 1
-        file.put((Place(number, match.start(2), match.end(2)), _quoted(new)))
+        file.put((FieldPlace(number, match.start(2), match.end(2)), _quoted(new)))
         file.remark(card.where.line, comment)
 
 
-def _fitted(value: float, place: Place) -> str:
+def _fitted(value: float, place: FieldPlace) -> str:
     """A number in 9 digits, as wide as the one before it where that is enough."""
     return f"{value:.9g}".rjust(place.end - place.start)
 

@@ -107,13 +107,13 @@ def _arrays(name: str, content: bytes, limit_bytes: int) -> dict[str, Array]:
         members = members_of(archive)
         if sum(member.file_size for member in members) > limit_bytes:
             raise FormatError(name, f"holds more than {limit_bytes} bytes")
-        found = {
+        arrays = {
             member.filename.removesuffix(".npy"): read_array(archive, member) for member in members
         }
-    for array, values in found.items():
+    for array, values in arrays.items():
         if values.dtype.kind not in "fiu":
             raise FormatError(f"{name} {array}", f"is {values.dtype}, expected real numbers")
-    return found
+    return arrays
 
 
 def _stem(array: str) -> str:
@@ -240,7 +240,7 @@ def read_dofs(name: str, content: bytes) -> Integers:
         ]
     else:
         pairs = _table(name, content, ("node", "dof"))
-    found = []
+    rows = []
     for place, cells in pairs:
         if len(cells) != 2:
             raise FormatError(
@@ -250,8 +250,8 @@ def read_dofs(name: str, content: bytes) -> Integers:
         dof = whole(cells[1], f"{name} {place}, dof")
         if not 1 <= dof <= DOFS:
             raise FormatError(f"{name} {place}", f"has the dof {dof}, expected 1 … 6")
-        found.append((whole(cells[0], f"{name} {place}, node"), dof - 1))
-    nodes, dofs = integers(name, np.array(found, dtype=float)).reshape(-1, 2).T
+        rows.append((whole(cells[0], f"{name} {place}, node"), dof - 1))
+    nodes, dofs = integers(name, np.array(rows, dtype=float)).reshape(-1, 2).T
     return code(nodes, dofs)
 
 
@@ -303,19 +303,19 @@ def read_dmig(content: bytes) -> tuple[dict[str, Entries], tuple[Integers, Float
     """
     cards = [card for card in cards_of(split_deck(content, None).bulk) if isinstance(card, Card)]
     heads: dict[str, bool] = {}
-    found: dict[str, list[tuple[int, int, float]]] = {}
+    entries: dict[str, list[tuple[int, int, float]]] = {}
     for card in cards:
         if card.name != "DMIG":
             continue
         name = card.text(0)
         if card.text(1) == "0" and name not in heads:
             heads[name] = _is_half(card)
-            found[name] = []
+            entries[name] = []
         elif name not in heads:
             raise card.wrong(0, "NAME", "a matrix whose header, with 0 in field 3, stands before")
         else:
-            found[name] += _column(card)
-    matrices = {name: _punched(rows, heads[name]) for name, rows in found.items()}
+            entries[name] += _column(card)
+    matrices = {name: _punched(rows, heads[name]) for name, rows in entries.items()}
     return matrices, _places(cards)
 
 

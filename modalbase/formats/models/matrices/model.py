@@ -54,7 +54,7 @@ def built(name: str, entries: Entries, dofs: Integers) -> scipy.sparse.csc_array
     rows, columns = entries.rows, entries.columns
     if entries.is_labelled:
         order = np.argsort(dofs)
-        rows, columns = (_found(name, one, dofs, order) for one in (rows, columns))
+        rows, columns = (_rows_of(name, one, dofs, order) for one in (rows, columns))
     elif entries.size is not None and entries.size != size:
         raise FormatError(name, f"has {entries.size} rows, the table of dofs {size}")
     for one in (rows, columns):
@@ -100,7 +100,7 @@ def require_range(name: str, values: Floats) -> None:
         )
 
 
-def _found(name: str, codes: Integers, dofs: Integers, order: Integers) -> Integers:
+def _rows_of(name: str, codes: Integers, dofs: Integers, order: Integers) -> Integers:
     at = np.minimum(np.searchsorted(dofs, codes, sorter=order), len(dofs) - 1)
     rows = order[at]
     strange = np.flatnonzero(dofs[rows] != codes)
@@ -145,7 +145,7 @@ def read_matrices(
     Raises:
         FormatError: a file cannot be read, or the parts do not fit; names the file.
     """
-    found: dict[str, Entries] = {}
+    matrices: dict[str, Entries] = {}
     nodes: tuple[Integers, Floats] | None = None
     dofs: Integers | None = None
     for name, content in files.items():
@@ -169,18 +169,18 @@ def read_matrices(
                 name,
                 "is not known: expected .mtx, .sti, .mas, .pch, .npz, .dof, nodes.csv or dofs.csv",
             )
-        if twice := set(more) & set(found):
+        if twice := set(more) & set(matrices):
             raise FormatError(name, f"states {twice.pop()} a second time")
-        found.update(more)
+        matrices.update(more)
     if nodes is None:
         raise FormatError(
             "nodes.csv", "is missing: measured points need the places of the nodes (node, x, y, z)"
         )
-    return _model(found, nodes, dofs, roles or {})
+    return _model(matrices, nodes, dofs, roles or {})
 
 
 def _model(
-    found: Mapping[str, Entries],
+    matrices: Mapping[str, Entries],
     nodes: tuple[Integers, Floats],
     dofs: Integers | None,
     roles: Mapping[str, str],
@@ -189,7 +189,7 @@ def _model(
     require_range("nodes", places)
     if len(np.unique(numbers)) < len(numbers):
         raise FormatError("nodes", "has a number twice")
-    codes = _codes(found, numbers) if dofs is None else dofs
+    codes = _codes(matrices, numbers) if dofs is None else dofs
     if len(np.unique(codes)) < len(codes):
         raise FormatError("dofs", "names a dof twice")
     order = np.argsort(numbers)
@@ -201,7 +201,7 @@ def _model(
             "dofs", f"names node {codes[strange[0]] // DOFS}, which is not in the table of nodes"
         )
     parts: dict[str, dict[str, scipy.sparse.csc_array]] = {"K": {}, "M": {}}
-    for name, entries in found.items():
+    for name, entries in matrices.items():
         letter, factor = _role(name, roles)
         if factor in parts[letter]:
             raise FormatError(name, f"is a second {letter}_{factor}")
@@ -213,16 +213,16 @@ def _model(
     return MatrixModel(numbers, places, table, parts["K"], parts["M"])
 
 
-def _codes(found: Mapping[str, Entries], numbers: Integers) -> Integers:
+def _codes(matrices: Mapping[str, Entries], numbers: Integers) -> Integers:
     """Dofs of the rows, where no table states them."""
-    labelled = [one for one in found.values() if one.is_labelled]
+    labelled = [one for one in matrices.values() if one.is_labelled]
     if labelled:
         return np.unique(
             np.concatenate([part for one in labelled for part in (one.rows, one.columns)])
         )
     sizes = {
         one.size or int(max(one.rows.max(initial=0), one.columns.max(initial=0))) + 1
-        for one in found.values()
+        for one in matrices.values()
     }
     size = max(sizes, default=0)
     for count in (DOFS, 3):

@@ -8,10 +8,10 @@ uff     sets 2411, 2412 and 2420
 body    a mesh and what is stated of its sets, to the neutral model
 """
 
-from modalbase.formats.models.meshes.body import Stated, model_of_mesh
+from modalbase.formats.models.meshes.body import MeshSets, model_of_mesh
 from modalbase.formats.models.meshes.gmsh import read_gmsh
 from modalbase.formats.models.meshes.uff import read_uff_mesh
 from modalbase.formats.models.meshes.vtk import read_vtk
 from modalbase.formats.models.meshes.vtu import read_vtu
 
-__all__ = ["Stated", "model_of_mesh", "read_gmsh", "read_uff_mesh", "read_vtk", "read_vtu"]
+__all__ = ["MeshSets", "model_of_mesh", "read_gmsh", "read_uff_mesh", "read_vtk", "read_vtu"]

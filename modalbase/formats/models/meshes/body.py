@@ -21,17 +21,17 @@ from modalbase.formats.models.model import (
     Elements,
     FiniteElementModel,
     Floats,
-    Ignored,
     Integers,
     Material,
     ShellSection,
+    SkippedCard,
     Support,
     Where,
 )
 
 
 @dataclass(frozen=True)
-class Stated:
+class MeshSets:
     """What a user says of a mesh, in SI."""
 
     sections: Mapping[str, ShellSection]  # of sets of shells
@@ -42,7 +42,9 @@ class Stated:
     held: Mapping[str, tuple[int, ...]]
 
 
-def model_of_mesh(mesh: MeshFile, form: str, length_m: float, stated: Stated) -> FiniteElementModel:
+def model_of_mesh(
+    mesh: MeshFile, form: str, length_m: float, stated: MeshSets
+) -> FiniteElementModel:
     """The model in SI. Nodes that no shell has are left out.
 
     Args:
@@ -105,7 +107,7 @@ def _refuse_solids(mesh: MeshFile) -> None:
         )
 
 
-def _require_sections(shells: Iterable[Cells], names: Collection[str], stated: Stated) -> None:
+def _require_sections(shells: Iterable[Cells], names: Collection[str], stated: MeshSets) -> None:
     kinds: dict[str, int] = {}
     for cells in shells:
         kinds[cells.set] = kinds.get(cells.set, 0) + len(cells.numbers)
@@ -145,7 +147,7 @@ def _is_shell(cells: Cells) -> bool:
     return cells.kind.startswith(("tri", "quad"))
 
 
-def _by_group(mesh: MeshFile, stated: Stated) -> Sequence[Cells]:
+def _by_group(mesh: MeshFile, stated: MeshSets) -> Sequence[Cells]:
     """Cells whose set is the group that the user states something of, else the only one that they
     are in, else their own.
 
@@ -158,13 +160,13 @@ def _by_group(mesh: MeshFile, stated: Stated) -> Sequence[Cells]:
     for group in mesh.groups:
         for number in group.elements.tolist():
             groups[number].append(group.name)
-    found = []
+    split = []
     for cells in mesh.cells:
-        wanted = stated.sections if _is_shell(cells) else stated.held
+        known = stated.sections if _is_shell(cells) else stated.held
         sets = []
         for number in cells.numbers.tolist():
             own = groups[number]
-            named = [name for name in (*own, cells.set) if name in wanted]
+            named = [name for name in (*own, cells.set) if name in known]
             if len(named) > 1 and _is_shell(cells):
                 both = " and ".join(named)
                 raise FormatError(
@@ -175,12 +177,12 @@ def _by_group(mesh: MeshFile, stated: Stated) -> Sequence[Cells]:
         for name in dict.fromkeys(sets):
             at = np.array([one == name for one in sets])
             lines = None if cells.lines is None else cells.lines[at]
-            found.append(
+            split.append(
                 replace(
                     cells, set=name, numbers=cells.numbers[at], nodes=cells.nodes[at], lines=lines
                 )
             )
-    return found
+    return split
 
 
 def _held(rows: Integers, mesh: MeshFile, name: str) -> Integers:
@@ -192,8 +194,8 @@ def _held(rows: Integers, mesh: MeshFile, name: str) -> Integers:
                 group.nodes,
                 *(c.nodes[np.isin(c.numbers, group.elements)].ravel() for c in mesh.cells),
             ]
-    found = np.unique(rows[np.concatenate(parts)])
-    return found[found >= 0]
+    nodes = np.unique(rows[np.concatenate(parts)])
+    return nodes[nodes >= 0]
 
 
 def _elements(
@@ -214,13 +216,13 @@ def _elements(
     return Elements(cells.kind, cells.numbers, nodes, cells.set, axes, lines)  # type: ignore[arg-type]
 
 
-def _lines_left(every: Iterable[Cells], held: Collection[str]) -> Iterable[Ignored]:
+def _lines_left(every: Iterable[Cells], held: Collection[str]) -> Iterable[SkippedCard]:
     """Lines that are no supports: they may be edges, or beams, whose stiffness would be missed."""
     for cells in every:
         if cells.kind.startswith("beam") and cells.set not in held:
             lines = () if cells.lines is None else tuple(cells.lines.tolist())
             loss = f"{len(cells.numbers)} lines; beams of a mesh are not read, edges are no loss"
-            yield Ignored(cells.set, lines, loss, changes=True)
+            yield SkippedCard(cells.set, lines, loss, changes=True)
 
 
 def _require_one_layer(model: FiniteElementModel) -> None:

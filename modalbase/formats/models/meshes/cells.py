@@ -22,7 +22,7 @@ SOLID = "solid"
 _LONGEST = 60
 
 
-class Kind(NamedTuple):
+class CellKind(NamedTuple):
     """What a format's type of element is to us: our kind, and how many nodes it has.
 
     Where it has more than ours, those in the middle of a face come last and are left out.
@@ -120,12 +120,12 @@ class Gathering:
     def mesh(self, length_m: float | None = None) -> MeshFile:
         """All that came."""
         cells = []
-        for (kind, name), found in self._sets.items():
-            numbers, rows, lines = zip(*found, strict=True)
+        for (kind, name), elements in self._sets.items():
+            numbers, rows, lines = zip(*elements, strict=True)
             # solids of several types are one kind: they are counted, not used
             width = min(map(len, rows))
             nodes = np.array([row[:width] for row in rows], dtype=np.int64).reshape(
-                len(found), width
+                len(elements), width
             )
             cells.append(Cells(kind, name, np.array(numbers), nodes, np.array(lines)))
         places = np.array(list(self._nodes.values()), dtype=float).reshape(-1, 3)
@@ -173,9 +173,9 @@ class Lines:
         Raises:
             FormatError: the file ends before it.
         """
-        if (found := self.more()) is None:
+        if (line := self.more()) is None:
             raise FormatError(self.where, f"the file ends before {what}; it seems to be cut")
-        return found
+        return line
 
     def wholes(self, what: str, least: int) -> list[int]:
         """The whole numbers of the next line, at least so many."""
@@ -193,12 +193,12 @@ class Lines:
     def real(self, field: str, what: str) -> float:
         """A finite number."""
         try:
-            found = float(field)
+            value = float(field)
         except ValueError:
-            found = math.nan
-        if not abs(found) < LARGEST:
+            value = math.nan
+        if not abs(value) < LARGEST:
             raise self.fault(f"{what}: {field[:40]!r} is no number below {LARGEST:g}")
-        return found
+        return value
 
 
 def name_of(tag: int, dimension: int, names: Mapping[tuple[int, int], str]) -> str:

@@ -7,13 +7,16 @@ Physical groups are sets. Lines and points in none of them are left out: they ar
 from collections.abc import Iterator
 
 from modalbase.formats.meshes import MeshFile
-from modalbase.formats.models.meshes.cells import SOLID, Gathering, Kind, Lines, name_of, plain
+from modalbase.formats.models.meshes.cells import SOLID, CellKind, Gathering, Lines, name_of, plain
 
+_SOLIDS = {
+    4: 4, 5: 8, 6: 6, 7: 5, 11: 10, 12: 27, 13: 18, 14: 14, 17: 20, 18: 15, 19: 13
+}  # fmt: skip
 _KINDS = {
-    1: Kind("beam2", 2), 2: Kind("tri3", 3), 3: Kind("quad4", 4), 8: Kind("beam3", 3), 9: Kind("tri6", 6),
-    10: Kind("quad8", 9), 15: Kind("point", 1), 16: Kind("quad8", 8),
-    4: Kind(SOLID, 4), 5: Kind(SOLID, 8), 6: Kind(SOLID, 6), 7: Kind(SOLID, 5), 11: Kind(SOLID, 10), 12: Kind(SOLID, 27),
-    13: Kind(SOLID, 18), 14: Kind(SOLID, 14), 17: Kind(SOLID, 20), 18: Kind(SOLID, 15), 19: Kind(SOLID, 13),
+    1: CellKind("beam2", 2), 2: CellKind("tri3", 3), 3: CellKind("quad4", 4),
+    8: CellKind("beam3", 3), 9: CellKind("tri6", 6), 10: CellKind("quad8", 9),
+    15: CellKind("point", 1), 16: CellKind("quad8", 8),
+    **{number: CellKind(SOLID, nodes) for number, nodes in _SOLIDS.items()},
 }  # fmt: skip
 _DIMENSIONS = {"point": 0, "beam2": 1, "beam3": 1, SOLID: 3}
 
@@ -25,14 +28,14 @@ def read_gmsh(content: bytes) -> MeshFile:
         FormatError: it is binary or of another version, cut or damaged, or has elements of higher
             order; says the line.
     """
-    return _Reading(Lines(content)).mesh()
+    return _GmshReading(Lines(content)).mesh()
 
 
-class _Reading:
+class _GmshReading:
     """One pass through a file."""
 
     def __init__(self, lines: Lines) -> None:
-        self._lines, self._found = lines, Gathering()
+        self._lines, self._gathered = lines, Gathering()
         self._names: dict[tuple[int, int], str] = {}
         self._groups: dict[tuple[int, int], list[int]] = {}
         """Names of physical groups, and groups of entities, by dimension and tag."""
@@ -53,14 +56,14 @@ class _Reading:
                 self._groups |= self._entities()
             elif section == "$Nodes":
                 for number, place in self._nodes() if is_new else self._nodes_2():
-                    self._found.node(number, place, lines.where)
+                    self._gathered.node(number, place, lines.where)
             elif section == "$Elements":
                 self._elements() if is_new else self._elements_2()
             else:
                 self._pass(section)
                 continue
             self._end(section)
-        return self._found.mesh()
+        return self._gathered.mesh()
 
     def _version(self) -> str:
         version, binary, *_ = (*self._lines.text("the version").split(), "", "")
@@ -76,9 +79,9 @@ class _Reading:
         return version
 
     def _end(self, section: str) -> None:
-        if (found := self._lines.text(f"$End{section[1:]}")) != f"$End{section[1:]}":
+        if (line := self._lines.text(f"$End{section[1:]}")) != f"$End{section[1:]}":
             raise self._lines.fault(
-                f"is {found[:40]!r}, expected $End{section[1:]}; a count before it is wrong"
+                f"is {line[:40]!r}, expected $End{section[1:]}; a count before it is wrong"
             )
 
     def _pass(self, section: str) -> None:
@@ -167,14 +170,14 @@ class _Reading:
                 number, *nodes = self._lines.wholes("an element: number, nodes", 2)
                 self._take(known, tags, number, nodes)
 
-    def _kind(self, number: int) -> Kind:
+    def _kind(self, number: int) -> CellKind:
         if number not in _KINDS:
             raise self._lines.fault(
                 f"is of the element type {number}; shells of 3, 4, 6, 8 or 9 nodes are read"
             )
         return _KINDS[number]
 
-    def _take(self, kind: Kind, tags: list[int], number: int, nodes: list[int]) -> None:
+    def _take(self, kind: CellKind, tags: list[int], number: int, nodes: list[int]) -> None:
         """Put an element into the set of its group."""
         if len(nodes) != kind.nodes:
             raise self._lines.fault(
@@ -191,4 +194,4 @@ class _Reading:
             )
         for tag in tags or [0]:
             name = name_of(tag, dimension, self._names)
-            self._found.element(kind.name, name, number, nodes[: kind.taken], self._lines.line)
+            self._gathered.element(kind.name, name, number, nodes[: kind.taken], self._lines.line)

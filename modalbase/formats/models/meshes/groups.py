@@ -50,13 +50,13 @@ def read_groups(kind: str, body: bytes) -> Iterator[RawGroup]:
             row, ["group"] + [""] * (count - 2) + ["number of members"]
         )
         name = decoded(cursor.next("the group's name")).strip()
-        found: dict[int, list[int]] = {_NODE: [], _ELEMENT: []}
+        by_type: dict[int, list[int]] = {_NODE: [], _ELEMENT: []}
         left = members
         while left > 0:
             row = cursor.next(f"members of the group {name}")
             here = min(left, _FIELDS // width)
             values = cursor.integers(row, (["type", "number"] + [""] * (width - 2)) * here)
             for type_, own in zip(values[::width], values[1::width], strict=True):
-                found.get(type_, []).append(own)
+                by_type.get(type_, []).append(own)
             left -= here
-        yield RawGroup(number, name, found[_NODE], found[_ELEMENT], line)
+        yield RawGroup(number, name, by_type[_NODE], by_type[_ELEMENT], line)

@@ -9,12 +9,17 @@ from tempfile import TemporaryDirectory
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile, around
-from modalbase.formats.models.meshes.cells import SOLID, Gathering, Kind, plain
+from modalbase.formats.models.meshes.cells import SOLID, CellKind, Gathering, plain
 from modalbase.formats.models.meshes.groups import GROUPS, RawGroup, read_groups
 from modalbase.formats.uff import DatasetReport, Element, GridPoint, UffError, Units, read_file
 from modalbase.formats.uff.text import Refusal
 
-_SHELLS = {1: Kind("tri3", 3), 2: Kind("tri6", 6), 4: Kind("quad4", 4), 5: Kind("quad8", 8)}
+_SHELLS = {
+    1: CellKind("tri3", 3),
+    2: CellKind("tri6", 6),
+    4: CellKind("quad4", 4),
+    5: CellKind("quad8", 8),
+}
 _FAMILIES = (4, 6, 7, 9)  # plane stress, plates, membranes, thin shells
 _BEAMS = (11, 21, 22, 23, 24)
 """Rods and beams: 2 nodes or, whatever the descriptor, 3 of a quadratic mesh's edge."""
@@ -65,16 +70,16 @@ def _mesh(path: Path, content: bytes) -> MeshFile:
             begins = content.count(b"\n", 0, each.offset) + 2
             elements += [(element, begins + element.line) for element in here]
             here = []
-    found = Gathering()
+    gathered = Gathering()
     for point in points.values():
-        found.node(point.number, [x / (length_m or 1) for x in point.xyz_m], "")
+        gathered.node(point.number, [x / (length_m or 1) for x in point.xyz_m], "")
     for element, line in elements:
-        _take(found, element, line)
+        _take(gathered, element, line)
     for group, where in groups:
-        found.group(
+        gathered.group(
             plain(group.name) or f"group_{group.number}", group.elements, group.nodes, where
         )
-    return found.mesh(length_m)
+    return gathered.mesh(length_m)
 
 
 def _groups(report: DatasetReport, content: bytes) -> Iterator[tuple[RawGroup, str]]:
@@ -90,12 +95,12 @@ def _groups(report: DatasetReport, content: bytes) -> Iterator[tuple[RawGroup, s
         raise FormatError(f"{dataset} line {(error.line or 0) + 1}", error.reason) from None
 
 
-def _take(found: Gathering, element: Element, line: int) -> None:
+def _take(gathered: Gathering, element: Element, line: int) -> None:
     count = len(element.points)
     if element.descriptor in _SOLIDS:
-        kind: Kind | None = Kind(SOLID, count)
+        kind: CellKind | None = CellKind(SOLID, count)
     elif element.descriptor in _BEAMS:
-        kind = Kind("beam3", 3) if count == 3 else Kind("beam2", 2)
+        kind = CellKind("beam3", 3) if count == 3 else CellKind("beam2", 2)
     else:
         kind = _KINDS.get(element.descriptor)
     if kind is None:
@@ -114,4 +119,4 @@ def _take(found: Gathering, element: Element, line: int) -> None:
     for place, own in enumerate(range(kind.nodes) if kind.name == SOLID else around(kind.name)):
         order[own] = element.points[place]
     prefix = {SOLID: "solid", "beam2": "line", "beam3": "line"}.get(kind.name, "set")
-    found.element(kind.name, f"{prefix}_{element.properties}", element.number, order, line)
+    gathered.element(kind.name, f"{prefix}_{element.properties}", element.number, order, line)

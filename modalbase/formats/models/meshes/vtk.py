@@ -14,18 +14,19 @@ from modalbase.formats.meshes import MeshFile
 from modalbase.formats.models.meshes.cells import (
     LARGEST,
     SOLID,
+    CellKind,
     Gathering,
-    Kind,
     plain,
     whole_numbers,
 )
 from modalbase.formats.models.model import Floats, Integers
 
+_SOLIDS = {10: 4, 11: 8, 12: 8, 13: 6, 14: 5, 24: 10, 25: 20, 26: 15, 27: 13, 29: 27, 32: 18}
 _KINDS = {
-    1: Kind("point", 1), 3: Kind("beam2", 2), 5: Kind("tri3", 3), 9: Kind("quad4", 4), 21: Kind("beam3", 3),
-    22: Kind("tri6", 6), 23: Kind("quad8", 8), 28: Kind("quad8", 9), 34: Kind("tri6", 7),
-    10: Kind(SOLID, 4), 11: Kind(SOLID, 8), 12: Kind(SOLID, 8), 13: Kind(SOLID, 6), 14: Kind(SOLID, 5), 24: Kind(SOLID, 10),
-    25: Kind(SOLID, 20), 26: Kind(SOLID, 15), 27: Kind(SOLID, 13), 29: Kind(SOLID, 27), 32: Kind(SOLID, 18),
+    1: CellKind("point", 1), 3: CellKind("beam2", 2), 5: CellKind("tri3", 3),
+    9: CellKind("quad4", 4), 21: CellKind("beam3", 3), 22: CellKind("tri6", 6),
+    23: CellKind("quad8", 8), 28: CellKind("quad8", 9), 34: CellKind("tri6", 7),
+    **{number: CellKind(SOLID, nodes) for number, nodes in _SOLIDS.items()},
 }  # fmt: skip
 _PIXEL, _POLYGON = 8, 7
 SETS = ("set", "gmsh:physical", "CellEntityIds", "PartId", "MaterialIds")
@@ -72,22 +73,22 @@ def mesh_of(grid: Grid) -> MeshFile:
         raise FormatError(
             "offsets", f"do not part {connectivity.size} points into {len(types)} cells"
         )
-    found = Gathering()
+    gathered = Gathering()
     for number, place in enumerate(points.tolist(), start=1):
-        found.node(number, place, f"point {number}")
+        gathered.node(number, place, f"point {number}")
     names = _sets(grid, len(types))
     cells = zip(types.tolist(), starts.tolist(), ends.tolist(), names, strict=True)
     for number, (kind, start, end, name) in enumerate(cells, start=1):
         rows = connectivity[start:end].tolist()
         known = _kind(number, kind, len(rows))
         rows = [rows[k] for k in (0, 1, 3, 2)] if kind == _PIXEL else rows[: known.taken]
-        found.element(known.name, name, number, [row + 1 for row in rows], 0)
-    return found.mesh()
+        gathered.element(known.name, name, number, [row + 1 for row in rows], 0)
+    return gathered.mesh()
 
 
-def _kind(number: int, kind: int, count: int) -> Kind:
+def _kind(number: int, kind: int, count: int) -> CellKind:
     if (kind == _POLYGON and count in (3, 4)) or (kind == _PIXEL and count == 4):
-        return Kind("tri3" if count == 3 else "quad4", count)
+        return CellKind("tri3" if count == 3 else "quad4", count)
     known = _KINDS.get(kind)
     if known is None:
         raise FormatError(
@@ -144,15 +145,15 @@ def read_vtk(content: bytes) -> MeshFile:
         FormatError: it is another file or data set, cut or damaged; says the line, or the byte of
             binary data.
     """
-    return mesh_of(_Reading(content).grid())
+    return mesh_of(_VtkReading(content).grid())
 
 
-class _Reading:
+class _VtkReading:
     """One pass through a file."""
 
     def __init__(self, content: bytes) -> None:
         self._content, self._at, self._count = content, 0, 0
-        self._found = Grid()
+        self._grid = Grid()
         self._on_cells, self._rows, self._binary = False, 0, False
 
     def grid(self) -> Grid:
@@ -166,19 +167,19 @@ class _Reading:
             raise self._fault(f"is {' '.join(kind)[:40]!r}; save it as DATASET UNSTRUCTURED_GRID")
         while fields := self._line(last=True).split():
             self._section(fields[0], *[*fields[1:], "", "", ""][:3])
-        return self._found
+        return self._grid
 
     def _section(self, word: str, first: str, second: str, third: str) -> None:
         """What a word begins, by the three that stand behind it."""
         match kind := word.upper():
             case "POINTS":
-                self._found.points = self._values(3 * self._whole(first), second, "points").reshape(
+                self._grid.points = self._values(3 * self._whole(first), second, "points").reshape(
                     -1, 3
                 )
             case "CELLS":
                 self._cells(self._whole(first), self._whole(second))
             case "CELL_TYPES":
-                self._found.types = self._indices(self._whole(first), "int", "types of cells")
+                self._grid.types = self._indices(self._whole(first), "int", "types of cells")
             case "CELL_DATA" | "POINT_DATA":
                 self._on_cells, self._rows = kind == "CELL_DATA", self._whole(first)
             case "SCALARS":
@@ -206,21 +207,21 @@ class _Reading:
 
     def _expect(self, word: str) -> list[str]:
         """The next line's words, of which the first is this one."""
-        found = self._line().split()
-        if found[0].upper() != word:
-            raise self._fault(f"is {found[0][:40]!r}, expected {word}")
-        return [*found, ""]
+        words = self._line().split()
+        if words[0].upper() != word:
+            raise self._fault(f"is {words[0][:40]!r}, expected {word}")
+        return [*words, ""]
 
     def _cells(self, first: int, second: int) -> None:
         here, mark = (self._at, self._count), self._line().split()
         if mark[0].upper() == "OFFSETS":
-            self._found.ends = self._indices(first, (*mark, "")[1], "offsets")[1:]
-            self._found.connectivity = self._indices(
+            self._grid.ends = self._indices(first, (*mark, "")[1], "offsets")[1:]
+            self._grid.connectivity = self._indices(
                 second, self._expect("CONNECTIVITY")[1], "connectivity"
             )
             return
         self._at, self._count = here
-        self._found.connectivity, self._found.ends = self._counted(
+        self._grid.connectivity, self._grid.ends = self._counted(
             first, self._indices(second, "int", "cells")
         )
 
@@ -250,7 +251,7 @@ class _Reading:
             raise self._fault(f"the array {name} has no component")
         values = self._values(rows * width, kind, f"the array {name}")
         if self._on_cells:
-            self._found.data[name] = values if width == 1 else values.reshape(-1, width)
+            self._grid.data[name] = values if width == 1 else values.reshape(-1, width)
 
     def _pass_metadata(self) -> None:
         while self._line(blank=True):
@@ -280,9 +281,9 @@ class _Reading:
         return int(text)
 
     def _indices(self, count: int, kind: str, what: str) -> Integers:
-        if (found := whole_numbers(self._values(count, kind, what))) is None:
+        if (numbers := whole_numbers(self._values(count, kind, what))) is None:
             raise self._fault(f"{what} hold what is no whole number")
-        return found
+        return numbers
 
     def _values(self, count: int, kind: str, what: str) -> Floats:
         """So many numbers of a type."""
@@ -298,18 +299,18 @@ class _Reading:
             raise self._fault(
                 f"{what} take {size} bytes, which the file has not; it seems to be cut"
             )
-        found = np.frombuffer(self._content, item, count, self._at).astype(float)
+        numbers = np.frombuffer(self._content, item, count, self._at).astype(float)
         self._at += size
-        return found
+        return numbers
 
     def _typed(self, count: int, what: str) -> Floats:
-        found: list[float] = []
-        while len(found) < count:
+        numbers: list[float] = []
+        while len(numbers) < count:
             for text in self._line().split():
                 try:
-                    found.append(float(text))
+                    numbers.append(float(text))
                 except ValueError:
                     raise self._fault(f"{what}: {text[:40]!r} is no number") from None
-        if len(found) > count:
+        if len(numbers) > count:
             raise self._fault(f"has more than the {count} numbers of {what}")
-        return np.array(found)
+        return np.array(numbers)

@@ -73,28 +73,28 @@ class _Arrays:
 
     def grid(self, piece: ElementTree.Element) -> Grid:
         """Points, cells and cell data of a piece."""
-        found = Grid(data=dict(self._of(piece.find("CellData"))))
+        grid = Grid(data=dict(self._of(piece.find("CellData"))))
         points = [values for _, values in self._of(piece.find("Points"))]
         cells = dict(self._of(piece.find("Cells")))
         if not points or points[0].ndim != 2 or points[0].shape[1] != 3:
             raise FormatError("Points", "has no array of three components")
-        found.points = points[0]
+        grid.points = points[0]
         if "faces" in cells:
             raise FormatError("Cells", "has faces: polyhedra are solids, which are not read")
-        found.connectivity, found.ends, found.types = (
+        grid.connectivity, grid.ends, grid.types = (
             _indices(name, cells.get(name)) for name in ("connectivity", "offsets", "types")
         )
-        for said, name, array in (
-            ("Points", "Points", found.points),
-            ("Cells", "types", found.types),
+        for counted, name, array in (
+            ("Points", "Points", grid.points),
+            ("Cells", "types", grid.types),
         ):
-            count = piece.get(f"NumberOf{said}", str(len(array))).strip()
+            count = piece.get(f"NumberOf{counted}", str(len(array))).strip()
             if count != str(len(array)):
                 raise FormatError(
-                    f"NumberOf{said}",
+                    f"NumberOf{counted}",
                     f"says {count}, but {name} has {len(array)}; the file seems to be cut",
                 )
-        return found
+        return grid
 
     def _of(self, parent: ElementTree.Element | None) -> Iterator[tuple[str, Floats]]:
         for each in () if parent is None else parent.findall("DataArray"):
@@ -146,16 +146,16 @@ class _Arrays:
                 raise FormatError(
                     name, f"has {count} bytes, more than the {MOST_BYTES} that are read"
                 )
-            found = (
+            chunk = (
                 text[start : start + count]
                 if raw
                 else base64.b64decode(text[start : start + _coded(count)])[:count]
             )
-            if len(found) != count:
+            if len(chunk) != count:
                 raise FormatError(
-                    name, f"has {len(found)} bytes and says {count}; the file seems to be cut"
+                    name, f"has {len(chunk)} bytes and says {count}; the file seems to be cut"
                 )
-            return found
+            return chunk
 
         size = self._head.itemsize
         (first,) = np.frombuffer(part(0, size), self._head).tolist()
@@ -163,7 +163,7 @@ class _Arrays:
             return part(0, size + first)[size:]
         head = part(0, size * (3 + first))
         sizes = np.frombuffer(head, self._head).tolist()[1:]
-        at, found = len(head) if raw else _coded(len(head)), b""
+        at, unpacked = len(head) if raw else _coded(len(head)), b""
         packed, begins = part(at, sum(sizes[2:])), 0
         if first * sizes[0] > MOST_BYTES:
             raise FormatError(
@@ -176,11 +176,11 @@ class _Arrays:
                 zlib.decompressobj().decompress(packed[begins : begins + count], sizes[0] + 1)
             )
             begins += count
-        found = b"".join(blocks)
+        unpacked = b"".join(blocks)
         whole = first * sizes[0] if not sizes[1] else (first - 1) * sizes[0] + sizes[1]
-        if len(found) != max(whole, 0):
-            raise FormatError(name, f"unpacks to {len(found)} bytes and says {whole}")
-        return found
+        if len(unpacked) != max(whole, 0):
+            raise FormatError(name, f"unpacks to {len(unpacked)} bytes and says {whole}")
+        return unpacked
 
 
 def _coded(count: int) -> int:
@@ -189,6 +189,6 @@ def _coded(count: int) -> int:
 
 
 def _indices(name: str, values: Floats | None) -> Integers:
-    if values is None or values.ndim != 1 or (found := whole_numbers(values)) is None:
+    if values is None or values.ndim != 1 or (numbers := whole_numbers(values)) is None:
         raise FormatError(name, "is missing, or holds what is no whole number")
-    return found
+    return numbers

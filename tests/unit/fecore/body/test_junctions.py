@@ -189,8 +189,9 @@ def test_a_curve_of_curved_elements_has_none() -> None:
 @pytest.mark.parametrize(
     ("shape", "stretch", "joints", "rtol"),
     [
-        ("i", (1.1,), True, 1e-6),
-        ("box", (1.01, 0.98, 1.02), False, 1e-6),
+        # How walls grow thinner is of the nominal dimensions.
+        ("i", (1.1,), True, 2e-5),
+        ("box", (1.01, 0.98, 1.02), False, 1e-5),
         # their sections are nominal: .1 % of a frequency at stretches of 2 %
         ("box", (1.01, 0.98, 1.02), True, 3e-3),
     ],

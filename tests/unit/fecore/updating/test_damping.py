@@ -60,7 +60,11 @@ def test_clean_data_give_the_coefficients_back(state: ForwardState, weighting: W
 def test_derivatives_with_gains_agree_with_differences(state: ForwardState) -> None:
     """The gradient of E by eigenvalues and rates against central differences of E."""
     problem = misfit(state, measured(state, 0.05), "noise")
-    problem = replace(problem, gain_sd=np.where(np.arange(problem.model.omega.size) < 5, 0.01, 0.0))
+    problem = replace(
+        problem,
+        gain_sd=np.where(np.arange(problem.model.omega.size) < 5, 0.01, 0.0),
+        driving=(3, 7),
+    )
     model = problem.model
     rate = damping_rate(RAYLEIGH, np.array([30.0, 2e-5]), model.omega)
     normal = problem.normal(model.eigenvalue, rate)
@@ -79,6 +83,22 @@ def test_derivatives_with_gains_agree_with_differences(state: ForwardState) -> N
             assert -normal.gradient[offset + k] == pytest.approx(difference, rel=1e-5)
 
 
+def test_a_column_of_the_hessian_is_what_a_residual_like_it_pulls(state: ForwardState) -> None:
+    problem = replace(misfit(state, measured(state, 0.05), "noise"), driving=(3, 7), delay_sd=3e-5)
+    eigenvalue, rate = problem.model.eigenvalue, damping_rate(RAYLEIGH, PAPER, problem.model.omega)
+    predicted = problem.predict(eigenvalue, rate)
+    _, weight = problem.residual(predicted)
+    jacobian = problem.jacobian(eigenvalue, rate, predicted)
+    hessian = jacobian.hessian(weight)
+    assert len(jacobian.others) == 3
+    for column, (rows, by) in zip(hessian.T[-3:], jacobian.others, strict=True):
+        like = np.zeros_like(predicted)
+        like[rows] = by
+        np.testing.assert_allclose(
+            column, jacobian.gradient(weight * like), rtol=1e-9, atol=1e-12 * column.max()
+        )
+
+
 def test_the_gain_of_a_sensor_is_not_taken_for_damping(state: ForwardState) -> None:
     frfs = measured(state, 0.005)
     loud = replace(frfs, values=1.02 * frfs.values)
@@ -92,6 +112,33 @@ def test_the_gain_of_a_sensor_is_not_taken_for_damping(state: ForwardState) -> N
     silent = replace(plain, gain_sd=np.zeros(plain.model.omega.size))
     again = fit_law(silent, RAYLEIGH, np.array([20.0, 2e-5]), FREE)
     np.testing.assert_array_equal(again.coefficients, without.coefficients)
+
+
+def test_a_dent_at_the_driving_point_is_not_taken_for_damping(state: ForwardState) -> None:
+    frfs = measured(state, 0.005)
+    pairs = zip(frfs.responses, frfs.references, strict=True)
+    row = next(i for i, (a, b) in enumerate(pairs) if (a.point, a.axis) == (b.point, b.axis))
+    dented = frfs.values.copy()
+    size = state.frf_model(frfs.responses, frfs.references).residual[row, 0]
+    dented[row] -= size * frfs.omega**2  # of an accelerance
+    plain = misfit(state, replace(frfs, values=dented), "noise")
+    plain = replace(
+        plain,
+        gain_sd=np.where(np.arange(plain.model.omega.size) < 5, 0.01, 0.0),
+        common_gain_sd=0.05,
+    )
+    free = replace(plain, driving=(row,))
+    without, found = (
+        fit_law(problem, RAYLEIGH, np.array([20.0, 2e-5]), FREE) for problem in (plain, free)
+    )
+    assert np.max(np.abs(without.coefficients / PAPER - 1)) > 2.5e-3
+    np.testing.assert_allclose(found.coefficients, PAPER, rtol=1.5e-3)
+    assert found.noise_covariance[0, 0] < 1.1 * without.noise_covariance[0, 0], (
+        "it costs next to nothing"
+    )
+    left = free.without_driving(found.eigenvalue, found.rate).values
+    assert np.abs(left - frfs.values)[row].max() < 0.05 * size * frfs.omega[-1] ** 2
+    np.testing.assert_array_equal(np.delete(left, row, axis=0), np.delete(dented, row, axis=0))
 
 
 def test_noise_covariance_matches_scatter(state: ForwardState) -> None:

@@ -19,6 +19,7 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
 from fecore.updating.parameters import DEFAULT_PARAMETERS, parametrise
 from fecore.updating.screening import effect_of
+from fecore.updating.yielding import SupportEffect
 from tests.support import soft_supports
 
 MATERIAL = OrthotropicMaterial(
@@ -26,6 +27,7 @@ MATERIAL = OrthotropicMaterial(
 )
 CANTILEVER = Specimen(0.3, 0.03, 0.004, MATERIAL, divisions=(16, 3))
 FREE = replace(CANTILEVER, boundary="free")
+CLAMPED = replace(FREE, supports=edges("clamped", "clamped"))
 COUNT = 6
 
 
@@ -88,19 +90,16 @@ def test_a_foot_is_a_spring_along_the_end() -> None:
     assert altered_hz(FREE, foot, 2e4) == pytest.approx(elastic_hz(on_foot), rel=3e-2)
 
 
-@pytest.mark.parametrize(
-    ("body", "kind", "sign"), [(CANTILEVER, "support", -1), (FREE, "mass", 1), (FREE, "foot", 1)]
-)
+@pytest.mark.parametrize(("body", "kind"), [(FREE, "mass"), (FREE, "foot")])
 def test_screening_has_the_changes_and_derivatives_of_altered_bodies(
-    body: Specimen, kind: str, sign: int
+    body: Specimen, kind: str
 ) -> None:
-    """Sizes of what is usual, of a support by its compliance."""
     addition = additions(body, kind)[-1]
     forward = forward_of(body)
     state = forward.solve(forward.parametrisation.prior_mean)
     effect, usual = effect_of(state, [addition]), np.array([addition.usual])
     change, by = effect.at(usual)
-    there = altered_hz(body, addition, float(usual[0] ** sign))
+    there = altered_hz(body, addition, float(usual[0]))
     if kind != "foot":  # which lets a mode of the rigid body in
         assert np.sort(change[:COUNT, 0] + np.log(state.frequency_hz[:COUNT])) == pytest.approx(
             np.log(there), abs=2e-3
@@ -108,6 +107,43 @@ def test_screening_has_the_changes_and_derivatives_of_altered_bodies(
     step = 1e-3 * usual
     slope = (effect.at(usual + step)[0] - effect.at(usual - step)[0]) / (2 * step)
     assert by[:COUNT] == pytest.approx(slope[:COUNT], rel=1e-3, abs=1e-6 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("body", [CANTILEVER, CLAMPED])
+def test_supports_are_screened_as_altered_bodies_have_them(body: Specimen) -> None:
+    """All that a body has give way at once, by usual compliances."""
+    supports = additions(body, "support")
+    forward = forward_of(body)
+    state = forward.solve(forward.parametrisation.prior_mean)
+    usual = np.array([each.usual for each in supports])
+    change, shapes = SupportEffect.of(state, supports).at(usual[None])
+    altered = AlteredForward.of(forward, supports)
+    theta = altered.parametrisation.prior_mean.copy()
+    theta[-len(supports) :] = 1 / usual
+    there = altered.solve(theta)
+    assert np.sort(change[:COUNT, 0] + np.log(state.frequency_hz[:COUNT])) == pytest.approx(
+        np.log(there.frequency_hz[:COUNT]), abs=1e-3
+    )
+    alike = [
+        abs(a @ b) / np.linalg.norm(a) / np.linalg.norm(b)
+        for a, b in zip(shapes[0], there.shapes, strict=False)
+    ]
+    assert min(alike[:4]) > 0.999  # the next two are close, and mix
+
+
+def test_one_of_two_supports_gives_way_as_a_hinge_with_a_spring() -> None:
+    """The other one resists it."""
+    (about_y,) = (each for each in additions(CLAMPED, "support") if each.name == "support_2_ry")
+    assert about_y.place == (0.3, 0.0, 0.0)
+    hinged = replace(
+        CLAMPED,
+        supports=edges("clamped", "simply_supported"),
+        springs=(Spring("end", 40 / 0.03, 5, edge="end"),),
+    )
+    bending = [0, 1, 3, 5]
+    assert altered_hz(CLAMPED, about_y, 40.0)[bending] == pytest.approx(
+        elastic_hz(hinged)[bending], rel=1e-3
+    )
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,7 @@ def test_constants_on_a_coarse_curved_deck_are_the_solids() -> None:
         parameter.name: {entry.source for entry in parameter.budget}
         for parameter in found.parameters
     }
-    assert {"mesh", "shear factor"} <= budget["skin.G13"]
+    assert {"mesh", "shear correction"} <= budget["skin.G13"]
     (said,) = [each.text for each in found.findings if each.kind == "mesh_moves"]
     assert "elements of 28 mm" in said
     assert "G13" in said

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fecore.errors import InputError, UpdatingError
+from fecore.frf import Dof
 from fecore.modal import set_with_gaps
 from fecore.updating.damping_data import DampingData
 from fecore.updating.damping_stage import ReferenceFit, fit_reference
@@ -50,6 +51,33 @@ def test_every_eighth_frf_is_held_out_and_predicted_with_its_interval(result: Up
     assert held.agreement.sac.min() > 0.98
     assert 0.9 <= held.coverage_95 <= 1.0
     assert result.correlation.updated.sac.size == 29
+
+
+def test_directions_that_are_typed_negative_change_nothing(
+    drawn: Drawn, result: UpdateResult
+) -> None:
+    """A sensor mounted upside down, and hits from below at every third point."""
+    frfs = drawn.measurement.frfs
+    assert frfs is not None
+    below = np.array([-1 if dof.point % 3 == 0 else 1 for dof in frfs.references])
+    turned = replace(
+        frfs,
+        values=frfs.values * -below[:, None],
+        responses=tuple(Dof(dof.point, -dof.direction) for dof in frfs.responses),
+        references=tuple(
+            Dof(dof.point, s * dof.direction)
+            for s, dof in zip(below.tolist(), frfs.references, strict=True)
+        ),
+    )
+    other = update(replace(drawn.measurement, frfs=turned), COARSE)
+    for one, its in zip(result.parameters, other.parameters, strict=True):
+        assert (its.estimate, its.standard_deviation) == pytest.approx(
+            (one.estimate, one.standard_deviation), rel=1e-6
+        )
+    one, its = result.correlation, other.correlation
+    np.testing.assert_allclose(its.mac_matrix, one.mac_matrix, atol=1e-6)
+    np.testing.assert_allclose(its.updated.frac, one.updated.frac, atol=1e-6)
+    assert [each.text for each in other.findings] == [each.text for each in result.findings]
 
 
 def test_held_out_points_and_band_are_not_seen_by_the_fit(drawn: Drawn) -> None:

@@ -84,6 +84,30 @@ def test_moments_and_reach_are_those_of_the_mixture() -> None:
     assert aside == pytest.approx((0, 9 + 1.959964))
 
 
+@pytest.mark.parametrize("scatter", [6e-5, 1e-3])
+def test_an_even_body_whose_modes_scatter_is_covered_too(scatter: float) -> None:
+    """Six frequencies that are off by a share which the prior's scale of 2e-5 does not foresee,
+    three unknowns.
+    """
+    rng, below, sds = np.random.default_rng(53), [], []
+    by = rng.uniform(0, 0.5, (6, 3))
+    noise, start = 1e-14 * np.eye(6), np.zeros(3)
+    for _ in range(300):
+        off = scatter * rng.standard_normal(6)
+        problem = LinearProblem(
+            off, noise, by, start, lambda _: 0.1 * np.eye(3), {}, start, scale=2e-5
+        )
+        mixture, _ = problem.mixture(0.0)
+        sd = np.sqrt(mixture.covariance[:, 0, 0])
+        below.append(mixture.weight @ scipy.special.ndtr(-mixture.shift[:, 0] / sd))
+        sds.append(np.sqrt(mixture.weight @ sd**2))
+    assert np.mean(np.abs(np.array(below) - 0.5) < 0.475) > 0.88
+    known = scatter * np.sqrt(np.linalg.inv(by.T @ by)[0, 0])
+    assert np.median(sds) < np.sqrt(3) * known, (
+        "not wider than Student's t of the three that are left"
+    )
+
+
 def test_a_parameter_is_identifiable_where_no_unseen_direction_moves_it() -> None:
     sd = np.array([2.0, 1.0, 10.0, 1.0])
     turn = np.eye(4)

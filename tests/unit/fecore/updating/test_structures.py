@@ -28,7 +28,7 @@ from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter, default_parameters, parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
-from tests.support.fits import at_prior, forward_model
+from tests.support.fits import COARSE, at_prior, forward_model
 
 GFRP = OrthotropicMaterial(23e9, 8.5e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
 WALLS = {name: ShellSection((Ply(GFRP, 0.006),)) for name in ("flange", "web")}
@@ -165,10 +165,10 @@ def test_a_set_that_has_lost_stiffness_is_found_among_others() -> None:
 def test_a_clamp_that_yields_moves_the_frequencies_as_a_block_on_springs_does() -> None:
     clamped = replace(BEAM, supports=of_boundary("cantilever"))
     state = at_prior(forward_model(clamped, MODES, "web.E1", reduced=False))
-    found, of_shear = excursions(state, replace(Inputs.exact(), clamp_compliance_sd=0.01), ())
+    (found,) = excursions(state, replace(Inputs.exact(), clamp_compliance_sd=0.01), ())
     assert (found.name, found.kind) == ("clamp", "one-sided")
     assert found.shift[0] == pytest.approx(-0.02)
-    assert [each.name for each in excursions(state, Inputs.exact(), ())] == [of_shear.name]
+    assert excursions(state, Inputs.exact(), ()) == ()
     on_springs = yielding(clamped, replace(Inputs.exact(), clamp_compliance_sd=1e-3 / 0.6745))
     moved = at_prior(forward_model(on_springs, MODES, "web.E1", reduced=False))
     exact = moved.frequency_hz[:MODES] / state.frequency_hz[:MODES] - 1
@@ -212,7 +212,28 @@ def test_rows_that_a_body_does_not_move_along_are_named() -> None:
         3,
     )
     assert forward.rows([Dof(1, -2)])[1].tolist() == [-1.0]
+    assert replace(forward, dofs=(Dof(1, -2),)).rows([Dof(1, -2), Dof(1, 2)])[1].tolist() == [
+        1.0,
+        -1.0,
+    ]
     with pytest.raises(InputError, match="direction: 3 at point 1 is none of the model's rows"):
         forward.rows([Dof(1, 3)])
     with pytest.raises(InputError, match="off the specimen, which spans x 0"):
         _ = replace(forward, places=np.array([[0.1, 0.02, 0.0]])).observation
+
+
+def test_shapes_and_frfs_have_the_sense_of_directions_that_are_typed_negative() -> None:
+    """As of sensors that were mounted upside down: every comparison of shapes is of these rows."""
+    places = np.array([[0.1, 0.0], [0.25, 0.02], [0.5, -0.02]])
+    dofs, signed = ((Dof(1, 3), Dof(2, 3), Dof(3, 3)), (Dof(1, 3), Dof(2, -3), Dof(3, -3)))
+    prior, sign = parametrise(COARSE), np.array([1.0, -1.0, -1.0])
+    plain, other = (
+        at_prior(ForwardModel(COARSE, prior, rows, places, 6)) for rows in (dofs, signed)
+    )
+    np.testing.assert_allclose(
+        other.shapes, plain.shapes * sign, atol=1e-9 * np.abs(plain.shapes).max()
+    )
+    first, second = (each.frf_model(signed, dofs[:1] * 3).residues for each in (plain, other))
+    turned = other.frf_model(dofs, (Dof(1, -3),) * 3).residues
+    np.testing.assert_allclose(second, first, atol=1e-9 * np.abs(first).max())
+    np.testing.assert_allclose(turned, -sign[:, None] * first, atol=1e-9 * np.abs(first).max())

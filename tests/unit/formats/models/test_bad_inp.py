@@ -118,19 +118,23 @@ OF_AN_ASSEMBLY: dict[str, tuple[Change, str]] = {
 }  # fmt: skip
 """Of the assembly as Abaqus/CAE writes it."""
 
-BAD = {name: (PLATE.replace(old, new, 1), said) for name, ((old, new), said) in OF_A_PLATE.items()}
+BAD = {
+    name: (PLATE.replace(old, new, 1), message)
+    for name, ((old, new), message) in OF_A_PLATE.items()
+}
 BAD |= {
-    name: (CAE.replace(old, new, 1), said) for name, ((old, new), said) in OF_AN_ASSEMBLY.items()
+    name: (CAE.replace(old, new, 1), message)
+    for name, ((old, new), message) in OF_AN_ASSEMBLY.items()
 }
 
 
 @pytest.mark.parametrize("name", BAD)
 def test_bad_decks(name: str) -> None:
-    deck, said = BAD[name]
+    deck, message = BAD[name]
     assert deck not in (PLATE, CAE), "the deck is the good one"
     with pytest.raises(FormatError) as caught:
         read(deck)
-    assert re.search(said, str(caught.value)), str(caught.value)
+    assert re.search(message, str(caught.value)), str(caught.value)
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
 
@@ -149,12 +153,12 @@ LIMITS: list[tuple[object, str, int, str, str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("module", "name", "most", "deck", "said"), LIMITS)
+@pytest.mark.parametrize(("module", "name", "most", "deck", "message"), LIMITS)
 def test_limits(
-    monkeypatch: pytest.MonkeyPatch, module: object, name: str, most: int, deck: str, said: str
+    monkeypatch: pytest.MonkeyPatch, module: object, name: str, most: int, deck: str, message: str
 ) -> None:
     monkeypatch.setattr(module, name, most)
-    with pytest.raises(FormatError, match=said):
+    with pytest.raises(FormatError, match=message):
         read_inp(deck.encode(), TWICE)
 
 

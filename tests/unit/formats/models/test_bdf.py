@@ -309,8 +309,8 @@ def test_a_mat2_of_an_orthotropic_plate() -> None:
     rest = 1 - nu**2 * E2 / E1
     values = (E1 / rest, nu * E2 / rest, 0, E2 / rest, 0, G)
     card = "MAT2,1," + ",".join(f"{value:.6E}" for value in values) + ",1900.\n"
-    found = read(SQUARE.split("MAT1")[0] + card).materials["1"].constants
-    assert [found[name] for name in ("E1", "E2", "nu12", "G12")] == pytest.approx(
+    constants = read(SQUARE.split("MAT1")[0] + card).materials["1"].constants
+    assert [constants[name] for name in ("E1", "E2", "nu12", "G12")] == pytest.approx(
         [E1, E2, nu, G], rel=1e-5
     )
     coupled = card.replace("0.000000E+00", "1.000000E+09", 1)
@@ -323,8 +323,8 @@ def test_a_mat2_of_an_orthotropic_plate() -> None:
      ("MAT1,1,,2.8+10,.25", (7e10, 0.25, 2.8e10)), ("MAT1,1,7.+10,2.+10,.25", (7e10, 0.25, 2e10))],
 )  # fmt: skip
 def test_an_isotropic_material_by_two_constants(card, constants) -> None:
-    found = read(SQUARE.split("MAT1")[0] + card).materials["1"].constants
-    assert tuple(found[name] for name in ("E", "nu", "G")) == pytest.approx(constants)
+    stored = read(SQUARE.split("MAT1")[0] + card).materials["1"].constants
+    assert tuple(stored[name] for name in ("E", "nu", "G")) == pytest.approx(constants)
 
 
 def test_nonstructural_mass_of_the_set_that_is_selected() -> None:

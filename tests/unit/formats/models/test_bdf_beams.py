@@ -20,9 +20,9 @@ def read(text: str) -> FiniteElementModel:
 
 
 def section(model: FiniteElementModel) -> BeamSection:
-    (found,) = model.sections.values()
-    assert isinstance(found, BeamSection)
-    return found
+    (beam,) = model.sections.values()
+    assert isinstance(beam, BeamSection)
+    return beam
 
 
 def test_plane_1_is_that_of_the_orientation_vector() -> None:
@@ -33,10 +33,10 @@ def test_plane_1_is_that_of_the_orientation_vector() -> None:
     model = read(
         grids + bars + "PBAR,1,1,6.-4,4.5-8,2.-8,3.-8\nMAT1,1,2.1+11,,.3,7850.\nSPC1,1,123456,1\n"
     )
-    (block,), found, material = model.elements, section(model), model.materials["1"].constants
+    (block,), own, material = model.elements, section(model), model.materials["1"].constants
     held = {"root": model.supports[0].nodes}
     beam = core.BeamSection(
-        material["E"], material["G"], material["density"], found.area, found.inertia, found.torsion,
+        material["E"], material["G"], material["density"], own.area, own.inertia, own.torsion,
         axis=tuple(block.axes[0]),
     )  # fmt: skip
     structure = Structure(
@@ -59,15 +59,15 @@ def test_a_bar_states_its_section() -> None:
     model = read(
         ENDS + "CBAR,1,1,1,2,0.,0.,1.\nPBAR,1,1,6.-4,4.5-8,2.-8,3.-8,.7\n,,,,,,,,\n,.8,.7,1.-9"
     )
-    found = section(model)
-    assert found.inertia == (2e-8, 4.5e-8, 1e-9)
-    assert (found.area, found.torsion, found.extra_mass, found.shear) == (
+    beam = section(model)
+    assert beam.inertia == (2e-8, 4.5e-8, 1e-9)
+    assert (beam.area, beam.torsion, beam.extra_mass, beam.shear) == (
         6e-4,
         3e-8,
         0.7,
         (0.8, 0.7),
     )
-    assert {name: place.start for name, place in found.places.items()} == {
+    assert {name: place.start for name, place in beam.places.items()} == {
         "area": 9,
         "I2": 14,
         "I1": 20,
@@ -105,8 +105,8 @@ def test_rods_bend_with_next_to_nothing() -> None:
     areas = [model.sections[block.set].area for block in model.elements]
     assert areas == pytest.approx([2e-4, 3e-4, np.pi * (0.01**2 - 0.009**2)])
     for block in model.elements:
-        found = model.sections[block.set]
-        assert 0 < found.inertia[0] < 1e-5 * found.area**2
+        beam = model.sections[block.set]
+        assert 0 < beam.inertia[0] < 1e-5 * beam.area**2
     assert {one.card: one.changes for one in model.ignored} == {
         "CONROD without I or J": False, "PROD without I or J": False, "PTUBE without I or J": False,
     }  # fmt: skip
@@ -121,9 +121,9 @@ def test_a_beam_with_stations() -> None:
     assert section(model).area == pytest.approx(2e-4)
     assert section(model).extra_mass == pytest.approx(1.0)
     assert [one.changes for one in model.ignored if one.card == "PBEAM that tapers"] == [True]
-    aside = read(beam.format(start + ",YES,1.\n,,,,,,,,\n,,,,,,,,\n,,,,,.01,.02\n"))
+    shifted = read(beam.format(start + ",YES,1.\n,,,,,,,,\n,,,,,,,,\n,,,,,.01,.02\n"))
     # axis 1 is z, axis 2 −y
-    assert aside.elements[0].offsets[0] == pytest.approx(np.tile([0, -0.02, 0.01], (2, 1)))
+    assert shifted.elements[0].offsets[0] == pytest.approx(np.tile([0, -0.02, 0.01], (2, 1)))
 
 
 def by_points(kind: str, dimensions: list[float]) -> tuple[float, float, float, float]:
@@ -218,11 +218,11 @@ DIMENSIONS = {
 
 @pytest.mark.parametrize("kind", sorted(NASTRAN))
 def test_a_section_by_its_dimensions(kind) -> None:
-    found = NASTRAN[kind](*DIMENSIONS[kind])
+    beam = NASTRAN[kind](*DIMENSIONS[kind])
     area, yy, zz, yz = by_points(kind, DIMENSIONS[kind])
-    assert found.area == pytest.approx(area, rel=2e-3)  # of the raster
-    assert found.inertia[:2] == pytest.approx((zz, yy), rel=2e-3)
-    assert found.inertia[2] == pytest.approx(yz, abs=2e-3 * np.sqrt(yy * zz))
+    assert beam.area == pytest.approx(area, rel=2e-3)  # of the raster
+    assert beam.inertia[:2] == pytest.approx((zz, yy), rel=2e-3)
+    assert beam.inertia[2] == pytest.approx(yz, abs=2e-3 * np.sqrt(yy * zz))
 
 
 def test_torsion_by_bredt_and_st_venant() -> None:

@@ -40,14 +40,14 @@ def test_a_beam_of_its_own_constants_whose_set_has_a_materials_name() -> None:
     )
     beam = card + "1e-4, 1e-9, 0., 1e-9, 2e-9\n0., 0., 1.\n7e10, 2.7e10\n"
     model = read(PLATE.replace("*SHELL SECTION", beam + "*SHELL SECTION"))
-    found = {
+    constants = {
         name: model.materials[section.materials[0]].constants
         for name, section in model.sections.items()
     }
-    assert (found["plate"]["E1"], found["gfrp"]["E"]) == (2.3e10, 7e10)
+    assert (constants["plate"]["E1"], constants["gfrp"]["E"]) == (2.3e10, 7e10)
 
 
-def losses(model: FiniteElementModel) -> dict[str, str]:
+def losses_of(model: FiniteElementModel) -> dict[str, str]:
     return {each.card: each.loss for each in model.ignored if each.changes}
 
 
@@ -79,7 +79,7 @@ def test_distributing_coupling_within_a_radius() -> None:
         (6, (1, 4), (0, 1, 2))
     ]
     model = with_cards(f"{cards}\n*DISTRIBUTING, WEIGHTING METHOD=LINEAR")
-    assert losses(model)["*DISTRIBUTING"].startswith("weights that fall")
+    assert losses_of(model)["*DISTRIBUTING"].startswith("weights that fall")
     with pytest.raises(FormatError, match=r"\*COUPLING couples no node"):
         with_cards(f"{cards}, INFLUENCE RADIUS=0.01\n*DISTRIBUTING")
 
@@ -177,7 +177,7 @@ def test_a_plate_of_one_material_that_bears_spread_mass_in_part() -> None:
     spread = "*NONSTRUCTURAL MASS, ELSET={}, UNITS=MASS PER AREA\n1.5"
     assert shell(with_cards(spread.format("PLATE")), "plate").extra_mass == 1.5
     model = with_cards("*ELSET, ELSET=ONE\n1\n" + spread.format("ONE"))
-    assert losses(model) == {
+    assert losses_of(model) == {
         "*NONSTRUCTURAL MASS": (
             "spread mass on part of a set, on shells and beams at once, or in other units"
         )
@@ -199,12 +199,12 @@ NAMED = {
 @pytest.mark.parametrize("name", NAMED)
 def test_what_changes_modes_is_named(name: str) -> None:
     cards, card, loss = NAMED[name]
-    assert losses(with_cards(cards))[card].startswith(loss)
+    assert losses_of(with_cards(cards))[card].startswith(loss)
 
 
 def test_round_sections_state_a_radius_or_a_diameter() -> None:
     model = beams("*BEAM SECTION, ELSET=RIBS, MATERIAL=GFRP, SECTION=CIRC\n0.01")
-    assert losses(model)["*BEAM SECTION"].startswith("whether CIRC states a radius")
+    assert losses_of(model)["*BEAM SECTION"].startswith("whether CIRC states a radius")
 
 
 BAD_BEAMS = {
@@ -223,21 +223,21 @@ BAD_BEAMS = {
 
 @pytest.mark.parametrize("name", BAD_BEAMS)
 def test_bad_beams(name: str) -> None:
-    section, said = BAD_BEAMS[name]
-    with pytest.raises(FormatError, match=rf"^line \d+: .*{said}"):
+    section, message = BAD_BEAMS[name]
+    with pytest.raises(FormatError, match=rf"^line \d+: .*{message}"):
         beams(f"*BEAM SECTION, ELSET=RIBS, {section}")
 
 
 def test_bad_general_sections() -> None:
     card = "*BEAM GENERAL SECTION, ELSET=RIBS, SECTION=GENERAL{}\n1., 1., {}, 1., 1.\n0., 1., 0.{}"
-    for density, mixed, rest, said in [
+    for density, mixed, rest, message in [
         (", DENSITY=1.", "2.", "\n1., 1.", "expected A, I11, I12, I22 and J of a real section"),
         (", DENSITY=-1.", "0.", "\n1., 1.", "no density below 0"),
         (", DENSITY=x", "0.", "\n1., 1.", "has DENSITY=x, expected a number"),
         (", DENSITY=1.", "0.", "", "has no line of E and G, the third"),
         (", DENSITY=1.", "0.", "\n1., -1.", "expected E and G above 0"),
     ]:
-        with pytest.raises(FormatError, match=said):
+        with pytest.raises(FormatError, match=message):
             beams(card.format(density, mixed, rest))
     without = beams(card.format("", "0.", "\n1., 1."))  # of a stick whose masses stand apart
     assert without.materials["ribs"].constants["density"] == 0

@@ -88,14 +88,16 @@ def test_a_deck_as_a_mesh_is_the_same_body() -> None:
     wall = {"thickness_m": 0.004, "material": material, "axis": [1.0, 0.0, 0.0]}
     vtu = mesh_in_si(b"".join(write_vtu(mesh)), "a.vtu", "m-N-kg", {"flange": wall, "web": wall})
     uff = mesh_in_si(b"".join(encode(uff_of(mesh))), "a.unv", None, {"set_1": wall, "set_2": wall})
-    for found in (vtu, uff):
-        for one, other in zip(found.elements, model.elements, strict=True):
-            np.testing.assert_allclose(found.nodes[one.nodes], model.nodes[other.nodes], atol=1e-9)
+    for other_model in (vtu, uff):
+        for one, other in zip(other_model.elements, model.elements, strict=True):
+            np.testing.assert_allclose(
+                other_model.nodes[one.nodes], model.nodes[other.nodes], atol=1e-9
+            )
             np.testing.assert_array_equal(one.axes, other.axes)
-            section, stated = found.sections[one.set], model.sections[other.set]
+            section, stated = other_model.sections[one.set], model.sections[other.set]
             constants, expected = (
                 m.materials[x.materials[0]].constants
-                for m, x in ((found, section), (model, stated))
+                for m, x in ((other_model, section), (model, stated))
             )
             assert constants == {name: pytest.approx(expected[name]) for name in constants}
     np.testing.assert_allclose(
@@ -192,8 +194,8 @@ BAD: dict[str, tuple[str, bytes, dict[str, Any], str]] = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_bad_meshes(name: str) -> None:
-    file, content, stated, said = BAD[name]
-    with pytest.raises(FormatError, match=said):
+    file, content, stated, message = BAD[name]
+    with pytest.raises(FormatError, match=message):
         mesh_in_si(content, file, "mm-N-t", stated)
 
 
@@ -305,19 +307,19 @@ def test_a_vtu_has_nodes_cells_sets_and_shapes() -> None:
 
 def test_a_uff_reads_back(tmp_path: Path) -> None:
     write_file(tmp_path / "mesh.uff", uff_of(MESH))
-    found = load(tmp_path / "mesh.uff")
-    assert set(found.outcomes) == {"read"}, found.reasons
-    points = [each for each in found.contents if isinstance(each, GridPoint)]
+    reading = load(tmp_path / "mesh.uff")
+    assert set(reading.outcomes) == {"read"}, reading.reasons
+    points = [each for each in reading.contents if isinstance(each, GridPoint)]
     assert [(each.number, each.xyz_m) for each in points] == [
         (number, tuple(xyz))
         for number, xyz in zip(NUMBERS.tolist(), MESH.nodes.tolist(), strict=True)
     ]
-    assert [each for each in found.contents if isinstance(each, Element)] == [
+    assert [each for each in reading.contents if isinstance(each, Element)] == [
         Element(1, 45, (11, 15, 12, 16, 13, 17, 14, 18)),
         Element(2, 42, (11, 15, 12, 16, 13, 18)),
         Element(7, 21, (12, 30), 2),
     ]
-    normal, complex_ = (each for each in found.contents if isinstance(each, ModeShape))
+    normal, complex_ = (each for each in reading.contents if isinstance(each, ModeShape))
     np.testing.assert_allclose(normal.values, MESH.shapes[0].values)
     np.testing.assert_allclose(complex_.values, MESH.shapes[1].values)
     # of an eigenvalue in 12 characters

@@ -86,9 +86,9 @@ def numbers(model: FiniteElementModel) -> Iterator[float]:
 @pytest.mark.parametrize("units", COMMON)
 def test_one_structure_in_all_units(units: str) -> None:
     expected = read_inp(deck("m-N-kg").encode())
-    found = in_si(read_inp(deck(units).encode()), units)
+    model_si = in_si(read_inp(deck(units).encode()), units)
     np.testing.assert_allclose(
-        list(numbers(found)), list(numbers(expected)), rtol=1e-12, atol=1e-18
+        list(numbers(model_si)), list(numbers(expected)), rtol=1e-12, atol=1e-18
     )
     assert not [*of_materials(read_inp(deck(units).encode()), units)]
     offered = guess(read_inp(deck(units).encode()))
@@ -104,13 +104,13 @@ def test_offsets_of_shells() -> None:
         "*STEP", CARRIED + "*STEP", 1
     )
     model = read_inp(text.encode())
-    found = in_si(model, "mm-N-t")
-    assert shell(found, "plate").offset == pytest.approx(-2.5e-6, rel=1e-12)
-    assert found.springs[0].direction == model.springs[0].direction
+    model_si = in_si(model, "mm-N-t")
+    assert shell(model_si, "plate").offset == pytest.approx(-2.5e-6, rel=1e-12)
+    assert model_si.springs[0].direction == model.springs[0].direction
 
 
 @pytest.mark.parametrize(
-    ("density", "modulus", "said"),
+    ("density", "modulus", "message"),
     [
         (
             0.8,
@@ -139,10 +139,10 @@ def test_offsets_of_shells() -> None:
         ),
     ],
 )
-def test_unusual_values_are_asked(density: float, modulus: float, said: str) -> None:
+def test_unusual_values_are_asked(density: float, modulus: float, message: str) -> None:
     model = read_inp(deck("m-N-kg", E=modulus, density=density, size=100.0).encode())
     questions = [*of_materials(model, "m-N-kg")]
-    with pytest.raises(FormatError, match=said):
+    with pytest.raises(FormatError, match=message):
         require_answers(questions, ())
     require_answers(questions, [name for question in questions for name in question.names[:1]])
     require_answers(questions, [f" {question.names[1].upper()}" for question in questions])
@@ -177,7 +177,7 @@ def test_no_density_is_asked_unless_masses_are_stated_apart() -> None:
     (note,) = massless(model)
     assert (note.card, note.lines, note.changes) == ("density", (18,), False)
     assert in_si(model, "m-N-kg").materials["METAL"].constants["density"] == 0
-    alone = replace(
+    massless_plate = replace(
         model,
         masses=(),
         sections={k: replace(s, extra_mass=0.0) for k, s in model.sections.items()},
@@ -186,16 +186,19 @@ def test_no_density_is_asked_unless_masses_are_stated_apart() -> None:
         FormatError,
         match=r"^line 18: the material METAL has no density, and nothing else has a mass",
     ):
-        next(massless(alone))
+        next(massless(massless_plate))
     heavy = replace(
         model.materials["METAL"],
         name="STEEL",
         constants={**model.materials["METAL"].constants, "density": 7800.0},
     )
     mixed = replace(
-        alone,
-        materials={**alone.materials, "STEEL": heavy},
-        sections={**alone.sections, "rib": replace(beam(alone, "rib"), material="STEEL")},
+        massless_plate,
+        materials={**massless_plate.materials, "STEEL": heavy},
+        sections={
+            **massless_plate.sections,
+            "rib": replace(beam(massless_plate, "rib"), material="STEEL"),
+        },
     )
     (question,) = of_materials(mixed, "m-N-kg")
     assert question.what.endswith("has no density, usual is 10 to 25000 kg/m³")

@@ -129,8 +129,8 @@ def test_an_isotropic_wall_that_is_found_orthotropic() -> None:
         "G23": 2.5e10,
     }
     again = read_bdf(rewritten(DECK.encode(), {"flange": constants}))
-    found = again.materials[again.sections["flange"].plies[0].material].constants
-    assert found == pytest.approx({**constants, "density": 1350})
+    numbers = again.materials[again.sections["flange"].plies[0].material].constants
+    assert numbers == pytest.approx({**constants, "density": 1350})
     assert (
         again.materials[again.sections["web"].plies[0].material].constants
         == model.materials["1"].constants
@@ -166,9 +166,9 @@ def test_files_that_the_deck_includes() -> None:
     deck = f"{head}INCLUDE 'mat.inc'\n{rest}".encode()
     model = read_bdf(deck, included)
     both = {("flange", "E"): 7.1e10, ("web", "E"): 7.1e10}
-    found = write_deck(deck, model, both, included=included)
-    assert list(found) == ["mat.inc"]
-    assert found["mat.inc"].endswith(b"MAT1           1  7.1+10              .3   2700.  2.3-5\n")
+    numbers = write_deck(deck, model, both, included=included)
+    assert list(numbers) == ["mat.inc"]
+    assert numbers["mat.inc"].endswith(b"MAT1           1  7.1+10              .3   2700.  2.3-5\n")
     one = write_deck(deck, model, {("web", "E"): 7.1e10}, included=included)
     assert list(one) == [""]
     assert read_bdf(one[""], included).materials["5"].constants["E"] == 7.1e10
@@ -237,14 +237,14 @@ def test_a_number_fits_its_field(value, sign, width) -> None:
 
 def stated(model: FiniteElementModel) -> dict[str, float]:
     """Every number of every set that can be updated."""
-    found = {}
+    numbers = {}
     for name in model.sets:
         section = model.sections[name]
         if isinstance(section, ShellSection):
-            found[f"{name}.t"] = sum(ply.thickness for ply in section.plies)
+            numbers[f"{name}.t"] = sum(ply.thickness for ply in section.plies)
             materials = list(dict.fromkeys(ply.material for ply in section.plies))
         else:
-            found |= {
+            numbers |= {
                 f"{name}.{c}": v
                 for c, v in zip(("I1", "I2"), section.inertia, strict=False)
                 if c in section.places
@@ -253,8 +253,8 @@ def stated(model: FiniteElementModel) -> dict[str, float]:
         for k, material in enumerate(materials, start=1):
             for constant, value in model.materials[material].constants.items():
                 if constant != "density":
-                    found[f"{name}.{constant}{f'_{k}' if k > 1 else ''}"] = value
-    return found
+                    numbers[f"{name}.{constant}{f'_{k}' if k > 1 else ''}"] = value
+    return numbers
 
 
 NUMBERS_OF_DECK = sorted(stated(read_bdf(DECK.encode())))

@@ -46,7 +46,7 @@ def kept(before: str, after: str) -> list[str]:
 
 
 def test_numbers_change_in_place() -> None:
-    found = written(
+    changed = written(
         PLATE,
         {
             ("plate", "E1"): 2.41e10,
@@ -60,7 +60,7 @@ def test_numbers_change_in_place() -> None:
         "** updated: E1 of plate was 2.3e+10, is 2.41e+10\n** updated: G12 of plate was 3e+09, is"
         " 3.21e+09\n2.41e+10, 8.5e9, 0.27,3.21e+09, 3.0e9",
     ).replace("\n0.005\n", "\n** updated: thickness of plate was 0.005, is 0.0051\n0.0051\n")
-    assert found == expected
+    assert changed == expected
     assert (
         write_deck(
             PLATE.encode(),
@@ -80,14 +80,14 @@ def test_sets_that_shared_a_material_get_copies() -> None:
         ("web", "density"): 1900.0,
         ("flange", "t"): 0.0062,
     }
-    found = write_deck(content, model, updated)[""]
-    again = read_inp(found)
+    changed = write_deck(content, model, updated)[""]
+    again = read_inp(changed)
     assert set(again.materials) == {"GFRP", "GFRP_web"}
     assert constants(again, "flange") == {**constants(model, "flange"), "E1": 2.5e10}
     assert constants(again, "web") == {**constants(model, "web"), "E1": 2.2e10, "density": 1900.0}
     assert shell(again, "flange").plies[0].thickness == 0.0062
     assert shell(again, "web").plies[0].thickness == 0.006
-    assert kept(content.decode(), found.decode()) == [
+    assert kept(content.decode(), changed.decode()) == [
         "2.3e+10,8.5e+09,8.5e+09,0.27,.3,.35,3e+09,3e+09,",
         "6.000000e-03",
         "*SHELL SECTION,ELSET=WEB,MATERIAL=GFRP,ORIENTATION=OWEB",
@@ -96,8 +96,8 @@ def test_sets_that_shared_a_material_get_copies() -> None:
 
 def test_a_set_that_was_not_updated_keeps_the_material() -> None:
     content = open_deck("box-1")
-    found = write_deck(content, read_inp(content), {("flange", "factor"): 0.9})[""]
-    again = read_inp(found)
+    changed = write_deck(content, read_inp(content), {("flange", "factor"): 0.9})[""]
+    again = read_inp(changed)
     assert constants(again, "web") == constants(read_inp(content), "web")
     assert constants(again, "flange")["G23"] == pytest.approx(0.9 * 2.4e9, rel=1e-9)
     assert constants(again, "flange")["nu12"] == 0.27
@@ -125,8 +125,8 @@ def test_an_open_deck_is_read_and_keeps_every_other_byte(name: str) -> None:
     assert offered is not None
     assert offered.units == "m-N-kg"
     assert ", and GFRP would be fibre reinforced plastic (E 2.3e" in offered.reason
-    found = write_deck(content, model, {("flange", "E1"): 2.5e10, ("web", "E1"): 2.5e10})[""]
-    rest = [line for line in found.split(b"\n") if not line.startswith(b"** updated")]
+    changed = write_deck(content, model, {("flange", "E1"): 2.5e10, ("web", "E1"): 2.5e10})[""]
+    rest = [line for line in changed.split(b"\n") if not line.startswith(b"** updated")]
     assert [line.replace(b"2.5e+10", b"2.3e+10") for line in rest] == content.split(b"\n")
 
 
@@ -134,7 +134,7 @@ def test_laminates_of_a_part() -> None:
     deck = CAE.replace('0.001, 3, "Carbon epoxy", -45.', "0.001, 3, Glass, -45.").replace(
         "** ---", '*Material, name=Glass\n*Density\n1900.,\n*Elastic, type=LAMINA\n4e10, 9e9, 0.25, 4e9, 4e9, 3e9\n** ---', 1
     )  # fmt: skip
-    found = written(
+    changed = written(
         deck,
         {
             ("set-1", "E1"): 1.3e11,
@@ -143,7 +143,7 @@ def test_laminates_of_a_part() -> None:
             ("set-1", "density"): 1800.0,
         },
     )
-    again = read_inp(found.encode())
+    again = read_inp(changed.encode())
     plies = shell(again, "set-1").plies
     assert [ply.material for ply in plies] == ["Carbon epoxy_set-1", "Glass"]
     assert [ply.thickness for ply in plies] == [0.0011, 0.0011]
@@ -154,7 +154,7 @@ def test_laminates_of_a_part() -> None:
     assert glass["density"] == pytest.approx(1900 * 1800 / 1750, rel=1e-8)
     assert again.materials[shell(again, "rib.set-1").plies[0].material].constants["E1"] == 1.2e11
     np.testing.assert_array_equal(again.nodes, read_inp(deck.encode()).nodes)
-    assert '0.0011, 3,"Carbon epoxy_set-1", 45., Ply-1' in found
+    assert '0.0011, 3,"Carbon epoxy_set-1", 45., Ply-1' in changed
 
 
 def test_isotropic_materials_and_beams() -> None:
@@ -198,8 +198,8 @@ def test_an_isotropic_material_that_is_so_no_longer(end: str) -> None:
         "nu23": 0.3,
         "density": 1850.0,
     }
-    found = constants(again, "plate")
-    assert found == {
+    changed = constants(again, "plate")
+    assert changed == {
         **expected,
         **{key: pytest.approx(G, rel=1e-8) for key in ("G12", "G13", "G23")},
     }
@@ -214,22 +214,22 @@ def test_an_isotropic_material_that_is_so_no_longer(end: str) -> None:
 def test_included_files_and_line_ends() -> None:
     deck = PLATE.replace(MATERIAL, "*INCLUDE, INPUT=m.inp\n").replace("\n", "\r\n").encode()
     included = {"m.inp": MATERIAL.replace("\n", "\r\n").rstrip().encode()}
-    found = write_deck(
+    changed = write_deck(
         deck,
         read_inp(deck, included),
         {("plate", "E1"): 2.4e10},
         included=included,
-        remarks=["from job 7", "two\nlines"],
+        remarks=["from job 7: −8.7 %", "two\nlines"],
     )
-    assert set(found) == {"", "m.inp"}
-    assert found[""] == b"** from job 7\r\n** two\r\n** lines\r\n" + deck
-    assert b"2.4e10" not in found["m.inp"]
-    assert found["m.inp"].count(b"\r\n") == included["m.inp"].count(b"\r\n") + 1
-    assert read_inp(found[""], found).materials["GFRP"].constants["E1"] == 2.4e10
+    assert set(changed) == {"", "m.inp"}
+    assert changed[""] == b"** from job 7: -8.7 %\r\n** two\r\n** lines\r\n" + deck
+    assert b"2.4e10" not in changed["m.inp"]
+    assert changed["m.inp"].count(b"\r\n") == included["m.inp"].count(b"\r\n") + 1
+    assert read_inp(changed[""], changed).materials["GFRP"].constants["E1"] == 2.4e10
 
 
 @pytest.mark.parametrize(
-    ("updated", "said"),
+    ("updated", "message"),
     [
         ({("skin", "E1"): 1.0}, r"^skin.E1: there is no set 'skin'; there are plate"),
         ({("plate", "E3"): 1.0}, r"^plate.E3: GFRP of line 13 has no such constant"),
@@ -240,8 +240,8 @@ def test_included_files_and_line_ends() -> None:
         ),
     ],
 )
-def test_numbers_that_the_deck_has_not(updated: Updated, said: str) -> None:
-    with pytest.raises(FormatError, match=said):
+def test_numbers_that_the_deck_has_not(updated: Updated, message: str) -> None:
+    with pytest.raises(FormatError, match=message):
         written(PLATE, updated)
 
 
@@ -297,13 +297,16 @@ def test_the_solver_reads_it_and_all_frequencies_follow(tmp_path: Path) -> None:
         .replace(walls[0], sets + "".join(walls[1:]))
     )
     content = deck.replace("LAMINA\n2.3e10, 8.5e9, 0.27, 3.0e9, 3.0e9, 2.4e9", constants).encode()
-    found = write_deck(
+    changed = write_deck(
         content,
         read_inp(content),
         {("flange", "factor"): 1.21, ("web", "factor"): 1.21 * (1 + 1e-7)},
     )[""]
-    assert b"NAME=GFRP_web" in found
-    before, after = np.array(frequencies(tmp_path, content)), np.array(frequencies(tmp_path, found))
+    assert b"NAME=GFRP_web" in changed
+    before, after = (
+        np.array(frequencies(tmp_path, content)),
+        np.array(frequencies(tmp_path, changed)),
+    )
     elastic = before > 1.0
     assert elastic.sum() > 3
     np.testing.assert_allclose(after[elastic] / before[elastic], 1.1, rtol=1e-6)

@@ -318,9 +318,9 @@ def test_of_a_structure_only_numbers_are_taken(tmp_path: Path) -> None:
             "s": thin,
         },
     )
-    found = read_variables(tmp_path / "m.mat")
-    assert found.keys() == {"m.force", "m.deep.fs", "sensors.gain"}
-    assert found["sensors.gain"].ravel().tolist() == [1.0, 2.0]
+    variables = read_variables(tmp_path / "m.mat")
+    assert variables.keys() == {"m.force", "m.deep.fs", "sensors.gain"}
+    assert variables["sensors.gain"].ravel().tolist() == [1.0, 2.0]
     with h5py.File(tmp_path / "m73.mat", "w") as file:
         file["m/force"], file["m/name"], file["#refs#"] = FORCE, np.bytes_("hit"), FORCE
     assert read_variables(tmp_path / "m73.mat").keys() == {"m.force"}
@@ -391,12 +391,12 @@ def test_blocks_of_an_archive_are_taken_as_a_service_kept_them(tmp_path: Path) -
     }
     document = {"archived": True, "sample_rate_hz": 2048.0, "hit": [4, 7]}
     document["channels"] = [force, {**other, "start_sample": [0, 4096], "direction": [3, -3]}]
-    found = blocks_of(read_variables(tmp_path / "1.npz"), read_mapping(document))
-    assert [(b.force_point, b.hit, b.label, b.start_sample) for b in found] == [
+    blocks = blocks_of(read_variables(tmp_path / "1.npz"), read_mapping(document))
+    assert [(b.force_point, b.hit, b.label, b.start_sample) for b in blocks] == [
         (1, 4, "force_1", None), (1, 4, "a", 0), (2, 7, "force_1", None), (2, 7, "b", 4096),
     ]  # fmt: skip
-    assert (found[2].samples == FORCE[1]).all()
-    assert (found[0].sensitivity, found[1].samples.dtype, found[3].direction) == (
+    assert (blocks[2].samples == FORCE[1]).all()
+    assert (blocks[0].sensitivity, blocks[1].samples.dtype, blocks[3].direction) == (
         0.5,
         np.float32,
         -3,

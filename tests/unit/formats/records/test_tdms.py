@@ -26,23 +26,25 @@ MAPPED = [
 def written(folder: Path, strokes: int = 1, rate: float | None = RATE, lacks: int = 0) -> Path:
     """The force and response of `WHOLE` in so many strokes; the response lacks some samples."""
     path = folder / "long.tdms"
-    said = {"wf_increment": 1 / rate} if rate else {}
+    properties = {"wf_increment": 1 / rate} if rate else {}
     with nptdms.TdmsWriter(path) as file:
         for force, response in zip(
             *(np.array_split(row, strokes, axis=0) for row in WHOLE), strict=True
         ):
             file.write_segment(
                 [
-                    nptdms.ChannelObject("daq", "force", force, said),
-                    nptdms.ChannelObject("daq", "acc", response[: len(response) - lacks], said),
+                    nptdms.ChannelObject("daq", "force", force, properties),
+                    nptdms.ChannelObject(
+                        "daq", "acc", response[: len(response) - lacks], properties
+                    ),
                     nptdms.ChannelObject("daq", "remarks", ["none"]),
                 ]
             )
     return path
 
 
-def channels(path: Path, **said: object) -> Channels:
-    return channels_of(path, {"recording": {}, "channels": MAPPED, **said}, path.name)
+def channels(path: Path, **stated: object) -> Channels:
+    return channels_of(path, {"recording": {}, "channels": MAPPED, **stated}, path.name)
 
 
 @pytest.mark.parametrize("strokes", [1, 7, 300])
@@ -58,8 +60,8 @@ def test_samples_are_those_that_were_written(tmp_path: Path, strokes: int) -> No
 
 def test_hits_are_cut_by_group_and_channel(tmp_path: Path) -> None:
     own = channels(written(tmp_path, 7))
-    found = own.survey()
-    blocks = list(own.blocks(found, own.places(found.hits)))
+    survey = own.survey()
+    blocks = list(own.blocks(survey, own.places(survey.hits)))
     assert [(b.quantity, b.force_point, b.hit, b.label) for b in blocks] == [
         (quantity, 4, hit, name)
         for hit in (1, 2)
@@ -67,23 +69,23 @@ def test_hits_are_cut_by_group_and_channel(tmp_path: Path) -> None:
     ]
     begin = blocks[0].start_sample
     assert begin is not None
-    expected = WHOLE[:, begin : begin + found.length] / 0.5
+    expected = WHOLE[:, begin : begin + survey.length] / 0.5
     np.testing.assert_allclose(
         [blocks[0].samples, blocks[1].samples], expected, rtol=1e-6, atol=1e-7
     )
-    assert own.notes(found) == []
+    assert own.notes(survey) == []
 
 
 def test_a_rate_is_the_files_or_stated_and_one_that_a_recorder_has(tmp_path: Path) -> None:
     assert channels(written(tmp_path, rate=None), sample_rate_hz=RATE).sample_rate_hz == RATE
-    for rate, stated, said in (
+    for rate, stated, message in (
         (None, {}, "is missing, and the file states none"),
         (RATE, {"sample_rate_hz": 100}, "is 100, and the file says"),
         (-RATE, {}, f"is -{RATE:g}, expected a positive number"),
         (1e300, {}, r"is 1e\+300, expected a positive number"),
         (None, {"sample_rate_hz": -5}, "is -5, expected"),
     ):
-        with pytest.raises(FormatError, match=f"sample_rate_hz: {said}"):
+        with pytest.raises(FormatError, match=f"sample_rate_hz: {message}"):
             channels(written(tmp_path, rate=rate), **stated)
 
 
@@ -172,8 +174,8 @@ def daqmx(path: Path, strokes: int, frames: int, claimed: int | None = None) -> 
     (frames, 2) counts.
     """
 
-    def text(said: str) -> bytes:
-        return struct.pack("<L", len(said)) + said.encode()
+    def text(content: str) -> bytes:
+        return struct.pack("<L", len(content)) + content.encode()
 
     counts = np.arange(2 * strokes * frames, dtype="<i2").reshape(-1, 2)
     objects = [
@@ -183,22 +185,24 @@ def daqmx(path: Path, strokes: int, frames: int, claimed: int | None = None) -> 
     for k in (0, 1):
         index = struct.pack("<LLLQ", 0x1269, 0xFFFF_FFFF, 1, claimed or frames)
         index += struct.pack("<LLLLLL", 1, 3, 0, 2 * k, 0, 0) + struct.pack("<LL", 1, 4)
-        said = [
+        entries = [
             ("NI_Number_Of_Scales", 7, struct.pack("<L", 2)),
             ("NI_Scale[1]_Scale_Type", 0x20, text("Linear")),
         ]
-        said += [
+        entries += [
             (f"NI_Scale[1]_Linear_{n}", 10, struct.pack("<d", v))
             for n, v in (("Slope", k + 2), ("Y_Intercept", 0))
         ]
-        said += [
+        entries += [
             ("NI_Scale[1]_Linear_Input_Source", 7, struct.pack("<L", 0)),
             ("wf_increment", 10, struct.pack("<d", 1e-3)),
         ]
         properties = b"".join(
-            text(name) + struct.pack("<L", kind) + value for name, kind, value in said
+            text(name) + struct.pack("<L", kind) + value for name, kind, value in entries
         )
-        objects.append(text(f"/'daq'/'c{k}'") + index + struct.pack("<L", len(said)) + properties)
+        objects.append(
+            text(f"/'daq'/'c{k}'") + index + struct.pack("<L", len(entries)) + properties
+        )
     head = struct.pack("<L", len(objects)) + b"".join(objects)
     lead = b"TDSm" + struct.pack("<lLQQ", 0b1000_1110, 4713, len(head) + counts.nbytes, len(head))
     path.write_bytes(lead + head + counts.tobytes())

@@ -130,8 +130,8 @@ def test_one_that_declares_no_length_is_read_to_its_end(
     head = read_wav_head(hit)
     assert (head.frames, head.declared) == (FORCE.size, False)
     with pytest.warns(UserWarning, match="hit.wav declares no length: it is read to its end"):
-        found = read_variables(hit)
-    np.testing.assert_array_equal(found["channel_2"], RESPONSE)
+        variables = read_variables(hit)
+    np.testing.assert_array_equal(variables["channel_2"], RESPONSE)
 
 
 def test_one_without_samples_is_none_of_those(tmp_path: Path) -> None:

@@ -38,13 +38,13 @@ SECONDS = axis(17, "s")
 VALUES = [1 + 2j, 3 + 4j]
 
 
-def of_frf(found: Reading) -> list[complex]:
-    (frf,) = found.of(Frf)
+def of_frf(reading: Reading) -> list[complex]:
+    (frf,) = reading.of(Frf)
     return frf.values.tolist()
 
 
-def frequencies(found: Reading) -> list[float]:
-    return found.of(Frf)[0].frequency.points().tolist()
+def frequencies(reading: Reading) -> list[float]:
+    return reading.of(Frf)[0].frequency.points().tolist()
 
 
 ONE = "   1.00000000000e+00   0.00000000000e+00"
@@ -56,9 +56,9 @@ UNSTATED = set_58(ONE, points=1, ordinate=axis(0), denominator=axis(0))
 TAKEN: dict[str, tuple[bytes, Callable[[Reading], object], object, str]] = {
     "words between datasets": (POINTS + b"Workpiece\n" + FRF, of_frf, VALUES, "the text 'Workpiece', which is no dataset"),
     "a trace line that is longer": (
-        TRACE, lambda found: found.of(TraceLine)[0].points, (1, 2, 0, 3, 4), "declares 3 points and holds 5"),
+        TRACE, lambda reading: reading.of(TraceLine)[0].points, (1, 2, 0, 3, 4), "declares 3 points and holds 5"),
     "a reference of -1": (
-        set_58(PLAIN, reference=(-1, 0)), lambda found: found.of(Frf)[0].reference_point, 0, "-1, read as 0"),
+        set_58(PLAIN, reference=(-1, 0)), lambda reading: reading.of(Frf)[0].reference_point, 0, "-1, read as 0"),
     "rows of other widths": (set_58(" 1.0e+00 2.0e+00", " 3.0e+00 4.0e+00"), of_frf, VALUES, "separated by blanks"),
     # the second is a column short and the third one long: none is cut up
     "rows that together fill the columns": (
@@ -66,9 +66,9 @@ TAKEN: dict[str, tuple[bytes, Callable[[Reading], object], object, str]] = {
     "singles beyond their range": (set_58("  1.00000e-42  2.00000e+00  3.00000e+00  4.00000e+00", kind=5), of_frf,
         [1e-42 + 2j, 3 + 4j], "kept as doubles"),
     "coordinates that run together": (
-        dataset("15", RUN_TOGETHER), lambda found: found.of(GridPoint)[0].xyz_m, (-1e-101, -2.0, -0.3), "pyuff"),
+        dataset("15", RUN_TOGETHER), lambda reading: reading.of(GridPoint)[0].xyz_m, (-1e-101, -2.0, -0.3), "pyuff"),
     "coordinates without units": (
-        POINTS, lambda found: found.of(GridPoint)[0].xyz_m, (1.0, 2.0, 3.0), "no set 164: coordinates taken as metres"),
+        POINTS, lambda reading: reading.of(GridPoint)[0].xyz_m, (1.0, 2.0, 3.0), "no set 164: coordinates taken as metres"),
     "an abscissa of an unknown unit": (set_58(ONE, points=1, start="5.00000e+00", abscissa=axis(18, "bins")),
         frequencies, [5.0], "the unit of the abscissa is 'bins'; Hz assumed"),
     "an ordinate of an unknown unit": (set_164(1000.0) + set_58(ONE, points=1, ordinate=axis(12, "EU")), of_frf,
@@ -83,16 +83,16 @@ TAKEN: dict[str, tuple[bytes, Callable[[Reading], object], object, str]] = {
 @pytest.mark.parametrize("name", TAKEN)
 def test_what_is_taken_is_noted(read: Read, name: str) -> None:
     file, taken, value, note = TAKEN[name]
-    found = read(file)
-    assert set(found.outcomes) == {"read"}, found.reasons
-    assert taken(found) == pytest.approx(value, rel=1e-15)
-    assert note in found.notes
+    reading = read(file)
+    assert set(reading.outcomes) == {"read"}, reading.reasons
+    assert taken(reading) == pytest.approx(value, rel=1e-15)
+    assert note in reading.notes
 
 
 def test_an_frf_that_states_nothing_is_what_the_user_states(read: Read) -> None:
-    found = read(UNSTATED, Limits(quantity="mobility"))
-    assert found.of(Frf)[0].quantity == "mobility"
-    assert "mobility as stated for the import" in found.notes
+    reading = read(UNSTATED, Limits(quantity="mobility"))
+    assert reading.of(Frf)[0].quantity == "mobility"
+    assert "mobility as stated for the import" in reading.notes
 
 
 @pytest.mark.parametrize("text", [b"Workpiece 1", b"  1.0 2.0", b"a\nb\nc\nd\ne", b"    15"])
@@ -112,10 +112,10 @@ def test_a_binary_count_may_hold_the_line_ends(read: Read, counted: int, ends: b
         b"\n".join(line.encode() if isinstance(line, str) else line for line in header_58()) + b"\n"
     )
     type_line = f"    58b     1     2          11{counted:12d}     0     0           0           0\n".encode()
-    found = read(b"    -1\n" + type_line + head + values.tobytes() + ends + b"    -1\n" + FRF)
-    assert found.outcomes == ["read", "read"]
-    np.testing.assert_array_equal(found.of(Frf)[0].values, [1 + 2j, 3 + 4j])
-    assert ("line ends included" in found.notes) == (counted != 32)
+    reading = read(b"    -1\n" + type_line + head + values.tobytes() + ends + b"    -1\n" + FRF)
+    assert reading.outcomes == ["read", "read"]
+    np.testing.assert_array_equal(reading.of(Frf)[0].values, [1 + 2j, 3 + 4j])
+    assert ("line ends included" in reading.notes) == (counted != 32)
 
 
 def test_time_blocks_are_read_in_si(read: Read) -> None:
@@ -132,16 +132,16 @@ def test_time_blocks_are_read_in_si(read: Read) -> None:
         reference=(7, 3),
     )
     pressure = function(1, samples, abscissa=SECONDS, ordinate=axis(15, "Pa"), step="1.00000e-03")
-    found = read(set_164(length=1000.0) + force + metric + pressure)
-    hammer, sensor = found.of(TimeResponse)
+    reading = read(set_164(length=1000.0) + force + metric + pressure)
+    hammer, sensor = reading.of(TimeResponse)
     np.testing.assert_allclose(hammer.samples, 4.4482216152605 * samples, rtol=1e-12)
     # by set 164: the file is in mm
     np.testing.assert_allclose(sensor.samples, samples / 1000, rtol=1e-12)
-    assert "units of set 164 (USER_DEFINED) assumed" in found.notes
+    assert "units of set 164 (USER_DEFINED) assumed" in reading.notes
     assert "units of SI (the file has no set 164) assumed" in read(metric).notes
     assert (hammer.quantity, sensor.quantity) == ("force", "acceleration")
     assert hammer.sample_rate_hz == 1000.0
-    assert found.of(Function)[0].name == "time response"  # a pressure stays what it was
+    assert reading.of(Function)[0].name == "time response"  # a pressure stays what it was
     others = ((1, axis(15, "N*m")), (2, axis(15, "N*m")), (2, axis(15, "NONE")))
     kept = [
         read(function(n, samples**2, ordinate=o, abscissa=SECONDS if n == 1 else axis(18, "Hz")))
@@ -172,19 +172,19 @@ NEWTONS = {"abscissa": SECONDS, "ordinate": axis(13, "N"), "step": "1.00000e-03"
 def test_a_time_block_without_a_rate_or_of_two_minds_is_refused(
     read: Read, file: bytes, reason: str
 ) -> None:
-    found = read(file)
-    assert found.outcomes == ["refused"]
-    assert reason in found.reasons
+    reading = read(file)
+    assert reading.outcomes == ["refused"]
+    assert reason in reading.reasons
 
 
-def ended(found: Reading, frf: Frf | None = None) -> list:
+def ended(reading: Reading, frf: Frf | None = None) -> list:
     """What the power spectra of a file make at its end."""
     spectra = Spectra()
     if frf is not None:
         spectra.note(frf)
-    for item in found.of(PowerSpectrum):
+    for item in reading.of(PowerSpectrum):
         spectra.take(item)
-    assert all(spectra.holds(report) for report in found.reports)
+    assert all(spectra.holds(report) for report in reading.reports)
     return list(spectra.finish())
 
 
@@ -201,9 +201,9 @@ def test_spectra_that_make_no_frf_say_why(read: Read) -> None:
         return [report.reason for report in reports]
 
     unneeded = "is an auto spectrum that no cross spectrum needs"
-    lost, alone = reasons(function(3, cross, **ends) + of_force)
+    lost, spectrum = reasons(function(3, cross, **ends) + of_force)
     assert "without an auto spectrum of the motion at its response" in lost
-    assert alone == unneeded
+    assert spectrum == unneeded
     assert "of the force at its reference" in reasons(function(3, cross, **ends))[0]
     assert "makes a coherence above 1" in reasons(function(3, cross, **ends) + of_force + quiet)[0]
     loud = function(2, 1e4 * force, response=(7, 3), reference=(7, 3), ordinate=axis(12, "m/s^2"))
@@ -266,12 +266,12 @@ def test_power_spectra_make_the_frf_whichever_channel_is_conjugated(
     motion = np.abs(exact) ** 2 * force + noise
     cross = exact * force
     ends = {"response": (7, 3), "reference": (1, 3)}
-    found = read(
+    reading = read(
         function(2, force, response=(1, 3), reference=(1, 3), ordinate=axis(13, "N^2"))
         + function(2, 1e6 * motion, response=(7, 3), reference=(7, 3), ordinate=axis(12, "mm/s^2"))
         + function(3, 1e3 * (cross.conj() if conjugated else cross), **ends)
     )
-    frf, coherence, *reports = ended(found)
+    frf, coherence, *reports = ended(reading)
     assert isinstance(frf, Frf)
     assert isinstance(coherence, Function)
     np.testing.assert_allclose(frf.values, exact, rtol=1e-9, atol=1e-9)

@@ -96,20 +96,20 @@ def test_delimiters_with_odd_blanks(read: Read) -> None:
         b"\n\n" + POINTS + b"\r\n\r\n" + FRF.replace(b"\n", b"\r\n") + b"\x1a",
         b"\xef\xbb\xbf" + POINTS,
     ):
-        found = read(data)
-        assert set(found.outcomes) == {"read"}
-        assert len(found.of(GridPoint)) == 1
-    found = read(odd + FRF)
-    assert (len(found.of(GridPoint)), len(found.of(Frf))) == (1, 1)
-    assert "its closing delimiter is not in columns 5 and 6" in found.notes
+        reading = read(data)
+        assert set(reading.outcomes) == {"read"}
+        assert len(reading.of(GridPoint)) == 1
+    reading = read(odd + FRF)
+    assert (len(reading.of(GridPoint)), len(reading.of(Frf))) == (1, 1)
+    assert "its closing delimiter is not in columns 5 and 6" in reading.notes
 
 
 def test_a_dataset_whose_delimiters_were_lost_in_another_is_named(read: Read) -> None:
     data = dataset("734", "1 2 3") + POINTS
     merged = data.replace(b"    -1\n    -1\n", b"    -1x    -1\n")
-    found = read(merged)
-    assert found.outcomes == ["refused"]
-    assert "holds what was the beginning of another dataset" in found.reasons
+    reading = read(merged)
+    assert reading.outcomes == ["refused"]
+    assert "holds what was the beginning of another dataset" in reading.reasons
 
 
 def test_limits(read: Read) -> None:
@@ -120,19 +120,19 @@ def test_limits(read: Read) -> None:
     assert "nearly all are blank" in read(dataset("15", POINT, *[""] * 10_001)).reasons
     odd = read(POINTS.removesuffix(b"    -1\n") + b"   -1\n")
     assert "its closing delimiter is not in columns 5 and 6" in odd.notes
-    found = read(POINTS + FRF, Limits(dataset_bytes=200))
-    assert found.outcomes == ["read", "refused"]
-    assert "more than the 200 allowed" in found.reasons
+    reading = read(POINTS + FRF, Limits(dataset_bytes=200))
+    assert reading.outcomes == ["read", "refused"]
+    assert "more than the 200 allowed" in reading.reasons
 
 
 def test_reports_name_type_offset_and_place(read: Read) -> None:
     before, row = POINTS + dataset("734", "1"), b"   1.00000000000e+00"
-    found = read(before + FRF.replace(b"2.00000000000e+00", b"2.000000*0000e+00"))
-    reported = [(report.number, report.type, report.outcome) for report in found.reports]
+    reading = read(before + FRF.replace(b"2.00000000000e+00", b"2.000000*0000e+00"))
+    reported = [(report.number, report.type, report.outcome) for report in reading.reports]
     assert reported == [(1, "15", "read"), (2, "734", "ignored"), (3, "58", "refused")]
-    assert found.reports[2].offset == len(before)
+    assert reading.reports[2].offset == len(before)
     place = len(before) + FRF.index(row)
-    assert f"line 12 (byte {place}): '2.000000*0000e+00' is not a number" in found.reasons
+    assert f"line 12 (byte {place}): '2.000000*0000e+00' is not a number" in reading.reasons
 
 
 def test_a_file_that_is_cut_while_it_is_read_is_refused(tmp_path: Path) -> None:
@@ -158,9 +158,9 @@ def test_what_pyuff_reads_otherwise_is_refused(read: Read, monkeypatch: pytest.M
     monkeypatch.setattr(pyuff.UFF, "read_sets", lambda _: {})
     assert "pyuff finds no" in read(POINTS).reasons
     monkeypatch.setattr(pyuff.UFF, "read_sets", lambda self: [theirs(self)])
-    found = read(POINTS)
-    assert found.outcomes == ["read"]
-    assert "pyuff cannot read this dataset; it was read by its columns alone" in found.notes
+    reading = read(POINTS)
+    assert reading.outcomes == ["read"]
+    assert "pyuff cannot read this dataset; it was read by its columns alone" in reading.notes
 
 
 def test_a_refused_row_is_named_by_its_line() -> None:
@@ -230,11 +230,11 @@ def corpus_file(name: str) -> Reading:
 
 @pytest.mark.parametrize("name", COUNTS)
 def test_counts(name: str) -> None:
-    found = corpus_file(name)
-    assert Counter(type(content) for content in found.contents) == COUNTS[name]
-    assert {r.type for r in found.reports if r.outcome != "read"} == IGNORED.get(name, set())
-    assert all(r.reason for r in found.reports if r.outcome == "ignored")
-    assert "refused" not in found.outcomes
+    reading = corpus_file(name)
+    assert Counter(type(content) for content in reading.contents) == COUNTS[name]
+    assert {r.type for r in reading.reports if r.outcome != "read"} == IGNORED.get(name, set())
+    assert all(r.reason for r in reading.reports if r.outcome == "ignored")
+    assert "refused" not in reading.outcomes
 
 
 def test_whatever_else_the_corpus_holds_is_read_or_refused_with_a_reason(uff_corpus: Path) -> None:
@@ -243,9 +243,11 @@ def test_whatever_else_the_corpus_holds_is_read_or_refused_with_a_reason(uff_cor
         path for path in uff_corpus.glob("*/*") if str(path.relative_to(uff_corpus)) not in COUNTS
     ):
         with suppress(UffError):  # no UFF file; the error says why
-            found = load(path)
-            assert found.outcomes, path
-            assert all(report.reason for report in found.reports if report.outcome != "read"), path
+            reading = load(path)
+            assert reading.outcomes, path
+            assert all(report.reason for report in reading.reports if report.outcome != "read"), (
+                path
+            )
 
 
 def test_text_and_binary_of_one_measurement_read_alike() -> None:
@@ -284,12 +286,12 @@ def test_measured_frfs_peak_at_their_resonances() -> None:
 
 def test_units_and_dofs_of_measured_frfs() -> None:
     """Of a binary mobility; and of one whose header says general and whose label the units."""
-    found = corpus_file("murml-uff/UFF58B.FRF")
-    (frf,) = found.of(Frf)
+    reading = corpus_file("murml-uff/UFF58B.FRF")
+    (frf,) = reading.of(Frf)
     assert (frf.quantity, frf.response_point, frf.values.dtype) == ("mobility", 192, np.complex64)
     assert (frf.frequency.points()[0], frf.frequency.points()[-1]) == (0.0, 20000.0)
     assert frf.id_lines[3].startswith("@2173,1822")
-    assert "assumed" in found.notes
+    assert "assumed" in reading.notes
     (frf,) = corpus_file("pyuff/non_ascii_header.uff").of(Frf)
     assert frf.quantity == "accelerance"
     np.testing.assert_allclose(
@@ -299,13 +301,13 @@ def test_units_and_dofs_of_measured_frfs() -> None:
 
 def test_a_simulations_mode_shapes_and_coordinates() -> None:
     """Coordinates of set 2411 are in the part's system, whatever system it names."""
-    found = corpus_file("pyuff/NX-simulation-output.uff")
-    points = {p.number: p.xyz_m for p in found.of(GridPoint)}
+    reading = corpus_file("pyuff/NX-simulation-output.uff")
+    points = {p.number: p.xyz_m for p in reading.of(GridPoint)}
     expected = (2.0940900802612305e-2, 1.3069399833679199e-2, 1.01075216497076e-3)
     np.testing.assert_allclose(points[9581], expected, rtol=1e-12)
     # a straight bar along z
     assert {round(x, 9) for x, _, _ in points.values()} == {round(2.0940900802612305e-2, 9)}
-    first = found.of(ModeShape)[0]
+    first = reading.of(ModeShape)[0]
     assert (first.frequency_hz, first.kind, first.values.shape) == (23383.2, "normal", (18, 3))
     np.testing.assert_array_equal(first.values[0], [1.95655e-02, 1.30354e01, -1.92335e-07])
 
@@ -321,16 +323,16 @@ def test_complex_eigenvalue_of_set_55() -> None:
 
 @pytest.mark.parametrize("name", ["paper-like", "free-1pct"])
 def test_independent_frfs_of_beams(name: str) -> None:
-    found = load(shared_file("BLIND_OPEN", "blind-open", f"{name}.uff"))
-    assert Counter(type(c) for c in found.contents) == {
+    reading = load(shared_file("BLIND_OPEN", "blind-open", f"{name}.uff"))
+    assert Counter(type(c) for c in reading.contents) == {
         FileHeader: 1,
         Units: 1,
         GridPoint: 33,
         Frf: 33,
     }
-    assert set(found.outcomes) == {"read"}
-    assert found.notes == ""
-    for frf in found.of(Frf):
+    assert set(reading.outcomes) == {"read"}
+    assert reading.notes == ""
+    for frf in reading.of(Frf):
         assert (frf.quantity, frf.values.dtype) == ("accelerance", np.complex128)
         assert (frf.response_direction, frf.reference_direction) == (3, 3)
 

@@ -15,8 +15,8 @@ from tests.support.uff import PLAIN, Read, Reading, axis, dataset, header_58, se
 VALUES = [1 + 2j, 3 + 4j]
 
 
-def values(found: Reading) -> list[complex]:
-    (frf,) = found.of(Frf)
+def values(reading: Reading) -> list[complex]:
+    (frf,) = reading.of(Frf)
     return frf.values.tolist()
 
 
@@ -36,9 +36,9 @@ def values(found: Reading) -> list[complex]:
     ],
 )  # fmt: skip
 def test_forms_of_numbers(read: Read, rows: list[str], expected: list[complex]) -> None:
-    found = read(set_58(*rows))
-    assert found.outcomes == ["read"], found.reasons
-    assert values(found) == expected
+    reading = read(set_58(*rows))
+    assert reading.outcomes == ["read"], reading.reasons
+    assert values(reading) == expected
 
 
 @pytest.mark.parametrize(
@@ -50,9 +50,9 @@ def test_forms_of_numbers(read: Read, rows: list[str], expected: list[complex]) 
     ],
 )  # fmt: skip
 def test_uneven_axes(read: Read, kind: int, rows: list[str], expected: list[complex]) -> None:
-    found = read(set_58(*rows, kind=kind, even=0))
-    assert values(found) == expected
-    assert found.of(Frf)[0].frequency.points().tolist() == [1.0, 1.5]
+    reading = read(set_58(*rows, kind=kind, even=0))
+    assert values(reading) == expected
+    assert reading.of(Frf)[0].frequency.points().tolist() == [1.0, 1.5]
 
 
 @pytest.mark.parametrize(
@@ -88,9 +88,9 @@ def test_uneven_axes(read: Read, kind: int, rows: list[str], expected: list[comp
 def test_what_the_format_does_not_allow_is_refused_by_name(
     read: Read, rows: list[str], header: dict[str, object], reason: str
 ) -> None:
-    found = read(set_58(*rows, **header))
-    assert (found.outcomes, found.contents) == (["refused"], [])
-    assert reason in found.reasons
+    reading = read(set_58(*rows, **header))
+    assert (reading.outcomes, reading.contents) == (["refused"], [])
+    assert reason in reading.reasons
 
 
 def binary_58(
@@ -110,9 +110,9 @@ def test_binary_of_either_order_and_precision(
     read: Read, order: int, kind: int, item: str, tail: bytes
 ) -> None:
     data = np.array([1, 2, 3, 4], ("<" if order == 1 else ">") + item).tobytes()
-    found = read(binary_58(data, order=order, kind=kind, tail=tail))
-    assert (values(found), found.notes) == (VALUES, "")
-    assert found.of(Frf)[0].values.dtype == (np.complex64 if kind == 5 else np.complex128)
+    reading = read(binary_58(data, order=order, kind=kind, tail=tail))
+    assert (values(reading), reading.notes) == (VALUES, "")
+    assert reading.of(Frf)[0].values.dtype == (np.complex64 if kind == 5 else np.complex128)
 
 
 def test_binary_that_pyuff_wrote_with_its_own_byte_count(tmp_path: Path, read: Read) -> None:
@@ -137,9 +137,9 @@ def test_binary_that_pyuff_wrote_with_its_own_byte_count(tmp_path: Path, read: R
         pyuff.UFF(str(path)).write_sets(
             pyuff.prepare_58(**header, **types, id1="x", x=x, data=data), mode="add"
         )
-    found = read(path.read_bytes())
-    np.testing.assert_array_equal(found.of(Frf)[0].values, data)
-    assert "its header declares 400 bytes of data; the 800 bytes" in found.notes
+    reading = read(path.read_bytes())
+    np.testing.assert_array_equal(reading.of(Frf)[0].values, data)
+    assert "its header declares 400 bytes of data; the 800 bytes" in reading.notes
 
 
 def test_binary_faults(read: Read) -> None:
@@ -164,24 +164,26 @@ def test_binary_in_the_other_byte_order_than_stated(read: Read) -> None:
     random = np.random.default_rng(1)
     # the latter over ten decades
     for data in (random.standard_normal(400), 10 ** random.uniform(-6.5, 6.5, 400)):
-        found = read(binary_58(data.astype(">f8").tobytes(), order=1, points=200))
-        assert "the byte order in its header is wrong" in found.reasons
+        reading = read(binary_58(data.astype(">f8").tobytes(), order=1, points=200))
+        assert "the byte order in its header is wrong" in reading.reasons
 
 
 def test_numbers_that_are_none_in_the_stated_byte_order_are_in_the_other(read: Read) -> None:
     data = (np.linspace(1.0, 2.0, 64) * (1 + 1j)).astype(">c16").tobytes()
     # read backwards, a NaN
     data = b"".join(data[i : i + 6] + b"\xff\x7f" for i in range(0, len(data), 8))
-    found = read(binary_58(data, points=64))
-    assert "its numbers make no sense as little endian, and do the other way round" in found.reasons
+    reading = read(binary_58(data, points=64))
+    assert (
+        "its numbers make no sense as little endian, and do the other way round" in reading.reasons
+    )
 
 
 def test_bytes_of_a_delimiter_inside_binary_data(read: Read) -> None:
     data = b"    -1\n " + np.array([2, 3, 4], "<f8").tobytes()
-    found = read(binary_58(data))
-    assert found.outcomes == ["read"]
-    assert found.of(Frf)[0].values.tolist()[1] == 3 + 4j
-    assert "pyuff cannot read past" in found.notes
+    reading = read(binary_58(data))
+    assert reading.outcomes == ["read"]
+    assert reading.of(Frf)[0].values.tolist()[1] == 3 + 4j
+    assert "pyuff cannot read past" in reading.notes
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "latin-1"])
@@ -190,10 +192,10 @@ def test_labels_with_umlauts(read: Read, encoding: str) -> None:
     data = dataset(
         "58", *header_58(first=label, ordinate=axis(12, "m/s²".encode(encoding), (1, 0, 0))), PLAIN
     )
-    found = read(data)
-    assert found.of(Frf)[0].label == "Träger Prüfung ± m/s²"
-    assert values(found) == VALUES
-    assert found.notes == ""
+    reading = read(data)
+    assert reading.of(Frf)[0].label == "Träger Prüfung ± m/s²"
+    assert values(reading) == VALUES
+    assert reading.notes == ""
 
 
 @pytest.mark.parametrize(
@@ -202,13 +204,13 @@ def test_labels_with_umlauts(read: Read, encoding: str) -> None:
 def test_unit_label_behind_a_name_of_many_bytes(read: Read, name: str, pad_by_bytes: bool) -> None:
     width = 20 - (len(name.encode()) - len(name) if pad_by_bytes else 0)
     record = f"{12:10d}    1    0    0 {name:<{width}} {'mm/s^2':<20}".encode()
-    found = read(dataset("58", *header_58(ordinate=record), PLAIN))
-    assert values(found) == pytest.approx([x * 1e-3 for x in VALUES], rel=1e-15)
+    reading = read(dataset("58", *header_58(ordinate=record), PLAIN))
+    assert values(reading) == pytest.approx([x * 1e-3 for x in VALUES], rel=1e-15)
 
 
 def test_bytes_of_no_encoding_do_no_harm(read: Read) -> None:
-    found = read(dataset("58", *header_58(first=bytes(range(128, 200))), PLAIN))
-    assert values(found) == VALUES
+    reading = read(dataset("58", *header_58(first=bytes(range(128, 200))), PLAIN))
+    assert values(reading) == VALUES
 
 
 def test_blank_degrees_of_freedom_are_noted_and_what_goes_beyond_the_record_is_refused(
@@ -216,11 +218,11 @@ def test_blank_degrees_of_freedom_are_noted_and_what_goes_beyond_the_record_is_r
 ) -> None:
     lines = header_58()
     sixth = lines[5] if isinstance(lines[5], str) else lines[5].decode()
-    found = read(dataset("58", *lines[:5], sixth[:76], *lines[6:], PLAIN))
-    assert found.of(Frf)[0].reference_direction == 0
-    assert "the reference direction is blank, read as 0" in found.notes
-    found = read(dataset("58", *lines[:5], sixth.ljust(80) + "17", *lines[6:], PLAIN))
-    assert "record 6 goes beyond column 80 with '17'" in found.reasons
+    reading = read(dataset("58", *lines[:5], sixth[:76], *lines[6:], PLAIN))
+    assert reading.of(Frf)[0].reference_direction == 0
+    assert "the reference direction is blank, read as 0" in reading.notes
+    reading = read(dataset("58", *lines[:5], sixth.ljust(80) + "17", *lines[6:], PLAIN))
+    assert "record 6 goes beyond column 80 with '17'" in reading.reasons
     assert "ends inside its 11 header lines" in read(dataset("58", *lines[:9])).reasons
     for kind, name in ((6, "coherence"), (21, "partial coherence"), (26, "multiple coherence")):
         assert read(set_58(PLAIN, function=kind)).notes == f"a {name} with complex ordinates"

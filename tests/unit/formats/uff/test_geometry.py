@@ -38,27 +38,27 @@ TURNED = system_18(4, (10, 0, 0), (10, 1, 0), (10, 0, 1))  # x along global y, y
 
 
 def test_definition_systems_are_applied(read: Read) -> None:
-    found = read(set_164(1000.0) + dataset("18", *TURNED) + dataset("15", point(1, 4), point(2)))
-    (system,) = found.of(CoordinateSystem)
+    reading = read(set_164(1000.0) + dataset("18", *TURNED) + dataset("15", point(1, 4), point(2)))
+    (system,) = reading.of(CoordinateSystem)
     np.testing.assert_allclose(system.axes, [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-15)
-    one, two = found.of(GridPoint)
+    one, two = reading.of(GridPoint)
     np.testing.assert_allclose(one.xyz_m, (0.010 - 0.002, 0.001, 0.003), atol=1e-15)
     np.testing.assert_allclose(two.xyz_m, (0.001, 0.002, 0.003), atol=1e-15)
-    assert "coordinates in systems 4 brought to the global system" in found.notes
+    assert "coordinates in systems 4 brought to the global system" in reading.notes
 
 
 def test_a_system_given_in_another(read: Read) -> None:
     nested = system_18(5, (0, 1, 0), (1, 1, 0), (0, 1, 1), reference=4)
-    found = read(dataset("15", point(1, 5)) + dataset("18", *TURNED, *nested))
-    np.testing.assert_allclose(found.of(GridPoint)[0].xyz_m, (10 - 1 - 2, 1, 3), atol=1e-12)
+    reading = read(dataset("15", point(1, 5)) + dataset("18", *TURNED, *nested))
+    np.testing.assert_allclose(reading.of(GridPoint)[0].xyz_m, (10 - 1 - 2, 1, 3), atol=1e-12)
     parts = (
         set_164(1000.0)
         + dataset("15", point(1, 5))
         + dataset("18", *TURNED)
         + dataset("18", *nested)
     )
-    found = read(parts)
-    np.testing.assert_allclose(found.of(GridPoint)[0].xyz_m, (7e-3, 1e-3, 3e-3), atol=1e-15)
+    reading = read(parts)
+    np.testing.assert_allclose(reading.of(GridPoint)[0].xyz_m, (7e-3, 1e-3, 3e-3), atol=1e-15)
     # the point of the xz plane need not lie on z
     skewed = system_18(6, (1, 2, 3), (3, 2, 3), (2, 2, 4))
     (system,) = read(dataset("18", *skewed)).of(CoordinateSystem)
@@ -72,32 +72,31 @@ def test_a_system_given_in_another(read: Read) -> None:
 def test_cylindrical_and_spherical_coordinates(
     read: Read, kind: int, coordinates: tuple, expected: tuple
 ) -> None:
-    found = read(
+    reading = read(
         system_2420(3, np.eye(3), (0, 0, 0), kind) + dataset("15", point(1, 3, 0, coordinates))
     )
-    np.testing.assert_allclose(found.of(GridPoint)[0].xyz_m, expected, atol=1e-12)
+    np.testing.assert_allclose(reading.of(GridPoint)[0].xyz_m, expected, atol=1e-12)
 
 
 def test_an_undefined_system_is_refused_and_label_1_without_any_is_global(read: Read) -> None:
-    found = read(dataset("15", point(1, 7)))
+    reading = read(dataset("15", point(1, 7)))
     assert (
         "grid point 1 is given in coordinate system 7, which the file does not define"
-        in found.reasons
+        in reading.reasons
     )
-    found = read(dataset("15", point(1, 1)))
+    reading = read(dataset("15", point(1, 1)))
     assert (
-        "coordinate system 1 is not defined in the file; taken as the global system" in found.notes
+        "coordinate system 1 is not defined in the file; taken as the global system"
+        in reading.notes
     )
     damaged = dataset("18", *TURNED).replace(b"CS4", b"CS4\nCS4")
     assert read(damaged + dataset("15", point(1, 1))).outcomes == ["refused", "refused"]
 
 
 @pytest.mark.parametrize(
-    ("stated", "found_direction"), [(1, 2), (2, -1), (-2, 1), (3, 3), (4, 5), (-5, 4), (0, 0)]
+    ("stated", "stored"), [(1, 2), (2, -1), (-2, 1), (3, 3), (4, 5), (-5, 4), (0, 0)]
 )
-def test_directions_along_displacement_systems(
-    read: Read, stated: int, found_direction: int
-) -> None:
+def test_directions_along_displacement_systems(read: Read, stated: int, stored: int) -> None:
     data = (
         set_58(FRF_ROW, points=1, response=(7, stated))
         + dataset("15", point(7, 0, 4), point(1))
@@ -105,18 +104,18 @@ def test_directions_along_displacement_systems(
     )
     if abs(stated) > 3:
         data = data.replace(b"m/s^2", b"NONE ")
-    found = read(data)
-    assert found.of(Frf)[0].response_direction == found_direction, found.reasons
-    assert ("of the global system" in found.notes) == (stated not in (0, 3))
+    reading = read(data)
+    assert reading.of(Frf)[0].response_direction == stored, reading.reasons
+    assert ("of the global system" in reading.notes) == (stated not in (0, 3))
 
 
 def test_a_system_that_is_not_there_is_the_global_one_and_noted_once(read: Read) -> None:
     frf = set_58(FRF_ROW, points=1, response=(1, -3), reference=(2, 3), kind=6)
-    found = read(dataset("15", point(1, 0, 1), point(2, 0, 1)) + frf)
-    (taken,) = found.of(Frf)
+    reading = read(dataset("15", point(1, 0, 1), point(2, 0, 1)) + frf)
+    (taken,) = reading.of(Frf)
     assert (taken.response_direction, taken.reference_direction) == (-3, 3)
     assert (
-        found.reports[-1].notes.count(
+        reading.reports[-1].notes.count(
             "coordinate system 1 is not defined in the file; taken as the global system"
         )
         == 1
@@ -159,7 +158,7 @@ def test_faults_of_set_2411(read: Read) -> None:
 
 
 def test_trace_lines_and_elements(read: Read) -> None:
-    found = read(
+    reading = read(
         dataset(
             "82",
             f"{2:10d}{5:10d}{1:10d}",
@@ -167,7 +166,7 @@ def test_trace_lines_and_elements(read: Read) -> None:
             "".join(f"{p:10d}" for p in (1, 2, 0, 3, 4, 0, 0, 0)),
         )
     )
-    assert found.of(TraceLine) == [TraceLine(1, 2, "edge", (1, 2, 0, 3, 4))]
+    assert reading.of(TraceLine) == [TraceLine(1, 2, "edge", (1, 2, 0, 3, 4))]
     assert read(dataset("82", f"{2:10d}{5:10d}{1:10d}", "edge", f"{1:10d}{2:10d}")).outcomes == [
         "refused"
     ]
@@ -208,9 +207,9 @@ def test_set_55(read: Read) -> None:
     (mode,) = read(rigid).of(ModeShape)
     assert mode.frequency_hz == 0.0
     assert np.isnan(mode.damping_ratio)
-    found = read(changed_55(7, "  1.00000e+01  0.00000e+00  0.00000e+00  4.00000e-02"))
-    assert found.of(ModeShape)[0].damping_ratio == 0.02
-    assert "hysteretic damping ratio 0.04 taken as the viscous ratio 0.02" in found.notes
+    reading = read(changed_55(7, "  1.00000e+01  0.00000e+00  0.00000e+00  4.00000e-02"))
+    assert reading.of(ModeShape)[0].damping_ratio == 0.02
+    assert "hysteretic damping ratio 0.04 taken as the viscous ratio 0.02" in reading.notes
 
 
 def test_a_complex_mode_with_rotations_of_set_2414(read: Read) -> None:
@@ -240,8 +239,8 @@ def test_a_complex_mode_with_rotations_of_set_2414(read: Read) -> None:
         (5 / (2 * np.pi), 0.6), rel=1e-12
     )
     np.testing.assert_array_equal(mode.values, [numbers[::2] + 1j * numbers[1::2]])
-    found = read(dataset("2414", *lines[:2], f"{2:10d}", *lines[3:]))
-    assert (found.outcomes, found.reasons) == (
+    reading = read(dataset("2414", *lines[:2], f"{2:10d}", *lines[3:]))
+    assert (reading.outcomes, reading.reasons) == (
         ["ignored"],
         "its data are not at nodes (location 2)",
     )
@@ -294,9 +293,9 @@ COMPLEX_55 = "".join(f"{n:10d}" for n in (1, 3, 2, 8, 5, 3))  # a complex mode
     ],
 )  # fmt: skip
 def test_what_contradicts_itself_is_refused(read: Read, file: bytes, reason: str) -> None:
-    found = read(file)
-    assert (found.outcomes, found.contents) == (["refused"], [])
-    assert reason in found.reasons
+    reading = read(file)
+    assert (reading.outcomes, reading.contents) == (["refused"], [])
+    assert reason in reading.reasons
 
 
 @pytest.mark.parametrize(
@@ -307,14 +306,14 @@ def test_what_contradicts_itself_is_refused(read: Read, file: bytes, reason: str
 def test_data_that_are_no_mode_shape_are_left_out(
     read: Read, numbers: tuple[int, ...], reason: str
 ) -> None:
-    found = read(changed_55(5, "".join(f"{n:10d}" for n in numbers)))
-    assert (found.outcomes, found.contents) == (["ignored"], [])
-    assert reason in found.reasons
+    reading = read(changed_55(5, "".join(f"{n:10d}" for n in numbers)))
+    assert (reading.outcomes, reading.contents) == (["ignored"], [])
+    assert reason in reading.reasons
 
 
 def test_points_given_twice_and_directions_along_curved_axes(read: Read) -> None:
     assert "1 grid points are given twice" in read(dataset("15", point(1), point(1))).notes
     curved = system_2420(3, np.eye(3), (0, 0, 0), 1)
     frf = set_58(FRF_ROW, points=1, response=(1, 3), reference=(1, 3), kind=6)
-    found = read(curved + dataset("15", point(1, 0, 3)) + frf)
-    assert "along axes of the cylindrical system 3" in found.reasons
+    reading = read(curved + dataset("15", point(1, 0, 3)) + frf)
+    assert "along axes of the cylindrical system 3" in reading.reasons

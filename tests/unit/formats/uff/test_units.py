@@ -15,9 +15,9 @@ G = 9.80665
 LBF = 4.4482216152605
 
 
-def one(found: Reading) -> Frf:
-    assert "refused" not in found.outcomes, found.reasons
-    return found.of(Frf)[0]
+def one(reading: Reading) -> Frf:
+    assert "refused" not in reading.outcomes, reading.reasons
+    return reading.of(Frf)[0]
 
 
 @pytest.mark.parametrize(
@@ -39,12 +39,12 @@ def one(found: Reading) -> Frf:
 def test_ordinates_by_their_labels(
     read: Read, ordinate: bytes, denominator: bytes, quantity: str, factor: float
 ) -> None:
-    found = read(set_58(ROW, points=1, ordinate=ordinate, denominator=denominator))
-    frf = one(found)
+    reading = read(set_58(ROW, points=1, ordinate=ordinate, denominator=denominator))
+    frf = one(reading)
     assert frf.quantity == quantity
     assert frf.values[0] == pytest.approx(factor, rel=1e-14)
-    assert ("multiplied by" in found.notes) == (factor != 1.0)
-    assert ("1 g = 9.80665 m/s²" in found.notes) == (b" g" in ordinate)
+    assert ("multiplied by" in reading.notes) == (factor != 1.0)
+    assert ("1 g = 9.80665 m/s²" in reading.notes) == (b" g" in ordinate)
 
 
 @pytest.mark.parametrize(
@@ -71,9 +71,9 @@ def test_ordinates_by_their_labels(
 def test_what_contradicts_itself_is_refused(
     read: Read, header: dict[str, Any], reason: str
 ) -> None:
-    found = read(set_58(header.pop("row", ROW), points=1, **header))
-    assert (found.outcomes, found.contents) == (["refused"], [])
-    assert reason in found.reasons
+    reading = read(set_58(header.pop("row", ROW), points=1, **header))
+    assert (reading.outcomes, reading.contents) == (["refused"], [])
+    assert reason in reading.reasons
 
 
 @pytest.mark.parametrize(
@@ -81,10 +81,10 @@ def test_what_contradicts_itself_is_refused(
 )
 def test_frequency_axis(read: Read, unit: str, factor: float) -> None:
     row = ROW.replace("0.0", "2.0")
-    found = read(
+    reading = read(
         set_58(row + row, start="5.00000e+00", step="2.50000e-01", abscissa=axis(18, unit))
     )
-    assert one(found).frequency.points().tolist() == pytest.approx(
+    assert one(reading).frequency.points().tolist() == pytest.approx(
         [5 * factor, 5.25 * factor], rel=1e-12
     )
     uneven = " 5.00000e+00 1.00000e+00 3.00000e+00 5.25000e+00 4.00000e+00 5.00000e+00"
@@ -95,21 +95,21 @@ def test_frequency_axis(read: Read, unit: str, factor: float) -> None:
         0.0,
         2,
     )
-    assert ("converted to Hz" in found.notes) == (unit != "Hz")
+    assert ("converted to Hz" in reading.notes) == (unit != "Hz")
 
 
 def test_set_164(read: Read) -> None:
-    found = read(set_164(1000.0, 1.0, code=1))
-    assert found.of(Units)[0].length == 1000.0
-    assert "units code 1 stands for length and force factors 1 and 1" in found.notes
+    reading = read(set_164(1000.0, 1.0, code=1))
+    assert reading.of(Units)[0].length == 1000.0
+    assert "units code 1 stands for length and force factors 1 and 1" in reading.notes
     more = set_164().removesuffix(b"    -1\n") + b"  1.0\n    -1\n"
     assert "holds more than the three lines of the format" in read(more).reasons
     for bad in ("0.0000000000000000D+00", "-1.0000000000000000D+00", "1.0000000000000000D+99"):
-        found = read(
+        reading = read(
             set_164().replace(b" 1.0000000000000000D+00", f"{bad:>23}".encode(), 1) + POINT
         )
-        assert found.outcomes == ["refused", "refused"]
-        assert "its units (set 164, dataset 1) were refused" in found.reasons
+        assert reading.outcomes == ["refused", "refused"]
+        assert "its units (set 164, dataset 1) were refused" in reading.reasons
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ POINT = (
 def test_units_hold_from_where_they_are_stated_to_the_next_ones(read: Read) -> None:
     other = POINT.replace(b"         7", b"         8", 1)
     third = POINT.replace(b"         7", b"         9", 1)
-    found = read(POINT + set_164(1000.0) + other + set_164(10.0) + third)
-    assert [point.xyz_m[0] for point in found.of(GridPoint)] == pytest.approx(
+    reading = read(POINT + set_164(1000.0) + other + set_164(10.0) + third)
+    assert [point.xyz_m[0] for point in reading.of(GridPoint)] == pytest.approx(
         [1.0, 1.0, 100.0], rel=1e-15
     )

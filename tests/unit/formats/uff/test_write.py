@@ -67,12 +67,12 @@ def read_back(contents: list, **options: object) -> tuple[list, list[dict]]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "out.uff"
         write_file(path, contents, **options)
-        found = load(path)
-        assert set(found.outcomes) == {"read"}, found.reasons
+        reading = load(path)
+        assert set(reading.outcomes) == {"read"}, reading.reasons
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ResourceWarning)
             theirs = pyuff.UFF(str(path)).read_sets()
-        return found.contents, theirs if isinstance(theirs, list) else [theirs]
+        return reading.contents, theirs if isinstance(theirs, list) else [theirs]
 
 
 def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
@@ -173,9 +173,7 @@ def test_mode_shapes(
         "complex" if complex_mode else "normal",
     )
     (_, ours), (_, theirs) = (
-        read_back([mode])
-        if not (complex_mode and components == 6)
-        else (_ours_alone(mode), (0, {}))
+        read_back([mode]) if not (complex_mode and components == 6) else (_ours_only(mode), (0, {}))
     )
     assert (ours.kind, ours.mode, ours.label) == (mode.kind, 2, "mode")
     assert ours.points.tolist() == [1, 2, 30, 4]
@@ -189,7 +187,7 @@ def test_mode_shapes(
         np.testing.assert_array_equal(theirs["r1"], ours.values[:, 0])
 
 
-def _ours_alone(mode: ModeShape) -> tuple:
+def _ours_only(mode: ModeShape) -> tuple:
     """pyuff cannot read six complex values a node."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "out.uff"

@@ -16,7 +16,7 @@ from service.access.tables import Project
 from service.errors import MOST_FAULTS, Fault, Invalid, pointer
 from service.web.bodies import wrong
 
-Demanding = Literal["structure", "campaign", "frfs", "result"]
+SchemaSubject = Literal["structure", "campaign", "frfs", "result"]
 """What a project can demand something of."""
 
 LONGEST = 20_000
@@ -28,8 +28,8 @@ def _schema(value: dict[str, JsonValue]) -> dict[str, JsonValue]:
     """Refuse what is no JSON Schema of draft 2020-12, is too long, or refers to another."""
     if (size := len(json.dumps(value))) > LONGEST:
         raise wrong(f"has {size} characters as JSON, at most {LONGEST} are read")
-    if found := sorted(_keys(value) & _REFERENCES):
-        raise wrong(f"has {found[0]}; a schema must stand alone, without references")
+    if references := sorted(_keys(value) & _REFERENCES):
+        raise wrong(f"has {references[0]}; a schema must stand alone, without references")
     try:
         _validator(value)
     except (jsonschema_rs.ValidationError, ValueError) as error:
@@ -39,16 +39,16 @@ def _schema(value: dict[str, JsonValue]) -> dict[str, JsonValue]:
 
 
 def _keys(value: Any) -> set[str]:
-    found: set[str] = set()
+    keys: set[str] = set()
     waiting = [value]
     while waiting:
         one = waiting.pop()
         if isinstance(one, dict):
-            found |= one.keys()
+            keys |= one.keys()
             waiting += one.values()
         elif isinstance(one, list):
             waiting += one
-    return found
+    return keys
 
 
 def _validator(schema: Any) -> jsonschema_rs.Draft202012Validator:
@@ -56,13 +56,13 @@ def _validator(schema: Any) -> jsonschema_rs.Draft202012Validator:
 
 
 Schemas = Annotated[
-    dict[Demanding, Annotated[dict[str, JsonValue], AfterValidator(_schema)]],
+    dict[SchemaSubject, Annotated[dict[str, JsonValue], AfterValidator(_schema)]],
     Field(json_schema_extra={"examples": [{"campaign": {"required": ["temperature_c"]}}]}),
 ]
 
 
-def require_demanded(
-    session: Session, project_id: Any, kind: Demanding, document: dict[str, Any]
+def require_metadata(
+    session: Session, project_id: Any, kind: SchemaSubject, document: dict[str, Any]
 ) -> None:
     """Refuse what does not fulfil the schema that its project demands of its kind.
 

@@ -1,4 +1,4 @@
-"""One door for files: every format by `POST …/imports`, read by a job; `POST …/records` and
+"""One way in for files: every format by `POST …/imports`, read by a job; `POST …/records` and
 `…/frfs` wait for it.
 """
 
@@ -94,7 +94,7 @@ def frfs(form: str) -> bytes:
 
 @pytest.fixture
 def sent(api: httpx.Client, campaign: str, finished: Finished) -> Callable[..., dict[str, Any]]:
-    """Sends bytes through the door, without a name that says what they are, and waits for the
+    """Sends bytes through an import, without a name that says what they are, and waits for the
     import's end.
     """
 
@@ -111,7 +111,7 @@ def sent(api: httpx.Client, campaign: str, finished: Finished) -> Callable[..., 
 
 
 @pytest.mark.parametrize("form", ["npz", "mat", "csv", "wav"])
-def test_hits_of_each_format_go_through_the_door(
+def test_hits_of_each_format_are_imported(
     api: httpx.Client, campaign: str, sent: Callable[..., dict[str, Any]], form: str
 ) -> None:
     content, mapping = written(form, hits()), WAV if form == "wav" else MAPPING
@@ -137,7 +137,7 @@ def test_hits_of_each_format_go_through_the_door(
 
 
 @pytest.mark.parametrize("form", ["npz", "mat", "csv"])
-def test_frfs_of_each_format_go_through_the_door(
+def test_frfs_of_each_format_are_imported(
     api: httpx.Client, campaign: str, sent: Callable[..., dict[str, Any]], form: str
 ) -> None:
     mapping = FRF_MAPPING if form == "mat" else None
@@ -323,6 +323,6 @@ def test_where_no_more_may_wait_the_import_is_said_at_once(
 def test_bombs_of_every_format_are_refused_in_words_and_the_api_holds_none(
     service: LocalService,
 ) -> None:
-    found = throw(service, count=1, mib=72)
-    assert not found.faults
-    assert found.growth < MOST_GROWTH
+    outcome = throw(service, count=1, mib=72)
+    assert not outcome.faults
+    assert outcome.growth < MOST_GROWTH

@@ -62,7 +62,7 @@ class Head:
 
 
 @dataclass(frozen=True)
-class Asked:
+class SearchForm:
     """What the address of the page says."""
 
     noun: str  # what is searched
@@ -84,14 +84,14 @@ class Asked:
 
     def address(self, **changed: Any) -> str:
         """The page's query with some of it changed."""
-        said = {
+        values = {
             "noun": self.noun,
             "for": self.text,
             "sort": self.sort,
             "fields": self.fields,
             "trend": self.trend,
         } | changed
-        return "?" + urlencode({name: value for name, value in said.items() if value}, doseq=True)
+        return "?" + urlencode({name: value for name, value in values.items() if value}, doseq=True)
 
 
 @router.get("/search")
@@ -111,26 +111,26 @@ def get_search(
     """
     if noun not in SEARCHED:
         raise Invalid("noun", f"expected one of {', '.join(SEARCHED)}")
-    visit, asked = (
+    visit, form = (
         Visit(request, session, user),
-        Asked(noun, text, sort, tuple(fields or ()), trend.strip()),
+        SearchForm(noun, text, sort, tuple(fields or ()), trend.strip()),
     )
-    found: dict[str, Any] = {}
+    results: dict[str, Any] = {}
     faults = dict.fromkeys(_PLACES.values(), "")
     try:
-        found = _found(visit, asked, cursor)
-        found["trend"] = None  # it is drawn where the search itself can be read
-        found["trend"] = _trend(visit, asked)
+        results = _results(visit, form, cursor)
+        results["trend"] = None  # it is drawn where the search itself can be read
+        results["trend"] = _trend(visit, form)
     except Invalid as error:
         for fault in error.faults:
             faults[_PLACES.get(fault.pointer, "filter")] = fault.detail
     projects = access.list_projects(session, user, limit=200).items
     shown = visit.show(
         "find.html",
-        asked=asked,
+        search=form,
         nouns=list(SEARCHED),
         followed=FOLLOWED_HINTS.get(noun),
-        columns=_choice(SEARCHED[noun], asked),
+        columns=_choice(SEARCHED[noun], form),
         hints=[_hint(one, field, SEARCHED[noun]) for one in NOUNS.values() for field in one.fields],
         saved=[
             (kept, _address_of(kept.noun, kept.query))
@@ -138,7 +138,7 @@ def get_search(
         ],
         projects=[project for project in projects if project.archived_at is None],
         faults=faults,
-        **{"trend": None, **found},
+        **{"trend": None, **results},
     )
     shown.status_code = 422 if any(faults.values()) else 200
     return shown
@@ -156,14 +156,14 @@ any other is the box.
 """
 
 
-def _found(visit: Visit, asked: Asked, cursor: str | None) -> dict[str, Any]:
+def _results(visit: Visit, form: SearchForm, cursor: str | None) -> dict[str, Any]:
     """Rows, counts and facets of a search.
 
     Raises:
         Invalid: it cannot be read, or takes too long.
     """
-    noun, query = SEARCHED[asked.noun], asked.query()
-    names = asked.fields or tuple(
+    noun, query = SEARCHED[form.noun], form.query()
+    names = form.fields or tuple(
         name for name in noun.shown if not name.endswith(("id", "_low", "_high"))
     )
     beside = [*_links(noun), *_deviations(noun, names)]
@@ -172,7 +172,7 @@ def _found(visit: Visit, asked: Asked, cursor: str | None) -> dict[str, Any]:
     search = Search(
         visit.user,
         noun,
-        SearchQuery(query.get("filter"), query.get("q"), asked.sort, fields, facets),
+        SearchQuery(query.get("filter"), query.get("q"), form.sort, fields, facets),
     )
     with bounded(visit.session):
         rows, following = search.page(visit.session, cursor, ROWS)
@@ -185,42 +185,44 @@ def _found(visit: Visit, asked: Asked, cursor: str | None) -> dict[str, Any]:
     values = [
         dict(zip((column.name for column in search.columns), row, strict=True)) for row in rows
     ]
-    shown = [one for one in shown if asked.fields or not _is_empty(one, values)]
+    shown = [one for one in shown if form.fields or not _is_empty(one, values)]
     return {
-        "heads": [_head(column, asked) for column in shown],
+        "heads": [_head(column, form) for column in shown],
         "rows": [[_cell(noun, column, row) for column in shown] for row in values],
         "links": [_link(noun, row) for row in values],
         "count": f"{MOST_COUNTED:,}+" if count > MOST_COUNTED else f"{count:,}",
         "facets": {
-            name: list(_narrower(asked, name, times))
+            name: list(_narrower(form, name, times))
             for name, times in counted.items()
             if len(times) > 1
         },
-        "following": asked.address(cursor=following) if following else None,
+        "following": form.address(cursor=following) if following else None,
         "query": urlencode(query),
         "ordered": urlencode({name: value for name, value in query.items() if name != "fields"}),
         "saving": query,
     }
 
 
-def _trend(visit: Visit, asked: Asked) -> dict[str, Any] | None:
+def _trend(visit: Visit, form: SearchForm) -> dict[str, Any] | None:
     """What the page says of the chosen value over time; None where results or modes are not
     searched, or none is chosen.
 
     Raises:
         Invalid: the value is none that can be followed.
     """
-    if asked.noun not in FOLLOWED or not asked.trend:
+    if form.noun not in FOLLOWED or not form.trend:
         return None
-    query = asked.query()
-    wanted = SearchQuery(query.get("filter"), query.get("q"))
+    query = form.query()
+    conditions = SearchQuery(query.get("filter"), query.get("q"))
     with bounded(visit.session):
-        found = trend_of(visit.session, visit.user, asked.noun, wanted, asked.trend, COVARIATES[:1])
+        trend = trend_of(
+            visit.session, visit.user, form.noun, conditions, form.trend, COVARIATES[:1]
+        )
     address = urlencode(
-        {**{k: v for k, v in query.items() if k in ("filter", "q")}, "value": asked.trend}
+        {**{k: v for k, v in query.items() if k in ("filter", "q")}, "value": form.trend}
     )
-    notes = [*found.notes, *(note for one in found.series for note in one.notes)]
-    return {"query": address, "series": found.series, "notes": list(dict.fromkeys(notes))}
+    notes = [*trend.notes, *(note for one in trend.series for note in one.notes)]
+    return {"query": address, "series": trend.series, "notes": list(dict.fromkeys(notes))}
 
 
 def _is_empty(column: Column, rows: Sequence[Mapping[str, Any]]) -> bool:
@@ -250,13 +252,13 @@ def _link(noun: Noun, row: Mapping[str, Any]) -> str:
     return f"ui/{PAGES[name]}/{row[_shown_as(noun, name)]}"
 
 
-def _head(column: Column, asked: Asked) -> Head:
+def _head(column: Column, form: SearchForm) -> Head:
     name, field = column.name, column.field
-    now = asked.sort.removeprefix("-") == name and (
-        (asked.sort.startswith("-") and "descending") or "ascending"
+    now = form.sort.removeprefix("-") == name and (
+        (form.sort.startswith("-") and "descending") or "ascending"
     )
     following = f"-{name}" if now == "ascending" else name
-    sort = "" if field.kind in ("tags", "json") else asked.address(sort=following)
+    sort = "" if field.kind in ("tags", "json") else form.address(sort=following)
     return Head(
         name,
         _heading(name),
@@ -303,7 +305,9 @@ def _without_zeros(text: str) -> str:
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
 
 
-def _narrower(asked: Asked, name: str, times: Mapping[str, int]) -> Iterator[tuple[str, int, str]]:
+def _narrower(
+    form: SearchForm, name: str, times: Mapping[str, int]
+) -> Iterator[tuple[str, int, str]]:
     """Values of a facet, how often each is there, and the address that finds these alone."""
     for value, count in times.items():
         condition = (
@@ -311,24 +315,24 @@ def _narrower(asked: Asked, name: str, times: Mapping[str, int]) -> Iterator[tup
             if value == ""
             else f"{name} = '{value.replace(chr(39), chr(39) * 2)}'"
         )
-        before = asked.query().get("filter")
+        before = form.query().get("filter")
         text = (
             f"({before}) AND {condition}"
             if before and re.search(r"\bOR\b", before, re.IGNORECASE)
             else (f"{before} AND {condition}" if before else condition)
         )
-        yield words(value) or "not known", count, asked.address(**{"for": text})
+        yield words(value) or "not known", count, form.address(**{"for": text})
 
 
-def _choice(noun: Noun, asked: Asked) -> list[tuple[str, bool]]:
+def _choice(noun: Noun, form: SearchForm) -> list[tuple[str, bool]]:
     """All columns of a noun and of what it belongs to, and whether each is chosen."""
     names = [
         field.name if one is noun else f"{one.name}.{field.name}"
         for one in lineage(noun)
         for field in one.fields
     ]
-    members = [name for name in asked.fields if name not in names]
-    chosen = asked.fields or noun.shown
+    members = [name for name in form.fields if name not in names]
+    chosen = form.fields or noun.shown
     return [(name, name in chosen) for name in [*names, *members] if name != "meta"]
 
 
@@ -344,6 +348,6 @@ def _hint(one: Noun, field: Field, here: Noun) -> dict[str, str]:
 
 def _address_of(noun: str, query: Mapping[str, str]) -> str:
     fields = tuple(name for name in query.get("fields", "").split(",") if name)
-    return Asked(
+    return SearchForm(
         noun, query.get("filter") or query.get("q", ""), query.get("sort", ""), fields
     ).address()

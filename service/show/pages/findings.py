@@ -138,7 +138,8 @@ def _step(finding: Mapping[str, Any], alike: str) -> Step:
 
 def _sentence(text: str) -> str:
     """With a capital and a full stop; a name of a constant keeps its own letters."""
-    return text[:1].upper() + text[1:] + ("" if text.endswith((".", ")")) else ".")
+    first = text[:1].upper() if text.split(" ")[0].rstrip(",:;").isalpha() else text[:1]
+    return first + text[1:] + ("" if text.endswith((".", ")")) else ".")
 
 
 @dataclass(frozen=True)
@@ -186,12 +187,12 @@ def bar(row: Mapping[str, Any]) -> Bar | None:
     def span(ends: tuple[float, float]) -> tuple[float, float]:
         return round(place(ends[0]), 2), round(max(place(ends[1]) - place(ends[0]), 0.8), 2)
 
-    said = [in_unit(value, row["unit"], row["standard_deviation"]) for value in (low, high)]
-    words = f"95 %: {said[0]} to {said[1]}"
+    shown = [in_unit(value, row["unit"], row["standard_deviation"]) for value in (low, high)]
+    words = f"95 %: {shown[0]} to {shown[1]}"
     if prior is not None:
         words = (
             f"prior {in_unit(prior[0], row['unit'])} to {in_unit(prior[1], row['unit'])}, now"
-            f" {said[0]} to {said[1]}"
+            f" {shown[0]} to {shown[1]}"
         )
     initial = None if row["initial"] is None else round(place(row["initial"]), 2)
     return Bar(

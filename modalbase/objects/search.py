@@ -19,7 +19,7 @@ SHOWN = 10
 """Rows that printing shows."""
 
 
-class Found:
+class SearchResults:
     """Rows of one noun that a search found; nothing is fetched before it is asked for.
 
         hot = lab.find("campaigns", "temperature_c > 25 AND structure.name LIKE 'bridge%'")
@@ -59,8 +59,8 @@ class Found:
     @property
     def facets(self) -> dict[str, dict[str, int]]:
         """By field: its values and how many of the counted rows have each."""
-        found: dict[str, dict[str, int]] = self._head()["facets"]
-        return found
+        facets: dict[str, dict[str, int]] = self._head()["facets"]
+        return facets
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         return self.lab.connection.pages(self.address, **self.query)
@@ -209,8 +209,8 @@ class Trend:
     @property
     def series(self) -> list[dict[str, Any]]:
         """Points, lines and notes of each series."""
-        found: list[dict[str, Any]] = self.fields["series"]
-        return found
+        series: list[dict[str, Any]] = self.fields["series"]
+        return series
 
     def table(self) -> Table:
         """A row for each series: campaigns, change a year as a share of the mean, alone and with

@@ -27,21 +27,21 @@ NO_KEY = (
 
 
 @dataclass(frozen=True)
-class Place:
+class Endpoint:
     """A service and a key for it.
 
     Attributes:
         url: such as `http://127.0.0.1:8000`, without a slash at its end.
         key: an API key.
-        found: where both come from, for messages.
+        source: where both come from, for messages.
     """
 
     url: str
     key: str
-    found: str
+    source: str
 
 
-def find_place(url: str | None = None, key: str | None = None) -> Place:
+def find_endpoint(url: str | None = None, key: str | None = None) -> Endpoint:
     """The service and key to use.
 
     The address is, in this order, `url`, MODALBASE_URL, that of the saved profile, that of the one
@@ -60,13 +60,13 @@ def find_place(url: str | None = None, key: str | None = None) -> Place:
     profile, here = _profile(), running_here()
     environment = os.environ.get("MODALBASE_URL", "").strip()
     if url:
-        address, found = url, "stated"
+        address, source = url, "stated"
     elif environment:
-        address, found = environment, "MODALBASE_URL"
+        address, source = environment, "MODALBASE_URL"
     elif profile is not None:
-        address, found = profile.url, profile.found
+        address, source = profile.url, profile.source
     else:
-        address, found = _only(here), HERE
+        address, source = _only(here), HERE
     address = checked_url(address)
     if key is None:
         keys = [
@@ -75,9 +75,9 @@ def find_place(url: str | None = None, key: str | None = None) -> Place:
             _local_key(here, address),
         ]
         key = next((one for one in keys if one.strip()), "")
-        if not key and not here and found == HERE:
+        if not key and not here and source == HERE:
             raise ClientError(NO_SERVICE, Exit.USAGE)
-    return Place(address, checked_key(key), found)
+    return Endpoint(address, checked_key(key), source)
 
 
 def checked_url(url: str) -> str:
@@ -148,7 +148,7 @@ def running_here() -> dict[str, Path | None]:
     """Address of each `modalbase up` that runs here for this user, to its data folder; None where
     it has none.
     """
-    found: dict[str, Path | None] = {}
+    folders: dict[str, Path | None] = {}
     for file in sorted(notes_folder().glob("*.json")):
         try:
             note = json.loads(file.read_text(encoding="utf-8"))
@@ -156,8 +156,8 @@ def running_here() -> dict[str, Path | None]:
         except (OSError, ValueError, TypeError, KeyError):
             continue  # it has just ended, or is another version's
         if _alive(pid):
-            found[url] = None if data is None else Path(data)
-    return found
+            folders[url] = None if data is None else Path(data)
+    return folders
 
 
 def _alive(pid: int) -> bool:
@@ -170,11 +170,11 @@ def _alive(pid: int) -> bool:
     return True
 
 
-def _profile() -> Place | None:
+def _profile() -> Endpoint | None:
     file = profile_file()
     try:
         saved = json.loads(file.read_text(encoding="utf-8"))
-        return Place(str(saved["url"]).rstrip("/"), str(saved["key"]), str(file))
+        return Endpoint(str(saved["url"]).rstrip("/"), str(saved["key"]), str(file))
     except FileNotFoundError:
         return None
     except (OSError, ValueError, TypeError, KeyError) as error:
@@ -191,7 +191,7 @@ def _only(here: dict[str, Path | None]) -> str:
     return next(iter(here), "http://127.0.0.1:8000")
 
 
-def _key_of(profile: Place | None, url: str) -> str:
+def _key_of(profile: Endpoint | None, url: str) -> str:
     return profile.key if profile is not None and profile.url == url else ""
 
 

@@ -1,8 +1,8 @@
-"""The door before the house: who asks, how often and how much is checked before a body is read, and
+"""Authentication and admission of requests: who asks, how often and how much is checked before a body is read, and
 a body is received whole before the request takes a slot (docs/limits.md).
 
 One API process remembers verdicts on keys, so that who is turned away costs neither a transaction
-nor a slot. A key that was found valid a moment ago is counted under its own name at the gate, any
+nor a slot. A key that was found valid a moment ago is counted under its own name by admission control, any
 other under the address that it came from. Nothing is
 let in by memory alone: the transaction that answers a request asks for the key again.
 """
@@ -29,7 +29,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.access.keys import (
     COOKIE,
     HEADER,
-    found_key,
+    authenticated_key,
     is_session_token,
     request_token,
     require_scope,
@@ -39,7 +39,7 @@ from service.access.tables import User
 from service.db.engine import Sessions
 from service.errors import Forbidden, PayloadTooLarge, TooManyRequests, Unauthorized, Unavailable
 from service.settings import Settings
-from service.web.gate import SLOT, Buckets, Gate, Slot
+from service.web.admission import SLOT, AdmissionControl, Buckets, Slot
 from service.web.negotiation import content_type, is_json
 from service.web.problems import problem_of
 from service.web.uploads import answer_early, spooled_body, too_large
@@ -96,7 +96,7 @@ class KnownKeys:
             f"key {digest.hex()}" if known else f"address {address}", digest, token, known, suspect
         )
 
-    def found(self, caller: Caller, address: str, *, valid: bool) -> None:
+    def remember(self, caller: Caller, address: str, *, valid: bool) -> None:
         """The database was asked."""
         if not valid and self._verdict(caller.digest) is not False:
             self._failures.take(address)
@@ -200,7 +200,7 @@ class Paths:
 
 @dataclass
 class _Visit:
-    """A request at the door."""
+    """A request that asks to be admitted."""
 
     scope: Scope
     caller: Caller
@@ -209,7 +209,7 @@ class _Visit:
     inside: bool = False
 
 
-class Door:
+class Authentication:
     """ASGI layer before the API and its pages; what is not under one of its prefixes passes by."""
 
     def __init__(
@@ -222,7 +222,7 @@ class Door:
     ) -> None:
         self.app, self._settings, self._sessions = app, settings, sessions
         self._paths, self._prefixes = paths, tuple(f"{prefix}/" for prefix in prefixes)
-        self.gate = Gate(
+        self.admission = AdmissionControl(
             settings.database_pool, settings.request_queue, settings.request_wait_seconds
         )
         self.keys = KnownKeys(settings.key_failures_a_minute)
@@ -251,7 +251,7 @@ class Door:
             await answer(scope, receive, send)
 
     def _arrived(self, scope: Scope) -> _Visit:
-        """Who is at the door; without a transaction."""
+        """Who asks; without a transaction."""
         address = scope["client"][0] if scope.get("client") else "unknown"
         caller = self.keys.caller(Headers(scope=scope).get("authorization"), address)
         if seconds := self._requests.take(caller.name):
@@ -259,7 +259,7 @@ class Door:
             raise TooManyRequests(
                 f"more than {most} requests a second of one key", retry_after=seconds
             )
-        return _Visit(scope, caller, address, Slot(self.gate, caller.name))
+        return _Visit(scope, caller, address, Slot(self.admission, caller.name))
 
     async def _admitted(self, visit: _Visit, receive: Receive, send: Send) -> None:
         """The request with its body, as soon as there is a slot for it."""
@@ -291,7 +291,7 @@ class Door:
                     visit.inside, scope[SLOT] = True, visit.slot
                     await self.app(scope, body.replayed(receive), self._watched(visit, send))
                 finally:
-                    visit.slot.give_back()
+                    visit.slot.release()
         finally:
             if large:
                 self._count_uploads(-1)
@@ -309,16 +309,16 @@ class Door:
         try:
             await run_in_threadpool(self._check, visit, targets)
         except Unauthorized:
-            self.keys.found(visit.caller, visit.address, valid=False)
+            self.keys.remember(visit.caller, visit.address, valid=False)
             if visit.caller.suspect:
                 raise TooManyRequests(TOO_MANY_WRONG, retry_after=60) from None
             raise
         finally:
-            visit.slot.give_back()
+            visit.slot.release()
 
     def _check(self, visit: _Visit, targets: Sequence[tuple[Finder, UUID]]) -> None:
         with self._sessions.begin() as session:
-            key, user = found_key(session, visit.caller.token)
+            key, user = authenticated_key(session, visit.caller.token)
             if "route" in visit.scope:
                 require_scope(key, visit.scope)
             for find, target in targets:
@@ -348,10 +348,10 @@ class Door:
 
         async def watched(message: Message) -> None:
             if message["type"] == "http.response.start":
-                visit.slot.give_back()
+                visit.slot.release()
                 status = message["status"]
                 if status == 401 or (not visit.caller.known and status < 300):
-                    self.keys.found(visit.caller, visit.address, valid=status != 401)
+                    self.keys.remember(visit.caller, visit.address, valid=status != 401)
             await send(message)
 
         return watched

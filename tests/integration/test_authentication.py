@@ -1,4 +1,4 @@
-"""The door before the house, asked as a server asks it: who comes in, what is read of a body, and
+"""Authentication before the house, asked as a server asks it: who comes in, what is read of a body, and
 which slot is free when.
 """
 
@@ -15,12 +15,12 @@ from pydantic import BaseModel
 from starlette.requests import ClientDisconnect
 from starlette.types import Message, Receive, Scope, Send
 
-from service.access.door import LARGE_BYTES, Door, Paths
+from service.access.authentication import LARGE_BYTES, Authentication, Paths
 from service.access.keys import create_key, user_named
 from service.db.engine import Sessions
 from service.errors import Forbidden, NotFound
 from service.settings import Settings
-from service.web.gate import SLOT
+from service.web.admission import SLOT
 from tests.support.waiting import awaited, settle
 
 PREFIX = "/api/v1"
@@ -46,18 +46,18 @@ def put_file(thing: UUID, part: str, request: Request) -> None:
 
 @dataclass
 class House:
-    """The application behind a door: answers with a status and keeps what it was asked."""
+    """The application behind a layer: answers with a status and keeps what it was asked."""
 
     status: int = 200
-    asked: list[Scope] = field(default_factory=list)
+    requests: list[Scope] = field(default_factory=list)
     bodies: list[bytes] = field(default_factory=list)
     busy: list[tuple[int, int]] = field(default_factory=list)
     """Slots taken before and after the answer began."""
-    door: Door | None = None
+    layer: Authentication | None = None
     error: Exception | None = None
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        self.asked.append(scope)
+        self.requests.append(scope)
         if self.error is not None:
             raise self.error
         if scope["type"] != "http":
@@ -68,23 +68,23 @@ class House:
             body += message.get("body", b"")
             more = message.get("more_body", False)
         self.bodies.append(body)
-        before = self.door.gate.answering
+        before = self.layer.admission.answering
         await send({"type": "http.response.start", "status": self.status, "headers": []})
-        self.busy.append((before, self.door.gate.answering))
+        self.busy.append((before, self.layer.admission.answering))
         await send({"type": "http.response.body", "body": b""})
 
 
-Found = list[tuple[str, UUID, str]]
+Lookups = list[tuple[str, UUID, str]]
 
 
 @dataclass
 class Front:
-    """A door with its house, and the ways to it."""
+    """A layer with its house, and the ways to it."""
 
-    door: Door
+    layer: Authentication
     house: House
     key: str
-    looked: Found
+    looked: Lookups
     client: tuple[str, int] = ("10.0.0.1", 1)
 
     async def ask(
@@ -121,7 +121,7 @@ class Front:
         async def send(message: Message) -> None:
             sent.append(message)
 
-        await self.door(scope, receive or next_block, send)
+        await self.layer(scope, receive or next_block, send)
         body = b"".join(message.get("body", b"") for message in sent)
         names = {name.decode(): value.decode() for name, value in sent[0]["headers"]}
         return sent[0]["status"], names, json.loads(body) if body else {}
@@ -132,7 +132,7 @@ Open = Callable[..., Front]
 
 @pytest.fixture
 def front(sessions: Sessions) -> Open:
-    """Makes doors; time stands still at them, so that no bucket fills again."""
+    """Makes layers; time stands still at them, so that no bucket fills again."""
     with sessions.begin() as session:
         key = create_key(session, user_named(session, "ada"), "k")[1]
 
@@ -145,17 +145,17 @@ def front(sessions: Sessions) -> Open:
                 raise refusal
 
         paths = Paths(router.routes, PREFIX, {"thing": find})
-        door = Door(
+        layer = Authentication(
             house,
             Settings(database_url="postgresql://nowhere/x", **settings),
             sessions,
             paths,
             [PREFIX],
         )
-        house.door = door
-        for bucket in (door._requests, door._bytes, door.keys._failures):
+        house.layer = layer
+        for bucket in (layer._requests, layer._bytes, layer.keys._failures):
             bucket._clock = lambda: 0.0
-        return Front(door, house, key, looked)
+        return Front(layer, house, key, looked)
 
     return make
 
@@ -175,8 +175,8 @@ async def test_what_is_not_under_a_prefix_passes_by(front: Open) -> None:
     ):
         at.house.error = KeyError("passed")
         with pytest.raises(KeyError, match="passed"):
-            await at.door(scope, nothing_comes, nothing_comes)
-    assert len(at.house.asked) == 4
+            await at.layer(scope, nothing_comes, nothing_comes)
+    assert len(at.house.requests) == 4
 
 
 @awaited
@@ -190,7 +190,7 @@ async def test_nobody_without_a_key_comes_in_and_what_is_large_is_not_received(f
         assert (headers.get("connection") == "close") is closed
     endless = await at.ask(authorization="", transfer_encoding="chunked", receive=nothing_comes)
     assert endless[1]["connection"] == "close"
-    assert not at.house.asked
+    assert not at.house.requests
 
 
 @awaited
@@ -199,20 +199,20 @@ async def test_a_key_is_known_once_an_answer_was_a_success(front: Open) -> None:
         at = front()
         at.house.status = status
         assert (await at.ask())[0] == status
-        caller = at.door.keys.caller(f"Bearer {at.key}", "elsewhere")
+        caller = at.layer.keys.caller(f"Bearer {at.key}", "elsewhere")
         assert caller.known is known
     at.house.status = 401  # revoked meanwhile
     assert (await at.ask())[0] == 401
-    count = len(at.house.asked)
+    count = len(at.house.requests)
     assert (await at.ask())[0] == 401  # by memory
-    assert len(at.house.asked) == count
+    assert len(at.house.requests) == count
 
 
 @awaited
 async def test_a_slot_is_held_until_the_answer_begins_and_never_lost(front: Open) -> None:
     at = front(database_pool=2)
     assert (await at.ask(b"{}"))[0] == 200
-    assert at.house.asked[-1][SLOT] is not None
+    assert at.house.requests[-1][SLOT] is not None
     assert at.house.busy == [(1, 0)]
     at.house.error = RuntimeError("unheard of")
     with pytest.raises(RuntimeError, match="unheard of"):
@@ -220,7 +220,7 @@ async def test_a_slot_is_held_until_the_answer_begins_and_never_lost(front: Open
     at.house.error = Forbidden("the application answers its own errors")
     with pytest.raises(Forbidden):
         await at.ask(b"{}")
-    assert (at.door.gate.answering, at.door.gate.waiting) == (0, 0)
+    assert (at.layer.admission.answering, at.layer.admission.waiting) == (0, 0)
 
 
 @awaited
@@ -252,11 +252,11 @@ async def test_key_and_role_are_asked_before_what_costs_is_received(front: Open)
         for path in (f"/things/{THING}", f"/files/{FILE}/x"):
             assert (await at.ask(content_length="5", receive=nothing_comes, path=path))[0] == status
         assert at.looked == [("ada", THING, "editor"), ("ada", FILE, "editor")]
-        assert (at.door.gate.answering, at.house.asked) == (0, [])
+        assert (at.layer.admission.answering, at.house.requests) == (0, [])
     at = front()
     assert (await at.ask())[0] == 200  # nothing to read, so nothing is asked here
     assert at.looked == []
-    known = at.door.keys.caller(f"Bearer {at.key}", "x").known
+    known = at.layer.keys.caller(f"Bearer {at.key}", "x").known
     assert known
     assert (await at.ask(b"x" * LARGE_BYTES))[0] == 200
     assert at.looked == []
@@ -265,7 +265,7 @@ async def test_key_and_role_are_asked_before_what_costs_is_received(front: Open)
     # the route says what is wrong with it
     assert (await at.ask(b"x", path="/files/none/x"))[0] == 200
     assert at.looked == [("ada", THING, "editor"), ("ada", FILE, "editor")]
-    assert at.house.asked[-1]["route"].path == f"{PREFIX}/files/{{thing}}/{{part}}"
+    assert at.house.requests[-1]["route"].path == f"{PREFIX}/files/{{thing}}/{{part}}"
 
 
 @awaited
@@ -280,11 +280,11 @@ async def test_a_wrong_key_is_found_out_before_its_body_and_then_by_memory(
     status, headers, _ = await at.ask(key=f"{wrong}c")
     assert (status, headers["retry-after"]) == (429, "60")
     assert (await at.ask())[0] == 200  # a right key that nobody knew yet, from there
-    assert len(at.house.asked) == 1
-    at.house.asked.clear()
+    assert len(at.house.requests) == 1
+    at.house.requests.clear()
     at.client = ("10.0.0.2", 1)
     assert (await at.ask(content_length="5", receive=nothing_comes, key=f"{wrong}d"))[0] == 401
-    assert (at.door.gate.answering, at.house.asked, at.looked) == (0, [], [])
+    assert (at.layer.admission.answering, at.house.requests, at.looked) == (0, [], [])
     with sessions.begin() as session:
         narrow = create_key(session, user_named(session, "bob"), "k", scopes=("read",))[1]
     at = front()
@@ -318,10 +318,10 @@ class Slow:
     """A body that comes when it is let in."""
 
     def __init__(self) -> None:
-        self.asked, self.go = asyncio.Event(), asyncio.Event()
+        self.called, self.go = asyncio.Event(), asyncio.Event()
 
     async def __call__(self) -> Message:
-        self.asked.set()
+        self.called.set()
         await self.go.wait()
         return {"type": "http.request", "body": b"x"}
 
@@ -334,7 +334,7 @@ async def test_so_many_large_bodies_are_received_at_a_time(front: Open) -> None:
         slow: Sequence[Slow] = (Slow(), Slow())
         coming = [asyncio.ensure_future(at.ask(receive=one, **large)) for one in slow]
         for one in slow:
-            await one.asked.wait()
+            await one.called.wait()
         status, headers, body = await at.ask(receive=nothing_comes, **large)
         assert (status, headers["connection"]) == (503, "close")
         assert body["detail"].startswith("2 uploads are being received")
@@ -365,7 +365,7 @@ async def test_who_goes_away_while_waiting_leaves_no_gap(front: Open) -> None:
         await go.wait()
         await answer(scope, receive, send)
 
-    at.door.app = held
+    at.layer.app = held
     first = asyncio.ensure_future(at.ask())
     await inside.wait()
     waits = asyncio.Event()
@@ -379,13 +379,13 @@ async def test_who_goes_away_while_waiting_leaves_no_gap(front: Open) -> None:
     with pytest.raises(ClientDisconnect):
         await at.ask(receive=leaves)
     await settle()
-    assert (at.door.gate.answering, at.door.gate.waiting) == (1, 0)
+    assert (at.layer.admission.answering, at.layer.admission.waiting) == (1, 0)
     second = asyncio.ensure_future(at.ask(receive=Patient()))
     await settle()
-    assert (at.door.gate.answering, at.door.gate.waiting) == (1, 1)
+    assert (at.layer.admission.answering, at.layer.admission.waiting) == (1, 1)
     go.set()
     assert [(await first)[0], (await second)[0]] == [200, 200]
-    assert (at.door.gate.answering, at.door.gate.waiting) == (0, 0)
+    assert (at.layer.admission.answering, at.layer.admission.waiting) == (0, 0)
 
 
 class Patient:

@@ -66,7 +66,7 @@ SLOT = "modalbase.slot"
 """Where a request's scope has its slot."""
 
 
-class Gate:
+class AdmissionControl:
     """Slots and the queue before them; of one event loop.
 
     Attributes:
@@ -76,7 +76,7 @@ class Gate:
     """
 
     def __init__(self, slots: int, queue: int, seconds: float) -> None:
-        """Open the gate.
+        """Start with every slot free.
 
         Args:
             slots: requests that are answered at the same time.
@@ -170,31 +170,31 @@ class Gate:
 
 
 class Slot:
-    """A place in the gate that one request holds; given back once, when its answer begins or when
+    """A slot that one request holds; released once, when its answer begins or when
     it needs none.
     """
 
-    def __init__(self, gate: Gate, caller: str) -> None:
-        self._gate, self._caller = gate, caller
+    def __init__(self, admission: AdmissionControl, caller: str) -> None:
+        self._admission, self._caller = admission, caller
         self._since: float | None = None
 
     def try_take(self) -> bool:
         """Take a slot if that needs no waiting."""
-        if not self._gate.try_enter():
+        if not self._admission.try_enter():
             return False
         self._since = asyncio.get_running_loop().time()
         return True
 
     async def take(self) -> None:
-        """Take a slot; see `Gate.enter`."""
-        await self._gate.enter(self._caller)
+        """Take a slot; see `AdmissionControl.enter`."""
+        await self._admission.enter(self._caller)
         self._since = asyncio.get_running_loop().time()
 
-    def give_back(self) -> None:
+    def release(self) -> None:
         """Let the next request in, unless that was done already."""
         if self._since is not None:
             held, self._since = asyncio.get_running_loop().time() - self._since, None
-            self._gate.leave(held)
+            self._admission.leave(held)
 
 
 @asynccontextmanager
@@ -204,7 +204,7 @@ async def without_slot(scope: MutableMapping[str, Any]) -> AsyncIterator[None]:
     """
     slot: Slot | None = scope.get(SLOT)
     if slot is not None:
-        slot.give_back()
+        slot.release()
     yield
     if slot is not None:
         await slot.take()
