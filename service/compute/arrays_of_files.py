@@ -67,7 +67,7 @@ MOST_VARIABLES = 1000  # arrays of a file that are listed
 
 
 @dataclass(frozen=True)
-class Found:
+class FileDescription:
     """What a file is."""
 
     format: FormatName  # by its content
@@ -85,7 +85,7 @@ class Found:
 
 def read_arrays(
     inputs: ReadingInputs, form: FormatName
-) -> Iterator[Found | TimeBlock | EncodedFrf]:
+) -> Iterator[FileDescription | TimeBlock | EncodedFrf]:
     """What a file is, then its time blocks or FRFs.
 
     Without a mapping where one is needed, a dry run ends after what the file is.
@@ -117,7 +117,7 @@ def read_arrays(
             )
             raise Invalid(_dotted("mapping.recording"), why)
         shapes = _faults_as(_dotted, lambda: looked_at(file))
-        yield Found(
+        yield FileDescription(
             form, "hits", shapes, propose_recording(file.names, file.units), notes=_starts(file)
         )
         return
@@ -158,32 +158,32 @@ def require_taken(inputs: ReadingInputs, form: FormatName, kind: Kind | None) ->
 
 def _recording(
     inputs: ReadingInputs, mapping: dict[str, Any], form: FormatName
-) -> Iterator[Found | TimeBlock]:
+) -> Iterator[FileDescription | TimeBlock]:
     """The hits of a recording that goes on over many."""
     limit = limit_of(inputs.path)
     channels = _faults_as(
         _dotted, lambda: channels_of(inputs.path, mapping, inputs.filename, limit)
     )
     try:
-        found = _faults_as(_dotted, channels.survey)
+        survey = _faults_as(_dotted, channels.survey)
     except InputError as error:
         raise Invalid("", str(error)) from None
-    places = _faults_as(_dotted, lambda: channels.places(found.hits))
-    notes = _faults_as(_dotted, lambda: channels.notes(found))
-    count = sum(map(found.fits, found.hits)) * len(channels.mapped)
+    places = _faults_as(_dotted, lambda: channels.places(survey.hits))
+    notes = _faults_as(_dotted, lambda: channels.notes(survey))
+    count = sum(map(survey.fits, survey.hits)) * len(channels.mapped)
     file = channels.file
     table = (
         file.table.layout.described(file.table.encoding)
         if isinstance(file, TextRecording)
         else None
     )
-    yield Found(
+    yield FileDescription(
         form, "hits", file.shapes(), mapping, blocks=count, table=table, counted=True, notes=notes
     )
-    yield from channels.blocks(found, places)
+    yield from channels.blocks(survey, places)
 
 
-def _table(inputs: ReadingInputs) -> Iterator[Found | TimeBlock | EncodedFrf]:
+def _table(inputs: ReadingInputs) -> Iterator[FileDescription | TimeBlock | EncodedFrf]:
     """A table of text: FRFs as this service writes them, or what a mapping says."""
     mapping, stated = inputs.mapping, None
     if isinstance(mapping, dict) and "table" in mapping:
@@ -203,7 +203,7 @@ def _table(inputs: ReadingInputs) -> Iterator[Found | TimeBlock | EncodedFrf]:
     described_ = file.table.layout.described(file.table.encoding)
     notes = file.table.notes
     if kind == "frfs":
-        read: Iterator[Found | TimeBlock | EncodedFrf] = _mapped_frfs(
+        read: Iterator[FileDescription | TimeBlock | EncodedFrf] = _mapped_frfs(
             inputs, "csv", variables, texts_of(file.table), notes
         )
     else:
@@ -211,14 +211,14 @@ def _table(inputs: ReadingInputs) -> Iterator[Found | TimeBlock | EncodedFrf]:
     for item in read:
         yield (
             replace(item, table=described_, notes=item.notes + _lonely(item))
-            if isinstance(item, Found)
+            if isinstance(item, FileDescription)
             else item
         )
 
 
-def _lonely(found: Found) -> list[str]:
+def _lonely(description: FileDescription) -> list[str]:
     """That force and response of a hit belong in one file, where a file holds one of them alone."""
-    quantities = [channel["quantity"] for channel in found.mapping.get("channels", [])]
+    quantities = [channel["quantity"] for channel in description.mapping.get("channels", [])]
     if None in quantities or not quantities or 0 < quantities.count("force") < len(quantities):
         return []
     return [f"the file holds {' and '.join(quantities)} alone; {ONE_FILE}"]
@@ -242,7 +242,7 @@ def _starts(file: AnyRecording) -> list[str]:
         return [str(error)]
 
 
-def _single_hits(inputs: ReadingInputs) -> Iterator[Found | TimeBlock]:
+def _single_hits(inputs: ReadingInputs) -> Iterator[FileDescription | TimeBlock]:
     """A TDMS whose channels are a block each."""
     file = _faults_as(_dotted, lambda: read_tdms_head(inputs.path))
     stated = inputs.mapping
@@ -261,9 +261,11 @@ def _single_hits(inputs: ReadingInputs) -> Iterator[Found | TimeBlock]:
         )
     if SAMPLE_RATE in variables and isinstance(stated, dict):
         stated = {"sample_rate_hz": {"variable": SAMPLE_RATE}, **stated}
-    found, blocks = hits_of(variables, stated, dry_run=inputs.dry_run, units=file.units)
+    description, blocks = hits_of(variables, stated, dry_run=inputs.dry_run, units=file.units)
     yield replace(
-        found, format="tdms", notes=_faults_as(_dotted, lambda: file.notes(names)) if names else []
+        description,
+        format="tdms",
+        notes=_faults_as(_dotted, lambda: file.notes(names)) if names else [],
     )
     yield from blocks
 
@@ -297,7 +299,7 @@ def _arrays_of(path: Path) -> set[str]:
     return set()
 
 
-def _own_frfs(inputs: ReadingInputs, form: FormatName) -> Iterator[Found | EncodedFrf]:
+def _own_frfs(inputs: ReadingInputs, form: FormatName) -> Iterator[FileDescription | EncodedFrf]:
     """FRFs in the arrays or columns that `GET …/frfs/data` writes, which need no mapping."""
     if form == "npz":
         says = "quantity" in _arrays_of(inputs.path)
@@ -310,7 +312,7 @@ def _own_frfs(inputs: ReadingInputs, form: FormatName) -> Iterator[Found | Encod
     shapes = {"frequency_hz": frfs.frequency_hz, "values": frfs.values, "coherence": frfs.coherence}
     frfs, notes = _faults_as(_named, lambda: without_gap(frfs))
     rows = encoded(frfs)
-    yield Found(
+    yield FileDescription(
         form,
         "frfs",
         _shapes({name: array for name, array in shapes.items() if array is not None}),
@@ -325,7 +327,7 @@ def _mapped_frfs(
     variables: Variables,
     texts: dict[str, str],
     notes: list[str],
-) -> Iterator[Found | EncodedFrf]:
+) -> Iterator[FileDescription | EncodedFrf]:
     shapes = _shapes(variables) | {
         name: f"text {text[:_TEXT]!r}" for name, text in list(texts.items())[:MOST_VARIABLES]
     }
@@ -335,9 +337,9 @@ def _mapped_frfs(
         *doubts(inputs.mapping or proposed),
         *left_out(variables, inputs.mapping or proposed),
     ]
-    found = Found(form, "frfs", shapes, proposed, notes=notes)
+    description = FileDescription(form, "frfs", shapes, proposed, notes=notes)
     if inputs.mapping is None and inputs.dry_run:
-        yield found
+        yield description
         return
     otherwise: Quantity | None = "accelerance" if inputs.dry_run else None
     mapped: Frfs = _faults_as(
@@ -345,7 +347,7 @@ def _mapped_frfs(
     )
     frfs, gap = _faults_as(_dotted, lambda: without_gap(mapped))
     rows = encoded(frfs)
-    yield replace(found, notes=[*notes, *gap])
+    yield replace(description, notes=[*notes, *gap])
     yield from rows
 
 
@@ -355,16 +357,16 @@ def _hits(
     variables: Variables,
     units: dict[str, str],
     notes: list[str],
-) -> Iterator[Found | TimeBlock]:
-    found, blocks = hits_of(variables, inputs.mapping, dry_run=inputs.dry_run, units=units)
+) -> Iterator[FileDescription | TimeBlock]:
+    description, blocks = hits_of(variables, inputs.mapping, dry_run=inputs.dry_run, units=units)
     recording = proposed_recording(Arrays(variables, units)) if inputs.mapping is None else None
-    yield replace(found, format=form, mapping=recording or found.mapping, notes=notes)
+    yield replace(description, format=form, mapping=recording or description.mapping, notes=notes)
     yield from blocks
 
 
 def hits_of(
     variables: Variables, stated: Any, *, dry_run: bool, units: dict[str, str] | None = None
-) -> tuple[Found, list[TimeBlock]]:
+) -> tuple[FileDescription, list[TimeBlock]]:
     """What arrays of hits are, and the time blocks that a mapping makes of them; none in a dry run
     without one.
 
@@ -377,17 +379,17 @@ def hits_of(
     Raises:
         Invalid: the mapping is missing or does not fit; each fault with its pointer.
     """
-    found = Found("npz", "hits", _shapes(variables), propose(variables, units))
+    description = FileDescription("npz", "hits", _shapes(variables), propose(variables, units))
     if stated is None:
         if not dry_run:
             raise Invalid(
                 "mapping",
-                f"is missing; ?dry_run=true proposes one; the file suggests {found.mapping}",
+                f"is missing; ?dry_run=true proposes one; the file suggests {description.mapping}",
             )
-        return found, []
+        return description, []
     mapping = _faults_as(_dotted, lambda: read_mapping(stated, units))
     blocks = _faults_as(_dotted, lambda: blocks_of(variables, mapping, units))
-    return replace(found, blocks=len(blocks), counted=mapping.hit is None), blocks
+    return replace(description, blocks=len(blocks), counted=mapping.hit is None), blocks
 
 
 def _quantity(inputs: ReadingInputs, form: FormatName) -> Quantity:

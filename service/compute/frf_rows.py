@@ -14,7 +14,7 @@ from fecore.errors import InputError
 from fecore.frf import Dof, FrfSet, Quantity
 from modalbase.formats.frfs import Frfs
 from modalbase.formats.frfs.table import DOFS
-from service.compute.spectra import Axis, Spectrum, encode, encode_axis
+from service.compute.spectra import FrequencyAxis, Spectrum, encode, encode_axis
 from service.errors import Invalid
 
 MOST_FRFS = 10_000  # of one body: each is a row of the answer
@@ -39,7 +39,7 @@ class EncodedFrf:
     reference_point: int
     reference_direction: int
     quantity: Quantity  # accelerance, mobility or receptance
-    axis: Axis  # frequency lines
+    axis: FrequencyAxis  # frequency lines
     spectrum: Spectrum  # SI values with their SHA-256
     averages: int | None = None  # number of averages, None where it is not known
     coherence: Spectrum | None = None  # γ² where it came with the FRF

@@ -43,14 +43,14 @@ def whole(rows: Sequence[BlockRow]) -> tuple[list[BlockRow], list[str]]:
     """The blocks of one place that make whole hits, and a sentence for each hit that lacks its
     force or every response, which is what deleting a block leaves.
     """
-    found: dict[int, list[BlockRow]] = {}
+    by_hit: dict[int, list[BlockRow]] = {}
     for row in rows:
-        found.setdefault(row.hit, []).append(row)
+        by_hit.setdefault(row.hit, []).append(row)
     lacking = {
-        number: what for number, blocks in found.items() if (what := _lacks(blocks)) is not None
+        number: what for number, blocks in by_hit.items() if (what := _lacks(blocks)) is not None
     }
     sentences = [
-        f"hit {n} of point {found[n][0].force_point} has no {lacking[n]}" for n in sorted(lacking)
+        f"hit {n} of point {by_hit[n][0].force_point} has no {lacking[n]}" for n in sorted(lacking)
     ]
     return [row for row in rows if row.hit not in lacking], sentences
 
@@ -68,22 +68,22 @@ def by_sensors(rows: Sequence[BlockRow]) -> list[list[BlockRow]]:
     for row in rows:
         if row.quantity != "force":
             sensors.setdefault(row.hit, set()).add((row.point, row.direction))
-    found: dict[frozenset[tuple[int, int]], list[BlockRow]] = {}
+    groups: dict[frozenset[tuple[int, int]], list[BlockRow]] = {}
     for row in rows:
-        found.setdefault(frozenset(sensors[row.hit]), []).append(row)
-    return list(found.values())
+        groups.setdefault(frozenset(sensors[row.hit]), []).append(row)
+    return list(groups.values())
 
 
 def hits_of(rows: Sequence[BlockRow], samples: Iterable[FloatArray]) -> list[Hit]:
     """The hits of one place and one set of sensors, from the blocks of `whole` hits."""
-    found: dict[int, list[tuple[BlockRow, Block]]] = {}
+    by_hit: dict[int, list[tuple[BlockRow, Block]]] = {}
     for row, values in zip(rows, samples, strict=True):
         dof = Dof(row.point, row.direction)
         quantity = cast("ChannelQuantity", row.quantity)  # the column holds what a mapping let in
         block = Block(dof, quantity, np.asarray(values), row.window_rate_per_s, row.full_scale)
-        found.setdefault(row.hit, []).append((row, block))
+        by_hit.setdefault(row.hit, []).append((row, block))
     hits = []
-    for number, blocks in sorted(found.items()):
+    for number, blocks in sorted(by_hit.items()):
         (force,) = (b for r, b in blocks if r.quantity == "force")
         responses = sorted((b for r, b in blocks if r.quantity != "force"), key=lambda b: b.dof)
         hits.append(Hit(force, tuple(responses), blocks[0][0].sample_rate_hz, number))

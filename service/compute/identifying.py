@@ -12,7 +12,7 @@ from fecore.arrays import FloatArray
 from fecore.frf import FrfSet
 from fecore.modal import Found, Identification, Options, Stabilisation, identify
 from fecore.modes import MeasuredModes
-from service.jobs.kinds import Report
+from service.jobs.kinds import Reporter
 
 
 @dataclass(frozen=True)
@@ -33,43 +33,43 @@ class IdentificationOutput:
     document: dict[str, Any]
 
 
-def find_modes(inputs: IdentificationInputs, report: Report) -> Iterator[IdentificationOutput]:
+def find_modes(inputs: IdentificationInputs, report: Reporter) -> Iterator[IdentificationOutput]:
     """Identify modes and describe them."""
-    found = identify(inputs.frfs, inputs.options, report)
-    document = describe_identification(found)
+    identification = identify(inputs.frfs, inputs.options, report)
+    document = describe_identification(identification)
     document["warnings"] = [*inputs.warnings, *document["warnings"]]
     yield IdentificationOutput(
-        found.chosen(include_doubtful=inputs.include_doubtful).modes, document
+        identification.chosen(include_doubtful=inputs.include_doubtful).modes, document
     )
 
 
-def describe_identification(found: Identification) -> dict[str, Any]:
+def describe_identification(identification: Identification) -> dict[str, Any]:
     """Modes and uncertain poles (`doubtful`) with their quality and probability, refused ones, what
     was left out, warnings, and the stabilisation diagram.
     """
-    chosen = list(zip(_rows(found.found), found.found.doubt, strict=True))
+    chosen = list(zip(_rows(identification.found), identification.found.doubt, strict=True))
     return {
         "modes": [
             {"number": k, **row}
             for k, row in enumerate((row for row, why in chosen if why is None), start=1)
         ],
         "doubtful": [{**row, "reason": why} for row, why in chosen if why is not None],
-        "used": list(found.used),
-        "refused": [asdict(frf) for frf in found.refused],
-        "refused_poles": [asdict(pole) for pole in found.refused_poles],
-        "noise_ratio": found.noise_ratio,
-        "model_error": found.model_error,
-        "drift": found.drift,
-        "delay_s": found.delay,
-        "memory_lines": found.memory_lines,
-        "stabilisation": _stabilisation(found.stabilisation),
-        "warnings": list(found.warnings),
-        "durations_s": found.seconds,
+        "used": list(identification.used),
+        "refused": [asdict(frf) for frf in identification.refused],
+        "refused_poles": [asdict(pole) for pole in identification.refused_poles],
+        "noise_ratio": identification.noise_ratio,
+        "model_error": identification.model_error,
+        "drift": identification.drift,
+        "delay_s": identification.delay,
+        "memory_lines": identification.memory_lines,
+        "stabilisation": _stabilisation(identification.stabilisation),
+        "warnings": list(identification.warnings),
+        "durations_s": identification.seconds,
     }
 
 
-def _rows(found: Found) -> list[dict[str, Any]]:
-    modes = found.modes
+def _rows(assessed: Found) -> list[dict[str, Any]]:
+    modes = assessed.modes
     sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
     return [
         {
@@ -77,10 +77,10 @@ def _rows(found: Found) -> list[dict[str, Any]]:
             "frequency_sd_hz": _number(sd_f, k),
             "damping_ratio": float(modes.damping_ratio[k]),
             "damping_sd": _number(sd_z, k),
-            "phase_collinearity": float(found.shapes.collinearity[k]),
-            "significance": float(found.significance[k]),
-            "probability": float(found.probability[k]),
-            "features": [asdict(one) for one in found.features[k]],
+            "phase_collinearity": float(assessed.shapes.collinearity[k]),
+            "significance": float(assessed.significance[k]),
+            "probability": float(assessed.probability[k]),
+            "features": [asdict(one) for one in assessed.features[k]],
         }
         for k in range(len(modes))
     ]
@@ -105,8 +105,8 @@ def up_to_date(document: dict[str, Any]) -> dict[str, Any]:
     One of 0.1.0 has no class of doubtful modes, none up to 0.2.0 a probability.
     """
     none = dict.fromkeys(("model_error", "drift", "delay_s", "memory_lines"))
-    said: dict[str, Any] = {"doubtful": [], "refused_poles": [], **none}
-    document = {**said, **document}
+    defaults: dict[str, Any] = {"doubtful": [], "refused_poles": [], **none}
+    document = {**defaults, **document}
     unknown: dict[str, Any] = {"probability": None, "features": []}
     poles = ("modes", "doubtful", "refused_poles")
     return {

@@ -27,7 +27,7 @@ from fecore.trend import (
 from fecore.trend.document import describe_change, describe_judged, describe_rate, describe_trend
 from fecore.trend.explanations import Effects, Explanation, change_of, explanations, in_words
 from fecore.trend.tracking import SAME_MODE
-from service.jobs.kinds import Report
+from service.jobs.kinds import Reporter
 
 # relative standard deviation where none is stated: the scatter between campaigns then is all there
 # is
@@ -45,7 +45,7 @@ class Observation:
 
 
 @dataclass(frozen=True)
-class Moves:
+class ModeEffects:
     """What would move the frequencies of one campaign's m modes
     (`fecore.updating.effects.FrequencyEffects`).
     """
@@ -69,7 +69,7 @@ class JudgementInputs:
     acknowledged: tuple[Acknowledgement, ...]  # parameter and time of acknowledgements, by time
     notes: tuple[str, ...]  # what is known to say already
     # what would move the frequencies, of one campaign of the baseline; None where no result says it
-    moves: Moves | None = None
+    mode_effects: ModeEffects | None = None
 
 
 @dataclass(frozen=True)
@@ -91,16 +91,16 @@ class Judgement:
     state: str
 
 
-def judge(inputs: JudgementInputs, report: Report) -> Iterator[Judgement]:
+def judge(inputs: JudgementInputs, report: Reporter) -> Iterator[Judgement]:
     """Judge a series."""
     report("judging", 0.1)
     series: dict[str, Series] = {}
     notes = list(inputs.notes)
     for name in inputs.watch.directions:
-        found, said = _series(name, inputs)
-        notes += said
-        if found is not None:
-            series[name] = found
+        usable, remarks = _series(name, inputs)
+        notes += remarks
+        if usable is not None:
+            series[name] = usable
     assessment = _assessment(series, inputs) if series else Assessment({})
     notes += assessment.notes
     trends = assessment.parameters
@@ -124,14 +124,14 @@ def _assessment(series: Mapping[str, Series], inputs: JudgementInputs) -> Assess
     watch = replace(
         inputs.watch, directions={name: inputs.watch.directions[name] for name in series}
     )
-    heard: list[Acknowledgement] = []
-    found = assess(series, watch, inputs.as_of)
-    for seen in inputs.acknowledged:
-        trend = found.parameters.get(seen.parameter)
-        if trend is not None and _state_at(trend.timeline, seen.date) is State.ALARM:
-            heard.append(seen)
-            found = assess(series, watch, inputs.as_of, heard)
-    return found
+    effective: list[Acknowledgement] = []
+    assessment = assess(series, watch, inputs.as_of)
+    for acknowledgement in inputs.acknowledged:
+        trend = assessment.parameters.get(acknowledgement.parameter)
+        if trend is not None and _state_at(trend.timeline, acknowledgement.date) is State.ALARM:
+            effective.append(acknowledgement)
+            assessment = assess(series, watch, inputs.as_of, effective)
+    return assessment
 
 
 def _state_at(timeline: Sequence[Moment], date: datetime) -> State:
@@ -167,8 +167,8 @@ def _value(
 ) -> tuple[float, float | None] | None:
     kind, _, number = name.rpartition("_")
     if kind not in ("frequency", "damping_ratio"):
-        found = observation.values["parameters"].get(name)
-        return None if found is None else (found[0], found[1])
+        entry = observation.values["parameters"].get(name)
+        return None if entry is None else (entry[0], entry[1])
     mode = same_mode(int(number), observation, everyone)
     row = None if mode is None else observation.values["modes"][mode]
     value, sd = (None, None) if row is None else row[:2] if kind == "frequency" else row[2:]
@@ -215,14 +215,14 @@ def _explained(
     """What may have caused an alarm that still stands: of the campaigns since its change, or since
     it was raised.
     """
-    if state == "cleared" or inputs.moves is None:
+    if state == "cleared" or inputs.mode_effects is None:
         return None
     assert trend.watched is not None
     assert trend.baseline is not None
     first = raised if trend.change is None else min(raised, trend.change.index)
     return explained(
         inputs.observations,
-        inputs.moves,
+        inputs.mode_effects,
         trend.baseline.labels,
         trend.watched.labels[first:],
         inputs.watch.covariates,
@@ -239,13 +239,13 @@ def same_mode(number: int, observation: Observation, everyone: Sequence[Observat
     first = min(everyone, key=lambda o: o.performed_at)
     if number > len(first.values["modes"]):
         return None
-    kind, wanted = _kind(first, number - 1), first.values["modes"][number - 1][0]
+    kind, target_hz = _kind(first, number - 1), first.values["modes"][number - 1][0]
     hz, there = _alike(observation, kind), _alike(first, kind)
     if not hz:
         return None
-    nearest = min(hz, key=lambda i: abs(hz[i] - wanted))
+    nearest = min(hz, key=lambda i: abs(hz[i] - target_hz))
     rival = min(there.values(), key=lambda f: abs(f - hz[nearest]))
-    return nearest if rival == wanted and abs(hz[nearest] / wanted - 1) <= SAME_MODE else None
+    return nearest if rival == target_hz and abs(hz[nearest] / target_hz - 1) <= SAME_MODE else None
 
 
 def _alike(observation: Observation, kind: str | None) -> dict[int, float]:
@@ -268,7 +268,7 @@ _FEWEST_MODES = 3  # of which a change has a pattern
 
 def explained(
     observations: Sequence[Observation],
-    moves: Moves,
+    mode_effects: ModeEffects,
     baseline: Sequence[str],
     later: Sequence[str],
     covariates: Sequence[str],
@@ -278,14 +278,14 @@ def explained(
 
     Args:
         observations: of the series.
-        moves: at a campaign of the baseline.
+        mode_effects: at a campaign of the baseline.
         baseline: campaigns of the baseline.
         later: campaigns since the change.
         covariates: that are regressed out.
     """
     by = {o.campaign: o for o in observations}
-    row = _rows(by[moves.campaign], observations)
-    paired = np.array([at >= 0 and np.isfinite(moves.mass[at]).all() for at in row])
+    row = _rows(by[mode_effects.campaign], observations)
+    paired = np.array([at >= 0 and np.isfinite(mode_effects.mass[at]).all() for at in row])
     table = {name: _numbers(by[name], observations) for name in (*baseline, *later)}
     modes = paired & np.all([np.isfinite(table[name][:-1]) for name in later], axis=0)
     based = [name for name in baseline if np.isfinite(table[name][:-1][modes]).all()]
@@ -300,7 +300,7 @@ def explained(
     change, slopes = change_of(first, last, *at)
     not_given = tuple(name for name in _CLIMATE if name not in covariates)
     ranked = explanations(
-        change, _effects(moves, row[modes], covariates, slopes[1:, : modes.sum()], not_given)
+        change, _effects(mode_effects, row[modes], covariates, slopes[1:, : modes.sum()], not_given)
     )
     return {
         "ranked": [_described(each, ranked[0].evidence) for each in ranked],
@@ -327,8 +327,8 @@ def _rows(observation: Observation, everyone: Sequence[Observation]) -> Any:
     none.
     """
     count = len(min(everyone, key=lambda o: o.performed_at).values["modes"])
-    found = (same_mode(number, observation, everyone) for number in range(1, count + 1))
-    return np.array([-1 if at is None else at for at in found], dtype=int)
+    matches = (same_mode(number, observation, everyone) for number in range(1, count + 1))
+    return np.array([-1 if at is None else at for at in matches], dtype=int)
 
 
 def _numbers(observation: Observation, everyone: Sequence[Observation]) -> FloatArray:
@@ -337,10 +337,10 @@ def _numbers(observation: Observation, everyone: Sequence[Observation]) -> Float
     """
     hz = np.array([*(row[0] for row in observation.values["modes"]), np.nan])
     scale = observation.values.get("frf_scale")
-    found: FloatArray = np.log(
+    logarithms: FloatArray = np.log(
         np.append(hz[_rows(observation, everyone)], np.nan if scale is None else scale)
     )
-    return found
+    return logarithms
 
 
 def _regressors(
@@ -359,17 +359,17 @@ def _regressors(
 
 
 def _effects(
-    moves: Moves,
+    mode_effects: ModeEffects,
     rows: BoolArray,
     covariates: Sequence[str],
     slopes: FloatArray,
     not_given: tuple[str, ...],
 ) -> Effects:
     return Effects(
-        stiffness={name: each[rows] for name, each in moves.stiffness.items()},
-        support={name: each[rows] for name, each in moves.support.items()},
-        sites=moves.sites,
-        mass=moves.mass[rows],
+        stiffness={name: each[rows] for name, each in mode_effects.stiffness.items()},
+        support={name: each[rows] for name, each in mode_effects.support.items()},
+        sites=mode_effects.sites,
+        mass=mode_effects.mass[rows],
         covariates=dict(zip(covariates, slopes, strict=True)),
         not_given=not_given,
     )

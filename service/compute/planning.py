@@ -49,10 +49,10 @@ def compute_plan(order: PlanOrder) -> dict[str, Any]:
 
 def _describe(plan: Plan, order: PlanOrder) -> dict[str, Any]:
     could: list[PlannedTest | PlannedCoupons] = [*order.tests, *order.coupons]
-    asked = {each.name: (each, sent) for each, sent in zip(could, order.sent, strict=True)}
+    requested = {each.name: (each, sent) for each, sent in zip(could, order.sent, strict=True)}
     items = []
     for forecast in plan.forecasts:
-        each, sent = asked[forecast.name]
+        each, sent = requested[forecast.name]
         points = (
             [list(each.points[point]) for point in forecast.points]
             if isinstance(each, PlannedTest)

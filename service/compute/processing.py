@@ -119,9 +119,11 @@ def process_records(inputs: ProcessingInputs, report: Report) -> Iterator[Averag
 
 def process_whole(inputs: ProcessingInputs, report: Report) -> ProcessingOutput:
     """The same with all FRFs in memory, for who works on with them."""
-    found = process(_Source(inputs.points), inputs.processing, _progress(report))
-    document = _document(found, _frfs(found, _ids(inputs.points)), inputs.left_out)
-    return ProcessingOutput(replace(found, warnings=(*inputs.left_out, *found.warnings)), document)
+    averages = process(_Source(inputs.points), inputs.processing, _progress(report))
+    document = _document(averages, _frfs(averages, _ids(inputs.points)), inputs.left_out)
+    return ProcessingOutput(
+        replace(averages, warnings=(*inputs.left_out, *averages.warnings)), document
+    )
 
 
 def _progress(report: Report) -> Callable[[float], None]:
@@ -147,7 +149,7 @@ def _ids(points: Sequence[PointFile]) -> dict[Any, dict[str, str]]:
     }
 
 
-def _frfs(found: Averages, ids: dict[Any, dict[str, str]]) -> list[dict[str, Any]]:
+def _frfs(averages: Averages, ids: dict[Any, dict[str, str]]) -> list[dict[str, Any]]:
     """What the document says of FRFs."""
     return [
         {
@@ -163,28 +165,28 @@ def _frfs(found: Averages, ids: dict[Any, dict[str, str]]) -> list[dict[str, Any
             ],
         }
         for response, force, used in zip(
-            found.frfs.responses, found.frfs.references, found.used, strict=True
+            averages.frfs.responses, averages.frfs.references, averages.used, strict=True
         )
     ]
 
 
 def _document(
-    found: Findings, frfs: list[dict[str, Any]], left_out: Sequence[str]
+    findings: Findings, frfs: list[dict[str, Any]], left_out: Sequence[str]
 ) -> dict[str, Any]:
-    windows = found.processing.windows
+    windows = findings.processing.windows
     return {
         "processing": {
-            "estimator": found.processing.estimator,
+            "estimator": findings.processing.estimator,
             "windows": windows and asdict(windows),
-            "band_hz": found.processing.band_hz,
-            "delay_s": found.processing.delay_s,
-            "false_discovery": found.processing.false_discovery,
+            "band_hz": findings.processing.band_hz,
+            "delay_s": findings.processing.delay_s,
+            "false_discovery": findings.processing.false_discovery,
         },
-        "force_coupling": found.coupling and asdict(found.coupling),
-        "window_rate_per_s": found.rate_per_s,
-        "delay": found.delay and asdict(found.delay),
-        "excited_hz": found.excited_hz,
-        "warnings": [*left_out, *found.warnings],
-        "hits": [describe_verdict(verdict) for verdict in found.verdicts],
+        "force_coupling": findings.coupling and asdict(findings.coupling),
+        "window_rate_per_s": findings.rate_per_s,
+        "delay": findings.delay and asdict(findings.delay),
+        "excited_hz": findings.excited_hz,
+        "warnings": [*left_out, *findings.warnings],
+        "hits": [describe_verdict(verdict) for verdict in findings.verdicts],
         "frfs": frfs,
     }

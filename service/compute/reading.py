@@ -21,21 +21,21 @@ from modalbase.formats.records import TimeBlock, described
 from modalbase.formats.registry import FormatName, Kind
 from modalbase.formats.uff.channels import Spectra
 from modalbase.formats.uff.content import Outcome
-from service.compute.arrays_of_files import Found, read_arrays, require_taken
+from service.compute.arrays_of_files import FileDescription, read_arrays, require_taken
 from service.compute.frf_rows import EncodedFrf
 from service.compute.recordings import channel_of, recording_in_uff
-from service.compute.spectra import Axis, encode, encode_axis
+from service.compute.spectra import FrequencyAxis, encode, encode_axis
 from service.errors import Invalid
 
 if TYPE_CHECKING:
-    from service.jobs.kinds import Report
+    from service.jobs.kinds import Reporter
 
 POINTS_AT_ONCE = 5000
 REPORT_SECONDS = 0.5
 
 
 Kept = (
-    Found
+    FileDescription
     | list[uff.GridPoint]
     | EncodedFrf
     | uff.Function
@@ -63,7 +63,7 @@ class ReadingInputs:
     dry_run: bool = False  # nothing will be stored
 
 
-def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
+def read_upload(inputs: ReadingInputs, report: Reporter) -> Iterator[Kept]:
     """What a file is, and what is kept of it.
 
     Raises:
@@ -81,13 +81,13 @@ def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
     yield from read_arrays(inputs, form)
 
 
-def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
+def _read_uff(inputs: ReadingInputs, report: Reporter) -> Iterator[Kept]:
     """What is kept of a UFF file, dataset by dataset, each followed by its report."""
     size = inputs.path.stat().st_size
     report_at = 0.0
     try:
         items = uff.read_file(inputs.path, uff.Limits(quantity=inputs.quantity))
-        yield Found("uff")
+        yield FileDescription("uff")
         points: list[uff.GridPoint] = []
         unused: tuple[Outcome, str] | None = None
         spectra = Spectra()
@@ -127,9 +127,9 @@ def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
             elif isinstance(item, uff.Function | uff.TimeResponse | uff.ModeShape | uff.TraceLine):
                 channels.update([channel_of(item)] if isinstance(item, uff.TimeResponse) else [])
                 yield item
-        for found in spectra.finish():
-            yield _encoded(found, inputs.quantity) if isinstance(found, uff.Frf) else found
-            frfs = frfs or isinstance(found, uff.Frf)
+        for spectrum in spectra.finish():
+            yield _encoded(spectrum, inputs.quantity) if isinstance(spectrum, uff.Frf) else spectrum
+            frfs = frfs or isinstance(spectrum, uff.Frf)
         if inputs.quantity is not None and not (frfs or refused):
             raise Invalid(
                 "quantity", f"is {inputs.quantity}, and the file has no FRF; leave it out"
@@ -139,7 +139,7 @@ def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
                 why = "is missing: the force has several hits; ?dry_run=true proposes a mapping"
                 raise Invalid("/mapping/recording", why)
             blocks, proposed = recording
-            yield Found(
+            yield FileDescription(
                 "uff", "hits", {name: described(array) for name, array in blocks.items()}, proposed
             )
     except uff.UffError as error:
@@ -167,7 +167,9 @@ def _encoded(frf: uff.Frf, stated: Quantity | None) -> EncodedFrf:
         reference_point=frf.reference_point,
         reference_direction=frf.reference_direction,
         quantity=frf.quantity,
-        axis=Axis(lines.start, lines.step, lines.count) if even else encode_axis(lines.points()),
+        axis=FrequencyAxis(lines.start, lines.step, lines.count)
+        if even
+        else encode_axis(lines.points()),
         spectrum=encode(frf.values),
     )
 

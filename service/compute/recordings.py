@@ -115,27 +115,27 @@ class Channels:
 
     def times(self, hits: tuple[Impact, ...]) -> str:
         """When hits were, in seconds, with their force."""
-        said = [
+        shown = [
             f"{hit.at / self.sample_rate_hz:.2f} s ({hit.force:.3g} N)"
             for hit in hits[:_MOST_NAMED]
         ]
-        return ", ".join(said) + (" …" if len(hits) > _MOST_NAMED else "")
+        return ", ".join(shown) + (" …" if len(hits) > _MOST_NAMED else "")
 
-    def notes(self, found: Survey) -> list[str]:
+    def notes(self, survey: Survey) -> list[str]:
         """Hits that are left out or clipped, and whether the file may have been cut off.
 
         Raises:
             FormatError: no hit can be cut, or a channel is clipped in every hit.
         """
-        said = self.file.notes(self.names)
+        notes = self.file.notes(self.names)
         if not self.file.declared:
-            said.append(
+            notes.append(
                 "the file declares no length: it is read to its end, and nobody knows whether it"
                 " was cut off"
             )
-        if left := tuple(hit for hit in found.hits if not found.fits(hit)):
-            lead, seconds = LEAD / self.sample_rate_hz, found.length / self.sample_rate_hz
-            if len(left) == len(found.hits):
+        if left := tuple(hit for hit in survey.hits if not survey.fits(hit)):
+            lead, seconds = LEAD / self.sample_rate_hz, survey.length / self.sample_rate_hz
+            if len(left) == len(survey.hits):
                 early = sum(hit.at < LEAD for hit in left)
                 reasons = (
                     [f"{early} within the first {lead:.3g} s, which a block needs before its hit"]
@@ -154,34 +154,34 @@ class Channels:
                     " longer before and after each hit, or, where the file holds one hit alone,"
                     " leave `recording` out of the mapping: the whole file is its block then",
                 )
-            said.append(
-                f"{len(left)} of {len(found.hits)} hits are left out, since the next hit or the end"
+            notes.append(
+                f"{len(left)} of {len(survey.hits)} hits are left out, since the next hit or the end"
                 f" of the recording comes before their {seconds:.3g} s are over, or the recording"
                 f" begins with them: {self.times(left)}"
             )
         for row, channel in enumerate(self.mapped):
-            clipped = tuple(hit for hit in found.hits if row in hit.clipped)
+            clipped = tuple(hit for hit in survey.hits if row in hit.clipped)
             where = (
-                f"at its full scale in {len(clipped)} of {len(found.hits)} hits:"
+                f"at its full scale in {len(clipped)} of {len(survey.hits)} hits:"
                 f" {self.times(clipped)}"
             )
-            if len(clipped) == len(found.hits):
+            if len(clipped) == len(survey.hits):
                 raise FormatError(
                     channel.variable,
                     f"is clipped, {where}; measure with a larger range, or correct full_scale",
                 )
             if clipped:
-                said.append(f"{channel.variable} is clipped, {where}")
-        return said
+                notes.append(f"{channel.variable} is clipped, {where}")
+        return notes
 
-    def blocks(self, found: Survey, places: list[Place]) -> Iterator[TimeBlock]:
+    def blocks(self, survey: Survey, places: list[Place]) -> Iterator[TimeBlock]:
         """The blocks of each hit, the force first."""
-        seen: Counter[Place] = Counter()
+        counts: Counter[Place] = Counter()
         numbers = {}
-        for hit, place in zip(found.hits, places, strict=True):
-            seen[place] += 1
-            numbers[hit.at] = place, seen[place]
-        for hit, samples in cut(self.chunks(), found):
+        for hit, place in zip(survey.hits, places, strict=True):
+            counts[place] += 1
+            numbers[hit.at] = place, counts[place]
+        for hit, samples in cut(self.chunks(), survey):
             place, number = numbers[hit.at]
             for c, values, full in zip(self.mapped, samples, self.full_scales, strict=True):
                 own = place if c.quantity == "force" else _place(c)
@@ -294,17 +294,17 @@ def _blocks_of_uff(path: Path) -> Variables:
     Raises:
         FormatError: it cannot be read, or has several blocks of one channel.
     """
-    found: Variables = {}
+    variables: Variables = {}
     try:
         for item in read_file(path, Limits()):
             if isinstance(item, TimeResponse):
                 name = channel_of(item)
-                if found.setdefault(name, item.samples) is not item.samples:
+                if variables.setdefault(name, item.samples) is not item.samples:
                     raise FormatError(
                         name, "is in the file several times: as single hits, which need no mapping"
                     )
                 if (
-                    found.setdefault(SAMPLE_RATE, np.array(item.sample_rate_hz))
+                    variables.setdefault(SAMPLE_RATE, np.array(item.sample_rate_hz))
                     != item.sample_rate_hz
                 ):
                     raise FormatError(
@@ -313,7 +313,7 @@ def _blocks_of_uff(path: Path) -> Variables:
                     )
     except UffError as error:
         raise FormatError("", f"{error.reason} (byte {error.offset})") from error
-    return found
+    return variables
 
 
 def channel_of(block: TimeResponse) -> str:
@@ -348,17 +348,21 @@ def proposed_recording(file: Arrays) -> dict[str, Any] | None:
     """The mapping of a recording that arrays suggest whose force holds several hits; None where
     they do not.
     """
-    said = propose(file.variables, file.units)
-    names = [channel["variable"] for channel in said["channels"]]
-    if not names or said["channels"][0]["quantity"] != "force" or not set(names) <= set(file.names):
+    mapping = propose(file.variables, file.units)
+    names = [channel["variable"] for channel in mapping["channels"]]
+    if (
+        not names
+        or mapping["channels"][0]["quantity"] != "force"
+        or not set(names) <= set(file.names)
+    ):
         return None
     try:
-        rate = file.rate_of(names, said["sample_rate_hz"]["variable"])
+        rate = file.rate_of(names, mapping["sample_rate_hz"]["variable"])
         several = len(survey(file.chunks(names), rate, 0).hits) > 1
     except (KeyError, FormatError, InputError):  # no rate, unlike channels, no pulse: no recording
         return None
     return (
-        {"sample_rate_hz": said["sample_rate_hz"], **propose_recording(names, file.units)}
+        {"sample_rate_hz": mapping["sample_rate_hz"], **propose_recording(names, file.units)}
         if several
         else None
     )

@@ -70,15 +70,15 @@ def _half(values: FloatArray) -> Any:
 
 def _agreement(result: UpdateResult) -> dict[str, Any]:
     """CSAC and CSF, (2, L) of the lines of the band, before and after."""
-    seen, band = result.prediction, result.band_hz
-    found: tuple[FrfCorrelation | None, ...] = (
+    prediction, band = result.prediction, result.band_hz
+    correlations: tuple[FrfCorrelation | None, ...] = (
         result.correlation.initial,
         result.correlation.updated,
     )
-    if seen is None or band is None or None in found:
+    if prediction is None or band is None or None in correlations:
         return {}
-    hz = seen.frequency_hz
-    known = [each for each in found if each is not None]
+    hz = prediction.frequency_hz
+    known = [each for each in correlations if each is not None]
     return {
         "band_lines_hz": hz[(hz >= band[0]) & (hz <= band[1])],
         "csac": np.array([each.csac for each in known], dtype=np.float32),

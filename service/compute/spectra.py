@@ -61,7 +61,7 @@ def decode(spectrum: Spectrum) -> NDArray[np.complexfloating] | NDArray[np.float
 
 
 @dataclass(frozen=True)
-class Axis:
+class FrequencyAxis:
     """A frequency axis: even (start, step, count) or, where it is uneven, its lines."""
 
     start_hz: float  # first line
@@ -90,7 +90,7 @@ class Axis:
         return self.start_hz + (self.step_hz or 0.0) * (self.count - 1)
 
 
-def encode_axis(frequency_hz: FloatArray) -> Axis:
+def encode_axis(frequency_hz: FloatArray) -> FrequencyAxis:
     """The axis in its shortest form that gives the same lines back: start, step and count where
     every line is within AXIS_TOLERANCE of the last one's frequency, else an array.
 
@@ -99,9 +99,9 @@ def encode_axis(frequency_hz: FloatArray) -> Axis:
     """
     count, start = int(frequency_hz.size), float(frequency_hz[0])
     if count == 1:
-        return Axis(start, None, 1, np.asarray(frequency_hz, "<f8").tobytes())
+        return FrequencyAxis(start, None, 1, np.asarray(frequency_hz, "<f8").tobytes())
     step = float(frequency_hz[-1] - start) / (count - 1)
     even = start + step * np.arange(count)
     if float(np.max(np.abs(even - frequency_hz))) <= AXIS_TOLERANCE * abs(float(frequency_hz[-1])):
-        return Axis(start, step, count)
-    return Axis(start, None, count, np.asarray(frequency_hz, "<f8").tobytes())
+        return FrequencyAxis(start, step, count)
+    return FrequencyAxis(start, None, count, np.asarray(frequency_hz, "<f8").tobytes())

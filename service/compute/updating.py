@@ -31,7 +31,7 @@ from service.compute.frame import Frame
 from service.compute.identifying import describe_identification
 from service.compute.processing import ProcessingInputs, ProcessingOutput, process_whole
 from service.compute.result_arrays import as_npz
-from service.jobs.kinds import Report
+from service.jobs.kinds import Reporter
 
 JointBody = OrientedSpecimen | Structure | MatrixBody
 """What several campaigns may be of: specimens of one material, or one body in space."""
@@ -79,7 +79,7 @@ class UpdateOutput:
     processing: ProcessingOutput | None = None  # what became of the hits, where there were hits
 
 
-def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutput]:
+def compute_update(inputs: UpdateInputs, report: Reporter) -> Iterator[UpdateOutput]:
     """Run the core."""
     stages = _Stopwatch(report, 0.0 if inputs.hits is None else _OF_HITS)
     measurement, recipe, processing, warnings = (
@@ -97,14 +97,14 @@ def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutpu
         warnings = (*warnings, *processing.processed.warnings, *band)
     assert measurement is not None, "a measurement is loaded, or made of hits"
     result = update(measurement, inputs.specimen, recipe, stages.progress, report)
-    found = result.identification
+    identification = result.identification
     yield UpdateOutput(
         result=replace(result, prediction=None, identification=None),
         prediction=as_npz(result),
         warnings=warnings,
         provenance={**inputs.provenance, **origin(), "durations_s": stages.finish()},
-        identified=None if found is None else found.modes,
-        identification=None if found is None else describe_identification(found),
+        identified=None if identification is None else identification.modes,
+        identification=None if identification is None else describe_identification(identification),
         processing=processing,
     )
 
@@ -177,7 +177,7 @@ class JointOutput:
     provenance: dict[str, Any]
 
 
-def compute_joint(inputs: JointInputs, report: Report) -> Iterator[JointOutput]:
+def compute_joint(inputs: JointInputs, report: Reporter) -> Iterator[JointOutput]:
     """Find each campaign's modes and update all together."""
     campaigns, warnings = [], list(inputs.warnings)
     count = len(inputs.campaigns)
@@ -219,7 +219,7 @@ def compute_joint(inputs: JointInputs, report: Report) -> Iterator[JointOutput]:
 class _Stopwatch:
     """Passes progress on and notes how long each stage took."""
 
-    def __init__(self, report: Report, first: float) -> None:
+    def __init__(self, report: Reporter, first: float) -> None:
         self._report, self._first = report, first
         self._stage, self._since = "", time.perf_counter()
         self._durations: dict[str, float] = {}

@@ -82,7 +82,7 @@ class Attempt:
         self._deadline = time.monotonic() + (kind.wall_seconds or settings.job_wall_seconds)
         self._child: Child | None = None
         self._stopped: Failure | None = None
-        self._stop_asked = threading.Event()
+        self._stop_requested = threading.Event()
         self._lock = threading.Lock()
         self._write_at = 0.0
         self._last: Progress | None = None
@@ -93,14 +93,16 @@ class Attempt:
         """
         with self._lock:
             self._stopped = self._stopped or why
-            self._stop_asked.set()
+            self._stop_requested.set()
             if self._child is not None:
                 self._child.kill(why)
 
     @property
     def seconds_left(self) -> float | None:
         """Until it is out of time; None where it is being stopped already."""
-        return None if self._stop_asked.is_set() else max(0.0, self._deadline - time.monotonic())
+        return (
+            None if self._stop_requested.is_set() else max(0.0, self._deadline - time.monotonic())
+        )
 
     def out_of_time(self) -> None:
         """End the attempt because its time is over."""
@@ -187,7 +189,7 @@ class Attempt:
                 return
 
     def _pause(self) -> None:
-        if self._stop_asked.wait(AGAIN_SECONDS) and self._stopped is not None:
+        if self._stop_requested.wait(AGAIN_SECONDS) and self._stopped is not None:
             raise ChildEnded(self._stopped)
 
     def _items(self, child: Child) -> Iterator[Item]:
@@ -197,7 +199,7 @@ class Attempt:
                 case Item():
                     yield message
                 case Checkpoint(data):
-                    self._aside(
+                    self._try_write(
                         lambda session, data=data: queue.save_checkpoint(session, self.job, data)
                     )
                 case Progress():
@@ -214,11 +216,11 @@ class Attempt:
 
     def _write(self, progress: Progress) -> None:
         self._write_at = time.monotonic() + PROGRESS_SECONDS
-        self._aside(
+        self._try_write(
             lambda session: queue.advance(session, self.job, progress.stage, progress.share)
         )
 
-    def _aside(self, write: Any) -> None:
+    def _try_write(self, write: Any) -> None:
         """Write in a transaction of its own what the work can do without, should the database be
         away.
         """

@@ -70,17 +70,17 @@ class Listener(Background):
         connected: whether notices come through at the moment.
     """
 
-    def __init__(self, url: str, channels: Sequence[str], heard: Callable[[str], None]) -> None:
+    def __init__(self, url: str, channels: Sequence[str], on_notify: Callable[[str], None]) -> None:
         """Prepare.
 
         Args:
             url: the database.
             channels: what to listen to.
-            heard: called with each payload, in the listener's thread.
+            on_notify: called with each payload, in the listener's thread.
         """
         super().__init__("notices", self._round)
         self.connected = threading.Event()
-        self._url, self._channels, self._heard = psycopg_url(url), channels, heard
+        self._url, self._channels, self._on_notify = psycopg_url(url), channels, on_notify
 
     def _round(self) -> float:
         try:
@@ -101,4 +101,4 @@ class Listener(Background):
             self.connected.set()
             while not self.ending.is_set():
                 for notice in connection.notifies(timeout=WAKE_SECONDS):
-                    self._heard(notice.payload)
+                    self._on_notify(notice.payload)

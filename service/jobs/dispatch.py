@@ -19,7 +19,7 @@ from procrastinate import jobs
 from sqlalchemy import func, select, text, update
 from sqlalchemy.orm import Session
 
-from service.jobs import queue, tickets
+from service.jobs import queue, queue_adapter
 from service.jobs.tables import Job
 
 log = structlog.stdlib.get_logger("modalbase.worker")
@@ -62,17 +62,17 @@ def begin_next(
     Returns:
         The job, now running; None where none may start.
     """
-    wanted = {"queues": None if queues is None else list(queues), "limit": project_limit}
-    if not session.scalar(_WAITING, wanted):
+    parameters = {"queues": None if queues is None else list(queues), "limit": project_limit}
+    if not session.scalar(_WAITING, parameters):
         return None
-    alone(session)
-    while (chosen := session.scalar(_NEXT, wanted)) is not None:
+    lock_dispatch(session)
+    while (chosen := session.scalar(_NEXT, parameters)) is not None:
         if (job := _begin(session, chosen, worker)) is not None:
             return job  # else it was cancelled at this moment
     return None
 
 
-def alone(session: Session) -> None:
+def lock_dispatch(session: Session) -> None:
     """Wait until no other transaction begins jobs, and keep others from it until this one ends."""
     session.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": DISPATCH_LOCK})
 
@@ -97,25 +97,27 @@ def _begin(session: Session, job_id: UUID, worker: str) -> Job | None:
 
 def recover_stalled(session: Session, seconds: float) -> None:
     """Recover the jobs of workers that have not been heard of for so long."""
-    if tickets.stalled(session, seconds):
-        alone(session)  # nobody begins one of these again while it is decided about
-        _recover(session, tickets.stalled(session, seconds), "worker {worker} died")
+    if queue_adapter.stalled(session, seconds):
+        lock_dispatch(session)  # nobody begins one of these again while it is decided about
+        _recover(session, queue_adapter.stalled(session, seconds), "worker {worker} died")
 
 
 def recover_strays(session: Session, worker_id: int, known: Collection[int]) -> None:
     """Recover what a worker is said to run and does not: its start or its end was lost with a
     connection.
     """
-    strays = [ticket for ticket in tickets.held_by(session, worker_id) if ticket.id not in known]
+    strays = [
+        ticket for ticket in queue_adapter.held_by(session, worker_id) if ticket.id not in known
+    ]
     _recover(session, strays, "the database went away")
 
 
-def _recover(session: Session, found: Iterable[jobs.Job], why: str) -> None:
-    for ticket in found:
+def _recover(session: Session, orphans: Iterable[jobs.Job], why: str) -> None:
+    for ticket in orphans:
         running = select(Job).where(
             Job.ticket == ticket.id, Job.state == "running", Job.id == ticket.task_kwargs["job_id"]
         )
         job = session.scalars(running.with_for_update(skip_locked=True)).one_or_none()
         if job is not None:  # else its end is being written at this moment
-            done = queue.lose(session, job, why.format(worker=job.worker))
+            done = queue.mark_lost(session, job, why.format(worker=job.worker))
             log.warning("job without a worker", job_id=str(job.id), action=done)

@@ -118,7 +118,7 @@ class Changes:
         self._wake = asyncio.Event()
         self._looking: asyncio.Task[None] | None = None
         self._thread = anyio.CapacityLimiter(1)
-        self._listener = Listener(url, [CHANGED], self._heard)
+        self._listener = Listener(url, [CHANGED], self._on_notify)
         self._loop: asyncio.AbstractEventLoop | None = None
         self.closed = False
 
@@ -204,7 +204,7 @@ class Changes:
                     changed.clear()
         return watched.state is None or watched.state.ended
 
-    def _heard(self, job_id: str) -> None:
+    def _on_notify(self, job_id: str) -> None:
         if self._loop is not None:
             with suppress(RuntimeError):  # the loop has ended
                 self._loop.call_soon_threadsafe(self._mark, UUID(job_id))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from sqlalchemy.orm import Session
 
 
-class Report(Protocol):
+class Reporter(Protocol):
     """What a computation has of the world outside: it says how far it is, and saves what a restart
     goes on from.
 
@@ -54,7 +54,7 @@ class Report(Protocol):
         """
 
 
-Compute = Callable[[Any, Report], Iterator[Any]]
+Compute = Callable[[Any, Reporter], Iterator[Any]]
 
 CORE_LIBRARIES = tuple(
     f"scipy.{part}"

@@ -18,7 +18,7 @@ from psycopg_pool import AsyncNullConnectionPool
 from sqlalchemy.exc import DBAPIError
 
 from service.db.engine import Sessions, psycopg_url
-from service.jobs import tickets
+from service.jobs import queue_adapter
 from service.jobs.attempt import passes
 from service.jobs.dispatch import begin_next, recover_stalled, recover_strays
 from service.jobs.kinds import REQUESTS
@@ -85,7 +85,7 @@ class Manager(JobManager):
                 recover_strays(session, worker_id, list(self.running))
         with self._sessions.begin() as session:
             job = begin_next(session, self._open(queues), self._worker, self._limit)
-            ticket = None if job is None else tickets.take(session, job, worker_id)
+            ticket = None if job is None else queue_adapter.take(session, job, worker_id)
         if job is not None and job.ticket is not None:
             self.running[job.ticket] = job
         return ticket
@@ -110,7 +110,7 @@ class Manager(JobManager):
 
     def _to_abort(self) -> list[int]:
         with self._sessions.begin() as session:
-            return tickets.to_abort(session, self._worker_id, list(self.running))
+            return queue_adapter.to_abort(session, self._worker_id, list(self.running))
 
     async def update_heartbeat(self, worker_id: int) -> None:
         """Show that this worker lives, and look for jobs of those that do not."""
@@ -123,7 +123,7 @@ class Manager(JobManager):
 
     def _beat(self, worker_id: int) -> None:
         with self._sessions.begin() as session:
-            tickets.beat(session, worker_id)
+            queue_adapter.beat(session, worker_id)
         if time.monotonic() >= self._recover_at:
             with self._sessions.begin() as session:
                 recover_stalled(session, self._silence)

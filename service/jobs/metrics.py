@@ -70,8 +70,8 @@ class JobMetrics(Collector):
 
     def collect(self) -> Iterable[Any]:
         """Every metric."""
-        still_open, ended = self._read()
-        yield from _open_metrics(still_open)
+        unfinished, ended = self._read()
+        yield from _open_metrics(unfinished)
         yield from _ended_metrics(ended)
 
     def describe(self) -> Iterable[Any]:

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from service.db.base import Base
 from service.errors import Conflict
-from service.jobs import tickets
+from service.jobs import queue_adapter
 from service.jobs.child import CANCELLED, PURGED, Failure
 from service.jobs.kinds import JobKind
 from service.jobs.tables import Job, JobCheckpoint
@@ -55,7 +55,7 @@ def enqueue(
     session.add(job)
     session.flush()
     session.refresh(job)
-    tickets.put(session, job)
+    queue_adapter.put(session, job)
     return job
 
 
@@ -67,7 +67,7 @@ def request_cancel(session: Session, job_id: UUID) -> Job:
     """
     job = _row(session, job_id)
     if job.state in ("queued", "running"):
-        tickets.cancel(session, job)
+        queue_adapter.cancel(session, job)
     if job.state == "queued":
         job.state, job.message, job.finished_at = "cancelled", CANCELLED.detail, datetime.now(UTC)
         forget_checkpoint(session, job_id)
@@ -95,7 +95,7 @@ def retry(session: Session, job_id: UUID) -> Job:
     job.queued_at, job.request_id = func.now(), current_request_id()
     session.flush()
     session.refresh(job)
-    tickets.put(session, job)
+    queue_adapter.put(session, job)
     return job
 
 
@@ -109,7 +109,7 @@ def queue_again(session: Session) -> None:
         select(Job).where(Job.state.in_(("queued", "running"))).order_by(Job.id)
     ):
         job.state, job.worker, job.stage, job.progress = "queued", None, None, 0.0
-        tickets.put(session, job)
+        queue_adapter.put(session, job)
         session.flush()
         if job.cancel_requested:
             request_cancel(session, job.id)
@@ -135,7 +135,7 @@ def cancel_purged(session: Session, project_id: UUID) -> None:
         update(Job).where(*at_work, *lost).values(ended).returning(Job.id)
     ).all():
         forget_checkpoint(session, key)
-    tickets.drop_left(session)
+    queue_adapter.drop_left(session)
 
 
 def _row(session: Session, job_id: UUID) -> Job:
@@ -186,13 +186,13 @@ def end(session: Session, job: Job, failure: Failure) -> str:
             job.message = failure.detail
             return _finish(session, job, "cancelled")
         case "drained":
-            return _give_back(session, job, failure.detail)
+            return _requeue(session, job, failure.detail)
         case "lost":
-            return lose(session, job, failure.detail)
+            return mark_lost(session, job, failure.detail)
     return _fail(session, job, failure)
 
 
-def lose(session: Session, job: Job, why: str) -> str:
+def mark_lost(session: Session, job: Job, why: str) -> str:
     """Decide about a job, locked, whose attempt is lost: it waits again, or fails when that
     happened too often.
 
@@ -201,21 +201,21 @@ def lose(session: Session, job: Job, why: str) -> str:
     """
     job.losses += 1
     if job.cancel_requested or job.losses < job.max_attempts:
-        return _give_back(session, job, f"{why}; queued again")
+        return _requeue(session, job, f"{why}; queued again")
     detail = (
         f"lost {job.losses} times, the last time because {why}; it is not tried again by itself"
     )
     return _fail(session, job, Failure("lost", "WorkerDied", detail))
 
 
-def _give_back(session: Session, job: Job, why: str) -> str:
+def _requeue(session: Session, job: Job, why: str) -> str:
     """Let it wait again, or cancel it if that was asked for. What it has saved stays."""
     if job.cancel_requested:
         return end(session, job, CANCELLED)
     job.state, job.worker, job.message = "queued", None, why
     job.stage, job.progress, job.queued_at = None, 0.0, func.now()
     session.flush()
-    tickets.put_back(session, job)
+    queue_adapter.requeue(session, job)
     return "queued again"
 
 
@@ -227,7 +227,7 @@ def _fail(session: Session, job: Job, failure: Failure) -> str:
 def _finish(session: Session, job: Job, state: str) -> str:
     job.state, job.finished_at = state, func.clock_timestamp()
     session.flush()
-    tickets.end(session, job)
+    queue_adapter.end(session, job)
     forget_checkpoint(session, job.id)
     return state
 

@@ -20,7 +20,7 @@ from service.jobs.tables import Job
 from service.web import StrictModel
 
 Row = TypeVar("Row", bound=Base)
-Found = TypeVar("Found")
+Value = TypeVar("Value")
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 
 ENDED = ("succeeded", "failed", "cancelled")
@@ -138,14 +138,14 @@ class JobNoun(Generic[Row]):
         """The job of a row, as it is now."""
         return session.get_one(Job, row.id, populate_existing=True)
 
-    def result(self, session: Session, row: Row, found: Found | None) -> Found:
+    def result(self, session: Session, row: Row, value: Value | None) -> Value:
         """What was found of a row's result.
 
         Raises:
             Conflict: nothing, as it has none, yet or ever; the message says why.
         """
-        if found is not None:
-            return found
+        if value is not None:
+            return value
         job = self.job_of(session, row)
         why = (
             f": {job.message or 'see its error'}" if job.state in ENDED else "; it is not done yet"

@@ -48,11 +48,11 @@ class JobRoutes(NounRoutes[Row, Out]):
             .join(Job, Job.id == table.id)
             .where(table.id.in_([row.id for row in rows]))
         )
-        found = {
+        by_id = {
             job.id: (row, job)
             for row, job in session.execute(query.execution_options(populate_existing=True))
         }
-        read = [found[row.id] for row in rows]
+        read = [by_id[row.id] for row in rows]
         own = self._own(session, [row for row, _ in read])
         return [self._both(*both, **members) for both, members in zip(read, own, strict=True)]
 

@@ -30,7 +30,7 @@ from procrastinate.job_context import AbortReason, JobContext
 
 from service.db.engine import Sessions, make_engine, make_sessions
 from service.db.schema import require_head
-from service.jobs import tickets
+from service.jobs import queue_adapter
 from service.jobs.attempt import Attempt
 from service.jobs.child import CANCELLED, DRAINED, Failure
 from service.jobs.kinds import JobKind
@@ -163,7 +163,7 @@ class _Worker:
         self.manager = Manager(settings, sessions, self.name)
         self.app = App(connector=self.manager.connector)
         self.app.job_manager = self.manager
-        self.app.task(name=tickets.TASK, pass_context=True)(self._job)
+        self.app.task(name=queue_adapter.TASK, pass_context=True)(self._job)
         self.places = settings.worker_concurrency + 1  # one of them for what requests wait for
         self.threads = ThreadPoolExecutor(self.places, thread_name_prefix="job")
         self.work: set[asyncio.Future[str]] = set()

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Seen:
+class Candidate:
     """A campaign with a date."""
 
     campaign: Campaign  # its row
@@ -44,32 +44,36 @@ class Seen:
     objection: str | None
 
 
-def seen_campaigns(
+def candidates_of(
     session: Session, monitor: Monitor, now: datetime, settle: timedelta
-) -> list[Seen]:
+) -> list[Candidate]:
     """The campaigns that a monitor looks at, in time order."""
     rows = dated_campaigns(session, monitor.structure_id, monitor.since)
     facts = _Facts(session, [row.id for row in rows])
-    seen: list[Seen] = []
+    candidates: list[Candidate] = []
     for row in rows:
         mode_set = (
             facts.mode_sets.get(row.id, (None, None))[0] if monitor.modes == "given" else None
         )
-        seen.append(
-            Seen(
+        candidates.append(
+            Candidate(
                 campaign=row,
                 measured=facts.frfs[row.id][0] if row.id in facts.frfs else None,
                 fingerprint=facts.fingerprint(row, mode_set),
                 mode_set=mode_set,
                 complete=facts.complete(row, now - settle, monitor),
-                objection=_objection(row, facts, monitor, mode_set, seen),
+                objection=_objection(row, facts, monitor, mode_set, candidates),
             )
         )
-    return seen
+    return candidates
 
 
 def _objection(
-    row: Campaign, facts: _Facts, monitor: Monitor, mode_set: UUID | None, earlier: Sequence[Seen]
+    row: Campaign,
+    facts: _Facts,
+    monitor: Monitor,
+    mode_set: UUID | None,
+    earlier: Sequence[Candidate],
 ) -> str | None:
     """What is wrong with a campaign, seen beside those before it."""
     if row.id not in facts.frfs:

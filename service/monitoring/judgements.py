@@ -31,9 +31,9 @@ from service.errors import Conflict, NotFound
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
-from service.monitoring.campaigns import Seen, seen_campaigns
+from service.monitoring.campaigns import Candidate, candidates_of
 from service.monitoring.notifications.messages import announce
-from service.monitoring.runs import counted, latest_runs, monitor_for, moves_of, unit_of
+from service.monitoring.runs import counted, latest_runs, mode_effects_of, monitor_for, unit_of
 from service.monitoring.tables import (
     Alarm,
     AlarmEvent,
@@ -65,7 +65,7 @@ def judge_if_changed(
     runs = latest_runs(session, series)
     if any(run.state == "running" for run in runs.values()):
         return
-    pairs = counted(seen_campaigns(session, monitor, now, timedelta(0)), runs)
+    pairs = counted(candidates_of(session, monitor, now, timedelta(0)), runs)
     if not pairs and series.digest is None:
         return
     digest = _digest(session, monitor, pairs, now)
@@ -97,7 +97,7 @@ def _last(session: Session, series: MonitorSeries) -> tuple[str | None, str | No
 
 
 def _digest(
-    session: Session, monitor: Monitor, pairs: list[tuple[Seen, MonitorRun]], now: datetime
+    session: Session, monitor: Monitor, pairs: list[tuple[Candidate, MonitorRun]], now: datetime
 ) -> str:
     """Of everything that a judgement depends on."""
     used = {
@@ -118,7 +118,7 @@ def _digest(
     return hashlib.sha256(json.dumps(used, sort_keys=True).encode()).hexdigest()
 
 
-def _late(monitor: Monitor, pairs: list[tuple[Seen, MonitorRun]], now: datetime) -> int:
+def _late(monitor: Monitor, pairs: list[tuple[Candidate, MonitorRun]], now: datetime) -> int:
     """How many campaigns should have come since the last one."""
     if monitor.expected_interval_days is None or not pairs:
         return 0
@@ -148,7 +148,7 @@ def _load(session: Session, job_id: UUID, _workspace: Path) -> JudgementInputs:
     monitor = session.get_one(Monitor, series.monitor_id)
     now = datetime.now(UTC)
     runs = latest_runs(session, series)
-    pairs = counted(seen_campaigns(session, monitor, now, timedelta(0)), runs)
+    pairs = counted(candidates_of(session, monitor, now, timedelta(0)), runs)
     row.digest = _digest(session, monitor, pairs, now)  # what is judged is what is there now
     described = pairs[: monitor.watch["baseline"]]
     arrival = _arrival(session, series)
@@ -157,9 +157,9 @@ def _load(session: Session, job_id: UUID, _workspace: Path) -> JudgementInputs:
         observations=tuple(_observation(one, run) for one, run in pairs),
         watch=watch_of(monitor),
         as_of=now,
-        acknowledged=tuple(_heard(alarm) for alarm in _acknowledged(session, monitor)),
+        acknowledged=tuple(_acknowledgement(alarm) for alarm in _acknowledged(session, monitor)),
         notes=tuple(_notes(series, pairs)),
-        moves=moves_of(session, described[-1][1]) if described else None,
+        mode_effects=mode_effects_of(session, described[-1][1]) if described else None,
     )
 
 
@@ -183,7 +183,7 @@ def _arrival(session: Session, series: MonitorSeries) -> dict[UUID, UUID]:
     return dict(rows.all())
 
 
-def _observation(one: Seen, run: MonitorRun) -> Observation:
+def _observation(one: Candidate, run: MonitorRun) -> Observation:
     campaign = one.campaign
     assert campaign.performed_at is not None
     climate = {
@@ -198,7 +198,7 @@ def _observation(one: Seen, run: MonitorRun) -> Observation:
     )
 
 
-def _heard(alarm: Alarm) -> Acknowledgement:
+def _acknowledgement(alarm: Alarm) -> Acknowledgement:
     """An acknowledgement on the campaigns' time axis: not before the campaign that raised the
     alarm.
     """
@@ -207,7 +207,7 @@ def _heard(alarm: Alarm) -> Acknowledgement:
     return Acknowledgement(alarm.parameter, max(alarm.acknowledged_at, raised))
 
 
-def _notes(series: MonitorSeries, pairs: list[tuple[Seen, MonitorRun]]) -> Iterator[str]:
+def _notes(series: MonitorSeries, pairs: list[tuple[Candidate, MonitorRun]]) -> Iterator[str]:
     for one, run in pairs:
         if run.revision > 1:
             yield (
@@ -284,8 +284,8 @@ def update_alarms(
         .order_by(Alarm.id)
     ).all()
     known = {(alarm.parameter, str(alarm.campaign_id)): alarm for alarm in rows}
-    wanted = {(e.parameter, e.campaign) for e in episodes}
-    orphans = [alarm for key, alarm in known.items() if key not in wanted]
+    alarmed = {(e.parameter, e.campaign) for e in episodes}
+    orphans = [alarm for key, alarm in known.items() if key not in alarmed]
     for episode in episodes:
         alarm = known.get((episode.parameter, episode.campaign)) or _adopt(
             session, orphans, episode

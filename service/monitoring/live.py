@@ -41,7 +41,7 @@ def look_at_monitors(session: Session, ids: set[UUID]) -> dict[UUID, Shown]:
     parts: dict[UUID, list[tuple[str, str]]] = {}
     for monitor, part, state in session.execute(both):
         parts.setdefault(monitor, []).append((str(part), state))
-    return {monitor: _shown(monitor, sorted(found)) for monitor, found in parts.items()}
+    return {monitor: _shown(monitor, sorted(states)) for monitor, states in parts.items()}
 
 
 def _shown(monitor: UUID, parts: list[tuple[str, str]]) -> Shown:

@@ -381,14 +381,14 @@ def series_for(session: Session, monitor: Monitor, number: int | None) -> Monito
     Raises:
         NotFound: there is no such version.
     """
-    wanted = number if number is not None else max(monitor.series, 1)
-    found = session.execute(
+    version = number if number is not None else max(monitor.series, 1)
+    row = session.execute(
         select(MonitorSeries, Monitor)  # at one moment: a judgement changes both
         .join(Monitor, Monitor.id == MonitorSeries.monitor_id)
-        .where(Monitor.id == monitor.id, MonitorSeries.number == wanted)
+        .where(Monitor.id == monitor.id, MonitorSeries.number == version)
         .options(undefer(MonitorSeries.document))
         .execution_options(populate_existing=True)
     ).one_or_none()
-    if found is None:
-        raise NotFound("version of this series", wanted)
-    return found[0]
+    if row is None:
+        raise NotFound("version of this series", version)
+    return row[0]

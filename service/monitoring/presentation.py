@@ -71,12 +71,12 @@ def _versions(session: Session, monitor: Monitor) -> list[dict[str, Any]]:
 
 def _members(row: object, *names: str) -> dict[str, Any]:
     """Members of a row as JSON has them."""
-    found = {name: getattr(row, name) for name in names}
-    plain = {name: str(value) for name, value in found.items() if isinstance(value, UUID)}
+    members = {name: getattr(row, name) for name in names}
+    plain = {name: str(value) for name, value in members.items() if isinstance(value, UUID)}
     return (
-        found
+        members
         | plain
-        | {name: at.isoformat() for name, at in found.items() if isinstance(at, datetime)}
+        | {name: at.isoformat() for name, at in members.items() if isinstance(at, datetime)}
     )
 
 

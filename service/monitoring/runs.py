@@ -30,10 +30,10 @@ from fecore.errors import FecoreError
 from fecore.updating.parameters import parametrise
 from fecore.updating.temperature import constant_of
 from service.access import Lookup, User
-from service.compute.judging import Moves
+from service.compute.judging import ModeEffects
 from service.errors import ServiceError
 from service.jobs.tables import Job
-from service.monitoring.campaigns import Seen, seen_campaigns
+from service.monitoring.campaigns import Candidate, candidates_of
 from service.monitoring.tables import Monitor, MonitorRun, MonitorSeries
 from service.store.campaigns.operations import campaign_of
 from service.store.modes.operations import modes_of
@@ -66,7 +66,8 @@ def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]
     """
     compared = {row["name"]: row["comparable"] for row in document["parameters"]}
     parameters = {
-        name: [found["estimate"], found["standard_deviation"]] for name, found in compared.items()
+        name: [constant["estimate"], constant["standard_deviation"]]
+        for name, constant in compared.items()
     }
     stated: dict[int, Mode] = {}
     if mode_set := document["provenance"].get("mode_set"):
@@ -92,7 +93,7 @@ def _scale(session: Session, key: UUID) -> float | None:
     return float(arrays["frf_scale"][0])
 
 
-def moves_of(session: Session, run: MonitorRun) -> Moves | None:
+def mode_effects_of(session: Session, run: MonitorRun) -> ModeEffects | None:
     """What would move a run's frequencies; None of a run of a version that did not keep it."""
     arrays = None if run.update_job_id is None else arrays_of(session, run.update_job_id)
     if arrays is None or "mass_effects" not in arrays:
@@ -101,7 +102,7 @@ def moves_of(session: Session, run: MonitorRun) -> Moves | None:
         dict(zip(arrays[f"{kind}_names"].tolist(), arrays[f"{kind}_effects"], strict=True))
         for kind in ("stiffness", "support")
     )
-    return Moves(
+    return ModeEffects(
         str(run.campaign_id), stiffness, support, arrays["mass_sites_m"], arrays["mass_effects"]
     )
 
@@ -133,13 +134,13 @@ def newest_series(session: Session, monitor: Monitor) -> MonitorSeries:
     """The version of the series that new runs go into; the first one is made here. The transaction
     holds the monitor's row.
     """
-    found = session.scalars(
+    newest = session.scalars(
         select(MonitorSeries)
         .where(MonitorSeries.monitor_id == monitor.id)
         .order_by(MonitorSeries.number.desc())
         .limit(1)
     ).one_or_none()
-    return found or next_series(session, monitor, 1, "first series")
+    return newest or next_series(session, monitor, 1, "first series")
 
 
 def next_series(session: Session, monitor: Monitor, number: int, reason: str) -> MonitorSeries:
@@ -213,17 +214,17 @@ def bring_up_to_date(
         The new runs; refused ones too.
     """
     series = newest_series(session, monitor)
-    seen = seen_campaigns(session, monitor, moment.now, moment.settle)
+    candidates = candidates_of(session, monitor, moment.now, moment.settle)
     runs = latest_runs(session, series)
     outdated = _outdated(session, monitor)
     started: list[MonitorRun] = []
-    for one in seen:
+    for one in candidates:
         latest = runs.get(one.campaign.id)
         if only is not None and one.campaign.id != only:
             continue
-        if not (one.complete or by_hand) or not _wanted(one, latest, outdated, by_hand):
+        if not (one.complete or by_hand) or not _is_due(one, latest, outdated, by_hand):
             continue
-        if monitor.priors == "last" and not _may_follow(one, seen, runs):
+        if monitor.priors == "last" and not _may_follow(one, candidates, runs):
             break
         objection = one.objection or _held_otherwise(one, monitor) or outdated
         run = _run(session, series, one, latest)
@@ -237,15 +238,17 @@ def bring_up_to_date(
     return started
 
 
-def counted(seen: Sequence[Seen], runs: dict[UUID, MonitorRun]) -> list[tuple[Seen, MonitorRun]]:
+def counted(
+    candidates: Sequence[Candidate], runs: dict[UUID, MonitorRun]
+) -> list[tuple[Candidate, MonitorRun]]:
     """The campaigns that make the series, in time order, each with its run: those without an
     objection whose latest run has succeeded.
     """
-    pairs = ((one, runs.get(one.campaign.id)) for one in seen if one.objection is None)
+    pairs = ((one, runs.get(one.campaign.id)) for one in candidates if one.objection is None)
     return [(one, run) for one, run in pairs if run is not None and run.state == "succeeded"]
 
 
-def _wanted(one: Seen, latest: MonitorRun | None, outdated: str | None, by_hand: bool) -> bool:
+def _is_due(one: Candidate, latest: MonitorRun | None, outdated: str | None, by_hand: bool) -> bool:
     """Is there a run to start, or a refusal to note?"""
     if latest is None:
         return True
@@ -260,13 +263,19 @@ def _wanted(one: Seen, latest: MonitorRun | None, outdated: str | None, by_hand:
     return latest.state == "refused" or not current or by_hand
 
 
-def _may_follow(one: Seen, seen: Sequence[Seen], runs: dict[UUID, MonitorRun]) -> bool:
+def _may_follow(
+    one: Candidate, candidates: Sequence[Candidate], runs: dict[UUID, MonitorRun]
+) -> bool:
     """With priors that are handed on, a run waits for the end of every earlier one."""
-    earlier = [s.campaign.id for s in seen if s.campaign.performed_at < one.campaign.performed_at]  # type: ignore[operator]
+    earlier = [
+        other.campaign.id
+        for other in candidates
+        if other.campaign.performed_at < one.campaign.performed_at  # type: ignore[operator]
+    ]
     return not any(key in runs and runs[key].state == "running" for key in earlier)
 
 
-def _held_otherwise(one: Seen, monitor: Monitor) -> str | None:
+def _held_otherwise(one: Candidate, monitor: Monitor) -> str | None:
     """A campaign that was seen before the monitor knew its boundary."""
     if monitor.boundary is None:
         monitor.boundary = one.campaign.boundary
@@ -291,7 +300,7 @@ def _outdated(session: Session, monitor: Monitor) -> str | None:
 
 
 def _run(
-    session: Session, series: MonitorSeries, one: Seen, latest: MonitorRun | None
+    session: Session, series: MonitorSeries, one: Candidate, latest: MonitorRun | None
 ) -> MonitorRun:
     run = MonitorRun(
         series_id=series.id,
@@ -305,7 +314,11 @@ def _run(
 
 
 def _start(
-    session: Session, monitor: Monitor, run: MonitorRun, one: Seen, runs: dict[UUID, MonitorRun]
+    session: Session,
+    monitor: Monitor,
+    run: MonitorRun,
+    one: Candidate,
+    runs: dict[UUID, MonitorRun],
 ) -> None:
     """Queue the update in the name of the monitor's maker. A recipe that is refused makes a refused
     run with the reason.
@@ -326,7 +339,7 @@ def _start(
 
 
 def _recipe(
-    session: Session, monitor: Monitor, one: Seen, runs: dict[UUID, MonitorRun]
+    session: Session, monitor: Monitor, one: Candidate, runs: dict[UUID, MonitorRun]
 ) -> RecipeIn:
     """The monitor's recipe for a campaign. Coefficients of temperature are its regression's: a
     campaign has one temperature.
@@ -345,7 +358,9 @@ def _recipe(
     return recipe if before is None else _with_priors(session, monitor, recipe, before)
 
 
-def _run_before(session: Session, one: Seen, runs: dict[UUID, MonitorRun]) -> dict[str, Any] | None:
+def _run_before(
+    session: Session, one: Candidate, runs: dict[UUID, MonitorRun]
+) -> dict[str, Any] | None:
     """Values of the last campaign before this one."""
     done = [
         run

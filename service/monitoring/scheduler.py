@@ -33,7 +33,7 @@ from service.store.campaigns.operations import structures_with
 from service.store.imports.operations import campaigns_with
 from service.store.structures.operations import structures_in
 
-ASKED = "modalbase_monitor_asked"
+REQUESTED = "modalbase_monitor_asked"
 """Channel of notifications with the id of a monitor that has changed through the API."""
 
 PAUSE_SECONDS = 0.1  # between two looks, so that a burst of notices is one look
@@ -47,7 +47,7 @@ log = structlog.stdlib.get_logger("modalbase.scheduler")
 
 def request_check(session: Session, monitor_id: UUID) -> None:
     """Have a monitor checked as soon as the transaction is committed."""
-    session.execute(select(func.pg_notify(ASKED, str(monitor_id))))
+    session.execute(select(func.pg_notify(REQUESTED, str(monitor_id))))
 
 
 @contextlib.contextmanager
@@ -69,7 +69,7 @@ class _Scheduler:
         self._sweep_at = 0.0
         self._changed: set[UUID] = set()
         self._lock = threading.Lock()
-        self._listener = Listener(settings.database_url or "", [CHANGED, ASKED], self._note)
+        self._listener = Listener(settings.database_url or "", [CHANGED, REQUESTED], self._note)
         self._thread = Background("scheduler", self._round)
 
     def __enter__(self) -> None:
@@ -123,13 +123,13 @@ class _Scheduler:
             )
             ended = (Job.id.in_(changed), Job.state.in_(ENDED))
             imported_into = structures_with(campaigns_with(select(Job.id).where(*ended)))
-            wanted = or_(
+            concerned = or_(
                 Monitor.id.in_(changed),
                 Monitor.structure_id.in_(imported_into),
                 Monitor.id.in_(of_run.where(*ended)),
                 Monitor.id.in_(of_judgement.where(*ended)),
             )
-            return session.scalars(select(Monitor.id).where(_WATCHING, wanted)).all()
+            return session.scalars(select(Monitor.id).where(_WATCHING, concerned)).all()
 
     def _check_all(self, monitors: Sequence[UUID]) -> None:
         for key in monitors:

@@ -38,7 +38,7 @@ from service.store.frfs.routes import FrfFilter, Hertz
 from service.store.modes.operations import IDENTIFICATIONS, identification_for, mode_set_for
 from service.store.records.routes import Whole
 from service.store.search.nouns import NOUNS
-from service.store.search.operations import Search, Wanted, bounded
+from service.store.search.operations import Search, SearchQuery, bounded
 from service.store.search.routes import ModeTrend, OrderedDep, ResultTrend
 from service.store.updating.result_schemas import CONSTANTS
 from service.web import api_router
@@ -257,7 +257,7 @@ def get_results_figure(
     )
     with bounded(session):
         search = Search(
-            user, NOUNS["result"], Wanted(query.filter, query.words, query.sort, fields)
+            user, NOUNS["result"], SearchQuery(query.filter, query.words, query.sort, fields)
         )
         values, more = search.page(session, None, MOST_RESULTS)
     if more is not None:

@@ -105,8 +105,8 @@ def _as_written(schema: Any, model: Any) -> None:
 
 def _is_another(schema: dict[str, Any], model: Any) -> bool:
     """Whether a schema is that of another strict model."""
-    found = schema.get("cls") if schema.get("type") == "model" else None
-    return found is not None and found is not model and issubclass(found, StrictModel)
+    declared = schema.get("cls") if schema.get("type") == "model" else None
+    return declared is not None and declared is not model and issubclass(declared, StrictModel)
 
 
 def _has_check(schema: dict[str, Any]) -> bool:

@@ -41,8 +41,8 @@ def wording(fault: Mapping[str, Any], kind: Any, steps: Sequence[Any]) -> str:
     member = next((step for step in reversed(steps) if isinstance(step, str)), "")
     unit = next((unit for end, unit in UNITS.items() if member.endswith(end)), "")
     value = fault["input"]
-    said = in_words(value, unit) if isinstance(value, int | float) else str(value)[:40]
-    return f"is {said}, expected {_LIMITS[limit]} {in_words(context[limit], unit)}"
+    shown = in_words(value, unit) if isinstance(value, int | float) else str(value)[:40]
+    return f"is {shown}, expected {_LIMITS[limit]} {in_words(context[limit], unit)}"
 
 
 def _unknown(kind: Any, steps: Sequence[Any]) -> str:
@@ -205,12 +205,12 @@ def _faults(root: Any) -> Iterator[Fault]:
     steps: list[object] = []
     levels: list[Iterator[tuple[object, Any]]] = [iter([("", root)])]
     while levels:
-        found = next(levels[-1], None)
-        if found is None:
+        item = next(levels[-1], None)
+        if item is None:
             levels.pop()
             del steps[-1:]
             continue
-        step, value = found
+        step, value = item
         place = steps[1:] if len(levels) == 1 else [*steps[1:], step]
         yield from (Fault(pointer(place), why) for why in _own_faults(value, len(levels)))
         if isinstance(value, dict | list) and len(levels) <= MOST_DEPTH:
@@ -272,6 +272,8 @@ def checked(kind: type[Body], value: Any) -> Body:
     try:
         return TypeAdapter(kind).validate_python(value)
     except ValidationError as error:
-        found = error.errors(include_url=False)
-        faults = [Fault(pointer(e["loc"]), wording(e, kind, e["loc"])) for e in found[:MOST_FAULTS]]
-        raise Invalid(faults, count=len(found)) from None
+        errors = error.errors(include_url=False)
+        faults = [
+            Fault(pointer(e["loc"]), wording(e, kind, e["loc"])) for e in errors[:MOST_FAULTS]
+        ]
+        raise Invalid(faults, count=len(errors)) from None

@@ -32,7 +32,7 @@ def one_of(media_types: Mapping[str, str]) -> WithJsonSchema:
     return WithJsonSchema({"type": "string", "enum": list(media_types)})
 
 
-def choose_format(wanted: str | None, accept: str | None, media_types: Mapping[str, str]) -> str:
+def choose_format(requested: str | None, accept: str | None, media_types: Mapping[str, str]) -> str:
     """The name of the format that the client wants: by `?format=`, else the one that Accept
     prefers, else the first.
 
@@ -41,7 +41,7 @@ def choose_format(wanted: str | None, accept: str | None, media_types: Mapping[s
     ('csv', 'json')
 
     Args:
-        wanted: `?format=`.
+        requested: `?format=`.
         accept: the Accept header.
         media_types: name of each format to its media type; the first one is the default.
 
@@ -49,10 +49,12 @@ def choose_format(wanted: str | None, accept: str | None, media_types: Mapping[s
         Invalid: there is no format of that name.
         NotAcceptable: none of the formats is acceptable.
     """
-    if wanted is not None:
-        if wanted not in media_types:
-            raise Invalid("format", f"is {wanted[:40]!r}, expected one of {', '.join(media_types)}")
-        return wanted
+    if requested is not None:
+        if requested not in media_types:
+            raise Invalid(
+                "format", f"is {requested[:40]!r}, expected one of {', '.join(media_types)}"
+            )
+        return requested
     if not accept or not accept.strip():
         return next(iter(media_types))
     best, quality = None, 0.0

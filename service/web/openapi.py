@@ -18,7 +18,7 @@ from pydantic import BaseModel
 from starlette.responses import HTMLResponse
 
 from service.web.middleware import NOTHING
-from service.web.routing import Later
+from service.web.routing import LazyOpenApi
 from service.web.terms import OPEN, TAGS, TERMS
 
 Node = dict[str, Any]
@@ -61,20 +61,20 @@ def undescribed(document: Node) -> list[str]:
     """Properties and parameters without a description, and headings without a sentence; for the
     test that there are none.
     """
-    found = [
+    missing = [
         f"{name}.{prop}"
         for name, schema in document["components"]["schemas"].items()
         for prop, node in schema.get("properties", {}).items()
         if not node.get("description")
     ]
     for path, operation in _operations(document):
-        found += [
+        missing += [
             f"{path} {parameter['name']}"
             for parameter in operation.get("parameters", [])
             if not (parameter.get("description") or parameter["schema"].get("description"))
         ]
-        found += [f"{path} heading {tag}" for tag in operation["tags"] if tag not in dict(TAGS)]
-    return found
+        missing += [f"{path} heading {tag}" for tag in operation["tags"] if tag not in dict(TAGS)]
+    return missing
 
 
 def _operations(document: Node) -> Iterator[tuple[str, Node]]:
@@ -220,7 +220,7 @@ def schema_of(model: type[BaseModel]) -> dict[str, Any]:
     return dict(inline(whole))
 
 
-def reads(content: Mapping[str, Any], **more: Any) -> Later:
+def reads(content: Mapping[str, Any], **more: Any) -> LazyOpenApi:
     """What a route says to OpenAPI that reads its body itself.
 
     Args:
@@ -239,7 +239,7 @@ def reads(content: Mapping[str, Any], **more: Any) -> Later:
         by_type = {kind: {"schema": filled(schema)} for kind, schema in content.items()}
         return {**more, "requestBody": {"required": True, "content": by_type}}
 
-    return Later(made)
+    return LazyOpenApi(made)
 
 
 TEXT, BINARY = {"type": "string"}, {"type": "string", "format": "binary"}

@@ -52,10 +52,10 @@ def form_of(media_types: Mapping[str, str], description: str = "default: by Acce
     ) -> str:
         return choose_format(file_format, accept, media_types)
 
-    wanted = Annotated[
+    annotation = Annotated[
         Annotated[str, one_of(media_types)] | None, Query(alias="format", description=description)
     ]
-    chosen.__annotations__["file_format"] = wanted
+    chosen.__annotations__["file_format"] = annotation
     return Depends(chosen)
 
 

@@ -98,25 +98,25 @@ def _core_error(_: Request, error: Exception) -> JSONResponse:
     """The core names a field by dots; here it is a pointer, in the detail too."""
     if not isinstance(error, InputError):
         return problem(422, str(error))
-    found = e.Invalid(e.pointer(error.field.split(".")), error.message)
-    return problem(422, str(found), found.faults)
+    invalid = e.Invalid(e.pointer(error.field.split(".")), error.message)
+    return problem(422, str(invalid), invalid.faults)
 
 
 def _validation_error(request: Request, error: Exception) -> JSONResponse:
     """FastAPI's own validation. A path that cannot name anything names nothing: 404."""
     assert isinstance(error, RequestValidationError)
-    found = error.errors()
-    if any(fault["loc"][0] == "path" for fault in found):
+    errors = error.errors()
+    if any(fault["loc"][0] == "path" for fault in errors):
         return problem(
-            404, "no such thing: " + "; ".join(f"{f['loc'][-1]}: {f['msg']}" for f in found)
+            404, "no such thing: " + "; ".join(f"{f['loc'][-1]}: {f['msg']}" for f in errors)
         )
     body = getattr(request.scope.get("route"), "body_field", None)
     kind = None if body is None else body.field_info.annotation
     faults = [
         e.Fault(_location(fault["loc"]), wording(fault, kind, fault["loc"][1:]))
-        for fault in found[: e.MOST_FAULTS]
+        for fault in errors[: e.MOST_FAULTS]
     ]
-    invalid = e.Invalid(faults, count=len(found))
+    invalid = e.Invalid(faults, count=len(errors))
     return problem(422, str(invalid), invalid.faults)
 
 

@@ -62,13 +62,13 @@ class Quantity:
     def _meant(self, value: float) -> float | None:
         # the latter: converted once too often
         factors = (*self.mistaken, *(1 / factor for factor in self.mistaken))
-        found = (
+        candidates = (
             value * factor
             for bounds in (self.likely, self.usual)
             for factor in factors
             if _within(value * factor, bounds)
         )
-        return next(found, None)
+        return next(candidates, None)
 
 
 def _within(value: float, bounds: tuple[float, float]) -> bool:
@@ -170,10 +170,10 @@ def stated(body: BaseModel) -> Iterator[tuple[str, float, Quantity]]:
 @cache
 def _annotated(model: type[BaseModel]) -> dict[str, Quantity]:
     fields = model.model_fields.items()
-    found = {
+    quantities = {
         name: next(_quantities((field.annotation, *field.metadata)), None) for name, field in fields
     }
-    return {name: quantity for name, quantity in found.items() if quantity is not None}
+    return {name: quantity for name, quantity in quantities.items() if quantity is not None}
 
 
 def _quantities(parts: tuple[Any, ...]) -> Iterator[Quantity]:

@@ -78,7 +78,7 @@ class StrictRequest(Request):
         return self.strict_json
 
 
-class Later(dict[str, Any]):
+class LazyOpenApi(dict[str, Any]):
     """What a route says of itself to OpenAPI, made when the route is put together.
 
     Attributes:
@@ -125,7 +125,7 @@ class LateRoute(APIRoute):
                 self.path_regex, self.path_format, self.param_convertors = compile_path(self.path)
             elif not self._begun:
                 self._begun = True
-                if isinstance(extra := self.given.get("openapi_extra"), Later):
+                if isinstance(extra := self.given.get("openapi_extra"), LazyOpenApi):
                     extra.update(extra.make())
                 super().__init__(
                     self.path, self.endpoint, name=self.name, methods=self.methods, **self.given

@@ -136,14 +136,14 @@ def read_points(text: str) -> list[dict[str, Any]]:
     >>> read_points("1; 0,5; -20")
     [{'label': 1, 'x_m': 0.0005, 'y_m': -0.02, 'z_m': 0.0}]
     """
-    found = []
+    points = []
     for number, line in enumerate(text.splitlines(), start=1):
         if line.strip():
             try:
-                found.append(_point(line))
+                points.append(_point(line))
             except UnreadableError as error:
                 raise UnreadableError(f"line {number}: {error}") from None
-    return found
+    return points
 
 
 def _point(line: str) -> dict[str, Any]:
@@ -209,13 +209,13 @@ _QUANTITY = re.compile(
 def _parts(text: str, unit: str) -> tuple[Fraction, str]:
     """The number of a text, in its own unit, and that unit; empty where it states none."""
     plain = text.strip().translate(_MINUS).translate(_SUPERSCRIPTS)
-    found = _QUANTITY.fullmatch(re.sub(r"\s+1/", " /", plain)) if len(plain) <= LONGEST else None
-    if found is None:
+    match = _QUANTITY.fullmatch(re.sub(r"\s+1/", " /", plain)) if len(plain) <= LONGEST else None
+    if match is None:
         raise UnreadableError(f"“{text.strip()[:40]}” is no number{f' in {unit}' if unit else ''}")
-    digits = _decimal(found["digits"], text.strip())
+    digits = _decimal(match["digits"], text.strip())
     return (
-        Fraction(f"{found['sign']}{digits}e{found['e'] or found['ten'] or 0}"),
-        (found["unit"] or "").strip(),
+        Fraction(f"{match['sign']}{digits}e{match['e'] or match['ten'] or 0}"),
+        (match["unit"] or "").strip(),
     )
 
 

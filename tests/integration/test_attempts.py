@@ -18,7 +18,7 @@ from structlog.testing import capture_logs
 from service.db.engine import Sessions, make_engine, make_sessions
 from service.db.schema import upgrade
 from service.jobs import attempt as attempts
-from service.jobs import tickets
+from service.jobs import queue_adapter
 from service.jobs.attempt import Attempt
 from service.jobs.child import (
     CANCELLED,
@@ -111,7 +111,7 @@ class Trial:
             worker = session.scalar(
                 text("INSERT INTO procrastinate_workers DEFAULT VALUES RETURNING id")
             )
-            assert tickets.take(session, job, worker).id == job.ticket
+            assert queue_adapter.take(session, job, worker).id == job.ticket
             session.expunge(job)
         self.attempt = Attempt(self.sessions, Settings(), kind, job)
         if stop is not None:
@@ -180,7 +180,7 @@ def test_an_end_waits_for_the_database(trial: Trial, sessions: Sessions) -> None
     engine = make_engine(NOTHING)
     nowhere = make_sessions(engine)
 
-    class Away:
+    class Unreachable:
         """Sessions on nothing for two transactions, that of the result and that of the attempt's
         end; then the real ones.
         """
@@ -193,7 +193,7 @@ def test_an_end_waits_for_the_database(trial: Trial, sessions: Sessions) -> None
             return (self.left.pop() if self.left else sessions).begin()
 
     def leave(_: Session) -> None:
-        trial.attempt.sessions = Away()
+        trial.attempt.sessions = Unreachable()
 
     # What was drained is given back by those who see that this worker is gone.
     assert trial.run(DRAINED, load=leave) == ("abandoned", "running")
@@ -212,7 +212,7 @@ REGISTER = text(
 LEASE = 30.0
 
 
-def all_tickets(sessions: Sessions) -> list[tuple[int, str, str]]:
+def queued_tickets(sessions: Sessions) -> list[tuple[int, str, str]]:
     with sessions() as session:
         return [tuple(row) for row in session.execute(ALL)]
 
@@ -223,22 +223,22 @@ def begin(sessions: Sessions, *, silent_for: str = "0 s", count: int = 1) -> int
         worker_id: int = session.execute(REGISTER, {"ago": silent_for}).scalar_one()
         for _ in range(count):
             job = begin_next(session, None, f"worker {worker_id}", None)
-            assert tickets.take(session, job, worker_id).id == job.ticket
+            assert queue_adapter.take(session, job, worker_id).id == job.ticket
     return worker_id
 
 
 def test_a_ticket_names_its_job_from_the_queue_to_the_end(sessions: Sessions) -> None:
     first, second = put(sessions, "echo", 2)
-    (a, _, _), (b, _, _) = all_tickets(sessions)
-    assert all_tickets(sessions) == [(a, "todo", str(first)), (b, "todo", str(second))]
+    (a, _, _), (b, _, _) = queued_tickets(sessions)
+    assert queued_tickets(sessions) == [(a, "todo", str(first)), (b, "todo", str(second))]
     begin(sessions)
-    assert all_tickets(sessions) == [(a, "doing", str(first)), (b, "todo", str(second))]
+    assert queued_tickets(sessions) == [(a, "doing", str(first)), (b, "todo", str(second))]
     with sessions.begin() as session:
         request_cancel(session, second)
-    assert all_tickets(sessions) == [(a, "doing", str(first))]
+    assert queued_tickets(sessions) == [(a, "doing", str(first))]
     with sessions.begin() as session:
         retry(session, second)
-    assert [row[1:] for row in all_tickets(sessions)] == [
+    assert [row[1:] for row in queued_tickets(sessions)] == [
         ("doing", str(first)),
         ("todo", str(second)),
     ]
@@ -255,7 +255,7 @@ def test_a_worker_that_is_heard_of_keeps_its_job(sessions: Sessions) -> None:
 def test_a_silent_workers_job_waits_again_and_its_attempt_is_fenced(sessions: Sessions) -> None:
     (job_id,) = put(sessions, "echo")
     worker_id = begin(sessions, silent_for="40 s")
-    (before,) = all_tickets(sessions)
+    (before,) = queued_tickets(sessions)
     with sessions.begin() as session:
         recover_stalled(session, LEASE)
     job = look(sessions, job_id)
@@ -264,11 +264,11 @@ def test_a_silent_workers_job_waits_again_and_its_attempt_is_fenced(sessions: Se
         1,
         f"worker worker {worker_id} died; queued again",
     )
-    assert all_tickets(sessions) == [(before[0], "todo", str(job_id))]
+    assert queued_tickets(sessions) == [(before[0], "todo", str(job_id))]
     begin(sessions)
     with sessions.begin() as session:
         recover_stalled(session, LEASE)  # the ticket is another worker's now
-        assert tickets.to_abort(session, worker_id, [before[0]]) == [before[0]]
+        assert queue_adapter.to_abort(session, worker_id, [before[0]]) == [before[0]]
     assert (look(sessions, job_id).state, look(sessions, job_id).attempt) == ("running", 2)
 
 
@@ -281,7 +281,7 @@ def test_a_job_that_kills_its_workers_is_given_up(sessions: Sessions) -> None:
     job = look(sessions, job_id)
     assert (job.state, job.attempt, job.losses) == ("failed", 3, 3)
     assert job.error["reason"] == "lost"
-    assert all_tickets(sessions) == []
+    assert queued_tickets(sessions) == []
 
 
 def test_a_cancelled_job_of_a_silent_worker_is_cancelled(sessions: Sessions) -> None:
@@ -291,13 +291,13 @@ def test_a_cancelled_job_of_a_silent_worker_is_cancelled(sessions: Sessions) -> 
         request_cancel(session, job_id)
         recover_stalled(session, LEASE)
     assert look(sessions, job_id).state == "cancelled"
-    assert all_tickets(sessions) == []
+    assert queued_tickets(sessions) == []
 
 
 def test_what_a_worker_is_said_to_run_and_does_not_waits_again(sessions: Sessions) -> None:
     first, second = put(sessions, "echo", 2)
     worker_id = begin(sessions, count=2)
-    (mine, _, _), _ = all_tickets(sessions)
+    (mine, _, _), _ = queued_tickets(sessions)
     with sessions.begin() as session:
         recover_strays(session, worker_id, [mine])
     assert (look(sessions, first).state, look(sessions, second).state) == ("running", "queued")
@@ -307,7 +307,7 @@ def test_a_jobs_ticket_goes_with_its_row(sessions: Sessions) -> None:
     put(sessions, "echo", 2)
     with sessions.begin() as session:
         session.execute(text("DELETE FROM projects"))
-    assert all_tickets(sessions) == []
+    assert queued_tickets(sessions) == []
 
 
 def test_a_paused_worker_lets_go_of_what_another_has_taken_over(
@@ -370,9 +370,12 @@ def test_jobs_of_the_version_before_run_after_the_upgrade(
             )
     upgrade(before_tickets)
     sessions = make_sessions(before_tickets)
-    assert [row[1:] for row in all_tickets(sessions)] == [("todo", str(waits)), ("todo", str(runs))]
+    assert [row[1:] for row in queued_tickets(sessions)] == [
+        ("todo", str(waits)),
+        ("todo", str(runs)),
+    ]
     with worker(empty_database):
         assert [wait(sessions, job_id).attempt for job_id in (waits, runs)] == [1, 2]
     assert look(sessions, ended).attempt == 1
-    assert all_tickets(sessions) == []
+    assert queued_tickets(sessions) == []
     before_tickets.dispose()

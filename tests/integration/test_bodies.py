@@ -55,26 +55,26 @@ def test_constants_of_each_wall_come_back_from_an_empty_recipe(
     structure = made(api, project)
     address, result = updated(api, structure["id"], measured(boundary=boundary), boundary)
     assert result["verdict"]["level"] in ("usable", "with_care")
-    found = {row["name"]: row for row in result["parameters"]}
-    assert list(found)[:10] == [
+    constants = {row["name"]: row for row in result["parameters"]}
+    assert list(constants)[:10] == [
         f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")
     ]
     for name, value in TRUTH.items():
-        low, high = found[name]["interval_95"]
+        low, high = constants[name]["interval_95"]
         assert low < value < high, name
-    assert found["flange.E1"]["unit"] == "Pa"
-    sources = {entry["source"] for entry in found["web.E1"]["budget"]}
+    assert constants["flange.E1"]["unit"] == "Pa"
+    sources = {entry["source"] for entry in constants["web.E1"]["budget"]}
     # A clamp that may yield outweighs the height, which falls below what a budget lists.
     largest = "clamp" if boundary == "cantilever" else "height"
     assert {"model of the joints", "common material of the sets", "web.t", largest} <= sources
     assert min(mode["mac"] for mode in result["modes"] if mode["mac"] is not None) > 0.95
     assert len(result["provenance"]["frfs"]) == 28
-    wanted = {
+    query = {
         "filter": f"id = '{address.rpartition('/')[2]}' AND flange.E1_sd > 0",
         "fields": "flange.E1",
     }
-    (row,) = ok(api.get("search/results", params=wanted), 200)["items"]
-    assert row["flange.E1"] == found["flange.E1"]["estimate"]
+    (row,) = ok(api.get("search/results", params=query), 200)["items"]
+    assert row["flange.E1"] == constants["flange.E1"]["estimate"]
     if boundary == "cantilever":
         get_shown(api, address)
 
@@ -84,9 +84,9 @@ def uff_contents(content: bytes) -> list[Any]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "shapes.uff")
         path.write_bytes(content)
-        found = load(path)
-    assert set(found.outcomes) == {"read"}
-    return list(found.contents)
+        file = load(path)
+    assert set(file.outcomes) == {"read"}
+    return list(file.contents)
 
 
 def get_shown(api: httpx.Client, address: str) -> None:
@@ -145,12 +145,12 @@ def test_two_campaigns_of_a_body_are_updated_together(api: httpx.Client, project
     done = finished(api, begun.headers["Location"])
     assert done["status"] == "succeeded", done["error"]
     result = ok(api.get(api.base_url.join(begun.headers["Location"] + "/result")), 200)
-    found = {row["name"]: row for row in result["parameters"]}
-    assert list(found) == [
+    constants = {row["name"]: row for row in result["parameters"]}
+    assert list(constants) == [
         f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")
     ]
     for name, value in TRUTH.items():
-        low, high = found[name]["interval_95"]
+        low, high = constants[name]["interval_95"]
         assert low < value < high, name
     assert {row["name"] for row in result["campaigns"][0]["own"]} >= {
         "flange.t",
@@ -161,8 +161,8 @@ def test_two_campaigns_of_a_body_are_updated_together(api: httpx.Client, project
     assert result["conflicts"] == []
     # The web is one more piece of the batch's material, which is known to 0.22 GPa; the modes alone
     # know it to 0.75.
-    assert 0.8 * COUPON_SD < found["web.E2"]["standard_deviation"] < 1.1 * COUPON_SD
-    assert found["web.E2"]["budget"][0]["source"] == "coupons"
+    assert 0.8 * COUPON_SD < constants["web.E2"]["standard_deviation"] < 1.1 * COUPON_SD
+    assert constants["web.E2"]["budget"][0]["source"] == "coupons"
 
 
 def of_web(api: httpx.Client, structure: str) -> str:
@@ -193,13 +193,17 @@ def test_coupons_of_one_wall_are_the_prior_of_its_constants(
     assert ok(api.get(f"coupon-batches/{batch}"), 200)["sets"] == ["web"]
     recipe = {"prior_from_coupon_batch": batch, "damping_models": ["rayleigh"]}
     _, result = updated(api, structure, measured(), "free", recipe)
-    found = {row["name"]: row for row in result["parameters"]}
-    assert found["web.E2"]["prior_mean"] == TRUTH["web.E2"]
+    constants = {row["name"]: row for row in result["parameters"]}
+    assert constants["web.E2"]["prior_mean"] == TRUTH["web.E2"]
     # one more piece than the twenty
-    assert COUPON_SD < found["web.E2"]["prior_sd"] < 1.1 * COUPON_SD
-    assert found["flange.E2"]["prior_mean"] == ANGLE["shape"]["material"]["E2_Pa"]
-    assert found["web.E2"]["interval_95"][0] < TRUTH["web.E2"] < found["web.E2"]["interval_95"][1]
-    assert found["web.E2"]["standard_deviation"] <= found["web.E2"]["prior_sd"]
+    assert COUPON_SD < constants["web.E2"]["prior_sd"] < 1.1 * COUPON_SD
+    assert constants["flange.E2"]["prior_mean"] == ANGLE["shape"]["material"]["E2_Pa"]
+    assert (
+        constants["web.E2"]["interval_95"][0]
+        < TRUTH["web.E2"]
+        < constants["web.E2"]["interval_95"][1]
+    )
+    assert constants["web.E2"]["standard_deviation"] <= constants["web.E2"]["prior_sd"]
 
 
 def test_a_sensor_on_a_wall_is_a_mass_there(api: httpx.Client, project: str) -> None:
@@ -395,8 +399,8 @@ def test_the_open_i_profile_from_its_file(api: httpx.Client, project: str) -> No
 
 def test_a_wall_can_be_watched(api: httpx.Client, project: str) -> None:
     structure = ok(api.post(f"projects/{project}/structures", json=ANGLE), 201)["id"]
-    wanted = {"name": "m", "parameters": [{"name": "web.E1"}]}
-    monitor = ok(api.post(f"structures/{structure}/monitors", json=wanted), 201)
+    body = {"name": "m", "parameters": [{"name": "web.E1"}]}
+    monitor = ok(api.post(f"structures/{structure}/monitors", json=body), 201)
     assert [(each["name"], each["direction"]) for each in monitor["parameters"]] == [
         ("web.E1", "fall")
     ]
@@ -405,6 +409,6 @@ def test_a_wall_can_be_watched(api: httpx.Client, project: str) -> None:
     ]
     watched = ["flange.E1", "flange.G12", "web.E1", "web.G12", "a0", "a1"]
     assert sorted(each["name"] for each in usual) == sorted(watched)
-    wanted["parameters"] = [{"name": "webb.E1"}]
-    problem = ok(api.post(f"structures/{structure}/monitors", json=wanted), 422)
+    body["parameters"] = [{"name": "webb.E1"}]
+    problem = ok(api.post(f"structures/{structure}/monitors", json=body), 422)
     assert "is not updated by the recipe" in problem["detail"]

@@ -64,12 +64,12 @@ def test_every_figure_and_the_report(
     job = few.update(mode_set=few.new_mode_set("Table 3", paper.MODES)).wait().check()
     path = f"/api/v1/update-jobs/{job.fields['id']}"
     names = [one["name"] for one in ok(client.get(f"{path}/figures"))["items"] if one["available"]]
-    asked = [
+    figures = [
         *(f"figures/{name}?format={kind}" for name in names for kind in FORMATS),
         "report",
         "report?format=pdf",
     ]
     assert {"frf", "shapes"} <= set(names)
-    assert {one: client.get(f"{path}/{one}").status_code for one in asked} == dict.fromkeys(
-        asked, 200
+    assert {one: client.get(f"{path}/{one}").status_code for one in figures} == dict.fromkeys(
+        figures, 200
     )

@@ -33,9 +33,9 @@ def strip(api: httpx.Client, project: str) -> str:
     return str(ok(api.post(f"projects/{project}/structures", json=STRIP), 201)["id"])
 
 
-def forecast(api: httpx.Client, structure: str, **asked: Any) -> dict[str, Any]:
+def forecast(api: httpx.Client, structure: str, **order: Any) -> dict[str, Any]:
     """A forecast after its end."""
-    queued = api.post(f"structures/{structure}/forecasts", json=asked)
+    queued = api.post(f"structures/{structure}/forecasts", json=order)
     ok(queued, 202)
     return finished(api, queued.headers["Location"])
 
@@ -45,27 +45,29 @@ def test_a_strip_says_its_modes_and_where_to_hit_it(api: httpx.Client, strip: st
         api, strip, modes=4, damping_ratio=0.01, line_spacing_hz=0.5, points_to_measure=6
     )
     assert done["status"] == "succeeded", done["message"]
-    found = done["found"]
+    prediction = done["found"]
     # An Euler-Bernoulli cantilever; shear lowers the second mode by half a per cent.
     euler = (
         np.array([1.875104, 4.694091]) ** 2
         / (2 * np.pi * 0.5**2)
         * np.sqrt(3e10 * 0.01**2 / 12 / 1850)
     )
-    bending = [mode["frequency_hz"] for mode in found["model_modes"] if mode["kind"] == "bending"]
+    bending = [
+        mode["frequency_hz"] for mode in prediction["model_modes"] if mode["kind"] == "bending"
+    ]
     np.testing.assert_allclose(bending[:2], euler, rtol=0.01)
-    assert (len(found["model_modes"]), found["rigid_modes"]) == (4, 0)
-    (reference,) = [point for point in found["points"] if point["reference"]]
+    assert (len(prediction["model_modes"]), prediction["rigid_modes"]) == (4, 0)
+    (reference,) = [point for point in prediction["points"] if point["reference"]]
     assert (reference["x_m"], abs(reference["y_m"])) == (0.5, 0.02)  # the corner moves in all modes
-    assert f"at point {reference['label']} along z shows mode" in found["sentence"]
-    assert sum(point["measured"] for point in found["points"]) == found["frfs"] == 6
+    assert f"at point {reference['label']} along z shows mode" in prediction["sentence"]
+    assert sum(point["measured"] for point in prediction["points"]) == prediction["frfs"] == 6
     listed = ok(api.get(f"structures/{strip}/forecasts"), 200)["items"]
     assert [each["id"] for each in listed] == [done["id"]]
     address = f"forecasts/{done['id']}"
     contents = uff_contents(api.get(f"{address}/frfs/data", params={"format": "uff"}).content)
     frfs = [each for each in contents if isinstance(each, Frf)]
     assert {each.number for each in contents if isinstance(each, GridPoint)} == {
-        p["label"] for p in found["points"]
+        p["label"] for p in prediction["points"]
     }
     assert {(each.reference_point, each.reference_direction) for each in frfs} == {
         (reference["label"], 3)
@@ -137,12 +139,12 @@ def test_points_are_chosen_among_those_that_are_stated(api: httpx.Client, projec
         references=2,
     )
     assert done["status"] == "succeeded", done["message"]
-    found = {point["label"]: point for point in done["found"]["points"]}
-    assert set(found) == {each["label"] for each in own}
-    assert found[101]["direction"] == 1
+    chosen = {point["label"]: point for point in done["found"]["points"]}
+    assert set(chosen) == {each["label"] for each in own}
+    assert chosen[101]["direction"] == 1
     # of the flange, and of the web
-    assert (found[103]["direction"], found[102]["direction"]) == (3, 2)
-    assert sum(point["reference"] for point in found.values()) == 2
+    assert (chosen[103]["direction"], chosen[102]["direction"]) == (3, 2)
+    assert sum(point["reference"] for point in chosen.values()) == 2
     assert max(mode["frequency_hz"] for mode in done["found"]["model_modes"]) < 420
     assert {mode["kind"] for mode in done["found"]["model_modes"]} & {
         "torsion",

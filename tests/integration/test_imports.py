@@ -151,8 +151,8 @@ def test_frfs_without_points_are_noted_and_no_computation_says_that_there_are_no
 ) -> None:
     done = imported(campaign, set_58(f"{1.0:13.5e}{2.0:13.5e}", kind=5, points=1, response=(0, 0)))
     assert "its response has no point and no direction" in done["datasets"][0]["notes"][0]
-    asked = api.post(f"campaigns/{campaign}/identifications", json={})
-    ended = finished(asked.headers["Location"])
+    queued = api.post(f"campaigns/{campaign}/identifications", json={})
+    ended = finished(queued.headers["Location"])
     assert "has 1 FRF, and none states point and direction" in str(ended["error"])
 
 

@@ -53,7 +53,7 @@ def tested(api: httpx.Client, project: str) -> dict[str, str]:
     return ids
 
 
-def found(api: httpx.Client, noun: str, text: str, field: str = "name") -> list[str]:
+def matches(api: httpx.Client, noun: str, text: str, field: str = "name") -> list[str]:
     return [
         row[field]
         for row in ok(api.get(f"search/{noun}", params={"filter": text, "fields": field}), 200)[
@@ -74,12 +74,12 @@ def test_what_an_expired_calibration_touched_is_found(
         ("instrument.calibrated_on IS NULL", ["early", "undated"]),
         ("instrument.calibrated_until > DATE('2026-01-01')", ["again"]),
     ):
-        assert found(api, "campaigns", mine + text) == names, text
+        assert matches(api, "campaigns", mine + text) == names, text
     ok(api.post(f"campaigns/{tested['late']}/frfs", json=frfs()), 201)
     assert set(
-        found(api, "frfs", mine + "instrument.calibration_expired = TRUE", "campaign.name")
+        matches(api, "frfs", mine + "instrument.calibration_expired = TRUE", "campaign.name")
     ) == {"late"}
-    assert found(api, "structures", mine + "instrument.model = '352C33'") == ["FRP beam"]
+    assert matches(api, "structures", mine + "instrument.model = '352C33'") == ["FRP beam"]
 
 
 def test_each_frf_has_the_sensor_that_stood_at_its_point(
@@ -112,21 +112,21 @@ def test_each_frf_has_the_sensor_that_stood_at_its_point(
         ("frf.sensor_serial = 'old' OR response_point = 4", [2, 4]),
         ("instrument.serial = 'old' AND instrument.calibration_expired = TRUE", [2]),
     ):
-        assert found(api, "frfs", mine + text, "response_point") == points, text
+        assert matches(api, "frfs", mine + text, "response_point") == points, text
     ok(api.post(f"projects/{project}/instruments", json={"kind": "sensor", "serial": "352"}), 201)
     for point in (2, 4):
         body = record(point)
         body["mapping"]["channels"][1]["point"] = point
         ok(api.post(f"campaigns/{late}/records", json=body), 201)
     for serial, points in (("old", [2]), ("352", [4])):  # the hammer's blocks are of no sensor
-        assert found(api, "records", mine + f"instrument.serial = '{serial}'", "point") == points, (
-            serial
-        )
+        assert (
+            matches(api, "records", mine + f"instrument.serial = '{serial}'", "point") == points
+        ), serial
     for text, names in (
         ("frf.sensor = '4507'", ["late"]),
         ("frf.sensor_serial = 'new' AND frf.response_point = 2", []),
     ):
-        assert found(api, "campaigns", mine + text) == names, text
+        assert matches(api, "campaigns", mine + text) == names, text
     shown = api.get(
         "search/frfs",
         params={"filter": mine + "lines = 3", "fields": "sensor_serial", "sort": "sensor"},
@@ -150,7 +150,7 @@ def test_a_new_calibration_is_kept_in_time_order_and_counts(
         1
     ] == "2025-01-15"
     mine = f"project.id = '{tested['project']}' AND "
-    assert found(api, "campaigns", mine + "instrument.calibration_expired = TRUE") == []
+    assert matches(api, "campaigns", mine + "instrument.calibration_expired = TRUE") == []
     assert api.patch(address, **change).status_code == 412
 
 
@@ -190,11 +190,11 @@ def test_an_instrument_is_refused_and_hidden_in_words(
         assert pointer in pointers(answer.json())
     ok(api.delete(f"instruments/{tested['sensor']}"), 204)
     mine = f"project.id = '{tested['project']}' AND "
-    assert found(api, "campaigns", mine + "instrument.serial = '4507'") == []
+    assert matches(api, "campaigns", mine + "instrument.serial = '4507'") == []
     assert [one["kind"] for one in ok(api.get(path), 200)["items"]] == ["hammer"]
     assert [one["id"] for one in ok(api.get(path, params={"deleted": True}), 200)["items"]] == [
         tested["sensor"]
     ]
     ok(api.post(f"instruments/{tested['sensor']}/restore"), 200)
-    assert "late" in found(api, "campaigns", mine + "instrument.serial = '4507'")
+    assert "late" in matches(api, "campaigns", mine + "instrument.serial = '4507'")
     assert {one["kind"] for one in ok(api.get(path), 200)["items"]} == {"sensor", "hammer"}

@@ -49,11 +49,11 @@ def measured() -> bytes:
     }
     nodes, places = true.mesh.nodes, {}
     for k, x in enumerate(np.linspace(0.03, 0.38, 7)):
-        for n, wanted in (
+        for n, place in (
             (1, (x, 0.025 - 0.004 * (k % 3), -0.038)),
             (2, (x, -0.028, 0.034 - 0.02 * (k % 3))),
         ):
-            nearest = nodes[np.argmin(np.linalg.norm(nodes - wanted, axis=1))]
+            nearest = nodes[np.argmin(np.linalg.norm(nodes - place, axis=1))]
             places[2 * k + n] = (float(nearest[0]), float(nearest[1]), float(nearest[2]))
     return uff(true, truth, places, 0)
 
@@ -61,17 +61,22 @@ def measured() -> bytes:
 def test_an_update_of_matrices_finds_the_factor_of_each_part(api: httpx.Client, bare: str) -> None:
     model = sent(api, bare, zipped(body(), 1e-3), units="mm-N-t", filename="angle.zip")
     assert model["status"] == "succeeded", model["message"]
-    found = model["found"]
-    assert (found["format"], found["factors"]) == ("matrices", ["flange.factor", "web.factor"])
-    assert found["mass_kg"] == pytest.approx(0.4 * (0.06 + 0.076) * 0.004 * 1850, rel=1e-6)
-    assert found["size_m"] == pytest.approx([0.4, 0.058, 0.078])
+    contents = model["found"]
+    assert (contents["format"], contents["factors"]) == (
+        "matrices",
+        ["flange.factor", "web.factor"],
+    )
+    assert contents["mass_kg"] == pytest.approx(0.4 * (0.06 + 0.076) * 0.004 * 1850, rel=1e-6)
+    assert contents["size_m"] == pytest.approx([0.4, 0.058, 0.078])
     mesh = ok(api.get(f"structures/{bare}/model/mesh"), 200)
     assert mesh["nodes"]["numbers"][0] == 101
     (block,) = mesh["blocks"]
     assert block["kind"] == "point"
     seen = forecast(api, bare, modes=6)["found"]
     assert seen["rigid_modes"] == 6
-    assert all(101 <= point["label"] < 101 + found["counts"]["nodes"] for point in seen["points"])
+    assert all(
+        101 <= point["label"] < 101 + contents["counts"]["nodes"] for point in seen["points"]
+    )
     address, result = updated(api, bare, measured(), "free", {"damping_models": ["rayleigh"]})
     assert result["verdict"]["level"] in ("usable", "with_care")
     rows = {row["name"]: row for row in result["parameters"]}
@@ -81,7 +86,7 @@ def test_an_update_of_matrices_finds_the_factor_of_each_part(api: httpx.Client, 
         assert rows[f"{name}.factor"]["estimate"] == pytest.approx(value, rel=0.02)
     base = api.base_url.join(address)
     assert "each by its factor" in ok(api.get(f"{base}/deck"), 409)["detail"]
-    assert len(ok(api.get(f"{base}/mesh"), 200)["nodes"]["x_m"]) == found["counts"]["nodes"]
+    assert len(ok(api.get(f"{base}/mesh"), 200)["nodes"]["x_m"]) == contents["counts"]["nodes"]
     assert b"angle.zip" in api.get(f"{base}/report").content
 
 
@@ -96,8 +101,8 @@ def test_campaigns_of_matrices_update_together(api: httpx.Client, bare: str) -> 
     )
     content, jobs = measured(), list[dict[str, str]]()
     for name in ("before", "after"):
-        asked = {"name": name, "boundary": "free", "inputs": {"window_rate_per_s": 0}}
-        campaign = ok(api.post(f"structures/{bare}/campaigns", json=asked), 201)["id"]
+        campaign_in = {"name": name, "boundary": "free", "inputs": {"window_rate_per_s": 0}}
+        campaign = ok(api.post(f"structures/{bare}/campaigns", json=campaign_in), 201)["id"]
         finished(
             api, api.post(f"campaigns/{campaign}/imports", content=content).headers["Location"]
         )
@@ -138,7 +143,7 @@ def test_what_is_wrong_with_matrices_is_said_by_file(api: httpx.Client, bare: st
     files = {}
     with zipfile.ZipFile(io.BytesIO(whole)) as archive:
         files = {name: archive.read(name) for name in archive.namelist()}
-    for lost, said in (
+    for lost, message in (
         ("nodes.csv", "nodes.csv"),
         ("M_0.mtx", "no matrix of the mass"),
         ("dofs.csv", ""),
@@ -149,8 +154,8 @@ def test_what_is_wrong_with_matrices_is_said_by_file(api: httpx.Client, bare: st
                 if not name.endswith(lost):
                     archive.writestr(name, content)
         model = sent(api, bare, buffer.getvalue(), units="m-N-kg", filename="a.zip")
-        assert (model["status"], said in (model["message"] or "")) == (
-            ("failed", True) if said else ("succeeded", True)
+        assert (model["status"], message in (model["message"] or "")) == (
+            ("failed", True) if message else ("succeeded", True)
         )
     damaged = sent(api, bare, b"PK nothing", units="m-N-kg", filename="a.npz")
     assert "a.npz" in damaged["message"]

@@ -46,8 +46,8 @@ def test_a_deck_is_read_and_shown(api: httpx.Client, bare: str) -> None:
     content = deck()
     model = sent(api, bare, content, units="m-N-kg")
     assert (model["status"], model["version"]) == ("succeeded", 2)
-    found = model["found"]
-    assert found["counts"] == {
+    contents = model["found"]
+    assert contents["counts"] == {
         "nodes": 475,
         "elements": 140,
         "masses": 0,
@@ -55,22 +55,22 @@ def test_a_deck_is_read_and_shown(api: httpx.Client, bare: str) -> None:
         "links": 0,
         "supports": 1,
     }
-    sets = {each["name"]: each for each in found["sets"]}
+    sets = {each["name"]: each for each in contents["sets"]}
     assert sets["flange"]["area_m2"] == pytest.approx(0.4 * 0.058)
     assert sets["flange"]["mass_kg"] == pytest.approx(0.4 * 0.058 * 0.004 * 1850)
     assert sets["web"]["thickness_m"] == 0.004
-    assert found["mass_kg"] == pytest.approx(
+    assert contents["mass_kg"] == pytest.approx(
         0.4 * (0.06 + 0.076) * 0.004 * 1850
     )  # with the joint: the whole of both walls
-    (material,) = found["materials"]
+    (material,) = contents["materials"]
     assert (material["name"], material["constants"]["E1"]) == ("GFRP", 23e9)
-    (junction,) = found["junctions"]
+    (junction,) = contents["junctions"]
     assert [(wall["set"], wall["passes"]) for wall in junction["walls"]] == [
         ("flange", False),
         ("web", False),
     ]
     assert junction["length_m"] == pytest.approx(0.4)
-    (support,) = found["supports"]
+    (support,) = contents["supports"]
     assert support["dofs"] == [1, 2, 3, 4, 5, 6]
     structure = ok(api.get(f"structures/{bare}"), 200)
     assert (structure["version"], structure["model"], structure["geometry"]) == (
@@ -168,8 +168,8 @@ def test_units_are_asked_for_with_those_that_fit(api: httpx.Client, bare: str) -
     assert "units=mm-N-t?" in model["message"]
     wrong = sent(api, bare, deck(1e-3), units="m-N-kg")
     assert "mm-N-t would fit" in wrong["message"]
-    asked = {"filename": "angle.inp", "units": "mm-stone"}
-    unknown = ok(api.post(f"structures/{bare}/model", params=asked, content=deck()), 422)
+    params = {"filename": "angle.inp", "units": "mm-stone"}
+    unknown = ok(api.post(f"structures/{bare}/model", params=params, content=deck()), 422)
     assert "names no units" in unknown["errors"][0]["detail"]
     assert ok(api.get(f"structures/{bare}"), 200)["version"] == 1
     assert "is no model" in ok(api.get(f"structures/{bare}/model"), 409)["detail"]
@@ -192,17 +192,19 @@ def test_a_card_that_changes_modes_must_be_accepted_by_name(api: httpx.Client, b
 def test_a_mesh_comes_with_sections_of_its_sets(api: httpx.Client, bare: str) -> None:
     content, wall = (ROOT / "tests/corpus/meshes/gmsh-4.1.msh").read_bytes(), {"thickness_m": 0.002}
     metal = {**wall, "isotropic": {"E_Pa": 7e10, "nu": 0.3, "density_kg_m3": 2700}}
-    asked = {"filename": "angle.msh", "units": "mm-N-t"}
-    bare_mesh = sent(api, bare, content, **asked, accept="clamp")
+    params = {"filename": "angle.msh", "units": "mm-N-t"}
+    bare_mesh = sent(api, bare, content, **params, accept="clamp")
     assert "lack flange (2 elements), the_web (4 elements)" in bare_mesh["message"]
-    one = sent(api, bare, content, **asked, sections=json.dumps({"flange": metal, "web": metal}))
+    one = sent(api, bare, content, **params, sections=json.dumps({"flange": metal, "web": metal}))
     assert "sections/web: there is no such set; there are clamp, flange, the_web" in one["message"]
     both = {"flange": metal, "the_web": metal}
-    assert "accept=CLAMP" in sent(api, bare, content, **asked, sections=json.dumps(both))["message"]
+    assert (
+        "accept=CLAMP" in sent(api, bare, content, **params, sections=json.dumps(both))["message"]
+    )
     address = f"structures/{bare}/model"
-    said = {"sections": json.dumps({**both, "clamp": {"held_dofs": [1, 2, 3, 4, 5, 6]}})}
+    fields = {"sections": json.dumps({**both, "clamp": {"held_dofs": [1, 2, 3, 4, 5, 6]}})}
     form = api.post(
-        address, params={"units": "mm-N-t"}, data=said, files={"file": ("angle.msh", content)}
+        address, params={"units": "mm-N-t"}, data=fields, files={"file": ("angle.msh", content)}
     )
     model = finished(api, form.headers["Location"])
     assert model["status"] == "succeeded", model["message"]
@@ -223,7 +225,8 @@ def test_a_mesh_comes_with_sections_of_its_sets(api: httpx.Client, bare: str) ->
         ({"flange": {**wall, "material": ANGLE["shape"]["material"]}}, "density_kg_m3 is missing"),
     ]:
         problem = ok(
-            api.post(address, params={**asked, "sections": json.dumps(wrong)}, content=content), 422
+            api.post(address, params={**params, "sections": json.dumps(wrong)}, content=content),
+            422,
         )
         assert problem["errors"][0]["pointer"].startswith("/flange"), problem
         assert what in problem["errors"][0]["detail"]
@@ -235,8 +238,8 @@ def test_what_is_wrong_with_a_deck_is_said_by_line(api: httpx.Client, bare: str)
     cut = sent(api, bare, deck()[: deck().index(b"*SHELL SECTION") - 5], units="m-N-kg")
     assert cut["status"] == "failed"
     assert "line" in cut["message"]
-    asked = {"filename": "angle.xyz", "units": "m-N-kg"}
-    other = ok(api.post(f"structures/{bare}/model", params=asked, content=deck()), 422)
+    params = {"filename": "angle.xyz", "units": "m-N-kg"}
+    other = ok(api.post(f"structures/{bare}/model", params=params, content=deck()), 422)
     assert "ends in none of .inp" in other["errors"][0]["detail"]
     assert ok(api.get(f"structures/{bare}"), 200)["version"] == 1
 
@@ -248,20 +251,20 @@ def test_an_update_of_a_deck_finds_the_constants_of_its_sets(
     assert sent(api, bare, deck(), units="m-N-kg")["status"] == "succeeded"
     content = measured(boundary="free" if boundary == "free" else "cantilever")
     address, result = updated(api, bare, content, boundary)
-    found = {row["name"]: row for row in result["parameters"]}
+    constants = {row["name"]: row for row in result["parameters"]}
     for name, value in TRUTH.items():
-        low, high = found[name]["interval_95"]
+        low, high = constants[name]["interval_95"]
         assert low < value < high, name
     if boundary == "free":
         return  # all that is shown and written is asked of the body that is held
     report = api.get(f"{api.base_url.join(address)}/report").text
     assert "model angle.inp: flange 4 mm, web 4 mm" in report
-    handed_back(api, address, found)
+    handed_back(api, address, constants)
     for name in ("frf", "shapes", "sac"):
         assert ok(api.get(f"{api.base_url.join(address)}/figures/{name}"), 200)["data"]
 
 
-def handed_back(api: httpx.Client, address: str, found: dict[str, Any]) -> None:
+def handed_back(api: httpx.Client, address: str, constants: dict[str, Any]) -> None:
     """The updated deck is the one that was sent, but for the numbers that were updated, and reads
     back.
     """
@@ -279,7 +282,7 @@ def handed_back(api: httpx.Client, address: str, found: dict[str, Any]) -> None:
         (material,) = (model.materials[each] for each in model.sections[name].materials)
         for constant in ("E1", "E2", "G12", "G13", "G23"):
             assert material.constants[constant] == pytest.approx(
-                found[f"{name}.{constant}"]["estimate"], rel=1e-6
+                constants[f"{name}.{constant}"]["estimate"], rel=1e-6
             )
     # the one that both had was parted
     assert model.sections["flange"].materials != model.sections["web"].materials
@@ -290,8 +293,8 @@ def test_without_joints_the_decks_own_solver_agrees(api: httpx.Client, bare: str
     sent(api, bare, deck(), units="m-N-kg")
     content, recipe = measured(boundary="cantilever"), {"junctions": "off"}
     address, result = updated(api, bare, content, "as_modelled", recipe)
-    (said,) = [each for each in result["findings"] if each["kind"] == "without_joints"]
-    assert "wrong by 1.6 %" in said["text"]
+    (finding,) = [each for each in result["findings"] if each["kind"] == "without_joints"]
+    assert "wrong by 1.6 %" in finding["text"]
     assert result["provenance"]["recipe"]["junctions"] == "off"
     after = api.get(f"{api.base_url.join(address)}/deck").content
     head = [line for line in after.decode().splitlines() if line.startswith("** ")]
@@ -339,9 +342,9 @@ def test_each_points_distance_from_the_model_is_listed(api: httpx.Client, bare: 
     places = {**points(), 90: (0.2, 0.0, 0.0)}
     items = [{"label": n, "x_m": x, "y_m": y, "z_m": z} for n, (x, y, z) in places.items()]
     ok(api.put(f"campaigns/{made}/grid-points", json={"items": items}, headers={"If-Match": "*"}))
-    found = ok(api.get(f"campaigns/{made}/alignment"), 200)
-    assert found["off"] == [90]
-    by_label = {each["label"]: each for each in found["items"]}
+    alignment = ok(api.get(f"campaigns/{made}/alignment"), 200)
+    assert alignment["off"] == [90]
+    by_label = {each["label"]: each for each in alignment["items"]}
     assert (by_label[1]["set"], by_label[2]["set"]) == ("flange", "web")
     assert by_label[1]["distance_m"] == pytest.approx(0.002)
     assert [abs(n) for n in by_label[2]["normal"]] == pytest.approx([0, 1, 0])

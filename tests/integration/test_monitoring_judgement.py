@@ -16,12 +16,12 @@ from examples.monitoring import structure_body
 from fecore.trend import Acknowledgement, Watch
 from service.access import Member, Project
 from service.access.keys import user_named
-from service.compute.judging import Episode, Judgement, Moves
+from service.compute.judging import Episode, Judgement, ModeEffects
 from service.db.engine import Sessions
 from service.errors import Conflict, NotFound
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
-from service.monitoring.campaigns import seen_campaigns
+from service.monitoring.campaigns import candidates_of
 from service.monitoring.judgements import (
     JUDGE,
     acknowledge,
@@ -72,18 +72,18 @@ def test_an_open_alarm_names_its_other_explanations_and_what_decides() -> None:
 
     series = [observe(i, 1.0, noisy(MODES)) for i in range(8)]
     series += [observe(i, 0.95, noisy(fallen)) for i in range(8, 11)]
-    moves = Moves(
+    mode_effects = ModeEffects(
         campaign="5",
         stiffness={"Ex": np.full(3, 0.5)},
         support={},
         sites=np.array([[0.1, 0, 0], [0.3, 0, 0], [0.5, 0, 0]]),
         mass=-np.array([[0.0, 0.0, 3.0], [0.1, 3.0, 0.2], [3.0, 0.1, 0.0]]),
     )
-    (episode,) = judged(series, moves=moves).episodes
-    found = episode.details["explanations"]
-    assert found["ranked"][0]["kind"] == "mass"
-    assert "g more near x = 0.3 m (100 %)" in found["text"]
-    assert "look near there for a sensor" in found["text"]
+    (episode,) = judged(series, mode_effects=mode_effects).episodes
+    explanations = episode.details["explanations"]
+    assert explanations["ranked"][0]["kind"] == "mass"
+    assert "g more near x = 0.3 m (100 %)" in explanations["text"]
+    assert "look near there for a sensor" in explanations["text"]
     (before,) = judged(series).episodes
     assert before.details["explanations"] is None
 
@@ -305,7 +305,7 @@ def test_a_campaign_settles_before_it_counts_as_complete(world: World) -> None:
     now = session.scalars(select(func.now())).one()
 
     def complete(later: float) -> bool:
-        return seen_campaigns(
+        return candidates_of(
             session, monitor, now + timedelta(seconds=later), timedelta(seconds=30)
         )[0].complete
 

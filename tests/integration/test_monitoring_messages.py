@@ -346,11 +346,11 @@ def test_mail_that_cannot_be_handed_over_says_why(
     changes: dict[str, str],
     says: str,
 ) -> None:
-    asked = "tls" if server_security == "tls" else "starttls"
+    security = "tls" if server_security == "tls" else "starttls"
     with mail_server(server_security, certificate) as server:
         planted(sessions, "", recipient="engineer@lab.example")
         delivery = sent(
-            sessions, mail_settings(server, asked, **changes), lambda d: d.last_error is not None
+            sessions, mail_settings(server, security, **changes), lambda d: d.last_error is not None
         )
     assert says in (delivery.last_error or "")
     assert (delivery.state, server.mails) == ("waiting", [])

@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from modalbase.formats.uff import DatasetReport, GridPoint, ModeShape
 from service.access import User
 from service.compute.reading import EncodedFrf, Kept
-from service.compute.spectra import Axis, encode
+from service.compute.spectra import FrequencyAxis, encode
 from service.db.engine import Sessions
 from service.errors import Damaged, PayloadTooLarge
 from service.store.imports import intake
@@ -50,7 +50,9 @@ def stored(engine: Engine, sessions: Sessions) -> Iterator[Callable[[list[Kept]]
 
 def frf(number: int, lines: int) -> EncodedFrf:
     spectrum = encode(np.ones(lines, np.complex64))
-    return EncodedFrf(number, "", 1, 3, 1, 3, "accelerance", Axis(1.0, 1.0, lines), spectrum)
+    return EncodedFrf(
+        number, "", 1, 3, 1, 3, "accelerance", FrequencyAxis(1.0, 1.0, lines), spectrum
+    )
 
 
 def shape(points: int) -> ModeShape:
@@ -120,8 +122,8 @@ def test_a_page_of_heavy_rows_is_shorter(sessions: Sessions) -> None:
             pages.append("".join(page.items))
             cursor = page.next_cursor
         assert pages == ["0123", "4567", "8"]
-        alone = paged(session, select(User), None, 6, names, weight=weight * 5)
-        assert alone.items == ["0"]  # one at least, else there would be no way on
+        heavy = paged(session, select(User), None, 6, names, weight=weight * 5)
+        assert heavy.items == ["0"]  # one at least, else there would be no way on
 
 
 IN_OTHER_PAGES = text(

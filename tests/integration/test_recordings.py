@@ -27,13 +27,13 @@ ORDER = [{"point": 4, "hits": 3}, {"point": 5, "hits": 3}]
 @pytest.fixture
 def sent(api: httpx.Client, campaign: str, finished: Finished) -> Callable[..., dict[str, Any]]:
     def send(
-        said: Any, filename: str = "long.wav", channels: Any = CHANNELS, **query: Any
+        settings: Any, filename: str = "long.wav", channels: Any = CHANNELS, **query: Any
     ) -> dict[str, Any]:
         whole = recording(TIMES, [1.0, 0.5, 2.0, 1.0, 0.7, 1.5], 19.0)
         file = io.BytesIO()
         wavfile.write(file, int(RATE), np.round(whole.T * 0.25 * 2**31).astype(np.int32))
         query |= {
-            "mapping": json.dumps({"channels": channels, "recording": said}),
+            "mapping": json.dumps({"channels": channels, "recording": settings}),
             "filename": filename,
         }
         raw = {"Content-Type": "application/octet-stream"}
@@ -123,12 +123,12 @@ def test_a_tdms_lists_its_channels_and_gives_its_hits(
     nptdms = pytest.importorskip(
         "nptdms", reason="npTDMS is not installed: pip install 'modalbase[tdms]'"
     )
-    file, said = io.BytesIO(), {"wf_increment": 1 / RATE}
+    file, properties = io.BytesIO(), {"wf_increment": 1 / RATE}
     force, response = recording(TIMES, [1.0, 0.5, 2.0, 1.0, 0.7, 1.5], 19.0)
     with nptdms.TdmsWriter(file) as written:
         both = (("force", force), ("acc", response))
         written.write_segment(
-            [nptdms.ChannelObject("daq", name, values, said) for name, values in both]
+            [nptdms.ChannelObject("daq", name, values, properties) for name, values in both]
         )
 
     def send(**query: str) -> dict[str, Any]:

@@ -238,9 +238,9 @@ def test_an_accelerometer_that_roves_gives_an_frf_for_each_place(
     rows = ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
     assert [row["has_coherence"] for row in rows] == [True] * len(frfs)
     # of each place by itself, whoever roves
-    alone = inspect(by_point([s.hit for s in hits])).coherence
-    for said, at in ((answer, hits[-1]), (first, hits[0])):  # that of the place which was hit last
-        assert said["coherence"] == {"99": pytest.approx(alone[at.hit.force.dof], rel=0.05)}
+    separate = inspect(by_point([s.hit for s in hits])).coherence
+    for place, at in ((answer, hits[-1]), (first, hits[0])):  # that of the place which was hit last
+        assert place["coherence"] == {"99": pytest.approx(separate[at.hit.force.dof], rel=0.05)}
 
 
 def test_a_sensor_that_was_added_between_two_sessions_has_frfs_of_its_own(

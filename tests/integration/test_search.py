@@ -132,8 +132,10 @@ QUESTIONS = [
 
 
 def test_a_filter_finds(api: httpx.Client, bridge: dict[str, str]) -> None:
-    for noun, text, found in QUESTIONS:
-        assert names(api, noun, f"({text}) AND project.id = '{bridge['project']}'") == found, text
+    for noun, text, expected in QUESTIONS:
+        assert names(api, noun, f"({text}) AND project.id = '{bridge['project']}'") == expected, (
+            text
+        )
 
 
 REFUSED = [
@@ -168,9 +170,9 @@ REFUSED = [
 
 
 def test_a_filter_that_cannot_be_is_refused_in_words(api: httpx.Client) -> None:
-    for text, said in REFUSED:
+    for text, detail in REFUSED:
         body = ok_problem(api.get("search/campaigns", params={"filter": text}))
-        assert said in body["errors"][0]["detail"], text
+        assert detail in body["errors"][0]["detail"], text
         assert body["errors"][0]["pointer"] == "filter"
 
 
@@ -403,23 +405,23 @@ def test_the_library_fetches_what_is_asked_for(
     for name in ("warm", "cold"):
         ok(api.post(f"campaigns/{bridge[name]}/frfs", json=frfs(12)), 201)
     with modalbase.connect(service.url, key) as lab:
-        found = lab.find("campaigns", f"project.id = '{bridge['project']}'", sort="-temperature_c")
-        assert (found.count, found.more, found.facets["boundary"]) == (
+        rows = lab.find("campaigns", f"project.id = '{bridge['project']}'", sort="-temperature_c")
+        assert (rows.count, rows.more, rows.facets["boundary"]) == (
             4,
             False,
             {"cantilever": 2, "free": 2},
         )
-        assert [row["name"] for row in found] == ["late", "warm", "cold", "unknown"]
-        assert found.head(1)[0]["name"] == "late"
-        assert "4 campaigns" in repr(found)
-        table = found.to_pandas()
+        assert [row["name"] for row in rows] == ["late", "warm", "cold", "unknown"]
+        assert rows.head(1)[0]["name"] == "late"
+        assert "4 campaigns" in repr(rows)
+        table = rows.to_pandas()
         assert list(table["name"]) == ["late", "warm", "cold", "unknown"]
         assert table["performed_at"][1].isoformat() == "2026-03-02T09:30:00+00:00"
         arrays = lab.find("frfs", f"project.id = '{bridge['project']}'").arrays(fmin=2.0)
         assert arrays["values"].tolist() == [[2 + 0.5j, 3 + 1j]] * 2
         assert arrays["response_point"].tolist() == [12, 12]
         with pytest.raises(ClientError, match="have no spectra"):
-            found.arrays()
+            rows.arrays()
         with pytest.raises(ClientError, match="no field 'tmperature_c'"):
             assert lab.find("campaigns", "tmperature_c > 2").count
         nothing = lab.find("frfs", "lines > 1e6")

@@ -14,7 +14,7 @@ from service.app import composition
 from service.db.engine import Sessions
 from service.errors import Invalid
 from service.store.search.nouns import SEARCHED
-from service.store.search.operations import Search, Wanted, bounded
+from service.store.search.operations import Search, SearchQuery, bounded
 
 assert composition.ROUTERS  # so that every table is known
 
@@ -26,12 +26,12 @@ BIG = {"frfs": 120_000, "modes": 100_000, "update_results": 60_000}
 def user(engine: Engine, sessions: Sessions) -> User:
     """A member of a project with all of it."""
     with sessions.begin() as session:
-        found = user_named(session, "asker")
+        asker = user_named(session, "asker")
         session.flush()
         project = session.execute(
             text("INSERT INTO projects (name) VALUES ('all') RETURNING id")
         ).scalar_one()
-        values = {"project": project, "user": found.id}
+        values = {"project": project, "user": asker.id}
         session.execute(
             text(
                 "INSERT INTO members (project_id, user_id, role) VALUES (:project, :user, 'viewer')"
@@ -52,7 +52,7 @@ def user(engine: Engine, sessions: Sessions) -> User:
             )
     with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
         connection.exec_driver_sql("VACUUM ANALYZE")
-    return found
+    return asker
 
 
 def scanned(connection: Connection, statement: Any) -> set[str]:
@@ -85,7 +85,7 @@ def test_an_index_answers_every_question_of_the_documents(sessions: Sessions, us
     ]
     with sessions() as session, bounded(session):
         for noun, question in [*QUESTIONS, *labels]:
-            search = Search(user, SEARCHED[noun], Wanted(question))
+            search = Search(user, SEARCHED[noun], SearchQuery(question))
             for statement in (search.page_query(None, 100), search.some()):
                 assert not scanned(session.connection(), statement) & BIG.keys(), question
             search.page(session, None, 100)

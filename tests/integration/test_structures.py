@@ -177,9 +177,9 @@ def test_what_is_stored_is_counted_and_beyond_the_quota_refused(small: LocalServ
         structure, campaign = campaign_in(client, project)
 
         def storage() -> dict[str, Any]:
-            found: dict[str, Any] = ok(client.get(f"projects/{project}/storage"), 200)
-            assert found["used_bytes"] == sum(found["parts"].values())
-            return found
+            used: dict[str, Any] = ok(client.get(f"projects/{project}/storage"), 200)
+            assert used["used_bytes"] == sum(used["parts"].values())
+            return used
 
         assert storage() == {"used_bytes": 0, "allowed_bytes": QUOTA, "parts": {}}
         file = paper.uff_file()
@@ -265,7 +265,7 @@ def test_uploads_at_the_same_moment_do_not_pass_the_quota_together(small: LocalS
             waiting = (
                 "SELECT count(*) = 4 FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
             )
-            until(lambda: _asked(small, waiting), "the four uploads wait to be committed")
+            until(lambda: _answers(small, waiting), "the four uploads wait to be committed")
             held.rollback()
         statuses = [answer.result().status_code for answer in sent]
         assert sorted(statuses) == [202, 202, 413, 413]
@@ -277,6 +277,6 @@ def test_uploads_at_the_same_moment_do_not_pass_the_quota_together(small: LocalS
         assert sorted(stored) == [0, 0, 1, 1]
 
 
-def _asked(service: LocalService, question: str) -> bool:
+def _answers(service: LocalService, question: str) -> bool:
     with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
         return connection.execute(question.encode()).fetchone() == (True,)

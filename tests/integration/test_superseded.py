@@ -137,10 +137,10 @@ def test_a_mode_set_of_the_same_settings_takes_the_place_of_the_first(
     listed = ok(api.get(path, params={"superseded": True}), 200)["items"]
     assert ids(listed) == [first["mode_set"], *present]
     assert [one["superseded_by"] for one in listed] == [second["mode_set"], None, None]
-    found = ok(api.get("search/modes", params={"filter": f"campaign.id = '{campaign}'"}), 200)[
+    rows = ok(api.get("search/modes", params={"filter": f"campaign.id = '{campaign}'"}), 200)[
         "items"
     ]
-    assert {row["mode_set.id"] for row in found} <= set(present)
+    assert {row["mode_set.id"] for row in rows} <= set(present)
     # Who names it has it.
     assert ok(api.get(f"mode-sets/{first['mode_set']}"), 200)["superseded_by"] == second["mode_set"]
     job = ok(
@@ -175,8 +175,8 @@ def test_a_result_says_what_changed_since(
     job = ok(begun)["id"]
 
     def outdated() -> dict[str, Any] | None:
-        found: dict[str, Any] | None = ok(api.get(f"update-jobs/{job}/result"), 200)["outdated"]
-        return found
+        state: dict[str, Any] | None = ok(api.get(f"update-jobs/{job}/result"), 200)["outdated"]
+        return state
 
     def page() -> str:
         with session_client(api, base=service.url) as browser:
@@ -195,9 +195,9 @@ def test_a_result_says_what_changed_since(
         ),
         200,
     )
-    found = outdated()
-    assert found is not None
-    assert found["what"] == ["points"]
+    state = outdated()
+    assert state is not None
+    assert state["what"] == ["points"]
     ok(api.post(f"campaigns/{campaign}/frfs", json=frfs(1)), 201)
     tag = api.get(f"structures/{structure}").headers["etag"]
     ok(
@@ -211,7 +211,7 @@ def test_a_result_says_what_changed_since(
         ok(api.patch(f"campaigns/{campaign}", json=changes, headers={"If-Match": tag}), 200)
         after = outdated()
         what = ["structure", *(["campaign"] if "boundary" in changes else []), "points", "frfs"]
-        assert after == {"since": found["since"], "what": what}
+        assert after == {"since": state["since"], "what": what}
     text = page()
     assert "structure, campaign, points, FRFs of this result changed" in text
     assert f"ui/campaigns/{campaign}/update?like={job}" in text

@@ -30,7 +30,7 @@ def jobs(api: httpx.Client, project: str) -> list[dict[str, Any]]:
         "density_kg_m3": STATED.density,
         "material": {**moduli, "nu_xy": STATED.nu_xy},
     }
-    structure, random, found = (
+    structure, random, jobs = (
         posted(api, f"projects/{project}/structures", body)["id"],
         np.random.default_rng(4),
         [],
@@ -45,13 +45,13 @@ def jobs(api: httpx.Client, project: str) -> list[dict[str, Any]]:
         ]
         ok(api.put(f"campaigns/{key}/grid-points", json={"items": points}))
         sent = {"name": "measured", "modes": mode_rows(test.modes, 3e-4)}
-        found.append(
+        jobs.append(
             {
                 "campaign_id": key,
                 "recipe": {"mode_set": posted(api, f"campaigns/{key}/mode-sets", sent)["id"]},
             }
         )
-    return found
+    return jobs
 
 
 def test_one_strip_at_two_temperatures_is_one_material_with_a_curve(
@@ -87,15 +87,15 @@ def test_a_single_update_holds_at_its_own_temperature_or_where_the_recipe_says(
     api: httpx.Client, jobs: list[dict[str, Any]]
 ) -> None:
     key, recipe = jobs[1]["campaign_id"], {**jobs[1]["recipe"], "parameters": PARAMETERS[:3]}
-    found = []
+    results = []
     for more in ({}, {"reference_temperature_c": 23.0}):
         begun = api.post(f"campaigns/{key}/update-jobs", json={**recipe, **more})
         assert finished(api, begun.headers["Location"])["status"] == "succeeded"
-        found.append(ok(api.get(str(api.base_url.join(begun.headers["Location"] + "/result")))))
-    own, there = found
+        results.append(ok(api.get(str(api.base_url.join(begun.headers["Location"] + "/result")))))
+    own, there = results
     assert (own["reference_temperature_c"], own["curve"]) == (50.0, None)
     assert there["curve"]["reference_c"] == there["reference_temperature_c"] == 23.0
-    wider = [result["parameters"][1]["standard_deviation"] for result in found]
+    wider = [result["parameters"][1]["standard_deviation"] for result in results]
     assert wider[1] > 1.2 * wider[0]
 
 

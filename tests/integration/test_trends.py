@@ -95,19 +95,19 @@ def test_modes_are_tracked_through_a_crossing(api: httpx.Client, bridge: str) ->
     assert {point["number"] for point in second["points"]} == {1, 2}
     for month, point in enumerate(first["points"]):
         assert point["value"] == pytest.approx(5.0 * factor(month) ** 0.5)
-    alone, beside = first["lines"]
-    assert (alone["covariates"], beside["covariates"]) == ([], ["temperature_c"])
+    plain, beside = first["lines"]
+    assert (plain["covariates"], beside["covariates"]) == ([], ["temperature_c"])
     low, high = beside["relative_interval_95"]
     assert low < LOSS / 2 < high  # a frequency is the root of a stiffness
-    assert high - low < 0.5 * (alone["relative_interval_95"][1] - alone["relative_interval_95"][0])
+    assert high - low < 0.5 * (plain["relative_interval_95"][1] - plain["relative_interval_95"][0])
     effect, sd = beside["effects"]["temperature_c"]
     assert effect / 5.0 == pytest.approx(PER_KELVIN / 2, abs=3 * sd / 5.0 + 2e-5)
 
 
 def test_a_trend_is_a_table_and_a_figure(api: httpx.Client, bridge: str) -> None:
-    wanted = {"filter": f"structure.id = '{bridge}' AND frequency_hz < 5.05"}
+    query = {"filter": f"structure.id = '{bridge}' AND frequency_hz < 5.05"}
     answer = api.get(
-        "search/modes/trend", params={**wanted, "format": "csv", "value": "damping_ratio"}
+        "search/modes/trend", params={**query, "format": "csv", "value": "damping_ratio"}
     )
     rows = list(csv.DictReader(io.StringIO(answer.text)))
     assert answer.headers["content-type"].startswith("text/csv")
@@ -115,13 +115,13 @@ def test_a_trend_is_a_table_and_a_figure(api: httpx.Client, bridge: str) -> None
         0
     ].keys()
     assert {row["structure"] for row in rows} == {"footbridge"}
-    figure = ok(api.get("search/modes/trend/figure", params=wanted), 200)
+    figure = ok(api.get("search/modes/trend/figure", params=query), 200)
     assert "footbridge" in json.dumps(figure["layout"]["title"])
     assert len(figure["data"]) >= 4
     over, below = (figure["layout"][axis]["domain"] for axis in ("yaxis", "yaxis2"))
     assert over[0] > below[1]
     assert api.get(
-        "search/modes/trend/figure", params={**wanted, "format": "svg"}
+        "search/modes/trend/figure", params={**query, "format": "svg"}
     ).content.startswith(b"<?xml")
 
 
@@ -133,13 +133,13 @@ REFUSED = [
 
 
 def test_what_cannot_be_followed_is_refused_in_words(api: httpx.Client, bridge: str) -> None:
-    for noun, query, pointer, said in REFUSED:
+    for noun, query, pointer, detail in REFUSED:
         answer = api.get(
             f"search/{noun}/trend", params={"filter": f"structure.id = '{bridge}'", **query}
         )
         assert answer.status_code == 422
         fault = answer.json()["errors"][0]
-        assert (fault["pointer"], said in fault["detail"]) == (pointer, True), fault
+        assert (fault["pointer"], detail in fault["detail"]) == (pointer, True), fault
 
 
 def test_nothing_found_is_no_fault(api: httpx.Client, project: str) -> None:
@@ -179,7 +179,7 @@ def aged(api: httpx.Client, service: LocalService, bridge: str) -> str:
                 "version": 99,
                 "parameters": [row, *([parameter("Ex", 33e9)] if month == MONTHS - 1 else [])],
             }
-            found = {
+            constants = {
                 "flange.E1": {
                     "estimate": row["estimate"],
                     "sd": 1e9,
@@ -191,7 +191,7 @@ def aged(api: httpx.Client, service: LocalService, bridge: str) -> str:
                 job,
                 campaign["id"],
                 json.dumps(document),
-                json.dumps(found),
+                json.dumps(constants),
                 33e9,
                 32e9,
                 34e9,
@@ -221,46 +221,49 @@ def test_a_constant_of_a_set_is_followed_over_results(
     tmp_path: Path,
     new_client: Callable[[], httpx.Client],
 ) -> None:
-    wanted = f"structure.id = '{aged}'"
+    condition = f"structure.id = '{aged}'"
     trend = ok(
-        api.get("search/results/trend", params={"filter": wanted, "value": "flange.E1"}), 200
+        api.get("search/results/trend", params={"filter": condition, "value": "flange.E1"}), 200
     )
     (series,) = trend["series"]
     assert (trend["unit"], len(series["points"])) == ("Pa", MONTHS)
     assert trend["notes"] == ["1 left out, as the campaign has a newer one that is found"]
     low, high = series["lines"][1]["relative_interval_95"]
     assert low < LOSS / (1 + LOSS * YEARS / 2) < high
-    (one,) = ok(api.get("search/results/trend", params={"filter": wanted}), 200)["series"]
+    (one,) = ok(api.get("search/results/trend", params={"filter": condition}), 200)["series"]
     assert (len(one["points"]), one["lines"], len(one["notes"])) == (1, [], 2)
-    answer = api.get("search/results/trend", params={"filter": wanted, "value": "flange.E2"})
+    answer = api.get("search/results/trend", params={"filter": condition, "value": "flange.E2"})
     assert "there is Ex, flange.E1" in answer.json()["errors"][0]["detail"]
     assert (
-        ok(new_client().get("search/results/trend", params={"filter": wanted}), 200)["series"] == []
+        ok(new_client().get("search/results/trend", params={"filter": condition}), 200)["series"]
+        == []
     )  # others see nothing
 
-    page = read_page(service, api, "/ui/search?noun=results&trend=flange.E1&for=" + wanted)
+    page = read_page(service, api, "/ui/search?noun=results&trend=flange.E1&for=" + condition)
     assert "beside temperature" in page
     assert page.count("data-figure=") == 2
-    figure = ok(api.get("search/results/figure", params={"filter": wanted}), 200)
+    figure = ok(api.get("search/results/figure", params={"filter": condition}), 200)
     assert "25 results" in json.dumps(figure["layout"]["title"])
     key = api.headers["Authorization"].removeprefix("Bearer ")
     with modalbase.connect(service.url, key) as lab:
-        found = lab.find("results", wanted)
-        assert "footbridge" in str(found.trend("flange.E1"))
-        frame = found.trend("flange.E1").to_pandas()
+        results = lab.find("results", condition)
+        assert "footbridge" in str(results.trend("flange.E1"))
+        frame = results.trend("flange.E1").to_pandas()
         assert frame["corrected"].std() < frame["value"].std()
-        assert found.trend("flange.E1").figure().save(tmp_path / "trend.pdf").stat().st_size > 1000
-        assert found.figure().save(tmp_path / "results.svg").stat().st_size > 1000
+        assert (
+            results.trend("flange.E1").figure().save(tmp_path / "trend.pdf").stat().st_size > 1000
+        )
+        assert results.figure().save(tmp_path / "results.svg").stat().st_size > 1000
         with pytest.raises(ClientError, match="have no trend"):
             lab.find("campaigns").trend("Ex")
 
     place = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key}
-    shown = modalbase_here("find", "results", wanted, "--trend", "flange.E1", **place)
+    shown = modalbase_here("find", "results", condition, "--trend", "flange.E1", **place)
     assert "beside temperature" in shown.stdout, shown.stderr
     modalbase_here(
         "find",
         "results",
-        wanted,
+        condition,
         "--trend",
         "flange.E1",
         "--out",
@@ -350,12 +353,12 @@ def test_unusual_modes_are_followed(api: httpx.Client, project: str) -> None:
             ),
             201,
         )
-    wanted = {"filter": f"project.id = '{project}'"}
+    query = {"filter": f"project.id = '{project}'"}
     for value in ("frequency_hz", "damping_ratio"):
-        series = ok(api.get("search/modes/trend", params={**wanted, "value": value}), 200)["series"]
+        series = ok(api.get("search/modes/trend", params={**query, "value": value}), 200)["series"]
         assert sum(len(one["points"]) for one in series) == (18 if value == "frequency_hz" else 9)
         assert all(one["notes"] for one in series)
-        ok(api.get("search/modes/trend/figure", params={**wanted, "value": value}), 200)
+        ok(api.get("search/modes/trend/figure", params={**query, "value": value}), 200)
         assert api.get(
-            "search/modes/trend/figure", params={**wanted, "value": value, "format": "png"}
+            "search/modes/trend/figure", params={**query, "value": value, "format": "png"}
         ).is_success

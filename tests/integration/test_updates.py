@@ -94,15 +94,15 @@ def test_what_structure_and_campaign_state_reaches_the_result_of_typed_modes(
     budget = budget_of(result, "Ex")
     assert budget["thickness"]["provenance"] == "0.0003 m, stated"
     assert not {"length", "density", "clamp_rotation", "fibre_angle"} & set(budget)
-    found = {row["name"]: row["estimate"] for row in result["parameters"]}
-    assert found["a0"] == pytest.approx(A0, rel=1e-6)  # the window's 2/τ is taken off exactly
-    assert found["a1"] == pytest.approx(A1, rel=1e-6)
+    estimates = {row["name"]: row["estimate"] for row in result["parameters"]}
+    assert estimates["a0"] == pytest.approx(A0, rel=1e-6)  # the window's 2/τ is taken off exactly
+    assert estimates["a1"] == pytest.approx(A1, rel=1e-6)
     assert result["provenance"]["inputs"]["thickness_sd_m"] == 0.3e-3
-    wanted = {
+    query = {
         "filter": f"campaign.id = '{campaign['id']}' AND Ex > 1e9",
         "fields": "verdict,Ex,Ex_sd,Ex_low,Ex_high",
     }
-    (row,) = ok(api.get("search/results", params=wanted))["items"]
+    (row,) = ok(api.get("search/results", params=query))["items"]
     (ex,) = (one for one in result["parameters"] if one["name"] == "Ex")
     assert row == {
         "verdict": result["verdict"]["level"],
@@ -114,8 +114,8 @@ def test_what_structure_and_campaign_state_reaches_the_result_of_typed_modes(
     recipe = {"mode_set": mode_set, "inputs": {"thickness_sd_m": 0, "window_rate_per_s": 0}}
     result = updated(api, campaign["id"], recipe)
     assert "thickness" not in budget_of(result, "Ex")
-    found = {row["name"]: row["estimate"] for row in result["parameters"]}
-    assert found["a0"] == pytest.approx(A0 + 2 / TAU, rel=1e-6)
+    estimates = {row["name"]: row["estimate"] for row in result["parameters"]}
+    assert estimates["a0"] == pytest.approx(A0 + 2 / TAU, rel=1e-6)
 
 
 def test_a_change_of_inputs_is_a_version(api: httpx.Client, structure: str) -> None:

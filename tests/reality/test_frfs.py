@@ -12,7 +12,7 @@ from scipy.io import savemat
 from fecore.modal import Identification
 from modalbase.formats.dof_names import dof_in_name
 from modalbase.formats.uff import DatasetReport
-from service.compute.arrays_of_files import Found
+from service.compute.arrays_of_files import FileDescription
 from service.compute.reading import Kept
 from service.errors import Invalid
 from tests.support.reality import frfs_in, identified, kept, lines_of, reality, values_of
@@ -126,14 +126,14 @@ def test_a_matrix_asks_for_its_three_points() -> None:
     assert "one degree of freedom for 3 FRFs; state a list of their 3 points" in fault
     items = kept(path, {**stated, "response_point": [1, 2, 3]}, quantity="receptance")
     assert [frf.response_point for frf in frfs_in(items)] == [1, 2, 3]
-    assert isinstance(items[0], Found)
+    assert isinstance(items[0], FileDescription)
     assert any("taken in Hz" in note for note in items[0].notes)
     requires_modes(identified(items))
 
 
 def proposed(path: Path) -> dict[str, Any]:
     (found,) = kept(path, dry_run=True)
-    assert isinstance(found, Found)
+    assert isinstance(found, FileDescription)
     return found.mapping
 
 
@@ -443,7 +443,7 @@ def test_a_gap_in_arrays_is_left_out_at_0_hz_alone(tmp_path: Path, form: str) ->
     path, mapping = file(values)
     items = kept(path, mapping, quantity="receptance")
     assert [lines_of(frf)[0] for frf in frfs_in(items)] == [1.0, 1.0]
-    assert isinstance(items[0], Found)
+    assert isinstance(items[0], FileDescription)
     assert any("1 of 2 FRFs are NaN or infinite at 0 Hz" in note for note in items[0].notes)
     values[1, 7] = np.inf
     path, mapping = file(values)

@@ -14,7 +14,7 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.records import blocks_of, propose, read_mapping
 from modalbase.formats.records.text import TextRecording, open_recording
 from modalbase.formats.tables import Stated
-from service.compute.arrays_of_files import Found
+from service.compute.arrays_of_files import FileDescription
 from service.compute.reading import ReadingInputs, read_upload
 from service.errors import Invalid
 from tests.support.places import shared_file
@@ -66,7 +66,7 @@ def test_a_hit_without_any_heading_keeps_its_first_line() -> None:
 
 def check_hit(items: list[Any]) -> None:
     found, force, response = items
-    assert isinstance(found, Found)
+    assert isinstance(found, FileDescription)
     assert force.sample_rate_hz == pytest.approx(2048, rel=1e-6)
     assert force.samples.size == 4096
     assert force.samples.max() == pytest.approx(97, abs=2.5)

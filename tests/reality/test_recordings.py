@@ -11,7 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from modalbase.formats.records import TimeBlock, propose, read_variables
-from service.compute.arrays_of_files import Found, hits_of
+from service.compute.arrays_of_files import FileDescription, hits_of
 from service.compute.reading import Kept
 from service.errors import Invalid
 from service.show.pages.measurements import _overruling
@@ -27,7 +27,7 @@ POUND, GRAVITY = 4.4482216152605, 9.80665
 
 def proposed(path: Path) -> dict[str, Any]:
     (found,) = kept(path, dry_run=True)
-    assert isinstance(found, Found)
+    assert isinstance(found, FileDescription)
     return found.mapping
 
 
@@ -102,7 +102,7 @@ def test_a_recording_of_one_hit_says_so_and_is_taken_as_one_hit() -> None:
 def test_channels_that_begin_at_different_times_are_aligned() -> None:
     path = reality("rec_start_offset.tdms")
     items = kept(path, placed(proposed(path)))
-    assert isinstance(items[0], Found)
+    assert isinstance(items[0], FileDescription)
     assert any("begins 20 samples (9.766 ms) after Log/Hammer" in note for note in items[0].notes)
     force, response = blocks_in(items)[:2]
     hit = int(np.argmax(np.abs(force.samples)))

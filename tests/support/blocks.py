@@ -116,7 +116,7 @@ class _Chain:
 
 
 def _long() -> dict[str, Any]:
-    return {"Inputs": Any, "Report": Any, "Output": Any, "Chain": _Chain}
+    return {"Inputs": Any, "Reporter": Any, "Output": Any, "Chain": _Chain}
 
 
 AT_HAND: dict[str, Callable[[], dict[str, Any]]] = {

@@ -13,20 +13,20 @@ from typing import Any
 import numpy as np
 
 from fecore.errors import InputError, UpdatingError
-from service.jobs.kinds import Report
+from service.jobs.kinds import Reporter
 
 MIB = 1024 * 1024
 GATE = "MODALBASE_TEST_GATE"
 
 
-def echo(inputs: dict[str, Any], report: Report) -> Iterator[Any]:
+def echo(inputs: dict[str, Any], report: Reporter) -> Iterator[Any]:
     report("reading", 0.25)
     yield Path(inputs["file"]).read_text()
     report("writing", 0.75)
     yield inputs | {"child": os.getpid(), "threads": os.environ["OPENBLAS_NUM_THREADS"]}
 
 
-def hold(inputs: dict[str, Any], report: Report, step: int) -> None:
+def hold(inputs: dict[str, Any], report: Reporter, step: int) -> None:
     """Wait in this step, and say so, until the test opens the gate that it gave the worker, if any
     (`working.Gate`).
     """
@@ -36,7 +36,7 @@ def hold(inputs: dict[str, Any], report: Report, step: int) -> None:
             time.sleep(0.01)
 
 
-def slow(inputs: dict[str, Any], report: Report) -> Iterator[Any]:
+def slow(inputs: dict[str, Any], report: Reporter) -> Iterator[Any]:
     """Forty steps, of which every tenth gives a row; held in the 10th and the 20th."""
     for step in range(40):
         report("stepping", step / 40)
@@ -47,7 +47,7 @@ def slow(inputs: dict[str, Any], report: Report) -> Iterator[Any]:
     yield os.getpid()
 
 
-def stubborn(_: dict[str, Any], report: Report) -> Iterator[Any]:
+def stubborn(_: dict[str, Any], report: Reporter) -> Iterator[Any]:
     """Holds the GIL in LAPACK for seconds on end, without end."""
     matrix = np.random.default_rng(0).standard_normal((1500, 1500))
     while True:
@@ -56,7 +56,7 @@ def stubborn(_: dict[str, Any], report: Report) -> Iterator[Any]:
             yield "never"
 
 
-def hungry(_: dict[str, Any], report: Report) -> Iterator[Any]:
+def hungry(_: dict[str, Any], report: Reporter) -> Iterator[Any]:
     report("eating", 0.1)
     yield "a first item, which must not stay"
     held = []
@@ -64,30 +64,30 @@ def hungry(_: dict[str, Any], report: Report) -> Iterator[Any]:
         held.append(np.ones(MIB))  # 8 MiB each
 
 
-def crashing(_: dict[str, Any], report: Report) -> Iterator[Any]:
+def crashing(_: dict[str, Any], report: Reporter) -> Iterator[Any]:
     report("crashing", 0.1)
     yield "a first item, which must not stay"
     os.kill(os.getpid(), signal.SIGSEGV)
 
 
-def refusing(_: dict[str, Any], report: Report) -> Iterator[Any]:
+def refusing(_: dict[str, Any], report: Reporter) -> Iterator[Any]:
     report("checking", 0.1)
     yield "a first item, which must not stay"
     raise InputError("geometry.length_m", "is 0, expected more")
 
 
-def diverging(_: dict[str, Any], report: Report) -> Iterator[Any]:
+def diverging(_: dict[str, Any], report: Reporter) -> Iterator[Any]:
     report("fitting", 0.1)
     yield "a first item, which must not stay"
     raise UpdatingError("the fit has run away", {"Ex": float("nan")}, (1.0, float("inf")))
 
 
-def buggy(_: dict[str, Any], report: Report) -> Iterator[Any]:
+def buggy(_: dict[str, Any], report: Reporter) -> Iterator[Any]:
     report("erring", 0.1)
     yield {}["missing"]
 
 
-def chain(inputs: dict[str, Any], report: Report) -> Iterator[Any]:
+def chain(inputs: dict[str, Any], report: Reporter) -> Iterator[Any]:
     """A long computation that saves its state: steps done, and a digest that depends on every step;
     held in the 20th.
     """
@@ -104,7 +104,7 @@ def chain(inputs: dict[str, Any], report: Report) -> Iterator[Any]:
     yield {"begun at": begun, "digest": digest.hex()}
 
 
-def busy(inputs: dict[str, Any], report: Report) -> Iterator[dict[str, Any]]:
+def busy(inputs: dict[str, Any], report: Reporter) -> Iterator[dict[str, Any]]:
     """Keep a processor busy for so many seconds, in ten steps."""
     for step in range(10):
         report(f"step {step + 1} of 10", step / 10)
@@ -114,7 +114,7 @@ def busy(inputs: dict[str, Any], report: Report) -> Iterator[dict[str, Any]]:
     yield {"job": inputs["job"], "child": os.getpid()}
 
 
-def idle(inputs: dict[str, Any], report: Report) -> Iterator[dict[str, Any]]:
+def idle(inputs: dict[str, Any], report: Reporter) -> Iterator[dict[str, Any]]:
     """Take so many seconds, in ten steps, and leave the processor to others."""
     for step in range(10):
         report(f"step {step + 1} of 10", step / 10)
@@ -122,7 +122,7 @@ def idle(inputs: dict[str, Any], report: Report) -> Iterator[dict[str, Any]]:
     yield {"job": inputs["job"], "child": os.getpid()}
 
 
-def empty(_: None, report: Report) -> Iterator[None]:
+def empty(_: None, report: Reporter) -> Iterator[None]:
     """Nothing at all."""
     report("nothing", 1.0)
     return iter(())

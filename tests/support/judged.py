@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fecore.trend import Acknowledgement, Watch
-from service.compute.judging import Judgement, JudgementInputs, Moves, Observation, judge
+from service.compute.judging import Judgement, JudgementInputs, ModeEffects, Observation, judge
 
 START = datetime(2025, 1, 1, tzinfo=UTC)
 MODES = [[25.0, 0.01, 0.02, None], [160.0, 0.02, 0.01, None], [400.0, 0.05, 0.01, None]]
@@ -35,12 +35,12 @@ def judged(
     watch: Watch | None = None,
     as_of: datetime | None = None,
     acknowledged: Sequence[Acknowledgement] = (),
-    moves: Moves | None = None,
+    mode_effects: ModeEffects | None = None,
 ) -> Judgement:
     watch = watch or Watch({"Ex": "fall"}, baseline=6)
     latest = max(o.performed_at for o in observations)
     inputs = JudgementInputs(
-        tuple(observations), watch, as_of or latest, tuple(acknowledged), (), moves
+        tuple(observations), watch, as_of or latest, tuple(acknowledged), (), mode_effects
     )
     (result,) = judge(inputs, lambda *_: None)
     json.dumps(result.document, allow_nan=False)

@@ -22,9 +22,9 @@ class Distances:
 def distances(body: Body, points: FloatArray) -> Distances:
     """How far (p, 3) points in the body's frame lie from it, m."""
     surfaces = body.surfaces if isinstance(body, Structure | MatrixBody) else body.model.surfaces
-    found = surfaces.nearest(points)
-    sets = tuple(surfaces.mesh.blocks[number].set for number in found.block.tolist())
-    return Distances(found.distance, sets, found.normal, surfaces.are_off(points, found))
+    closest = surfaces.nearest(points)
+    sets = tuple(surfaces.mesh.blocks[number].set for number in closest.block.tolist())
+    return Distances(closest.distance, sets, closest.normal, surfaces.are_off(points, closest))
 
 
 def motions_of(body: Body, points: FloatArray, places: FloatArray | None) -> tuple[Motion, ...]:

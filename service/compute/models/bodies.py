@@ -55,17 +55,17 @@ def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structur
     stated = model.supports if held else ()
     turned = _turned(stated, model.links)
     links = [Link(m.node, m.leaders, m.dofs, m.weights, m.axes) for m in model.links]
-    led = {link.node for link in links}
+    dependent = {link.node for link in links}
     supports = {
         f"support {k} of {s.where}": (
-            s.nodes[~np.isin(s.nodes, [*(led & turned.keys())])],
+            s.nodes[~np.isin(s.nodes, [*(dependent & turned.keys())])],
             _held_dofs(s),
         )
         for k, s in enumerate(stated, start=1)
         if not _is_askew(s)
     }
     for node, (axes, dofs) in turned.items():
-        if node in led:
+        if node in dependent:
             supports[f"support of led node {node}"] = (
                 np.array([node]),
                 tuple(DISPLACEMENTS[dof] for dof in dofs),

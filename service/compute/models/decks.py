@@ -53,7 +53,7 @@ def _in_deck(
     """Constants in the deck's units by set and name; no G of a beam whose isotropic material states
     none.
     """
-    found = {}
+    scaled = {}
     for full, value in constants.items():
         name, _, constant = full.rpartition(".")
         section = model.sections.get(name)
@@ -66,8 +66,8 @@ def _in_deck(
             and constant == "G"
             and "G" not in first.places
         ):
-            found[name, constant] = value / unit_of(kind_of(constant), units)
-    return found
+            scaled[name, constant] = value / unit_of(kind_of(constant), units)
+    return scaled
 
 
 def _joints(model: FiniteElementModel, order: DeckOrder) -> list[str]:
@@ -82,33 +82,33 @@ def _joints(model: FiniteElementModel, order: DeckOrder) -> list[str]:
     plain, _ = _frequencies(replace(body, with_joints=False), as_sent)  # the deck's nodes stay
     own, finer = _frequencies(body, order)
     if not body.with_joints:
-        said = [
+        notes = [
             "the constants were found without a model of the joints of walls, as this deck has none"
         ]
     elif body.junctions:
-        said = [
+        notes = [
             "the constants were found with a model of the joints of walls, which this deck has not"
         ]
     else:
-        said = ["no walls meet at an angle: this model and the solver's differ by elements alone"]
+        notes = ["no walls meet at an angle: this model and the solver's differ by elements alone"]
     right, where = (own, "") if finer is None else (finer, " on a finer mesh")
     if body.junctions and body.with_joints:
         where += " with joints"
     if not where:
-        return [*said, *(f"mode {k}: expected {hz:.6g} Hz" for k, hz in enumerate(plain, start=1))]
+        return [*notes, *(f"mode {k}: expected {hz:.6g} Hz" for k, hz in enumerate(plain, start=1))]
     if finer is not None:
-        said.append("and without the error of this mesh, which is stated mode by mode")
+        notes.append("and without the error of this mesh, which is stated mode by mode")
     for k, (hz, mesh, of_body) in enumerate(zip(plain, own, right, strict=True), start=1):
         row = (
             f"mode {k}: expected {hz:.6g} Hz, {100 * (hz / of_body - 1):+.2f} % from {of_body:.6g}"
             f" Hz{where}"
         )
-        said.append(
+        notes.append(
             row
             if finer is None
             else f"{row}; by the mesh {round(100 * (mesh / of_body - 1), 2) + 0.0:+.2f} %"
         )
-    return said
+    return notes
 
 
 def _frequencies(body: Structure, order: DeckOrder) -> tuple[FloatArray, FloatArray | None]:

@@ -36,9 +36,9 @@ def model_of(data: bytes) -> FiniteElementModel | MatrixModel:
         if "model" not in arrays.files:
             return matrices_of({name: arrays[name] for name in arrays.files})
         packed = json.loads(arrays["model"].tobytes())
-        found = _unpacked(FiniteElementModel, packed, {name: arrays[name] for name in arrays.files})
-    assert isinstance(found, FiniteElementModel)
-    return found
+        model = _unpacked(FiniteElementModel, packed, {name: arrays[name] for name in arrays.files})
+    assert isinstance(model, FiniteElementModel)
+    return model
 
 
 def _packed(value: Any, arrays: dict[str, Any]) -> Any:
@@ -80,10 +80,12 @@ def _unpacked(kind: Any, value: Any, arrays: Mapping[str, Any]) -> Any:
 
 def _chosen(kinds: tuple[Any, ...], value: Any) -> Any:
     """Which of several types a packed value is of: a dataclass by its members."""
-    found = [kind for kind in kinds if kind is not type(None)]
-    if len(found) > 1:
-        return next(kind for kind in found if {field.name for field in fields(kind)} >= set(value))
-    return found[0]
+    candidates = [kind for kind in kinds if kind is not type(None)]
+    if len(candidates) > 1:
+        return next(
+            kind for kind in candidates if {field.name for field in fields(kind)} >= set(value)
+        )
+    return candidates[0]
 
 
 @cache

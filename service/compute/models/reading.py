@@ -43,7 +43,7 @@ from service.compute.models.meshes import MESHES, is_mesh, is_of_sections, mesh_
 from service.errors import Fault, Invalid
 
 if TYPE_CHECKING:
-    from service.jobs.kinds import Report
+    from service.jobs.kinds import Reporter
 
 ZIP, NPZ = ".zip", ".npz"
 """End of the name of an archive of a deck and what it includes, or of matrices; and of matrices in
@@ -87,7 +87,7 @@ class DeckOutput:
     arrays: bytes
 
 
-def read_deck(inputs: DeckInputs, report: Report) -> Iterator[DeckOutput]:
+def read_deck(inputs: DeckInputs, report: Reporter) -> Iterator[DeckOutput]:
     """A deck or mesh as a model in SI.
 
     Raises:
@@ -101,9 +101,9 @@ def read_deck(inputs: DeckInputs, report: Report) -> Iterator[DeckOutput]:
         si = faults_of(
             lambda: mesh_in_si(content, inputs.filename, inputs.units, inputs.sections or {})
         )
-        asked = [*of_size(si), *of_cards(si)]
+        questions = [*of_size(si), *of_cards(si)]
         named = [name for name in inputs.accepted if not is_of_sections(name)]
-        faults_of(lambda: require_answers(asked, named, si.ignored))
+        faults_of(lambda: require_answers(questions, named, si.ignored))
     elif inputs.sections is not None:
         raise Invalid(
             "sections",
@@ -356,7 +356,7 @@ def _set(model: FiniteElementModel, name: str) -> dict[str, Any]:
     blocks = [block for block in model.elements if block.set == name]
     size = sum(float(sizes(block, model.nodes).sum()) for block in blocks)
     section = model.sections[name]
-    said = {
+    members = {
         "name": name,
         "elements": sum(len(b.nodes) for b in blocks),
         "kinds": sorted({b.kind for b in blocks}),
@@ -367,7 +367,7 @@ def _set(model: FiniteElementModel, name: str) -> dict[str, Any]:
             + section.extra_mass
         )
         own = {"materials": [section.material], "length_m": size, "section_area_m2": section.area}
-        return {**said, **own, "mass_kg": per_length * size, **_place(section.where)}
+        return {**members, **own, "mass_kg": per_length * size, **_place(section.where)}
     per_area = (
         float(_densities(model, section) @ [ply.thickness for ply in section.plies])
         + section.extra_mass
@@ -378,7 +378,7 @@ def _set(model: FiniteElementModel, name: str) -> dict[str, Any]:
         "thickness_m": sum(ply.thickness for ply in section.plies),
         "plies": len(section.plies),
     }
-    return {**said, **own, "mass_kg": per_area * size, **_place(section.where)}
+    return {**members, **own, "mass_kg": per_area * size, **_place(section.where)}
 
 
 def _densities(model: FiniteElementModel, section: ShellSection) -> FloatArray:

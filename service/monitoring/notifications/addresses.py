@@ -83,10 +83,10 @@ def special_use(address: IPv4Address | IPv6Address) -> str | None:
     >>> special_use(IPv4Address("192.0.0.192")), special_use(IPv4Address("1.1.1.1"))
     ('protocol assignments', None)
     """
-    found = next((use for network, use in SPECIAL.items() if address in network), None)
-    if found is None and address.version == 6 and address not in GLOBAL_UNICAST:
+    purpose = next((use for network, use in SPECIAL.items() if address in network), None)
+    if purpose is None and address.version == 6 and address not in GLOBAL_UNICAST:
         return "not assigned"
-    return found
+    return purpose
 
 
 # httpx is imported by the first URL: it would be a thirtieth of the start.
@@ -141,10 +141,10 @@ def resolve(url: str, settings: Settings) -> Target:
             f"goes to port {port}, which the operator does not allow (MODALBASE_WEBHOOK_PORTS)"
         )
     try:
-        found = socket.getaddrinfo(parsed.host, port, type=socket.SOCK_STREAM)
+        entries = socket.getaddrinfo(parsed.host, port, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError) as error:
         raise AddressError(f"{parsed.host} cannot be resolved: {error}") from None
-    addresses = [ip_address(str(entry[4][0]).split("%")[0]) for entry in found]
+    addresses = [ip_address(str(entry[4][0]).split("%")[0]) for entry in entries]
     for address in addresses:
         if special := _special(address, settings.allowed_networks):
             raise AddressError(

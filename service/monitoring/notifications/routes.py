@@ -110,7 +110,7 @@ def webhook_for(session: Session, user: User, webhook_id: UUID, role: Role) -> W
 
 
 def deliveries(
-    session: Session, wanted: ColumnElement[bool], cursor: Cursor, limit: Limit
+    session: Session, condition: ColumnElement[bool], cursor: Cursor, limit: Limit
 ) -> Page[DeliveryOut]:
     """A page of the deliveries that fulfil a condition, such as `Delivery.webhook_id == id`; newest
     first.
@@ -119,7 +119,9 @@ def deliveries(
         Invalid: the cursor is not one of this list.
     """
     shown = partial(map, DeliveryOut.model_validate)
-    return paged(session, select(Delivery).where(wanted), cursor, limit, shown, newest_first=True)
+    return paged(
+        session, select(Delivery).where(condition), cursor, limit, shown, newest_first=True
+    )
 
 
 def deliveries_of_monitor(

@@ -145,10 +145,10 @@ async def post(delivery: Delivery, hook: Webhook, settings: Settings) -> Outcome
         ):
             if answer.is_success:
                 return Outcome(answer.status_code, None)
-            said = await anext(answer.aiter_text(KEPT_CHARACTERS), "")
+            reply = await anext(answer.aiter_text(KEPT_CHARACTERS), "")
             return Outcome(
                 answer.status_code,
-                f"the receiver answered {answer.status_code}: {_printable(said)}",
+                f"the receiver answered {answer.status_code}: {_printable(reply)}",
             )
     except (AddressError, httpx.HTTPError) as error:
         return Outcome(None, f"{type(error).__name__}: {error}"[:KEPT_CHARACTERS])

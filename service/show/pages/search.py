@@ -19,7 +19,7 @@ from service.show.pages.look import Visit
 from service.show.pages.numbers import NOTHING, in_unit, moment, spread, unit_of, words
 from service.store.search.fields import Field, Noun
 from service.store.search.nouns import NOUNS, SEARCHED, lineage
-from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded
+from service.store.search.operations import MOST_COUNTED, Column, Search, SearchQuery, bounded
 from service.store.search.routes import as_text
 from service.store.search.saved import list_saved
 from service.store.search.trends import COVARIATES, FOLLOWED, MODE_VALUES, trend_of
@@ -170,7 +170,9 @@ def _results(visit: Visit, form: SearchForm, cursor: str | None) -> dict[str, An
     fields = tuple(dict.fromkeys([*names, *beside]))
     facets = (*noun.facets, *(["tag"] if any(field.name == "tag" for field in noun.fields) else []))
     search = Search(
-        visit.user, noun, Wanted(query.get("filter"), query.get("q"), form.sort, fields, facets)
+        visit.user,
+        noun,
+        SearchQuery(query.get("filter"), query.get("q"), form.sort, fields, facets),
     )
     with bounded(visit.session):
         rows, following = search.page(visit.session, cursor, ROWS)
@@ -211,7 +213,7 @@ def _trend(visit: Visit, form: SearchForm) -> dict[str, Any] | None:
     if form.noun not in FOLLOWED or not form.trend:
         return None
     query = form.query()
-    conditions = Wanted(query.get("filter"), query.get("q"))
+    conditions = SearchQuery(query.get("filter"), query.get("q"))
     with bounded(visit.session):
         trend = trend_of(
             visit.session, visit.user, form.noun, conditions, form.trend, COVARIATES[:1]

@@ -14,7 +14,7 @@ from fastapi.responses import FileResponse, PlainTextResponse
 from service.access import CurrentUser, SessionDep, SettingsDep
 from service.compute.models.decks import updated_deck
 from service.errors import Invalid
-from service.jobs.aside import read_aside
+from service.jobs.subprocess_read import read_in_subprocess
 from service.show.figures.answers import (
     RESPONSES,
     FigureName,
@@ -123,7 +123,7 @@ def get_deck(job_id: UUID, session: SessionDep, user: CurrentUser) -> Response:
     model of the joints of walls.
     """
     order = deck_order(session, update_job_for(session, user, job_id))
-    content = from_thread.run(read_aside, updated_deck, order)
+    content = from_thread.run(read_in_subprocess, updated_deck, order)
     return spooled(
         lambda file: _write(file, content),
         "application/octet-stream",

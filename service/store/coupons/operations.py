@@ -211,7 +211,7 @@ def summarise(session: Session, batch: CouponBatch) -> Summary:
     counted = [coupon for coupon in coupons if not coupon.excluded]
     measured: dict[str, Statistics] = {}
     for name in UNITS:
-        if values := [found[name] for coupon in counted if name in (found := _values(coupon))]:
+        if values := [own[name] for coupon in counted if name in (own := _values(coupon))]:
             measured[name] = statistics(values)
     constants, warnings = _constants(batch, measured)
     warnings += outlier_warnings([CouponResult(c.specimen, _values(c)) for c in counted])
@@ -242,15 +242,15 @@ def same_curve(session: Session, batch: CouponBatch, sent: RawCurve) -> Coupon |
     """
     query = select(Coupon).join(CouponCurve, CouponCurve.coupon_id == Coupon.id)
     own = Coupon.batch_id == batch.id, Coupon.specimen == sent.request.specimen
-    found = session.scalars(
+    coupon = session.scalars(
         query.where(*own, CouponCurve.file_sha256 == hashlib.sha256(sent.data).digest())
     ).first()
     same = (
-        found is not None
-        and found.curve is not None
-        and found.curve.request == sent.request.model_dump(mode="json")
+        coupon is not None
+        and coupon.curve is not None
+        and coupon.curve.request == sent.request.model_dump(mode="json")
     )
-    return found if same else None
+    return coupon if same else None
 
 
 def unlike_the_batch(
@@ -273,15 +273,15 @@ def unlike_the_batch(
             raise Conflict(
                 f"the batch has run {reading['run']} of this file already, as specimen {specimen}"
             )
-    found = []
+    differences = []
     for name in ("width_m", "thickness_m") if others else ():
         usual, own = median(reduction[name] for *_, reduction in others), reduced.reduction[name]
         if not 1 / UNLIKE_DIMENSION < own / usual < UNLIKE_DIMENSION:
-            found.append(
+            differences.append(
                 f"the {name.removesuffix('_m')} is {1e3 * own:.4g} mm, {own / usual:.3g} times that"
                 f" of the batch's other specimens ({1e3 * usual:.4g} mm): is it in another unit?"
             )
-    return found
+    return differences
 
 
 def describe_all(session: Session, batches: Sequence[CouponBatch]) -> list[BatchOut]:
@@ -315,11 +315,11 @@ def _priors(constants: dict[Constant, Statistic], warnings: list[str]) -> dict[C
     priors: dict[Constant, Prior] = {}
     for name, value in constants.items():
         try:
-            found = prior(Statistics(value.n, value.mean, value.standard_deviation))
+            core_prior = prior(Statistics(value.n, value.mean, value.standard_deviation))
         except InputError as error:
             warnings.append(f"{name}: no prior: {error}")
         else:
-            priors[name] = shown_as(Prior, found)
+            priors[name] = shown_as(Prior, core_prior)
     return priors
 
 
@@ -344,8 +344,8 @@ def _constants(
                 f"{name}: a published mean that does not say how many specimens it stands for"
             )
         elif value.n < FEWEST_SPECIMENS:
-            said = f"{value.n} {'' if own is None else 'valid '}specimen{'s' * (value.n != 1)}"
-            warnings.append(f"{name}: {said}; D3039 asks for at least {FEWEST_SPECIMENS}")
+            label = f"{value.n} {'' if own is None else 'valid '}specimen{'s' * (value.n != 1)}"
+            warnings.append(f"{name}: {label}; D3039 asks for at least {FEWEST_SPECIMENS}")
     return constants, warnings
 
 

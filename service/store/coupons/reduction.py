@@ -144,17 +144,17 @@ def _quantity(series: str, gauge_m: float | None) -> Quantity:
     return "strain" if gauge_m is None else "length"
 
 
-def _chosen(file: MachineFile, wanted: int | None) -> tuple[int, Run]:
+def _chosen(file: MachineFile, requested: int | None) -> tuple[int, Run]:
     """The run that counts, and its number."""
     runs = len(file.runs)
-    if wanted is None and runs > 1:
+    if requested is None and runs > 1:
         lines = ", ".join(
             f"{i} (lines {run.first_line} to {run.last_line})" for i, run in enumerate(file.runs, 1)
         )
         raise InputError(
             "run", f"is missing: the machine was restarted; say which of its runs counts: {lines}"
         )
-    number = wanted or 1
+    number = requested or 1
     if number > runs:
         raise InputError("run", f"is {number}, the file has {runs}")
     return number, file.runs[number - 1]

@@ -20,7 +20,7 @@ from fastapi.responses import JSONResponse
 from service.access import CurrentUser, SessionDep, SettingsDep
 from service.access.nouns import NounRoutes
 from service.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
-from service.jobs.aside import read_aside
+from service.jobs.subprocess_read import read_in_subprocess
 from service.store.coupons import curves, operations
 from service.store.coupons.reduction import Reduced, reduce_curve
 from service.store.coupons.schemas import (
@@ -97,7 +97,7 @@ async def _curve(request: Request, limit: int) -> RawCurve:
             await run_in_threadpool(shutil.copyfileobj, form.file.file, file)
             file.flush()
             async with without_slot(request.scope):
-                reduced = await read_aside(reduce_curve, Path(file.name), sent)
+                reduced = await read_in_subprocess(reduce_curve, Path(file.name), sent)
             data = await run_in_threadpool(Path(file.name).read_bytes)
         return RawCurve(sent, form.filename or "curve.csv", data, reduced)
 

@@ -130,17 +130,17 @@ class Forecast(Base):
 
 def _load(session: Session, row: Forecast, _workspace: Path) -> ForecastInputs:
     structure = describe_version(version_of(session, row.structure_version_id), "")
-    asked = ForecastIn.model_validate(row.request)
+    request = ForecastIn.model_validate(row.request)
     labels: tuple[int, ...] | None = None
-    if asked.points is not None:
-        labels = tuple(point.label for point in asked.points)
+    if request.points is not None:
+        labels = tuple(point.label for point in request.points)
     elif structure.model is not None:
         labels = tuple(load_model(session, structure.model).numbers.tolist())
-    return ForecastInputs(_body(session, structure, asked), asked.to_core(), labels)
+    return ForecastInputs(_body(session, structure, request), request.to_core(), labels)
 
 
-def _body(session: Session, structure: StructureIn, asked: ForecastIn) -> Body:
-    return body_for(session, structure, asked.boundary or usual_boundary(structure), USUAL)
+def _body(session: Session, structure: StructureIn, request: ForecastIn) -> Body:
+    return body_for(session, structure, request.boundary or usual_boundary(structure), USUAL)
 
 
 def _store(session: Session, row: Forecast, items: Iterator[ForecastOutput]) -> None:
@@ -161,7 +161,9 @@ FORECASTS = JobNoun(
 )
 
 
-def start_forecast(session: Session, user: User, structure_id: UUID, asked: ForecastIn) -> Forecast:
+def start_forecast(
+    session: Session, user: User, structure_id: UUID, request: ForecastIn
+) -> Forecast:
     """Queue a forecast of a structure as it is now, in the caller's transaction.
 
     Raises:
@@ -169,19 +171,19 @@ def start_forecast(session: Session, user: User, structure_id: UUID, asked: Fore
         InputError: the structure lacks what a model needs, or the boundary is none of it.
         QuotaExceeded: the project has no room for a result.
     """
-    if asked.modes is not None and asked.highest_hz is not None:
+    if request.modes is not None and request.highest_hz is not None:
         raise Invalid(
             "/modes",
             "is stated beside `highest_hz`, whose band has all its modes solved for: leave one out",
         )
     structure = structure_for(session, user, structure_id, "editor")
     version, described = present_structure(session, structure.id)
-    _body(session, described, asked)
+    _body(session, described, request)
     require_room(session, structure.project_id)
     row = Forecast(
         structure_id=structure.id,
         structure_version_id=version.id,
-        request=asked.model_dump(mode="json"),
+        request=request.model_dump(mode="json"),
     )
     return FORECASTS.start(session, user, row)
 

@@ -18,7 +18,7 @@ from fecore.arrays import FloatArray
 from fecore.frf import Dof, FrfSet
 from modalbase.formats.frfs import Frfs, table
 from service.compute.frame import Frame
-from service.compute.spectra import Axis, Spectrum, decode
+from service.compute.spectra import FrequencyAxis, Spectrum, decode
 from service.db.bytea import stream_rows
 from service.errors import Conflict, Invalid
 from service.store.campaigns.operations import campaign_of, frame_of, stored_points
@@ -175,7 +175,7 @@ def frequency_axis(session: Session, frf: Frf) -> FloatArray:
         if frf.step_hz is not None
         else session.scalars(select(Frf.axis).where(Frf.id == frf.id)).one()
     )
-    return Axis(frf.start_hz, frf.step_hz, frf.lines, stored).frequency_hz()
+    return FrequencyAxis(frf.start_hz, frf.step_hz, frf.lines, stored).frequency_hz()
 
 
 def make_tables(session: Session, frfs: Sequence[Frf], cut: Cut) -> list[FrfTable]:

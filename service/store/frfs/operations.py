@@ -226,8 +226,8 @@ def frfs_changed(
         Frf.id.not_in(used),
         *present(Frf),
     )
-    found: datetime | None = session.scalar(select(func.min(Frf.created_at)).where(*came))
-    return found
+    earliest: datetime | None = session.scalar(select(func.min(Frf.created_at)).where(*came))
+    return earliest
 
 
 def supersede(
@@ -293,7 +293,7 @@ def writing_frfs(session: Session) -> Iterator[Callable[[Mapping[str, Any]], Non
 
 
 def label_frfs(
-    session: Session, user: User, campaign: Campaign, wanted: Select[Frf], labels: Labels
+    session: Session, user: User, campaign: Campaign, selection: Select[Frf], labels: Labels
 ) -> int:
     """Give some FRFs of a campaign these tags and metadata in place of theirs, and return how many
     there are.
@@ -303,7 +303,7 @@ def label_frfs(
     """
     stated = labels.model_dump()
     require_metadata(session, campaign_for.project_of(session, campaign), "frfs", stated)
-    keys = select(wanted.subquery().c.id)
+    keys = select(selection.subquery().c.id)
     count = len(
         session.scalars(
             update(Frf).where(Frf.id.in_(keys)).values(**stated).returning(Frf.id)
@@ -353,6 +353,6 @@ def frf_digests(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, tu
     query = select(Frf.campaign_id, digest, func.max(Frf.created_at))
     query = query.where(Frf.campaign_id.in_(campaign_ids), *present(Frf))
     return {
-        key: (found, newest)
-        for key, found, newest in session.execute(query.group_by(Frf.campaign_id))
+        key: (digest, newest)
+        for key, digest, newest in session.execute(query.group_by(Frf.campaign_id))
     }

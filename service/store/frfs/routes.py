@@ -99,15 +99,17 @@ class Format:
     one_table: bool = True  # only FRFs of one quantity on one axis can be written
 
 
-def _alone(write: Callable[[FrfTable, IO[bytes]], None]) -> Callable[..., None]:
+def _of_one_table(write: Callable[[FrfTable, IO[bytes]], None]) -> Callable[..., None]:
     return lambda tables, file: write(only_table(tables), file)
 
 
 FORMATS: dict[str, Format] = {
-    "json": Format("application/json", "json", 70, _alone(write_json)),
-    "npz": Format("application/x-npz", "npz", 24, _alone(write_npz)),
-    "csv": Format("text/csv", "csv", 90, _alone(write_csv)),
-    "arrow": Format("application/vnd.apache.arrow.stream", "arrows", 50, _alone(write_arrow)),
+    "json": Format("application/json", "json", 70, _of_one_table(write_json)),
+    "npz": Format("application/x-npz", "npz", 24, _of_one_table(write_npz)),
+    "csv": Format("text/csv", "csv", 90, _of_one_table(write_csv)),
+    "arrow": Format(
+        "application/vnd.apache.arrow.stream", "arrows", 50, _of_one_table(write_arrow)
+    ),
     "uff": Format("application/x-uff", "uff", 24, partial(write_uff, binary=True), one_table=False),
     "uff-ascii": Format("text/x-uff", "uff", 62, partial(write_uff, binary=False), one_table=False),
 }
@@ -191,7 +193,7 @@ class FrfFilter:
 
     def query(self, campaign_id: UUID) -> Select[Frf]:
         """The query of the FRFs of a campaign that pass, without an order."""
-        asked = (
+        conditions = (
             (Frf.response_point, eq, self.point),
             (Frf.response_direction, eq, self.direction),
             (Frf.reference_point, eq, self.reference),
@@ -200,7 +202,9 @@ class FrfFilter:
             (Frf.end_hz, ge, self.fmin),
             (Frf.start_hz, le, self.fmax),
         )
-        passed = [compared(column, value) for column, compared, value in asked if value is not None]
+        passed = [
+            compared(column, value) for column, compared, value in conditions if value is not None
+        ]
         return select(Frf).where(
             Frf.campaign_id == campaign_id, *present(Frf, superseded=self.superseded), *passed
         )
@@ -211,10 +215,10 @@ class FrfFilter:
         Raises:
             NotFound: none passes.
         """
-        found = session.scalars(self.query(campaign_id).order_by(Frf.id).limit(most)).all()
-        if not found:
+        rows = session.scalars(self.query(campaign_id).order_by(Frf.id).limit(most)).all()
+        if not rows:
             raise NotFound("FRF that matches in this campaign")
-        return found
+        return rows
 
 
 FilterDep = Annotated[FrfFilter, Depends()]
@@ -288,7 +292,7 @@ SpectraDep = Annotated[Spectra, Depends(_spectra)]
 @router.get("/campaigns/{campaign_id}/frfs")
 def list_frfs(
     campaign_id: UUID,
-    wanted: FilterDep,
+    selection: FilterDep,
     session: SessionDep,
     user: CurrentUser,
     cursor: Cursor = None,
@@ -297,27 +301,27 @@ def list_frfs(
     """FRFs of a campaign, without their spectra."""
     campaign = campaign_for(session, user, campaign_id)
     return paged(
-        session, wanted.query(campaign.id), cursor, limit, partial(map, operations.describe)
+        session, selection.query(campaign.id), cursor, limit, partial(map, operations.describe)
     )
 
 
 @router.put("/campaigns/{campaign_id}/frfs/labels")
 def label_frfs(
-    campaign_id: UUID, labels: Labels, wanted: FilterDep, session: SessionDep, user: CurrentUser
+    campaign_id: UUID, labels: Labels, selection: FilterDep, session: SessionDep, user: CurrentUser
 ) -> LabelledFrfs:
     """Give a set of FRFs, all of the campaign or those that the query leaves, tags and metadata in
     place of theirs.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
     return LabelledFrfs(
-        count=operations.label_frfs(session, user, campaign, wanted.query(campaign.id), labels)
+        count=operations.label_frfs(session, user, campaign, selection.query(campaign.id), labels)
     )
 
 
 @router.get("/campaigns/{campaign_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
 def get_campaign_data(
     campaign_id: UUID,
-    wanted: FilterDep,
+    selection: FilterDep,
     session: SessionDep,
     user: CurrentUser,
     spectra: SpectraDep,
@@ -327,7 +331,7 @@ def get_campaign_data(
     UFF holds the grid points too, and FRFs of any axes and quantities; the others need one axis and
     one quantity.
     """
-    return spectra.of(session, wanted.rows(session, campaign_for(session, user, campaign_id).id))
+    return spectra.of(session, selection.rows(session, campaign_for(session, user, campaign_id).id))
 
 
 @router.get("/frfs/{frf_id}")

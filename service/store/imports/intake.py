@@ -25,7 +25,7 @@ from modalbase.formats.uff import (
     TimeResponse,
     TraceLine,
 )
-from service.compute.arrays_of_files import Found
+from service.compute.arrays_of_files import FileDescription
 from service.compute.frf_rows import EncodedFrf
 from service.compute.models.alignment import distances
 from service.compute.reading import Kept
@@ -75,7 +75,7 @@ class Intake:
     ) -> None:
         self.session = session
         self.row = row
-        self.found = Found("uff")
+        self.description = FileDescription("uff")
         self.reports: list[DatasetReport] = []
         self.points = stored_points(session, row.campaign_id)
         self.new_points: list[GridPoint] = []
@@ -94,8 +94,8 @@ class Intake:
 
     def take(self, item: Kept, write_frf: Callable[[Mapping[str, Any]], None]) -> None:
         """One item, in the file's order."""
-        if isinstance(item, Found):
-            self.found = item
+        if isinstance(item, FileDescription):
+            self.description = item
         elif isinstance(item, list):
             self._take_points(item)
         elif isinstance(item, EncodedFrf):
@@ -131,7 +131,7 @@ class Intake:
         self.unused |= self.records.finish()
         self.counts["records"] += len(self.blocks - self.unused.keys())
         if self.counts["records"] and not self.row.dry_run:
-            counted = bool(self.blocks) or self.found.counted
+            counted = bool(self.blocks) or self.description.counted
             source = {"filename": self.row.filename, "import_id": self.row.id}
             self.records.store(
                 self.session, self.row.campaign_id, self.unused.keys(), counted=counted, **source
@@ -153,10 +153,10 @@ class Intake:
             campaign = campaign_of(self.session, self.row.campaign_id)
             book(self.session, campaign_for, campaign, "frfs", self.frf_bytes)
         self.row.counts = self.counts
-        self.row.format, self.row.kind = self.found.format, self.found.kind
-        if self.found.kind is not None:
+        self.row.format, self.row.kind = self.description.format, self.description.kind
+        if self.description.kind is not None:
             self.row.found = {
-                name: getattr(self.found, name)
+                name: getattr(self.description, name)
                 for name in ("variables", "mapping", "blocks", "table")
             }
         self.row.trace_lines = [line.points for line in self.lines] or None
@@ -203,7 +203,9 @@ class Intake:
     def _take_frf(self, frf: EncodedFrf, write: Callable[[Mapping[str, Any]], None]) -> None:
         self.counts["frfs"] += 1
         self.frf_bytes += frf.size
-        if self.found.format == "uff" and self.frf_bytes > max(FREE_BYTES, RATIO * self.file_bytes):
+        if self.description.format == "uff" and self.frf_bytes > max(
+            FREE_BYTES, RATIO * self.file_bytes
+        ):
             raise PayloadTooLarge(
                 f"the file has {self.file_bytes} bytes and unpacks to more than {RATIO} times that;"
                 " import it in parts"
@@ -250,12 +252,12 @@ class Intake:
             for r in self.reports
             if r.reason
         ]
-        why = why or ["it holds no hit, FRF, point or mode", *self.found.notes]
+        why = why or ["it holds no hit, FRF, point or mode", *self.description.notes]
         more = f"; and {len(why) - MOST_NAMED} more" if len(why) > MOST_NAMED else ""
         raise Invalid("file", "nothing in it can be stored. " + "; ".join(why[:MOST_NAMED]) + more)
 
     def _warnings(self) -> list[str]:
-        warnings = list(self.found.notes)
+        warnings = list(self.description.notes)
         refused = sum(r.outcome == "refused" for r in self.reports)
         if refused:
             warnings.append(

@@ -100,7 +100,7 @@ def start_import(
     user: User,
     campaign_id: UUID,
     file: Spooled,
-    wanted: Import,
+    draft: Import,
     *,
     urgent: bool = False,
 ) -> tuple[Import, bool]:
@@ -114,7 +114,7 @@ def start_import(
         user: who asks; an editor of the project at least.
         campaign_id: the campaign that takes the file.
         file: where it lies, with its SHA-256.
-        wanted: the row to be: what the client calls the file, and what to do with it.
+        draft: the row to be: what the client calls the file, and what to do with it.
         urgent: a request waits for it: it has a queue of its own, and is read also where the
             campaign has these bytes already.
 
@@ -126,16 +126,16 @@ def start_import(
         QuotaExceeded: the project has no room for the file.
     """
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
-    wanted.campaign_id, wanted.sha256 = campaign.id, file.sha256
-    if not wanted.dry_run and (known := _same_bytes(session, wanted)) is not None:
-        _require_alike(session, known, wanted)
+    draft.campaign_id, draft.sha256 = campaign.id, file.sha256
+    if not draft.dry_run and (known := _same_bytes(session, draft)) is not None:
+        _require_alike(session, known, draft)
         if not urgent:
             return known, False
     if not _has_file(session, campaign, file.sha256):
         book(session, campaign_for, campaign, "files", file.size)
     keep_original(session, file)
     queue = REQUESTS if urgent else None
-    return IMPORTS.start(session, user, wanted, queue=queue, sha256=file.sha256.hex()), True
+    return IMPORTS.start(session, user, draft, queue=queue, sha256=file.sha256.hex()), True
 
 
 def _has_file(session: Session, campaign: Campaign, sha256: bytes) -> bool:
@@ -146,17 +146,17 @@ def _has_file(session: Session, campaign: Campaign, sha256: bytes) -> bool:
     return session.scalars(query.limit(1)).first() is not None
 
 
-def _same_bytes(session: Session, wanted: Import) -> Import | None:
+def _same_bytes(session: Session, draft: Import) -> Import | None:
     """The import that has these bytes, read by the same mapping, or is about to."""
     same_mapping = (
-        Import.mapping.is_(None) if wanted.mapping is None else Import.mapping == wanted.mapping
+        Import.mapping.is_(None) if draft.mapping is None else Import.mapping == draft.mapping
     )
     return session.scalars(
         select(Import)
         .join(Job, Job.id == Import.id)
         .where(
-            Import.campaign_id == wanted.campaign_id,
-            Import.sha256 == wanted.sha256,
+            Import.campaign_id == draft.campaign_id,
+            Import.sha256 == draft.sha256,
             same_mapping,
             ~Import.dry_run,
             Job.state.in_(("queued", "running", "succeeded")),
@@ -166,7 +166,7 @@ def _same_bytes(session: Session, wanted: Import) -> Import | None:
     ).one_or_none()
 
 
-def _require_alike(session: Session, known: Import, wanted: Import) -> None:
+def _require_alike(session: Session, known: Import, draft: Import) -> None:
     """Refuse bytes that an import has read as something else than is stated now.
 
     Raises:
@@ -174,7 +174,7 @@ def _require_alike(session: Session, known: Import, wanted: Import) -> None:
     """
     quantities = [known.quantity] if known.quantity else quantities_of(session, known.id)
     for name, read in (("quantity", quantities), ("kind", [known.kind] if known.kind else [])):
-        stated = getattr(wanted, name)
+        stated = getattr(draft, name)
         if stated is None or read == [stated]:
             continue
         state = (

@@ -122,10 +122,10 @@ def read_mapping(stated: str | None, sent: Upload) -> dict[str, Any] | None:
         Invalid: it is no JSON object, or is stated twice.
     """
     text = sent.text_of("mapping", stated)
-    found = {} if text is None else parse_parameter("mapping", text)
-    if not isinstance(found, dict):
+    value = {} if text is None else parse_parameter("mapping", text)
+    if not isinstance(value, dict):
         raise Invalid("mapping", f"is {str(text)[:40]}, expected an object: {{...}}")
-    return None if text is None else found
+    return None if text is None else value
 
 
 MAPPED_UPLOAD = upload("mapping", "which variable is what, as JSON")
@@ -163,14 +163,14 @@ def start_import(
     """
     if sent.file.size == 0:
         raise Invalid("", "the body is empty, expected a file: UFF, npz, .mat, CSV, wav or TDMS")
-    wanted = Import(
+    draft = Import(
         filename=filename or sent.filename or "upload",
         dry_run=dry_run,
         quantity=quantity,
         kind=kind,
         mapping=read_mapping(mapping, sent),
     )
-    row, new = operations.start_import(session, user, campaign_id, sent.file, wanted)
+    row, new = operations.start_import(session, user, campaign_id, sent.file, draft)
     response.status_code = 202 if new else 200
     return of_jobs.made(session, row, response).model_copy(update={"already_imported": not new})
 

@@ -33,8 +33,8 @@ from service.errors import (
     Unavailable,
     UnsupportedMediaType,
 )
-from service.jobs.aside import read_aside
 from service.jobs.events import ChangesDep, shown
+from service.jobs.subprocess_read import read_in_subprocess
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
 from service.store.frfs import operations as frfs
@@ -106,11 +106,11 @@ class Reading:
         self._once = idempotency_key
         self._seconds = settings.import_wait_seconds
 
-    async def of(self, campaign_id: UUID, file: Spooled, wanted: Import) -> UUID:
+    async def of(self, campaign_id: UUID, file: Spooled, draft: Import) -> UUID:
         """The key of the file's import, which has ended or has had its time."""
 
         def start(session: Any, key: Any, user: Any) -> tuple[UUID, Any, str]:
-            import_id = self._started(session, user, campaign_id, file, wanted)
+            import_id = self._started(session, user, campaign_id, file, draft)
             return import_id, shown(session.get_one(Job, import_id)), str(key.id)
 
         job_id, job, caller = await self._beforehand.do(start)
@@ -119,12 +119,12 @@ class Reading:
         return job_id
 
     def _started(
-        self, session: Session, user: User, campaign_id: UUID, file: Spooled, wanted: Import
+        self, session: Session, user: User, campaign_id: UUID, file: Spooled, draft: Import
     ) -> UUID:
         """A new import, or that of the same request under the same `Idempotency-Key`."""
 
         def started() -> UUID:
-            return operations.start_import(session, user, campaign_id, file, wanted, urgent=True)[
+            return operations.start_import(session, user, campaign_id, file, draft, urgent=True)[
                 0
             ].id
 
@@ -132,7 +132,7 @@ class Reading:
             return started()
         name = f"file of {self._request.scope['route'].label}", self._once
         about = {
-            part: getattr(wanted, part)
+            part: getattr(draft, part)
             for part in ("filename", "dry_run", "quantity", "format", "kind", "mapping")
         }
         sha256 = digest_of({"campaign_id": campaign_id, "file": file.sha256.hex(), **about})
@@ -185,14 +185,14 @@ async def _records(
         )
     if stated is None and not dry_run:
         raise Invalid("mapping", "is missing; ?dry_run=true proposes one")
-    wanted = Import(
+    draft = Import(
         filename=name or f"upload{suffix}",
         dry_run=dry_run,
         format=RECORD_SUFFIXES[suffix],
         kind="hits",
         mapping=stated,
     )
-    import_id = await reading.of(campaign_id, upload.file, wanted)
+    import_id = await reading.of(campaign_id, upload.file, draft)
     return _Came(import_id, name, dry_run, [str(import_id)])
 
 
@@ -229,12 +229,12 @@ def create_records(
         return judged(session, campaign_id, records.record_for.all(session, import_id=[sent]))
     if came.dry_run:
         campaign_for(session, user, campaign_id, "editor")
-    found, blocks = hits_of(*sent, dry_run=came.dry_run)
+    description, blocks = hits_of(*sent, dry_run=came.dry_run)
     if came.dry_run:
         response.status_code = 200
-        return shown_as(Proposal, found)
+        return shown_as(Proposal, description)
     rows = records.store_records(
-        session, user, campaign_id, came.filename, blocks, counted=found.counted
+        session, user, campaign_id, came.filename, blocks, counted=description.counted
     )
     return judged(session, campaign_id, rows)
 
@@ -268,7 +268,7 @@ async def _frfs(
         with tempfile.NamedTemporaryFile(prefix="modalbase-rows-") as rows:
             path = Path(rows.name)
             async with without_slot(request.scope):
-                count = await read_aside(write_rows, upload.file.path, path)
+                count = await read_in_subprocess(write_rows, upload.file.path, path)
             yield frfs.NewFrfs(path, count, upload.file.sha256.hex())
         return
     form = FRF_FORMATS.get(upload.content_type)
@@ -283,10 +283,10 @@ async def _frfs(
         )
     _require_taken(FORMATS[form], "frfs", mapping=stated, quantity=quantity)
     name = upload.filename or f"frfs.{form}"
-    wanted = Import(
+    draft = Import(
         filename=name, dry_run=False, quantity=quantity, format=form, kind="frfs", mapping=stated
     )
-    yield await reading.of(campaign_id, upload.file, wanted)
+    yield await reading.of(campaign_id, upload.file, draft)
 
 
 @router.post(

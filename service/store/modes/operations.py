@@ -125,19 +125,19 @@ def keep_identified(
     earlier job found by the same settings leave.
     """
     details = {part: document[part] for part in DETAILS}
-    said = {row["frequency_hz"]: row for row in (*document["modes"], *document["doubtful"])}
+    by_frequency = {row["frequency_hz"]: row for row in (*document["modes"], *document["doubtful"])}
     details["evidence"] = [
-        {part: said[float(hz)][part] for part in EVIDENCE} for hz in modes.frequency_hz
+        {part: by_frequency[float(hz)][part] for part in EVIDENCE} for hz in modes.frequency_hz
     ]
     covariance = None if modes.covariance is None else modes.covariance.tolist()
-    found = {
+    own = {
         "job_id": job_id,
         "origin": "identified",
         "covariance": covariance,
         "details": details,
         "settings": settings,
     }
-    mode_set = ModeSet(campaign_id=campaign_id, name=name, **found)
+    mode_set = ModeSet(campaign_id=campaign_id, name=name, **own)
     sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
     frame = frame_of(campaign_of(session, campaign_id))
     dofs = [frame.file_dof(dof) for dof in modes.dofs]
@@ -282,12 +282,12 @@ def modes_of(session: Session, ids: Sequence[UUID]) -> dict[UUID, list[Mode]]:
     """The modes of each of these mode sets, in the order of their numbers; an empty list for a set
     without modes.
     """
-    found: dict[UUID, list[Mode]] = {i: [] for i in ids}
+    modes: dict[UUID, list[Mode]] = {i: [] for i in ids}
     for row in session.scalars(
         select(Mode).where(Mode.mode_set_id.in_(ids)).order_by(Mode.mode_set_id, Mode.number)
     ):
-        found[row.mode_set_id].append(row)
-    return found
+        modes[row.mode_set_id].append(row)
+    return modes
 
 
 def shape_of(row: Mode) -> dict[tuple[int, int], complex]:
@@ -365,11 +365,14 @@ def _load(session: Session, row: Identification, _workspace: Path) -> Identifica
         raise InputError(
             "campaign", campaign.without_frfs("has no FRFs; import some, or process its hits")
         )
-    asked = IdentificationIn.model_validate(row.options)
+    request = IdentificationIn.model_validate(row.options)
     frfs = tuple(used.frfs for used in campaign.frf_sets)
     windows = [remark for used in campaign.frf_sets for remark in used.window_remark]
     return IdentificationInputs(
-        frfs, asked.options(), asked.include_doubtful, (*campaign.warnings, *dict.fromkeys(windows))
+        frfs,
+        request.options(),
+        request.include_doubtful,
+        (*campaign.warnings, *dict.fromkeys(windows)),
     )
 
 

@@ -115,11 +115,11 @@ class IdentificationOut(JobOut):
 def _with_modes(session: Session, rows: Sequence[Identification]) -> list[dict[str, Any]]:
     """Their mode sets and results, where they have succeeded."""
     keys = [row.id for row in rows]
-    found = dict(
+    mode_sets = dict(
         session.execute(select(ModeSet.job_id, ModeSet.id).where(ModeSet.job_id.in_(keys))).all()
     )
     return [
-        {"mode_set": found.get(row.id), "result": row.document and up_to_date(row.document)}
+        {"mode_set": mode_sets.get(row.id), "result": row.document and up_to_date(row.document)}
         for row in rows
     ]
 

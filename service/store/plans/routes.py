@@ -23,7 +23,7 @@ from service.access import CurrentUser, SessionDep, User
 from service.compute.models.bodies import AS_MODELLED
 from service.compute.planning import PlanOrder, compute_plan
 from service.errors import Invalid
-from service.jobs.aside import read_aside
+from service.jobs.subprocess_read import read_in_subprocess
 from service.store.campaigns.operations import campaign_for
 from service.store.campaigns.schemas import AddedMass, Boundary
 from service.store.coupons.schemas import Constant
@@ -161,18 +161,18 @@ def order_of(session: Session, user: User, structure_id: UUID, body: PlanIn) -> 
     structure = structure_for(session, user, structure_id, "editor")
     _, own = present_structure(session, structure.id)
     tests, sent = [], []
-    for number, asked in enumerate(
+    for number, test in enumerate(
         body.tests if body.tests is not None else _proposed(session, own)
     ):
         name, described = str(structure.id), own
-        if asked.structure_id is not None:
+        if test.structure_id is not None:
             other = structure_for.named(
-                session, user, asked.structure_id, f"/tests/{number}/structure_id"
+                session, user, test.structure_id, f"/tests/{number}/structure_id"
             )
             name, described = str(other.id), present_structure(session, other.id)[1]
         with within(f"tests.{number}"):
-            tests.append(_test(session, number, asked, described, name, own))
-        sent.append(asked.model_dump(mode="json"))
+            tests.append(_test(session, number, test, described, name, own))
+        sent.append(test.model_dump(mode="json"))
     first = tests[0].body
     coupons, made = [], []
     for number, planned in enumerate(body.coupons):
@@ -221,7 +221,7 @@ def _proposed(session: Session, structure: StructureIn) -> list[PlannedTestIn]:
 def _test(
     session: Session,
     number: int,
-    asked: PlannedTestIn,
+    planned: PlannedTestIn,
     structure: StructureIn,
     specimen: str,
     first: StructureIn,
@@ -229,55 +229,55 @@ def _test(
     at = f"/tests/{number}"
     masses = tuple(
         PointMass(m.x_m, m.y_m, m.mass_kg, m.rotary_inertia_kg_m2, z=m.z_m)
-        for m in asked.added_masses
+        for m in planned.added_masses
     )
-    body = joint_body(session, structure, asked.boundary, USUAL, masses=masses, first=first)
+    body = joint_body(session, structure, planned.boundary, USUAL, masses=masses, first=first)
     if isinstance(body, MatrixBody):
         raise Invalid(
             f"{at}/structure_id",
             "is a model of matrices, whose nodes have no walls to hit; a forecast proposes points",
         )
-    points, axes = _points(asked, body, at)
-    sensor = len(points) - 1 if asked.sensor is None else asked.sensor
+    points, axes = _points(planned, body, at)
+    sensor = len(points) - 1 if planned.sensor is None else planned.sensor
     if sensor >= len(points):
         raise Invalid(
             f"{at}/sensor", f"is {sensor}, expected one of the {len(points)} points, from 0"
         )
     return PlannedTest(
-        name=_name(number, asked, structure),
+        name=_name(number, planned, structure),
         body=body,
-        highest_hz=asked.highest_hz,
+        highest_hz=planned.highest_hz,
         points=points,
         sensor=sensor,
-        sensor_mass=asked.sensor_mass_kg,
-        noise=asked.noise,
-        damping_ratio=asked.damping_ratio,
-        lines_hz=asked.line_spacing_hz,
+        sensor_mass=planned.sensor_mass_kg,
+        noise=planned.noise,
+        damping_ratio=planned.damping_ratio,
+        lines_hz=planned.line_spacing_hz,
         specimen=specimen,
         axes=axes,
     )
 
 
-def _name(number: int, asked: PlannedTestIn, structure: StructureIn) -> str:
-    grams = ", ".join(f"{1e3 * mass.mass_kg:.3g} g" for mass in asked.added_masses)
-    return f"{number + 1}: {structure.name}, {asked.boundary}" + (
+def _name(number: int, planned: PlannedTestIn, structure: StructureIn) -> str:
+    grams = ", ".join(f"{1e3 * mass.mass_kg:.3g} g" for mass in planned.added_masses)
+    return f"{number + 1}: {structure.name}, {planned.boundary}" + (
         f", with {grams}" if grams else ""
     )
 
 
 def _points(
-    asked: PlannedTestIn, body: OrientedSpecimen | Structure, at: str
+    planned: PlannedTestIn, body: OrientedSpecimen | Structure, at: str
 ) -> tuple[tuple[tuple[float, ...], ...], dict[int, FloatArray]]:
     """The points that can be hit; of a body in space with its walls' normals as their third
     directions.
     """
     if isinstance(body, OrientedSpecimen):
-        return tuple(_grid(body) if asked.points_m is None else asked.points_m), {}
+        return tuple(_grid(body) if planned.points_m is None else planned.points_m), {}
     surfaces = body.model.surfaces
-    if asked.points_m is None:
+    if planned.points_m is None:
         places, normals = surfaces.spread(_ALONG * _ACROSS)
     else:
-        places = np.array([[*point, 0.0][:3] for point in asked.points_m])
+        places = np.array([[*point, 0.0][:3] for point in planned.points_m])
         try:
             normals = surfaces.find(places).normal
         except OffSpecimenError as error:
@@ -300,22 +300,24 @@ def _grid(body: OrientedSpecimen) -> list[tuple[float, float]]:
 
 
 def _coupons(
-    number: int, asked: PlannedCouponsIn, body: OrientedSpecimen | Structure
+    number: int, planned: PlannedCouponsIn, body: OrientedSpecimen | Structure
 ) -> PlannedCoupons:
     sets = body.mesh.sets if isinstance(body, Structure) else ()
-    if missing := set(asked.sets).difference(sets):
+    if missing := set(planned.sets).difference(sets):
         has = ", ".join(sets) or "none"
         raise Invalid(
             f"/coupons/{number}/sets",
             f"name {', '.join(sorted(missing))}; the sets of this body: {has}",
         )
-    own = coupon_constants(body, asked.sets)
+    own = coupon_constants(body, planned.sets)
     names = tuple(
-        dict.fromkeys(name for constant in asked.constants for name in own.get(constant, ()))
+        dict.fromkeys(name for constant in planned.constants for name in own.get(constant, ()))
     )
-    relative = prior(Statistics(asked.pieces, 1.0, asked.scatter)).standard_deviation
-    words = ", ".join(asked.constants) + (f" of {', '.join(asked.sets)}" if asked.sets else "")
-    return PlannedCoupons(f"coupons {number + 1}: {words}", names, relative, asked.pieces)
+    relative = prior(Statistics(planned.pieces, 1.0, planned.scatter)).standard_deviation
+    words = ", ".join(planned.constants) + (
+        f" of {', '.join(planned.sets)}" if planned.sets else ""
+    )
+    return PlannedCoupons(f"coupons {number + 1}: {words}", names, relative, planned.pieces)
 
 
 def _made(
@@ -352,4 +354,4 @@ def plan(structure_id: UUID, body: PlanIn, session: SessionDep, user: CurrentUse
     Nothing is stored; send it again with each new campaign in `made`. It takes a minute at most.
     """
     order = order_of(session, user, structure_id, body)
-    return PlanOut.model_validate(from_thread.run(read_aside, compute_plan, order))
+    return PlanOut.model_validate(from_thread.run(read_in_subprocess, compute_plan, order))

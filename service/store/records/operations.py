@@ -260,11 +260,11 @@ def block_rows(
     )
     if points is not None:
         query = query.where(Record.force_point.in_(points))
-    found: dict[Place, list[BlockRow]] = {}
+    by_place: dict[Place, list[BlockRow]] = {}
     for values in session.execute(query.order_by(Record.id)):
         row = BlockRow(*values)
-        found.setdefault(row.place, []).append(row)
-    return found
+        by_place.setdefault(row.place, []).append(row)
+    return by_place
 
 
 def sample_bytes(session: Session, rows: Sequence[BlockRow]) -> Iterator[bytes]:

@@ -91,7 +91,7 @@ def decisions_of(campaign_id: UUID) -> Select[HitDecision]:
     return select(HitDecision).where(HitDecision.campaign_id == campaign_id)
 
 
-def standing(session: Session, campaign_id: UUID) -> dict[tuple[Dof, int], HitDecision]:
+def current_decisions(session: Session, campaign_id: UUID) -> dict[tuple[Dof, int], HitDecision]:
     """The last decision about each hit that is neither taken back nor older than the hit, which may
     have been measured anew.
     """
@@ -110,8 +110,8 @@ def standing(session: Session, campaign_id: UUID) -> dict[tuple[Dof, int], HitDe
         .distinct(*place)
         .order_by(*place, HitDecision.id.desc())
     )
-    found = (row for row in session.scalars(last) if row.good is not None)
-    return {(Dof(row.point, row.direction), row.hit): row for row in found}
+    decided = (row for row in session.scalars(last) if row.good is not None)
+    return {(Dof(row.point, row.direction), row.hit): row for row in decided}
 
 
 def hits_in(rows: Iterable[Sequence[BlockRow]]) -> Iterator[tuple[Place, int]]:
@@ -135,14 +135,14 @@ def decisions(
     if not overrules:
         return {}
     there = set(hits)
-    found: dict[tuple[Dof, int], bool] = {}
+    decided: dict[tuple[Dof, int], bool] = {}
     for number, one in enumerate(overrules):
         field = f"overrules.{number}"
-        if found.setdefault((_meant(one, there, field), one.hit), one.use) != one.use:
+        if decided.setdefault((_meant(one, there, field), one.hit), one.use) != one.use:
             raise InputError(
                 field, f"contradicts another about {_named(one)}: use it, or leave it out"
             )
-    return found
+    return decided
 
 
 _MOST_PLACES = 8  # that a message names
@@ -173,12 +173,12 @@ def _listed(there: set[tuple[Place, int]]) -> str:
     numbers: dict[Place, list[int]] = {}
     for place, hit in sorted(there):
         numbers.setdefault(place, []).append(hit)
-    found = [
+    places = [
         f"point {point}, direction {direction}: hits {min(own)} to {max(own)}"
         for (point, direction), own in numbers.items()
     ]
-    more = f"; and {len(found) - _MOST_PLACES} other places" if len(found) > _MOST_PLACES else ""
-    return ("; ".join(found[:_MOST_PLACES]) or "no hits at all") + more
+    more = f"; and {len(places) - _MOST_PLACES} other places" if len(places) > _MOST_PLACES else ""
+    return ("; ".join(places[:_MOST_PLACES]) or "no hits at all") + more
 
 
 MOST_LOOKED_AT = 64
@@ -205,16 +205,17 @@ def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> Sto
     alike = [of_sensors for rows, _ in places for of_sensors in by_sensors(rows)]
     # the coherence of a place is that of its newest hits
     alike.sort(key=lambda rows: max(row.id for row in rows))
-    by_hand = standing(session, campaign_id)
+    by_hand = current_decisions(session, campaign_id)
     overrules = {hit: bool(decision.good) for hit, decision in by_hand.items()}
-    found = signal.inspect(
+    inspection = signal.inspect(
         [hits_of(rows, samples_of(session, rows)) for rows in alike],
         signal.Processing(overrules=overrules),
     )
     answer.hits = [
-        _stored(verdict, by_hand.get((verdict.force, verdict.number))) for verdict in found.verdicts
+        _stored(verdict, by_hand.get((verdict.force, verdict.number)))
+        for verdict in inspection.verdicts
     ]
-    answer.coherence = {str(dof.point): value for dof, value in found.coherence.items()}
+    answer.coherence = {str(dof.point): value for dof, value in inspection.coherence.items()}
     return answer
 
 
@@ -271,7 +272,10 @@ def load_records(
         points.append(PointFile(tuple(rows), path))
     assert next(samples, None) is None, "as many blocks as rows; and the query is at its end"
     positions = specimen_points(session, campaign_of(session, campaign_id))
-    by_hand = {hit: bool(decision.good) for hit, decision in standing(session, campaign_id).items()}
+    by_hand = {
+        hit: bool(decision.good)
+        for hit, decision in current_decisions(session, campaign_id).items()
+    }
     processing = replace(
         options.processing(),
         overrules={**by_hand, **decisions(options.overrules, hits_in(stored.values()))},

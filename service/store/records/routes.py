@@ -78,8 +78,8 @@ def get_record_data(
     """Samples of a time block in SI with their time axis, as JSON, npz or CSV."""
     row = operations.record_for(session, user, record_id)
     rows = operations.block_rows(session, row.campaign_id, {row.force_point})
-    wanted = [r for r in rows[row.force_point, row.force_direction] if r.id == row.id]
-    (samples,) = operations.samples_of(session, wanted)
+    blocks = [r for r in rows[row.force_point, row.force_direction] if r.id == row.id]
+    (samples,) = operations.samples_of(session, blocks)
     time = np.arange(samples.size) / row.sample_rate_hz
     if file_format == "json":
         shown = {

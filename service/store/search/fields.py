@@ -110,11 +110,11 @@ def find_field(
         if field.name == top == META and all(path):
             value = lambda table, field=field: field.of(table)[tuple(path)]  # noqa: E731
             return noun, replace(field, name=after, value=value, nullable=True)
-    if noun.more and (found := noun.more(after)):
-        return noun, found
+    if noun.more and (member := noun.more(after)):
+        return noun, member
     known = {f"{noun.name}.{field.name}" for noun in nouns.values() for field in noun.fields}
-    asked = name if point else f"{here.name}.{name}"
-    near = get_close_matches(asked, sorted(known), 4, 0.5) or sorted(
+    full_name = name if point else f"{here.name}.{name}"
+    near = get_close_matches(full_name, sorted(known), 4, 0.5) or sorted(
         n for n in known if n.startswith(f"{here.name}.")
     )
     raise Invalid(parameter, f"there is no field {name[:100]!r}; the nearest are {', '.join(near)}")

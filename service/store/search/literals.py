@@ -266,9 +266,9 @@ def as_compared(field: Field, values: Sequence[Any]) -> Field:
     kind, sql = _TYPES[json_type]
 
     def typed(table: FromClause) -> ColumnElement[Any]:
-        found = field.of(table)
-        known = None if not values else func.jsonb_typeof(found) == json_type
-        shown = found.op("#>>")(text("'{}'"))
+        value = field.of(table)
+        known = None if not values else func.jsonb_typeof(value) == json_type
+        shown = value.op("#>>")(text("'{}'"))
         return shown if known is None else case((known, cast(shown, sql)), else_=None)
 
     return replace(field, kind=kind, value=typed)

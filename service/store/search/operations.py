@@ -47,7 +47,7 @@ MOST_WORDS = 20
 
 
 @dataclass(frozen=True)
-class Wanted:
+class SearchQuery:
     """What is searched for."""
 
     filter: str | None = None  # CQL2 text
@@ -78,7 +78,7 @@ class Search:
         facets: columns whose values are counted.
     """
 
-    def __init__(self, user: User, noun: Noun, wanted: Wanted) -> None:
+    def __init__(self, user: User, noun: Noun, query: SearchQuery) -> None:
         """Read what a user searches among the rows of a noun.
 
         Raises:
@@ -86,12 +86,12 @@ class Search:
         """
         self._noun, chain = noun, lineage(noun)
         self._scope: Scope = {one.name: one.rows() for one in chain}
-        self.columns = [self._column(name, "fields") for name in wanted.fields or noun.shown]
+        self.columns = [self._column(name, "fields") for name in query.fields or noun.shown]
         self._key = [self._scope[self._noun.name].c[name] for name in self._noun.key]
-        self._descending = (wanted.sort or "").startswith("-")
-        self._order = self._column(wanted.sort.removeprefix("-"), "sort") if wanted.sort else None
+        self._descending = (query.sort or "").startswith("-")
+        self._order = self._column(query.sort.removeprefix("-"), "sort") if query.sort else None
         self._order_by = [*([self._order.value] if self._order else []), *self._key]
-        self.facets = [self._column(name, "facets") for name in wanted.facets or noun.facets]
+        self.facets = [self._column(name, "facets") for name in query.facets or noun.facets]
         if len(self.facets) > MOST_FACETED:
             raise Invalid(
                 "facets", f"names {len(self.facets)} fields, at most {MOST_FACETED} are counted"
@@ -101,9 +101,9 @@ class Search:
             self._scope["project"].c.id.in_(projects_of(user))
         ]
         self._where += [self._scope[one.name].c.deleted_at.is_(None) for one in chain if one.hidden]
-        if wanted.filter and wanted.filter.strip():
-            self._where.append(condition(wanted.filter, self._noun, self._scope))
-        words = (wanted.words or "").split()
+        if query.filter and query.filter.strip():
+            self._where.append(condition(query.filter, self._noun, self._scope))
+        words = (query.words or "").split()
         if len(words) > MOST_WORDS:
             raise Invalid("q", f"has {len(words)} words, at most {MOST_WORDS} are looked for")
         self._where += [self._has_word(chain, word) for word in words]
@@ -136,16 +136,16 @@ class Search:
         keys = self._query(*self._key)
         if cursor is not None:
             keys = keys.where(self._after(cursor))
-        found = tuple_(*self._key).in_(keys.order_by(*direction).limit(limit + 1).correlate(None))
+        on_page = tuple_(*self._key).in_(keys.order_by(*direction).limit(limit + 1).correlate(None))
         shown = (*(column.value for column in self.columns), *self._order_by)
-        return select(*shown).select_from(self._from).where(found).order_by(*direction)
+        return select(*shown).select_from(self._from).where(on_page).order_by(*direction)
 
     def rows(self, session: Session) -> Iterator[tuple[Any, ...]]:
         """All of them, one page after the other, as `page` gives them."""
         cursor: str | None = None
         while True:
-            found, cursor = self.page(session, cursor, 1000)
-            yield from found
+            batch, cursor = self.page(session, cursor, 1000)
+            yield from batch
             if cursor is None:
                 return
 
@@ -154,18 +154,18 @@ class Search:
         `MOST_COUNTED` + 1 rows.
         """
         some = self.some().cte()
-        found = {facet.name: dict[str, int]() for facet in self.facets}
-        total = self._count_values(session, some, found)
+        facets = {facet.name: dict[str, int]() for facet in self.facets}
+        total = self._count_values(session, some, facets)
         for facet, value in zip(self.facets, some.c, strict=True):
             if facet.field.kind == "tags":
                 tag, times = func.unnest(value).label("tag"), func.count()
                 query = (
                     select(tag, times).group_by(tag).order_by(times.desc(), tag).limit(MOST_FACETS)
                 )
-                found[facet.name] = dict(session.execute(query).all())
-        return total, found
+                facets[facet.name] = dict(session.execute(query).all())
+        return total, facets
 
-    def _count_values(self, session: Session, some: CTE, found: dict[str, dict[str, int]]) -> int:
+    def _count_values(self, session: Session, some: CTE, facets: dict[str, dict[str, int]]) -> int:
         """Count the rows, and the values of facets of which a row has one, in one pass."""
         pairs = zip(self.facets, some.c, strict=True)
         single = {facet.name: value for facet, value in pairs if facet.field.kind != "tags"}
@@ -187,7 +187,7 @@ class Search:
             by = [i for i in range(width) if row[i] == 0]
             total = total if by else row[-2]
             for i in by:
-                found[list(single)[i]][_facet(row[width + i])] = row[-2]
+                facets[list(single)[i]][_facet(row[width + i])] = row[-2]
         return int(total)
 
     def some(self) -> Select[Any]:
@@ -223,14 +223,14 @@ class Search:
         """That the row, or what it belongs to, has a word; the index of each noun is asked by
         itself.
         """
-        found: list[ColumnElement[bool]] = []
+        conditions: list[ColumnElement[bool]] = []
         for noun in chain:
             if noun.words:
                 row = noun.rows()
-                wanted = func.plainto_tsquery("simple", word)
-                having = select(row.c.id).where(literal_column(noun.words).op("@@")(wanted))
-                found.append(self._scope[noun.name].c.id.in_(having))
-        return or_(*found)
+                query = func.plainto_tsquery("simple", word)
+                having = select(row.c.id).where(literal_column(noun.words).op("@@")(query))
+                conditions.append(self._scope[noun.name].c.id.in_(having))
+        return or_(*conditions)
 
     def _after(self, cursor: str) -> ColumnElement[bool]:
         """That a row comes after the last one of the page before."""

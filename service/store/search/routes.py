@@ -26,7 +26,14 @@ from service.store.frfs.operations import frfs_of
 from service.store.frfs.routes import FILES, SpectraDep
 from service.store.search.fields import Kind, Noun
 from service.store.search.nouns import NOUNS, SEARCHED
-from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded, names_in
+from service.store.search.operations import (
+    MOST_COUNTED,
+    Column,
+    Search,
+    SearchQuery,
+    bounded,
+    names_in,
+)
 from service.store.search.translate import LONGEST
 from service.store.search.trends import (
     COVARIATES,
@@ -183,31 +190,31 @@ def _filter(
         str | None,
         Query(alias="q", max_length=200, description="words in names, notes and instruments"),
     ] = None,
-) -> Wanted:
+) -> SearchQuery:
     if "\0" in (words or ""):
         raise Invalid("q", "has a NUL character")
-    return Wanted(condition, words)
+    return SearchQuery(condition, words)
 
 
-FilterDep = Annotated[Wanted, Depends(_filter)]
+FilterDep = Annotated[SearchQuery, Depends(_filter)]
 """Which rows, of an answer that has an order and columns of its own."""
 
 
 def _ordered(
-    wanted: FilterDep,
+    query: FilterDep,
     sort: Annotated[
         str | None, Query(max_length=100, description="a field; `-` in front for descending")
     ] = None,
-) -> Wanted:
-    return replace(wanted, sort=sort)
+) -> SearchQuery:
+    return replace(query, sort=sort)
 
 
-OrderedDep = Annotated[Wanted, Depends(_ordered)]
+OrderedDep = Annotated[SearchQuery, Depends(_ordered)]
 """Which rows in which order, of an answer that has columns of its own."""
 
 
-def _wanted(
-    wanted: OrderedDep,
+def _with_columns(
+    query: OrderedDep,
     fields: Annotated[
         str | None, Query(max_length=LONGEST, description="columns, with commas between")
     ] = None,
@@ -217,11 +224,11 @@ def _wanted(
             max_length=LONGEST, description="fields whose values are counted, with commas between"
         ),
     ] = None,
-) -> Wanted:
-    return replace(wanted, fields=names_in(fields), facets=names_in(facets))
+) -> SearchQuery:
+    return replace(query, fields=names_in(fields), facets=names_in(facets))
 
 
-WantedDep = Annotated[Wanted, Depends(_wanted)]
+QueryDep = Annotated[SearchQuery, Depends(_with_columns)]
 After = Annotated[
     str | None, Query(max_length=4000, description="`next_cursor` of the page before")
 ]
@@ -237,7 +244,7 @@ def _add(address: str, noun: Noun) -> None:
     def search(
         request: Request,
         form: Form,
-        wanted: WantedDep,
+        query: QueryDep,
         session: SessionDep,
         user: CurrentUser,
         cursor: After = None,
@@ -250,12 +257,12 @@ def _add(address: str, noun: Noun) -> None:
                 _OF_PAGES,
                 "a file has all rows at once, and no counts",
             )
-        found = Search(user, noun, wanted)
+        matches = Search(user, noun, query)
         with bounded(session):
             return (
-                _page(found, session, cursor, limit)
+                _page(matches, session, cursor, limit)
                 if form == "json"
-                else _file(found, session, form)
+                else _file(matches, session, form)
             )
 
     files: dict[str, Any] = {
@@ -300,7 +307,7 @@ TrendForm = Annotated[str, form_of(TREND_TYPES, "default: by Accept; CSV has the
 
 def _trend(noun: Trending) -> Callable[..., TrendOut]:
     def trend(
-        wanted: FilterDep,
+        query: FilterDep,
         session: SessionDep,
         user: CurrentUser,
         value: Value = None,
@@ -308,7 +315,7 @@ def _trend(noun: Trending) -> Callable[..., TrendOut]:
     ) -> TrendOut:
         with bounded(session):
             return trend_of(
-                session, user, noun, wanted, value or FOLLOWED[noun], names_in(covariates)
+                session, user, noun, query, value or FOLLOWED[noun], names_in(covariates)
             )
 
     return trend
@@ -359,14 +366,14 @@ def _as(form: str, trend: TrendOut) -> Any:
 
 @router.get("/search/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
 def get_found_data(
-    wanted: FilterDep, session: SessionDep, user: CurrentUser, spectra: SpectraDep
+    query: FilterDep, session: SessionDep, user: CurrentUser, spectra: SpectraDep
 ) -> Response:
     """Spectra of all FRFs that a search finds, in the order of their ids, as one file.
 
     UFF takes FRFs of one campaign; the others need one axis and one quantity.
     """
     with bounded(session):
-        keys = Search(user, NOUNS["frf"], wanted).keys(session, MOST_SPECTRA + 1)
+        keys = Search(user, NOUNS["frf"], query).keys(session, MOST_SPECTRA + 1)
     if not keys:
         raise NotFound("FRF that the search finds")
     if len(keys) > MOST_SPECTRA:
@@ -377,10 +384,10 @@ def get_found_data(
     return spectra.of(session, frfs_of(session, keys), BY_FILTER)
 
 
-def _page(found: Search, session: Session, cursor: str | None, limit: int) -> Found:
-    rows, following = found.page(session, cursor, limit)
-    count, facets = found.counts(session) if cursor is None else (None, {})
-    names = [column.name for column in found.columns]
+def _page(matches: Search, session: Session, cursor: str | None, limit: int) -> Found:
+    rows, following = matches.page(session, cursor, limit)
+    count, facets = matches.counts(session) if cursor is None else (None, {})
+    names = [column.name for column in matches.columns]
     return Found(
         items=[dict(zip(names, map(shown, row), strict=True)) for row in rows],
         next_cursor=following,
@@ -390,10 +397,10 @@ def _page(found: Search, session: Session, cursor: str | None, limit: int) -> Fo
     )
 
 
-def _file(found: Search, session: Session, form: str) -> FileResponse:
+def _file(matches: Search, session: Session, form: str) -> FileResponse:
     write, suffix = WRITERS[form]
     return spooled(
-        lambda file: write(found.columns, _few(found.rows(session)), file),
+        lambda file: write(matches.columns, _few(matches.rows(session)), file),
         MEDIA_TYPES[form],
         f"found.{suffix}",
         {"Vary": "Accept"},

@@ -15,7 +15,7 @@ from service.access import CurrentUser, Lookup, SessionDep, User, project_for, p
 from service.db.base import Base, Identified
 from service.errors import Conflict, Fault, Invalid, NotFound
 from service.store.search.nouns import SEARCHED
-from service.store.search.operations import Search, Wanted, names_in
+from service.store.search.operations import Search, SearchQuery, names_in
 from service.store.search.translate import LONGEST
 from service.web import (
     Cursor,
@@ -107,7 +107,9 @@ def save_search(
         raise Invalid("/project", str(error)) from None
     try:
         Search(
-            user, SEARCHED[body.noun], Wanted(body.filter, body.q, body.sort, names_in(body.fields))
+            user,
+            SEARCHED[body.noun],
+            SearchQuery(body.filter, body.q, body.sort, names_in(body.fields)),
         )
     except Invalid as error:
         raise Invalid(

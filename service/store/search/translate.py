@@ -179,18 +179,18 @@ class _Reader:
                 field, name, op, literals.folded(column) if folded else column, values
             )
 
-        def asked(row: FromClause) -> ColumnElement[bool]:
-            found = test(row)
+        def holds(row: FromClause) -> ColumnElement[bool]:
+            condition = test(row)
             if negated:
-                return not_(found)
+                return not_(condition)
             if path and op != "isnull":
                 return and_(
                     literals.has_member(row.c[META], path, op if not folded else "", values[0]),
-                    found,
+                    condition,
                 )
-            return found
+            return condition
 
-        return Leaf(noun, asked)
+        return Leaf(noun, holds)
 
 
 _TAKES: dict[str, tuple[int | None, str]] = {
@@ -285,27 +285,27 @@ def _all(trees: Sequence[Leaf | Branch], scope: Scope) -> ColumnElement[bool]:
     """That all trees hold; those that speak of a noun out of reach, and of the same one first, of
     one row of it.
     """
-    found: list[ColumnElement[bool]] = []
+    conditions: list[ColumnElement[bool]] = []
     below: dict[str, list[Leaf | Branch]] = {}
     for tree in _flat(trees):
         steps = _first_steps(tree, scope)
         if len(steps) == 1:
             below.setdefault(next(iter(steps)), []).append(tree)
         elif isinstance(tree, Leaf):
-            found.append(tree.test(scope[tree.noun.name]))
+            conditions.append(tree.test(scope[tree.noun.name]))
         else:  # an OR of several nouns, or of none but those at hand
-            found.append(or_(*(_all([part], scope) for part in tree.parts)))
+            conditions.append(or_(*(_all([part], scope) for part in tree.parts)))
     for name, about in below.items():
         noun = NOUNS[name]
         row = noun.rows()
         links = [noun.owned_by(row, scope[noun.owner])]
         if noun.hidden:
             links.append(row.c.deleted_at.is_(None))
-        asked = and_(*links, _all(about, {**scope, name: row}))
-        found.append(exists().select_from(row).where(asked))
-        if noun.of_part and (part := noun.of_part(row, scope, asked)) is not None:
-            found.append(part)
-    return and_(*found)
+        condition = and_(*links, _all(about, {**scope, name: row}))
+        conditions.append(exists().select_from(row).where(condition))
+        if noun.of_part and (part := noun.of_part(row, scope, condition)) is not None:
+            conditions.append(part)
+    return and_(*conditions)
 
 
 def _flat(trees: Sequence[Leaf | Branch]) -> list[Leaf | Branch]:

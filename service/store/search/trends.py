@@ -22,7 +22,7 @@ from service.access import User
 from service.errors import Invalid
 from service.store.modes.operations import modes_of, shape_of
 from service.store.search.nouns import NOUNS
-from service.store.search.operations import Search, Wanted
+from service.store.search.operations import Search, SearchQuery
 from service.store.updating.operations import result_parts
 from service.web import StrictModel, shown_as
 
@@ -110,7 +110,7 @@ def trend_of(
     session: Session,
     user: User,
     noun: Trending,
-    wanted: Wanted,
+    query: SearchQuery,
     value: str,
     covariates: Sequence[str] = COVARIATES[:1],
 ) -> TrendOut:
@@ -129,10 +129,10 @@ def trend_of(
             f"{', '.join(sorted(unknown))[:100]} is no covariate; there are"
             f" {', '.join(COVARIATES)}",
         )
-    unit, older, found = (_constants if noun == "results" else _modes)(session, user, wanted, value)
+    unit, older, points = (_constants if noun == "results" else _modes)(session, user, query, value)
     groups: dict[tuple[UUID, str], list[Row]] = {}
     for row in sorted(
-        (row for row in found if row["performed_at"] is not None),
+        (row for row in points if row["performed_at"] is not None),
         key=lambda row: row["performed_at"],
     ):
         groups.setdefault((row["structure_id"], row["series"]), []).append(row)
@@ -140,7 +140,7 @@ def trend_of(
         raise Invalid(
             "filter", f"makes {len(groups)} series, at most {MOST_SERIES} are followed; narrow it"
         )
-    undated = sum(row["performed_at"] is None for row in found)
+    undated = sum(row["performed_at"] is None for row in points)
     notes = [
         f"{count} left out, {why}"
         for count, why in (
@@ -154,10 +154,10 @@ def trend_of(
 
 
 def _constants(
-    session: Session, user: User, wanted: Wanted, value: str
+    session: Session, user: User, query: SearchQuery, value: str
 ) -> tuple[str | None, int, list[Row]]:
     """Unit of a constant, how many results are older ones, and a row for each that has it."""
-    rows = _rows(session, user, "result", wanted, {"id": "id"}, MOST_ROWS)
+    rows = _rows(session, user, "result", query, {"id": "id"}, MOST_ROWS)
     newest = {row["campaign_id"]: row for row in rows}
     documents = result_parts(session, [row["id"] for row in newest.values()], ("parameters",))
     constants = {
@@ -169,7 +169,7 @@ def _constants(
             "value",
             f"no result that was found has {value[:60]!r}; there is {', '.join(names[:40])}",
         )
-    unit, found = None, []
+    unit, points = None, []
     for row in newest.values():
         if one := constants[row["id"]].get(value):
             own = one["comparable"] or {
@@ -177,7 +177,7 @@ def _constants(
                 "standard_deviation": one["noise_standard_deviation"],
             }
             unit, interval = one["unit"], tuple(one["interval_95"])
-            found.append(
+            points.append(
                 {
                     **row,
                     "series": value,
@@ -186,10 +186,12 @@ def _constants(
                     "ends": interval,
                 }
             )
-    return unit, len(rows) - len(newest), found
+    return unit, len(rows) - len(newest), points
 
 
-def _modes(session: Session, user: User, wanted: Wanted, value: str) -> tuple[str, int, list[Row]]:
+def _modes(
+    session: Session, user: User, query: SearchQuery, value: str
+) -> tuple[str, int, list[Row]]:
     """Unit of a value of modes, how many mode sets are older ones, and a row for each mode, with
     the name of its track.
     """
@@ -203,7 +205,7 @@ def _modes(session: Session, user: User, wanted: Wanted, value: str) -> tuple[st
         "value": value,
         "sd": sd,
     }
-    rows = _rows(session, user, "mode", wanted, fields, MOST_MODES)
+    rows = _rows(session, user, "mode", query, fields, MOST_MODES)
     newest = {row["campaign_id"]: row["id"] for row in rows}
     kept = [row for row in rows if newest[row["campaign_id"]] == row["id"] and row["hz"] > 0]
     _name_tracks(session, [row for row in kept if row["performed_at"] is not None])
@@ -215,13 +217,20 @@ def _modes(session: Session, user: User, wanted: Wanted, value: str) -> tuple[st
 
 
 def _rows(
-    session: Session, user: User, noun: str, wanted: Wanted, fields: Mapping[str, str], most: int
+    session: Session,
+    user: User,
+    noun: str,
+    query: SearchQuery,
+    fields: Mapping[str, str],
+    most: int,
 ) -> list[Row]:
     """What a search finds, in the order of ids: its structure, its place, and these fields by
     name.
     """
     search = Search(
-        user, NOUNS[noun], Wanted(wanted.filter, wanted.words, None, (*_FIELDS, *fields.values()))
+        user,
+        NOUNS[noun],
+        SearchQuery(query.filter, query.words, None, (*_FIELDS, *fields.values())),
     )
     names = ("structure_id", "structure_name", *PLACE, *fields)
     rows = [dict(zip(names, row, strict=True)) for row in islice(search.rows(session), most + 1)]
@@ -241,11 +250,11 @@ def _name_tracks(session: Session, rows: Sequence[Row]) -> None:
     )
     for _, of_structure in groupby(ordered, key=lambda row: row["structure_id"]):
         campaigns = [list(group) for _, group in groupby(of_structure, key=lambda row: row["id"])]
-        seen = [
+        tracked = [
             [TrackedMode(row["hz"], shapes[row["id"], row["number"]]) for row in modes]
             for modes in campaigns
         ]
-        for modes, numbers in zip(campaigns, track(seen), strict=True):
+        for modes, numbers in zip(campaigns, track(tracked), strict=True):
             for row, number in zip(modes, numbers, strict=True):
                 row["series"] = f"mode {number + 1}"
 
@@ -303,15 +312,15 @@ def _as_series(rows: Sequence[Row]) -> Series:
 
 
 def _line(series: Series, names: Sequence[str]) -> TrendLine:
-    found = line(series, names, float(series.estimate.mean()))
-    corrected = [float(value) if np.isfinite(value) else None for value in found.corrected]
+    fitted = line(series, names, float(series.estimate.mean()))
+    corrected = [float(value) if np.isfinite(value) else None for value in fitted.corrected]
     own = {
         "covariates": list(names),
-        "campaigns": found.used,
-        "effects": found.effects,
-        "ends": found.ends,
+        "campaigns": fitted.used,
+        "effects": fitted.effects,
+        "ends": fitted.ends,
     }
-    return shown_as(TrendLine, found.rate, corrected=corrected, **own)
+    return shown_as(TrendLine, fitted.rate, corrected=corrected, **own)
 
 
 POINT_COLUMNS = (

@@ -94,7 +94,7 @@ def sensors() -> FromClause:
 
 
 def at_response(
-    use: FromClause, scope: Mapping[str, FromClause], asked: ColumnElement[bool]
+    use: FromClause, scope: Mapping[str, FromClause], condition: ColumnElement[bool]
 ) -> ColumnElement[bool] | None:
     """That an instrument of which something is asked was used for the FRF or time block at hand;
     None where none is at hand.
@@ -108,7 +108,7 @@ def at_response(
     everywhere = scope["campaign"].c.instruments[("sensors", "0")].is_(None)
     return or_(
         everywhere,
-        func.coalesce(exists().select_from(use).where(asked, covers(use, measured)), false()),
+        func.coalesce(exists().select_from(use).where(condition, covers(use, measured)), false()),
     )
 
 

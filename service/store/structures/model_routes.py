@@ -248,17 +248,19 @@ def _require_usual(sections: Mapping[str, Section], accept: Sequence[str], confi
     faults = list(unusual(sections))
     steps = [fault.pointer.split("/") for fault in faults]
     names = [f"{kind_of_member(members[-1])}:{name}" for _, name, *members in steps]
-    given = {plain(name) for name in accept if is_of_sections(name)} if sections else set()
-    if idle := given - {plain(name) for name in names}:
+    answered = {plain(name) for name in accept if is_of_sections(name)} if sections else set()
+    if idle := answered - {plain(name) for name in names}:
         raise Invalid("accept", f"{min(idle)!r} answers nothing that is asked of the sections")
     if not confirm and (
-        asked := [
+        questions := [
             replace(fault, detail=f"{fault.detail} accept={name} takes it as it is.")
             for fault, name in zip(faults, names, strict=True)
-            if plain(name) not in given
+            if plain(name) not in answered
         ]
     ):
-        raise Unusual([*asked[:-1], replace(asked[-1], detail=f"{asked[-1].detail} {HOW}")])
+        raise Unusual(
+            [*questions[:-1], replace(questions[-1], detail=f"{questions[-1].detail} {HOW}")]
+        )
 
 
 of_jobs = JobRoutes(router, models.MODELS, ModelOut, "model_id", _with_files)
@@ -321,14 +323,14 @@ def send_model(
         None if text is None else checked(dict[str, Section], parse_parameter("sections", text))
     )
     _require_usual(stated or {}, accept or [], confirm)
-    wanted = StructureModel(
+    draft = StructureModel(
         filename=filename or sent.filename or "",
         units=units,
         accepted=accept or [],
         sections=stated
         and {name: each.model_dump(exclude_none=True) for name, each in stated.items()},
     )
-    row, new = models.start_model(session, user, structure_id, sent.file, wanted)
+    row, new = models.start_model(session, user, structure_id, sent.file, draft)
     response.status_code = 202 if new else 200
     return of_jobs.made(session, row, response)
 

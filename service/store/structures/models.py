@@ -86,7 +86,7 @@ MODELS = JobNoun("models", model_for, _load, read_deck, _store, libraries=CORE_L
 
 
 def start_model(
-    session: Session, user: User, structure_id: UUID, file: Spooled, wanted: StructureModel
+    session: Session, user: User, structure_id: UUID, file: Spooled, draft: StructureModel
 ) -> tuple[StructureModel, bool]:
     """Keep a deck and queue its reading, in one transaction.
 
@@ -103,21 +103,21 @@ def start_model(
     structure = structure_for(session, user, structure_id, "editor", lock=True)
     if file.size == 0:
         raise Invalid("", "the body is empty, expected a deck")
-    if not wanted.filename:
+    if not draft.filename:
         raise Invalid("filename", "is missing: its end says which kind of deck it is")
-    require_deck(wanted.filename)
-    if (units := wanted.units) is not None:
+    require_deck(draft.filename)
+    if (units := draft.units) is not None:
         faults_of(lambda: units_of(units))
-    wanted.structure_id, wanted.sha256 = structure.id, file.sha256
-    if (known := _same_model(session, structure, wanted)) is not None:
+    draft.structure_id, draft.sha256 = structure.id, file.sha256
+    if (known := _same_model(session, structure, draft)) is not None:
         return known, False
     book(session, structure_for, structure, "files", file.size)
     keep_original(session, file)
-    return MODELS.start(session, user, wanted, sha256=file.sha256.hex()), True
+    return MODELS.start(session, user, draft, sha256=file.sha256.hex()), True
 
 
 def _same_model(
-    session: Session, structure: Structure, wanted: StructureModel
+    session: Session, structure: Structure, draft: StructureModel
 ) -> StructureModel | None:
     """The newest model of a structure, where it has these bytes, read alike, and waits, is read, or
     is the present version.
@@ -128,12 +128,12 @@ def _same_model(
         .order_by(StructureModel.id.desc())
         .limit(1)
     )
-    found = session.execute(newest).one_or_none()
-    if found is None:
+    known = session.execute(newest).one_or_none()
+    if known is None:
         return None
-    row, state = found
+    row, state = known
     same = all(
-        getattr(row, part) == getattr(wanted, part)
+        getattr(row, part) == getattr(draft, part)
         for part in ("sha256", "filename", "units", "accepted", "sections")
     )
     there = state in ("queued", "running") or row.id == current_version(session, structure).model

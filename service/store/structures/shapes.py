@@ -218,14 +218,14 @@ class Shape(StrictModel):
 
     @field_validator("height_m")
     @classmethod
-    def _strips_alone_are_flat(cls, height: float | None, info: ValidationInfo) -> float | None:
+    def _only_strips_are_flat(cls, height: float | None, info: ValidationInfo) -> float | None:
         if info.data.get("kind") == "strip" and height is not None:
             raise wrong("a strip has no height; its wall has a thickness")
         return height
 
     @field_validator("ribs_m")
     @classmethod
-    def _panels_alone_have_ribs(cls, ribs: list[float], info: ValidationInfo) -> list[float]:
+    def _only_panels_have_ribs(cls, ribs: list[float], info: ValidationInfo) -> list[float]:
         kind = info.data.get("kind")
         if kind is not None and bool(ribs) != (kind == "panel"):
             raise wrong(
@@ -238,12 +238,12 @@ class Shape(StrictModel):
     def _each_wall_once(cls, walls: dict[str, Wall], info: ValidationInfo) -> dict[str, Wall]:
         if (kind := info.data.get("kind")) is None:
             return walls
-        wanted = WALLS.get(kind, ("flange", "web"))
-        if set(walls) != set(wanted):
-            raise wrong(f"are {', '.join(walls) or 'none'}; {kind} has {' and '.join(wanted)}")
+        expected = WALLS.get(kind, ("flange", "web"))
+        if set(walls) != set(expected):
+            raise wrong(f"are {', '.join(walls) or 'none'}; {kind} has {' and '.join(expected)}")
         for name, wall in walls.items():
             _check_wall(name, wall, common=info.data.get("material") is not None)
-        return {name: walls[name] for name in wanted}
+        return {name: walls[name] for name in expected}
 
     @field_validator("walls")
     @classmethod
@@ -291,7 +291,7 @@ class Shape(StrictModel):
         Raises:
             InputError: a wall's density is stated nowhere.
         """
-        found = {}
+        sections = {}
         for name, wall in self.walls.items():
             material = wall.material or self.material
             plies = wall.plies or (
@@ -303,8 +303,8 @@ class Shape(StrictModel):
                     "density_kg_m3",
                     f"is stated neither by the structure nor for its wall {name}: a model needs it",
                 )
-            found[name] = ShellSection(tuple(ply.to_core(density or 0.0) for ply in plies))
-        return found
+            sections[name] = ShellSection(tuple(ply.to_core(density or 0.0) for ply in plies))
+        return sections
 
     @property
     def size(self) -> tuple[float, ...]:

@@ -12,7 +12,7 @@ from fecore.body.align import Motion
 from service.access import CurrentUser, SessionDep
 from service.compute.models.alignment import Distances, distances, motions_of
 from service.errors import Invalid
-from service.jobs.aside import read_aside
+from service.jobs.subprocess_read import read_in_subprocess
 from service.store.campaigns.operations import campaign_for, stored_points
 from service.store.campaigns.schemas import Coordinate, FrameIn
 from service.store.frfs.data import specimen_points
@@ -57,29 +57,29 @@ def get_alignment(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> 
     if not places:
         return AlignmentOut(rms_m=None, off=[], items=[])
     points = np.array(list(places.values()))
-    found: Distances = from_thread.run(read_aside, distances, body, points)
+    offsets: Distances = from_thread.run(read_in_subprocess, distances, body, points)
     items = [
         AlignedPointOut(
             label=label,
             x_m=x,
             y_m=y,
             z_m=z,
-            distance_m=float(away),
+            distance_m=float(distance),
             set=name,
             normal=n,
             off=bool(off),
         )
-        for label, (x, y, z), away, name, n, off in zip(
+        for label, (x, y, z), distance, name, n, off in zip(
             places,
             places.values(),
-            found.distance_m,
-            found.sets,
-            found.normal.tolist(),
-            found.off,
+            offsets.distance_m,
+            offsets.sets,
+            offsets.normal.tolist(),
+            offsets.off,
             strict=True,
         )
     ]
-    rms = float(np.sqrt(np.mean(found.distance_m**2)))
+    rms = float(np.sqrt(np.mean(offsets.distance_m**2)))
     return AlignmentOut(rms_m=rms, off=[item.label for item in items if item.off], items=items)
 
 
@@ -142,16 +142,18 @@ def find_alignment(
     _, structure = present_structure(session, campaign.structure_id)
     model = body_for(session, structure, campaign.boundary, USUAL)
     places = stored_points(session, campaign.id)
-    wanted = None
+    targets = None
     if body.pairs is not None:
         if unknown := [pair.label for pair in body.pairs if pair.label not in places]:
             raise Invalid("/pairs", f"{unknown[0]} is no grid point of the campaign")
         places = {pair.label: places[pair.label] for pair in body.pairs}
-        wanted = np.array([(pair.x_m, pair.y_m, pair.z_m) for pair in body.pairs])
+        targets = np.array([(pair.x_m, pair.y_m, pair.z_m) for pair in body.pairs])
     points = np.array(list(places.values())).reshape(-1, 3)
-    found: tuple[Motion, ...] = from_thread.run(read_aside, motions_of, model, points, wanted)
+    motions: tuple[Motion, ...] = from_thread.run(
+        read_in_subprocess, motions_of, model, points, targets
+    )
     return FoundFramesOut(
-        frames=[_frame(motion, list(places)) for motion in found], sentence=_said(found)
+        frames=[_frame(motion, list(places)) for motion in motions], sentence=_sentence(motions)
     )
 
 
@@ -164,14 +166,14 @@ def _frame(motion: Motion, labels: list[int]) -> FoundFrameOut:
         y_axis=tuple(motion.turn[1].tolist()),
     )
     items = [
-        ResidualOut(label=label, distance_m=float(away))
-        for label, away in zip(labels, motion.residual, strict=True)
+        ResidualOut(label=label, distance_m=float(distance))
+        for label, distance in zip(labels, motion.residual, strict=True)
     ]
     return FoundFrameOut(frame=frame, rms_m=motion.rms, items=items)
 
 
-def _said(found: tuple[Motion, ...]) -> str:
-    first = f"the points lie {1e3 * found[0].rms:.3g} mm (rms) from their places"
-    if len(found) == 1:
+def _sentence(motions: tuple[Motion, ...]) -> str:
+    first = f"the points lie {1e3 * motions[0].rms:.3g} mm (rms) from their places"
+    if len(motions) == 1:
         return first
-    return f"{first}; {len(found)} frames fit about as well, so name three pairs or more"
+    return f"{first}; {len(motions)} frames fit about as well, so name three pairs or more"

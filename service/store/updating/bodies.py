@@ -119,7 +119,7 @@ def coupon_constants(body: Body, sets: Sequence[str]) -> dict[str, list[str]]:
         raise InputError("coupons", "give constants of materials, and matrices have factors alone")
     if not isinstance(body, Structure):
         return {name: [name] for name in _OF_SHELL}
-    found: dict[str, list[str]] = {}
+    names: dict[str, list[str]] = {}
     for name in sets or body.mesh.sets:
         section = body.sections.get(name)
         if section is None:
@@ -131,8 +131,8 @@ def coupon_constants(body: Body, sets: Sequence[str]) -> dict[str, list[str]]:
         if isinstance(section, ShellSection) and len(section.materials) > 1 and not sets:
             continue
         for constant, own in (_OF_SHELL if isinstance(section, ShellSection) else _OF_BEAM).items():
-            found.setdefault(constant, []).append(f"{name}.{own}")
-    return found
+            names.setdefault(constant, []).append(f"{name}.{own}")
+    return names
 
 
 _OF_SHELL = {"Ex": "E1", "Ey": "E2", "Gxy": "G12", "nu_xy": "nu12"}

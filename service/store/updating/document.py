@@ -268,12 +268,12 @@ class _Column(io.RawIOBase):
         return self._place
 
     def readinto(self, buffer: Any) -> int:
-        found = read_slice(
+        data = read_slice(
             self._session, "update_results", "prediction", self._key, self._place, len(buffer)
         )
-        buffer[: len(found)] = found
-        self._place += len(found)
-        return len(found)
+        buffer[: len(data)] = data
+        self._place += len(data)
+        return len(data)
 
 
 class StoredArrays(Mapping[str, Any]):

@@ -280,14 +280,14 @@ def recipe_parameters(
         mean = known.mean if parameter.prior_mean is None else parameter.prior_mean
         free = not parameter.fixed and parameter.tied_to is None
         scattered = summary.constants[constant].standard_deviation is not None
-        spread = (
+        prior_sd = (
             known.standard_deviation
             if parameter.prior_sd is None and free and scattered
             else parameter.prior_sd
         )
-        if free and spread is None:
+        if free and prior_sd is None:
             without_scatter.append(parameter.name)
-        filled.append(replace(parameter, prior_mean=mean, prior_sd=spread))
+        filled.append(replace(parameter, prior_mean=mean, prior_sd=prior_sd))
     if without_scatter:
         names = ", ".join(without_scatter)
         warnings.append(
@@ -461,20 +461,20 @@ def _coupons(
     session: Session, request: UpdateBatchIn, parameters: Sequence[Parameter], body: Body
 ) -> tuple[tuple[Coupon, ...], tuple[str, ...]]:
     """Each batch's constants that are updated."""
-    wanted = {p.name for p in parameters if not p.fixed and not p.tied_to}
-    found, warnings = [], []
+    free = {p.name for p in parameters if not p.fixed and not p.tied_to}
+    coupons, warnings = [], []
     for key in request.coupon_batches:
         batch = batch_for.row(session, key)
         summary = summarise(session, batch)
         warnings += [f"coupons: {text}" for text in summary.warnings]
         of_body = coupon_constants(body, batch.sets)
         for name, prior in summary.priors.items():
-            said = (
+            measured = (
                 prior.mean,
                 prior.standard_deviation,
                 f"coupon batch {batch.name}",
                 summary.constants[name].n or 1,
             )
-            owns = wanted.intersection(of_body.get(name, ()))
-            found += [Coupon(own, *said) for own in sorted(owns)]
-    return tuple(found), tuple(warnings)
+            owns = free.intersection(of_body.get(name, ()))
+            coupons += [Coupon(own, *measured) for own in sorted(owns)]
+    return tuple(coupons), tuple(warnings)

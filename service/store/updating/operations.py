@@ -54,11 +54,16 @@ def _store(session: Session, row: UpdateJob, items: Iterator[UpdateOutput]) -> N
                 {"id": frf["id"], "records": frf["records"]} for frf in done["frfs"]
             ]
         if output.identified is not None:
-            found = document["identification"]
+            identification = document["identification"]
             settings = {part: row.recipe.get(part) for part in ("identification", "band_hz")}
             how: dict[str, Any] = {"job_id": row.id, "settings": settings}
             kept = keep_identified(
-                session, row.campaign_id, "identified by an update", output.identified, found, **how
+                session,
+                row.campaign_id,
+                "identified by an update",
+                output.identified,
+                identification,
+                **how,
             )
             document["provenance"]["mode_set"] = str(kept.id)
         size = len(output.prediction) + len(json.dumps(document))
@@ -354,8 +359,10 @@ def result_parts(
     read = (*MARKS, *parts)
     columns = [UpdateResult.document[part] for part in read]
     rows = session.execute(select(UpdateResult.id, *columns).where(UpdateResult.id.in_(keys)))
-    found = {
+    documents = {
         key: up_to_date({n: v for n, v in zip(read, values, strict=True) if v is not None})
         for key, *values in rows
     }
-    return {key: {part: document.get(part) for part in parts} for key, document in found.items()}
+    return {
+        key: {part: document.get(part) for part in parts} for key, document in documents.items()
+    }

@@ -70,5 +70,5 @@ def outdated(session: Session, job: UpdateJob, document: dict[str, Any]) -> Outd
         "hits": hits_changed(session, job.campaign_id, used, began),
         "frfs": frfs_changed(session, job.campaign_id, used, began),
     }
-    found = {what: at for what, at in changes.items() if at is not None}
-    return OutdatedOut(since=min(found.values()), what=list(found)) if found else None
+    changed = {what: at for what, at in changes.items() if at is not None}
+    return OutdatedOut(since=min(changed.values()), what=list(changed)) if changed else None

@@ -137,15 +137,17 @@ class InputsIn(CampaignInputs, StructureInputs):
             campaign: what the campaign states.
             window: rate 1/τ that the FRFs themselves state, and its standard deviation, 1/s.
         """
-        found = {} if structure is None else structure.model_dump(exclude_none=True)
+        combined = {} if structure is None else structure.model_dump(exclude_none=True)
         for stated in (InputsIn.window(*window), campaign, self):
             values = stated.model_dump(exclude_none=True)
             if values.keys() & _WINDOWS:
-                found = {
-                    name: value for name, value in found.items() if not name.startswith("window_")
+                combined = {
+                    name: value
+                    for name, value in combined.items()
+                    if not name.startswith("window_")
                 }
-            found |= values
-        return InputsIn.model_validate(found)
+            combined |= values
+        return InputsIn.model_validate(combined)
 
     @classmethod
     def window(cls, rate: float | None, sd: float | None = None) -> InputsIn:

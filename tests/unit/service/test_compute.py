@@ -32,7 +32,7 @@ from service.compute.processing import PointFile, ProcessingInputs, process_reco
 from service.compute.spectra import Spectrum, decode, encode, encode_axis
 from service.compute.updating import JointCampaign, JointInputs, compute_joint
 from service.errors import Damaged, PayloadTooLarge
-from service.jobs import aside, process
+from service.jobs import process, subprocess_read
 from service.jobs.child import Failure, Item
 from service.jobs.process import LOST, ChildEnded
 from service.store.coupons import routes as bodies
@@ -177,15 +177,15 @@ def test_spectra_of_a_file_become_an_frf_and_points_come_in_blocks(
     path = tmp_path / "file.uff"
     path.write_bytes(b"".join(parts))
     monkeypatch.setattr(reading, "POINTS_AT_ONCE", 2)
-    found = list(reading.read_upload(reading.ReadingInputs(path, None), lambda *_: None))
-    blocks = [item for item in found if isinstance(item, list)]
+    items = list(reading.read_upload(reading.ReadingInputs(path, None), lambda *_: None))
+    blocks = [item for item in items if isinstance(item, list)]
     assert [[point.number for point in block] for block in blocks] == [[1, 2], [3]]
     assert all(isinstance(point, GridPoint) for block in blocks for point in block)
-    (frf,) = [item for item in found if isinstance(item, reading.EncodedFrf)]
+    (frf,) = [item for item in items if isinstance(item, reading.EncodedFrf)]
     assert (frf.response_point, frf.reference_point, frf.axis.count) == (7, 1, 256)
-    (coherence,) = [item for item in found if isinstance(item, Function)]
+    (coherence,) = [item for item in items if isinstance(item, Function)]
     np.testing.assert_allclose(coherence.values, 4 / 32, rtol=1e-9)  # |2 H|² over 2 and 16 |H|²
-    assert [item.number for item in found if isinstance(item, DatasetReport)] == [1, 2, 3, 4]
+    assert [item.number for item in items if isinstance(item, DatasetReport)] == [1, 2, 3, 4]
     path.write_bytes(parts[0][:-20])
     with pytest.raises(InputError, match=r"\(byte "):
         list(reading.read_upload(reading.ReadingInputs(path, None), lambda *_: None))
@@ -194,7 +194,7 @@ def test_spectra_of_a_file_become_an_frf_and_points_come_in_blocks(
 class Dead:
     """A child in whose place an error comes."""
 
-    def __init__(self, order: aside.Order) -> None:
+    def __init__(self, order: subprocess_read.Order) -> None:
         self.order = order
 
     def messages(self) -> Iterator[Item]:
@@ -226,23 +226,23 @@ def test_a_body_is_read_although_the_fork_server_died_and_what_it_meets_is_told_
 ) -> None:
     died, prepared = [LOST], []
 
-    def begun(order: aside.Order) -> Dead:
+    def begun(order: subprocess_read.Order) -> Dead:
         if died:
             raise ChildEnded(died.pop())
         return Dead(order)
 
-    monkeypatch.setattr(aside, "Child", begun)
+    monkeypatch.setattr(subprocess_read, "Child", begun)
     monkeypatch.setattr(
-        aside, "preload", lambda modules, threads: prepared.append((modules, threads))
+        subprocess_read, "preload", lambda modules, threads: prepared.append((modules, threads))
     )
-    assert aside._read(len, ("abc",)) == 3
+    assert subprocess_read._read(len, ("abc",)) == 3
     assert prepared == [(["builtins"], 1)] * 2
     with pytest.raises(InputError, match="is empty"):
-        aside._read(raises, (InputError("file", "is empty"),))
+        subprocess_read._read(raises, (InputError("file", "is empty"),))
     with pytest.raises(RuntimeError, match="the trace"):
-        aside._read(raises, (ZeroDivisionError(),))
+        subprocess_read._read(raises, (ZeroDivisionError(),))
     with pytest.raises(PayloadTooLarge, match="cannot be read here: the job needs more memory"):
-        aside._read(raises, (MemoryError(),))
+        subprocess_read._read(raises, (MemoryError(),))
 
 
 def test_sockets_of_the_fork_server_fit_under_a_long_folder(
@@ -339,10 +339,10 @@ def _peak_bytes(inputs: ProcessingInputs) -> int:
 def test_memory_does_not_grow_with_the_frfs_that_a_processing_makes(tmp_path: Path) -> None:
     few, many = 15, 25
     _peak_bytes(_places(tmp_path / "first", 1))  # what it imports is no part of it
-    grown = _peak_bytes(_places(tmp_path / "many", many)) - _peak_bytes(
+    growth = _peak_bytes(_places(tmp_path / "many", many)) - _peak_bytes(
         _places(tmp_path / "few", few)
     )
-    assert grown < 0.4 * (many - few) * FRF_BYTES  # all FRFs in memory, once, would be 1
+    assert growth < 0.4 * (many - few) * FRF_BYTES  # all FRFs in memory, once, would be 1
     assert not list(tmp_path.rglob("*.frfs"))  # what lay on disk between the passes
 
 

@@ -24,14 +24,14 @@ def bodies(model: type[BaseModel] = StrictModel) -> Iterator[type[BaseModel]]:
 
 def stated(model: type[BaseModel]) -> dict[str, int]:
     """Members that are texts, with the least of the limits that the code states."""
-    found = {}
+    limits_by_name = {}
     for name, field in model.model_fields.items():
         text = repr((field.metadata, field.annotation))
         limits = [int(one) for one in re.findall(r"max_length=(\d+)", text)]
         limits += [10_000] if "_Storable" in text else []
         if limits and "list" not in repr(field.annotation) and "dict" not in repr(field.annotation):
-            found[name] = min(limits)
-    return found
+            limits_by_name[name] = min(limits)
+    return limits_by_name
 
 
 LIMITED = [

@@ -107,8 +107,8 @@ def test_a_spring_acts_along_its_direction_at_the_end_of_its_arm() -> None:
     spring = Spring(
         0, 0, 5.0, Where(1), direction=(0.0, 0.6, 0.8), arms=((0.1, 0.0, 0.0), (0.0, 0.0, 0.0))
     )
-    (found,) = body_of_model(replace(model, springs=(spring,)), "as_modelled").springs
-    np.testing.assert_allclose(found.rows[0, 0], [0, 0.6, 0.8, 0, -0.08, 0.06])
+    (attached,) = body_of_model(replace(model, springs=(spring,)), "as_modelled").springs
+    np.testing.assert_allclose(attached.rows[0, 0], [0, 0.6, 0.8, 0, -0.08, 0.06])
     # to the ground, which a free body has not
     assert body_of_model(replace(model, springs=(spring,))).springs == ()
 
@@ -193,12 +193,12 @@ def test_a_node_that_is_led_in_part_is_held_in_the_rest_along_its_own_axes() -> 
     )
     turned = turned.replace(b",0.0,0.1,0.\n", b",0.0,0.1,0.,5\n")
     cards = b"RBE2,91,90,12456,2\nSPC1,1,3,2\nRBE2,92,90,123456,1,3\n"
-    parted, whole = (
+    divided, whole = (
         body_of_model(read_bdf(turned.replace(b"ENDDATA", more + b"ENDDATA")), "as_modelled")
         for more in (cards, b"RBE2,92,90,123456,1,2,3\n")
     )
-    np.testing.assert_allclose(solved(parted), solved(whole), rtol=1e-9)
-    assert [one.leaders for one in parted.links if one.node == 1] == [(15,)]
+    np.testing.assert_allclose(solved(divided), solved(whole), rtol=1e-9)
+    assert [one.leaders for one in divided.links if one.node == 1] == [(15,)]
 
 
 def test_a_mechanism_is_named() -> None:

@@ -39,8 +39,8 @@ def channels(folder: Path, table: np.ndarray, sensitivity: float = 1.0, cut: int
 
 
 def blocks_of_channels(own: Channels) -> list[np.ndarray]:
-    found = own.survey()
-    return [block.samples for block in own.blocks(found, own.places(found.hits))]
+    survey = own.survey()
+    return [block.samples for block in own.blocks(survey, own.places(survey.hits))]
 
 
 WHOLE = recording([1.0, 4.0], [1.0, 0.6], 7.0)[::-1]
@@ -105,12 +105,12 @@ def written(folder: Path, suffix: str) -> Path:
     else:
         content = b""
         for kind, unit, point, samples in ((12, "m/s^2", 33, acc), (13, "N", 4, force)):
-            said = {
+            sampling = {
                 "abscissa": axis(17, "s"),
                 "ordinate": axis(kind, unit),
                 "step": f"{1 / RATE:13.5e}",
             }
-            content += function(1, samples, response=(point, 3), reference=(0, 0), **said)
+            content += function(1, samples, response=(point, 3), reference=(0, 0), **sampling)
         path.write_bytes(content)
     return path
 
@@ -120,9 +120,9 @@ def test_arrays_that_go_on_over_many_hits_are_cut_as_a_wav_is(tmp_path: Path, su
     own = blocks_of_channels(channels(tmp_path, WHOLE))
     names = ("acceleration_33_3", "force_4_3") if suffix == ".uff" else ("acc", "force")
     mapped = two_channels(*names)
-    said = {} if suffix == ".uff" else {"sample_rate_hz": {"variable": "fs"}}
+    rate = {} if suffix == ".uff" else {"sample_rate_hz": {"variable": "fs"}}
     path = written(tmp_path, suffix)
-    seen = channels_of(path, {"recording": {}, "channels": mapped, **said}, path.name)
+    seen = channels_of(path, {"recording": {}, "channels": mapped, **rate}, path.name)
     np.testing.assert_allclose(blocks_of_channels(seen), own, rtol=1e-6, atol=1e-6)
     if suffix != ".uff":
         with pytest.raises(FormatError, match="sample_rate_hz: is missing"):
@@ -130,7 +130,7 @@ def test_arrays_that_go_on_over_many_hits_are_cut_as_a_wav_is(tmp_path: Path, su
     with pytest.raises(FormatError, match=f"is 'b'; the file has .*{names[1]}"):
         channels_of(
             path,
-            {"recording": {}, "channels": [{**mapped[0], "variable": "b"}, mapped[1]], **said},
+            {"recording": {}, "channels": [{**mapped[0], "variable": "b"}, mapped[1]], **rate},
             path.name,
         )
 

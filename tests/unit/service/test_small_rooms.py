@@ -190,11 +190,11 @@ def test_only_real_folders_of_ones_own_are_cleared(tmp_path: Path) -> None:
 
 def test_the_password_of_a_file_goes_into_the_url() -> None:
     url = "postgresql://ada@host/lab"
-    found = [
+    urls = [
         Settings(database_url=given, database_password=password).database_url
         for given, password in ((url, None), (url, "a/b"), (None, "x"), ("no url", "x"))
     ]
-    assert found == [url, "postgresql://ada:a%2Fb@host/lab", None, "no url"]
+    assert urls == [url, "postgresql://ada:a%2Fb@host/lab", None, "no url"]
 
 
 @pytest.mark.parametrize("status", [people.FORBIDDEN, 500])
@@ -225,7 +225,7 @@ def a_mode(number: int) -> dict[str, Any]:
 
 
 def a_report(modes: int, structure: dict[str, Any], **document: Any) -> list[Any]:
-    found = {
+    result = {
         "parameters": [], "modes": [a_mode(number) for number in range(modes)], "outcomes": [], "warnings": [],
         "band_hz": None, "correlation": {"initial": None, "sac": []},
         "provenance": {
@@ -241,7 +241,7 @@ def a_report(modes: int, structure: dict[str, Any], **document: Any) -> list[Any
         "name": "c", "boundary": "free", "performed_at": None, "temperature_c": None, "humidity_percent": None,
         "instruments": {"sensor_mass_kg": 0.002},
     }  # fmt: skip
-    facts = UpdateFacts(found | document, "p", body | structure, campaign, 0)
+    facts = UpdateFacts(result | document, "p", body | structure, campaign, 0)
     return list(update_report(facts, lambda _: ()).blocks)
 
 

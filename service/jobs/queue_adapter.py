@@ -48,7 +48,7 @@ def put(session: Session, job: Job) -> None:
     )
 
 
-def put_back(session: Session, job: Job) -> None:
+def requeue(session: Session, job: Job) -> None:
     """Let the ticket of a job that ran wait again."""
     _ask(
         session,
@@ -115,11 +115,11 @@ def beat(session: Session, worker_id: int) -> None:
     _ask(session, "update_heartbeat", worker_id=worker_id)
 
 
-def to_abort(session: Session, worker_id: int, tickets: Collection[int]) -> list[int]:
+def to_abort(session: Session, worker_id: int, ticket_ids: Collection[int]) -> list[int]:
     """Which of these tickets a worker should let go of: an abort was asked for, or they are no
     longer its own.
     """
-    return list(session.scalars(_GONE, {"tickets": list(tickets), "worker_id": worker_id}))
+    return list(session.scalars(_GONE, {"tickets": list(ticket_ids), "worker_id": worker_id}))
 
 
 def _wake(session: Session, queue: str) -> None:

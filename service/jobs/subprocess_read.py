@@ -14,7 +14,7 @@ from anyio import CapacityLimiter, to_thread
 from fecore.errors import FecoreError
 from service.errors import PayloadTooLarge, ServiceError
 from service.jobs.child import Failure, Item, Order
-from service.jobs.kinds import Report
+from service.jobs.kinds import Reporter
 from service.jobs.process import Child, ChildEnded, preload
 
 MEMORY_BYTES = 1024 * 1024 * 1024
@@ -24,7 +24,7 @@ AT_ONCE = 2
 _threads = CapacityLimiter(AT_ONCE)
 
 
-async def read_aside(function: Callable[..., Any], *arguments: Any) -> Any:
+async def read_in_subprocess(function: Callable[..., Any], *arguments: Any) -> Any:
     """What a function at the top of a module makes of its arguments, which pickle, as the result
     does.
 
@@ -65,7 +65,7 @@ def _read(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     return result
 
 
-def _call(order: tuple[Callable[..., Any], tuple[Any, ...]], _: Report) -> Iterator[Any]:
+def _call(order: tuple[Callable[..., Any], tuple[Any, ...]], _: Reporter) -> Iterator[Any]:
     """In the child: the result, or the error that says what is wrong with the body."""
     function, arguments = order
     try:
