@@ -43,11 +43,11 @@ class _Files(PydanticBaseSettingsSource):
 
     def __call__(self) -> dict[str, str]:
         """Every value that there is."""
-        found = (
+        values = (
             (name, self.get_field_value(field, name)[0])
             for name, field in self.settings_cls.model_fields.items()
         )
-        return {name: value for name, value in found if value is not None}
+        return {name: value for name, value in values if value is not None}
 
 
 class Settings(BaseSettings):

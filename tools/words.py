@@ -93,6 +93,7 @@ CONTRACTS: dict[str, str] = {
     "service/store/forecasts/routes.py:found": "REST: a forecast",
     "service/store/structures/model_routes.py:found": "REST: a model",
     "service/store/imports/routes.py:found": "REST: an import",
+    "service/show/pages/measurements.py:found": "REST: an import",
     "service/store/imports/operations.py:found": "database: imports.found",
     "service/store/imports/intake.py:found": "database: imports.found",
     "service/store/imports/script_routes.py:found": "database: imports.found",
