@@ -50,7 +50,7 @@ class ShapesOfLosses:
             number: of the campaign.
             turned: (l, P, n, m) what its paired modes are made of by losses.
             value: (m,) eigenvalues of those modes.
-            seen: (m, p) their shapes at the measured points.
+            seen: (m, r) their shapes at the model's rows, of which those of the shapes are the first.
         """
         campaign, state = elastic.layout.campaigns[number], elastic.states[number]
         pairing = elastic.pairings[number]
@@ -65,6 +65,7 @@ class ShapesOfLosses:
         weight = np.sqrt(elastic.problem.weights[elastic.rows[number]]) * same
         missed, of_theta = ShapeErrors().residual(campaign.modes, state, pairing, weight)
         by = of_theta @ (campaign.prior.slope(state.theta)[:, None] * campaign.pick)
+        seen = seen[:, :count]
         basis = np.linalg.qr(seen.T)[0]  # (points, b)
         # A model's shape at the scale at which it is compared with the measured one, over σ.
         real, own = np.array([real_shape(campaign.modes, row) for row in rows]), seen[columns]
