@@ -30,6 +30,7 @@ check: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m tools.house
+	$(BIN)/python -m tools.words
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks accuracy speed
