@@ -7,6 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.updating.elastic_result import SAME_SHAPE, ElasticResult
@@ -22,14 +23,14 @@ _CLOSE = 1e-3  # relative distance of eigenvalues below which modes are turned f
 @dataclass(frozen=True)
 class ShapesOfLosses:
     """Residuals of n shapes in the space of b shapes of the model, over σ, and what they follow
-    from.
+    from, along the N = n b axes of the covariance that they share.
     """
 
-    residual: FloatArray  # (n, b)
-    by: FloatArray  # (n, b, X) of the model's by the unknowns
-    # (n, b, b) covariance by turns of modes, and by points that are met within `POINT_SD`
-    turned: FloatArray
-    change: FloatArray  # (l, P, n, b) by losses
+    residual: FloatArray  # (N,)
+    by: FloatArray  # (N, X) of the model's by the unknowns
+    # (N,) by turns of modes, and by points that are met within `POINT_SD`
+    variance: FloatArray
+    change: FloatArray  # (l, P, N) by losses
     # information, descent: (X, X) and (X,) of them in the fit, where it looks at shapes
     information: FloatArray
     descent: FloatArray
@@ -71,6 +72,8 @@ class ShapesOfLosses:
         scale = weight * np.sum(real * own, axis=1) / np.sum(own**2, axis=1) / SHAPE_DISCREPANCY
         placed = _placed(state, scale[:, None, None] * state.slopes[columns, :count], basis)
         shapes = seen @ basis
+        both = np.hstack([_turned(value, columns, shapes, scale), placed])
+        variance, axes = np.linalg.eigh(both @ both.T)
         own = shapes[columns]
         lost = turned @ shapes
         along = np.sum(lost * own, axis=3) / np.sum(own**2, axis=1)
@@ -79,27 +82,26 @@ class ShapesOfLosses:
             scale[:, None] * (lost / np.where(like, along, 1.0)[..., None] - own) * like[..., None]
         )
         fitted = elastic.problem.others.get("mode shapes")
+        each = by.reshape(len(rows), count, -1)
         return cls(
-            missed.reshape(-1, count) @ basis,
-            np.einsum("npx,pb->nbx", by.reshape(len(rows), count, -1), basis),
-            _turned(value, columns, shapes, scale) + placed,
-            change,
+            axes.T @ (missed.reshape(-1, count) @ basis).ravel(),
+            axes.T @ np.einsum("npx,pb->nbx", each, basis).reshape(len(axes), -1),
+            np.maximum(variance, 0.0),
+            change.reshape(*change.shape[:2], -1) @ axes,
             np.zeros((by.shape[1],) * 2) if fitted is None else fitted,
             np.zeros(by.shape[1]) if fitted is None else elastic.problem.other_descent,
         )
 
     def given(self, k: float) -> ShapesGiven:
         """What they say where a shape's standard deviation is k times the usual one."""
-        covariance = k**2 * np.eye(self.residual.shape[1]) + self.turned
-        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
-        r, J = (whiten @ self.residual[..., None])[..., 0], whiten @ self.by
-        d = np.stack([self.change[:, :, j] @ each.T for j, each in enumerate(whiten)], axis=2)
+        variance = k**2 + self.variance
+        r, J, d = self.residual, self.by / variance[:, None], self.change
         return ShapesGiven(
-            cost=float(np.sum(r**2) + np.linalg.slogdet(covariance)[1].sum()),
-            hessian=np.einsum("nbx,nby->xy", J, J) - self.information,
-            descent=np.einsum("nbx,nb->x", J, r) - self.descent,
-            across=np.tensordot(d, J, ((2, 3), (0, 1))),
-            along=np.tensordot(d, r, 2) - np.sum(d**2, axis=(2, 3)) / 2,
+            cost=float(np.sum(r**2 / variance + np.log(variance))),
+            hessian=self.by.T @ J - self.information,
+            descent=J.T @ r - self.descent,
+            across=d @ J,
+            along=d @ (r / variance) - d**2 @ (0.5 / variance),
         )
 
 
@@ -117,23 +119,26 @@ class ShapesGiven:
 def _turned(
     value: FloatArray, columns: list[int], shapes: FloatArray, scale: FloatArray
 ) -> FloatArray:
-    """(n, b, b) covariance of paired modes' shapes, by what turns them towards others."""
+    """(n b, n m) root of the covariance of paired modes' shapes, by what turns them towards
+    others.
+    """
     apart = np.abs(value[columns, None] - value) / np.sqrt(value[columns, None] * value)
     sd = np.sqrt(2) * DISCREPANCY / np.maximum(apart, _CLOSE)
     own = shapes[columns]
     across = shapes - (own @ shapes.T / np.sum(own**2, axis=1)[:, None])[..., None] * own[:, None]
     sd[np.arange(len(columns)), columns] = 0.0
     each = (scale[:, None] * sd)[..., None] * across
-    return np.asarray(each.transpose(0, 2, 1) @ each)
+    return np.asarray(scipy.linalg.block_diag(*each.transpose(0, 2, 1)))
 
 
 def _placed(state: ForwardState, slopes: FloatArray, basis: FloatArray) -> FloatArray:
-    """(n, b, b) covariance of (n, p, 3) slopes times how far points, and the ends of their grid,
-    are off their places.
+    """(n b, 3 p + 2) root of the covariance of shapes with (n, p, 3) slopes by how far points, and
+    the ends of their grid, are off their places: as far in each mode.
     """
     places = state.forward.places[: slopes.shape[1]]
     axis = int(np.argmax(np.ptp(places, axis=0)))
     x = (places[:, axis] - places[:, axis].min()) / max(float(np.ptp(places[:, axis])), 1e-300)
-    own = np.einsum("pb,npk,pc->nbc", basis, (POINT_SD * slopes) ** 2, basis)
-    ends = GRID_SD * np.stack([slopes[..., axis] * x, slopes[..., axis] * (1 - x)]) @ basis
-    return np.asarray(own + np.einsum("enb,enc->nbc", ends, ends))
+    own = np.einsum("pb,npk->nbpk", basis, POINT_SD * slopes)
+    ends = GRID_SD * np.einsum("pb,np,pe->nbe", basis, slopes[..., axis], np.stack([x, 1 - x], 1))
+    rows = len(slopes) * basis.shape[1]
+    return np.hstack([own.reshape(rows, -1), ends.reshape(rows, -1)])
