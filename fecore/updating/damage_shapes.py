@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from fecore.arrays import FloatArray
+from fecore.arrays import BoolArray, FloatArray
 from fecore.updating.elastic_result import SAME_SHAPE, ElasticResult
 from fecore.updating.inputs import GRID_SD, POINT_SD
 from fecore.updating.posterior import DISCREPANCY, SHAPE_DISCREPANCY
@@ -44,7 +44,7 @@ class ShapesOfLosses:
         value: FloatArray,
         seen: FloatArray,
     ) -> ShapesOfLosses | None:
-        """Of a campaign; None where it has no shapes.
+        """Of a campaign; None where it has no shapes that are those of the model.
 
         Args:
             elastic: the update.
@@ -64,6 +64,10 @@ class ShapesOfLosses:
         assert pairing.mac is not None, "modes with shapes are paired by them"
         same = pairing.mac[rows, columns] >= SAME_SHAPE
         weight = np.sqrt(elastic.problem.weights[elastic.rows[number]]) * same
+        if not same.any():
+            return None
+        missed, _ = ShapeErrors().residual(campaign.modes, state, pairing, 1.0 * same)
+        weight = weight * _evenly(missed.reshape(-1, count), same)
         missed, of_theta = ShapeErrors().residual(campaign.modes, state, pairing, weight)
         by = of_theta @ (campaign.prior.slope(state.theta)[:, None] * campaign.pick)
         basis = np.linalg.qr(seen.T)[0]  # (points, b)
@@ -114,6 +118,15 @@ class ShapesGiven:
     descent: FloatArray  # (X,)
     across: FloatArray  # (l, P, X) dᵀWS
     along: FloatArray  # (l, P) dᵀWr - ½ dᵀWd
+
+
+def _evenly(missed: FloatArray, same: BoolArray) -> FloatArray:
+    """(n,) weights by which (n, p) shapes that are further off than the middle one of some are as
+    far off as it: what is wrong with one mode alone, such as a share of another in it, is no loss,
+    which all modes see.
+    """
+    off = np.sqrt(np.mean(missed**2, axis=1))
+    return np.asarray(np.minimum(1.0, np.median(off[same]) / np.maximum(off, 1e-300)))
 
 
 def _turned(
