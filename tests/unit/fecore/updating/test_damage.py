@@ -49,8 +49,8 @@ def test_a_sound_body_is_not_said_to_have_lost_stiffness(kind: str) -> None:
 
 
 def moved(elastic: ElasticResult, shapes: FloatArray) -> FloatArray:
-    """The shapes with points that are met 3 mm off their places, as far in each mode."""
-    off = 0.003 * np.random.default_rng(2).standard_normal((shapes.shape[1], 3))
+    """The shapes with points that are met 4 mm off their places, as far in each mode."""
+    off = 0.004 * np.random.default_rng(4).standard_normal((shapes.shape[1], 3))
     for row, column in elastic.pairings[0].pairs:
         model = elastic.states[0].shapes[column, : shapes.shape[1]]
         slope = elastic.states[0].slopes[column, : shapes.shape[1]]
@@ -60,22 +60,21 @@ def moved(elastic: ElasticResult, shapes: FloatArray) -> FloatArray:
 
 def mixed(_: ElasticResult, shapes: FloatArray) -> FloatArray:
     """The shapes with much of another mode in one of them."""
-    shapes[3] += 0.4 * shapes[4] * np.abs(shapes[3]).max() / np.abs(shapes[4]).max()
+    shapes[2] += 0.5 * shapes[3] * np.abs(shapes[2]).max() / np.abs(shapes[3]).max()
     return shapes
 
 
 def poor(_: ElasticResult, shapes: FloatArray) -> FloatArray:
-    """The shapes with a tenth of their largest entries as noise."""
-    noise = np.random.default_rng(2).standard_normal(shapes.shape)
-    return shapes + 0.1 * np.abs(shapes).max(axis=1, keepdims=True) * noise
+    """The shapes with a fifth of their largest entries as noise."""
+    noise = np.random.default_rng(3).standard_normal(shapes.shape)
+    return np.asarray(shapes + 0.2 * np.abs(shapes).max(axis=1, keepdims=True) * noise)
 
 
 @pytest.mark.parametrize("spoilt", [moved, mixed, poor])
-@pytest.mark.parametrize("kind", ["strip", "angle"])
 def test_what_is_wrong_with_shapes_otherwise_is_no_loss_of_stiffness(
-    kind: str, spoilt: Callable[[ElasticResult, FloatArray], FloatArray]
+    spoilt: Callable[[ElasticResult, FloatArray], FloatArray],
 ) -> None:
-    elastic = updated(kind, damaged=False)
+    elastic = updated("strip", damaged=False)
     (campaign,) = elastic.layout.campaigns
     assert campaign.modes.shapes is not None
     shapes = spoilt(elastic, campaign.modes.shapes.real.copy())
