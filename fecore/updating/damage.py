@@ -12,11 +12,12 @@ are likelier than without by
     ln B = dᵀW(r - Sz) - ½ dᵀ(W - WSH⁻¹SᵀW)d,    H = SᵀWS + P,
 
 W the inverse of the noise: of measurement, of inputs that are believed to be nothing, of the
-discrepancy s; of shapes k σ at each point, the shape's slope times what its points and their grid
-are off their places, and what the model's error e of a frequency, were it alike in all directions
-of the stiffness (the Gaussian orthogonal ensemble), turns modes towards each other, N(0,
-2e²λ_jλ_k/(λ_j - λ_k)²). In the frequencies themselves the error of the model of joints is left to
-the constants, which absorb it but for what s is. Of all sets, stretches (each length as likely) and
+discrepancy s; of shapes k σ at each point (more in modes that are further off than the middle one),
+the shapes' slopes times what points and their grid are off their places, which is the same in all
+modes, and what the model's error e of a frequency, were it alike in all directions of the stiffness
+(the Gaussian orthogonal ensemble), turns modes towards each other, N(0, 2e²λ_jλ_k/(λ_j - λ_k)²).
+In the frequencies themselves the error of the model of joints is left to the constants, which
+absorb it but for what s is. Of all sets, stretches (each length as likely) and
 losses, and over the posterior of s and k where nothing is damaged, B is the mean, so that without
 damage E[B] = 1, and P(B ≥ 1/p) ≤ p. Where B is large the likely stretches are compared more closely
 (`fecore.updating.losses`), which the factor is taken from.

@@ -29,8 +29,8 @@ from fecore.updating.state import ForwardState
 LOSSES = np.array([0.02, 0.06, 0.12, 0.2, 0.3, 0.4, 0.55, 0.7])
 """Shares of the stiffness that are lost, solved for; what is between is interpolated."""
 
-SHAPES = np.array([0.5, 1.0, 2.0, 4.0])
-"""Standard deviations of a shape over the usual one."""
+SHAPES = 2.0 ** np.arange(-1.0, 5.5, 0.5)
+"""Standard deviations of a shape over the usual one: to that of shapes which say nothing."""
 
 _PARTS, _LONGEST = 20, 0.5  # of the body's longest side; share of it that a stretch takes at most
 # sets at most, those with most energy; share of every mode's energy that is not looked at

@@ -3,17 +3,22 @@ accused.
 """
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
+from fecore.arrays import FloatArray
 from fecore.updating.contradictions import Conflict, _Sources, compare_sources
+from fecore.updating.damage import lost_stiffness
 from fecore.updating.elastic import fit
 from fecore.updating.elastic_findings import contradiction
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.layout import Layout
+from fecore.updating.losses import Losses
 from fecore.updating.parameters import default_parameters, parametrise
 from tests.support.damaged import FACTOR, LENGTH, LOST, PARTS, body, measured
 
@@ -44,6 +49,45 @@ def test_a_sound_body_is_not_said_to_have_lost_stiffness(kind: str) -> None:
         if each.kind == "stiffness"
     ]
     assert check.p == 1.0
+
+
+def moved(elastic: ElasticResult, shapes: FloatArray) -> FloatArray:
+    """The shapes with points that are met 4 mm off their places, as far in each mode."""
+    off = 0.004 * np.random.default_rng(4).standard_normal((shapes.shape[1], 3))
+    for row, column in elastic.pairings[0].pairs:
+        model = elastic.states[0].shapes[column, : shapes.shape[1]]
+        slope = elastic.states[0].slopes[column, : shapes.shape[1]]
+        shapes[row] += np.sum(slope * off, axis=1) * (shapes[row] @ model) / (model @ model)
+    return shapes
+
+
+def mixed(_: ElasticResult, shapes: FloatArray) -> FloatArray:
+    """The shapes with much of another mode in one of them."""
+    shapes[2] += 0.5 * shapes[3] * np.abs(shapes[2]).max() / np.abs(shapes[3]).max()
+    return shapes
+
+
+def poor(_: ElasticResult, shapes: FloatArray) -> FloatArray:
+    """The shapes with a fifth of their largest entries as noise."""
+    noise = np.random.default_rng(3).standard_normal(shapes.shape)
+    return np.asarray(shapes + 0.2 * np.abs(shapes).max(axis=1, keepdims=True) * noise)
+
+
+@pytest.mark.parametrize("spoilt", [moved, mixed, poor])
+def test_what_is_wrong_with_shapes_otherwise_is_no_loss_of_stiffness(
+    spoilt: Callable[[ElasticResult, FloatArray], FloatArray],
+) -> None:
+    elastic = updated("strip", damaged=False)
+    (campaign,) = elastic.layout.campaigns
+    assert campaign.modes.shapes is not None
+    shapes = spoilt(elastic, campaign.modes.shapes.real.copy())
+    modes = replace(campaign.modes, shapes=shapes + 0j)
+    layout = replace(elastic.layout, campaigns=(replace(campaign, modes=modes),))
+    elastic = replace(elastic, layout=layout)
+    losses = Losses.of(elastic, 0)
+    assert losses is not None
+    assert losses.shapes
+    assert lost_stiffness(elastic, 0, losses, elastic.problem).evidence < np.log(20)
 
 
 @pytest.mark.parametrize("kind", ["strip", "angle"])
