@@ -71,7 +71,7 @@ CONTRACTS: dict[str, str] = {
     "FileNotFoundError": "Python",
     "ModuleNotFoundError": "Python",
     "ignored": "REST, stored models (service/compute/models/keeping.py), docs/library.md",
-    "leaders": "stored models (service/compute/models/keeping.py): field of Link",
+    "leaders": "stored models (service/compute/models/keeping.py): field of modalbase's Link",
     "NotFound": "HTTP: 404 Not Found",
     "not_found_as": "HTTP: 404 Not Found",
     "get_found_archive": "REST: an operation id",
