@@ -103,7 +103,7 @@ def restarts(curve: Curve) -> tuple[int, ...]:
     of what they reached and
     then rise again by as much. The fall of force at failure is none: nothing rises after it.
     """
-    found = (
+    starts = (
         []
         if curve.time_s is None
         else [int(i) + 1 for i in np.flatnonzero(np.diff(curve.time_s) < 0)]
@@ -125,9 +125,9 @@ def restarts(curve: Curve) -> tuple[int, ...]:
             break
         again = first + int(np.argmax(rises))
         start = first + int(np.argmin(force[first:again]))
-        found.append(start)
+        starts.append(start)
         start = again
-    return tuple(sorted(set(found)))
+    return tuple(sorted(set(starts)))
 
 
 def split_runs(curve: Curve) -> tuple[Curve, ...]:
@@ -147,12 +147,12 @@ def single_run(curve: Curve) -> Curve:
         InputError: the machine was restarted; names the points, so that the caller can choose a run
             from `split_runs`. Or the force is largest almost at once.
     """
-    found = restarts(curve)
-    if found:
-        where = ", ".join(f"{i + 1} ({curve.force_n[i]:.6g} N)" for i in found)
+    starts = restarts(curve)
+    if starts:
+        where = ", ".join(f"{i + 1} ({curve.force_n[i]:.6g} N)" for i in starts)
         raise InputError(
             "curve",
-            f"the machine was restarted at point {where}; hand in one run of {len(found) + 1}"
+            f"the machine was restarted at point {where}; hand in one run of {len(starts) + 1}"
             " (split_runs)",
         )
     stop = int(np.argmax(curve.force_n)) + 1
@@ -188,10 +188,10 @@ def without_jump(curve: Curve, warnings: list[str]) -> Curve:
     then says.
     """
     strains = (curve.strain, curve.strain_back, curve.transverse_strain)
-    found = [i for values in strains if values is not None and (i := jump(values)) is not None]
-    if not found:
+    jumps = [i for values in strains if values is not None and (i := jump(values)) is not None]
+    if not jumps:
         return curve
-    at = min(found)
+    at = min(jumps)
     warnings.append(
         f"a strain jumps at point {at + 1} by more than {JUMP:g} times the steps around it: the"
         " extensometer slipped; strains from there on are left out"
