@@ -98,7 +98,7 @@ class Features:
     u: FloatArray
     usual: FloatArray
     step: FloatArray
-    alone: BoolArray
+    single: BoolArray
     directions: IntArray
 
 
@@ -140,13 +140,13 @@ def _in_common(values: FloatArray, parts: Sequence[slice], good: BoolArray) -> F
     logs = np.log(np.maximum(values, LEAST))
     known = good & np.isfinite(values)
     middle = np.median(logs[known]) if known.any() else 0.0
-    found = np.zeros(len(values))
+    gain = np.zeros(len(values))
     for part in parts:
         for i in range(part.start, part.stop):
             others = logs[part][known[part] & (np.arange(part.start, part.stop) != i)]
             if others.size:
-                found[i] = (np.median(others) - middle) * others.size / (others.size + _OWN)
-    return np.asarray(np.exp(found))
+                gain[i] = (np.median(others) - middle) * others.size / (others.size + _OWN)
+    return np.asarray(np.exp(gain))
 
 
 def _locate(
@@ -165,8 +165,8 @@ def _locate(
         tours.setdefault((points[i].force.direction, points[i].responses), []).append(i)
     for tour in tours.values():
         shares = [{int(k): every[i][k] for k in np.flatnonzero(comparable[i])} for i in tour]
-        found = locate([positions.get(points[i].force.point) for i in tour], shares)
-        for i, of_point in zip(tour, found, strict=True):
+        located = locate([positions.get(points[i].force.point) for i in tour], shares)
+        for i, of_point in zip(tour, located, strict=True):
             numbers, directions = rows[i]
             for k, (offset, along) in of_point.items():
                 numbers[k, _OFFSET] = 1e3 * min(offset, _TYPICAL_M * numbers[k, _DISTANCE])
@@ -225,8 +225,8 @@ def _usual_of_most(values: FloatArray) -> tuple[float, float]:
     return (float(near.mean()), float(near.std())) if near.size > 1 else (middle, spread)
 
 
-def _logit(u: FloatArray, alone: BoolArray) -> FloatArray:
-    return np.asarray(CONSTANT - ALONE * alone - parts_of(u).sum(axis=1))
+def _logit(u: FloatArray, single: BoolArray) -> FloatArray:
+    return np.asarray(CONSTANT - ALONE * single - parts_of(u).sum(axis=1))
 
 
 def _probability(logit: FloatArray) -> FloatArray:
@@ -247,12 +247,12 @@ def judge(points: Sequence[Point], processing: Processing) -> list[list[Verdict]
             which hits are located; and what a user has decided, by place and number.
     """
     level, overrules = processing.false_discovery, processing.overrules
-    found = features_of(points, processing.positions)
-    parts = parts_of(found.u)
-    probability = _probability(_logit(found.u, found.alone))
+    features = features_of(points, processing.positions)
+    parts = parts_of(features.u)
+    probability = _probability(_logit(features.u, features.single))
     slack = max(CONSTANT - float(np.log(level / (1 - level))), 0.0) if level > 0 else np.inf
     at = np.expm1(slack / np.array([WEIGHTS[name].weight for name in NAMES])) ** 0.25
-    limit = found.usual + np.where(at < _FAR, at, np.inf) * found.step
+    limit = features.usual + np.where(at < _FAR, at, np.inf) * features.step
     limit = np.where(
         [bool(WEIGHTS[name].unit) for name in NAMES],
         limit,
@@ -261,9 +261,9 @@ def judge(points: Sequence[Point], processing: Processing) -> list[list[Verdict]
     every = enumerate(traits for point in points for traits in point.traits)
     verdicts = (
         replace(
-            _verdict(traits, float(probability[i]), level, found.numbers[i], limit[i], parts[i]),
+            _verdict(traits, float(probability[i]), level, features.numbers[i], limit[i], parts[i]),
             overruled=overrules.get((traits.force, traits.number)),
-            directions=int(found.directions[i]),
+            directions=int(features.directions[i]),
         )
         for i, traits in every
     )
@@ -279,21 +279,21 @@ def _verdict(
     parts: FloatArray,
 ) -> Verdict:
     least = min(parts.max(), _HEAVY)
-    found: dict[Criterion, Finding] = {}
+    findings: dict[Criterion, Finding] = {}
     share, name = traits.overload
     if share >= _FULL_SCALE:
         sentence = (
             f"The {name} reaches {share:.1%} of its full scale; {_FULL_SCALE:.1%} is an overload."
         )
-        found["overload"] = Finding("overload", share, _FULL_SCALE, True, sentence)
+        findings["overload"] = Finding("overload", share, _FULL_SCALE, True, sentence)
     for k in np.argsort(-parts, kind="stable"):
         if np.isfinite(numbers[k]):
             failed = probability < level and bool(parts[k] >= least)
             own = finding(traits, NAMES[k], float(numbers[k]), float(limits[k]), failed)
-            found.setdefault(own.criterion, own)
+            findings.setdefault(own.criterion, own)
     return Verdict(
         traits.force,
         traits.number,
         0.0 if share >= _FULL_SCALE else probability,
-        tuple(found.values()),
+        tuple(findings.values()),
     )

@@ -135,14 +135,14 @@ class Spectra:
 
     def _basis(self, sample: Sequence[tuple[Hit, Traits]]) -> Basis | None:
         """What the resonances look like, from a sample of hits."""
-        found = []
+        frfs = []
         for hit, traits in sample:
             force, responses = self.stack([hit], [traits], [0])
-            found += [
+            frfs += [
                 hit_frfs(force[:, self.compared], r[:, self.compared])
                 for r in responses[:MOST_SENSORS]
             ]
-        return find_basis(np.concatenate(found))
+        return find_basis(np.concatenate(frfs))
 
     def shares(self, forces: ComplexArray, responses: Sequence[ComplexArray]) -> FloatArray | None:
         """(h, K) what each resonance has in each hit, over the sensors; None where places are not
@@ -233,13 +233,13 @@ class Spectra:
         """(h, L) spectra of the force of the chosen hits, and of each response; a few hits at a
         time.
         """
-        found: ComplexArray = np.empty(
+        values: ComplexArray = np.empty(
             (1 + len(hits[0].responses), len(chosen), self.lines.size), dtype=complex
         )
-        step = max(1, _AT_ONCE // (self.samples * len(found)))
+        step = max(1, _AT_ONCE // (self.samples * len(values)))
         for start in range(0, len(chosen), step):
             part, some = slice(start, start + step), chosen[start : start + step]
-            blocks, spectra = self._room(len(found), len(some))
+            blocks, spectra = self._room(len(values), len(some))
             for row, i in enumerate(some):
                 self._force(hits[i], traits[i], blocks[0, row])
                 for channel, (block, offset) in enumerate(
@@ -247,10 +247,10 @@ class Spectra:
                 ):
                     windowed(block, offset, self.sample_rate, self.rate, blocks[channel, row])
             np.fft.rfft(blocks, out=spectra)
-            found[:, part] = spectra[..., self.lines[0] : self.lines[-1] + 1]
+            values[:, part] = spectra[..., self.lines[0] : self.lines[-1] + 1]
         if self.delay is not None:
-            found[1:] *= self.delay
-        return found[0], list(found[1:])
+            values[1:] *= self.delay
+        return values[0], list(values[1:])
 
     def _room(self, channels: int, hits: int) -> tuple[FloatArray, npt.NDArray[np.complex128]]:
         """Memory for the blocks of so many channels and hits and their transforms, the same at each

@@ -194,10 +194,10 @@ def _jump(x: FloatArray, pulse: Pulse) -> float:
         return 1.0
     guard = ringing(pulse.start, pulse.stop) + REACH
     number = np.arange(len(parts)) * REACH
-    away = (number + REACH < pulse.start - guard) | (number > pulse.stop + guard)
-    if not away.any():
+    outside = (number + REACH < pulse.start - guard) | (number > pulse.stop + guard)
+    if not outside.any():
         return 1.0
-    return float((parts.max(axis=1) / (parts.mean(axis=1) + 0.01 * third.max()))[away].max())
+    return float((parts.max(axis=1) / (parts.mean(axis=1) + 0.01 * third.max()))[outside].max())
 
 
 def _floor(x: FloatArray) -> float:
