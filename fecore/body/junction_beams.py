@@ -133,7 +133,7 @@ def wall_matrices(
     return stiffness, mass
 
 
-def junction_prefix(name: str, degrees: int) -> str:
+def joint_prefix(name: str, degrees: int) -> str:
     """Prefix of the coefficients of a set's beams along lines at an angle, in degrees, from its
     axis 1.
     """

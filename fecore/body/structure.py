@@ -18,7 +18,7 @@ from fecore.body.beams import BeamSection
 from fecore.body.carried import KNOWN, mass_parts, spring_parts
 from fecore.body.constants import SIGNED, kind_of
 from fecore.body.joints import Joints
-from fecore.body.junction_beams import between, junction_prefix, weighed
+from fecore.body.junction_beams import between, joint_prefix, weighed
 from fecore.body.junctions import Junction, encloses, find_junctions
 from fecore.body.locate import TOLERANCE, Surfaces
 from fecore.body.mesh import Block, Mesh
@@ -245,7 +245,7 @@ class Structure:
                 )
                 one = np.ones((1, 1, 1)), (f"{block.set}.drilling",), _ONE
                 stiffness = [] if drilling is None else [Part(drilling, *one)]
-                stiffness += self._overlap_correction(strains, block, overlap)
+                stiffness += self._corrections(strains, block, overlap)
                 motions = kept(motions, block, overlap)
                 motion = Part(
                     motions, inertia_matrices(), _named(block.set, INERTIAS), inertia_blocks()
@@ -264,9 +264,7 @@ class Structure:
             )
             yield stiffness, [motion]
 
-    def _overlap_correction(
-        self, strains: Operators, block: Block, overlap: Overlap
-    ) -> Iterator[Part]:
+    def _corrections(self, strains: Operators, block: Block, overlap: Overlap) -> Iterator[Part]:
         """What is taken from the stiffness of a block's elements where other walls are."""
         if not len(overlap.elements):
             return
@@ -279,7 +277,7 @@ class Structure:
             some = rows[which[own]] * np.sqrt(share[own])[:, None, None, None, None]
             chosen, again = distinct(some)
             operators = Operators(block.nodes[overlap.elements[which[own]]], again, some[chosen])
-            names = _named(junction_prefix(block.set, angle), _STRIP)
+            names = _named(joint_prefix(block.set, angle), _STRIP)
             yield Part(operators, -_STRIP_MATRICES, names, (np.array([[0, 1], [1, 2]]),))
 
     def _junction_beams(self, joints: Joints) -> Iterator[tuple[list[Part], list[Part]]]:
@@ -289,7 +287,7 @@ class Structure:
             kind = f"beam{lines.nodes.shape[1]}"
             strains, motions = beam_operators(lines.nodes, kind, self.mesh.nodes, lines.axes)
             for rank, angle, beams, stiffness, mass in lines.by_set:
-                prefix, nodes = junction_prefix(self.mesh.sets[rank], angle), lines.nodes[beams]
+                prefix, nodes = joint_prefix(self.mesh.sets[rank], angle), lines.nodes[beams]
                 K, M = (
                     [
                         Part(
@@ -335,12 +333,8 @@ class Structure:
         for name in self.mesh.sets:
             section = self.sections[name]
             if isinstance(section, ShellSection):
-                coefficients = section.coefficients(
-                    of[name], bending_only=not {0, 1} & set(self.dofs)
-                )
-                values |= dict(
-                    zip(_named(name, (*section.terms, "drilling")), coefficients, strict=True)
-                )
+                terms = section.coefficients(of[name], bending_only=not {0, 1} & set(self.dofs))
+                values |= dict(zip(_named(name, (*section.terms, "drilling")), terms, strict=True))
             else:
                 values |= dict(
                     zip(_named(name, section.terms), section.coefficients(of[name]), strict=True)
@@ -349,9 +343,7 @@ class Structure:
             along = self._shell(name).along(of[name], np.radians(angle))
             values |= dict(
                 zip(
-                    _named(junction_prefix(name, angle), ("E", "G", "Gt", *_STRIP)),
-                    along,
-                    strict=True,
+                    _named(joint_prefix(name, angle), ("E", "G", "Gt", *_STRIP)), along, strict=True
                 )
             )
         values |= {clamp.name: clamp.spring.stiffness / of[""][clamp.name] for clamp in self.clamps}
@@ -373,7 +365,7 @@ class Structure:
                 )
         for name, angle in self._joint_walls:
             values |= dict.fromkeys(
-                _named(junction_prefix(name, angle), _DENSITIES), of[name]["density"]
+                _named(joint_prefix(name, angle), _DENSITIES), of[name]["density"]
             )
         return self._stretched(self.model.mass.names, values, of.get("", {}))
 
