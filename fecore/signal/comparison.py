@@ -28,8 +28,8 @@ import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.frf import Dof
+from fecore.signal.hit_features import HitFeatures
 from fecore.signal.shares import hit_frfs
-from fecore.signal.traits import Traits
 
 BANDS = 32  # of an FRF, compared one by one
 MOST_LINES = 2048  # that are compared; of more, every k-th
@@ -62,7 +62,7 @@ class Point:
 
     force: Dof  # where it was hit
     responses: tuple[Dof, ...]  # where the sensors stood
-    traits: tuple[Traits, ...]  # the hits' own numbers
+    features: tuple[HitFeatures, ...]  # the hits' own numbers
     pairs: Pairs  # the hits beside one another
     # (h, K) what each resonance has in each hit; None where places are not asked for
     shares: FloatArray | None

@@ -67,7 +67,7 @@ class Strip:
         return magnitude
 
 
-class Heights:
+class FrfScale:
     """The heights of FRFs that come in parts, on one axis of lines, and what is wrong with them.
 
     Args:

@@ -22,8 +22,8 @@ from fecore.signal.comparison import Point
 from fecore.signal.delay import Delay, DelaySearch
 from fecore.signal.document import Averages, Findings, Processed, Processing
 from fecore.signal.estimators import Estimate
-from fecore.signal.heights import Heights
-from fecore.signal.judgement import Verdict, judge
+from fecore.signal.frf_scale import FrfScale
+from fecore.signal.judgement import HitVerdict, judge
 from fecore.signal.points import Preliminary, frfs_of, preliminary
 from fecore.signal.spectra import Source, Spectra
 from fecore.signal.unstated import with_unstated_window
@@ -102,7 +102,7 @@ def process_in_parts(
         for share in (0.1, 0.5)
     )
     count = sum(len(point.responses) for point, own in zip(points, good, strict=True) if own)
-    search, scale_check = DelaySearch(count, spectra.rate), Heights(spectra.frequency, strong)
+    search, scale_check = DelaySearch(count, spectra.rate), FrfScale(spectra.frequency, strong)
     most = count if part_bytes is None else max(1, part_bytes // (32 * spectra.lines.size))
     for part in _second_pass(spectra, source, points, good, shelf, most):
         search.add(part.frfs)
@@ -182,11 +182,11 @@ def _second_pass(
         if not own:
             continue
         same = own == point.used
-        estimates = shelf[number] if same else frfs_of(spectra, source[number], point.traits, own)
+        estimates = shelf[number] if same else frfs_of(spectra, source[number], point.features, own)
         if rows and sum(len(row[2]) for row in rows) + len(estimates) > most:
             yield _averages(spectra, rows)
             rows = []
-        rows.append((point, tuple(point.traits[i].number for i in own), estimates))
+        rows.append((point, tuple(point.features[i].number for i in own), estimates))
     yield _averages(spectra, rows)
 
 
@@ -214,7 +214,7 @@ def _averages(
 
 def _warnings(
     points: Sequence[Point],
-    verdicts: Sequence[Sequence[Verdict]],
+    verdicts: Sequence[Sequence[HitVerdict]],
     delay: Delay | None,
     excited: float,
     top: float,
@@ -251,7 +251,7 @@ def _warnings(
     return tuple(warnings)
 
 
-def _unlocated(points: Sequence[Point], verdicts: Sequence[Sequence[Verdict]]) -> Iterator[str]:
+def _unlocated(points: Sequence[Point], verdicts: Sequence[Sequence[HitVerdict]]) -> Iterator[str]:
     """Points beside which a hit may lie without being seen: places are known by how FRFs change
     between points.
     """
