@@ -16,8 +16,8 @@ between the line and where its elements are whole, with its modulus along the li
 mass is exact); the shear and twist of the strips that were taken away; and a torsion 0.1 G t⁴, t⁴
 the geometric mean of the walls'. No part is ever negative, so stiffness and mass are positive
 whatever the size of the elements. All is linear in E, G and density; d is nominal. Matrices of
-elements and junction beams carry what differs from place to place, so a set has the same few coefficients
-however many lines a curve is meshed by.
+elements and junction beams carry what differs from place to place, so a set has the same few
+coefficients however many lines a curve is meshed by.
 """
 
 import math

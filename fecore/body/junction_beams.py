@@ -1,5 +1,5 @@
-"""Junction beams, along lines where walls meet: what each wall adds there, by its moduli along the line and
-its density.
+"""Junction beams, along lines where walls meet: what each wall adds there, by its moduli
+along the line and its density.
 
 A wall's moduli are those at its line's angle from axis 1. They are taken between those at a few
 angles, the coarser the less

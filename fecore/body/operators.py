@@ -41,8 +41,8 @@ class Operators:
     rows: FloatArray
 
     def linked(self, links: Mapping[int, Link], places: FloatArray) -> list[Operators]:
-        """The same with every dependent node's dofs by its independent ones'; apart where elements have
-        different numbers of nodes.
+        """The same with every dependent node's dofs by its independent ones'; apart where elements
+        have different numbers of nodes.
         """
         touched = np.isin(self.nodes, list(links)).any(axis=1)
         if not touched.any():
@@ -188,8 +188,8 @@ def _hung(rows: FloatArray, shift: FloatArray) -> FloatArray:
 def on_independent_nodes(
     nodes: list[int], rows: FloatArray, links: Mapping[int, Link], places: FloatArray
 ) -> tuple[list[int], FloatArray]:
-    """One element's nodes and (p, r, n, 6) rows, with each dependent node replaced by its independent ones, as
-    long as there is one.
+    """One element's nodes and (p, r, n, 6) rows, with each dependent node replaced by its independent
+    ones, as long as there is one.
     """
     while any(node in links for node in nodes):
         columns: dict[int, FloatArray] = {}

@@ -77,7 +77,7 @@ class Effects:
 
 
 @dataclass(frozen=True)
-class Explanation:
+class ChangeExplanation:
     """One explanation of a change."""
 
     # `mass`, `calibration`, `support`, `climate`, `stiffness`, or `none`: neither frequencies nor
@@ -135,7 +135,7 @@ def change_of(
     )
 
 
-def explanations(change: Change, effects: Effects) -> tuple[Explanation, ...]:
+def explanations(change: Change, effects: Effects) -> tuple[ChangeExplanation, ...]:
     """All explanations, the likeliest first.
 
     Args:
@@ -161,7 +161,7 @@ def explanations(change: Change, effects: Effects) -> tuple[Explanation, ...]:
     }
     total = scipy.special.logsumexp(list(log.values()))
     return tuple(
-        Explanation(
+        ChangeExplanation(
             kind=kind,
             probability=float(np.exp(log[kind] - total)),
             evidence=float(log[kind] - log["none"]),
@@ -283,7 +283,7 @@ DECIDED_BY = {
 """What sets an explanation apart from the others."""
 
 
-def in_words(ranked: Sequence[Explanation], not_given: Sequence[str] = ()) -> str:
+def in_words(ranked: Sequence[ChangeExplanation], not_given: Sequence[str] = ()) -> str:
     """The explanations that are not ruled out, how probable each is, and what would decide between
     them.
 
@@ -311,7 +311,7 @@ _KINDS = {
 }
 
 
-def _statement(each: Explanation, not_given: Sequence[str]) -> str:
+def _statement(each: ChangeExplanation, not_given: Sequence[str]) -> str:
     if each.kind == "mass":
         ((place, (size, sd)),) = each.sizes.items()
         return (
