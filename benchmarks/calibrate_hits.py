@@ -49,7 +49,7 @@ class Looked:
     @property
     def hits(self) -> list[int]:
         """How many hits each hit's point has."""
-        return [len(point.traits) for point in self.points for _ in point.traits]
+        return [len(point.features) for point in self.points for _ in point.features]
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,9 @@ from benchmarks.tables import Table
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.errors import InputError
 from fecore.signal import Hit, Processing, by_point, process
+from fecore.signal.hit_features import find_features
 from fecore.signal.points import frfs_of
 from fecore.signal.spectra import Spectra
-from fecore.signal.traits import find_traits
 from fecore.signal.windows import total_rate
 from tests.support.habits import HABITS, HabitBench
 from tests.support.hammer import FAULTS, Simulated, random_body, random_laboratory
@@ -166,7 +166,7 @@ def _biases(bench: MadeBench, simulated: Sequence[Simulated]) -> list[bool]:
 
 def _frf(spectra: Spectra, hit: Hit) -> ComplexArray:
     """(L,) FRF of a hit on the lines that are compared."""
-    force, (response,) = spectra.stack([hit], find_traits([hit]), [0])
+    force, (response,) = spectra.stack([hit], find_features([hit]), [0])
     lines = spectra.compared
     return np.asarray(response[0, lines] / np.where(force[0, lines] == 0, 1e-150, force[0, lines]))
 
@@ -184,7 +184,7 @@ def _moves(spectra: Spectra, hits: Sequence[Hit], used: Sequence[int], one: int)
     rest = [i for i in used if i != one]
     if not rest:
         return np.nan
-    traits, lines = find_traits(hits), spectra.compared
+    traits, lines = find_features(hits), spectra.compared
     (whole,), (less,) = (frfs_of(spectra, hits, traits, tuple(some)) for some in (used, rest))
     off, variance, power = (
         _banded(values[lines])

@@ -303,13 +303,13 @@ def _ambiguous(
     pairs: tuple[tuple[int, int], ...], likeness: FloatArray, distance: FloatArray, margin: float
 ) -> tuple[tuple[int, int, int], ...]:
     """Pairs whose runner-up, near in frequency, is within the margin."""
-    found = []
+    ambiguous = []
     for i, j in pairs:
         others = [k for k in range(likeness.shape[1]) if k != j and distance[i, k] <= np.log(1.5)]
         rivals = [k for k in others if likeness[i, k] > likeness[i, j] - margin]
         if rivals:
-            found.append((i, j, max(rivals, key=lambda k: float(likeness[i, k]))))
-    return tuple(found)
+            ambiguous.append((i, j, max(rivals, key=lambda k: float(likeness[i, k]))))
+    return tuple(ambiguous)
 
 
 def _rows(name: str, values: ArrayLike) -> ComplexArray:

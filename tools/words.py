@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGES = ("fecore", "modalbase", "service")
-LATER = ("fecore/modal",)  # renamed with the search for modes, which is written anew
+# `fecore/modal` is renamed with the search for modes, which is written anew.
+LATER = ("fecore/modal", "fecore/updating")
 
 WORDS = {
     "likest": "force_best_match",
@@ -75,7 +76,7 @@ CONTRACTS: dict[str, str] = {
     "missed_percent": "REST: a member of a shape",
     "NotFound": "HTTP: 404 Not Found",
     "ignored": "REST, stored models (service/compute/models/keeping.py), docs/library.md",
-    "leaders": "stored models (service/compute/models/keeping.py): field of Link",
+    "leaders": "stored models (service/compute/models/keeping.py): field of modalbase's Link",
     "losses": "database: jobs.losses",
     "missed": "REST: damping_laws of a result",
     "missed_by": "REST: the common law of a joint result",

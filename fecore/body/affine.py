@@ -57,8 +57,8 @@ class Group:
         count, points, rows, dofs = self.operators.shape
         local = motion[self.nodes].reshape(len(self.nodes), dofs, -1)
         flat = self.operators.reshape(count, points * rows, dofs)
-        found = flat[0] @ local if count == 1 else flat[self.which] @ local
-        return found.reshape(len(local) * points, rows, -1).transpose(1, 0, 2)
+        strains = flat[0] @ local if count == 1 else flat[self.which] @ local
+        return strains.reshape(len(local) * points, rows, -1).transpose(1, 0, 2)
 
     def forces(self, stresses: FloatArray, dofs_of_node: int) -> FloatArray:
         """(e, n, dofs of a node, m) forces at the elements' nodes that are in balance with (r, e·p,
@@ -67,8 +67,8 @@ class Group:
         count, points, rows, dofs = self.operators.shape
         flat = self.operators.reshape(count, points * rows, dofs).transpose(0, 2, 1)
         local = stresses.transpose(1, 0, 2).reshape(len(self.nodes), points * rows, -1)
-        found = flat[0] @ local if count == 1 else flat[self.which] @ local
-        return found.reshape(len(local), -1, dofs_of_node, local.shape[2])
+        forces = flat[0] @ local if count == 1 else flat[self.which] @ local
+        return forces.reshape(len(local), -1, dofs_of_node, local.shape[2])
 
 
 def distinct(items: FloatArray) -> tuple[IntArray, IntArray]:

@@ -78,17 +78,17 @@ def by_closest(surfaces: Surfaces, points: FloatArray) -> tuple[Motion, ...]:
     as_it_is = _on_faces(surfaces, points, np.eye(3), np.zeros(3))
     turns = product(_turns(), (0, _COARSE))
     starts = sorted(
-        (_coarse(tree, surfaces, points, *each) for each in turns), key=lambda found: found.rms
+        (_coarse(tree, surfaces, points, *each) for each in turns), key=lambda motion: motion.rms
     )
     some = _different([as_it_is, *starts])[:_WORTH]
     # Of those whose residuals say nothing the first stays, as a grid on one face of a wall lies as
     # well on the other.
     fine = sorted(
         (_fine(surfaces, points, start) for start in some),
-        key=lambda found: max(found.rms, _RESOLVED),
+        key=lambda motion: max(motion.rms, _RESOLVED),
     )
     limit = max(_AS_GOOD * fine[0].rms, _RESOLVED)
-    return tuple(found for found in _different(fine) if found.rms <= limit)
+    return tuple(motion for motion in _different(fine) if motion.rms <= limit)
 
 
 def _kabsch(points: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -100,13 +100,13 @@ def _kabsch(points: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatAr
 
 def _turns() -> list[FloatArray]:
     """The 24 proper turns of axes onto axes."""
-    found: list[FloatArray] = []
+    turns: list[FloatArray] = []
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         turn = np.zeros((3, 3))
         turn[np.arange(3), order] = signs
         if np.linalg.det(turn) > 0:
-            found.append(turn)
-    return found
+            turns.append(turn)
+    return turns
 
 
 def _coarse(
@@ -159,17 +159,17 @@ def _on_face(surfaces: Surfaces, points: FloatArray) -> tuple[FloatArray, FloatA
     """(p, 3) the nearest points of the walls' faces, of beams of their axes; (p, 3) normals
     there.
     """
-    found = surfaces.nearest(points)
-    middle = found.foot + found.offset[:, None] * found.normal
-    side = np.sign(np.sum((points - middle) * found.normal, axis=1, keepdims=True))
-    half = np.where(found.on_beam, 0.0, found.thickness / 2)[:, None]
-    return np.asarray(middle + side * half * found.normal), found.normal
+    nearest = surfaces.nearest(points)
+    middle = nearest.foot + nearest.offset[:, None] * nearest.normal
+    side = np.sign(np.sum((points - middle) * nearest.normal, axis=1, keepdims=True))
+    half = np.where(nearest.on_beam, 0.0, nearest.thickness / 2)[:, None]
+    return np.asarray(middle + side * half * nearest.normal), nearest.normal
 
 
-def _different(found: Sequence[Motion]) -> list[Motion]:
+def _different(motions: Sequence[Motion]) -> list[Motion]:
     """Those that are not the same as one before."""
     kept: list[Motion] = []
-    for one in found:
+    for one in motions:
         size = max(float(np.linalg.norm(one.shift)), 1e-3)
         if not any(
             np.abs(one.turn - other.turn).max() < _SAME

@@ -72,23 +72,23 @@ class BeamSection:
     @property
     def matrices(self) -> FloatArray:
         """(7, 6, 6) by `terms` on the strains of a beam."""
-        found = np.zeros((7, 6, 6))
+        matrices = np.zeros((7, 6, 6))
         for k in range(6):
-            found[k, k, k] = 1
-        found[6, 4, 5] = found[6, 5, 4] = -1
-        return found
+            matrices[k, k, k] = 1
+        matrices[6, 4, 5] = matrices[6, 5, 4] = -1
+        return matrices
 
     @property
     def mass_matrices(self) -> FloatArray:
         """(6, 6, 6) by `motions` on the motions of a beam; along it, and of turns across it, they
         are apart.
         """
-        found = np.zeros((6, 6, 6))
-        found[0, 0, 0] = found[1, 1, 1] = found[1, 2, 2] = found[2, 3, 3] = found[3, 4, 4] = found[
-            4, 5, 5
-        ] = 1
-        found[5, 4, 5] = found[5, 5, 4] = -1
-        return found
+        matrices = np.zeros((6, 6, 6))
+        matrices[0, 0, 0] = matrices[1, 1, 1] = matrices[1, 2, 2] = matrices[2, 3, 3] = matrices[
+            3, 4, 4
+        ] = matrices[4, 5, 5] = 1
+        matrices[5, 4, 5] = matrices[5, 5, 4] = -1
+        return matrices
 
     def coefficients(self, constants: Mapping[str, FloatArray]) -> FloatArray:
         """(7, …) of `terms`."""

@@ -38,7 +38,7 @@ class Bed:
 def bed_of(body: Structure) -> Bed | None:
     """The bed of a body's clamp; None of a body that anything but one clamp holds."""
     held = [support for support in body.supports if support.how == "clamped"]
-    skew = [link for link in body.links if not link.leaders]
+    skew = [link for link in body.links if not link.independent]
     if len(held) != 1 or len(body.supports) > 1 or skew or body.springs or body.clamps:
         return None
     nodes = body.mesh.select(held[0].where)

@@ -56,12 +56,12 @@ def is_straight(places: FloatArray, a: IntArray, b: IntArray, middle: IntArray) 
 
 def sides_of(mesh: Mesh) -> IntArray:
     """(s, 2) ends of the different sides of all shells, the smaller number first, in order."""
-    found = [
+    sides = [
         _pairs(b.nodes, [side[:2] for side in SHELLS[b.kind].sides])
         for b in mesh.blocks
         if b.is_shell
     ]
-    return np.unique(np.concatenate(found), axis=0) if found else np.zeros((0, 2), dtype=np.int64)
+    return np.unique(np.concatenate(sides), axis=0) if sides else np.zeros((0, 2), dtype=np.int64)
 
 
 def bows(mesh: Mesh) -> FloatArray:
@@ -69,9 +69,9 @@ def bows(mesh: Mesh) -> FloatArray:
     surface, m.
     """
     sides = sides_of(mesh)
-    found = np.zeros((len(sides), 3))
+    largest = np.zeros((len(sides), 3))
     if not len(sides):
-        return found
+        return largest
     facets = _Facets.of(mesh)
     fans, open_, single = facets.fans()
     total = np.zeros((fans.max() + 1, 3))
@@ -93,9 +93,9 @@ def bows(mesh: Mesh) -> FloatArray:
         )
         bow = (np.sum(nb * e, axis=1)[:, None] * nb - np.sum(na * e, axis=1)[:, None] * na) / 8
         place = find(sides, np.sort(np.column_stack([a, b]), axis=1))
-        larger = real & (np.sum(bow**2, axis=1) > np.sum(found[place] ** 2, axis=1))
-        found[place[larger]] = bow[larger]
-    return found
+        larger = real & (np.sum(bow**2, axis=1) > np.sum(largest[place] ** 2, axis=1))
+        largest[place[larger]] = bow[larger]
+    return largest
 
 
 def re_entrant(mesh: Mesh) -> IntArray:
@@ -218,7 +218,7 @@ def _pairs(nodes: IntArray, of: list[tuple[int, ...]]) -> IntArray:
     return np.sort(nodes[:, np.array(of)].reshape(-1, 2), axis=1)
 
 
-def find(sides: IntArray, wanted: IntArray) -> IntArray:
+def find(sides: IntArray, pairs: IntArray) -> IntArray:
     """(w,) places of (w, 2) pairs among (s, 2) sorted ones, which hold them."""
-    base = max(int(sides.max(initial=0)), int(wanted.max(initial=0))) + 1
-    return np.searchsorted(sides[:, 0] * base + sides[:, 1], wanted[:, 0] * base + wanted[:, 1])
+    base = max(int(sides.max(initial=0)), int(pairs.max(initial=0))) + 1
+    return np.searchsorted(sides[:, 0] * base + sides[:, 1], pairs[:, 0] * base + pairs[:, 1])

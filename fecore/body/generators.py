@@ -224,12 +224,12 @@ def relative_thickness(
         InputError: as of `check_pieces`.
     """
     check_pieces(length, pieces)
-    found, middle = np.ones_like(x), x.mean(axis=1)
+    ratio, middle = np.ones_like(x), x.mean(axis=1)
     for piece in pieces:
         inside = (middle > piece.start) & (middle < piece.end)
         share = (x[inside] - piece.start) / (piece.end - piece.start)
-        found[inside] = (piece.first + share * (piece.last - piece.first)) / thickness
-    return found
+        ratio[inside] = (piece.first + share * (piece.last - piece.first)) / thickness
+    return ratio
 
 
 def check_pieces(length: float, pieces: Sequence[Piece]) -> None:

@@ -35,7 +35,7 @@ class Wall:
     set: str
     rank: int
     thickness: float  # nominal, m
-    away: FloatArray  # (3,) unit direction s
+    direction: FloatArray  # (3,) unit direction s
     passes: bool  # whether the wall goes on beyond the edge, where more than two meet
     depth: float  # how far the element reaches from the edge, m
     stack: int  # number of its stack around the edge
@@ -82,7 +82,7 @@ def find_junctions(mesh: Mesh, thickness: Mapping[str, float]) -> tuple[Junction
     stacks = np.bincount(edge[is_first | (np.diff(same, prepend=-1) != 0)], minlength=len(first))
     # Most edges are of two elements, of which one goes on as the other; tan(α/2) = |s₁ + s₂|/|s₁ −
     # s₂|.
-    one, other = (sides.away[order[at]] for at in (first, first + count - 1))
+    one, other = (sides.direction[order[at]] for at in (first, first + count - 1))
     turned, depth = np.linalg.norm(one + other, axis=1), sides.depth[order[first]]
     over = np.bincount(edge, own[order], minlength=len(first)) * turned
     small = over < _ROUNDING * _PART * depth * np.linalg.norm(one - other, axis=1)
@@ -146,7 +146,7 @@ class Sides:
 
     places: IntArray  # (s, 3) block, element and side
     ends: IntArray  # (s, 2) nodes, rising
-    away: FloatArray  # (s, 3) unit directions in the surface
+    direction: FloatArray  # (s, 3) unit directions in the surface
     depth: FloatArray  # (s,) how far the elements reach, m
     element: IntArray  # (s,) number of the element among all blocks'
     same: IntArray  # (s,) number of the first element that lies on the same nodes
@@ -156,7 +156,7 @@ def sides_of(mesh: Mesh) -> Sides:
     """The sides of a mesh's shells; a curved element's direction at a side is that of its surface
     there.
     """
-    found, first = [], 0
+    blocks, first = [], 0
     for number, block in enumerate(mesh.blocks):
         if not block.is_shell:
             first += len(block.nodes)
@@ -180,15 +180,15 @@ def sides_of(mesh: Mesh) -> Sides:
                 for way in (natural.mean(axis=0) - middle, natural[beyond] - natural[side])
             )
             along = _unit(along)
-            away = _unit(inwards - np.sum(inwards * along, axis=1, keepdims=True) * along)
+            direction = _unit(inwards - np.sum(inwards * along, axis=1, keepdims=True) * along)
             places = np.column_stack(
                 [np.full(len(x), number), np.arange(len(x)), np.full(len(x), side)]
             )
             ends = np.sort(block.nodes[:, [side, beyond]], axis=1)
             depth = np.linalg.norm(reach, axis=2).min(axis=1)
-            found.append((places, ends, away, depth, first + np.arange(len(x)), nodes))
+            blocks.append((places, ends, direction, depth, first + np.arange(len(x)), nodes))
         first += len(x)
-    if not found:
+    if not blocks:
         nothing = np.zeros(0, dtype=np.int64)
         return Sides(
             np.zeros((0, 3), int),
@@ -198,15 +198,15 @@ def sides_of(mesh: Mesh) -> Sides:
             nothing,
             nothing,
         )
-    places, ends, away, depth, element, nodes = (
-        np.concatenate(parts) for parts in zip(*found, strict=True)
+    places, ends, direction, depth, element, nodes = (
+        np.concatenate(parts) for parts in zip(*blocks, strict=True)
     )
     _, at, which = np.unique(nodes, axis=0, return_index=True, return_inverse=True)
     real = ends[:, 0] != ends[:, 1]
     return Sides(
         places[real],
         ends[real],
-        away[real],
+        direction[real],
         depth[real],
         element[real],
         element[at][which.ravel()][real],
@@ -218,7 +218,7 @@ def _edge(mesh: Mesh, sides: Sides, around: IntArray, thickness: Mapping[str, fl
     ends = tuple(sides.ends[around[0]].tolist())
     tangent = _unit(mesh.nodes[ends[1]] - mesh.nodes[ends[0]])
     stacks = _stacks(mesh, sides.places[around])
-    s = _unit(np.array([sides.away[around[stack]].mean(axis=0) for stack in stacks]))
+    s = _unit(np.array([sides.direction[around[stack]].mean(axis=0) for stack in stacks]))
     angle = np.arctan2(s @ np.cross(tangent, s[0]), s @ s[0])
     turns = np.argsort(angle % (2 * np.pi), kind="stable").tolist()
     own = [thickness[mesh.blocks[number].set] for number in sides.places[around, 0].tolist()]
@@ -238,7 +238,7 @@ def _edge(mesh: Mesh, sides: Sides, around: IntArray, thickness: Mapping[str, fl
             set=block.set,
             rank=mesh.sets.index(block.set),
             thickness=own[i],
-            away=corner.directions[stack],
+            direction=corner.directions[stack],
             passes=bool(corner.straight[stack].max() > 0.5),
             depth=float(sides.depth[around[i]]),
             stack=stack,
@@ -258,16 +258,16 @@ def _stacks(mesh: Mesh, places: IntArray) -> list[list[int]]:
         )
         for number, element, _ in places.tolist()
     ]
-    found: list[list[int]] = []
+    stacks: list[list[int]] = []
     for i, own in enumerate(corners):
         stack = next(
-            (s for s in found if any(own <= corners[k] or own >= corners[k] for k in s)), None
+            (s for s in stacks if any(own <= corners[k] or own >= corners[k] for k in s)), None
         )
         if stack is None:
-            found.append([i])
+            stacks.append([i])
         else:
             stack.append(i)
-    return found
+    return stacks
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
@@ -306,7 +306,7 @@ def are_alike(one: Edge, other: Edge) -> bool:
         return False
     return all(
         any(
-            w.set == v.set and w.passes == v.passes and w.away @ v.away > 1 - _SAME
+            w.set == v.set and w.passes == v.passes and w.direction @ v.direction > 1 - _SAME
             for v in other.walls
         )
         for w in one.walls

@@ -36,7 +36,7 @@ def motion_shares(model: Model, shapes: FloatArray) -> dict[str, FloatArray]:
     nodes = model.mesh.nodes
     motion = model.everywhere(shapes)
     if np.ptp(nodes[:, 2]):
-        found = _of_sections(nodes, motion)
+        squares = _of_sections(nodes, motion)
     else:
         flat, w = np.sum(motion[:, :2] ** 2, axis=(0, 1)), motion[:, 2]
         if np.ptp(nodes[:, 1]):
@@ -48,9 +48,9 @@ def motion_shares(model: Model, shapes: FloatArray) -> dict[str, FloatArray]:
         else:
             even = np.sum(w**2, axis=0)
             odd = np.sum(motion[:, 3] ** 2, axis=0) * (1e-3 * model.mesh.size) ** 2
-        found = {"bending": even, "torsion": odd, "in-plane": flat}
-    whole = np.sum(list(found.values()), axis=0)
-    return {name: share / np.where(whole, whole, 1.0) for name, share in found.items()}
+        squares = {"bending": even, "torsion": odd, "in-plane": flat}
+    whole = np.sum(list(squares.values()), axis=0)
+    return {name: share / np.where(whole, whole, 1.0) for name, share in squares.items()}
 
 
 def energy_shares(model: Model, energies: FloatArray) -> dict[str, FloatArray]:

@@ -46,9 +46,9 @@ class Places:
 
     def turns(self) -> FloatArray:
         """(p, 3, n, 6) rotations at the points by the nodes' dofs."""
-        found = np.zeros((*self.functions.shape[:1], 3, self.functions.shape[1], 6))
-        found[..., 3:] = self.functions[:, None, :, None] * np.eye(3)[:, None]
-        return found
+        turns = np.zeros((*self.functions.shape[:1], 3, self.functions.shape[1], 6))
+        turns[..., 3:] = self.functions[:, None, :, None] * np.eye(3)[:, None]
+        return turns
 
 
 def place_in_words(place: Sequence[float]) -> str:
@@ -105,8 +105,8 @@ class Surfaces:
         there.
         """
         _, _, centres, _ = self._elements
-        found = self.nearest(centres[evenly_spread(centres, most)])
-        return found.foot, found.normal
+        nearest = self.nearest(centres[evenly_spread(centres, most)])
+        return nearest.foot, nearest.normal
 
     def find(self, points: FloatArray) -> Places:
         """The nearest points of the surface to (p, 3) points. One beyond an edge counts as on it.
@@ -114,8 +114,8 @@ class Surfaces:
         Raises:
             OffSpecimenError: as of `are_off`.
         """
-        found = self.nearest(points)
-        off = self.are_off(points, found)
+        places = self.nearest(points)
+        off = self.are_off(points, places)
         if np.any(off):
             index = int(np.flatnonzero(off)[0])
             place = ", ".join(f"{x:g}" for x in points[index])
@@ -125,24 +125,24 @@ class Surfaces:
             )
             raise OffSpecimenError(
                 index,
-                f"({place}) m lies {1000 * found.distance[index]:.3g} mm off the specimen, which"
+                f"({place}) m lies {1000 * places.distance[index]:.3g} mm off the specimen, which"
                 f" spans {spans}",
             )
-        return found
+        return places
 
-    def are_off(self, points: FloatArray, found: Places) -> BoolArray:
+    def are_off(self, points: FloatArray, places: Places) -> BoolArray:
         """(p,) which points lie further than `reach` from what is at their places: the wall, and
         the link to it from nodes.
         """
         wall = (
-            found.thickness[:, None]
+            places.thickness[:, None]
             / 2
-            * np.where(found.on_beam[:, None], 1.0, np.abs(found.normal))
+            * np.where(places.on_beam[:, None], 1.0, np.abs(places.normal))
         )
-        middle = found.foot + found.offset[:, None] * found.normal
-        nodes = found.foot - np.einsum("pn,pnk->pk", found.functions, found.shift)
+        middle = places.foot + places.offset[:, None] * places.normal
+        nodes = places.foot - np.einsum("pn,pnk->pk", places.functions, places.shift)
         low, high = (
-            pick.reduce([middle - sign * wall, found.foot, nodes]) for pick, sign in _BOUNDS
+            pick.reduce([middle - sign * wall, places.foot, nodes]) for pick, sign in _BOUNDS
         )
         beyond = np.maximum(low - points, points - high)
         return np.asarray(np.any(beyond > np.array(self.reach) * (1 + 1e-9), axis=1))
@@ -152,7 +152,7 @@ class Surfaces:
         blocks, numbers, centres, radii = self._elements
         width = max(x.shape[1] for x in blocks)
         near = [np.linalg.norm(centres - point, axis=1) for point in points]
-        close = [np.flatnonzero(away - radii <= away.min()) for away in near]
+        close = [np.flatnonzero(each - radii <= each.min()) for each in near]
         p = np.repeat(np.arange(len(points)), [each.size for each in close])
         e = np.concatenate([np.zeros(0, dtype=np.int64), *close])
         best = np.full(len(points), np.inf)

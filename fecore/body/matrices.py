@@ -59,12 +59,12 @@ class Nodes(Surfaces):
 
     def nearest(self, points: FloatArray) -> Places:
         """The nearest node of each point."""
-        _, found = scipy.spatial.cKDTree(self.mesh.nodes).query(points)
-        foot, count = self.mesh.nodes[found], len(points)
+        _, node = scipy.spatial.cKDTree(self.mesh.nodes).query(points)
+        foot, count = self.mesh.nodes[node], len(points)
         arm = points - foot
         distance = np.linalg.norm(arm, axis=1)
         return Places(
-            nodes=found[:, None].astype(np.int64),
+            nodes=node[:, None].astype(np.int64),
             functions=np.ones((count, 1)),
             shift=np.zeros((count, 1, 3)),
             foot=foot,

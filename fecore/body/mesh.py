@@ -109,10 +109,10 @@ class Mesh:
                     f"there is no set {where!r}; there are {', '.join(self.node_sets) or 'none'}",
                 )
             return np.asarray(self.node_sets[where])
-        found = where.holds(self.nodes)
-        if not found.size:
+        nodes = where.holds(self.nodes)
+        if not nodes.size:
             raise InputError("nodes", f"none lies between {where.low} and {where.high} m")
-        return found
+        return nodes
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from fecore.body.affine import AffineMatrix, Group, Pattern
 from fecore.body.joints import Joints
 from fecore.body.locate import Places, Surfaces
 from fecore.body.mesh import Mesh
-from fecore.body.operators import Operators, led
+from fecore.body.operators import Operators, on_independent_nodes
 from fecore.body.supports import DISPLACEMENTS, Link, rigid_motions
 from fecore.errors import InputError, OffSpecimenError
 
@@ -66,7 +66,7 @@ class Model:
 
     @cached_property
     def unfolded(self) -> scipy.sparse.csr_array:
-        """(6 × nodes, dofs) motion of every node, led ones too, by the free dofs."""
+        """(6 × nodes, dofs) motion of every node, dependent ones too, by the free dofs."""
         nodes, column = np.nonzero(self.free)
         rows, values = 6 * nodes + np.array(self.dofs)[column], np.ones(nodes.size)
         count, size = 6 * len(self.free), self.stiffness.size
@@ -79,9 +79,11 @@ class Model:
             np.repeat(~np.isin(np.arange(len(self.free)), list(links)), 6).astype(float)
         )
         for node in links:
-            leaders, moved = led([node], np.eye(6)[None, :, None], links, self.mesh.nodes)
-            for place, leader in enumerate(leaders):
-                follows[6 * node : 6 * node + 6, 6 * leader : 6 * leader + 6] = moved[0, :, place]
+            independent, moved = on_independent_nodes(
+                [node], np.eye(6)[None, :, None], links, self.mesh.nodes
+            )
+            for place, other in enumerate(independent):
+                follows[6 * node : 6 * node + 6, 6 * other : 6 * other + 6] = moved[0, :, place]
         return scipy.sparse.csr_array(follows @ whole)
 
     def everywhere(self, shapes: FloatArray) -> FloatArray:
@@ -109,7 +111,7 @@ class Model:
                 of the body.
             InputError: the model has no motion along a direction.
         """
-        blind = np.flatnonzero(~self.moves_along(directions))
+        blind = np.flatnonzero(~self.can_move_along(directions))
         if blind.size:
             names = ", ".join(DISPLACEMENTS[dof] for dof in self.dofs)
             raise InputError(
@@ -122,7 +124,7 @@ class Model:
         """(p, dofs) displacement of (p,) nodes along an axis from 0."""
         return self.unfolded[6 * numbers + axis]
 
-    def moves_along(self, directions: FloatArray) -> BoolArray:
+    def can_move_along(self, directions: FloatArray) -> BoolArray:
         """(p,) whether (p, 3) unit directions lie in those in which the model's nodes move."""
         missing = [axis for axis in range(3) if axis not in self.dofs]
         return np.asarray(np.abs(directions[:, missing]).max(axis=1, initial=0.0) < _ALONG)
@@ -134,9 +136,9 @@ class Model:
         Raises:
             OffSpecimenError: as of `observe`.
         """
-        found = self.surfaces.find(np.repeat(points, 3, axis=0))
+        places = self.surfaces.find(np.repeat(points, 3, axis=0))
         return self._rows(
-            replace(found, arm=np.zeros_like(found.arm)), np.tile(np.eye(3), (len(points), 1))
+            replace(places, arm=np.zeros_like(places.arm)), np.tile(np.eye(3), (len(points), 1))
         )
 
     def slopes(self, points: FloatArray, directions: FloatArray) -> scipy.sparse.csr_array:
@@ -146,10 +148,10 @@ class Model:
         Raises:
             OffSpecimenError: as of `observe`.
         """
-        found = self.surfaces.find(points)
+        places = self.surfaces.find(points)
         across = np.cross(directions[:, None], np.eye(3))  # (p, 3, 3): (n × θ)_i = -(n × e_i) · θ
-        rows = -np.einsum("pik,pknd->pind", across, found.turns())
-        return self._matrix(np.repeat(found.nodes, 3, axis=0), rows.reshape(-1, *rows.shape[2:]))
+        rows = -np.einsum("pik,pknd->pind", across, places.turns())
+        return self._matrix(np.repeat(places.nodes, 3, axis=0), rows.reshape(-1, *rows.shape[2:]))
 
     def _rows(self, places: Places, directions: FloatArray) -> scipy.sparse.csr_array:
         """(p, dofs) displacement of places that have been found along (p, 3) directions."""
@@ -190,8 +192,8 @@ def assemble(
 ) -> tuple[AffineMatrix, AffineMatrix]:
     """K(c) and M(m) of parts, on one pattern over the free dofs of the (nodes, dofs of a node)."""
     different = {id(part.operators.nodes): part.operators.nodes for part in (*stiffness, *mass)}
-    pattern, found = Pattern.of(list(different.values()), free)
-    slots = dict(zip(different, found, strict=True))
+    pattern, slots_of = Pattern.of(list(different.values()), free)
+    slots = dict(zip(different, slots_of, strict=True))
     K, M = (_matrix(parts, pattern, slots, dofs) for parts in (stiffness, mass))
     return K, M
 

@@ -63,8 +63,10 @@ class OfStructure:
     def _spread(self, constants: FloatArray) -> FloatArray:
         """(c', …) the structure's constants."""
         own = dict(zip(self.nominal, constants, strict=True))
-        found = np.empty((len(self.structure.nominal), *constants.shape[1:]), dtype=constants.dtype)
+        values = np.empty(
+            (len(self.structure.nominal), *constants.shape[1:]), dtype=constants.dtype
+        )
         for place, (name, value) in enumerate(self.structure.nominal.items()):
             row = self.row(name, own)
-            found[place] = value if row is None else row
-        return found
+            values[place] = value if row is None else row
+        return values

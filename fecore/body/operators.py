@@ -41,29 +41,29 @@ class Operators:
     rows: FloatArray
 
     def linked(self, links: Mapping[int, Link], places: FloatArray) -> list[Operators]:
-        """The same with every led node's dofs in terms of its leaders'; apart where elements have
-        different numbers of nodes.
+        """The same with every dependent node's dofs by its independent ones'; apart where elements
+        have different numbers of nodes.
         """
         touched = np.isin(self.nodes, list(links)).any(axis=1)
         if not touched.any():
             return [self]
-        found = (
+        operators = (
             [Operators(self.nodes[~touched], self.which[~touched], self.rows)]
             if not touched.all()
             else []
         )
-        alone: dict[int, list[tuple[list[int], FloatArray]]] = defaultdict(list)
+        linked: dict[int, list[tuple[list[int], FloatArray]]] = defaultdict(list)
         for element in np.flatnonzero(touched):
-            nodes, rows = led(
+            nodes, rows = on_independent_nodes(
                 self.nodes[element].tolist(), self.rows[self.which[element]], links, places
             )
-            alone[len(nodes)].append((nodes, rows))
-        for group in alone.values():
+            linked[len(nodes)].append((nodes, rows))
+        for group in linked.values():
             rows = np.array([rows for _, rows in group])
-            found.append(
+            operators.append(
                 Operators(np.array([nodes for nodes, _ in group]), np.arange(len(group)), rows)
             )
-        return found
+        return operators
 
 
 def shell_operators(
@@ -94,8 +94,10 @@ def shell_operators(
     if block.axes is not None:
         along = block.axes[chosen]
 
-    def weighed(found: tuple[FloatArray, FloatArray, FloatArray], powers: FloatArray) -> Operators:
-        rows, area, N = found
+    def weighed(
+        sampled: tuple[FloatArray, FloatArray, FloatArray], powers: FloatArray
+    ) -> Operators:
+        rows, area, N = sampled
         scale = np.sqrt(area)[..., None] * (r @ N.T)[..., None] ** powers
         return Operators(block.nodes, which, _hung(rows * scale[..., None, None], shift))
 
@@ -161,17 +163,17 @@ def beam_operators(
             axis=2,
         )
     )
-    found = []
+    operators = []
     for rows, length, _ in (
         BEAMS[kind].strains(x[chosen], n1[chosen]),
         BEAMS[kind].motions(x[chosen], n1[chosen]),
     ):
-        found.append(
+        operators.append(
             Operators(
                 nodes, which, _hung(rows * np.sqrt(length)[..., None, None, None], arm[chosen])
             )
         )
-    return found[0], found[1]
+    return operators[0], operators[1]
 
 
 def _hung(rows: FloatArray, shift: FloatArray) -> FloatArray:
@@ -183,11 +185,11 @@ def _hung(rows: FloatArray, shift: FloatArray) -> FloatArray:
     return rows
 
 
-def led(
+def on_independent_nodes(
     nodes: list[int], rows: FloatArray, links: Mapping[int, Link], places: FloatArray
 ) -> tuple[list[int], FloatArray]:
-    """One element's nodes and (p, r, n, 6) rows, with each led node replaced by its leaders, as
-    long as there is one.
+    """One element's nodes and (p, r, n, 6) rows, with each dependent node replaced by its independent
+    ones, as long as there is one.
     """
     while any(node in links for node in nodes):
         columns: dict[int, FloatArray] = {}
@@ -196,7 +198,7 @@ def led(
             parts: list[tuple[int, FloatArray]] = [(node, np.eye(6))]
             if node in links:
                 link = links[node]
-                parts = list(zip(link.leaders, link.matrices(places), strict=True))
+                parts = list(zip(link.independent, link.matrices(places), strict=True))
                 if link.own.any() or not parts:
                     parts.append((_OWN + node, link.own))
             for target, matrix in parts:
@@ -206,4 +208,4 @@ def led(
     return [node % _OWN for node in nodes], rows
 
 
-_OWN = 1 << 40  # marks the dofs that a led node keeps
+_OWN = 1 << 40  # marks the dofs that a dependent node keeps

@@ -44,7 +44,7 @@ class Overlap:
     turns: FloatArray  # (k,) how much of a right angle the corners are
 
     def shares(self, shell: Shell, rule: Rule) -> FloatArray:
-        """(k, p, p) what is given up as forms of what the p points see times the roots of their
+        """(k, p, p) the correction as forms of what the p points see times the roots of their
         weights.
         """
         if not len(self.elements):
@@ -53,7 +53,7 @@ class Overlap:
         return MOST * _shares(shell, rule, self.ratio[chosen])[which]
 
 
-def given_up(
+def overlap_correction(
     strains: Operators, block: Block, nodes: FloatArray, overlap: Overlap, axis: FloatArray
 ) -> FloatArray:
     """(k, p, 2, n, 6) stretch and curvature along the lines, as far as an overlap goes."""
@@ -93,17 +93,17 @@ def _shares(shell: Shell, rule: Rule, ratio: FloatArray) -> FloatArray:
     """
     points, weights = rule
     corners = ratio.shape[1]
-    found = np.tile(np.eye(len(points)), (len(ratio), 1, 1))
+    forms = np.tile(np.eye(len(points)), (len(ratio), 1, 1))
     seen_by = np.linalg.inv(_monomials(points, corners, len(points)))
     inside, partial = ratio < 1, ratio.max(axis=1) > 1
     for pattern in np.unique(inside[partial], axis=0):
         own = partial & np.all(inside == pattern, axis=1)
         natural, area = _below(shell.corners[:corners], pattern, ratio[own])
         seen = _monomials(natural, corners, len(points)) @ seen_by
-        found[own] = (
+        forms[own] = (
             np.swapaxes(seen * area[..., None], 1, 2) @ seen / np.sqrt(np.outer(weights, weights))
         )
-    return found
+    return forms
 
 
 def _below(
@@ -124,11 +124,11 @@ def _below(
     u, v = (each.ravel() for each in np.meshgrid(x, x, indexing="ij"))
     points, areas = [np.zeros((len(ratio), 0, 2))], [np.zeros((len(ratio), 0))]
     for second, third in pairwise(part[1:]):
-        first, aside = second - part[0], third - second
+        first, across = second - part[0], third - second
         points.append(
-            part[0][:, None] + u[:, None] * first[:, None] + (u * v)[:, None] * aside[:, None]
+            part[0][:, None] + u[:, None] * first[:, None] + (u * v)[:, None] * across[:, None]
         )
-        size = np.abs(first[:, 0] * aside[:, 1] - first[:, 1] * aside[:, 0])
+        size = np.abs(first[:, 0] * across[:, 1] - first[:, 1] * across[:, 0])
         areas.append(np.outer(w, w).ravel() * u * size[:, None])
     return np.concatenate(points, axis=1), np.concatenate(areas, axis=1)
 

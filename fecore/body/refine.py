@@ -96,7 +96,7 @@ def refined(body: Structure, *, curved: bool = True) -> Refined:
 
 def element_size(mesh: Mesh) -> float:
     """Median length of the sides of elements, m."""
-    found = []
+    lengths = []
     for block in mesh.blocks:
         if block.is_shell:
             ends = np.array([side[:2] for side in SHELLS[block.kind].sides])
@@ -105,8 +105,8 @@ def element_size(mesh: Mesh) -> float:
         else:
             continue
         x = mesh.nodes[block.nodes]
-        found.append(np.linalg.norm(x[:, ends[:, 1]] - x[:, ends[:, 0]], axis=2).ravel())
-    return float(np.median(np.concatenate(found)))
+        lengths.append(np.linalg.norm(x[:, ends[:, 1]] - x[:, ends[:, 0]], axis=2).ravel())
+    return float(np.median(np.concatenate(lengths)))
 
 
 class _Work:
@@ -184,17 +184,17 @@ class _Work:
         """
         pairs = np.sort(pairs, axis=1)
         first: dict[tuple[int, int], int] = {}
-        found = np.zeros(len(pairs), dtype=np.int64)
+        between = np.zeros(len(pairs), dtype=np.int64)
         fresh: list[int] = []
         for row, (a, b) in enumerate(pairs.tolist()):
             if a == b:  # a side of no length, of a quadrilateral that is a triangle
-                found[row] = a
+                between[row] = a
                 continue
             number = self._known.get((a, b), first.get((a, b), -1))
             if number < 0:
                 number = first[a, b] = self._count + len(fresh)
                 fresh.append(row)
-            found[row] = number
+            between[row] = number
         if fresh:
             whole, places = (
                 scipy.sparse.vstack(self._weights, format="csr"),
@@ -218,13 +218,13 @@ class _Work:
             self._amid.append(pairs[fresh])
             self._count += len(fresh)
         self._known |= first
-        return found
+        return between
 
     def _bow_of(self, pairs: IntArray) -> FloatArray:
         """(p, 3) bows of pairs of nodes; 0 of those that are no sides of shells."""
-        wanted = np.sort(pairs, axis=1)
-        place = np.minimum(find(self._sides, wanted), len(self._sides) - 1)
-        there = np.all(self._sides[place] == wanted, axis=1)
+        ends = np.sort(pairs, axis=1)
+        place = np.minimum(find(self._sides, ends), len(self._sides) - 1)
+        there = np.all(self._sides[place] == ends, axis=1)
         return np.where(there[:, None], self._bows[place], 0.0)
 
     def _bend(self, block: Block, sides: list[tuple[int, ...]]) -> None:
@@ -253,10 +253,10 @@ class _Work:
 
     def _free_edges(self, blocks: tuple[Block, ...]) -> BoolArray:
         """(fine nodes,) whether a node lies on a side of one shell alone."""
-        found = np.zeros(self._count, dtype=bool)
+        free = np.zeros(self._count, dtype=bool)
         shells = [b for b in blocks if b.is_shell]
         if not shells:
-            return found
+            return free
         rows = np.concatenate(
             [
                 np.sort(b.nodes[:, list(side)], axis=1)[:, :3]
@@ -265,8 +265,8 @@ class _Work:
             ]
         )
         sides, count = np.unique(rows, axis=0, return_counts=True)
-        found[sides[count == 1].ravel()] = True
-        return found
+        free[sides[count == 1].ravel()] = True
+        return free
 
     def _joined(self, nodes: IntArray, amid: IntArray, edge: BoolArray) -> IntArray:
         """A set of nodes with the new ones amid two of it, but not those across a strip of which
@@ -283,23 +283,23 @@ class _Work:
         """Links of new nodes amid two that are led alike: by one node, by nodes with a node amid
         them, or by none.
         """
-        known = {link.node: link for link in links if len(link.leaders) < 2}
+        known = {link.node: link for link in links if len(link.independent) < 2}
         number_of = {(a, b): self._old + row for row, (a, b) in enumerate(amid.tolist())}
         for number, (a, b) in enumerate(amid.tolist(), start=self._old):
             if a not in known or b not in known:
                 continue
             one, two = known[a], known[b]
-            same = one.dofs == two.dofs and len(one.leaders) == len(two.leaders)
+            same = one.dofs == two.dofs and len(one.independent) == len(two.independent)
             if not same or not np.array_equal(one.turn, two.turn):
                 continue
-            if one.leaders == two.leaders:
+            if one.independent == two.independent:
                 known[number] = replace(one, node=number)
             elif (
                 leader := number_of.get(
-                    (min(one.leaders + two.leaders), max(one.leaders + two.leaders))
+                    (min(one.independent + two.independent), max(one.independent + two.independent))
                 )
             ) is not None:
-                known[number] = replace(one, node=number, leaders=(leader,))
+                known[number] = replace(one, node=number, independent=(leader,))
             else:
                 continue
             yield known[number]

@@ -89,20 +89,20 @@ class ShellSection:
         """Constants by name, SI: of the materials, `density` (mean), `t`, a `factor` of all
         stiffness, and angles.
         """
-        found = {}
+        nominal = {}
         for number, material in enumerate(self.materials, start=1):
             suffix = "" if number == 1 else f"_{number}"
             for name, stored in zip(PLY_CONSTANTS, _OF_MATERIAL, strict=True):
-                found[name + suffix] = float(getattr(material, stored))
+                nominal[name + suffix] = float(getattr(material, stored))
         mass = sum(ply.material.density * ply.thickness for ply in self.plies)
-        found |= {"density": mass / self.thickness, "t": self.thickness, "factor": 1.0}
+        nominal |= {"density": mass / self.thickness, "t": self.thickness, "factor": 1.0}
         if not self.turning:
-            return found
+            return nominal
         own = self.plies if len(self.plies) <= MOST_ANGLES else ()
         angles = {
             f"angle_{k}": float(np.radians(ply.angle_deg)) for k, ply in enumerate(own, start=1)
         }
-        return {**found, "angle": 0.0, **angles}
+        return {**nominal, "angle": 0.0, **angles}
 
     @property
     def is_plain(self) -> bool:
@@ -153,11 +153,11 @@ class ShellSection:
     @cached_property
     def matrices(self) -> FloatArray:
         """(k, 8, 8) C_k of the terms on the strains of a shell."""
-        found = np.zeros((len(self.terms), 8, 8))
-        for C, name in zip(found, self.terms, strict=True):
+        matrices = np.zeros((len(self.terms), 8, 8))
+        for C, name in zip(matrices, self.terms, strict=True):
             for i, j in _places(name):
                 C[i, j] = C[j, i] = 1
-        return found
+        return matrices
 
     @cached_property
     def blocks(self) -> tuple[IntArray, ...]:
@@ -175,7 +175,7 @@ class ShellSection:
         )
 
     def coefficients(
-        self, constants: Mapping[str, FloatArray], bending_alone: bool = False
+        self, constants: Mapping[str, FloatArray], bending_only: bool = False
     ) -> FloatArray:
         """(k + 1, …) coefficients of the terms, and of the drilling, from constants (…) by name.
 
@@ -183,7 +183,7 @@ class ShellSection:
         (Reddy, section 5.2).
         """
         A, B, D, S = self.stiffness(constants)
-        if bending_alone and not self.is_plain:
+        if bending_only and not self.is_plain:
             D = D - B @ np.linalg.inv(A) @ B
         letters = {"A": A, "B": B, "D": D}
         rows = []
@@ -291,14 +291,14 @@ OF_INERTIAS = (0, 0, 0, 1, 1, 1, 2, 2, 2, 3)
 
 def inertia_matrices() -> FloatArray:
     """(10, 7, 7) C_j of `INERTIAS` on the motions of a shell: u₀ (3), θ × d (3), θ · d."""
-    found = np.zeros((10, 7, 7))
+    matrices = np.zeros((10, 7, 7))
     for axis in range(3):
         u, b = axis, axis + 3
-        found[axis, u, u] = found[axis + 3, u, b] = found[axis + 3, b, u] = found[
+        matrices[axis, u, u] = matrices[axis + 3, u, b] = matrices[axis + 3, b, u] = matrices[
             axis + 6, b, b
         ] = 1
-    found[9, 6, 6] = 1
-    return found
+    matrices[9, 6, 6] = 1
+    return matrices
 
 
 def inertia_blocks() -> tuple[IntArray, ...]:
@@ -331,10 +331,10 @@ def _places(name: str) -> list[tuple[int, int]]:
         return [_SHEARS[name]]
     i, j = _VOIGT[name[1:]]
     shift = {"A": (0, 0), "B": (0, 3), "D": (3, 3)}[name[0]]
-    found = [(i + shift[0], j + shift[1])]
+    places = [(i + shift[0], j + shift[1])]
     if name[0] == "B" and i != j:
-        found.append((j, i + 3))
-    return found
+        places.append((j, i + 3))
+    return places
 
 
 def _matrix(rows: list[list[FloatArray]]) -> FloatArray:

@@ -346,14 +346,14 @@ class LayeredSpecimen(FlatBody):
     def nominal(self) -> dict[str, float]:
         """The materials' constants, density and dimensions, and the plies' angles in rad."""
         stack = ShellSection(self.plies, turning=True).nominal
-        found = {
+        nominal = {
             name: value
             for name, value in stack.items()
             if re.sub(r"_\d+$", "", name) in PLY_CONSTANTS
         }
-        found |= {name: float(getattr(self, name)) for name in ("density", *_DIMENSIONS)}
-        found |= {name: value for name, value in stack.items() if name.startswith("angle_")}
-        return found | zone_factors(self.zones)
+        nominal |= {name: float(getattr(self, name)) for name in ("density", *_DIMENSIONS)}
+        nominal |= {name: value for name, value in stack.items() if name.startswith("angle_")}
+        return nominal | zone_factors(self.zones)
 
     @cached_property
     def structure(self) -> Structure:

@@ -18,7 +18,7 @@ _PROGRESS = 1e-6
 
 
 @dataclass(frozen=True)
-class Line:
+class NodeLine:
     """A straight line of nodes."""
 
     origin: FloatArray  # (3,) m
@@ -29,12 +29,12 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class StripStarts:
     """Which strips are looked for: walls at lines."""
 
-    lines: Sequence[Line]
+    lines: Sequence[NodeLine]
     line: IntArray  # (s,) which line
-    away: FloatArray  # (s, 3) direction of the wall
+    direction: FloatArray  # (s, 3) direction of the wall
     limit: FloatArray  # (s,) m: as far as elements begin nearer
     # (k,) wall and (k,) element among all blocks' that lie at its line
     wall: IntArray
@@ -42,7 +42,7 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Strip:
+class WallStrips:
     """Elements of walls in front of their lines."""
 
     wall: IntArray  # (e,) which wall, rising
@@ -91,19 +91,19 @@ class Strips:
         keys = np.column_stack([edge, number, layer])[order]
         alike = np.flatnonzero(np.all(keys[1:] == keys[:-1], axis=1) & (stacks[keys[1:, 0]] == 2))
         one, other = order[alike], order[alike + 1]
-        goes_on = np.einsum("ij,ij->i", sides.away[one], sides.away[other]) < 0
+        goes_on = np.einsum("ij,ij->i", sides.direction[one], sides.direction[other]) < 0
         for here, there in ((one[goes_on], other[goes_on]), (other[goes_on], one[goes_on])):
             place = sides.element[here], sides.places[here, 2]
-            self._next[place], self._onward[place] = sides.element[there], sides.away[there]
+            self._next[place], self._onward[place] = sides.element[there], sides.direction[there]
 
-    def strips(self, wanted: Wanted) -> Strip:
+    def strips(self, starts: StripStarts) -> WallStrips:
         """From elements at lines, along their walls' directions."""
         count = len(self._area)
-        seen = _Seen(self.mesh.nodes[self._corners], wanted)
-        keys = frontier = np.unique(wanted.wall * count + wanted.element)
+        seen = _Seen(self.mesh.nodes[self._corners], starts)
+        keys = frontier = np.unique(starts.wall * count + starts.element)
         while frontier.size:
             wall, element = np.divmod(frontier, count)
-            onward = np.einsum("nik,nk->ni", self._onward[element], wanted.away[wall])
+            onward = np.einsum("nik,nk->ni", self._onward[element], starts.direction[wall])
             leads = (self._next[element] >= 0) & (onward > _PROGRESS)
             following = np.unique(((wall * count)[:, None] + self._next[element])[leads])
             following = np.setdiff1d(following, keys, assume_unique=True)
@@ -112,27 +112,29 @@ class Strips:
             ahead = (np.abs(beside).min(axis=1) < 2 * beyond) | (
                 np.abs(beside.mean(axis=1)) < beyond
             )
-            frontier = following[ahead & (distance.min(axis=1) < wanted.limit[following // count])]
+            frontier = following[ahead & (distance.min(axis=1) < starts.limit[following // count])]
             keys = np.concatenate([keys, frontier])
         wall, element = np.divmod(np.sort(keys), count)
         distance, beside = seen.at(wall, element)
         kept = np.abs(beside.mean(axis=1)) < seen.beyond[wall]
         wall, element = wall[kept], element[kept]
-        area, away = self._area[element], wanted.away[wall]
+        area, direction = self._area[element], starts.direction[wall]
         # As they are seen along the direction's normal: of what turns away from it, less.
-        size = np.sqrt(np.maximum(np.sum(area**2, axis=1) - np.sum(area * away, axis=1) ** 2, 0.0))
-        lengths = np.array([line.length for line in wanted.lines])[wanted.line]
+        size = np.sqrt(
+            np.maximum(np.sum(area**2, axis=1) - np.sum(area * direction, axis=1) ** 2, 0.0)
+        )
+        lengths = np.array([line.length for line in starts.lines])[starts.line]
         width = np.bincount(wall, size, minlength=len(lengths)) / lengths
-        return Strip(wall, element, distance[kept].min(axis=1), width)
+        return WallStrips(wall, element, distance[kept].min(axis=1), width)
 
 
 class _Seen:
     """Where elements' corners lie, as seen from walls at lines."""
 
-    def __init__(self, corners: FloatArray, wanted: Wanted) -> None:
-        lines = wanted.lines
-        self.corners, self.away, self.line = corners, wanted.away, wanted.line
-        self.beyond = np.array([line.beyond for line in lines])[wanted.line]
+    def __init__(self, corners: FloatArray, starts: StripStarts) -> None:
+        lines = starts.lines
+        self.corners, self.direction, self.line = corners, starts.direction, starts.line
+        self.beyond = np.array([line.beyond for line in lines])[starts.line]
         self._origin, self._tangent = (
             np.array([getattr(line, n) for line in lines]) for n in ("origin", "tangent")
         )
@@ -150,4 +152,4 @@ class _Seen:
         arms = self.corners[element] - self._origin[line, None]
         along = np.einsum("nik,nk->ni", arms, self._tangent[line]) + (line * self._apart)[:, None]
         beside = along - self._row[np.searchsorted(self._middles, along)]
-        return np.einsum("nik,nk->ni", arms, self.away[wall]), beside
+        return np.einsum("nik,nk->ni", arms, self.direction[wall]), beside

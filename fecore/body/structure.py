@@ -14,17 +14,17 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.affine import distinct
-from fecore.body.beads import beads_of, between, weighed
 from fecore.body.beams import BeamSection
 from fecore.body.carried import KNOWN, mass_parts, spring_parts
 from fecore.body.constants import SIGNED, kind_of
 from fecore.body.joints import Joints
+from fecore.body.junction_beams import between, joint_prefix, weighed
 from fecore.body.junctions import Junction, encloses, find_junctions
 from fecore.body.locate import TOLERANCE, Surfaces
 from fecore.body.mesh import Block, Mesh
 from fecore.body.model import Model, Part, assemble, idle, unresisted
 from fecore.body.operators import Operators, beam_operators, shell_operators
-from fecore.body.overlaps import Overlap, given_up, kept
+from fecore.body.overlaps import Overlap, kept, overlap_correction
 from fecore.body.sections import (
     INERTIAS,
     OF_INERTIAS,
@@ -101,13 +101,13 @@ class Structure:
     @cached_property
     def nominal(self) -> dict[str, float]:
         """Constants by name, SI."""
-        found = {
+        nominal = {
             f"{name}.{c}": v
             for name in self.mesh.sets
             for c, v in self.sections[name].nominal.items()
         }
-        found |= dict(zip(SIZES, self.size, strict=False))
-        return found | {clamp.name: clamp.compliance for clamp in self.clamps}
+        nominal |= dict(zip(SIZES, self.size, strict=False))
+        return nominal | {clamp.name: clamp.compliance for clamp in self.clamps}
 
     @property
     def junctions(self) -> tuple[Junction, ...]:
@@ -173,7 +173,7 @@ class Structure:
                 that can move.
         """
         joints, surfaces = self._joints, self.surfaces
-        parts = [*self._walls(joints), *self._beads(joints)]
+        parts = [*self._walls(joints), *self._junction_beams(joints)]
         held = (*(clamp.spring for clamp in self.clamps), *self.springs)
         springs = self._linked(spring_parts(self.mesh, surfaces, held))
         stiffness = [*self._linked([one for some, _ in parts for one in some]), *springs]
@@ -192,10 +192,10 @@ class Structure:
                 )
         motions = rigid_motions(self.mesh.nodes, self.links)[:, list(self.dofs)]
         rigid = unresisted(motions, used, free, K, len(K.names) - len(held))
-        loose = idle(K, M)
-        if loose.any():
-            rigid, left = rigid[~loose], free.copy()
-            left[free] = ~loose
+        unused = idle(K, M)
+        if unused.any():
+            rigid, left = rigid[~unused], free.copy()
+            left[free] = ~unused
             K, M = assemble(stiffness, mass, left, self.dofs)
         return Model(
             self.mesh,
@@ -245,7 +245,7 @@ class Structure:
                 )
                 one = np.ones((1, 1, 1)), (f"{block.set}.drilling",), _ONE
                 stiffness = [] if drilling is None else [Part(drilling, *one)]
-                stiffness += self._given_up(strains, block, overlap)
+                stiffness += self._corrections(strains, block, overlap)
                 motions = kept(motions, block, overlap)
                 motion = Part(
                     motions, inertia_matrices(), _named(block.set, INERTIAS), inertia_blocks()
@@ -264,11 +264,11 @@ class Structure:
             )
             yield stiffness, [motion]
 
-    def _given_up(self, strains: Operators, block: Block, overlap: Overlap) -> Iterator[Part]:
+    def _corrections(self, strains: Operators, block: Block, overlap: Overlap) -> Iterator[Part]:
         """What is taken from the stiffness of a block's elements where other walls are."""
         if not len(overlap.elements):
             return
-        rows = given_up(
+        rows = overlap_correction(
             strains, block, self.mesh.nodes, overlap, np.array(self.sections[block.set].axis)
         )
         which, degrees, share = between(overlap.angles, overlap.turns)
@@ -277,17 +277,17 @@ class Structure:
             some = rows[which[own]] * np.sqrt(share[own])[:, None, None, None, None]
             chosen, again = distinct(some)
             operators = Operators(block.nodes[overlap.elements[which[own]]], again, some[chosen])
-            names = _named(beads_of(block.set, angle), _STRIP)
+            names = _named(joint_prefix(block.set, angle), _STRIP)
             yield Part(operators, -_STRIP_MATRICES, names, (np.array([[0, 1], [1, 2]]),))
 
-    def _beads(self, joints: Joints) -> Iterator[tuple[list[Part], list[Part]]]:
-        """Stiffness and mass of the joints' beads, set by set."""
+    def _junction_beams(self, joints: Joints) -> Iterator[tuple[list[Part], list[Part]]]:
+        """Stiffness and mass of the joints' beams, set by set."""
         one = np.eye(6)[None]
-        for bead in joints.beads:
-            kind = f"beam{bead.nodes.shape[1]}"
-            strains, motions = beam_operators(bead.nodes, kind, self.mesh.nodes, bead.axes)
-            for rank, angle, beams, stiffness, mass in bead.by_set:
-                prefix, nodes = beads_of(self.mesh.sets[rank], angle), bead.nodes[beams]
+        for lines in joints.junction_beams:
+            kind = f"beam{lines.nodes.shape[1]}"
+            strains, motions = beam_operators(lines.nodes, kind, self.mesh.nodes, lines.axes)
+            for rank, angle, beams, stiffness, mass in lines.by_set:
+                prefix, nodes = joint_prefix(self.mesh.sets[rank], angle), lines.nodes[beams]
                 K, M = (
                     [
                         Part(
@@ -306,7 +306,7 @@ class Structure:
                 yield K, M
 
     def _linked(self, parts: list[Part]) -> list[Part]:
-        """Parts with led nodes replaced by their leaders."""
+        """Parts with dependent nodes replaced by their independent ones."""
         links = {link.node: link for link in self.links}
         if not links:
             return parts
@@ -318,11 +318,11 @@ class Structure:
 
     def _of(self, constants: FloatArray) -> dict[str, dict[str, FloatArray]]:
         """Constants by set and name."""
-        found: dict[str, dict[str, FloatArray]] = {}
+        by_set: dict[str, dict[str, FloatArray]] = {}
         for name, value in zip(self.nominal, constants, strict=True):
             set_name, _, constant = name.rpartition(".")
-            found.setdefault(set_name, {})[constant] = value
-        return found
+            by_set.setdefault(set_name, {})[constant] = value
+        return by_set
 
     def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
         """(k, …) coefficients of the model's stiffness, springs apart, from (c, …) constants in the
@@ -333,8 +333,8 @@ class Structure:
         for name in self.mesh.sets:
             section = self.sections[name]
             if isinstance(section, ShellSection):
-                found = section.coefficients(of[name], bending_alone=not {0, 1} & set(self.dofs))
-                values |= dict(zip(_named(name, (*section.terms, "drilling")), found, strict=True))
+                terms = section.coefficients(of[name], bending_only=not {0, 1} & set(self.dofs))
+                values |= dict(zip(_named(name, (*section.terms, "drilling")), terms, strict=True))
             else:
                 values |= dict(
                     zip(_named(name, section.terms), section.coefficients(of[name]), strict=True)
@@ -342,7 +342,9 @@ class Structure:
         for name, angle in self._joint_walls:
             along = self._shell(name).along(of[name], np.radians(angle))
             values |= dict(
-                zip(_named(beads_of(name, angle), ("E", "G", "Gt", *_STRIP)), along, strict=True)
+                zip(
+                    _named(joint_prefix(name, angle), ("E", "G", "Gt", *_STRIP)), along, strict=True
+                )
             )
         values |= {clamp.name: clamp.spring.stiffness / of[""][clamp.name] for clamp in self.clamps}
         names = self.model.stiffness.names
@@ -362,7 +364,9 @@ class Structure:
                     zip(_named(name, section.motions), section.inertias(of[name]), strict=True)
                 )
         for name, angle in self._joint_walls:
-            values |= dict.fromkeys(_named(beads_of(name, angle), _DENSITIES), of[name]["density"])
+            values |= dict.fromkeys(
+                _named(joint_prefix(name, angle), _DENSITIES), of[name]["density"]
+            )
         return self._stretched(self.model.mass.names, values, of.get("", {}))
 
     def are_physical(self, constants: FloatArray) -> BoolArray:
@@ -385,8 +389,8 @@ class Structure:
         sets = self.mesh.sets
         walls = {
             (sets[rank], angle)
-            for bead in self.model.joints.beads
-            for rank, angle, *_ in bead.by_set
+            for lines in self.model.joints.junction_beams
+            for rank, angle, *_ in lines.by_set
         }
         return tuple(sorted(walls))
 
@@ -432,21 +436,21 @@ class Structure:
         Raises:
             InputError: a wall lies askew, so that the body cannot be stretched.
         """
-        found = {}
+        axes_of = {}
         for name, axes in axes_of_walls(self.mesh).items():
             if axes is None:
                 raise InputError(
                     "size", f"of a body whose set {name} does not lie along x and y or x and z"
                 )
-            found[name] = axes
-        return found
+            axes_of[name] = axes
+        return axes_of
 
 
 def axes_of_walls(mesh: Mesh) -> dict[str, tuple[int, int, int] | None]:
     """Of each set of shells, which of x, y and z axis 1 (x), axis 2 and the normal lie along; None
     where the set lies askew.
     """
-    found: dict[str, tuple[int, int, int] | None] = {}
+    axes: dict[str, tuple[int, int, int] | None] = {}
     for block in mesh.blocks:
         if block.is_shell:
             flat = [
@@ -455,8 +459,8 @@ def axes_of_walls(mesh: Mesh) -> dict[str, tuple[int, int, int] | None]:
                 if not np.ptp(mesh.nodes[block.nodes][..., axis], axis=1).max() > 1e-9
             ]
             own = (0, 3 - flat[0], flat[0]) if flat else None
-            found[block.set] = own if found.setdefault(block.set, own) == own else None
-    return found
+            axes[block.set] = own if axes.setdefault(block.set, own) == own else None
+    return axes
 
 
 SIZES = ("length", "width", "height")
@@ -479,7 +483,7 @@ _STRIP_MATRICES = np.array([[[1.0, 0], [0, 0]], [[0, 1], [1, 0]], [[0, 0], [0, 1
 """Coefficients of a wall as a beam along a line, on stretch and curvature."""
 
 _DENSITIES = ("density_x", "density_y", "density_z")
-"""Coefficients of a bead's mass, of which each has motion along one axis."""
+"""Coefficients of a junction beam's mass, of which each has motion along one axis."""
 
 _PLANE = {
     "11": (-3, 1),

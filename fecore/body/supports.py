@@ -69,18 +69,20 @@ def edges(
     Raises:
         InputError: an edge is held in a way that is not known.
     """
-    found = []
+    supports = []
     for edge, how in (("start", start), ("end", end), ("lower", lower), ("upper", upper)):
         if how not in get_args(EdgeSupport):
             raise InputError(
                 f"supports.{edge}", f"is {how!r}, expected {', '.join(get_args(EdgeSupport))}"
             )
         if how == "clamped":
-            found.append(Support(edge))
+            supports.append(Support(edge))
         elif how != "free":
             along, turn, across = ("v", "rx", "u") if edge in ("start", "end") else ("u", "ry", "v")
-            found.append(Support(edge, ("w", turn, along if how == "simply_supported" else across)))
-    return tuple(found)
+            supports.append(
+                Support(edge, ("w", turn, along if how == "simply_supported" else across))
+            )
+    return tuple(supports)
 
 
 def of_boundary(boundary: Boundary) -> tuple[Support, ...]:
@@ -135,8 +137,8 @@ class Spring:
     @property
     def unit(self) -> str:
         """SI unit of the stiffness."""
-        alone = "N/m" if self.direction <= 3 else "N·m/rad"
-        return alone if self.edge is None else {"N/m": "N/m²", "N·m/rad": "N/rad"}[alone]
+        unit = "N/m" if self.direction <= 3 else "N·m/rad"
+        return unit if self.edge is None else {"N/m": "N/m²", "N·m/rad": "N/rad"}[unit]
 
 
 @dataclass(frozen=True)
@@ -241,9 +243,9 @@ class Mass:
         """(6, 6) on u and θ of the place."""
         own = np.asarray(self.inertia, dtype=float)
         rigid = np.hstack([np.eye(3), turning(np.array(self.offset))])
-        found = self.mass * rigid.T @ rigid
-        found[3:, 3:] += own if own.ndim else own * np.eye(3)
-        return np.asarray(found)
+        matrix = self.mass * rigid.T @ rigid
+        matrix[3:, 3:] += own if own.ndim else own * np.eye(3)
+        return np.asarray(matrix)
 
 
 @dataclass(frozen=True)
@@ -254,12 +256,12 @@ class Link:
     One that none leads is held: a support along axes of its own.
     """
 
-    node: int  # the node that is led
+    node: int  # the dependent node
     # one node for a rigid link, three or more that span a plane for a mean, none for a support
-    leaders: tuple[int, ...]
-    # numbers (0 … 5) of the node's dofs that are led; the others stay its own, along the same axes
+    independent: tuple[int, ...]
+    # numbers (0 … 5) of the node's dofs that depend; the others stay its own, along the same axes
     dofs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
-    weights: tuple[float, ...] = ()  # of the leaders of a mean; alike where empty
+    weights: tuple[float, ...] = ()  # of the independent nodes of a mean; alike where empty
     # (3, 3) as rows, along which the dofs are; the structure's where None
     axes: FloatArray | None = None
 
@@ -269,8 +271,8 @@ class Link:
         return np.eye(6) if self.axes is None else np.kron(np.eye(2), self.axes)
 
     @property
-    def led(self) -> FloatArray:
-        """(6, 6) what of the node's motion is led."""
+    def dependent(self) -> FloatArray:
+        """(6, 6) what of the node's motion depends."""
         kept = np.isin(np.arange(6), self.dofs).astype(float)
         return np.asarray(self.turn.T * kept @ self.turn)
 
@@ -280,21 +282,21 @@ class Link:
         return np.asarray(self.turn.T * ~np.isin(np.arange(6), self.dofs), dtype=np.float64)
 
     def matrices(self, nodes: FloatArray) -> FloatArray:
-        """(leaders, 6, 6) motion of the node by those of its leaders.
+        """(independent, 6, 6) motion of the node by those of its independent nodes.
 
-        A mean moves as the rigid body that fits the leaders' displacements best, weights w and arms
+        A mean moves as the rigid body that fits their displacements best, weights w and arms
         r from their centre: θ = J⁻¹Σw r × u with J = Σw(r²I − rrᵀ), u = Σwu/Σw + θ × (x − centre).
 
         Raises:
-            InputError: the leaders of a mean lie on a line.
+            InputError: the independent nodes of a mean lie on a line.
         """
-        places, here = nodes[list(self.leaders)], nodes[self.node]
-        found = np.zeros((len(places), 6, 6))
-        if not self.leaders:
-            return found
+        places, here = nodes[list(self.independent)], nodes[self.node]
+        matrices = np.zeros((len(places), 6, 6))
+        if not self.independent:
+            return matrices
         if len(places) == 1:
-            found[0] = np.eye(6)
-            found[0, :3, 3:] = turning(here - places[0])
+            matrices[0] = np.eye(6)
+            matrices[0, :3, 3:] = turning(here - places[0])
         else:
             w = np.array(self.weights or (1.0,) * len(places))
             w = w / w.sum()
@@ -309,9 +311,9 @@ class Link:
             spin = np.linalg.inv(J) @ -np.array(
                 [wi * turning(ri) for wi, ri in zip(w, r, strict=True)]
             )
-            found[:, 3:, :3] = spin
-            found[:, :3, :3] = w[:, None, None] * np.eye(3) + turning(here - w @ places) @ spin
-        return np.asarray(self.led @ found)
+            matrices[:, 3:, :3] = spin
+            matrices[:, :3, :3] = w[:, None, None] * np.eye(3) + turning(here - w @ places) @ spin
+        return np.asarray(self.dependent @ matrices)
 
 
 def turning(arm: FloatArray) -> FloatArray:
@@ -347,9 +349,9 @@ def rigid_motions(nodes: FloatArray, links: tuple[Link, ...] = ()) -> FloatArray
 
     Those of a node with a link are along its axes; what others lead there is none.
     """
-    found = np.zeros((len(nodes), 6, 6))
-    found[:, :3, :3] = found[:, 3:, 3:] = np.eye(3)
-    found[:, :3, 3:] = turning(nodes - nodes.mean(axis=0))
+    motions = np.zeros((len(nodes), 6, 6))
+    motions[:, :3, :3] = motions[:, 3:, 3:] = np.eye(3)
+    motions[:, :3, 3:] = turning(nodes - nodes.mean(axis=0))
     for link in links:
-        found[link.node] = (link.own.T if link.leaders else link.turn) @ found[link.node]
-    return found
+        motions[link.node] = (link.own.T if link.independent else link.turn) @ motions[link.node]
+    return motions

@@ -227,17 +227,17 @@ def outlier_warnings(specimens: Sequence[CouponResult]) -> list[str]:
     """A sentence for each outlier among the specimens that count, with its value beside the median
     of all.
     """
-    found = []
+    warnings = []
     for name in dict.fromkeys(name for s in specimens for name in s.values):
         having = [s for s in specimens if s.exclusion_reason is None and name in s.values]
         values = [s.values[name] for s in having]
-        found += [
+        warnings += [
             f"{name}: specimen {having[i].name} has {values[i]:.4g}, the median is"
             f" {np.median(values):.4g}; it lies too far out for the scatter of the others: look for"
             " its cause, and exclude it with the reason if there is one"
             for i in outliers(values)
         ]
-    return found
+    return warnings
 
 
 def summarise(specimens: Sequence[CouponResult]) -> BatchSummary:
@@ -261,10 +261,10 @@ def summarise(specimens: Sequence[CouponResult]) -> BatchSummary:
         for name in dict.fromkeys(name for s in counted for name in s.values)
     }
     warnings = [
-        f"{name}: {found.n} valid specimen{'s' * (found.n != 1)}; D3039 asks for at least"
+        f"{name}: {statistic.n} valid specimen{'s' * (statistic.n != 1)}; D3039 asks for at least"
         f" {FEWEST_SPECIMENS}"
-        for name, found in properties.items()
-        if found.n is not None and found.n < FEWEST_SPECIMENS
+        for name, statistic in properties.items()
+        if statistic.n is not None and statistic.n < FEWEST_SPECIMENS
     ]
     warnings += outlier_warnings(counted)
     coded = [s.failure_code for s in counted if s.failure_code is not None]
@@ -280,7 +280,7 @@ def summarise(specimens: Sequence[CouponResult]) -> BatchSummary:
     return BatchSummary(properties, excluded, tuple(warnings))
 
 
-def prior(found: Statistics, assumed_cv: float = ASSUMED_CV) -> Prior:
+def prior(published: Statistics, assumed_cv: float = ASSUMED_CV) -> Prior:
     """Prior of a constant from its batch, or from a published mean.
 
     A published mean without a scatter, or a single specimen, says nothing about how far the
@@ -291,16 +291,16 @@ def prior(found: Statistics, assumed_cv: float = ASSUMED_CV) -> Prior:
     """
     if not assumed_cv > 0:
         raise InputError("assumed_cv", f"is {assumed_cv}, expected a positive share such as 0.3")
-    n, s = found.n, found.standard_deviation
+    n, s = published.n, published.standard_deviation
     if s is None:
-        if found.mean == 0:
+        if published.mean == 0:
             raise InputError(
                 "mean", "is 0, so a relative scatter means nothing; state the standard deviation"
             )
         many = "one value" if n in (None, 1) else f"a mean of {n} specimens"
         return Prior(
-            found.mean,
-            assumed_cv * abs(found.mean),
+            published.mean,
+            assumed_cv * abs(published.mean),
             None,
             f"{many} without a scatter; {100 * assumed_cv:g} % assumed",
         )
@@ -310,7 +310,10 @@ def prior(found: Statistics, assumed_cv: float = ASSUMED_CV) -> Prior:
         )
     if n is None:
         return Prior(
-            found.mean, s, s, "published mean and standard deviation, number of specimens not known"
+            published.mean,
+            s,
+            s,
+            "published mean and standard deviation, number of specimens not known",
         )
     if n < 2:
         raise InputError("n", f"is {n}, but a scatter needs at least two specimens")
@@ -318,7 +321,7 @@ def prior(found: Statistics, assumed_cv: float = ASSUMED_CV) -> Prior:
         np.sqrt(1 + 1 / n) * scipy.special.stdtrit(n - 1, 0.975) / scipy.special.ndtri(0.975)
     )
     return Prior(
-        found.mean,
+        published.mean,
         s * widening,
         s,
         f"{n} specimens; their scatter times {widening:.3f} for one more piece",

@@ -45,7 +45,7 @@ _LARGEST_STRAIN = 1.0  # m/m; above it the unit is surely another
 
 
 @dataclass(frozen=True)
-class Curve:
+class TensileCurve:
     """One tensile test as the machine recorded it, tension positive."""
 
     force_n: FloatArray  # (n,) force, N
@@ -86,24 +86,24 @@ class Curve:
         """(n,) longitudinal strain, the mean of both faces where both are gauged."""
         return self.strain if self.strain_back is None else (self.strain + self.strain_back) / 2
 
-    def part(self, start: int, stop: int) -> Curve:
+    def part(self, start: int, stop: int) -> TensileCurve:
         """Points start … stop − 1."""
         cut = slice(start, stop)
         others = (
             None if a is None else a[cut]
             for a in (self.strain_back, self.transverse_strain, self.time_s)
         )
-        return Curve(self.force_n[cut], self.strain[cut], *others)
+        return TensileCurve(self.force_n[cut], self.strain[cut], *others)
 
 
-def restarts(curve: Curve) -> tuple[int, ...]:
+def restarts(curve: TensileCurve) -> tuple[int, ...]:
     """Indices of the points at which a new run begins; empty for a single run.
 
     A run begins where time goes back, or where force and strain have both fallen back by `RESTART`
     of what they reached and
     then rise again by as much. The fall of force at failure is none: nothing rises after it.
     """
-    found = (
+    starts = (
         []
         if curve.time_s is None
         else [int(i) + 1 for i in np.flatnonzero(np.diff(curve.time_s) < 0)]
@@ -125,12 +125,12 @@ def restarts(curve: Curve) -> tuple[int, ...]:
             break
         again = first + int(np.argmax(rises))
         start = first + int(np.argmin(force[first:again]))
-        found.append(start)
+        starts.append(start)
         start = again
-    return tuple(sorted(set(found)))
+    return tuple(sorted(set(starts)))
 
 
-def split_runs(curve: Curve) -> tuple[Curve, ...]:
+def split_runs(curve: TensileCurve) -> tuple[TensileCurve, ...]:
     """The runs of a recording, in order, for the caller to choose from.
 
     Raises:
@@ -140,19 +140,19 @@ def split_runs(curve: Curve) -> tuple[Curve, ...]:
     return tuple(curve.part(a, b) for a, b in itertools.pairwise(borders))
 
 
-def single_run(curve: Curve) -> Curve:
+def single_run(curve: TensileCurve) -> TensileCurve:
     """The curve up to its maximum force.
 
     Raises:
         InputError: the machine was restarted; names the points, so that the caller can choose a run
             from `split_runs`. Or the force is largest almost at once.
     """
-    found = restarts(curve)
-    if found:
-        where = ", ".join(f"{i + 1} ({curve.force_n[i]:.6g} N)" for i in found)
+    starts = restarts(curve)
+    if starts:
+        where = ", ".join(f"{i + 1} ({curve.force_n[i]:.6g} N)" for i in starts)
         raise InputError(
             "curve",
-            f"the machine was restarted at point {where}; hand in one run of {len(found) + 1}"
+            f"the machine was restarted at point {where}; hand in one run of {len(starts) + 1}"
             " (split_runs)",
         )
     stop = int(np.argmax(curve.force_n)) + 1
@@ -183,15 +183,15 @@ def jump(strain: FloatArray) -> int | None:
     return None
 
 
-def without_jump(curve: Curve, warnings: list[str]) -> Curve:
+def without_jump(curve: TensileCurve, warnings: list[str]) -> TensileCurve:
     """The curve with its strains taken as lost from a jump of the extensometer on, which a warning
     then says.
     """
     strains = (curve.strain, curve.strain_back, curve.transverse_strain)
-    found = [i for values in strains if values is not None and (i := jump(values)) is not None]
-    if not found:
+    jumps = [i for values in strains if values is not None and (i := jump(values)) is not None]
+    if not jumps:
         return curve
-    at = min(found)
+    at = min(jumps)
     warnings.append(
         f"a strain jumps at point {at + 1} by more than {JUMP:g} times the steps around it: the"
         " extensometer slipped; strains from there on are left out"
@@ -201,7 +201,7 @@ def without_jump(curve: Curve, warnings: list[str]) -> Curve:
         None if values is None else np.where(lost, np.nan, values) for values in strains
     )
     assert front is not None
-    return Curve(curve.force_n, front, back, transverse, curve.time_s)
+    return TensileCurve(curve.force_n, front, back, transverse, curve.time_s)
 
 
 @dataclass(frozen=True)

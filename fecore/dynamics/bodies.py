@@ -96,8 +96,8 @@ def _named(model: Model, shape: FloatArray) -> str:
     if np.abs(motion[:, :3]).max() <= _NOTHING * turns.max() * np.linalg.norm(
         np.ptp(nodes, axis=0)
     ):
-        return _said("a turn", turns, model)
-    motion, rigid, moves = motion[:, :3], rigid_motions(nodes)[:, :3], []
+        return _unresisted_nodes("a turn", turns, model)
+    motion, rigid, candidates = motion[:, :3], rigid_motions(nodes)[:, :3], []
     near = min(_NEIGHBOURS, len(nodes) // 4 + 1)
     _, groups = scipy.spatial.cKDTree(nodes).query(
         nodes[:: -(-len(nodes) // _GROUPS)], [*range(1, near + 1)]
@@ -105,11 +105,11 @@ def _named(model: Model, shape: FloatArray) -> str:
     for group in groups:
         whole, *_ = np.linalg.lstsq(rigid[group].reshape(-1, 6), motion[group].ravel(), rcond=None)
         size = np.linalg.norm(motion - rigid @ whole, axis=1)
-        moves.append((int(np.sum(size > _STILL * size.max())), size))
-    return _said("a motion", min(moves, key=lambda each: each[0])[1], model)
+        candidates.append((int(np.sum(size > _STILL * size.max())), size))
+    return _unresisted_nodes("a motion", min(candidates, key=lambda each: each[0])[1], model)
 
 
-def _said(what: str, size: FloatArray, model: Model) -> str:
+def _unresisted_nodes(what: str, size: FloatArray, model: Model) -> str:
     """Which nodes move, by the (nodes,) sizes of their motions."""
     nodes, moving = model.mesh.nodes, np.flatnonzero(size > _STILL * size.max())
     sets = dict.fromkeys(

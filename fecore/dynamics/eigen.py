@@ -139,9 +139,9 @@ def normal_modes(
     """
     rigid = mass_orthonormal(rigid_modes, mass)
     free = rigid.shape[1]
-    wanted = count - free
+    elastic = count - free
     heavy = np.flatnonzero(mass.diagonal())
-    if wanted < 1 or wanted > len(heavy) - free:
+    if elastic < 1 or elastic > len(heavy) - free:
         raise FewModesError(count, free, len(heavy) - free, stiffness.shape[0])
     _check_diagonal(stiffness, mass)
     shift, factor = (
@@ -150,25 +150,25 @@ def normal_modes(
     # symmetry repeats a root no more than twice
     first = (1, 2) if stiffness.shape[0] < _LARGE else (_WIDE,)
     few = len(heavy) <= _FEW
-    missing, found = 0, None
+    missing, pairs = 0, None
     # and so many hold any
-    for width in () if few and len(heavy) < mass.shape[0] else (*first, wanted + 2):
-        found = _lanczos(factor, mass, rigid, wanted, width)
-        if found is None:
+    for width in () if few and len(heavy) < mass.shape[0] else (*first, elastic + 2):
+        pairs = _lanczos(factor, mass, rigid, elastic, width)
+        if pairs is None:
             break
-        value, vectors = found
+        value, vectors = pairs
         eigenvalue = shift + 1 / value
         missing = _missing(stiffness, mass, eigenvalue, free, factor)
         if not missing:
             break
     else:
-        found = None
-    if found is None and few:
+        pairs = None
+    if pairs is None and few:
         value, vectors = _condensed(factor, mass, rigid, heavy)
-        if wanted > len(value):
+        if elastic > len(value):
             raise FewModesError(count, free, len(value), stiffness.shape[0])
-        eigenvalue, vectors = shift + 1 / value[:wanted], vectors[:, :wanted]
-    elif found is None:
+        eigenvalue, vectors = shift + 1 / value[:elastic], vectors[:, :elastic]
+    elif pairs is None:
         raise ModelError(f"of the {count} lowest modes {missing or 'some'} were not found")
     _require_energy(stiffness, vectors)
     shapes = np.hstack([rigid, vectors])
@@ -284,13 +284,13 @@ def _condensed(
 
 
 def _lanczos(
-    factor: Factor, mass: scipy.sparse.csc_array, rigid: FloatArray, wanted: int, width: int
+    factor: Factor, mass: scipy.sparse.csc_array, rigid: FloatArray, number: int, width: int
 ) -> tuple[FloatArray, FloatArray] | None:
-    """The `wanted` largest eigenpairs of (K - σM)⁻¹M outside the rigid modes, descending,
+    """The `number` largest eigenpairs of (K - σM)⁻¹M outside the rigid modes, descending,
     M-orthonormal; None where the iteration does not find them.
     """
     dofs, free = rigid.shape
-    basis = _Basis(rigid, mass, 4 * wanted + 2 * width)
+    basis = _Basis(rigid, mass, 4 * number + 2 * width)
     random, light = np.random.default_rng(0), not mass.diagonal().all()
 
     def start(count: int) -> FloatArray:
@@ -302,9 +302,9 @@ def _lanczos(
 
     basis.append(basis.orthonormalise(start(min(width, dofs - free))))
     projected: FloatArray = np.zeros((0, 0))
-    look = 7 * wanted // 4 + 8 * width  # before, nothing has converged
+    look = 7 * number // 4 + 8 * width  # before, nothing has converged
     before = 0  # where the last block but one begins
-    while len(projected) <= _MOST * (wanted + width):
+    while len(projected) <= _MOST * (number + width):
         done = len(projected)
         image = factor.solve(basis.mass_images[free + done :].T).T
         block = basis.orthonormalise(image, free + before)
@@ -312,9 +312,9 @@ def _lanczos(
         projected = _bordered(projected, block.inside[:, free:])
         size = len(projected)
         exhausted = len(block.vectors) == 0
-        if size >= wanted and (exhausted or size >= look):
+        if size >= number and (exhausted or size >= look):
             value, small = np.linalg.eigh(projected)
-            value, small = value[: -wanted - 1 : -1], small[:, : -wanted - 1 : -1]
+            value, small = value[: -number - 1 : -1], small[:, : -number - 1 : -1]
             worst = float(np.max(np.linalg.norm(block.coupling @ small[done:], axis=0) / value))
             if exhausted or worst <= _TOLERANCE:
                 return value, basis.vectors[free:].T @ small
@@ -329,11 +329,11 @@ def _lanczos(
 def _bordered(matrix: FloatArray, rows: FloatArray) -> FloatArray:
     """A symmetric matrix with (b, s) rows appended below, and the same as columns."""
     done, size = len(matrix), rows.shape[1]
-    grown = np.empty((size, size))
-    grown[:done, :done] = matrix
-    grown[done:] = rows
-    grown[:, done:] = rows.T
-    return grown
+    bordered = np.empty((size, size))
+    bordered[:done, :done] = matrix
+    bordered[done:] = rows
+    bordered[:, done:] = rows.T
+    return bordered
 
 
 @dataclass(frozen=True)
@@ -376,9 +376,9 @@ class _Basis:
         """Take in a block."""
         size, width = self._size, len(block.vectors)
         if size + width > self._store.shape[1]:
-            grown = np.empty((2, 2 * size + width, self._store.shape[2]))
-            grown[:, :size] = self._store[:, :size]
-            self._store = grown
+            larger = np.empty((2, 2 * size + width, self._store.shape[2]))
+            larger[:, :size] = self._store[:, :size]
+            self._store = larger
         self._store[0, size : size + width] = block.vectors
         self._store[1, size : size + width] = block.mass_images
         self._size += width

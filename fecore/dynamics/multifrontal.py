@@ -200,9 +200,9 @@ class MultifrontalFactor:
 
     def _restored(self, ordered: FloatArray) -> FloatArray:
         """Rows of (n, …) in the matrix's own order."""
-        found = np.empty_like(ordered)
-        found[self.elimination.order] = ordered
-        return found
+        restored = np.empty_like(ordered)
+        restored[self.elimination.order] = ordered
+        return restored
 
 
 def _indefinite(matrix: FloatArray, right: FloatArray) -> tuple[int, FloatArray]:

@@ -260,12 +260,14 @@ class ReducedModel:
         alpha = self._smallest(stiffness, mass)
         if alpha <= 0:
             return np.full(modes.eigenvalue.size - modes.rigid, np.inf)
-        away = (modes.eigenvalue - self._shift)[modes.rigid :]
-        energy = self.system.residual_energy(stiffness, mass, modes)[modes.rigid :] / (alpha * away)
-        distance = np.abs(1 - away[:, None] / away[None, :])
+        shifted = (modes.eigenvalue - self._shift)[modes.rigid :]
+        energy = self.system.residual_energy(stiffness, mass, modes)[modes.rigid :] / (
+            alpha * shifted
+        )
+        distance = np.abs(1 - shifted[:, None] / shifted[None, :])
         close = distance < _CLOSE
         gap = np.minimum(np.where(close, np.inf, distance).min(axis=1), 1.0)
-        return np.asarray((close @ energy) / gap * (away / modes.eigenvalue[modes.rigid :]) / 2)
+        return np.asarray((close @ energy) / gap * (shifted / modes.eigenvalue[modes.rigid :]) / 2)
 
     def _smallest(self, stiffness: FloatArray, mass: FloatArray) -> float:
         """α with F(c) ≥ αF₀."""
@@ -377,8 +379,8 @@ class CoefficientRatio:
 
     def smallest(self, coefficients: FloatArray) -> float:
         """α at (k,) coefficients."""
-        alone = float(np.min(coefficients[self._single] / self._start, initial=np.inf))
+        singles = float(np.min(coefficients[self._single] / self._start, initial=np.inf))
         blocks = (
             float(np.linalg.eigvalsh(T @ coefficients[block] @ T.T)[0]) for block, T in self._blocks
         )
-        return min(alone, *blocks) if self._blocks else alone
+        return min(singles, *blocks) if self._blocks else singles

@@ -28,8 +28,8 @@ import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.frf import Dof
+from fecore.signal.hit_features import HitFeatures
 from fecore.signal.shares import hit_frfs
-from fecore.signal.traits import Traits
 
 BANDS = 32  # of an FRF, compared one by one
 MOST_LINES = 2048  # that are compared; of more, every k-th
@@ -62,7 +62,7 @@ class Point:
 
     force: Dof  # where it was hit
     responses: tuple[Dof, ...]  # where the sensors stood
-    traits: tuple[Traits, ...]  # the hits' own numbers
+    features: tuple[HitFeatures, ...]  # the hits' own numbers
     pairs: Pairs  # the hits beside one another
     # (h, K) what each resonance has in each hit; None where places are not asked for
     shares: FloatArray | None
@@ -158,19 +158,19 @@ def compare(point: Point, turned: BoolArray, probability: FloatArray, usual: Usu
     """
     own, sign = point.pairs, np.where(turned, -1, 1)
     distance = np.sqrt(point.scaled(usual.common) / usual.apart).mean(axis=3).max(axis=0)
-    heights = _common(own.between(), 1 / usual.level**2)
-    height = np.take_along_axis(heights, np.abs(heights).argmax(axis=0)[None], axis=0)[0]
-    found = np.full((len(probability), 3), np.nan)
+    gains = _common(own.between(), 1 / usual.level**2)
+    height = np.take_along_axis(gains, np.abs(gains).argmax(axis=0)[None], axis=0)[0]
+    comparison = np.full((len(probability), 3), np.nan)
     for i, partner in enumerate(own.partner):
         weight = probability[partner]
         if partner.size >= _SIGNS:
-            found[i, 0] = 1 - sign[i] * float(np.mean(sign[partner] * own.likeness[i]))
+            comparison[i, 0] = 1 - sign[i] * float(np.mean(sign[partner] * own.likeness[i]))
         if weight.sum() >= _FEWEST:
             middle = (
                 values[i, _middle(np.abs(values[i]), weight)] for values in (distance, height)
             )
-            found[i, 1:] = next(middle), np.exp(next(middle))
-    return found
+            comparison[i, 1:] = next(middle), np.exp(next(middle))
+    return comparison
 
 
 def _common(off: FloatArray, weight: FloatArray) -> FloatArray:

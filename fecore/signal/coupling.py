@@ -21,8 +21,8 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.signal.blocks import Hit
+from fecore.signal.hit_features import HitFeatures
 from fecore.signal.pulse import SMALLEST_SECOND, Pulse, ringing
-from fecore.signal.traits import Traits
 
 _CORNERS_HZ = np.geomspace(0.02, 10.0, 55)  # that are tried
 _PART = 32  # samples that are averaged before the fit: a tail is slow
@@ -50,11 +50,11 @@ def impulse(hit: Hit, pulse: Pulse) -> float:
     return float((part - pulse.baseline).sum()) / hit.sample_rate_hz
 
 
-def find_coupling(sample: Sequence[tuple[Hit, Traits]]) -> Coupling | None:
+def find_coupling(sample: Sequence[tuple[Hit, HitFeatures]]) -> Coupling | None:
     """The tail that these hits have in common; None where it does not stand out of their
     scatter.
     """
-    parts = [found for hit, traits in sample if (found := _parts(hit, traits.pulse)) is not None]
+    parts = [part for hit, features in sample if (part := _parts(hit, features.pulse)) is not None]
     if len(parts) < 2:
         return None
     best: tuple[float, FloatArray, float] | None = None
@@ -83,8 +83,8 @@ def _parts(hit: Hit, pulse: Pulse) -> tuple[FloatArray, FloatArray, FloatArray] 
     time = (np.arange(size) - pulse.peak) / hit.sample_rate_hz
     values = np.asarray(hit.force.samples[:size], dtype=float)
     beside = ringing(pulse.start, pulse.stop)
-    away = (np.arange(size) < pulse.start - beside) | (np.arange(size) >= pulse.stop + beside)
-    whole = away.reshape(-1, _PART).all(axis=1)
+    outside = (np.arange(size) < pulse.start - beside) | (np.arange(size) >= pulse.stop + beside)
+    whole = outside.reshape(-1, _PART).all(axis=1)
     if whole.sum() < _FEWEST_PARTS:
         return None
     mean = [x.reshape(-1, _PART).mean(axis=1)[whole] for x in (values, weight, time)]

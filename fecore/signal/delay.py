@@ -53,15 +53,15 @@ class DelaySearch:
             values = frfs.values[number]
             noise = None if frfs.variance is None else np.sqrt(frfs.variance[number])
             for line, half in _peaks(np.abs(values), noise):
-                found = _residue(frfs.omega, values, line, half)
-                if found is not None:
-                    pole, residue = found
+                fit = _residue(frfs.omega, values, line, half)
+                if fit is not None:
+                    pole, residue = fit
                     scaled = residue / (pole + self._rate) ** power * 2j
                     self._omega.append(abs(pole.imag))
                     self._phase.append(float(np.angle(scaled)))
         self._number += len(frfs.values)
 
-    def found(self) -> Delay | None:
+    def estimate(self) -> Delay | None:
         """The delay, or None where they have too few clear resonances for it."""
         if len(self._omega) < _FEWEST_PEAKS:
             return None
@@ -93,7 +93,7 @@ def _peaks(size: FloatArray, noise: FloatArray | None) -> list[tuple[int, int]]:
     if lines.size > _MOST_PEAKS:
         sharp = size[lines] / scipy.ndimage.uniform_filter1d(size, _WIDEST)[lines]
         lines = np.sort(lines[np.argsort(-sharp, kind="stable")[:_MOST_PEAKS]])
-    found = []
+    peaks = []
     for line in lines:
         low = size[max(line - _WIDEST, 0) : line][::-1] < size[line] / 2
         high = size[line + 1 : line + 1 + _WIDEST] < size[line] / 2
@@ -104,8 +104,8 @@ def _peaks(size: FloatArray, noise: FloatArray | None) -> list[tuple[int, int]]:
             half <= line < size.size - half
             and size[line] == size[line - half : line + half + 1].max()
         ):
-            found.append((int(line), half))
-    return found
+            peaks.append((int(line), half))
+    return peaks
 
 
 def _residue(

@@ -9,9 +9,9 @@ from fecore.frf import Dof, FrfSet
 from fecore.signal.coupling import Coupling
 from fecore.signal.delay import Delay
 from fecore.signal.estimators import Estimator, check_estimator
-from fecore.signal.heights import Strip
-from fecore.signal.judgement import FALSE_DISCOVERY, Verdict
-from fecore.signal.placing import Position
+from fecore.signal.frf_scale import Strip
+from fecore.signal.hit_location import Position
+from fecore.signal.judgement import FALSE_DISCOVERY, HitVerdict
 from fecore.signal.windows import Windows
 
 MOST_REFUSED = 0.9
@@ -108,7 +108,7 @@ class Findings(Carried):
         warnings: what a user should know, in words.
     """
 
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[HitVerdict, ...]
     processing: Processing
     coupling: Coupling | None
     delay: Delay | None

@@ -80,7 +80,7 @@ def estimate(
         )
         for start in range(0, forces.shape[1], _AT_ONCE)
     ]
-    values, coherence, variance = (np.concatenate(found) for found in zip(*parts, strict=True))
+    values, coherence, variance = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     if len(forces) > 1:
         variance = pooled(values, variance, len(forces))
     return Estimate(values, coherence, variance, len(forces))

@@ -1,8 +1,8 @@
 """Which hits are good: one probability for each, and the reasons against a bad one.
 
-Each number v of a hit (`traits`, `comparison`, `placing`) is held against what is usual: as u =
-v/unit; where each campaign has a level of its own as u = v/(unit e^(c - c₀)); and where it has a
-scatter of its own as
+Each number v of a hit (`hit_features`, `comparison`, `hit_location`) is held against what is usual:
+as u = v/unit; where each campaign has a level of its own as u = v/(unit e^(c - c₀)); and where it
+has a scatter of its own as
 
     u = (ln v - c)/(3 s),    s² = (n₀ s₀² + n s_c²)/(n₀ + n),    c = (c₀/τ² + n c_c/2s²)/(1/τ² + n/2s²),
 
@@ -31,9 +31,9 @@ import numpy as np
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.frf import Dof
 from fecore.signal.comparison import Point, compare, usual_of
-from fecore.signal.placing import Position, locate
-from fecore.signal.reasons import Criterion, Finding, finding
-from fecore.signal.traits import OWN, Traits
+from fecore.signal.hit_features import OWN, HitFeatures
+from fecore.signal.hit_location import Position, locate
+from fecore.signal.reasons import Criterion, HitFinding, finding
 from fecore.signal.weights import ALONE, CONSTANT, LEAST, WEIGHTS, Weight
 
 if TYPE_CHECKING:
@@ -65,19 +65,19 @@ _LOW = {"height": 1, "gain": 1, "floor": 3}
 
 
 @dataclass(frozen=True)
-class Verdict:
+class HitVerdict:
     """What is said of a hit."""
 
     force: Dof  # where it was hit
     number: int  # which hit of its point it is
     probability: float  # that it is good
     # of each criterion the number that weighs most, the heaviest first
-    findings: tuple[Finding, ...]
+    findings: tuple[HitFinding, ...]
     overruled: bool | None = None  # what a user has decided against them, or None
     directions: int = 0  # along how many it shows by millimetres where the hit landed
 
     @property
-    def faults(self) -> tuple[Finding, ...]:
+    def faults(self) -> tuple[HitFinding, ...]:
         """The findings that failed."""
         return tuple(f for f in self.findings if f.failed)
 
@@ -98,19 +98,19 @@ class Features:
     u: FloatArray
     usual: FloatArray
     step: FloatArray
-    alone: BoolArray
+    single: BoolArray
     directions: IntArray
 
 
 def features_of(points: Sequence[Point], positions: Mapping[int, Position]) -> Features:
     """The features of all hits of a campaign."""
-    own = np.array([traits.own for point in points for traits in point.traits])
+    own = np.array([features.own for point in points for features in point.features])
     turned = own[:, _TURNED] != (np.median(own[:, _TURNED]) > 0.5)
     own[:, _TURNED] = turned
     floor = np.maximum(own[:, _FLOOR], WEIGHTS["floor"].least)
     own[:, OWN.index("early")] /= np.maximum(floor, np.median(floor))
     numbers = np.concatenate((own, np.full((len(own), 4), np.nan)), axis=1)
-    edges = np.cumsum([0, *(len(point.traits) for point in points)])
+    edges = np.cumsum([0, *(len(point.features) for point in points)])
     parts = [slice(a, b) for a, b in pairwise(edges)]
     louder = np.maximum(_in_common(numbers[:, _FLOOR], parts, np.ones(len(own), bool)), 1.0)
     numbers[:, _FLOOR] /= louder
@@ -140,13 +140,13 @@ def _in_common(values: FloatArray, parts: Sequence[slice], good: BoolArray) -> F
     logs = np.log(np.maximum(values, LEAST))
     known = good & np.isfinite(values)
     middle = np.median(logs[known]) if known.any() else 0.0
-    found = np.zeros(len(values))
+    gain = np.zeros(len(values))
     for part in parts:
         for i in range(part.start, part.stop):
             others = logs[part][known[part] & (np.arange(part.start, part.stop) != i)]
             if others.size:
-                found[i] = (np.median(others) - middle) * others.size / (others.size + _OWN)
-    return np.asarray(np.exp(found))
+                gain[i] = (np.median(others) - middle) * others.size / (others.size + _OWN)
+    return np.asarray(np.exp(gain))
 
 
 def _locate(
@@ -165,8 +165,8 @@ def _locate(
         tours.setdefault((points[i].force.direction, points[i].responses), []).append(i)
     for tour in tours.values():
         shares = [{int(k): every[i][k] for k in np.flatnonzero(comparable[i])} for i in tour]
-        found = locate([positions.get(points[i].force.point) for i in tour], shares)
-        for i, of_point in zip(tour, found, strict=True):
+        located = locate([positions.get(points[i].force.point) for i in tour], shares)
+        for i, of_point in zip(tour, located, strict=True):
             numbers, directions = rows[i]
             for k, (offset, along) in of_point.items():
                 numbers[k, _OFFSET] = 1e3 * min(offset, _TYPICAL_M * numbers[k, _DISTANCE])
@@ -225,8 +225,8 @@ def _usual_of_most(values: FloatArray) -> tuple[float, float]:
     return (float(near.mean()), float(near.std())) if near.size > 1 else (middle, spread)
 
 
-def _logit(u: FloatArray, alone: BoolArray) -> FloatArray:
-    return np.asarray(CONSTANT - ALONE * alone - parts_of(u).sum(axis=1))
+def _logit(u: FloatArray, single: BoolArray) -> FloatArray:
+    return np.asarray(CONSTANT - ALONE * single - parts_of(u).sum(axis=1))
 
 
 def _probability(logit: FloatArray) -> FloatArray:
@@ -238,7 +238,7 @@ def parts_of(u: FloatArray) -> FloatArray:
     return np.asarray(np.log1p(u**4) * np.array([WEIGHTS[name].weight for name in NAMES]))
 
 
-def judge(points: Sequence[Point], processing: Processing) -> list[list[Verdict]]:
+def judge(points: Sequence[Point], processing: Processing) -> list[list[HitVerdict]]:
     """The verdicts of all hits of a campaign, by point, with what a user has decided against them.
 
     Args:
@@ -247,53 +247,55 @@ def judge(points: Sequence[Point], processing: Processing) -> list[list[Verdict]
             which hits are located; and what a user has decided, by place and number.
     """
     level, overrules = processing.false_discovery, processing.overrules
-    found = features_of(points, processing.positions)
-    parts = parts_of(found.u)
-    probability = _probability(_logit(found.u, found.alone))
+    campaign = features_of(points, processing.positions)
+    parts = parts_of(campaign.u)
+    probability = _probability(_logit(campaign.u, campaign.single))
     slack = max(CONSTANT - float(np.log(level / (1 - level))), 0.0) if level > 0 else np.inf
     at = np.expm1(slack / np.array([WEIGHTS[name].weight for name in NAMES])) ** 0.25
-    limit = found.usual + np.where(at < _FAR, at, np.inf) * found.step
+    limit = campaign.usual + np.where(at < _FAR, at, np.inf) * campaign.step
     limit = np.where(
         [bool(WEIGHTS[name].unit) for name in NAMES],
         limit,
         np.exp(np.where(limit < 500, limit, np.inf)),
     )
-    every = enumerate(traits for point in points for traits in point.traits)
+    every = enumerate(features for point in points for features in point.features)
     verdicts = (
         replace(
-            _verdict(traits, float(probability[i]), level, found.numbers[i], limit[i], parts[i]),
-            overruled=overrules.get((traits.force, traits.number)),
-            directions=int(found.directions[i]),
+            _verdict(
+                features, float(probability[i]), level, campaign.numbers[i], limit[i], parts[i]
+            ),
+            overruled=overrules.get((features.force, features.number)),
+            directions=int(campaign.directions[i]),
         )
-        for i, traits in every
+        for i, features in every
     )
-    return [list(islice(verdicts, len(point.traits))) for point in points]
+    return [list(islice(verdicts, len(point.features))) for point in points]
 
 
 def _verdict(
-    traits: Traits,
+    features: HitFeatures,
     probability: float,
     level: float,
     numbers: FloatArray,
     limits: FloatArray,
     parts: FloatArray,
-) -> Verdict:
+) -> HitVerdict:
     least = min(parts.max(), _HEAVY)
-    found: dict[Criterion, Finding] = {}
-    share, name = traits.overload
+    findings: dict[Criterion, HitFinding] = {}
+    share, name = features.overload
     if share >= _FULL_SCALE:
         sentence = (
             f"The {name} reaches {share:.1%} of its full scale; {_FULL_SCALE:.1%} is an overload."
         )
-        found["overload"] = Finding("overload", share, _FULL_SCALE, True, sentence)
+        findings["overload"] = HitFinding("overload", share, _FULL_SCALE, True, sentence)
     for k in np.argsort(-parts, kind="stable"):
         if np.isfinite(numbers[k]):
             failed = probability < level and bool(parts[k] >= least)
-            own = finding(traits, NAMES[k], float(numbers[k]), float(limits[k]), failed)
-            found.setdefault(own.criterion, own)
-    return Verdict(
-        traits.force,
-        traits.number,
+            own = finding(features, NAMES[k], float(numbers[k]), float(limits[k]), failed)
+            findings.setdefault(own.criterion, own)
+    return HitVerdict(
+        features.force,
+        features.number,
         0.0 if share >= _FULL_SCALE else probability,
-        tuple(found.values()),
+        tuple(findings.values()),
     )

@@ -15,9 +15,9 @@ from fecore.signal.blocks import Hit
 from fecore.signal.comparison import Point, pairs
 from fecore.signal.document import Processing
 from fecore.signal.estimators import Estimate, estimate, squared
-from fecore.signal.judgement import Verdict, judge
+from fecore.signal.hit_features import HitFeatures, find_features
+from fecore.signal.judgement import HitVerdict, judge
 from fecore.signal.spectra import Source, Spectra
-from fecore.signal.traits import Traits, find_traits
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Preliminary:
         return (
             self.estimates
             if good == self.point.used
-            else frfs_of(spectra, hits, self.point.traits, good)
+            else frfs_of(spectra, hits, self.point.features, good)
         )
 
 
@@ -47,12 +47,12 @@ def numbers_of(
     """A point with the numbers of its hits, and the spectra of their force and responses."""
     for hit in hits:
         spectra.check(hit)
-    traits = find_traits(hits)
-    forces, responses = spectra.stack(hits, traits, range(len(hits)))
+    features = find_features(hits)
+    forces, responses = spectra.stack(hits, features, range(len(hits)))
     point = Point(
         force=hits[0].force.dof,
         responses=hits[0].pair[1],
-        traits=traits,
+        features=features,
         pairs=pairs(forces[:, spectra.compared], [r[:, spectra.compared] for r in responses]),
         shares=spectra.shares(forces, responses),
     )
@@ -75,14 +75,14 @@ def preliminary(spectra: Spectra, hits: Sequence[Hit]) -> Preliminary:
 
 
 def frfs_of(
-    spectra: Spectra, hits: Sequence[Hit], traits: Sequence[Traits], good: tuple[int, ...]
+    spectra: Spectra, hits: Sequence[Hit], features: Sequence[HitFeatures], good: tuple[int, ...]
 ) -> tuple[Estimate, ...]:
     """The FRFs of the chosen hits of a point, with the numbers of all its hits; none for no
     hits.
     """
     if not good:
         return ()
-    forces, responses = spectra.stack(hits, traits, good)
+    forces, responses = spectra.stack(hits, features, good)
     return tuple(estimate(forces, r, spectra.processing.estimator) for r in responses)
 
 
@@ -92,7 +92,7 @@ class Inspection:
     the excited band.
     """
 
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[HitVerdict, ...]
     coherence: dict[Dof, float]
 
 
@@ -125,7 +125,7 @@ class EachHit:
     frequency_hz: FloatArray  # (L,) lines of the FRFs
     # (h, r, L) FRF of each hit alone, response over force; NaN where the force has nothing
     frfs: ComplexArray
-    verdicts: tuple[Verdict, ...]  # of each hit, judged among the hits of the point
+    verdicts: tuple[HitVerdict, ...]  # of each hit, judged among the hits of the point
     accepted: tuple[bool, ...]  # which hits are averaged
     mean: tuple[Estimate, ...]  # their FRF for each response; empty where there are none
     # begin of the first pulse and end of the last, s from the begin of the block; a second pulse
@@ -152,7 +152,7 @@ def each_hit(hits: Sequence[Hit], accepted: Sequence[bool] | None = None) -> Eac
         tuple(verdict.accepted for verdict in verdicts) if accepted is None else tuple(accepted)
     )
     good = tuple(i for i, is_good in enumerate(chosen) if is_good)
-    forces, responses = spectra.stack(hits, point.traits, range(len(hits)))
+    forces, responses = spectra.stack(hits, point.features, range(len(hits)))
     with np.errstate(divide="ignore", invalid="ignore"):
         frfs = np.array([response / forces for response in responses]).swapaxes(0, 1)
     return EachHit(
@@ -161,16 +161,16 @@ def each_hit(hits: Sequence[Hit], accepted: Sequence[bool] | None = None) -> Eac
         verdicts=verdicts,
         accepted=chosen,
         mean=seen.frfs(spectra, hits, good),
-        pulse_s=_pulse_s(point.traits, verdicts, spectra.sample_rate),
+        pulse_s=_pulse_s(point.features, verdicts, spectra.sample_rate),
     )
 
 
 def _pulse_s(
-    traits: Sequence[Traits], verdicts: Sequence[Verdict], sample_rate_hz: float
+    features: Sequence[HitFeatures], verdicts: Sequence[HitVerdict], sample_rate_hz: float
 ) -> tuple[float, float]:
-    begin = min(t.pulse.start for t in traits)
-    end = max(t.pulse.stop for t in traits)
-    for t, verdict in zip(traits, verdicts, strict=True):
+    begin = min(t.pulse.start for t in features)
+    end = max(t.pulse.stop for t in features)
+    for t, verdict in zip(features, verdicts, strict=True):
         if any(fault.criterion == "double" for fault in verdict.faults):
             end = max(end, t.pulse.second_at + t.pulse.width)
     return begin / sample_rate_hz, end / sample_rate_hz

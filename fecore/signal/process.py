@@ -22,8 +22,8 @@ from fecore.signal.comparison import Point
 from fecore.signal.delay import Delay, DelaySearch
 from fecore.signal.document import Averages, Findings, Processed, Processing
 from fecore.signal.estimators import Estimate
-from fecore.signal.heights import Heights
-from fecore.signal.judgement import Verdict, judge
+from fecore.signal.frf_scale import FrfScale
+from fecore.signal.judgement import HitVerdict, judge
 from fecore.signal.points import Preliminary, frfs_of, preliminary
 from fecore.signal.spectra import Source, Spectra
 from fecore.signal.unstated import with_unstated_window
@@ -57,8 +57,8 @@ def process(
             hit of any point is
         good.
     """
-    whole, found = process_in_parts(source, processing, progress, shelf={}, part_bytes=None)
-    return Processed(**{**vars(whole), **vars(found)})
+    whole, findings = process_in_parts(source, processing, progress, shelf={}, part_bytes=None)
+    return Processed(**{**vars(whole), **vars(findings)})
 
 
 def process_in_parts(
@@ -102,14 +102,14 @@ def process_in_parts(
         for share in (0.1, 0.5)
     )
     count = sum(len(point.responses) for point, own in zip(points, good, strict=True) if own)
-    search, heights = DelaySearch(count, spectra.rate), Heights(spectra.frequency, strong)
+    search, scale_check = DelaySearch(count, spectra.rate), FrfScale(spectra.frequency, strong)
     most = count if part_bytes is None else max(1, part_bytes // (32 * spectra.lines.size))
     for part in _second_pass(spectra, source, points, good, shelf, most):
         search.add(part.frfs)
-        heights.add(part.frfs)
+        scale_check.add(part.frfs)
         yield part
     progress(1.0)
-    delay = search.found()
+    delay = search.estimate()
     yield Findings(
         verdicts=tuple(v for judged in verdicts for v in judged),
         processing=spectra.processing,
@@ -123,7 +123,7 @@ def process_in_parts(
             *([window.sentence] if window is not None and window.rate_per_s else []),
             *_warnings(points, verdicts, delay, excited, float(spectra.frequency[-1])),
             *(_unlocated(points, verdicts) if spectra.processing.positions else []),
-            *heights.wrong(spectra.processing.strip, spectra.strong_window()),
+            *scale_check.wrong(spectra.processing.strip, spectra.strong_window()),
         ),
     )
 
@@ -182,11 +182,11 @@ def _second_pass(
         if not own:
             continue
         same = own == point.used
-        estimates = shelf[number] if same else frfs_of(spectra, source[number], point.traits, own)
+        estimates = shelf[number] if same else frfs_of(spectra, source[number], point.features, own)
         if rows and sum(len(row[2]) for row in rows) + len(estimates) > most:
             yield _averages(spectra, rows)
             rows = []
-        rows.append((point, tuple(point.traits[i].number for i in own), estimates))
+        rows.append((point, tuple(point.features[i].number for i in own), estimates))
     yield _averages(spectra, rows)
 
 
@@ -194,18 +194,18 @@ def _averages(
     spectra: Spectra, rows: Sequence[tuple[Point, tuple[int, ...], tuple[Estimate, ...]]]
 ) -> Averages:
     """The FRFs of some points, each with the numbers of its hits."""
-    found = [estimate for _, _, estimates in rows for estimate in estimates]
+    every = [estimate for _, _, estimates in rows for estimate in estimates]
     return Averages(
         frfs=FrfSet(
             spectra.frequency,
-            np.array([estimate.values for estimate in found]),
+            np.array([estimate.values for estimate in every]),
             tuple(dof for point, _, _ in rows for dof in point.responses),
             tuple(point.force for point, _, _ in rows for _ in point.responses),
             FRF_QUANTITY[spectra.quantity],
-            np.array([estimate.variance for estimate in found]),
+            np.array([estimate.variance for estimate in every]),
         ),
-        coherence=np.array([estimate.coherence for estimate in found]),
-        hits=np.array([estimate.hits for estimate in found]),
+        coherence=np.array([estimate.coherence for estimate in every]),
+        hits=np.array([estimate.hits for estimate in every]),
         used=tuple(numbers for point, numbers, _ in rows for _ in point.responses),
         rate_per_s=spectra.rate,
         rate_sd_per_s=spectra.rate_sd,
@@ -214,12 +214,12 @@ def _averages(
 
 def _warnings(
     points: Sequence[Point],
-    verdicts: Sequence[Sequence[Verdict]],
+    verdicts: Sequence[Sequence[HitVerdict]],
     delay: Delay | None,
     excited: float,
     top: float,
 ) -> tuple[str, ...]:
-    found = []
+    warnings = []
     names = _names(points)
     lost = [
         name
@@ -227,7 +227,7 @@ def _warnings(
         if not any(v.accepted for v in judged)
     ]
     if lost:
-        found.append(
+        warnings.append(
             f"no hit of point {', '.join(lost)} is good, so there is no FRF; see the verdicts, and"
             " overrule where you know better"
         )
@@ -237,21 +237,21 @@ def _warnings(
         if sum(v.accepted for v in judged) == 1
     ]
     if single:
-        found.append(f"a single good hit at point {', '.join(single)}: the FRF has no variance")
+        warnings.append(f"a single good hit at point {', '.join(single)}: the FRF has no variance")
     if delay is not None and abs(delay.seconds) > max(4 * delay.sd, 2e-6):
-        found.append(
+        warnings.append(
             f"the response seems to come {delay.seconds * 1e6:.1f} ± {delay.sd * 1e6:.1f} µs after"
             " the force, which a fit takes for damping; state it as delay_s to take it out"
         )
     if excited < 0.95 * top:
-        found.append(
+        warnings.append(
             f"the hammer excites the body up to {excited:.0f} Hz; above that the FRFs are mostly"
             " noise"
         )
-    return tuple(found)
+    return tuple(warnings)
 
 
-def _unlocated(points: Sequence[Point], verdicts: Sequence[Sequence[Verdict]]) -> Iterator[str]:
+def _unlocated(points: Sequence[Point], verdicts: Sequence[Sequence[HitVerdict]]) -> Iterator[str]:
     """Points beside which a hit may lie without being seen: places are known by how FRFs change
     between points.
     """

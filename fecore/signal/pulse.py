@@ -111,8 +111,8 @@ def _second(force: FloatArray, peak: int, start: int, stop: int) -> tuple[float,
     width = max((stop - start) // 2, 1)
     width += width % 2  # an even mean is blind at half the sampling rate, where filters ring
     wide = 12 * width
-    away = np.concatenate((force[: max(start - guard, 0)], force[stop + guard :]))
-    if force.size < 2 * wide or not away.size or away.max() <= SMALLEST_SECOND * force[peak]:
+    outside = np.concatenate((force[: max(start - guard, 0)], force[stop + guard :]))
+    if force.size < 2 * wide or not outside.size or outside.max() <= SMALLEST_SECOND * force[peak]:
         return none
     sums = np.concatenate(([0.0], np.cumsum(force)))
     near, far = ((sums[n:] - sums[:-n]) / n for n in (width, wide))

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from fecore.signal.traits import Traits
+from fecore.signal.hit_features import HitFeatures
 
 Criterion = Literal[
     "double",
@@ -104,7 +104,7 @@ _SAYS: dict[str, tuple[Criterion, str, str]] = {
 
 
 @dataclass(frozen=True)
-class Finding:
+class HitFinding:
     """One number of one hit: `failed` where it is a reason to refuse it; `limit` is the number that
     alone would refuse it.
     """
@@ -116,11 +116,13 @@ class Finding:
     sentence: str
 
 
-def finding(traits: Traits, name: str, number: float, limit: float, failed: bool) -> Finding:
+def finding(
+    features: HitFeatures, name: str, number: float, limit: float, failed: bool
+) -> HitFinding:
     """What a number says.
 
     Args:
-        traits: of the hit.
+        features: of the hit.
         name: of the number.
         number: of the hit.
         limit: the number that alone would refuse it.
@@ -129,31 +131,31 @@ def finding(traits: Traits, name: str, number: float, limit: float, failed: bool
     criterion, text, advice = _SAYS[name]
     if not 0 < limit < np.inf:
         text = text.partition("; the limit")[0].rstrip(".") + "."
-    sentence = text.format(n=number, l=limit, cut=traits.cut)
+    sentence = text.format(n=number, l=limit, cut=features.cut)
     if name == "height" and number < limit:
         criterion = "quiet"
     if not failed:
-        return Finding(criterion, number, limit, False, sentence)
+        return HitFinding(criterion, number, limit, False, sentence)
     if name == "lost":
-        sentence = _lost(traits)
+        sentence = _lost(features)
     elif name == "turned":
         sentence = (
             "The pulse points the other way than those of the other hits; the direction was"
             " probably turned."
         )
     elif name == "second":
-        after = 1e3 * traits.second_s
+        after = 1e3 * features.second_s
         advice = f"It stands {abs(after):.3g} ms {'after' if after > 0 else 'before'} it."
-    return Finding(criterion, number, limit, True, f"{sentence} {advice}".strip())
+    return HitFinding(criterion, number, limit, True, f"{sentence} {advice}".strip())
 
 
-def _lost(traits: Traits) -> str:
-    pulse = traits.pulse
-    if not traits.clear:
+def _lost(features: HitFeatures) -> str:
+    pulse = features.pulse
+    if not features.clear:
         return "The force block holds no pulse above its noise: the hit lies outside the block."
-    if pulse.peak > 0.5 * traits.samples:
+    if pulse.peak > 0.5 * features.samples:
         return (
-            f"The pulse lies at {pulse.peak / traits.samples:.0%} of the block; most of the"
+            f"The pulse lies at {pulse.peak / features.samples:.0%} of the block; most of the"
             " response is lost."
         )
     return f"{pulse.start} samples lie before the pulse, too few: its beginning is lost."

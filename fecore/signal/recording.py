@@ -128,20 +128,20 @@ def survey(
     return Survey(hits, _length(hits))
 
 
-def cut(chunks: Iterable[FloatArray], found: Survey) -> Iterator[tuple[Impact, FloatArray]]:
+def cut(chunks: Iterable[FloatArray], survey: Survey) -> Iterator[tuple[Impact, FloatArray]]:
     """The block (channels, length) of each hit that has room for one; see `Survey.fits`.
 
     Args:
         chunks: the recording again.
-        found: what the first reading found.
+        survey: of the first reading.
     """
-    waiting = [hit for hit in found.hits if found.fits(hit)]
+    waiting = [hit for hit in survey.hits if survey.fits(hit)]
     held: FloatArray = np.empty((0, 0))
     begin = 0
     for chunk in chunks:
         held = np.concatenate((held, chunk), axis=1) if held.size else chunk
-        while waiting and (start := waiting[0].at - LEAD) + found.length <= begin + held.shape[1]:
-            yield waiting.pop(0), held[:, start - begin : start - begin + found.length].copy()
+        while waiting and (start := waiting[0].at - LEAD) + survey.length <= begin + held.shape[1]:
+            yield waiting.pop(0), held[:, start - begin : start - begin + survey.length].copy()
         if not waiting:
             return
         gone = min(max(waiting[0].at - LEAD - begin, 0), held.shape[1])
@@ -209,11 +209,11 @@ def _starts(
 ) -> list[int]:
     """The highest hop of each hit's first run of hops that lie above."""
     runs = np.split(above, np.flatnonzero(np.diff(above) > 1) + 1)
-    found: list[int] = []
+    starts: list[int] = []
     for run in runs:
-        if not found or run[0] - found[-1] > bounce:
-            found.append(int(run[np.argmax(peaks[run])]))
-    return found
+        if not starts or run[0] - starts[-1] > bounce:
+            starts.append(int(run[np.argmax(peaks[run])]))
+    return starts
 
 
 def _decays(
@@ -232,11 +232,11 @@ def _decays(
         sums = np.concatenate((np.zeros(width), np.cumsum(energy, dtype=float)))
         mean = (sums[width:] - sums[:-width]) / width
         quiet &= mean <= _FLOOR * np.quantile(mean[width:], 0.05)
-    found = []
+    decays = []
     for k, end in zip(first, ends, strict=True):
-        still = np.flatnonzero(quiet[k + width : end])
-        found.append((width + int(still[0]) if still.size else end - k) * hops.hop)
-    return found
+        quiet_hops = np.flatnonzero(quiet[k + width : end])
+        decays.append((width + int(quiet_hops[0]) if quiet_hops.size else end - k) * hops.hop)
+    return decays
 
 
 def _clipped(hops: _Hops, full_scale: Sequence[float | None], at: int, end: int) -> tuple[int, ...]:

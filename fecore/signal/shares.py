@@ -56,19 +56,23 @@ def hit_frfs(forces: ComplexArray, responses: ComplexArray) -> ComplexArray:
     """
     power = forces.real**2 + forces.imag**2
     least = np.maximum(_WEAKEST * power.max(axis=1, keepdims=True), 1e-300)
-    found: ComplexArray = responses * forces.conj() / (power + least)
-    return found
+    frfs: ComplexArray = responses * forces.conj() / (power + least)
+    return frfs
 
 
 def find_basis(frfs: ComplexArray) -> Basis | None:
     """The basis of (n, L) FRFs of a sample of hits; None where they show no resonance."""
     power = np.abs(frfs) ** 2
-    found = [
+    components = [
         (band, u)
         for band in _bands(np.median(power, axis=0))
         for u in _strongest(_parts(frfs[:, band[0] : band[1]]))
     ]
-    return Basis(tuple(band for band, _ in found), tuple(u for _, u in found)) if found else None
+    return (
+        Basis(tuple(band for band, _ in components), tuple(u for _, u in components))
+        if components
+        else None
+    )
 
 
 def _bands(power: FloatArray) -> Sequence[tuple[int, int]]:

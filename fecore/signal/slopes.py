@@ -56,8 +56,8 @@ def plane(positions: FloatArray) -> FloatArray:
     longer first.
     """
     order = np.argsort(-np.ptp(positions, axis=0), kind="stable")[:2]
-    found: FloatArray = positions[:, order]
-    return found
+    flat: FloatArray = positions[:, order]
+    return flat
 
 
 def slopes(places: FloatArray, shares: FloatArray, point: int) -> tuple[FloatArray, FloatArray]:
@@ -157,12 +157,12 @@ class _Axis:
         line = (self.x - self.middle) * 2 / self.extent
         flat = np.zeros((1, self.x.size, 4)), np.zeros((1, self.x.size, 4))
         flat[0][0, :, 0], flat[0][0, :, 1], flat[1][0, :, 1] = 1.0, line, 2 / self.extent
-        found = _of_features(np.concatenate((flat[0], values)), np.concatenate((flat[1], slope)))
+        kernels = _of_features(np.concatenate((flat[0], values)), np.concatenate((flat[1], slope)))
         smooth = self._smooth()
         return _Kernels(
-            np.concatenate((found.value, smooth.value)),
-            np.concatenate((found.slope, smooth.slope)),
-            np.concatenate((found.both, smooth.both)),
+            np.concatenate((kernels.value, smooth.value)),
+            np.concatenate((kernels.slope, smooth.slope)),
+            np.concatenate((kernels.both, smooth.both)),
         )
 
     def _smooth(self) -> _Kernels:

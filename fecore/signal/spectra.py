@@ -15,8 +15,8 @@ from fecore.signal.blocks import Hit, exponential
 from fecore.signal.comparison import compare_lines
 from fecore.signal.coupling import find_coupling, impulse
 from fecore.signal.document import Processing
+from fecore.signal.hit_features import HitFeatures, find_features
 from fecore.signal.shares import MOST_SENSORS, Basis, find_basis, hit_frfs
-from fecore.signal.traits import Traits, find_traits
 from fecore.signal.windows import LEFT_AT_END, choose_windows, force_window, total_rate, windowed
 
 USABLE_SHARE = 1 / 2.56
@@ -95,12 +95,12 @@ class Spectra:
         self.delay = (
             np.exp(2j * np.pi * self.frequency * processing.delay_s) if processing.delay_s else None
         )
-        looked: list[tuple[Hit, Traits]] = []
-        more: list[tuple[Hit, Traits]] = []
+        looked: list[tuple[Hit, HitFeatures]] = []
+        more: list[tuple[Hit, HitFeatures]] = []
         step = max(1, len(source) // _LOOKED_AT)
         for number in range(0, len(source), step)[:_LOOKED_AT]:
             first_hit, *others = (
-                (hit, find_traits([hit])[0]) for hit in source[number][: _COUPLED // _LOOKED_AT]
+                (hit, find_features([hit])[0]) for hit in source[number][: _COUPLED // _LOOKED_AT]
             )
             looked.append(first_hit)
             more += others
@@ -115,15 +115,17 @@ class Spectra:
         )
         self.rate, self.rate_sd = total_rate(first, self.windows), rate_sd
         self._kept = threading.local()
-        self.compared = self._excited([hit for hit, _ in looked], [traits for _, traits in looked])
+        self.compared = self._excited(
+            [hit for hit, _ in looked], [features for _, features in looked]
+        )
         self.basis = self._basis([*looked, *more]) if processing.positions else None
 
-    def _excited(self, hits: Sequence[Hit], traits: Sequence[Traits]) -> slice:
+    def _excited(self, hits: Sequence[Hit], features: Sequence[HitFeatures]) -> slice:
         """Kept lines on which hits are compared: those that the hammer excites."""
         power = np.median(
             [
                 np.abs(self.stack([h], [t], [0])[0][0]) ** 2 / max(t.pulse.height**2, 1e-300)
-                for h, t in zip(hits, traits, strict=True)
+                for h, t in zip(hits, features, strict=True)
             ],
             axis=0,
         )
@@ -133,16 +135,16 @@ class Spectra:
         stop = int(weak[0]) if weak.size else power.size
         return compare_lines(start, min(max(stop, start + 64), power.size))
 
-    def _basis(self, sample: Sequence[tuple[Hit, Traits]]) -> Basis | None:
+    def _basis(self, sample: Sequence[tuple[Hit, HitFeatures]]) -> Basis | None:
         """What the resonances look like, from a sample of hits."""
-        found = []
-        for hit, traits in sample:
-            force, responses = self.stack([hit], [traits], [0])
-            found += [
+        frfs = []
+        for hit, features in sample:
+            force, responses = self.stack([hit], [features], [0])
+            frfs += [
                 hit_frfs(force[:, self.compared], r[:, self.compared])
                 for r in responses[:MOST_SENSORS]
             ]
-        return find_basis(np.concatenate(found))
+        return find_basis(np.concatenate(frfs))
 
     def shares(self, forces: ComplexArray, responses: Sequence[ComplexArray]) -> FloatArray | None:
         """(h, K) what each resonance has in each hit, over the sensors; None where places are not
@@ -198,11 +200,11 @@ class Spectra:
                 f"first {self.rate:g}; keep them in a campaign of their own",
             )
 
-    def _force(self, hit: Hit, traits: Traits, into: FloatArray) -> None:
+    def _force(self, hit: Hit, features: HitFeatures, into: FloatArray) -> None:
         """A hit's force under both windows, with the coupling's tail in place of the noise that the
         force window has taken away.
         """
-        pulse, rate = traits.pulse, self.sample_rate
+        pulse, rate = features.pulse, self.sample_rate
         if self.windows.force_length_s is None:
             windowed(hit.force, pulse.baseline, rate, self.rate, into)
             return
@@ -228,29 +230,29 @@ class Spectra:
         into[kept] += part
 
     def stack(
-        self, hits: Sequence[Hit], traits: Sequence[Traits], chosen: Sequence[int]
+        self, hits: Sequence[Hit], features: Sequence[HitFeatures], chosen: Sequence[int]
     ) -> tuple[ComplexArray, list[ComplexArray]]:
         """(h, L) spectra of the force of the chosen hits, and of each response; a few hits at a
         time.
         """
-        found: ComplexArray = np.empty(
+        values: ComplexArray = np.empty(
             (1 + len(hits[0].responses), len(chosen), self.lines.size), dtype=complex
         )
-        step = max(1, _AT_ONCE // (self.samples * len(found)))
+        step = max(1, _AT_ONCE // (self.samples * len(values)))
         for start in range(0, len(chosen), step):
             part, some = slice(start, start + step), chosen[start : start + step]
-            blocks, spectra = self._room(len(found), len(some))
+            blocks, spectra = self._room(len(values), len(some))
             for row, i in enumerate(some):
-                self._force(hits[i], traits[i], blocks[0, row])
+                self._force(hits[i], features[i], blocks[0, row])
                 for channel, (block, offset) in enumerate(
-                    zip(hits[i].responses, traits[i].offsets, strict=True), 1
+                    zip(hits[i].responses, features[i].offsets, strict=True), 1
                 ):
                     windowed(block, offset, self.sample_rate, self.rate, blocks[channel, row])
             np.fft.rfft(blocks, out=spectra)
-            found[:, part] = spectra[..., self.lines[0] : self.lines[-1] + 1]
+            values[:, part] = spectra[..., self.lines[0] : self.lines[-1] + 1]
         if self.delay is not None:
-            found[1:] *= self.delay
-        return found[0], list(found[1:])
+            values[1:] *= self.delay
+        return values[0], list(values[1:])
 
     def _room(self, channels: int, hits: int) -> tuple[FloatArray, npt.NDArray[np.complex128]]:
         """Memory for the blocks of so many channels and hits and their transforms, the same at each

@@ -133,11 +133,11 @@ def _near(rows: Sequence[tuple[float, float, float] | None]) -> FloatArray:
     """(n, 3) the hits' numbers without those that lie far from their median; none where they are
     too few.
     """
-    found = np.array([row for row in rows if row is not None])
-    if len(found) < _FEWEST_HITS:
+    located = np.array([row for row in rows if row is not None])
+    if len(located) < _FEWEST_HITS:
         return np.empty((0, 3))
-    off = np.abs(found - np.median(found, axis=0))
-    near = found[(off <= _NEAR * 1.4826 * np.median(off, axis=0))[:, :2].all(axis=1)]
+    off = np.abs(located - np.median(located, axis=0))
+    near = located[(off <= _NEAR * 1.4826 * np.median(off, axis=0))[:, :2].all(axis=1)]
     return near if len(near) >= _FEWEST_HITS else np.empty((0, 3))
 
 
@@ -192,14 +192,14 @@ def _shown(noises: Sequence[_Noise]) -> int:
     """
     whole = noises[0].hit.samples - 1
     size = whole // _FINE_PARTS
-    still = np.full((len(noises), _FINE_PARTS), np.nan)
-    for row, noise in zip(still, noises, strict=True):
+    quiet = np.full((len(noises), _FINE_PARTS), np.nan)
+    for row, noise in zip(quiet, noises, strict=True):
         parts = noise.steps[: _FINE_PARTS * size].reshape(_FINE_PARTS, size)
         first = -(-noise.start // size)
         none = parts <= _STILL * np.sqrt((parts**2).mean(axis=1, keepdims=True))
         row[first:] = none.mean(axis=1)[first:]
     most = np.array(
-        [np.median(own) if (own := column[np.isfinite(column)]).size else 0.0 for column in still.T]
+        [np.median(own) if (own := column[np.isfinite(column)]).size else 0.0 for column in quiet.T]
     )
     hidden = np.flatnonzero(most > _HIDDEN)
     return int(hidden[0]) * size if hidden.size else whole

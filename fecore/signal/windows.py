@@ -30,8 +30,8 @@ from fecore.arrays import ComplexArray, FloatArray
 from fecore.errors import InputError
 from fecore.frf import MAINS_HZ
 from fecore.signal.blocks import Block, Hit, exponential
+from fecore.signal.hit_features import HitFeatures
 from fecore.signal.pulse import Pulse
-from fecore.signal.traits import Traits
 
 _FORCE_BEFORE = 0.25
 """Share of the force window that lies before the pulse's peak; the ringing of a filter is on both
@@ -77,12 +77,12 @@ class Windows:
             )
 
 
-def choose_windows(sample: Sequence[tuple[Hit, Traits]]) -> Windows:
+def choose_windows(sample: Sequence[tuple[Hit, HitFeatures]]) -> Windows:
     """Windows for hits like these; the rectangular ones where there is nothing to gain."""
     clear = [
-        (hit, traits)
-        for hit, traits in sample
-        if abs(traits.pulse.height) > 20 * traits.pulse.noise
+        (hit, features)
+        for hit, features in sample
+        if abs(features.pulse.height) > 20 * features.pulse.noise
     ]
     if not clear:
         return Windows()
@@ -95,9 +95,9 @@ def choose_windows(sample: Sequence[tuple[Hit, Traits]]) -> Windows:
     return Windows(float(f"{length:.3g}"), float(np.ceil(10 * np.percentile(needed, 75)) / 10))
 
 
-def _needed_rate(hit: Hit, channel: int, traits: Traits) -> float:
+def _needed_rate(hit: Hit, channel: int, features: HitFeatures) -> float:
     """Rate that one response wants beside what the analyser has applied, 1/s."""
-    start = traits.pulse.stop
+    start = features.pulse.stop
     half = (hit.samples - start) // 2
     if half < 64:
         return 0.0

@@ -108,15 +108,15 @@ def assess(
 def _together(trends: Sequence[ParameterTrend], covariates: Sequence[str]) -> tuple[str, ...]:
     """What is said where the residuals of the baselines move together."""
     based = [(trend.series, trend.baseline) for trend in trends if trend.baseline is not None]
-    found = common_factor(based) if based else None
-    if found is None:
+    factor = common_factor(based) if based else None
+    if factor is None:
         return ()
     unexplained = f" that {' and '.join(covariates)} does not explain" if covariates else ""
     return (
         (
             "the residuals of the baseline move together beyond their noise,"
-            f" {100 * found.share:.0f} % of their variance in one direction{unexplained} (p ="
-            f" {found.p:.1g}): something not regressed out, as the climate (temperature, humidity)"
+            f" {100 * factor.share:.0f} % of their variance in one direction{unexplained} (p ="
+            f" {factor.p:.1g}): something not regressed out, as the climate (temperature, humidity)"
             " or the support, moves all parameters; record it, or its changes look like damage"
         ),
     )
@@ -129,13 +129,13 @@ def _parameter(
     as_of: datetime | None,
     notes: Sequence[Acknowledgement],
 ) -> ParameterTrend:
-    ordered, said = in_time_order(series)
+    ordered, order_notes = in_time_order(series)
     complete = complete_campaigns(ordered, watch.covariates).size
     if complete < watch.baseline:
         short = f"no baseline yet: {complete} of {watch.baseline} campaigns" + (
             f" with {' and '.join(watch.covariates)}" if watch.covariates else ""
         )
-        return ParameterTrend(series.name, direction, ordered, notes=(*said, short))
+        return ParameterTrend(series.name, direction, ordered, notes=(*order_notes, short))
     baseline, watched, left_out = fit_baseline(
         ordered, watch.baseline, watch.covariates, watch.per_kelvin.get(series.name)
     )
@@ -175,7 +175,7 @@ def _parameter(
         change=change,
         rate=speed,
         notes=(
-            *said,
+            *order_notes,
             *left_out,
             *_alike(baseline, wider),
             *_cautions(watched, scores, baseline),
@@ -250,12 +250,12 @@ def _alike(baseline: Baseline, wider: float) -> tuple[str, ...]:
     """What is said where the limits are wider by more than nobody would notice."""
     if wider < _NOTICED:
         return ()
-    found = baseline.autocorrelation
-    low, high = found.interval_95
+    autocorrelation = baseline.autocorrelation
+    low, high = autocorrelation.interval_95
     return (
         (
             "campaigns of the baseline resemble their neighbours (lag-1 autocorrelation"
-            f" {found.mean:.2f}, 95 % from {low:g} to {high:g}): the limits are"
+            f" {autocorrelation.mean:.2f}, 95 % from {low:g} to {high:g}): the limits are"
             f" {100 * (wider - 1):.0f} % wider than for independent campaigns"
         ),
     )
@@ -265,7 +265,7 @@ def _cautions(watched: Series | None, scores: Scores | None, baseline: Baseline)
     """What a reader of the chart must know about its covariates."""
     if watched is None or scores is None:
         return ()
-    said = []
+    cautions = []
     labels = np.array(watched.labels)
     if np.any(scores.extrapolated):
         ranges = ", ".join(
@@ -274,13 +274,13 @@ def _cautions(watched: Series | None, scores: Scores | None, baseline: Baseline)
                 baseline.covariates, baseline.low, baseline.high, strict=True
             )
         )
-        said.append(
+        cautions.append(
             f"beyond the baseline's covariates ({ranges}), judged with more uncertainty: "
             + ", ".join(labels[scores.extrapolated])
         )
     if np.any(scores.missing):
-        said.append(
+        cautions.append(
             "a covariate was not measured, judged as if it could be anything that the baseline"
             " saw: " + ", ".join(labels[scores.missing])
         )
-    return tuple(said)
+    return tuple(cautions)

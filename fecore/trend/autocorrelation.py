@@ -126,8 +126,8 @@ def _colour(covariate: FloatArray) -> float:
     a baseline can show.
     """
     c = covariate - covariate.mean()
-    found = float(c[1:] @ c[:-1]) / max(float(c @ c), 1e-300)
-    return float(np.clip(np.round(4 * found) / 4, -0.5, _SLOWEST))
+    lag_1 = float(c[1:] @ c[:-1]) / max(float(c @ c), 1e-300)
+    return float(np.clip(np.round(4 * lag_1) / 4, -0.5, _SLOWEST))
 
 
 def _prior() -> FloatArray:
@@ -135,7 +135,7 @@ def _prior() -> FloatArray:
 
 
 def widened(
-    limits: Limits, chart: Chart, found: Autocorrelation, *, campaigns: int, pending: int
+    limits: Limits, chart: Chart, autocorrelation: Autocorrelation, *, campaigns: int, pending: int
 ) -> tuple[Limits, float]:
     """Limits that are called as often as stated under what is known of φ, and the factor κ by which
     they are wider.
@@ -143,18 +143,22 @@ def widened(
     Args:
         limits: for independent scores.
         chart: kind and constants.
-        found: what the baseline says of φ.
+        autocorrelation: what the baseline says of φ.
         campaigns: H, after the baseline.
         pending: consecutive campaigns outside that make an alarm.
     """
-    table = _factors(chart, limits, found.campaigns, found.covariates, campaigns, pending)
+    table = _factors(
+        chart, limits, autocorrelation.campaigns, autocorrelation.covariates, campaigns, pending
+    )
     stated = _called(table[0], 1.0)
     low, high = 1.0, float(table[:, -1].max())
     if stated == 0 or high <= low:
         return limits, 1.0
     for _ in range(30):
         middle = (low + high) / 2
-        called = sum(w * _called(row, middle) for w, row in zip(found.weights, table, strict=True))
+        called = sum(
+            w * _called(row, middle) for w, row in zip(autocorrelation.weights, table, strict=True)
+        )
         low, high = (middle, high) if called > stated else (low, middle)
     return Limits(limits.chart * high, limits.score * high), high
 

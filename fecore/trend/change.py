@@ -93,7 +93,7 @@ def change_point(
     root = scipy.linalg.cholesky(covariance, lower=True)
     white = scipy.linalg.solve_triangular(root, residual, lower=True)
     candidates: tuple[Pattern, ...] = ("step", "ramp") if pattern is None else (pattern,)
-    found = []
+    fits = []
     for kind in candidates:
         g = scipy.linalg.solve_triangular(root, _patterns(kind, days), lower=True)
         size = np.sum(g**2, axis=0)
@@ -102,8 +102,8 @@ def change_point(
         log_p = -0.5 * np.log(size) - (degrees_of_freedom + m - 1) / 2 * np.log(
             degrees_of_freedom + misfit
         )
-        found.append((float(misfit.min()), kind, log_p, along / size, size, misfit))
-    _, kind, log_p, amplitude, size, misfit = min(found, key=lambda item: item[0])
+        fits.append((float(misfit.min()), kind, log_p, along / size, size, misfit))
+    _, kind, log_p, amplitude, size, misfit = min(fits, key=lambda item: item[0])
     posterior = np.exp(log_p - scipy.special.logsumexp(log_p))
     index = int(np.argmax(posterior))
     ranked = np.argsort(-posterior)
@@ -224,8 +224,8 @@ def rate_since_onset(change: ChangePoint, baseline_mean: float) -> Rate:
     """
     if change.pattern != "ramp":
         raise InputError("change", "is a step, which has no rate")
-    found = _rate(change.mean, change.mean_sd, change.degrees_of_freedom, baseline_mean)
-    return replace(found, since=change.date)
+    speed = _rate(change.mean, change.mean_sd, change.degrees_of_freedom, baseline_mean)
+    return replace(speed, since=change.date)
 
 
 def _rate(slope: float, sd: float, degrees_of_freedom: float, baseline_mean: float) -> Rate:

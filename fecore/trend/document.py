@@ -101,11 +101,11 @@ def _autocorrelation(trend: ParameterTrend) -> dict[str, Any] | None:
     """
     if trend.baseline is None:
         return None
-    found = trend.baseline.autocorrelation
+    autocorrelation = trend.baseline.autocorrelation
     return {
-        "lag_1": found.mean,
-        "interval_95": list(found.interval_95),
-        "interval_days": found.interval_days,
+        "lag_1": autocorrelation.mean,
+        "interval_95": list(autocorrelation.interval_95),
+        "interval_days": autocorrelation.interval_days,
         "limits_widened_by": trend.widened_by,
     }
 

@@ -77,7 +77,7 @@ class Effects:
 
 
 @dataclass(frozen=True)
-class Explanation:
+class ChangeExplanation:
     """One explanation of a change."""
 
     # `mass`, `calibration`, `support`, `climate`, `stiffness`, or `none`: neither frequencies nor
@@ -135,7 +135,7 @@ def change_of(
     )
 
 
-def explanations(change: Change, effects: Effects) -> tuple[Explanation, ...]:
+def explanations(change: Change, effects: Effects) -> tuple[ChangeExplanation, ...]:
     """All explanations, the likeliest first.
 
     Args:
@@ -146,26 +146,26 @@ def explanations(change: Change, effects: Effects) -> tuple[Explanation, ...]:
         "none": [_Candidate({})],
         "calibration": _calibration(change, effects),
         "mass": _masses(effects),
-        "support": _alone_and_together(effects.support, 1.0),
+        "support": _single_and_joint(effects.support, 1.0),
         "climate": _climate(effects),
-        "stiffness": _alone_and_together(effects.stiffness, LOSS),
+        "stiffness": _single_and_joint(effects.stiffness, LOSS),
     }
-    found = {
+    evidence = {
         kind: np.array([_evidence(change, each) for each in candidates])
         for kind, candidates in kinds.items()
     }
     log = {
         kind: scipy.special.logsumexp(each) - np.log(each.size)
-        for kind, each in found.items()
+        for kind, each in evidence.items()
         if each.size
     }
     total = scipy.special.logsumexp(list(log.values()))
     return tuple(
-        Explanation(
+        ChangeExplanation(
             kind=kind,
             probability=float(np.exp(log[kind] - total)),
             evidence=float(log[kind] - log["none"]),
-            sizes=_sizes(change, kinds[kind][int(np.argmax(found[kind]))]),
+            sizes=_sizes(change, kinds[kind][int(np.argmax(evidence[kind]))]),
         )
         for kind in sorted(log, key=lambda kind: -log[kind])
     )
@@ -214,11 +214,11 @@ def _climate(effects: Effects) -> list[_Candidate]:
     return [_Candidate({"all stiffness": (each, sd)}) for each in (alike, *slopes)]
 
 
-def _alone_and_together(effects: Mapping[str, FloatArray], sd: float) -> list[_Candidate]:
+def _single_and_joint(effects: Mapping[str, FloatArray], sd: float) -> list[_Candidate]:
     """Each cause alone, and all at once."""
     causes = {name: (effect, sd) for name, effect in effects.items()}
-    alone = [_Candidate({name: cause}) for name, cause in causes.items()]
-    return [*alone, _Candidate(causes)] if len(alone) > 1 else alone
+    single = [_Candidate({name: cause}) for name, cause in causes.items()]
+    return [*single, _Candidate(causes)] if len(single) > 1 else single
 
 
 def _sensitivity(change: Change, candidate: _Candidate) -> tuple[FloatArray, FloatArray]:
@@ -238,7 +238,7 @@ def _posterior(
     return spread @ (weighted.T @ change.deviation), spread
 
 
-def _missed(change: Change, candidate: _Candidate) -> FloatArray:
+def _model_error(change: Change, candidate: _Candidate) -> FloatArray:
     """(n, n) E at the likeliest sizes; they depend on it, so it is made in two turns."""
     G, sd = _sensitivity(change, candidate)
     E, typical = np.zeros((len(G), len(G))), np.median(change.covariances, axis=0)
@@ -253,7 +253,7 @@ def _missed(change: Change, candidate: _Candidate) -> FloatArray:
 def _evidence(change: Change, candidate: _Candidate) -> float:
     """Logarithm of the density of the change."""
     G, sd = _sensitivity(change, candidate)
-    V = change.covariances + _missed(change, candidate) + (G * sd**2) @ G.T
+    V = change.covariances + _model_error(change, candidate) + (G * sd**2) @ G.T
     distance = np.linalg.solve(V, change.deviation[:, None])[..., 0] @ change.deviation
     return float(scipy.special.logsumexp(-(np.linalg.slogdet(V)[1] + distance) / 2))
 
@@ -261,7 +261,7 @@ def _evidence(change: Change, candidate: _Candidate) -> float:
 def _sizes(change: Change, candidate: _Candidate) -> dict[str, tuple[float, float]]:
     G, sd = _sensitivity(change, candidate)
     size, spread = _posterior(
-        change, np.median(change.covariances, axis=0) + _missed(change, candidate), G, sd
+        change, np.median(change.covariances, axis=0) + _model_error(change, candidate), G, sd
     )
     return {
         name: (float(size[k]), float(np.sqrt(spread[k, k])))
@@ -283,7 +283,7 @@ DECIDED_BY = {
 """What sets an explanation apart from the others."""
 
 
-def in_words(ranked: Sequence[Explanation], not_given: Sequence[str] = ()) -> str:
+def in_words(ranked: Sequence[ChangeExplanation], not_given: Sequence[str] = ()) -> str:
     """The explanations that are not ruled out, how probable each is, and what would decide between
     them.
 
@@ -293,10 +293,12 @@ def in_words(ranked: Sequence[Explanation], not_given: Sequence[str] = ()) -> st
     """
     kept = [each for each in ranked if each.evidence > ranked[0].evidence - RIVAL]
     out = [_KINDS[each.kind] for each in ranked if each not in kept]
-    said = "; ".join(f"{_said(each, not_given)} ({100 * each.probability:.0f} %)" for each in kept)
+    statements = "; ".join(
+        f"{_statement(each, not_given)} ({100 * each.probability:.0f} %)" for each in kept
+    )
     ruled = f"; ruled out: {', '.join(out)}" if out else ""
     decide = "; ".join(f"{_KINDS[each.kind]}: {DECIDED_BY[each.kind]}" for each in kept)
-    return f"explained by {said}{ruled}. What decides: {decide}"
+    return f"explained by {statements}{ruled}. What decides: {decide}"
 
 
 _KINDS = {
@@ -309,7 +311,7 @@ _KINDS = {
 }
 
 
-def _said(each: Explanation, not_given: Sequence[str]) -> str:
+def _statement(each: ChangeExplanation, not_given: Sequence[str]) -> str:
     if each.kind == "mass":
         ((place, (size, sd)),) = each.sizes.items()
         return (

@@ -186,7 +186,7 @@ def _of_modes_alone(measurement: Measurement, model: Model) -> Prepared:
 
 def _moves(dofs: Sequence[Dof], measurement: Measurement, model: Model) -> list[bool]:
     """Which dofs are displacements along directions in which the model moves."""
-    along = model.moves_along(
+    along = model.can_move_along(
         directions_of([Dof(dof.point, (dof.axis - 1) % 3 + 1) for dof in dofs], measurement.axes)
     )
     return [dof.axis <= 3 and bool(moves) for dof, moves in zip(dofs, along, strict=True)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.frf import Dof
-from fecore.signal import Block, ChannelQuantity, Hit, Verdict
+from fecore.signal import Block, ChannelQuantity, Hit, HitVerdict
 
 Place = tuple[int, int]
 """Point and direction of a hit."""
@@ -90,7 +90,7 @@ def hits_of(rows: Sequence[BlockRow], samples: Iterable[FloatArray]) -> list[Hit
     return hits
 
 
-def describe_verdict(verdict: Verdict) -> dict[str, Any]:
+def describe_verdict(verdict: HitVerdict) -> dict[str, Any]:
     """A verdict as JSON, the fields of `HitOut`."""
     return {
         "point": verdict.force.point,

@@ -25,7 +25,7 @@ from fecore.trend import (
     worst,
 )
 from fecore.trend.document import describe_change, describe_judged, describe_rate, describe_trend
-from fecore.trend.explanations import Effects, Explanation, change_of, explanations, in_words
+from fecore.trend.explanations import ChangeExplanation, Effects, change_of, explanations, in_words
 from fecore.trend.tracking import SAME_MODE
 from service.jobs.kinds import Reporter
 
@@ -308,7 +308,7 @@ def explained(
     }
 
 
-def _described(each: Explanation, most: float) -> dict[str, Any]:
+def _described(each: ChangeExplanation, most: float) -> dict[str, Any]:
     """An explanation to the digits that mean something, its evidence over that of the likeliest."""
     return {
         "kind": each.kind,

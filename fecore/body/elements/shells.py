@@ -85,11 +85,11 @@ def displacement_strains(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Strains of the interpolated motion itself, with no assumption."""
     natural, weights = shell.strain_rule
-    found = surface(shell, x, natural, axis)
+    geometry = surface(shell, x, natural, axis)
     return (
-        np.concatenate([found.membrane(), found.curvature(), found.shear()], axis=2),
-        found.area * weights,
-        found.N,
+        np.concatenate([geometry.membrane(), geometry.curvature(), geometry.shear()], axis=2),
+        geometry.area * weights,
+        geometry.N,
     )
 
 
@@ -101,18 +101,18 @@ def bent_sides(plain: Shell, rows: FloatArray, own: Surface, x: FloatArray) -> F
     ω_j) n × (x_j − x_i), ω = θ · n.
     """
     n = x.shape[1]
-    found = np.array(rows[..., :n, :])
+    bent = np.array(rows[..., :n, :])
     for m, (i, j) in enumerate(plain.sides, start=n):
         normal = own.directors[:, i] + own.directors[:, j]
         normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
         bow = np.cross(normal, x[:, j] - x[:, i]) / 8
         middle = rows[..., m, :3]
         turn = np.einsum("eprk,ek->epr", middle, bow)[..., None] * normal[:, None, None]
-        found[..., i, :3] += middle / 2
-        found[..., j, :3] += middle / 2
-        found[..., i, 3:] += turn
-        found[..., j, 3:] -= turn
-    return found
+        bent[..., i, :3] += middle / 2
+        bent[..., j, :3] += middle / 2
+        bent[..., i, 3:] += turn
+        bent[..., j, 3:] -= turn
+    return bent
 
 
 def with_middles(plain: Shell, x: FloatArray) -> FloatArray:

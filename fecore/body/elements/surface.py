@@ -108,11 +108,11 @@ class Surface:
         b11, b22, b12 = (
             part[..., None, None] for part in (bend[..., 0, 0], bend[..., 1, 1], bend[..., 0, 1])
         )
-        (e11, e22, g12), found = np.moveaxis(self.membrane(), 2, 0), _symmetric(rows)
-        found[:, :, 0] += (b22 - 2 * b11) * e11 - 1.5 * b12 * g12
-        found[:, :, 1] += (b11 - 2 * b22) * e22 - 1.5 * b12 * g12
-        found[:, :, 2] -= 3 * b12 * (e11 + e22) + (b11 + b22) / 2 * g12
-        return found
+        (e11, e22, g12), curvature = np.moveaxis(self.membrane(), 2, 0), _symmetric(rows)
+        curvature[:, :, 0] += (b22 - 2 * b11) * e11 - 1.5 * b12 * g12
+        curvature[:, :, 1] += (b11 - 2 * b22) * e22 - 1.5 * b12 * g12
+        curvature[:, :, 2] -= 3 * b12 * (e11 + e22) + (b11 + b22) / 2 * g12
+        return curvature
 
     @cached_property
     def _bend(self) -> FloatArray:

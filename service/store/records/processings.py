@@ -219,7 +219,7 @@ def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> Sto
     return answer
 
 
-def _stored(verdict: signal.Verdict, decision: HitDecision | None) -> StoredHit:
+def _stored(verdict: signal.HitVerdict, decision: HitDecision | None) -> StoredHit:
     by_hand = None if decision is None else shown_as(HitDecisionOut, decision)
     return StoredHit.model_validate({**describe_verdict(verdict), "decision": by_hand})
 

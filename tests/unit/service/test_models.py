@@ -198,7 +198,7 @@ def test_a_node_that_is_led_in_part_is_held_in_the_rest_along_its_own_axes() -> 
         for more in (cards, b"RBE2,92,90,123456,1,2,3\n")
     )
     np.testing.assert_allclose(solved(divided), solved(whole), rtol=1e-9)
-    assert [one.leaders for one in divided.links if one.node == 1] == [(15,)]
+    assert [one.independent for one in divided.links if one.node == 1] == [(15,)]
 
 
 def test_a_mechanism_is_named() -> None:

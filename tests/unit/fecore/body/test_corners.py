@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from fecore.body.beads import between
 from fecore.body.corners import Corner
 from fecore.body.generators import Segment, extrude
+from fecore.body.junction_beams import between
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.mesh import Block, Mesh
 from fecore.body.sections import ShellSection
@@ -162,7 +162,7 @@ def test_coefficients_of_a_curve_are_as_many_as_its_angles_at_most_however_fine_
     kind: str,
 ) -> None:
     models = [dome(n, kind).model for n in (5, 10, 20)]
-    # a bead's by E, G and Gt, and of what is given up EA, ES and EI; a bead's mass along three axes
+    # a junction beam's by E, G and Gt, and of what is given up EA, ES and EI; a junction beam's mass along three axes
     of_set = 3 + 3 + 3
     for model in models:
         joints = [n for n in (*model.stiffness.names, *model.mass.names) if ".joint" in n]

@@ -146,6 +146,6 @@ def test_supports_hold_the_new_nodes_amid_them_and_no_others() -> None:
     inner = (places["sides"][:, 0] < 0.29) & (np.abs(places["sides"][:, 1]) < 1e-9)
     assert not inner.any()  # strips between held edges stay free
     links = tuple(Link(int(node), (int(both[-1]),)) for node in across)
-    led = refined(replace(body, links=links)).body.links
-    assert len(led) == 3
-    assert all(link.leaders == links[0].leaders for link in led)
+    dependent = refined(replace(body, links=links)).body.links
+    assert len(dependent) == 3
+    assert all(link.independent == links[0].independent for link in dependent)

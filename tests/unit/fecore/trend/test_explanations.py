@@ -15,8 +15,8 @@ from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
 from fecore.trend.explanations import (
     Change,
+    ChangeExplanation,
     Effects,
-    Explanation,
     change_of,
     explanations,
     in_words,
@@ -111,7 +111,7 @@ def effects_of_one() -> FrequencyEffects:
 
 def ranked(
     seed: int, changed: dict[str, float] | None = None, *, mass: float = 0.0, scale: float = 0.0
-) -> tuple[Explanation, ...]:
+) -> tuple[ChangeExplanation, ...]:
     rng = np.random.default_rng(seed)
     logarithms, temperature = campaigns(rng, changed or {}, mass)
     frf_scale = 0.02 * rng.standard_normal(BASELINE + AFTER) + scale * (

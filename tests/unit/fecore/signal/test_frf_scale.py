@@ -7,7 +7,7 @@ import pytest
 
 from fecore.frf import Dof, FrfSet
 from fecore.signal import Hit, Processing, Strip, Windows, by_point, process
-from fecore.signal.heights import Heights
+from fecore.signal.frf_scale import FrfScale
 from tests.support.hammer import Bench, campaign
 
 FIRST = {"clamped": 1.8751, "free": 4.7300}
@@ -68,7 +68,7 @@ def test_two_hits_of_five_under_another_range_are_named_and_left_out(factor: flo
 
 
 def _wrong(frfs: FrfSet) -> list[str]:
-    heights = Heights(frfs.frequency_hz, 500.0)
+    heights = FrfScale(frfs.frequency_hz, 500.0)
     heights.add(frfs)
     return heights.wrong(None)
 

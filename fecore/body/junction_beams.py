@@ -1,5 +1,5 @@
-"""Beads along lines where walls meet: what each wall adds there, by its moduli along the line and
-its density.
+"""Junction beams, along lines where walls meet: what each wall adds there, by its moduli
+along the line and its density.
 
 A wall's moduli are those at its line's angle from axis 1. They are taken between those at a few
 angles, the coarser the less
@@ -27,7 +27,7 @@ HEIGHTS = _POINTS
 
 
 @dataclass(frozen=True)
-class Bead:
+class JunctionBeams:
     """Beams along lines, and what walls add to each."""
 
     nodes: IntArray  # (e, 2) or (e, 3) their nodes
@@ -57,11 +57,11 @@ class Bead:
         sums = np.zeros((2, len(keys), 3, 6, 6))
         for total, own in zip(sums, (self.stiffness, self.mass), strict=True):
             np.add.at(total, place.ravel(), share[:, None, None, None] * own[which])
-        found = []
+        sums_by_set = []
         for rank, angle in np.unique(keys[:, :2], axis=0).tolist():
             own = (keys[:, 0] == rank) & (keys[:, 1] == angle)
-            found.append((rank, angle, keys[own, 2], sums[0, own], sums[1, own]))
-        return found
+            sums_by_set.append((rank, angle, keys[own, 2], sums[0, own], sums[1, own]))
+        return sums_by_set
 
 
 def between(angle: FloatArray, turn: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
@@ -100,7 +100,7 @@ def _roots(forms: FloatArray) -> FloatArray:
     return np.asarray(root * size[:, None])
 
 
-def bead_matrices(
+def wall_matrices(
     across: FloatArray,
     thickness: FloatArray,
     begin: FloatArray,
@@ -133,8 +133,8 @@ def bead_matrices(
     return stiffness, mass
 
 
-def beads_of(name: str, degrees: int) -> str:
-    """Prefix of the coefficients of a set's beads along lines at an angle, in degrees, from its
+def joint_prefix(name: str, degrees: int) -> str:
+    """Prefix of the coefficients of a set's beams along lines at an angle, in degrees, from its
     axis 1.
     """
     return f"{name}.joint at {degrees}°" if degrees else f"{name}.joint"

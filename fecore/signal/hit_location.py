@@ -55,14 +55,14 @@ def locate(
         places: of each point, m; None for a point of unknown place.
         shares: of each point, those of its comparable hits, all of one length K.
     """
-    found: list[dict[int, Located]] = [{} for _ in places]
+    located: list[dict[int, Located]] = [{} for _ in places]
     known = [
         i
         for i, (place, own) in enumerate(zip(places, shares, strict=True))
         if place is not None and own
     ]
     if len({places[i] for i in known}) < FEWEST_POINTS:
-        return found
+        return located
     grid = plane(np.array([places[i] for i in known]))
     middle = np.array([np.median(np.array(list(shares[i].values())), axis=0) for i in known])
     for row, i in enumerate(known):
@@ -83,12 +83,12 @@ def locate(
         directions = [
             int((np.linalg.eigvalsh(covariance) <= _KNOWN_M**2).sum()) for _, covariance in placed
         ]
-        found[i] = {
+        located[i] = {
             number: (float(np.linalg.norm(d)), known_along)
             for number, d, known_along in zip(shares[i], off, directions, strict=True)
             if known_along
         }
-    return _over_usual(found)
+    return _over_usual(located)
 
 
 def _displacement(slope: FloatArray, off: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -115,23 +115,23 @@ def _from_most(placed: FloatArray) -> FloatArray | None:
     elsewhere = (apart[~together][:, ~together] < _TOGETHER_M).sum(axis=1)
     if elsewhere.size and elsewhere.max() >= together.sum():
         return None
-    found = np.empty_like(placed)
+    offsets = np.empty_like(placed)
     for i, place in enumerate(placed):
         others = together.copy()
         others[i] = False
-        found[i] = place - placed[others if others.any() else together].mean(axis=0)
-    return found
+        offsets[i] = place - placed[others if others.any() else together].mean(axis=0)
+    return offsets
 
 
-def _over_usual(found: list[dict[int, Located]]) -> list[dict[int, Located]]:
+def _over_usual(located: list[dict[int, Located]]) -> list[dict[int, Located]]:
     """The same, scaled down where the hits of the whole campaign land farther off than usual: an
     unsteady hand is no fault of one hit.
     """
-    every = [offset for point in found for offset, _ in point.values()]
+    every = [offset for point in located for offset, _ in point.values()]
     if not every:
-        return found
+        return located
     share = min(_USUAL_M / max(float(np.median(every)), 1e-9), 1.0)
     return [
         {number: (share * offset, along) for number, (offset, along) in point.items()}
-        for point in found
+        for point in located
     ]

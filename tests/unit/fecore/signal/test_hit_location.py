@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fecore.frf import Dof
-from fecore.signal import Finding, Processing, by_point, process
-from fecore.signal.placing import locate
+from fecore.signal import HitFinding, Processing, by_point, process
+from fecore.signal.hit_location import locate
 from tests.support.hammer import Bench, Simulated, random_body, random_laboratory
 
 
@@ -94,7 +94,7 @@ def test_without_positions_places_are_judged_by_typical_distances(tour: Tour) ->
     simulated, positions = tour
     hits = [s.hit for s in simulated]
 
-    def places(chosen: Places) -> list[Finding]:
+    def places(chosen: Places) -> list[HitFinding]:
         verdicts = process(by_point(hits), Processing(positions=chosen)).verdicts
         return [f for v in verdicts for f in v.findings if f.criterion == "place"]
 

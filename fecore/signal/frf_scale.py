@@ -67,7 +67,7 @@ class Strip:
         return magnitude
 
 
-class Heights:
+class FrfScale:
     """The heights of FRFs that come in parts, on one axis of lines, and what is wrong with them.
 
     Args:
@@ -110,14 +110,14 @@ class Heights:
             np.array(self._levels),
             list(zip(self._responses, self._references, strict=True)),
         )
-        found = _one_way(pairs, level)
-        found += _above_the_rest(pairs, level)
+        faults = _one_way(pairs, level)
+        faults += _above_the_rest(pairs, level)
         across = [abs(response.direction) == abs(force.direction) == 3 for response, force in pairs]
         if strip is not None and any(across):
             usual = np.mean(np.log(strip.mobility(2 * np.pi * self._frequency[self._band])))
             ratio = float(np.exp(np.mean(level[across] - usual))) / _USUAL
             if not 1 / _WHOLE <= ratio <= _WHOLE:
-                found.append(
+                faults.append(
                     f"the FRFs are {_times(ratio)} what a strip of this mass and stiffness shows: "
                     + (
                         _WRONG
@@ -125,7 +125,7 @@ class Heights:
                         else f"{damped} takes their resonances; try a weaker one"
                     )
                 )
-        return found
+        return faults
 
 
 def _times(ratio: float) -> str:
@@ -135,24 +135,24 @@ def _times(ratio: float) -> str:
 def _one_way(pairs: Sequence[Pair], level: FloatArray) -> list[str]:
     """Pairs of points that were measured both ways, with unlike heights."""
     known = {(force, response): i for i, (response, force) in enumerate(pairs)}
-    found = []
+    faults = []
     for (force, response), i in known.items():
         back = known.get((response, force))
         if back is None or not i < back:
             continue
         ratio = float(np.exp(level[i] - level[back]))
         if not 1 / _RECIPROCAL <= ratio <= _RECIPROCAL:
-            found.append(
+            faults.append(
                 f"the FRF of point {response.point} hit at point {force.point} is {_times(ratio)}"
                 " that of the opposite way, but a body answers alike both ways: one of the"
                 " sensitivities is probably wrong"
             )
-    return found
+    return faults
 
 
 def _above_the_rest(pairs: Sequence[Pair], level: FloatArray) -> list[str]:
     """Points that are far higher than the median of the points of the same sensor."""
-    found = []
+    faults = []
     by_sensor: dict[Dof, list[int]] = {}
     for i, (response, _) in enumerate(pairs):
         by_sensor.setdefault(response, []).append(i)
@@ -166,8 +166,8 @@ def _above_the_rest(pairs: Sequence[Pair], level: FloatArray) -> list[str]:
                 ", ".join(str(point) for point, _ in high),
                 max(ratio for _, ratio in high),
             )
-            found.append(
+            faults.append(
                 f"the FRFs of the hits at point {places} are {most:.2g} times as high as the median"
                 " of all points: a sensitivity or range was probably changed there"
             )
-    return found
+    return faults

@@ -38,7 +38,7 @@ _ABOUT = 256  # samples about the pulse, and on either side of it, whose spectra
 
 
 @dataclass(frozen=True)
-class Traits:
+class HitFeatures:
     """Numbers of one hit."""
 
     number: int  # which hit of its point it is
@@ -66,9 +66,9 @@ class Traits:
         return (self.pulse.second_at - self.pulse.peak) / self.sample_rate_hz
 
 
-def find_traits(hits: Sequence[Hit]) -> tuple[Traits, ...]:
+def find_features(hits: Sequence[Hit]) -> tuple[HitFeatures, ...]:
     """The numbers of hits, in their order."""
-    return tuple(_traits(hit) for hit in hits)
+    return tuple(_features(hit) for hit in hits)
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class _Channel:
     offset: float = 0.0
 
 
-def _traits(hit: Hit) -> Traits:
+def _features(hit: Hit) -> HitFeatures:
     rate, pulse = hit.sample_rate_hz, find_pulse(hit.force, hit.sample_rate_hz)
     channels = [_channel(block, pulse, rate) for block in (hit.force, *hit.responses)]
     responses = channels[1:]
@@ -104,7 +104,7 @@ def _traits(hit: Hit) -> Traits:
         "floor": min(channel.floor for channel in responses),
     }
     fullest = max(channels, key=lambda channel: channel.share)
-    return Traits(
+    return HitFeatures(
         number=hit.number,
         force=hit.force.dof,
         pulse=pulse,
@@ -194,10 +194,10 @@ def _jump(x: FloatArray, pulse: Pulse) -> float:
         return 1.0
     guard = ringing(pulse.start, pulse.stop) + REACH
     number = np.arange(len(parts)) * REACH
-    away = (number + REACH < pulse.start - guard) | (number > pulse.stop + guard)
-    if not away.any():
+    outside = (number + REACH < pulse.start - guard) | (number > pulse.stop + guard)
+    if not outside.any():
         return 1.0
-    return float((parts.max(axis=1) / (parts.mean(axis=1) + 0.01 * third.max()))[away].max())
+    return float((parts.max(axis=1) / (parts.mean(axis=1) + 0.01 * third.max()))[outside].max())
 
 
 def _floor(x: FloatArray) -> float:
