@@ -45,7 +45,7 @@ _LARGEST_STRAIN = 1.0  # m/m; above it the unit is surely another
 
 
 @dataclass(frozen=True)
-class TensileCurve:
+class Curve:
     """One tensile test as the machine recorded it, tension positive."""
 
     force_n: FloatArray  # (n,) force, N
@@ -86,17 +86,17 @@ class TensileCurve:
         """(n,) longitudinal strain, the mean of both faces where both are gauged."""
         return self.strain if self.strain_back is None else (self.strain + self.strain_back) / 2
 
-    def part(self, start: int, stop: int) -> TensileCurve:
+    def part(self, start: int, stop: int) -> Curve:
         """Points start … stop − 1."""
         cut = slice(start, stop)
         others = (
             None if a is None else a[cut]
             for a in (self.strain_back, self.transverse_strain, self.time_s)
         )
-        return TensileCurve(self.force_n[cut], self.strain[cut], *others)
+        return Curve(self.force_n[cut], self.strain[cut], *others)
 
 
-def restarts(curve: TensileCurve) -> tuple[int, ...]:
+def restarts(curve: Curve) -> tuple[int, ...]:
     """Indices of the points at which a new run begins; empty for a single run.
 
     A run begins where time goes back, or where force and strain have both fallen back by `RESTART`
@@ -130,7 +130,7 @@ def restarts(curve: TensileCurve) -> tuple[int, ...]:
     return tuple(sorted(set(starts)))
 
 
-def split_runs(curve: TensileCurve) -> tuple[TensileCurve, ...]:
+def split_runs(curve: Curve) -> tuple[Curve, ...]:
     """The runs of a recording, in order, for the caller to choose from.
 
     Raises:
@@ -140,7 +140,7 @@ def split_runs(curve: TensileCurve) -> tuple[TensileCurve, ...]:
     return tuple(curve.part(a, b) for a, b in itertools.pairwise(borders))
 
 
-def single_run(curve: TensileCurve) -> TensileCurve:
+def single_run(curve: Curve) -> Curve:
     """The curve up to its maximum force.
 
     Raises:
@@ -183,7 +183,7 @@ def jump(strain: FloatArray) -> int | None:
     return None
 
 
-def without_jump(curve: TensileCurve, warnings: list[str]) -> TensileCurve:
+def without_jump(curve: Curve, warnings: list[str]) -> Curve:
     """The curve with its strains taken as lost from a jump of the extensometer on, which a warning
     then says.
     """
@@ -201,7 +201,7 @@ def without_jump(curve: TensileCurve, warnings: list[str]) -> TensileCurve:
         None if values is None else np.where(lost, np.nan, values) for values in strains
     )
     assert front is not None
-    return TensileCurve(curve.force_n, front, back, transverse, curve.time_s)
+    return Curve(curve.force_n, front, back, transverse, curve.time_s)
 
 
 @dataclass(frozen=True)

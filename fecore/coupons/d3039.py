@@ -26,9 +26,9 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.coupons.curves import (
     Chord,
+    Curve,
     Ends,
     Reduced,
-    TensileCurve,
     chord,
     mean_dimension,
     single_run,
@@ -127,7 +127,7 @@ class TensileResult(Reduced):
 
 
 def reduce(
-    curve: TensileCurve,
+    curve: Curve,
     width_m: Sequence[float],
     thickness_m: Sequence[float],
     chord_range: tuple[float, float] | None = None,
@@ -219,7 +219,7 @@ def _standard_range(
     return SHORT_RANGE[0] * ultimate, SHORT_RANGE[1] * ultimate
 
 
-def _poisson_ratio(run: TensileCurve, line: Chord) -> float | None:
+def _poisson_ratio(run: Curve, line: Chord) -> float | None:
     if run.transverse_strain is None:
         return None
     ratio = -line.slope(run.transverse_strain)
@@ -228,7 +228,7 @@ def _poisson_ratio(run: TensileCurve, line: Chord) -> float | None:
     return ratio
 
 
-def _bending_percent(run: TensileCurve, line: Chord) -> float | None:
+def _bending_percent(run: Curve, line: Chord) -> float | None:
     if run.strain_back is None:
         return None
     middle = (line.start + line.stop) / 2

@@ -13,9 +13,9 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.coupons.curves import (
+    Curve,
     Ends,
     Reduced,
-    TensileCurve,
     chord,
     mean_dimension,
     single_run,
@@ -45,7 +45,7 @@ class ShearResult(Reduced):
 
 
 def reduce(
-    curve: TensileCurve,
+    curve: Curve,
     width_m: Sequence[float],
     thickness_m: Sequence[float],
     chord_start: float = 2000e-6,

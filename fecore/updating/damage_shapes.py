@@ -55,13 +55,13 @@ class ShapesOfLosses:
         """
         campaign, state = elastic.layout.campaigns[number], elastic.states[number]
         pairing = elastic.pairings[number]
-        if campaign.modes.shapes is None:
+        # Shapes at one point alone are not compared, and modes are paired by frequency.
+        if campaign.modes.shapes is None or pairing.mac is None:
             return None
         count, (rows, columns) = (
             len(campaign.modes.dofs),
             (list(each) for each in zip(*pairing.pairs, strict=True)),
         )
-        assert pairing.mac is not None, "modes with shapes are paired by them"
         same = pairing.mac[rows, columns] >= SAME_SHAPE
         weight = np.sqrt(elastic.problem.weights[elastic.rows[number]]) * same
         if not same.any():

@@ -18,7 +18,7 @@ from fecore.body.supports import PointMass, Spring
 from fecore.correlation import mac
 from fecore.coupons import d3039, d3518
 from fecore.coupons.batch import CouponResult, Statistics, prior, statistics
-from fecore.coupons.curves import TensileCurve, chord
+from fecore.coupons.curves import Curve, chord
 from fecore.frf import Dof, FrfSet, along_z
 from fecore.modal import Options, identify, shapes_at_poles
 from fecore.modes import MeasuredModes
@@ -79,10 +79,10 @@ def at_poles(hz: Any, zeta: Any, **choices: Any) -> object:
     return shapes_at_poles(paper_frfs(0.0), np.array(hz), np.array(zeta), **choices)
 
 
-def curve(**wrong: Any) -> TensileCurve:
+def curve(**wrong: Any) -> Curve:
     strain = np.linspace(0, 8e-3, 200)
     right = {"force_n": 1e6 * strain, "strain": strain, "transverse_strain": -0.3 * strain}
-    return TensileCurve(**{**right, **wrong})
+    return Curve(**{**right, **wrong})
 
 
 def of_series(**wrong: Any) -> Series:
@@ -227,14 +227,14 @@ MEASUREMENTS: list[tuple[Callable[[], object], str]] = [
 # fmt: on
 
 
-def _coarse() -> TensileCurve:
+def _coarse() -> Curve:
     strain: FloatArray = np.arange(60) * 7e-4
-    return TensileCurve(1e6 * strain, strain, None, -0.3 * strain)
+    return Curve(1e6 * strain, strain, None, -0.3 * strain)
 
 
-def _of_strains(gamma: list[float]) -> TensileCurve:
+def _of_strains(gamma: list[float]) -> Curve:
     strain = np.array(gamma)
-    return TensileCurve(1e6 * strain, 0.6 * strain, None, -0.4 * strain)
+    return Curve(1e6 * strain, 0.6 * strain, None, -0.4 * strain)
 
 
 def _strip_model() -> ForwardModel:

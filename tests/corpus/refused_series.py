@@ -11,7 +11,7 @@ import numpy as np
 
 from fecore.coupons import d3039, d3518
 from fecore.coupons.batch import CouponResult, Statistics, prior, summarise
-from fecore.coupons.curves import TensileCurve
+from fecore.coupons.curves import Curve
 from fecore.trend import Chart, Condition, Event, Series, Watch, assess, control_limits, step
 from fecore.trend.baseline import fit_with_scatter
 
@@ -20,7 +20,7 @@ STRAIN = np.linspace(0, 0.01, 201)
 FORCE = 2e6 * STRAIN
 AT = np.arange(201)
 GAMMA = np.array([0, 1, 2, 3, 4, 5, 6, 8, 12]) * 1e-3
-SHEAR = TensileCurve(450e3 * GAMMA, 0.6 * GAMMA, transverse_strain=-0.4 * GAMMA)
+SHEAR = Curve(450e3 * GAMMA, 0.6 * GAMMA, transverse_strain=-0.4 * GAMMA)
 DATES = [datetime(2024, 1, 1, tzinfo=UTC) + timedelta(days=30 * i) for i in range(14)]
 NOISE = np.random.default_rng(1).standard_normal(14)
 SERIES = Series(
@@ -37,10 +37,10 @@ WATCH = Watch({"Ex": "fall"}, baseline=8, expected_interval_days=30)
 def reduced(
     force: np.ndarray = FORCE, strain: np.ndarray = STRAIN, width: Any = WIDE, **more: Any
 ) -> object:
-    return d3039.reduce(TensileCurve(force, strain), width, THICK, **more)
+    return d3039.reduce(Curve(force, strain), width, THICK, **more)
 
 
-def sheared(curve: TensileCurve = SHEAR, **more: Any) -> object:
+def sheared(curve: Curve = SHEAR, **more: Any) -> object:
     return d3518.reduce(curve, WIDE, THICK, **more)
 
 
@@ -82,7 +82,7 @@ SERIES_AND_COUPONS: list[tuple[Callable[[], object], str]] = [
     (lambda: reduced(width=()), "width_m: has no reading"),
     (lambda: reduced(width=(25e-3, -1.0)), "width_m: has a reading that is not a positive number"),
     (lambda: reduced(width=(25e-3, 25.0)), "width_m: has readings from 0.025 to 25 m; is one in another unit?"),
-    (lambda: sheared(TensileCurve(SHEAR.force_n, SHEAR.strain)), "transverse_strain: is missing; γ = ε_x − ε_y needs it"),
+    (lambda: sheared(Curve(SHEAR.force_n, SHEAR.strain)), "transverse_strain: is missing; γ = ε_x − ε_y needs it"),
     (lambda: sheared(chord_start=0.001), "chord_start: is 1000 µε, expected 1500 to 2500"),
     (lambda: sheared(SHEAR.part(0, 6)), "shear_strain: reaches 5000 µε only, the range is 2000–6000 µε"),
     (lambda: sheared(chord_start=2500e-6), "shear_strain: the closest points to 2500–6500 µε are at 2000 and 6000 µε,"),

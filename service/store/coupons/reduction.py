@@ -11,7 +11,7 @@ import numpy as np
 import fecore
 from fecore.arrays import FloatArray
 from fecore.coupons import d3039, d3518
-from fecore.coupons.curves import TensileCurve
+from fecore.coupons.curves import Curve
 from fecore.errors import InputError
 from modalbase.formats.errors import FormatError
 from modalbase.formats.machine_csv import (
@@ -166,7 +166,7 @@ def _by_standard(
     metres = factor("length", request.dimensions.unit, "dimensions.unit")
     width = [metres * reading for reading in request.dimensions.width]
     thickness = [metres * reading for reading in request.dimensions.thickness]
-    curve = TensileCurve(
+    curve = Curve(
         series["force"],
         series["strain"],
         series.get("strain_back"),

@@ -20,7 +20,7 @@ from fecore.coupons.batch import (
     statistics,
     summarise,
 )
-from fecore.coupons.curves import TensileCurve, jump, restarts, split_runs
+from fecore.coupons.curves import Curve, jump, restarts, split_runs
 from fecore.coupons.d3039 import transition_strain
 from fecore.errors import InputError
 
@@ -33,13 +33,13 @@ FORCE = np.array([0, 990.0, 1980.0, 3012.0, 4012.0, 4950.0, 5990.0, 9800.0, 1530
 TRANSVERSE = np.array([0, -124, -248, -377, -503, -622, -754, -1240, -1960, -2440]) * 1e-6
 
 
-def example(**others: np.ndarray) -> TensileCurve:
-    return TensileCurve(FORCE, STRAIN, **others)
+def example(**others: np.ndarray) -> Curve:
+    return Curve(FORCE, STRAIN, **others)
 
 
-def steady(n: int = 201, modulus: float = 40e9, ultimate: float = 0.01) -> TensileCurve:
+def steady(n: int = 201, modulus: float = 40e9, ultimate: float = 0.01) -> Curve:
     strain = np.linspace(0, ultimate, n)
-    return TensileCurve(modulus * strain * 50e-6, strain, transverse_strain=-0.25 * strain)
+    return Curve(modulus * strain * 50e-6, strain, transverse_strain=-0.25 * strain)
 
 
 def test_the_first_worked_example() -> None:
@@ -68,7 +68,7 @@ def test_interpolated_ends_of_the_same_example() -> None:
 def test_a_specimen_that_fails_early_takes_a_quarter_to_a_half_of_its_strain() -> None:
     strain = np.arange(0, 4001, 200) * 1e-6
     stress = 40e9 * strain - 1e12 * strain**2
-    result = d3039.reduce(TensileCurve(stress * 50e-6, strain), WIDTH, THICKNESS)
+    result = d3039.reduce(Curve(stress * 50e-6, strain), WIDTH, THICKNESS)
     assert result.chord_range == pytest.approx((1000e-6, 2000e-6))
     # chord of a parabola: 40e9 − 1e12 (ε₁ + ε₂)
     assert result.modulus_pa == pytest.approx(40e9 - 1e12 * 3000e-6, rel=1e-12)
@@ -83,24 +83,24 @@ LATE = np.arange(201) >= 150
     ("curve", "ultimate", "bending", "warning"),
     [
         pytest.param(
-            TensileCurve(F, 1.06 * S, strain_back=0.94 * S), 0.01, 6.0, "bending", id="two faces"
+            Curve(F, 1.06 * S, strain_back=0.94 * S), 0.01, 6.0, "bending", id="two faces"
         ),
         pytest.param(
-            TensileCurve(F, np.where(LATE, np.nan, S)),
+            Curve(F, np.where(LATE, np.nan, S)),
             None,
             None,
             "ends at 7450 µε",
             id="a gauge taken off",
         ),
         pytest.param(
-            TensileCurve(F, S + 0.19 * LATE),
+            Curve(F, S + 0.19 * LATE),
             None,
             None,
             "jumps at point 151",
             id="an extensometer that jumps",
         ),
         pytest.param(
-            TensileCurve(np.r_[F, 50, 20, 0], np.r_[S, 0.001, 0.0, -0.002]),
+            Curve(np.r_[F, 50, 20, 0], np.r_[S, 0.001, 0.0, -0.002]),
             0.01,
             None,
             None,
@@ -109,7 +109,7 @@ LATE = np.arange(201) >= 150
     ],
 )
 def test_what_befalls_a_gauge_leaves_the_modulus(
-    curve: TensileCurve, ultimate: float | None, bending: float | None, warning: str | None
+    curve: Curve, ultimate: float | None, bending: float | None, warning: str | None
 ) -> None:
     result = d3039.reduce(curve, WIDTH, THICKNESS)
     assert result.modulus_pa == pytest.approx(40e9, rel=1e-12)
@@ -128,7 +128,7 @@ def test_what_befalls_a_gauge_leaves_the_modulus(
 def test_a_gauge_lost_within_the_chord_and_exchanged_dimensions_are_asked_about() -> None:
     early = np.where(S > 0.004, np.nan, S)
     with pytest.raises(InputError, match="chord_range"):
-        d3039.reduce(TensileCurve(F / 2 * np.where(S > 0.004, 1.1, 2), early), WIDTH, THICKNESS)
+        d3039.reduce(Curve(F / 2 * np.where(S > 0.004, 1.1, 2), early), WIDTH, THICKNESS)
     assert "are they exchanged" in d3039.reduce(steady(), THICKNESS, WIDTH).warnings[0]
 
 
@@ -146,7 +146,7 @@ def test_a_knee_is_found_where_it_is_and_nowhere_else() -> None:
 
 def test_restarts_are_found_refused_and_split() -> None:
     first, second = steady(61, ultimate=0.003), steady()
-    both = TensileCurve(
+    both = Curve(
         np.concatenate([first.force_n, second.force_n]),
         np.concatenate([first.strain, second.strain]),
     )
@@ -160,9 +160,7 @@ def test_restarts_are_found_refused_and_split() -> None:
 
 def test_time_that_goes_back_is_a_restart_too() -> None:
     curve = steady(50)
-    timed = TensileCurve(
-        curve.force_n, curve.strain, time_s=np.r_[np.arange(20.0), np.arange(30.0)]
-    )
+    timed = Curve(curve.force_n, curve.strain, time_s=np.r_[np.arange(20.0), np.arange(30.0)])
     assert restarts(timed) == (20,)
 
 
@@ -170,7 +168,7 @@ def test_cracks_that_drop_the_force_but_not_the_strain_are_no_restart() -> None:
     curve = steady()
     force = curve.force_n.copy()
     force[120:130] *= 0.8
-    assert restarts(TensileCurve(force, curve.strain)) == ()
+    assert restarts(Curve(force, curve.strain)) == ()
 
 
 def test_the_regression_modulus_is_the_least_squares_slope_of_the_chords_points() -> None:
@@ -186,13 +184,13 @@ def test_the_regression_modulus_is_the_least_squares_slope_of_the_chords_points(
 def test_a_knee_within_the_chord_is_named_with_its_strain() -> None:
     strain = np.linspace(0, 0.01, 501)
     stress = np.where(strain < 2000e-6, 40e9 * strain, 80e6 + 30e9 * (strain - 2000e-6))
-    result = d3039.reduce(TensileCurve(stress * 50e-6, strain), WIDTH, THICKNESS)
+    result = d3039.reduce(Curve(stress * 50e-6, strain), WIDTH, THICKNESS)
     # of neither part: that is why it is said
     assert result.modulus_pa == pytest.approx(35e9, rel=1e-9)
     (warning,) = result.warnings
     assert "knee at 2000 µε" in warning
     below = d3039.reduce(
-        TensileCurve(stress * 50e-6, strain), WIDTH, THICKNESS, chord_range=(500e-6, 1500e-6)
+        Curve(stress * 50e-6, strain), WIDTH, THICKNESS, chord_range=(500e-6, 1500e-6)
     )
     assert (below.modulus_pa, below.warnings) == (pytest.approx(40e9, rel=1e-9), ())
 
@@ -201,7 +199,7 @@ def test_a_knee_that_a_later_bend_hides_in_the_whole_curve_is_found_near_the_cho
     strain = np.linspace(0, 0.02, 2001)
     stress = np.minimum(40e9 * strain, 80e6 + 30e9 * (strain - 2000e-6))
     stress = stress - 4e11 * np.maximum(strain - 8000e-6, 0) ** 2
-    (warning,) = d3039.reduce(TensileCurve(stress * 50e-6, strain), WIDTH, THICKNESS).warnings
+    (warning,) = d3039.reduce(Curve(stress * 50e-6, strain), WIDTH, THICKNESS).warnings
     assert "knee at 20" in warning
 
 

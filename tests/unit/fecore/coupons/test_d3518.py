@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fecore.coupons import d3518
-from fecore.coupons.curves import TensileCurve
+from fecore.coupons.curves import Curve
 
 WIDTH, THICKNESS = (25e-3,), (2e-3,)  # A = 50 mm², so τ in MPa is P / 100 N
 
@@ -16,8 +16,8 @@ GAMMA = (
 TAU = np.array([0, 5.0, 10.0, 15.0, 19.6, 24.0, 28.0, 34.0, 42.0, 48.0, 60.0, 70.0, 74.0]) * 1e6
 
 
-def curve(gamma: np.ndarray = GAMMA, tau: np.ndarray = TAU) -> TensileCurve:
-    return TensileCurve(tau * 100e-6, 0.6 * gamma, transverse_strain=-0.4 * gamma)
+def curve(gamma: np.ndarray = GAMMA, tau: np.ndarray = TAU) -> Curve:
+    return Curve(tau * 100e-6, 0.6 * gamma, transverse_strain=-0.4 * gamma)
 
 
 def test_the_worked_example() -> None:
@@ -57,7 +57,7 @@ def test_interpolated_ends_reach_a_range_without_points_at_its_ends() -> None:
 def test_a_gauge_that_is_lost_after_the_chord_leaves_the_modulus() -> None:
     lost = np.where(GAMMA > 0.02, np.nan, GAMMA)
     result = d3518.reduce(
-        TensileCurve(TAU * 100e-6, 0.6 * lost, transverse_strain=-0.4 * lost), WIDTH, THICKNESS
+        Curve(TAU * 100e-6, 0.6 * lost, transverse_strain=-0.4 * lost), WIDTH, THICKNESS
     )
     assert result.modulus_pa == pytest.approx(4.5e9, rel=1e-12)
     assert result.maximum_stress_pa == pytest.approx(48e6)

@@ -82,7 +82,7 @@ def test_slopes_are_those_of_the_surface() -> None:
     [
         (NEAR, 0.0025, 1.0, "frfs_scaled_by_place"),
         (NEAR, 0.0, 2.0, "frfs_scaled"),
-        (FAR, 0.0, 1.2, "frfs_scaled"),
+        (FAR, 0.0, 1.25, "frfs_scaled"),  # 2.2 mm of place make up to 1.22 there
         (FAR, 0.0025, 1.0, None),
     ],
 )
