@@ -38,6 +38,12 @@ def updated(kind: str, *, damaged: bool) -> ElasticResult:
     return fit(Layout.of_one(forward, modes, inputs))
 
 
+@cache
+def conflicts(kind: str) -> tuple[Conflict, ...]:
+    """Of the damaged body."""
+    return tuple(compare_sources(updated(kind, damaged=True))[0])
+
+
 @pytest.mark.parametrize("kind", ["strip", "angle"])
 def test_a_sound_body_is_not_said_to_have_lost_stiffness(kind: str) -> None:
     """The evidence is a mean ratio of likelihoods, which of a sound body exceeds 1/p with
@@ -94,7 +100,7 @@ def test_what_is_wrong_with_shapes_otherwise_is_no_loss_of_stiffness(
 def test_a_stretch_that_has_lost_stiffness_is_named_with_its_set_place_and_factor(
     kind: str,
 ) -> None:
-    conflict, *others = compare_sources(updated(kind, damaged=True))[0]
+    conflict, *others = conflicts(kind)
     assert not others
     cause = conflict.cause
     assert (cause.kind, cause.name) == ("stiffness", "stiffness of the body")
@@ -111,13 +117,9 @@ def test_a_stretch_that_has_lost_stiffness_is_named_with_its_set_place_and_facto
 
 
 def test_the_finding_states_the_level_and_the_verdict_follows() -> None:
-    finding = contradiction(_first(updated("angle", damaged=True)))
+    finding = contradiction(conflicts("angle")[0])
     assert finding.level is not None
     assert re.search(
         r"web at 0\.\d\d ± 0\.\d\d of it between x = .* of at most 0\.\d % of sound bodies",
         finding.text,
     )
-
-
-def _first(elastic: ElasticResult) -> Conflict:
-    return compare_sources(elastic)[0][0]
