@@ -280,8 +280,8 @@ class _Work:
         return np.concatenate([nodes, self._old + np.flatnonzero(inside[self._old :])])
 
     def _links(self, links: tuple[Link, ...], amid: IntArray) -> Iterator[Link]:
-        """Links of new nodes amid two that are led alike: by one node, by nodes with a node amid
-        them, or by none.
+        """Links of new nodes amid two that depend alike: on one node, on nodes with a node amid
+        them, or on none.
         """
         known = {link.node: link for link in links if len(link.independent) < 2}
         number_of = {(a, b): self._old + row for row, (a, b) in enumerate(amid.tolist())}

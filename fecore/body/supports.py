@@ -332,7 +332,7 @@ def free_dofs(
     links: tuple[Link, ...] = (),
 ) -> BoolArray:
     """(nodes, dofs of a node) which dofs are free: of nodes that elements use, neither held nor
-    led.
+    dependent.
     """
     free = np.zeros((len(mesh.nodes), 6), dtype=bool)
     free[used] = True

@@ -7,8 +7,8 @@ share (Hughes, *The Finite Element Method*, section 5.3).
 
 Quad4 interpolates the shears of the middles of its sides (MITC4: Dvorkin and Bathe, Eng. Comput. 1,
 1984), and its sides bend in the surface as the rotations about the normal at their ends ask
-(Allman, Comput. Struct. 19, 1984): it is Quad8 in the membrane, its mid-side nodes led by the
-corners.
+(Allman, Comput. Struct. 19, 1984): it is Quad8 in the membrane, its mid-side nodes dependent on
+the corners.
 """
 
 from functools import cache
