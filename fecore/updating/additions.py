@@ -283,15 +283,7 @@ class AlteredForward(ForwardModel):
         """Modes at parameters θ, of which the additions' sizes are the last."""
         c, system = self.parametrisation.coefficients(theta), self.altered
         modes = system.modes(c.stiffness, c.mass, self.count)
-        return ForwardState(
-            c,
-            modes,
-            list(system.stiffness),
-            list(system.mass),
-            system.basis,
-            forward=self,
-            theta=theta,
-        )
+        return self.state_of(system, c, modes, theta)
 
     def unverified(self) -> AlteredForward:
         """Itself: its basis is not checked."""

@@ -242,7 +242,11 @@ class DampingData:
         gain = np.where(np.isin(np.arange(self.model.omega.size), self.lawful), _GAIN_SD, 0.0)
         delay = self.inputs.standard_deviation("delay")
         return FrfMisfit(
-            *(frfs, self.model, weighting, variance, gain),
+            frfs,
+            self.model,
+            weighting,
+            variance,
+            gain,
             common_gain_sd=_COMMON_GAIN_SD,
             driving=self.driving,
             delay_sd=delay,

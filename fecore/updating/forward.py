@@ -18,12 +18,12 @@ from fecore.arrays import FloatArray, IntArray
 from fecore.body.constants import Body
 from fecore.body.model import observed_at
 from fecore.dynamics.bodies import body_modes
-from fecore.dynamics.eigen import modes_below
+from fecore.dynamics.eigen import NormalModes, modes_below
 from fecore.dynamics.reduction import FREQUENCY_TOLERANCE, ReducedModel, ReducedSystem
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.updating.mesh_error import Finer, MeshError
-from fecore.updating.parameters import Parametrisation
+from fecore.updating.parameters import Coefficients, Parametrisation
 from fecore.updating.state import ForwardState
 
 __all__ = ["EXTRA_MODES", "ForwardModel", "ForwardState", "modes_to_cover"]
@@ -245,20 +245,19 @@ class ForwardModel:
             reduced = self.without_mesh_error(self.basis.system)  # as it has grown
             if modes is None or reduced is not self.basis.system:
                 modes = reduced.modes(c.stiffness, c.mass, self.count)
-            return ForwardState(
-                c,
-                modes,
-                list(reduced.stiffness),
-                list(reduced.mass),
-                reduced.basis,
-                forward=self,
-                theta=theta,
-            )
+            return self.state_of(reduced, c, modes, theta)
         mass, stiffness = model.mass.at(c.mass), model.stiffness.at(c.stiffness)
         modes = body_modes(model, stiffness, mass, self.count - model.rigid_modes.shape[1])
         stiffness_terms = [model.stiffness.term(k) for k in range(len(c.stiffness))]
         mass_terms = [model.mass.term(j) for j in range(len(c.mass))]
         return ForwardState(c, modes, stiffness_terms, mass_terms, None, forward=self, theta=theta)
+
+    def state_of(
+        self, system: ReducedSystem, c: Coefficients, modes: NormalModes, theta: FloatArray
+    ) -> ForwardState:
+        """The state at parameters θ, with coefficients c, of modes that a reduced system has."""
+        terms = list(system.stiffness), list(system.mass)
+        return ForwardState(c, modes, *terms, system.basis, forward=self, theta=theta)
 
     def frequencies_at(self, parametrisation: Parametrisation, theta: FloatArray) -> FloatArray:
         """(n,) elastic natural frequencies, Hz, where another parametrisation of the same mesh

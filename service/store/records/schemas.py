@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from fecore.signal import FALSE_DISCOVERY, Estimator, Processing, Windows
+from fecore.signal.reasons import Criterion
 from modalbase.formats.records import Variables
 from service.errors import Invalid, pointer
 from service.jobs.resource import JobOut
@@ -53,19 +54,7 @@ class RecordOut(StrictModel):
 class HitFindingOut(StrictModel):
     """One criterion of one hit."""
 
-    criterion: Literal[
-        "double",
-        "overload",
-        "quiet",
-        "hard",
-        "late",
-        "early",
-        "cut",
-        "place",
-        "polarity",
-        "height",
-        "swapped",
-    ]
+    criterion: Criterion
     number: float | None = Field(description="null where it is infinite")
     limit: float | None = Field(
         description="the number that alone would refuse the hit; null where none would"
