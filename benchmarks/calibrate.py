@@ -7,11 +7,10 @@ Bayesian logistic regression,
     ln p(b) = Σ_k ln P(y_k | b) - ½ (b - m)ᵀ S⁻¹ (b - m),
 
 m and S those of the prior there; the covariance is the inverse of the Hessian at the best b
-(Laplace). Each fifth of the draws
-is judged with weights fitted to the others: log loss, Brier score, and each feature's worth by
-leaving it out. Reliability, and what becomes of modes and of others, are printed for the weights in
-use. Poles that cannot be modes whatever their features (tones, overdamped ones) are in neither fit
-nor scores.
+(Laplace). Each fifth of the draws is judged with weights fitted to the others: log loss, Brier
+score, and each feature's worth by leaving it out. Reliability, and what becomes of modes and of
+others, are printed for the weights in use. Poles that cannot be modes whatever their features
+(tones, overdamped ones) are in neither fit nor scores.
 
 `python -m benchmarks calibrate agreement` compares bands and halves of one record (`agreement`).
 

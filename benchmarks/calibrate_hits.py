@@ -1,9 +1,8 @@
 """Fit and judge the probability of a hit: `python -m benchmarks calibrate_hits`.
 
 Made campaigns (`made_hits`) are looked at, each hit's features are kept with whether it is good,
-and `fecore.signal.weights`
-is made anew from half of them: what good hits are like by their medians and spreads in each
-campaign, and the weights by Bayesian logistic regression,
+and `fecore.signal.weights` is made anew from half of them: what good hits are like by their medians
+and spreads in each campaign, and the weights by Bayesian logistic regression,
 
     ln p(b) = Σ_k ln P(y_k | b) - Σ (b - 3)²/2σ²,    σ = 2, b ≥ 0.
 

@@ -180,10 +180,9 @@ def wing(seed: int, harsh: Harsh = GOOD, points: int = 18) -> Draw:
     changes.
 
     The sensor roves: its mass pulls each mode down by the square of the shape there. The true
-    frequency is that of the body
-    with its sensor, the mean over the tests, as wherever a structure drifts: no FRF shows the bare
-    body. Every record has noise of its own level, leakage rises towards 0 Hz, and humps of a
-    support that is no part of the body stand beside the first mode.
+    frequency is that of the body with its sensor, the mean over the tests, as wherever a structure
+    drifts: no FRF shows the bare body. Every record has noise of its own level, leakage rises
+    towards 0 Hz, and humps of a support that is no part of the body stand beside the first mode.
     """
     rng = np.random.default_rng([10, seed])
     hz = np.arange(0.0, 400.1, 0.3125)

@@ -2,9 +2,9 @@
 joints.
 
 Walls of one material and unlike thickness leave the errors of the joint model; solids of this
-fineness are .1 to .3 % too stiff
-at corners. Profiles drawn at random are measured and updated from what a laboratory would know:
-dimensions, thickness ratios, constants, damping, supports and points are others in each draw.
+fineness are .1 to .3 % too stiff at corners. Profiles drawn at random are measured and updated from
+what a laboratory would know: dimensions, thickness ratios, constants, damping, supports and points
+are others in each draw.
 """
 
 from collections.abc import Callable

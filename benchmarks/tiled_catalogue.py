@@ -2,10 +2,9 @@
 metadata.
 
 Tiled keeps metadata as free JSON in a tree of nodes and joins nothing, so that what a question says
-of campaigns must be in the
-metadata of each FRF. Its server runs in this process, which spares it a network, over the database
-that it embeds, SQLite: on PostgreSQL it needs an extension, btree_gin, that ours has not. A Python
-that has `tiled[all]` runs this file alone:
+of campaigns must be in the metadata of each FRF. Its server runs in this process, which spares it a
+network, over the database that it embeds, SQLite: on PostgreSQL it needs an extension, btree_gin,
+that ours has not. A Python that has `tiled[all]` runs this file alone:
 
     MODALBASE_TILED=~/tiled/bin/python python -m benchmarks search
 """

@@ -4,11 +4,10 @@ describe it.
     python examples/make_paper_beam.py [FILE]
 
 Mondal and Chakraborty (2015) print the natural frequencies and damping ratios that they measured
-(Table 3) but not their
-FRFs. This script gives a body that has exactly those five modes: mode shapes come from this
-project's own model with the paper's updated constants (Table 4, t = 10.00 mm), frequencies and
-damping from Table 3, higher modes from the model with the damping of mode 5. Noise is added from a
-fixed seed. So the file is made, not measured.
+(Table 3) but not their FRFs. This script gives a body that has exactly those five modes: mode
+shapes come from this project's own model with the paper's updated constants (Table 4, t = 10.00
+mm), frequencies and damping from Table 3, higher modes from the model with the damping of mode 5.
+Noise is added from a fixed seed. So the file is made, not measured.
 
 The paper's accelerometer sat at point 23, in the middle of the width, which is a node of the
 model's torsion modes; here it sits at the tip's corner, point 33.

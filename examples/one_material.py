@@ -2,8 +2,8 @@
 posterior.
 
 Alone, the cantilever gives Ex = 31 GPa and the free bar 32.3 GPa: the clamp yields a little, and a
-model that takes it as rigid
-calls the material softer. Together they say both: one modulus, and how much the clamp gives way.
+model that takes it as rigid calls the material softer. Together they say both: one modulus, and how
+much the clamp gives way.
 
     python -m examples.one_material
 """

@@ -2,9 +2,8 @@
 along the line and its density.
 
 A wall's moduli are those at its line's angle from axis 1. They are taken between those at a few
-angles, the coarser the less
-its corner turns and so the less they matter: a curve meshed by any number of lines has the same few
-coefficients.
+angles, the coarser the less its corner turns and so the less they matter: a curve meshed by any
+number of lines has the same few coefficients.
 """
 
 from dataclasses import dataclass

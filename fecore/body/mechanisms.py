@@ -7,9 +7,8 @@ the energy of a mode is the sum over moduli q of q ∂/∂q of it:
 
 For a shell whose constants are Ex, Ey, Gxy, Gxz and Gyz these are bending along and across, twist,
 and transverse shear (Ungar and Kerwin, J. Acoust. Soc. Am. 34, 1962; Adams and Bacon, J. Compos.
-Mater. 7, 1973). Poisson's ratio has no share of
-its own: it couples bending along and across. An isotropic beam has E and G, which its constants E
-and ν stand for.
+Mater. 7, 1973). Poisson's ratio has no share of its own: it couples bending along and across. An
+isotropic beam has E and G, which its constants E and ν stand for.
 """
 
 import numpy as np

@@ -233,9 +233,8 @@ class OrientedSpecimen(Specimen):
     `clamp_compliance`.
 
     Several specimens of one material share its moduli in the material's own axes; each has an angle
-    of its own, which the saw
-    has missed by a degree, and a clamp that yields: a hinge at x = 0 with a rotational spring along
-    the edge.
+    of its own, which the saw has missed by a degree, and a clamp that yields: a hinge at x = 0 with
+    a rotational spring along the edge.
     """
 
     # nominal EI/kL of the clamped edge; 0 for one that is rigid, or for a body that is not clamped

@@ -61,8 +61,7 @@ def edges(
     y = ∓b/2.
 
     A simply supported edge holds w and the displacement and rotation along the edge's own direction
-    ("hard" support,
-    free to move across the edge in the plane: SS-1 in the literature). One that is
+    ("hard" support, free to move across the edge in the plane: SS-1 in the literature). One that is
     `simply_supported_normal` lets the edge move along its own direction and holds it across (SS-2),
     as the closed forms of antisymmetric angle-ply plates have it.
 

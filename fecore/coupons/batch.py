@@ -207,9 +207,8 @@ def outliers(values: Sequence[float]) -> tuple[int, ...]:
     """Indices of values that lie too far from the median to belong to the others.
 
     A value counts as an outlier where |x − median| / (1.4826 MAD) is above `OUTLIER_LIMIT`: in one
-    of twenty batches of
-    sound specimens any is. Below four values none is: nobody can say which of three is the strange
-    one.
+    of twenty batches of sound specimens any is. Below four values none is: nobody can say which of
+    three is the strange one.
 
     Args:
         values: (n,) one property of the specimens that count.

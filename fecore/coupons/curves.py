@@ -100,8 +100,8 @@ def restarts(curve: Curve) -> tuple[int, ...]:
     """Indices of the points at which a new run begins; empty for a single run.
 
     A run begins where time goes back, or where force and strain have both fallen back by `RESTART`
-    of what they reached and
-    then rise again by as much. The fall of force at failure is none: nothing rises after it.
+    of what they reached and then rise again by as much. The fall of force at failure is none:
+    nothing rises after it.
     """
     starts = (
         []

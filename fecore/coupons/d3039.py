@@ -12,10 +12,9 @@ from it by the covariance of width and thickness, below 0.01 % for readings that
 Transition strain: where the two straight parts of a bilinear stress–strain curve meet (ASTM D3039).
 
 Two least-squares lines, one up to a break and one after it, for every break; the pair with the
-smallest misfit gives the
-strain at which they intersect. A transition is reported only where the curve has a knee: the two
-lines must explain it better than a cubic, which has as many coefficients and no knee, and their
-slopes must differ.
+smallest misfit gives the strain at which they intersect. A transition is reported only where the
+curve has a knee: the two lines must explain it better than a cubic, which has as many coefficients
+and no knee, and their slopes must differ.
 """
 
 from collections.abc import Sequence

@@ -6,9 +6,8 @@ METIS's order leaves as many entries, and CHOLMOD's wheel is under the GPL.
 
 For n dofs and a band b the banded factor costs about n b² operations and a solve reads n b numbers;
 the fronts' factor of these two-dimensional meshes holds about 3.2 n √b numbers, with more overhead.
-So the choice, for a factorisation and the forty solves
-of ten modes, depends on the band alone: ten modes of a plate take 0.19 s and 0.51 s with a band of
-140, 0.42 s and 0.48 s with one of 374.
+So the choice, for a factorisation and the forty solves of ten modes, depends on the band alone: ten
+modes of a plate take 0.19 s and 0.51 s with a band of 140, 0.42 s and 0.48 s with one of 374.
 """
 
 from __future__ import annotations

@@ -3,9 +3,8 @@ a fixed side.
 
 A roving hammer keeps the response fixed and a roving sensor the reference. By reciprocity H_ij =
 H_ji both give a column of the FRF matrix, and the mode shape is found at the dofs that rove.
-Campaigns with several fixed dofs, or
-with both rows and columns of the matrix, are covered too: the fixed dofs are the fewest that touch
-every FRF.
+Campaigns with several fixed dofs, or with both rows and columns of the matrix, are covered too: the
+fixed dofs are the fewest that touch every FRF.
 """
 
 from __future__ import annotations
@@ -193,8 +192,7 @@ def split_sides(
     that touch all pairs.
 
     The cover is greedy (most pairs first, references before responses on a tie), which is exact for
-    the arrangements
-    that laboratories use: one or several whole rows or columns.
+    the arrangements that laboratories use: one or several whole rows or columns.
     """
     fixed: list[Dof] = []
     open_rows = set(range(len(pairs)))

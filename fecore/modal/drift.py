@@ -1,19 +1,17 @@
 """How the structure drifted between the tests, and the FRFs as they would be without it.
 
 Temperature, moved sensors or a support that comes loose turn all natural frequencies of test s by
-one factor 1 + d_s. Where a
-resonance is as narrow as the drift, the FRFs do not fit one series: damping comes out too large,
-and modes are found twice or more. With poles s_k(1 + d) the FRFs of a test are linear in their
-residues, so
+one factor 1 + d_s. Where a resonance is as narrow as the drift, the FRFs do not fit one series:
+damping comes out too large, and modes are found twice or more. With poles s_k(1 + d) the FRFs of a
+test are linear in their residues, so
 
     χ²_s(d) = min_c Σ_l w_l |H_s(l) - Φ(l; s_k(1 + d)) c|²
 
 is found on a grid, with one decomposition of Φ for all tests (a separable problem; Golub and
-Pereyra 2003). A test
-drifts at most five times as far as half of them do: that is all the prior. Poles that lie side by
-side, as a drift makes them, are one in this series. Drift and poles are found in turn while the
-series with the drift costs less (Akaike, by independent lines) than the series with the twins and
-without.
+Pereyra 2003). A test drifts at most five times as far as half of them do: that is all the prior.
+Poles that lie side by side, as a drift makes them, are one in this series. Drift and poles are
+found in turn while the series with the drift costs less (Akaike, by independent lines) than the
+series with the twins and without.
 """
 
 from collections.abc import Callable

@@ -2,9 +2,8 @@
 lines.
 
 Hits beside the point, cables and slight non-linearity make errors that grow with the FRF and are
-smooth over some
-lines. A line is then worth less than one: with the correlation ρ_j of the standardised residual j
-lines apart, n lines are worth n/τ, τ = 1 + 2 Σ_j ρ_j.
+smooth over some lines. A line is then worth less than one: with the correlation ρ_j of the
+standardised residual j lines apart, n lines are worth n/τ, τ = 1 + 2 Σ_j ρ_j.
 
 Errors that all FRFs share do not become less by their number: a joint that high hits open, a spring
 that is not linear. In the shape of mode k, m_ik its part in FRF i, they are the relative error of
@@ -14,9 +13,8 @@ its curve,
 
 A pole takes up most of such an error as a shift. Where a spring makes the frequency of a mode
 depend on its amplitude, which falls as e^{-σt}, its curve gains iδ/2 (1/(σ + iΔ) - 1/(3σ + iΔ)), Δ
-the distance in frequency and δ half bandwidths the shift
-at first. By least squares on the lines about it the pole shifts by 0.19 δ and leaves an rms e of
-0.047 δ: a shift of 4 e.
+the distance in frequency and δ half bandwidths the shift at first. By least squares on the lines
+about it the pole shifts by 0.19 δ and leaves an rms e of 0.047 δ: a shift of 4 e.
 """
 
 import numpy as np
@@ -41,8 +39,8 @@ def memory(
     at least 1.
 
     The error is taken relative to the model, for a relative error turns with the phase of a
-    resonance, and lines count by their
-    signal to noise: what matters for a mode are the lines where it is seen.
+    resonance, and lines count by their signal to noise: what matters for a mode are the lines where
+    it is seen.
     """
     z = np.where(measured, residual / np.sqrt(variance), 0)
     # one line of interference must not hide what the others share

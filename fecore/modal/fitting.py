@@ -57,9 +57,8 @@ class Fitted:
         """(2n, 2n) covariance of (ln f, ζ).
 
         The mean of as many drifts as there are tests is common to all frequencies. Where the mass
-        of a roving sensor moves
-        them, modes do not drift alike: each may be off by the mean of the drifts by its own power
-        in the FRFs.
+        of a roving sensor moves them, modes do not drift alike: each may be off by the mean of the
+        drifts by its own power in the FRFs.
         """
         covariance, n = self.fit.parameter_covariance.copy(), self.fit.terms.pairs
         power = np.abs(self.fit.residues) ** 2

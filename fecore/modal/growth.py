@@ -3,11 +3,11 @@ FRFs.
 
 The residual of FRF i is taken as Gaussian with a variance that follows the local misfit, v_il = g_i
 p_l, at least the noise. A pole that is not in the series, all other coefficients fitted anew,
-lowers χ² by rᵀE(EᵀE)⁻¹Eᵀr, E its two columns less their
-projection on the series: a 2x2 problem. The candidate of the largest gain is taken, its columns
-leave all others and the residual, and so on (orthogonal matching pursuit) while Akaike's price of 2
-for each unknown is paid. Then all poles are refined together, poles that no longer pay leave, and
-the residual offers new candidates, a few rounds in all.
+lowers χ² by rᵀE(EᵀE)⁻¹Eᵀr, E its two columns less their projection on the series: a 2x2 problem.
+The candidate of the largest gain is taken, its columns leave all others and the residual, and so on
+(orthogonal matching pursuit) while Akaike's price of 2 for each unknown is paid. Then all poles are
+refined together, poles that no longer pay leave, and the residual offers new candidates, a few
+rounds in all.
 """
 
 from collections.abc import Callable

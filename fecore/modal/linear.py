@@ -3,11 +3,10 @@ spoil.
 
 Each FRF i has its own weights w_i² = 1/v_i, so its own normal matrix G_i = Re Φᴴ W_i² Φ. Normal
 matrices square the condition number of Φ. Therefore Φ is first made orthonormal under the weights'
-mean over the FRFs, Φ = Q T⁻¹, by the singular value
-decomposition of its scaled columns: what is left of G_i is as well conditioned as the FRFs' weights
-are alike, and a direction of
-the coefficients that the lines do not determine (a singular value below round-off) is left out, so
-that it is 0 in the solution and touches no other coefficient.
+mean over the FRFs, Φ = Q T⁻¹, by the singular value decomposition of its scaled columns: what is
+left of G_i is as well conditioned as the FRFs' weights are alike, and a direction of the
+coefficients that the lines do not determine (a singular value below round-off) is left out, so that
+it is 0 in the solution and touches no other coefficient.
 """
 
 from dataclasses import dataclass

@@ -8,15 +8,13 @@ z = exp(i(ω - ω₀)T), which maps the window to 0.95 of the circle:
 
 and Σ_r β_mr z^r - H_m Σ_r α_r z^r is made small in the weighted least-squares sense (Guillaume,
 Verboven and Vanlanduit 1998). The β_m are eliminated; the poles are the eigenvalues of the
-companion matrix of the α. Complex coefficients spare the mirror
-poles and let the numerators stand for all that lies outside the window. All inner products are
-Toeplitz in r: moments Σ_l w (...) z^k.
+companion matrix of the α. Complex coefficients spare the mirror poles and let the numerators stand
+for all that lies outside the window. All inner products are Toeplitz in r: moments Σ_l w (...) z^k.
 
 Windows of 220 and of 75 lines see modes of some lines; the same windows on the means of 4 and of 16
 lines see broad ones. A pole of the structure comes back from order to order and from window to
-window; the median of such a cluster is a candidate.
-The estimate is biased by noise: it is a start for the refinement and the stuff of the stabilisation
-diagram, nothing more.
+window; the median of such a cluster is a candidate. The estimate is biased by noise: it is a start
+for the refinement and the stuff of the stabilisation diagram, nothing more.
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,8 @@
 """How noisy each value is.
 
 Where the FRF set carries a variance (from coherence and averages) it is used, as far as the records
-bear it out. Elsewhere the
-noise is what changes from line to line without memory. A fit leaves more: its variance follows the
-local misfit.
+bear it out. Elsewhere the noise is what changes from line to line without memory. A fit leaves
+more: its variance follows the local misfit.
 """
 
 import numpy as np
@@ -47,9 +46,9 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
     """(N, L) variance of what changes from line to line without memory, as it follows frequency.
 
     The running median of the squared second differences (E = 1.5 v, median of an exponential = ln 2
-    of its mean), over a window
-    that grows with the number of the line from 0 Hz: leakage rises towards 0 Hz as a power of it. A
-    median does not see resonances as long as they cover less than half of the window.
+    of its mean), over a window that grows with the number of the line from 0 Hz: leakage rises
+    towards 0 Hz as a power of it. A median does not see resonances as long as they cover less than
+    half of the window.
 
     Args:
         values: (N, L) FRFs, or the residual of a fit.

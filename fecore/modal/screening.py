@@ -1,9 +1,9 @@
 """Faults of the input: what is left out, mended or only named in a warning.
 
 Nothing is dropped in silence: each finding is a sentence that names the FRF or line, and refused
-FRFs are listed with
-their reason. What cannot be seen in FRFs alone is not guessed: the wrong sign of one roving channel
-against one fixed dof turns that entry of every shape and leaves no trace in the data.
+FRFs are listed with their reason. What cannot be seen in FRFs alone is not guessed: the wrong sign
+of one roving channel against one fixed dof turns that entry of every shape and leaves no trace in
+the data.
 """
 
 from collections.abc import Sequence

@@ -2,9 +2,8 @@
 
 With viscous damping that does not couple the modes, the residue of pole k between dofs i and j is
 R_ij = φ_i φ_j / (2iω_d), with φ normalised to unit modal mass. A = 2iω_d R is therefore real, of
-rank one, and positive at a driving point. Measured A are
-complex and noisy: the shape is the best rank-one factor, turned to the phase in which it is as real
-as can be.
+rank one, and positive at a driving point. Measured A are complex and noisy: the shape is the best
+rank-one factor, turned to the phase in which it is as real as can be.
 """
 
 from __future__ import annotations

@@ -3,12 +3,11 @@ judges them.
 
 Fitted to 1,286 poles of made sets, 729 of them modes (seeds 5000 to 5009). The prior means of
 constant, rise and share are those of an earlier fit to measured and made sets, that of the damping
-is the exponent of Cauchy's law. A fit gives up what the
-weights in use refuse beside a better pole, so the poles that it leaves say little of the distance:
-its prior is the fit before this one. For two modes at n independent points p(1 - M) goes as (1 -
-M)^(n/2 - 3/2), M their MAC; for one shape seen twice it ends at the errors. So that of the shape is
-about ln 10 (n - 1)/2, with its share of what is known of the distance: 4, as for four or five
-points, ± 3.
+is the exponent of Cauchy's law. A fit gives up what the weights in use refuse beside a better pole,
+so the poles that it leaves say little of the distance: its prior is the fit before this one. For
+two modes at n independent points p(1 - M) goes as (1 - M)^(n/2 - 3/2), M their MAC; for one shape
+seen twice it ends at the errors. So that of the shape is about ln 10 (n - 1)/2, with its share of
+what is known of the distance: 4, as for four or five points, ± 3.
 """
 
 import numpy as np

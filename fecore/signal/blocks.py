@@ -110,8 +110,7 @@ class Block:
     @cached_property
     def weakest(self) -> float:
         """The analyser's window where it leaves noise alone, or the converter's steps, as they are
-        where the window came before
-        the converter: white noise is half a step there.
+        where the window came before the converter: white noise is half a step there.
         """
         quarter = self.samples[: self.samples.size // 4].astype(float)
         parts = np.abs(np.diff(quarter))[: (quarter.size - 1) // _PART * _PART].reshape(-1, _PART)

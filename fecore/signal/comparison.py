@@ -10,9 +10,8 @@ apart, after one of opposite sign is turned, by
 
 Near a node P is small and ∇φ large, so deviations over P alone are largest there however good the
 hit; over √(P M) they are about alike at all points. The mean of roots lets no single band, such as
-one line of hum, speak for all. A hit's distance is
-the median of those to the others, each weighted by its probability of being good: what most agree
-on is right.
+one line of hum, speak for all. A hit's distance is the median of those to the others, each weighted
+by its probability of being good: what most agree on is right.
 
 A sensitivity or range moves all bands alike, another place each by another amount. With l_b the
 difference of ln|H| between two hits, weighted by 1/s_b², s_b the campaign's median of |l_b|, all

@@ -7,11 +7,10 @@ zero and returns,
 
 with A the sum of the corners where analyser and hammer have one each. The sensor on the body does
 the same to the response, so the ratio of the spectra is the FRF only where the force keeps its
-tail. A force window that sets all
-behind the pulse to zero takes the tail away: the FRF is then multiplied by 1 - A/(iω + c), a phase
-of 18 mrad at 28 Hz for f_c = 0.5 Hz, which a fit of damping takes up. So the tail of all hits
-together is fitted, A and c by least squares over the blocks with an offset of its own for each, and
-stands in place of the noise behind the window.
+tail. A force window that sets all behind the pulse to zero takes the tail away: the FRF is then
+multiplied by 1 - A/(iω + c), a phase of 18 mrad at 28 Hz for f_c = 0.5 Hz, which a fit of damping
+takes up. So the tail of all hits together is fitted, A and c by least squares over the blocks with
+an offset of its own for each, and stands in place of the noise behind the window.
 """
 
 from collections.abc import Sequence

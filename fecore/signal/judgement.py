@@ -14,9 +14,8 @@ their shortest half (Rousseeuw and Leroy, 1987), which up to half of them may sp
 
 so one number that is far off is enough, and none counts that is as usual. Hits of a point are
 compared among those that seem good by their own numbers; where all of a point's hits lie apart, or
-have a louder floor, its scale is drawn to theirs. A hit is
-refused where P is below the level that the user chooses: no refused hit is good with more than this
-probability.
+have a louder floor, its scale is drawn to theirs. A hit is refused where P is below the level that
+the user chooses: no refused hit is good with more than this probability.
 """
 
 from __future__ import annotations
@@ -134,8 +133,8 @@ def features_of(points: Sequence[Point], positions: Mapping[int, Position]) -> F
 
 def _in_common(values: FloatArray, parts: Sequence[slice], good: BoolArray) -> FloatArray:
     """(N,) factor of each hit by which the good ones among the other hits of its point differ from
-    the campaign's, drawn to 1
-    where they are few: what a point's hits share is the point's, not a fault of each.
+    the campaign's, drawn to 1 where they are few: what a point's hits share is the point's, not a
+    fault of each.
     """
     logs = np.log(np.maximum(values, LEAST))
     known = good & np.isfinite(values)

@@ -1,7 +1,6 @@
 """The hits of points before the campaign is judged, and the judgement of all points; and hits as a
-person beside the hammer
-sees them: how they are judged, how coherent the good ones are, and each hit's own FRF beside their
-average.
+person beside the hammer sees them: how they are judged, how coherent the good ones are, and each
+hit's own FRF beside their average.
 """
 
 from collections.abc import Sequence

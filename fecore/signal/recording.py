@@ -80,9 +80,8 @@ def survey(
 
     A hit is where the force rises over eight times what it has in the pauses and over 5 % of the
     largest hit, or over a stated force; pulses within 0.25 s belong to the hit before. All blocks
-    are of one length L, which three quarters of the
-    hits need to decay, and which keeps most of the recording: the largest product of L and the hits
-    whose room is L or more.
+    are of one length L, which three quarters of the hits need to decay, and which keeps most of the
+    recording: the largest product of L and the hits whose room is L or more.
 
     Args:
         chunks: (channels, n) parts of the recording, in order, of any length.

@@ -13,14 +13,12 @@ values. Where the window came behind the converter, as in floating point, no two
 apart, q is nil, and the noise of the steps decays with all else.
 
 r is the mean of the hits' slopes, without those of double hits and the like that lie far from their
-median. It counts where it
-stands out of their scatter, and where the logarithm bends far less than it falls: what else rings
-in a hammer dies away into a floor, and a window has none but the converter's. Noise that does not
-fall shows that there is no window, as surely as its
-slopes agree. Noise below half a step from the first makes single steps of the converter: they decay
-with a window that came
-behind it. Where they stay, p shows at most that there is none: how its slopes scatter is what drift
-across the steps makes, in all hits alike, and they may be half of r.
+median. It counts where it stands out of their scatter, and where the logarithm bends far less than
+it falls: what else rings in a hammer dies away into a floor, and a window has none but the
+converter's. Noise that does not fall shows that there is no window, as surely as its slopes agree.
+Noise below half a step from the first makes single steps of the converter: they decay with a window
+that came behind it. Where they stay, p shows at most that there is none: how its slopes scatter is
+what drift across the steps makes, in all hits alike, and they may be half of r.
 """
 
 from collections.abc import Callable, Sequence

@@ -9,9 +9,8 @@ Shewhart: a = c = 0, b = 1. The floor at 0 keeps a chart from falling asleep on 
 cap at 2h lets it return when a structure has been repaired. Downwards the scores change sign.
 
 A chart with memory is slow to see what is plain in one campaign, so a campaign is outside too where
-its own score is above a
-limit c: the combined chart (Lucas and Saccucci 1990). Both limits together are set from the
-false-alarm rate.
+its own score is above a limit c: the combined chart (Lucas and Saccucci 1990). Both limits together
+are set from the false-alarm rate.
 
 How long a chart runs before it calls: run lengths by Markov chain (Brook and Evans 1972), and
 limits from them.

@@ -1,6 +1,6 @@
 """Dated estimates of one parameter, campaign after campaign, with their own uncertainty and their
-covariates; and the recipe
-of a monitor: which are watched, against which baseline, and how often it may call in vain.
+covariates; and the recipe of a monitor: which are watched, against which baseline, and how often it
+may call in vain.
 """
 
 import itertools

@@ -11,9 +11,8 @@ outside the limits, an expected campaign that is missing, and somebody's acknowl
     acknowl.    normal          acknowledged                    no data         refused
 
 An alarm stays until somebody has seen it, even where the chart comes back or campaigns stop. A
-missing campaign is neither
-inside nor outside: the count towards k, and that an alarm was acknowledged, live on behind
-`no data`.
+missing campaign is neither inside nor outside: the count towards k, and that an alarm was
+acknowledged, live on behind `no data`.
 """
 
 from collections.abc import Sequence

@@ -12,14 +12,13 @@ mode k is real with w,
     w/(1 - w) = P W/(1 - P) · (p(all with k)/p(all without k) + π N(e; 0, σ_π²)),
 
 the evidence with the unknowns and the discrepancy integrated out: the mode itself does not widen
-what it is judged by. The
-second term is that of a real mode which the model misses by far, e from what the others predict: of
-another material, boundary or length than stated. So a mode that is certain is not taken for none
-where it contradicts a wrong model. The estimate is that of the likeliest set, found anew in every
-turn of the fit (hard expectation maximisation): the data of a mode with w < ½ have no weight. The
-posterior about it holds the sets that differ from it in one mode, each with its Gaussians and by
-its odds. Where P = 1 for all, as where somebody typed the modes in, nothing of this changes a
-result.
+what it is judged by. The second term is that of a real mode which the model misses by far, e from
+what the others predict: of another material, boundary or length than stated. So a mode that is
+certain is not taken for none where it contradicts a wrong model. The estimate is that of the
+likeliest set, found anew in every turn of the fit (hard expectation maximisation): the data of a
+mode with w < ½ have no weight. The posterior about it holds the sets that differ from it in one
+mode, each with its Gaussians and by its odds. Where P = 1 for all, as where somebody typed the
+modes in, nothing of this changes a result.
 """
 
 import numpy as np

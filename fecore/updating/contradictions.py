@@ -21,8 +21,8 @@ does so no longer once the slip is allowed for. One that the rest says nothing o
 says what no body could be, changes nothing and explains nothing. A clamp may yield and need not:
 one that is firmer than expected contradicts nothing. What may have been added to a body, and the
 likeliest inputs, are compared by fits that have them (`explanations`). The likeliest explanation is
-the cause. It is allowed for, and the others
-are looked at anew: those that still contradict have causes of their own, the rest are cleared.
+the cause. It is allowed for, and the others are looked at anew: those that still contradict have
+causes of their own, the rest are cleared.
 """
 
 from __future__ import annotations

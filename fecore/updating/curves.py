@@ -2,8 +2,8 @@
 temperatures.
 
 At T the constant is c (1 + k (T - T_ref)). Its coordinate ln c + ln(1 + k (T - T_ref)) is a
-combination of unknowns, so its
-interval is that of any other: narrow between the tests, wider beyond them.
+combination of unknowns, so its interval is that of any other: narrow between the tests, wider
+beyond them.
 """
 
 from __future__ import annotations

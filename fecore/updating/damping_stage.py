@@ -208,8 +208,7 @@ def _excess(misfit: FrfMisfit, fit: DampingFit, scale: float) -> float:
     """How many times the noise the modal fit misses the FRFs by, 1 at least.
 
     A noise that was found from the residual itself has the model's errors in it. What changes from
-    line to line without memory
-    has not: they last over a resonance.
+    line to line without memory has not: they last over a resonance.
     """
     if misfit.frfs.variance is not None or misfit.frfs.frequency_hz.size < _FEWEST_LINES:
         return max(scale, 1.0) if misfit.weighting == "noise" else 1.0

@@ -328,9 +328,7 @@ def _explained(check: Check) -> str:
 
 
 def _sized(said: Said) -> str:
-    """The size of what a body may have: `5.4 ± 0.2 g`,
-    `in rotation about y with 82 ± 2 N·m/rad`.
-    """
+    """The size of what a body may have: `5.4 ± 0.2 g`, `in rotation about y with 82 ± 2 N·m/rad`."""
     if said.constant == MASS:
         return f"{1e3 * said.rest:.1f} ± {1e3 * said.rest_sd:.1f} g"
     return sized(said.constant, f"{said.rest:.3g} ± {said.rest_sd:.2g}")

@@ -7,13 +7,11 @@ are paired with the measured modes, and the update starts again from the best dr
 pairing. The best of the points with other partners stands in the result as its rival.
 
 Without shapes a pairing need not be where the alignment comes to rest: a mode that nobody measured
-may be tuned onto a
-measured one beside its true partner. So the fit is also made with partners held: those at the prior
-means, and those of good results with a mode's other candidate in place of its partner. With shapes
-and without, two close modes may exchange their
-partners for ever: then the fit is made with each of the pairings that it went to and fro between
-held. Every pairing whose evidence is near the best one's then takes part in the intervals
-(`ElasticResult.spanning`).
+may be tuned onto a measured one beside its true partner. So the fit is also made with partners
+held: those at the prior means, and those of good results with a mode's other candidate in place of
+its partner. With shapes and without, two close modes may exchange their partners for ever: then the
+fit is made with each of the pairings that it went to and fro between held. Every pairing whose
+evidence is near the best one's then takes part in the intervals (`ElasticResult.spanning`).
 """
 
 from collections.abc import Callable, Sequence

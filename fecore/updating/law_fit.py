@@ -9,11 +9,10 @@ minimise
 by Levenberg and Marquardt's method. A law is never exact: each mode's rate is c_k exp(ε_k) with ε_k
 ~ N(0, s²), and the priors of the nuisance parameters join E, which for `noise` weights is the
 negative log likelihood. A law that fits keeps ε at zero; one that does not is then fitted to all
-modes alike, in place of to the one with the strongest signal. Modes that
-were not measured, above the band say, have shifts and deviations with priors too: else their tails,
-taken as exact, would show a damping that nobody measured.
-Rigid-body modes, and those that move on the springs of the supports, are damped by what they hang
-on and not by the law: each has a rate of its own.
+modes alike, in place of to the one with the strongest signal. Modes that were not measured, above
+the band say, have shifts and deviations with priors too: else their tails, taken as exact, would
+show a damping that nobody measured. Rigid-body modes, and those that move on the springs of the
+supports, are damped by what they hang on and not by the law: each has a rate of its own.
 """
 
 from dataclasses import dataclass

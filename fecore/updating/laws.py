@@ -1,8 +1,8 @@
 """The damping laws of a recipe by their names, and which of them the measured damping supports.
 
 `generalised` turns in the middle of the measured modes, `modal` has them as its knots; the laws by
-mechanism group the elastic
-constants of the body: its moduli E of fibre and matrix in tension, and its shear moduli G.
+mechanism group the elastic constants of the body: its moduli E of fibre and matrix in tension, and
+its shear moduli G.
 
 FRFs are so many values that, taken as independent, they would prefer the richest law always: what
 limits a law is not noise but that no body follows it to the last per cent. So laws are ranked on
@@ -22,11 +22,11 @@ together, each by the shares of strain energy that its own body has at the commo
     ζ_ck = ½ (a₀/ω_ck + Σ_m η_m U_ckm)      with the same a₀ and η_m in every campaign c.
 
 A strip at 90° and one at 45° damp where a strip at 0° has no energy, so mechanisms are kept apart
-that one specimen shows as
-one. How far each campaign is off the common law is the root mean square of its own misses: a
-suspension or a clamp that damps shows there. Where campaigns have several temperatures each
-coefficient has one of temperature, a(T) = a (1 + k (T - T_ref)) with k ~ N(0, (1 %/K)²) or as
-stated; k is integrated out in χ², which then has its prior and the logarithm of its evidence.
+that one specimen shows as one. How far each campaign is off the common law is the root mean square
+of its own misses: a suspension or a clamp that damps shows there. Where campaigns have several
+temperatures each coefficient has one of temperature, a(T) = a (1 + k (T - T_ref)) with k ~ N(0, (1
+%/K)²) or as stated; k is integrated out in χ², which then has its prior and the logarithm of its
+evidence.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """What losses of stiffness in stretches along a body do to its modes (`fecore.updating.damage`).
 
 Where a stretch has lost the share a of its stiffness K_s, the modes are those of Λ - aE, E =
-ΦᵀK_sΦ, as far as the body's
-modes Φ span what they become. Those that are solved for do not: strains that gather in a short
-stretch are made of many more, and what is left out is made up for by a greater loss (0.34 for 0.3
-by ten modes of a beam). So about the likely stretches Φ is taken with the static deflections under
-the forces K_pφ of each part p, and ends are tried between the lines that part the body.
+ΦᵀK_sΦ, as far as the body's modes Φ span what they become. Those that are solved for do not:
+strains that gather in a short stretch are made of many more, and what is left out is made up for by
+a greater loss (0.34 for 0.3 by ten modes of a beam). So about the likely stretches Φ is taken with
+the static deflections under the forces K_pφ of each part p, and ends are tried between the lines
+that part the body.
 """
 
 from __future__ import annotations

@@ -7,14 +7,13 @@ FRFs come from Hermitian (modes × modes) sums.
 
 A mode may have a **gain** g_k, common to all FRFs: H = Σ (1 + g_k) A_k f/D_k. A sensor's
 calibration, or what it stands on, scales a resonance as damping does, but does not widen it. A
-**delay** d between the channels turns the phase by -ωd, which
-looks like damping too. A **driving point** gives way under its own force as no plate theory says: a
-point load leaves a dent, and the deflection of a plate that shears has no limit there, so what a
-mesh makes of it is the mesh's. That is a real flexibility r of such an FRF, H + fr, of which
-nothing is known beforehand; left out, the gains of the modes make up for it, and their damping for
-these. The misfit is linear in gains, such flexibilities and small delays, so they are minimised out
-of it at every point (variable projection; Golub and Pereyra, Inverse Problems 19, 2003): cost,
-gradient and hessian are those that remain.
+**delay** d between the channels turns the phase by -ωd, which looks like damping too. A **driving
+point** gives way under its own force as no plate theory says: a point load leaves a dent, and the
+deflection of a plate that shears has no limit there, so what a mesh makes of it is the mesh's. That
+is a real flexibility r of such an FRF, H + fr, of which nothing is known beforehand; left out, the
+gains of the modes make up for it, and their damping for these. The misfit is linear in gains, such
+flexibilities and small delays, so they are minimised out of it at every point (variable projection;
+Golub and Pereyra, Inverse Problems 19, 2003): cost, gradient and hessian are those that remain.
 """
 
 from __future__ import annotations

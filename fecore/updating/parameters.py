@@ -6,10 +6,9 @@ values. The derivatives of the specimen's closed forms are complex steps, Im c(q
 no truncation error at h = 10⁻³⁰ and no cancellation (Squire and Trapp, SIAM Rev. 40, 1998).
 
 Coordinates are those in which the posterior is nearly Gaussian. A modulus is positive and its prior
-a share of its value, so
-its coordinate is its logarithm: no interval reaches zero, and none needs a bound. A Poisson's ratio
-may be negative and is its own coordinate. A prior mean m ± s becomes ln m ± √ln(1 + (s/m)²), which
-has the same coefficient of variation and its median at m.
+a share of its value, so its coordinate is its logarithm: no interval reaches zero, and none needs a
+bound. A Poisson's ratio may be negative and is its own coordinate. A prior mean m ± s becomes ln m
+± √ln(1 + (s/m)²), which has the same coefficient of variation and its median at m.
 """
 
 from __future__ import annotations

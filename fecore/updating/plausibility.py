@@ -1,21 +1,20 @@
 """Whether the measured FRFs are those of the model at all, before damping is sought in them.
 
 Natural frequencies alone cannot distinguish a wrong length or density from other elastic constants:
-all scale them alike. The
-height of the FRFs can: it goes with the modal masses. And a wrong sign, factor or point of one FRF
-leaves the frequencies as they are, but not that FRF. So each FRF is compared, as accelerance, with
-the model's, whose modes are moved to the measured frequencies and have the measured damping ratios,
-by its height s and likeness c over the lines,
+all scale them alike. The height of the FRFs can: it goes with the modal masses. And a wrong sign,
+factor or point of one FRF leaves the frequencies as they are, but not that FRF. So each FRF is
+compared, as accelerance, with the model's, whose modes are moved to the measured frequencies and
+have the measured damping ratios, by its height s and likeness c over the lines,
 
     s = median Re H/H_model,     c = Re H_modelᴴ H / (|H_model| |H|);
 
 the median, as peaks that few lines resolve, or a mode that was not measured, would move a mean.
 
-After stage 2: an exponential window that nobody stated.
-A window exp(-t/τ) makes every mode decay faster by 1/τ, as a constant part of the damping does (a0
-= 2/τ): FRFs alone do not distinguish the two. But windows are chosen to end a record of T seconds
-at 10 to 1 % of its first value, so 1/τ lies between 2/T and 5/T. A body whose own constant part
-lies there, and makes most of the slowest modes' decay, looks windowed.
+After stage 2: an exponential window that nobody stated. A window exp(-t/τ) makes every mode decay
+faster by 1/τ, as a constant part of the damping does (a0 = 2/τ): FRFs alone do not distinguish the
+two. But windows are chosen to end a record of T seconds at 10 to 1 % of its first value, so 1/τ
+lies between 2/T and 5/T. A body whose own constant part lies there, and makes most of the slowest
+modes' decay, looks windowed.
 """
 
 from __future__ import annotations

@@ -3,10 +3,10 @@ together.
 
 With modes of eigenvalues Λ, and a motion r of the body as its support gives way by a compliance a,
 where κ is how stiff other supports make that, the altered modes are those of diag(Λ, κ + 1/a) and
-of the inertia that the modes and r share. A soft root
-may look like softer material, which shapes contradict: they move where it holds. So the evidence of
-a compliance is that of the frequencies, with the constants and the discrepancy integrated out
-(`screening`), times that of the shapes (`of_shapes`).
+of the inertia that the modes and r share. A soft root may look like softer material, which shapes
+contradict: they move where it holds. So the evidence of a compliance is that of the frequencies,
+with the constants and the discrepancy integrated out (`screening`), times that of the shapes
+(`of_shapes`).
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Keys with scopes and an end, users that are disabled, projects and structures that are archived
-or deleted, and an audit
-trail that nothing changes: a trigger refuses it, and what an event names may be purged without
-touching the event.
+or deleted, and an audit trail that nothing changes: a trigger refuses it, and what an event names
+may be purged without touching the event.
 """
 
 import sqlalchemy as sa

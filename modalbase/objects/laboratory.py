@@ -30,8 +30,7 @@ def connect(url: str | None = None, key: str | None = None) -> Laboratory:
     `modalbase up` that runs on this machine; the key from `key`, MODALBASE_API_KEY, the profile, or
     the data folder of that service.
 
-        lab = modalbase.connect()
-        campaign = lab.campaign("spring 2026")
+        lab = modalbase.connect() campaign = lab.campaign("spring 2026")
 
     Args:
         url: of the service, such as `http://127.0.0.1:8000`.

@@ -23,9 +23,7 @@ class SearchResults:
     """Rows of one noun that a search found; nothing is fetched before it is asked for.
 
         hot = lab.find("campaigns", "temperature_c > 25 AND structure.name LIKE 'bridge%'")
-        hot.count, hot.facets
-        for row in hot: ...
-        hot.to_pandas()
+        hot.count, hot.facets for row in hot: ... hot.to_pandas()
 
     Attributes:
         lab: where it is searched.
@@ -125,8 +123,7 @@ class SearchResults:
     def trend(self, value: str | None = None, covariates: str = "temperature_c") -> Trend:
         """A constant of the results found, or the modes found, over time and temperature.
 
-            bridge = lab.find("results", "structure.name = 'footbridge'")
-            print(bridge.trend("Ex"))
+            bridge = lab.find("results", "structure.name = 'footbridge'") print(bridge.trend("Ex"))
             lab.find("modes", "frequency_hz < 20").trend().figure().save("modes.pdf")
 
         Modes are followed from campaign to campaign by MAC and frequency. Each campaign counts

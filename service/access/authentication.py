@@ -2,9 +2,9 @@
 a body is received whole before the request takes a slot (docs/limits.md).
 
 One API process remembers verdicts on keys, so that who is turned away costs neither a transaction
-nor a slot. A key that was found valid a moment ago is counted under its own name by admission control, any
-other under the address that it came from. Nothing is
-let in by memory alone: the transaction that answers a request asks for the key again.
+nor a slot. A key that was found valid a moment ago is counted under its own name by admission
+control, any other under the address that it came from. Nothing is let in by memory alone: the
+transaction that answers a request asks for the key again.
 """
 
 import asyncio

@@ -235,8 +235,8 @@ class Lookup(Generic[Row]):
         self, session: Session, owner_id: UUID, name: str, among: ColumnElement[bool] | None = None
     ) -> Row | None:
         """The oldest row of an owner with a name, deleted ones left out; None where there is none,
-        and until the transaction
-        ends no other that asks for the same gets an answer: what asks can make one.
+        and until the transaction ends no other that asks for the same gets an answer: what asks can
+        make one.
 
         Args:
             session: the request's transaction.

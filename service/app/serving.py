@@ -158,8 +158,7 @@ def _load_structlog() -> None:
 
 def _follow() -> None:
     """Go on when the process that started this one has opened the database, which it says by a byte
-    on standard input, and
-    end when it is gone: the pipe closes.
+    on standard input, and end when it is gone: the pipe closes.
     """
     if not os.read(0, 1):
         sys.exit()

@@ -3,8 +3,7 @@ process.
 
 What a feature needs of it::
 
-    from service.jobs.resource import JobNoun
-    from service.jobs.routes import JobRoutes
+    from service.jobs.resource import JobNoun from service.jobs.routes import JobRoutes
 
     # its table has the key jobs.id; its kind is listed in service.app.kinds.KINDS
     IDENTIFICATIONS = JobNoun("identifications", identification_for, load, find_modes, store)

@@ -1,10 +1,9 @@
 """The child process: where the numbers are made. This side of the pipe runs in the child.
 
 A child is forked from a server process that has the libraries loaded already, so it starts in some
-20 ms. It has a
-memory limit, and it dies with its worker: the kernel kills it with the fork server, which ends when
-the worker does (Linux), and a thread of its own ends it when the worker's end of a pipe closes
-(everywhere).
+20 ms. It has a memory limit, and it dies with its worker: the kernel kills it with the fork server,
+which ends when the worker does (Linux), and a thread of its own ends it when the worker's end of a
+pipe closes (everywhere).
 """
 
 import ctypes

@@ -1,9 +1,8 @@
 """Jobs' states as they change, for who watches (server-sent events).
 
 An event is a job's state and carries its version as id. A client that comes back with
-`Last-Event-ID` gets the state
-of now if it has changed since, and nothing that is overtaken: a state replaces all before it, so
-none need be kept.
+`Last-Event-ID` gets the state of now if it has changed since, and nothing that is overtaken: a
+state replaces all before it, so none need be kept.
 
 All streams of a process share one look at the database: at the jobs that a notice named, and now
 and then at all that are watched, since a notice may be lost. A stream itself holds neither a

@@ -19,9 +19,9 @@ class Job(Identified, Base):
 
     `attempt` is the fence: a result is stored only by the attempt that the row names. `losses`
     counts the attempts whose worker died. `ticket` is the engine's job that runs it, there from the
-    first to the last moment of the states `queued`
-    and `running`. `version` grows with every change that a client can see: a trigger counts it and
-    notifies the channel above at commit, so who changes a row need not think of who watches it.
+    first to the last moment of the states `queued` and `running`. `version` grows with every change
+    that a client can see: a trigger counts it and notifies the channel above at commit, so who
+    changes a row need not think of who watches it.
     """
 
     __tablename__ = "jobs"

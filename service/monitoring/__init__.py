@@ -2,7 +2,7 @@
 judged, alarms announced.
 
 Data flows one way: campaigns that are complete -> runs (update jobs) -> series -> judgement ->
-alarms -> deliveries.
-Nothing here waits for an event to come through: the scheduler compares what is with what should be,
-and mends the difference, so a process that dies in between loses nothing and does nothing twice.
+alarms -> deliveries. Nothing here waits for an event to come through: the scheduler compares what
+is with what should be, and mends the difference, so a process that dies in between loses nothing
+and does nothing twice.
 """

@@ -2,11 +2,11 @@
 
 A request that is answered holds a slot. There are as many slots as connections to the database, and
 a thread for each, so that whoever has a slot never waits for either. Waiting for a slot happens in
-the event loop, where it costs next to nothing;
-it is bounded in number and in time. Callers take turns: one that sends a thousand requests delays
-its own. Who waits already may take another place while at least as many are free as it has. So one
-caller has half of them at most, two have two thirds, and somebody new finds one, also beside a key
-that is counted under its address until it is known and then under its name.
+the event loop, where it costs next to nothing; it is bounded in number and in time. Callers take
+turns: one that sends a thousand requests delays its own. Who waits already may take another place
+while at least as many are free as it has. So one caller has half of them at most, two have two
+thirds, and somebody new finds one, also beside a key that is counted under its address until it is
+known and then under its name.
 
 Buckets of tokens, in this process's memory, limit how much of something one caller may have in a
 time.

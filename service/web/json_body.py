@@ -2,8 +2,8 @@
 
 Python's parser accepts NaN and Infinity, integers of any size, NUL characters and lone surrogates,
 each of which would be a server error later; and it keeps the last of a field that is there twice.
-Here each is a fault with the pointer to where it
-stands, in words for a person: the nearest member that there is, a limit with its unit.
+Here each is a fault with the pointer to where it stands, in words for a person: the nearest member
+that there is, a limit with its unit.
 """
 
 import json

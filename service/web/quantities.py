@@ -3,9 +3,8 @@ is not.
 
 The schema of a member says what is possible. What is possible and still not usual is nearly always
 in another unit: 33 for a modulus of 33 GPa, 500 for a length of 500 mm. `unusual` names such
-numbers; a route refuses them until the client confirms them.
-The ranges are wide, so that foams (1 MPa), balsa (100 kg/m³), films (0.2 mm) and bridge decks (30
-m) need no confirmation.
+numbers; a route refuses them until the client confirms them. The ranges are wide, so that foams (1
+MPa), balsa (100 kg/m³), films (0.2 mm) and bridge decks (30 m) need no confirmation.
 """
 
 import re

@@ -2,9 +2,9 @@
 schemas.
 
 All pages share one service. The page of the command line goes first, as its commands make the
-project, structure and campaign
-that the others name. A block marked `text` is one that nothing can run here: a drawing, a table of
-requests, a command that installs, never ends, or needs a server of containers.
+project, structure and campaign that the others name. A block marked `text` is one that nothing can
+run here: a drawing, a table of requests, a command that installs, never ends, or needs a server of
+containers.
 """
 
 import configparser

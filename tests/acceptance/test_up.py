@@ -38,10 +38,9 @@ def test_a_service_is_begun_hurt_backed_up_restored_and_ended(
     short_folder: Path, empty_database: str
 ) -> None:
     """In the default folder of a home with a space, as on macOS: the first start makes a key and
-    prints it, what dies is
-    started again, and no end leaves anything running. The restored service runs beside it on a
-    server of its own: the same key opens it, the same bits come out, and commands that do not say
-    which of the two they mean are refused.
+    prints it, what dies is started again, and no end leaves anything running. The restored service
+    runs beside it on a server of its own: the same key opens it, the same bits come out, and
+    commands that do not say which of the two they mean are refused.
     """
     home = short_folder / "Prüf stand" / ("with a long name, " * 6)
     home.mkdir(parents=True)

@@ -2,10 +2,9 @@
 the caller's own project, of a foreign one and of none.
 
 What an operation asks for is judged by hand (`furnished.JUDGED`), so that a new route fails until
-somebody has judged it. Three
-things are held against each answer: the status that role, scope and id call for; that a foreign
-thing and one that does not exist are answered alike; and that nothing of the foreign project stands
-in it.
+somebody has judged it. Three things are held against each answer: the status that role, scope and
+id call for; that a foreign thing and one that does not exist are answered alike; and that nothing
+of the foreign project stands in it.
 """
 
 import copy

@@ -31,8 +31,8 @@ def fuzz(service: LocalService, rounds: int = 1, examples: int = 3, start: int =
 
     What a path names is taken from what exists: at first one thing of each kind, then also what the
     requests themselves have made, so that they meet things in every state. No answer may be an
-    error of the service, or one that the
-    document does not know: status, content type, headers and body are held against it.
+    error of the service, or one that the document does not know: status, content type, headers and
+    body are held against it.
 
     Args:
         service: that runs with settings such as `ASKED_FREELY`.

@@ -2,11 +2,11 @@
 that it changes.
 
 `check` compares a document with `tests/golden/data/NAME.txt`, in the form of `golden_text`. With
-MODALBASE_GOLDEN=write it
-writes what is different anew and prints it: `pytest tests/golden -s`, with `-k` for some. Compared
-are members, lengths and the order of lists exactly, sentences but for the numbers in them, and
-numbers to half of their last digit kept and, beside it, to `CLOSE` of their size or `SHARE` of
-their standard deviation, whichever is wider. `golden_parts` says what is left out.
+MODALBASE_GOLDEN=write it writes what is different anew and prints it: `pytest tests/golden -s`,
+with `-k` for some. Compared are members, lengths and the order of lists exactly, sentences but for
+the numbers in them, and numbers to half of their last digit kept and, beside it, to `CLOSE` of
+their size or `SHARE` of their standard deviation, whichever is wider. `golden_parts` says what is
+left out.
 """
 
 import json

@@ -14,9 +14,8 @@ e₁ · ∂₂u₀) (Hughes and Brezzi, Comput. Methods Appl. Mech. Eng. 72, 198
 
 A point's own lengths are 1 + ζb of the middle's, b = sym(∂ᵢd · e_j), and the wall's volume grows by
 1 + ζ tr b. Of energy and inertia to the first order in b that is κ - 3/2 (bε + εb) + ε tr b in the
-place of κ, and u₀ + (t²/12) tr b θ × d in that
-of u₀: a cylinder has κ₂₂ - 2ε₂₂/R, κ₁₁ + ε₁₁/R. Without it an arc of R = 18 t has its lowest
-frequencies 0.15 % too low.
+place of κ, and u₀ + (t²/12) tr b θ × d in that of u₀: a cylinder has κ₂₂ - 2ε₂₂/R, κ₁₁ + ε₁₁/R.
+Without it an arc of R = 18 t has its lowest frequencies 0.15 % too low.
 
 All rows are (e, p, rows, n, 6) over e elements, p points and n nodes with u, v, w, θx, θy, θz.
 """

@@ -11,12 +11,11 @@ in SI.
 
 `unit` is that of the samples, `sensitivity` what one SI unit makes in the file (volts per newton);
 see `modalbase.formats.records.scale`. Without both the file's own unit counts, and where it states
-none it is in SI.
-A member that is null is empty: what a channel needs is asked for.
-Where blocks lie in a table, its longer side is the time. `point`, `direction` and `hit` may be
-lists too, of one number for each block. An archive's mapping says `"archived": true`: blocks are as
-a service kept them, in SI whatever the `sensitivity` that made them so, with the `label` and, of a
-recording, the `start_sample` of each.
+none it is in SI. A member that is null is empty: what a channel needs is asked for. Where blocks
+lie in a table, its longer side is the time. `point`, `direction` and `hit` may be lists too, of one
+number for each block. An archive's mapping says `"archived": true`: blocks are as a service kept
+them, in SI whatever the `sensitivity` that made them so, with the `label` and, of a recording, the
+`start_sample` of each.
 """
 
 from collections.abc import Callable

@@ -6,10 +6,9 @@ Analysers write auto and cross spectra (function types 2 and 3) beside FRFs or i
     H1 = S_af / S_ff,    γ² = |S_af|² / (S_ff S_aa)
 
 with a the response and f the force. Programs differ in which channel of a cross spectrum they
-conjugate, and files do not
-say. A body cannot move before it is hit: of the two readings only one has its impulse response in
-the first half of its period, and that one is taken. Where neither stands out, the spectra are left
-alone.
+conjugate, and files do not say. A body cannot move before it is hit: of the two readings only one
+has its impulse response in the first half of its period, and that one is taken. Where neither
+stands out, the spectra are left alone.
 """
 
 from collections.abc import Iterator

@@ -402,10 +402,9 @@ def _variance(table: FrfTable, values: np.ndarray) -> FloatArray | None:
     Random Data, 9.2.4).
 
     FRFs made of time blocks carry the variance that the scatter of their hits showed, and it is
-    used instead. NaN where the
-    noise is not known: FRFs without a coherence or with fewer than two averages, lines that are
-    zero or whose coherence is not strictly between 0 and 1, as analysers write it where rounding or
-    a silent channel made it.
+    used instead. NaN where the noise is not known: FRFs without a coherence or with fewer than two
+    averages, lines that are zero or whose coherence is not strictly between 0 and 1, as analysers
+    write it where rounding or a silent channel made it.
 
     None where nothing is known.
     """

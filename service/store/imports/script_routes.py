@@ -214,9 +214,8 @@ def create_records(
     `{variables, mapping}`.
 
     All are stored, or none. The answer judges the hits of the points concerned, so a script beside
-    the hammer knows
-    after each hit whether it was good. A file is an import: one that is not read within
-    `import_wait_seconds` is answered 202 with its address.
+    the hammer knows after each hit whether it was good. A file is an import: one that is not read
+    within `import_wait_seconds` is answered 202 with its address.
     """
     sent = came.sent
     if isinstance(sent, UUID):

@@ -1,6 +1,6 @@
 """Values in filters: what a field of a kind is compared with, checked, and the comparison in SQL.
-And conditions on tags and on
-free metadata: an index has the rows that have any; a condition that is not negated asks it.
+And conditions on tags and on free metadata: an index has the rows that have any; a condition that
+is not negated asks it.
 
 A thing has any number of tags, and `tag = 'winter'` is true where one of them is. A value of the
 metadata has the type that it is compared as, or it is not known.

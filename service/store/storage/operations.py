@@ -6,9 +6,8 @@ operator's commands.
 
 Bytes are compared with the limit twice. Before they are stored, so that what has no room costs
 little; transactions that store at the same moment do not see each other's bytes then. So each
-compares again when it commits, one after the other
-within a project: what does not fit by then is rolled back. A project's account is held for the
-commit alone.
+compares again when it commits, one after the other within a project: what does not fit by then is
+rolled back. A project's account is held for the commit alone.
 """
 
 from collections import Counter

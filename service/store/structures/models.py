@@ -1,6 +1,6 @@
 """Models that users send: a deck is kept as it came, a job reads it, and the structure's next
-version is that model. And the
-mesh that a structure is: of such a model, or of the strip or shape that is described.
+version is that model. And the mesh that a structure is: of such a model, or of the strip or shape
+that is described.
 """
 
 from __future__ import annotations

@@ -51,8 +51,8 @@ class UpdateResult(Labelled, Base):
 
     Results are found by their campaign, which is the job's, by their verdict, and by `CONSTANTS`:
     the estimate of each, such as `ex`, its standard deviation `ex_sd`, and the ends of its 95 %
-    interval, `ex_low` and `ex_high`. Others, such as those of
-    sets, are in `constants`: by name `estimate`, `sd`, `low`, `high`.
+    interval, `ex_low` and `ex_high`. Others, such as those of sets, are in `constants`: by name
+    `estimate`, `sd`, `low`, `high`.
     """
 
     __tablename__ = "update_results"

@@ -1,9 +1,8 @@
 """Derivatives against complex steps.
 
 LAPACK's eigensolvers lose an infinitesimal imaginary part, so the oracle is Newton's method on Kφ =
-λMφ, φᵀMφ = 1 in
-complex arithmetic from the real pair: K(θ + ih), h = 10⁻²⁰, and the derivative is the imaginary
-part over h.
+λMφ, φᵀMφ = 1 in complex arithmetic from the real pair: K(θ + ih), h = 10⁻²⁰, and the derivative is
+the imaginary part over h.
 """
 
 import numpy as np
