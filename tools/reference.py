@@ -15,8 +15,8 @@ from fastapi import FastAPI
 
 from modalbase.client.options import NAMED
 from service.app.application import PREFIX
-from service.app.cli.command import app
 from service.app.composition import ROUTERS
+from service.climate import CLIMATE
 from service.web.openapi import describe_problems
 from service.web.routing import include
 
@@ -78,6 +78,12 @@ def table() -> str:
     return "{\n" + ",\n".join(json.dumps(row, ensure_ascii=False)[1:-1] for row in rows) + "\n}\n"
 
 
+def fields() -> str:
+    """The text of `modalbase/client/fields.json`: what a campaign may state of its climate."""
+    rows = {name: {"unit": one.unit, "meaning": one.meaning} for name, one in CLIMATE.items()}
+    return json.dumps({"climate": rows}, ensure_ascii=False, indent=1) + "\n"
+
+
 MARK = "<!-- made by python -m tools.reference -->"
 PLAIN = re.compile("(create|list|search|get|change|delete|restore|purge|cancel|watch)_")
 """Names of routes that the page explains once."""
@@ -118,6 +124,8 @@ def cli_page() -> str:
     """`docs/reference-cli.md`: every command with its arguments and options; what several have is
     explained once.
     """
+    from service.app.cli.command import app  # its options are of the fields that are made first
+
     commands = list(_commands(typer.main.get_command(app), "modalbase"))
     rows = {
         words: [_parameter(each) for each in one.params if _shown(each)] for words, one in commands
@@ -178,6 +186,7 @@ def _plain(text: str) -> str:
 
 ROOT = Path(__file__).resolve().parent.parent
 MADE: dict[str, Callable[[], str]] = {
+    "modalbase/client/fields.json": fields,
     "modalbase/client/routes.json": table,
     "docs/reference-rest.md": rest_page,
     "docs/reference-cli.md": cli_page,

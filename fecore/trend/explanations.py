@@ -31,12 +31,6 @@ weigh 0.5 to 30 g.
 
 LOSS = 0.05  # standard deviation of a relative change of a stiffness: what monitors are there for
 
-CLIMATE = {"temperature_c": 0.02, "humidity_percent": 0.005}
-"""Standard deviations of a relative change of all stiffness over a season by what was not given:
-0.1 % for each kelvin of 20, and 2.5 % for each per cent of water, of which a laminate indoors takes
-up 0.2 %.
-"""
-
 # standard deviation of a relative change of the FRFs' scale: another sensor, gain or hammer tip
 CALIBRATION = 0.1
 
@@ -73,7 +67,9 @@ class Effects:
     mass: FloatArray  # (f, P) change by a mass at each of them, 1/kg
     # (f,) by name, slopes by a covariate that is regressed out
     covariates: Mapping[str, FloatArray]
-    not_given: tuple[str, ...]  # covariates that are not, of those that `CLIMATE` knows
+    # standard deviations of a relative change of all stiffness over a season by covariates that
+    # were not given, by name
+    not_given: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -210,7 +206,7 @@ def _climate(effects: Effects) -> list[_Candidate]:
         for slope in effects.covariates.values()
         if np.any(slope)
     ]
-    sd = float(np.linalg.norm([CLIMATE[name] for name in effects.not_given]))
+    sd = float(np.linalg.norm(list(effects.not_given.values())))
     return [_Candidate({"all stiffness": (each, sd)}) for each in (alike, *slopes)]
 
 

@@ -91,7 +91,7 @@ class Series:
     # (n,) of each estimate, the part that differs from one campaign to the next: the noise-only
     # posterior. A model error that all campaigns share moves the whole series and hides no change
     standard_deviation: FloatArray
-    # by name (`temperature_c`, `humidity_percent`), (n,) each; NaN where it was not measured
+    # by name, such as `temperature_c`, (n,) each; NaN where it was not measured
     covariates: Mapping[str, FloatArray] = field(default_factory=dict)
     labels: Sequence[str] = ()  # of the campaigns, such as their ids; "1", "2" … by default
 

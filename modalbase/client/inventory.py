@@ -4,7 +4,10 @@ one, send a deck.
 
 from __future__ import annotations
 
+import inspect
 import json
+from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -42,6 +45,35 @@ from modalbase.client.options import (
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
+
+
+def with_climate(command: Callable[..., None]) -> Callable[..., None]:
+    """A command with an option for each condition of a campaign, in the place of its `**climate`:
+    `--temperature` for `temperature_c`.
+    """
+    text = files("modalbase.client").joinpath("fields.json").read_text(encoding="utf-8")
+    signature = inspect.signature(command, eval_str=True)
+    *own, _ = signature.parameters.values()
+    place = 1 + list(signature.parameters).index("boundary")
+    options = [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.POSITIONAL_OR_KEYWORD,
+            default=None,
+            annotation=Annotated[
+                float | None,
+                typer.Option(
+                    f"--{name.rpartition('_')[0].replace('_', '-')}",
+                    help=f"With --new: {one['meaning']}, {one['unit']}",
+                ),
+            ],
+        )
+        for name, one in json.loads(text)["climate"].items()
+    ]
+    command.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[*own[:place], *options, *own[place:]]
+    )
+    return command
 
 
 MODULI = ("Ex", "Ey", "Gxy", "Gxz", "Gyz")
@@ -116,13 +148,12 @@ def structures(
     show(rows, columns, as_json)
 
 
+@with_climate
 def campaigns(
     project: OfProject = None,
     structure: OfStructure = None,
     new: Annotated[str | None, typer.Option(help="Make a campaign of this name, and print its id")] = None,
     boundary: Annotated[str | None, typer.Option(help="With --new: cantilever, free or simply_supported")] = None,
-    temperature: Annotated[float | None, typer.Option(help="With --new: °C")] = None,
-    humidity: Annotated[float | None, typer.Option(help="With --new: relative humidity, %")] = None,
     sensor_mass: Annotated[float | None, typer.Option(help="With --new: mass of the accelerometer, g")] = None,
     sensor_point: Annotated[int | None, typer.Option(help="With --new: grid point where it stays")] = None,
     performed_at: Annotated[str | None, typer.Option(help="With --new: when, such as 2026-03-02T09:30:00Z")] = None,
@@ -131,6 +162,7 @@ def campaigns(
     confirm: Confirm = False,
     as_json: AsJson = False,
     url: Url = None,
+    **climate: float | None,
 ) -> None:  # fmt: skip
     """List campaigns, or make one."""
     if project is not None and structure is not None:
@@ -147,8 +179,7 @@ def campaigns(
             instruments = _stated(sensor_mass_kg=mass, sensor_point=sensor_point)
             given = {"name": new, "boundary": boundary, "instruments": instruments}
             given |= _stated(
-                temperature_c=temperature,
-                humidity_percent=humidity,
+                **climate,
                 performed_at=performed_at,
                 notes=notes,
             )

@@ -270,7 +270,7 @@ class Structure(Editable):
             confirm: take numbers that are unusual in SI, such as a sensor of 5 kg, as they are.
             boundary: `cantilever`, `free` or `simply_supported`; of a model that was sent `free` or
                 `as_modelled`.
-            fields: `performed_at`, `temperature_c`, `humidity_percent`, `notes`, `frame`,
+            fields: `performed_at`, conditions such as `temperature_c`, `notes`, `frame`,
                 `instruments`; and `sensor_mass_kg` with `sensor_point`, which belong to the
                 instruments; and `window_rate_per_s` or `window_time_constant_s`,
                 `clamp_compliance_sd`, `sensor_mass_sd_kg`, `channel_delay_sd_s`, which belong to

@@ -132,8 +132,8 @@ class SearchResults:
         Args:
             value: name of the constant, such as `Ex` or `flange.E1`; of modes `frequency_hz` or
                 `damping_ratio`.
-            covariates: what is fitted beside time, with commas between: `temperature_c`,
-                `humidity_percent`.
+            covariates: what is fitted beside time, with commas between: conditions of
+                campaigns, such as `temperature_c`.
 
         Raises:
             ClientError: it is no search for results or modes, or nothing found has such a value.

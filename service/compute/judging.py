@@ -27,6 +27,7 @@ from fecore.trend import (
 from fecore.trend.document import describe_change, describe_judged, describe_rate, describe_trend
 from fecore.trend.explanations import ChangeExplanation, Effects, change_of, explanations, in_words
 from fecore.trend.tracking import SAME_MODE
+from service.climate import CLIMATE
 from service.jobs.kinds import Reporter
 
 # relative standard deviation where none is stated: the scatter between campaigns then is all there
@@ -262,7 +263,6 @@ def _kind(observation: Observation, mode: int) -> str | None:
     return None if kinds is None else kinds[mode]
 
 
-_CLIMATE = ("temperature_c", "humidity_percent")
 _FEWEST_MODES = 3  # of which a change has a pattern
 
 
@@ -298,13 +298,17 @@ def explained(
     )
     at = _regressors([by[name] for name in based], [by[name] for name in later], covariates)
     change, slopes = change_of(first, last, *at)
-    not_given = tuple(name for name in _CLIMATE if name not in covariates)
+    not_given = {
+        name: one.stiffness_sd
+        for name, one in CLIMATE.items()
+        if one.stiffness_sd and name not in covariates
+    }
     ranked = explanations(
         change, _effects(mode_effects, row[modes], covariates, slopes[1:, : modes.sum()], not_given)
     )
     return {
         "ranked": [_described(each, ranked[0].evidence) for each in ranked],
-        "text": in_words(ranked, not_given),
+        "text": in_words(ranked, tuple(not_given)),
     }
 
 
@@ -363,7 +367,7 @@ def _effects(
     rows: BoolArray,
     covariates: Sequence[str],
     slopes: FloatArray,
-    not_given: tuple[str, ...],
+    not_given: Mapping[str, float],
 ) -> Effects:
     return Effects(
         stiffness={name: each[rows] for name, each in mode_effects.stiffness.items()},

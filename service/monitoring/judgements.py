@@ -26,6 +26,7 @@ from fecore.trend import Acknowledgement, State, Watch
 from fecore.trend import Chart as CoreChart
 from fecore.trend.states import WORST_FIRST
 from service.access import Lookup, User, audit
+from service.climate import CLIMATE, stated
 from service.compute.judging import Episode, Judgement, JudgementInputs, Observation, judge
 from service.errors import Conflict, NotFound
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
@@ -105,8 +106,7 @@ def _digest(
             [
                 str(run.id),
                 one.campaign.performed_at and one.campaign.performed_at.isoformat(),
-                one.campaign.temperature_c,
-                one.campaign.humidity_percent,
+                *(getattr(one.campaign, name) for name in CLIMATE),
             ]
             for one, run in pairs
         ],
@@ -186,15 +186,11 @@ def _arrival(session: Session, series: MonitorSeries) -> dict[UUID, UUID]:
 def _observation(one: Candidate, run: MonitorRun) -> Observation:
     campaign = one.campaign
     assert campaign.performed_at is not None
-    climate = {
-        "temperature_c": campaign.temperature_c,
-        "humidity_percent": campaign.humidity_percent,
-    }
     return Observation(
         campaign=str(campaign.id),
         performed_at=campaign.performed_at,
         values=run.values or {},
-        covariates={name: value for name, value in climate.items() if value is not None},
+        covariates=stated(campaign),
     )
 
 

@@ -13,6 +13,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.access import User
+from service.climate import CLIMATE
 from service.jobs.tables import Job
 from service.monitoring.runs import latest_runs, unit_of
 from service.monitoring.schemas import AlarmEventOut, AlarmOut, RunOut
@@ -103,7 +104,7 @@ def _campaigns(session: Session, series: MonitorSeries) -> list[dict[str, Any]]:
     ):
         run = runs[row.id]
         of_run = _members(run, "revision", "state", "message", "update_job_id", "software")
-        of_campaign = _members(row, "name", "performed_at", "temperature_c", "humidity_percent")
+        of_campaign = _members(row, "name", "performed_at", *CLIMATE)
         keys = {"campaign_id": str(row.id), "run_id": str(run.id)}
         shown.append({**keys, **of_campaign, "deleted": row.deleted_at is not None, **of_run})
     return shown

@@ -5,7 +5,7 @@ as it was judged, not filtered; its models describe it in the OpenAPI document.
 import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from uuid import UUID
 
 from croniter import croniter
@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 from fecore.body.constants import kind_of
 from fecore.errors import InputError
 from fecore.trend import Chart, Watch
+from service.climate import CLIMATE
 from service.errors import Invalid
 from service.store.campaigns.schemas import Boundary
 from service.store.updating.schemas import RecipeIn
@@ -21,7 +22,10 @@ from service.web import Name, StrictModel, Text, Time, example, not_null, wrong
 
 Direction = Literal["fall", "rise", "both"]
 State = Literal["no data", "normal", "pending", "alarm", "acknowledged"]
-Covariate = Literal["temperature_c", "humidity_percent"]
+if TYPE_CHECKING:
+    Covariate = str
+else:
+    Covariate = Literal[tuple(CLIMATE)]
 
 CONSTANT = re.compile(
     r"Ex|Ey|Gxy|Gxz|Gyz|nu_xy|density|thickness|(E1|E2|G12|G13|G23|nu12)(_\d+)?"
@@ -135,7 +139,7 @@ class MonitorIn(StrictModel):
         ),
     )
     baseline: BaselineIn = Field(default_factory=lambda: BaselineIn(campaigns=12, since=None))
-    covariates: list[Covariate] = Field(default_factory=list, max_length=2)
+    covariates: list[Covariate] = Field(default_factory=list, max_length=len(CLIMATE))
     false_alarm_rate: float = Field(
         0.01, gt=0, lt=0.5, description="false alarms a campaign, of all parameters together"
     )

@@ -99,8 +99,6 @@ TERMS: dict[str, str] = {
         " supports"
     ),
     "performed_at": "when the test was performed, UTC; null where nobody knows",
-    "temperature_c": "air temperature, °C; null where nobody knows",
-    "humidity_percent": "relative humidity, %; null where nobody knows",
     "TrendLine.relative_interval_95": "of the change a year, as a share of the mean",
     "serial": "its serial number",
     "model": "what the maker calls it",

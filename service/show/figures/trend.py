@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from fecore.normal import Z_95
+from service.climate import CLIMATE
 from service.show.figures.colors import ALARM, INITIAL, PALETTE, QUIET, UPDATED
 from service.show.figures.marks import (
     SHOWN,
@@ -32,7 +33,6 @@ from service.show.figures.marks import (
 
 Row = Mapping[str, Any]
 
-AXES = {"temperature_c": "temperature [°C]", "humidity_percent": "humidity [%]"}
 MOST_RESULTS = 60  # rows of a figure of results
 
 
@@ -48,13 +48,17 @@ def trend_figure(trend: Row) -> Figure:
         return words(trend["value"], "; ".join(trend["notes"]) or "nothing was found")
     factor, unit = SHOWN.get(trend["unit"] or "1", (1.0, trend["unit"]))
     covariate = next(
-        (name for line in series[0]["lines"] for name in line["covariates"]), "temperature_c"
+        (name for line in series[0]["lines"] for name in line["covariates"]), next(iter(CLIMATE))
     )
     title = trend["value"] if unit == "–" else f"{trend['value']} [{unit}]"
     panels = [
         Panel(Axis("campaign performed (UTC)", "date"), Axis(title), up=(0.52, 1.0)),
         # one axis for both would put them in one place
-        Panel(Axis(AXES[covariate]), Axis(title), up=(0.0, 0.36)),
+        Panel(
+            Axis(f"{CLIMATE[covariate].label.lower()} [{CLIMATE[covariate].unit}]"),
+            Axis(title),
+            up=(0.0, 0.36),
+        ),
     ]
     marks: list[Mark] = []
     for number, one in enumerate(series):

@@ -14,6 +14,7 @@ from uuid import UUID
 from fastapi import Query
 from fastapi.responses import HTMLResponse
 
+from service.climate import CLIMATE
 from service.errors import Conflict, Invalid, NotFound
 from service.show.measured import Likeness, likeness
 from service.show.pages.look import Visit, VisitDep
@@ -149,8 +150,7 @@ def _stated(visit: Visit, side: Side) -> Iterator[tuple[str, str]]:
     members = {
         "boundary",
         "performed_at",
-        "temperature_c",
-        "humidity_percent",
+        *CLIMATE,
         "instruments",
         "inputs",
         "frame",

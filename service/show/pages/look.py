@@ -29,6 +29,7 @@ from fecore import __version__
 from service.access import CurrentUser, SessionDep, User, role_in
 from service.access import routes as access
 from service.access.keys import COOKIE, request_token
+from service.climate import CLIMATE, stated
 from service.errors import NotAcceptable, NotFound
 from service.show.pages import numbers
 from service.show.pages.findings import bar
@@ -128,11 +129,18 @@ def root_of(path: str) -> str:
     return "../" * (path.count("/") - 1) or "./"
 
 
+def climate_of(campaign: object) -> list[tuple[str, float]]:
+    """The conditions that a campaign states, by name."""
+    return list(stated(campaign).items())
+
+
 @cache
 def _templates() -> Environment:
     made = templates_in(Path(__file__).parent / "templates")
-    made.filters.update(numbers.FILTERS, bar=bar, page_words=page_words, labelled=labelled)
-    made.globals.update(asset=address, version=__version__, quantity=attributes)
+    made.filters.update(
+        numbers.FILTERS, bar=bar, page_words=page_words, labelled=labelled, climate=climate_of
+    )
+    made.globals.update(asset=address, version=__version__, quantity=attributes, climate=CLIMATE)
     return made
 
 

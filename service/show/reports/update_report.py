@@ -9,6 +9,7 @@ from typing import Any
 
 from modalbase.client.display import Written, cell
 from modalbase.client.results import correlation_cells, mode_cells, parameter_cells
+from service.climate import CLIMATE
 from service.show.figures.marks import Figure, counted
 from service.show.reports.blocks import (
     Block,
@@ -100,8 +101,7 @@ _OF_INTERVALS = (
 def _specimen(facts: UpdateFacts) -> list[tuple[str, str]]:
     structure, campaign, document = facts.structure, facts.campaign, facts.document
     place = [
-        f"{campaign[name]:g} {unit}" for name, unit in (("temperature_c", "°C"), ("humidity_percent", "% r.h."))
-        if campaign[name] is not None
+        f"{campaign[name]:g} {one.shown}" for name, one in CLIMATE.items() if campaign.get(name) is not None
     ]  # fmt: skip
     band = document["band_hz"]
     rows = [

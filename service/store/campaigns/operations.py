@@ -8,7 +8,7 @@ from typing import Any
 from uuid import UUID
 
 from pydantic import BaseModel, ValidationError
-from sqlalchemy import ForeignKey, Index, Select, delete, func, insert, literal, select, text
+from sqlalchemy import Float, ForeignKey, Index, Select, delete, func, insert, literal, select, text
 from sqlalchemy.dialects.postgresql import JSONB, aggregate_order_by
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -16,6 +16,7 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.points import read_points
 from service.access import Lookup, User
 from service.access.metadata_schema import require_metadata
+from service.climate import CLIMATE
 from service.compute.frame import SPECIMEN, Frame, make_frame
 from service.db.base import Base, Big, Identified, Labelled, label_indexes, transaction_time
 from service.db.bytea import copy_rows
@@ -57,14 +58,18 @@ class Campaign(Identified, Labelled, Base):
     name: Mapped[str]
     boundary: Mapped[str]
     performed_at: Mapped[datetime | None]
-    temperature_c: Mapped[float | None]
-    humidity_percent: Mapped[float | None]
+    temperature_c: Mapped[float | None]  # of the climate, and what the constants belong to
     instruments: Mapped[dict[str, Any]]
     frame: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     inputs: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     notes: Mapped[str] = mapped_column(default="")
     updated_at: Mapped[datetime] = mapped_column(server_default=func.now(), onupdate=func.now())
     deleted_at: Mapped[datetime | None]
+
+
+for _name in CLIMATE:
+    if _name not in Campaign.__table__.c:
+        setattr(Campaign, _name, mapped_column(_name, Float, nullable=True))
 
 
 class GridPointRow(Base):

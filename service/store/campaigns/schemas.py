@@ -4,10 +4,11 @@ from datetime import datetime
 from typing import Annotated, Any, Literal, Self, TypeVar
 from uuid import UUID
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from fecore.errors import InputError
 from fecore.updating.inputs import SOFTEST_CLAMP
+from service.climate import Climate
 from service.compute.frame import make_frame
 from service.store.structures.schemas import Deviation
 from service.web import Name, StrictModel, Text, Time, example, not_null, wrong
@@ -136,18 +137,19 @@ class StatedInputs(CampaignInputs):
     )
 
 
-class CampaignIn(StrictModel):
+class _Performed(StrictModel):
+    name: Name
+    boundary: Boundary
+    performed_at: Time | None = None
+
+
+class CampaignIn(Climate, _Performed):
     """A campaign as a client describes it."""
 
     model_config = example(
         name="March", boundary="cantilever", performed_at="2026-03-02T09:30:00Z", temperature_c=21.5
     )
 
-    name: Name
-    boundary: Boundary
-    performed_at: Time | None = None
-    temperature_c: float | None = Field(None, gt=-273.15, le=1000)
-    humidity_percent: float | None = Field(None, ge=0, le=100)
     instruments: Instruments = Instruments.model_construct()  # nothing stated, and nothing to check
     frame: FrameIn | None = None
     inputs: StatedInputs | None = Field(
@@ -158,16 +160,17 @@ class CampaignIn(StrictModel):
     meta: Meta = Field({})
 
 
-class CampaignPatch(StrictModel):
+class _PerformedPatch(StrictModel):
+    name: Name | None = None
+    boundary: Boundary | None = None
+    performed_at: Time | None = None
+
+
+class CampaignPatch(Climate, _PerformedPatch):
     """Members to change; a member that may be unknown is cleared with null."""
 
     model_config = example(temperature_c=20.5)
 
-    name: Name | None = None
-    boundary: Boundary | None = None
-    performed_at: Time | None = None
-    temperature_c: float | None = Field(None, gt=-273.15, le=1000)
-    humidity_percent: float | None = Field(None, ge=0, le=100)
     instruments: Instruments | None = None
     frame: FrameIn | None = None
     inputs: StatedInputs | None = None
@@ -178,16 +181,19 @@ class CampaignPatch(StrictModel):
     _never_null = not_null("name", "boundary", "instruments", "notes", "tags", "meta")
 
 
-class CampaignOut(StrictModel):
-    """A campaign."""
-
+class _PerformedOut(StrictModel):
     id: UUID
     structure_id: UUID
     name: str
     boundary: Boundary
     performed_at: datetime | None
-    temperature_c: float | None
-    humidity_percent: float | None
+
+
+class CampaignOut(Climate, _PerformedOut):
+    """A campaign."""
+
+    model_config = ConfigDict(json_schema_serialization_defaults_required=True)
+
     instruments: Instruments
     frame: FrameIn
     inputs: CampaignInputs

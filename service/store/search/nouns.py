@@ -13,6 +13,7 @@ from sqlalchemy import ColumnElement, Double, FromClause, and_, func, select
 from fecore.body.constants import UNITS, kind_of
 from fecore.frf import Quantity
 from fecore.trend import State
+from service.climate import CLIMATE
 from service.store.campaigns.operations import WORDS as CAMPAIGN_WORDS
 from service.store.campaigns.schemas import Boundary
 from service.store.coupons.schemas import Standard
@@ -140,8 +141,10 @@ _ALL = (
             NAME,
             _one_of("boundary", get_args(Boundary)),
             Field("performed_at", "time", "when the test was performed, UTC", nullable=True),
-            Field("temperature_c", "number", "air temperature", "°C", nullable=True),
-            Field("humidity_percent", "number", "relative humidity", "%", nullable=True),
+            *(
+                Field(name, "number", one.meaning, one.unit, nullable=True)
+                for name, one in CLIMATE.items()
+            ),
             Field("notes", "text", "in words"),
             Field(
                 "hammer",

@@ -12,13 +12,14 @@ from typing import Any, Literal
 from uuid import UUID
 
 import numpy as np
-from pydantic import Field
+from pydantic import ConfigDict, Field
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
 from fecore.normal import Z_95
 from fecore.trend import Series, TrackedMode, line, track
 from service.access import User
+from service.climate import CLIMATE, Climate
 from service.errors import Invalid
 from service.store.modes.operations import modes_of, shape_of
 from service.store.search.nouns import NOUNS
@@ -28,7 +29,7 @@ from service.web import StrictModel, shown_as
 
 MOST_ROWS, MOST_MODES, MOST_SERIES = 2000, 10_000, 200
 """Results, or modes, of which a trend is made, and its series."""
-COVARIATES = ("temperature_c", "humidity_percent")
+COVARIATES = tuple(CLIMATE)
 Trending = Literal["results", "modes"]
 FOLLOWED: dict[Trending, str] = {"results": "Ex", "modes": "frequency_hz"}
 """What is followed where nobody says."""
@@ -36,15 +37,18 @@ MODE_VALUES = {"frequency_hz": ("Hz", "frequency_sd_hz"), "damping_ratio": ("1",
 """What a mode has over time: its unit, and the field of its standard deviation."""
 
 
-class TrendPoint(StrictModel):
-    """One campaign of a series."""
-
+class _TrendPlace(StrictModel):
     id: UUID = Field(description="of the update job, or of the mode set")
     campaign_id: UUID
     campaign_name: str
     performed_at: datetime
-    temperature_c: float | None
-    humidity_percent: float | None
+
+
+class TrendPoint(Climate, _TrendPlace):
+    """One campaign of a series."""
+
+    model_config = ConfigDict(json_schema_serialization_defaults_required=True)
+
     number: int | None = Field(description="of the mode in its set; null of a constant")
     value: float = Field(
         description=(

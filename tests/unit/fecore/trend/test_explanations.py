@@ -130,7 +130,7 @@ def ranked(
             moves.sites,
             moves.mass,
             by_covariate,
-            ("humidity_percent",),
+            {"humidity_percent": 0.005},
         ),
     )
 
@@ -181,7 +181,7 @@ def test_two_explanations_that_look_alike_are_both_named_with_what_decides() -> 
         sites=np.zeros((0, 3)),
         mass=np.zeros((3, 0)),
         covariates={},
-        not_given=(),
+        not_given={},
     )
     change = Change(-0.01 * np.array([1.0, 0.98, 0.96]), 1e-6 * np.eye(3)[None])
     found = explanations(change, effects)

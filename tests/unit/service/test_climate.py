@@ -1,0 +1,37 @@
+"""Each condition of a campaign is whole: everything that iterates over the table finds what it needs."""
+
+from typing import get_args
+
+import pytest
+
+from service.climate import CLIMATE, Climate, Condition
+from service.monitoring.schemas import Covariate
+from service.store.campaigns.operations import Campaign
+from service.store.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch
+from service.store.search.nouns import NOUNS
+from service.store.search.trends import TrendPoint
+
+each = pytest.mark.parametrize("name", CLIMATE)
+
+
+@each
+def test_a_condition_says_what_it_is(name: str) -> None:
+    condition: Condition = CLIMATE[name]
+    assert condition.label
+    assert condition.unit
+    assert condition.meaning
+    assert condition.shown
+    described = Climate.model_fields[name].description or ""
+    assert described.startswith(f"{condition.meaning}, {condition.unit}")
+    limits = {type(limit).__name__ for limit in Climate.model_fields[name].metadata}
+    assert limits & {"Ge", "Gt"}, "a smallest number is needed, so that a wrong unit is refused"
+    assert limits & {"Le", "Lt"}, "a largest number is needed"
+
+
+@each
+def test_a_condition_is_stored_searched_and_followed(name: str) -> None:
+    assert name in Campaign.__table__.c
+    assert all(name in each.model_fields for each in (CampaignIn, CampaignOut, CampaignPatch))
+    assert name in TrendPoint.model_fields
+    assert name in {field.name for field in NOUNS["campaign"].fields}
+    assert name in get_args(Covariate)
