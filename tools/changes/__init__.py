@@ -74,6 +74,12 @@ class Change:
 
 CHANGES: tuple[Change, ...] = (
     Change(
+        "field",
+        "a condition of a campaign",
+        "a member of `Climate` in `service/climate.py`, and a migration",
+        "`tests/unit/service/test_climate.py`; `test_db.py` compares the table",
+    ),
+    Change(
         "element",
         "a finite element",
         "a class in its family's file of `fecore/body/elements`, and its row in"
