@@ -270,7 +270,6 @@ TERMS: dict[str, str] = {
     "runs_on": "when campaigns are run: `campaign`, `schedule` or `hand`",
     "schedule": "five cron fields, UTC; null without a schedule",
     "next_run_at": "when the schedule runs next, UTC; null without a schedule",
-    "mail_to": "addresses that get mail of alarms",
     "state": "where it stands",
     "state_since": "since when, UTC",
     "open_alarms": "number of alarms that nobody has acknowledged and that have not cleared",
