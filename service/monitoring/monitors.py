@@ -21,8 +21,8 @@ from service.db.base import transaction_time
 from service.errors import Conflict, Invalid, NotFound
 from service.monitoring import runs
 from service.monitoring.judgements import rank
+from service.monitoring.notifications.addresses import AddressError
 from service.monitoring.notifications.channels import OF_MONITORS
-from service.monitoring.notifications.channels.channel import AddressError
 from service.monitoring.runs import monitor_for
 from service.monitoring.scheduler import next_time, request_check
 from service.monitoring.schemas import (

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network, IPv6Address, IPv6Network, ip_address, ip_network
 from typing import TYPE_CHECKING
 
-from service.monitoring.notifications.channels.channel import AddressError
 from service.settings import Settings
 
 if TYPE_CHECKING:
@@ -94,6 +93,10 @@ def special_use(address: IPv4Address | IPv6Address) -> str | None:
 
 IpAddress = IPv4Address | IPv6Address
 IpNetwork = IPv4Network | IPv6Network
+
+
+class AddressError(Exception):
+    """An address that no message may go to; the message says why."""
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,7 @@ from service.access import (
     projects_of,
 )
 from service.errors import Conflict, Invalid, NotFound
-from service.monitoring.notifications.addresses import parse_url
-from service.monitoring.notifications.channels.channel import AddressError
+from service.monitoring.notifications.addresses import AddressError, parse_url
 from service.monitoring.notifications.channels.webhook import WEBHOOK, new_secret
 from service.monitoring.notifications.messages import EVENTS, Event, trial_message
 from service.monitoring.notifications.tables import Delivery, Webhook

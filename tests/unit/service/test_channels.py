@@ -9,8 +9,9 @@ from pkgutil import iter_modules
 import pytest
 
 from service.monitoring.notifications import channels
+from service.monitoring.notifications.addresses import AddressError
 from service.monitoring.notifications.channels import CHANNELS, OF_MONITORS
-from service.monitoring.notifications.channels.channel import AddressError, Channel, Receiver
+from service.monitoring.notifications.channels.channel import Channel, Receiver
 from service.monitoring.notifications.tables import Delivery
 from service.monitoring.schemas import MonitorIn, MonitorOut, MonitorPatch
 from service.settings import Settings

@@ -10,10 +10,6 @@ STEP_SECONDS = 10.0  # to connect, or until the next bytes of an answer
 KEPT_CHARACTERS = 300  # of a receiver's answer
 
 
-class AddressError(Exception):
-    """An address that no message may go to; the message says why."""
-
-
 @dataclass(frozen=True)
 class Receiver:
     """Where one message goes."""

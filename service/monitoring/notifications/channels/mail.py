@@ -9,9 +9,9 @@ from email.message import EmailMessage
 
 from anyio import to_thread
 
+from service.monitoring.notifications.addresses import AddressError
 from service.monitoring.notifications.channels.channel import (
     STEP_SECONDS,
-    AddressError,
     Channel,
     Outcome,
     Receiver,

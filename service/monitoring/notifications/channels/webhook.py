@@ -13,11 +13,10 @@ import time
 from anyio import to_thread
 
 from fecore import __version__
-from service.monitoring.notifications.addresses import resolve
+from service.monitoring.notifications.addresses import AddressError, resolve
 from service.monitoring.notifications.channels.channel import (
     KEPT_CHARACTERS,
     STEP_SECONDS,
-    AddressError,
     Channel,
     Outcome,
     Receiver,
