@@ -23,7 +23,7 @@ from service.access import Project
 from service.db.engine import Sessions
 from service.monitoring.notifications import sender as attempts
 from service.monitoring.notifications.channels.channel import Receiver as To
-from service.monitoring.notifications.channels.webhook import new_secret, post
+from service.monitoring.notifications.channels.webhook import new_secret, send
 from service.monitoring.notifications.messages import EVENTS
 from service.monitoring.notifications.sender import ATTEMPTS, Sender
 from service.monitoring.notifications.tables import Delivery, Webhook
@@ -249,7 +249,7 @@ def test_the_connection_goes_to_the_address_that_was_checked(
     delivery = planted(sessions, f"http://receiver.example:{port}/hook")
     with sessions() as session:
         webhook = session.scalars(select(Webhook)).one()
-    assert asyncio.run(post(delivery, To(webhook.url, webhook.secret), LOOPBACK)).error is None
+    assert asyncio.run(send(delivery, To(webhook.url, webhook.secret), LOOPBACK)).error is None
     assert hook.got[0][0]["host"] == f"receiver.example:{port}"
 
 

@@ -63,33 +63,36 @@ def check(url: str, settings: Settings) -> None:
     resolve(url, settings)
 
 
-async def post(delivery: Delivery, receiver: Receiver, settings: Settings) -> Outcome:
-    """Post a message to a webhook, signed. The connection goes to the address that was checked;
-    redirects are not followed, for they could lead anywhere.
+async def send(delivery: Delivery, receiver: Receiver, settings: Settings) -> Outcome:
+    """Post a message to a webhook, signed."""
+    body, now = delivery.body.encode(), int(time.time())
+    headers = {
+        "Content-Type": "application/json",
+        "webhook-id": delivery.message_id,
+        "webhook-timestamp": str(now),
+        "webhook-signature": sign(receiver.secret or "", delivery.message_id, now, body),
+    }
+    return await post(receiver.address, body, headers, settings)
+
+
+async def post(url: str, body: bytes, headers: dict[str, str], settings: Settings) -> Outcome:
+    """Post bytes. The connection goes to the address that was checked; redirects are not followed,
+    for they could lead anywhere.
 
     Args:
-        delivery: the message.
-        receiver: where it goes, and the secret that signs it.
+        url: where to.
+        body: what.
+        headers: beside those of every message.
         settings: which networks and ports are allowed.
 
     Returns:
         What became of it; nothing is raised for a receiver that fails.
     """
-    import httpx  # see `..addresses`
+    import httpx  # see `addresses`
 
-    body, now = delivery.body.encode(), int(time.time())
     try:
-        target = await to_thread.run_sync(
-            resolve, receiver.address, settings, abandon_on_cancel=True
-        )
-        headers = {
-            "Host": target.host,
-            "Content-Type": "application/json",
-            "User-Agent": f"modalbase/{__version__}",
-            "webhook-id": delivery.message_id,
-            "webhook-timestamp": str(now),
-            "webhook-signature": sign(receiver.secret or "", delivery.message_id, now, body),
-        }
+        target = await to_thread.run_sync(resolve, url, settings, abandon_on_cancel=True)
+        headers = {"Host": target.host, "User-Agent": f"modalbase/{__version__}", **headers}
         extensions = {"sni_hostname": target.name}
         async with (
             httpx.AsyncClient(
@@ -114,4 +117,4 @@ def _printable(text: str) -> str:
     return "".join(c if c.isprintable() else " " for c in text[:KEPT_CHARACTERS])
 
 
-WEBHOOK = Channel(OF_WEBHOOKS, check, post)
+WEBHOOK = Channel(OF_WEBHOOKS, check, send)
