@@ -269,7 +269,7 @@ def forecast_arrays(session: Session, row: Forecast) -> Mapping[str, Any]:
         return dict(arrays)
 
 
-FORECAST = Task(
+TASK = Task(
     FORECASTS,
     about=(
         "forecasts",

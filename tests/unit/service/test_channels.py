@@ -1,4 +1,4 @@
-"""Every channel of alarms is whole: found in its folder, checked, sent, and told to users."""
+"""Every channel of alarms is whole: listed, with its check and send, and documented."""
 
 import asyncio
 from collections.abc import Iterator
@@ -37,7 +37,7 @@ def test_every_module_of_a_channel_is_listed() -> None:
 
 
 @pytest.mark.parametrize("member", OF_MONITORS)
-def test_addresses_of_a_channel_are_told_and_stated(member: str) -> None:
+def test_addresses_of_a_channel_are_documented_and_stated(member: str) -> None:
     assert f"| `{member}` |" in DOCUMENT.read_text(), f"docs/monitoring.md has no row of {member}"
     assert OF_MONITORS[member].meaning, f"{member} has no meaning"
     for model in (MonitorIn, MonitorPatch, MonitorOut):
