@@ -3,9 +3,9 @@ as it was judged, not filtered; its models describe it in the OpenAPI document.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 from uuid import UUID
 
 from croniter import croniter
@@ -98,28 +98,40 @@ these coefficients.
 """
 
 
-def _with_receivers(name: str, kind: Any, **limits: Any) -> Any:
-    """A model with the members of the channels whose addresses a monitor states."""
+Model = TypeVar("Model", bound=StrictModel)
+
+
+def with_receivers(kind: Any, **limits: Any) -> Callable[[type[Model]], type[Model]]:
+    """Give a model the members of the channels whose addresses a monitor states.
+
+    Args:
+        kind: type of each member.
+        limits: of each, as of `Field`.
+    """
     members: dict[str, Any] = {
         member: (kind, Field(description=channel.meaning, **limits))
         for member, channel in OF_MONITORS.items()
     }
-    return create_model(name, __base__=StrictModel, **members)
+
+    validators = None
+    if "default" in limits:  # of a patch, which may leave them out
+        validators = {"_never_null_receivers": not_null(*OF_MONITORS)}
+
+    def extended(model: type[Model]) -> type[Model]:
+        return create_model(
+            model.__name__,
+            __base__=model,
+            __module__=model.__module__,
+            __doc__=model.__doc__,
+            __validators__=validators,
+            **members,
+        )
+
+    return extended
 
 
-if TYPE_CHECKING:
-    Receivers = StrictModel
-    ReceiversPatch = StrictModel
-    ReceiversOut = StrictModel
-else:
-    Receivers = _with_receivers("Receivers", list[Text], default_factory=list, max_length=20)
-    ReceiversPatch = _with_receivers(
-        "ReceiversPatch", list[Text] | None, default=None, max_length=20
-    )
-    ReceiversOut = _with_receivers("ReceiversOut", list[str])
-
-
-class MonitorIn(Receivers):
+@with_receivers(list[Text], default_factory=list, max_length=20)
+class MonitorIn(StrictModel):
     """A monitor; everything but its name has a default."""
 
     model_config = example(
@@ -256,7 +268,8 @@ class MonitorIn(Receivers):
         )
 
 
-class MonitorPatch(ReceiversPatch):
+@with_receivers(list[Text] | None, default=None, max_length=20)
+class MonitorPatch(StrictModel):
     """Members to change. What decides about the series is frozen: for another recipe or baseline
     make another monitor.
     """
@@ -271,10 +284,11 @@ class MonitorPatch(ReceiversPatch):
         None, gt=0, le=36500, description="null: nothing is expected"
     )
 
-    _never_null = not_null("name", "active", *OF_MONITORS)
+    _never_null = not_null("name", "active")
 
 
-class MonitorOut(ReceiversOut):
+@with_receivers(list[str])
+class MonitorOut(StrictModel):
     """A monitor, with its state."""
 
     id: UUID
