@@ -27,7 +27,7 @@ from fecore.arrays import FloatArray, IntArray
 from fecore.body.affine import AffineMatrix
 from fecore.body.constants import Body
 from fecore.body.facets import SMOOTH, facet_turn, re_entrant
-from fecore.body.refine import Refined, element_size, refined
+from fecore.body.refine import Refined, element_size, is_quadratic, refined
 from fecore.body.structure import Structure
 from fecore.correlation import most_alike
 from fecore.dynamics.eigen import NormalModes, mass_orthonormal, shifted
@@ -150,8 +150,8 @@ class Finer:
         """
         if not isinstance(body, Structure):
             return None
-        grown = 4 if _is_quadratic(body) else 3
-        return cls(body) if grown * len(body.mesh.nodes) * len(body.dofs) <= MOST_DOFS else None
+        growth = 4 if is_quadratic(body.mesh) else 3
+        return cls(body) if growth * len(body.mesh.nodes) * len(body.dofs) <= MOST_DOFS else None
 
     @cached_property
     def _flat(self) -> Refined | None:
@@ -225,7 +225,7 @@ class Finer:
         if with_flat and self._flat is not None:
             flat = solved(self._flat)[0] - solved(self.level(1))[0]
         sizes = element_size(self.body.mesh), element_size(self.level(number).body.mesh)
-        order = 4 if _is_quadratic(self.body) else 2
+        order = 4 if is_quadratic(self.body.mesh) else 2
         images, left = (
             model.mass.at(own.mass) @ shapes,
             _LEFT * (after - before) - _OF_CORNERS * missed,
@@ -234,10 +234,6 @@ class Finer:
 
     def _next_size(self, number: int) -> int:
         return 4 * len(self.level(number).body.mesh.nodes) * len(self.body.dofs)
-
-
-def _is_quadratic(body: Structure) -> bool:
-    return any(block.kind in ("quad8", "tri6") for block in body.mesh.blocks)
 
 
 @dataclass(frozen=True)
@@ -261,7 +257,7 @@ class _Values:
     def at_corners(self, shapes: FloatArray, corners: IntArray) -> Forms:
         """What the mesh misses about corners, between (dofs, m) shapes."""
         model, count = self.body.model, shapes.shape[1]
-        found = Forms(
+        forms = Forms(
             np.zeros((len(self.stiffness), count, count)), np.zeros((len(self.mass), count, count))
         )
         if corners.size:
@@ -272,8 +268,8 @@ class _Values:
                 ]
             )
             energy = model.stiffness.about(corners).project(shapes, slice(0, count))
-            found = replace(found, stiffness=share[:, None, None] * energy)
-        return found
+            forms = replace(forms, stiffness=share[:, None, None] * energy)
+        return forms
 
     def named_as(self, forms: Forms, own: _Values) -> Forms:
         """This model's forms by the coefficients of another's, of the same constants."""
@@ -293,18 +289,18 @@ def _by_names(
     largest of its set.
     """
     place = {name: k for k, name in enumerate(names.names)}
-    found = np.zeros((len(names.names), *forms.shape[1:]))
+    sums = np.zeros((len(names.names), *forms.shape[1:]))
     for k, name in enumerate(of.names):
         if name in place:
-            found[place[name]] += forms[k]
+            sums[place[name]] += forms[k]
             continue
         prefix = name.split(".joint")[0].rpartition(".")[0] or name.split(".joint")[0]
         like = [j for j, each in enumerate(names.names) if each.startswith(prefix)] or range(
             len(others)
         )
         target = max(like, key=lambda j: others[j])
-        found[target] += forms[k] * values[k] / others[target]
-    return found
+        sums[target] += forms[k] * values[k] / others[target]
+    return sums
 
 
 def _moved(fine: _Values, motion: FloatArray, shift: float) -> FloatArray:
