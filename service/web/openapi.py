@@ -80,14 +80,14 @@ def undescribed(document: Node) -> list[str]:
         for prop, node in schema.get("properties", {}).items()
         if not node.get("description")
     ]
-    said = {tag["name"] for tag in document["tags"]}
+    headed = {tag["name"] for tag in document["tags"]}
     for path, operation in _operations(document):
         missing += [
             f"{path} {parameter['name']}"
             for parameter in operation.get("parameters", [])
             if not (parameter.get("description") or parameter["schema"].get("description"))
         ]
-        missing += [f"{path} heading {tag}" for tag in operation["tags"] if tag not in said]
+        missing += [f"{path} heading {tag}" for tag in operation["tags"] if tag not in headed]
     return missing
 
 
