@@ -118,7 +118,6 @@ _JOBS = (
     "cancel",
     "retry",
     "plans",
-    "forecasts",
     "processings",
 )
 
@@ -143,7 +142,7 @@ def require_scope(key: ApiKey, request: RequestScope) -> None:
         Forbidden: it lacks the scope.
     """
     route: Any = request.get("route")
-    needed = scope_of(request["method"], route.path)
+    needed = getattr(route.endpoint, "scope", None) or scope_of(request["method"], route.path)
     if needed not in key.scopes:
         raise Forbidden(
             f"this needs a key of the scope {needed}; this one has {', '.join(key.scopes)}"

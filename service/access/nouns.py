@@ -146,6 +146,7 @@ class NounRoutes(Generic[Row, Out]):
         tagged: bool = False,
         measured: bool = False,
         status: int = 201,
+        scope: str | None = None,
     ) -> None:
         """Add `POST /{owners}/{owner_id}/{address}`, whose answer names the address of the new row.
 
@@ -158,6 +159,7 @@ class NounRoutes(Generic[Row, Out]):
             measured: whether the body has numbers whose unit may be mistaken, so that unusual ones
                 must be confirmed.
             status: of the answer.
+            scope: of keys that may; None: as the path says.
         """
         owner = Path(alias=self._find.owner_key)
 
@@ -183,6 +185,7 @@ class NounRoutes(Generic[Row, Out]):
             return shown
 
         post.__annotations__["body"] = model
+        post.scope = scope  # type: ignore[attr-defined]  # see `require_scope`
         # a job's name is of what it makes
         named = "name" in model.model_fields and hasattr(self._find.table, "name")
         without = {"confirm": measured, "unless_named": named}

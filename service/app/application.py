@@ -29,6 +29,7 @@ from service.show.guide.routes import router as guide
 from service.show.pages import PREFIX as PAGES
 from service.show.pages import PageErrors, add_pages
 from service.show.pages.look import files as assets
+from service.tasks.routes import HEADINGS
 from service.web.middleware import KnownHosts, RequestMiddleware
 from service.web.openapi import RESPONSES, add_documentation, describe_problems
 from service.web.problems import add_problem_handlers
@@ -94,6 +95,7 @@ def create_app(settings: Settings) -> FastAPI:
         lifespan=lifespan,
         responses=RESPONSES,
         openapi_url="/openapi.json" if settings.docs else None,
+        openapi_tags=[{"name": name, "description": text} for name, text in HEADINGS],
         docs_url=None,
         redoc_url=None,
     )

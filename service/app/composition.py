@@ -1,5 +1,5 @@
-"""Where the features come together for the API: their routers. Their kinds of job, for the worker,
-are in `service.app.kinds`.
+"""Where the features come together for the API: their routers. Kinds of job
+come with what they declare (`service.tasks`).
 
 Importing this module imports every table, which is what the comparison of models and migrations
 needs. A new feature adds its router here and nowhere else.
@@ -15,7 +15,6 @@ from service.access.routes import router as access
 from service.monitoring.notifications.routes import router as webhooks
 from service.monitoring.routes import router as monitoring
 from service.show.archives.routes import router as archives
-from service.show.results.forecasts import router as forecasts_shown
 from service.show.results.routes import router as results
 from service.show.routes import router as measured_figures
 from service.store.campaigns.operations import campaign_for
@@ -23,7 +22,6 @@ from service.store.campaigns.routes import points_router as grid_points
 from service.store.campaigns.routes import router as campaigns
 from service.store.coupons.operations import batch_for, coupon_for
 from service.store.coupons.routes import router as coupons
-from service.store.forecasts.routes import router as forecasts
 from service.store.frfs.routes import router as frfs
 from service.store.imports.routes import purging
 from service.store.imports.routes import router as imports
@@ -42,11 +40,12 @@ from service.store.structures.routes import router as structures
 from service.store.updating.alignment import router as alignment
 from service.store.updating.removing import router as removing
 from service.store.updating.routes import router as updating
+from service.tasks.routes import ROUTERS as TASKS
 
 ROUTERS: tuple[APIRouter, ...] = (
     access, storage, structures, models, campaigns, instruments, imports, removing, purging, grid_points, alignment, scripts,
-    frfs, records, mode_sets, identifications, coupons, forecasts, updating, plans, search, saved_searches,
-    archives, results, forecasts_shown, measured_figures, monitoring, webhooks,
+    frfs, records, mode_sets, identifications, coupons, *TASKS, updating, plans, search, saved_searches,
+    archives, results, measured_figures, monitoring, webhooks,
 )  # fmt: skip
 """Everything under `/api/v1`, in the order of the documentation page."""
 

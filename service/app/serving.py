@@ -97,12 +97,12 @@ def work(
         UnknownQueueError: a queue that no kind of job has; the message names them.
     """
     with loading():
-        from service.app.kinds import KINDS
         from service.db.opening import open_database
         from service.jobs.kinds import REQUESTS
         from service.jobs.worker import run_worker
         from service.logs import configure_logs
         from service.monitoring.scheduler import scheduler
+        from service.tasks.kinds import KINDS
 
     config, known = settings(), {REQUESTS, *(kind.queue for kind in KINDS)}
     if queues is not None and not known.issuperset(queues):  # it would wait for ever

@@ -5,7 +5,7 @@ What a feature needs of it::
 
     from service.jobs.resource import JobNoun from service.jobs.routes import JobRoutes
 
-    # its table has the key jobs.id; its kind is listed in service.app.kinds.KINDS
+    # its table has the key jobs.id; its kind is listed in service.tasks.kinds.KINDS
     IDENTIFICATIONS = JobNoun("identifications", identification_for, load, find_modes, store)
 
     row = IDENTIFICATIONS.start(session, user, Identification(campaign_id=campaign.id)) # in the

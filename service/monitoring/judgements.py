@@ -376,7 +376,12 @@ def _announce(
     }
     data = {**about, **data}
     announce(
-        session, event, data, project_id=project_id, monitor_id=monitor.id, mail_to=monitor.mail_to
+        session,
+        event,
+        data,
+        project_id=project_id,
+        monitor_id=monitor.id,
+        receivers=monitor.receivers,
     )
 
 

@@ -21,6 +21,8 @@ from service.db.base import transaction_time
 from service.errors import Conflict, Invalid, NotFound
 from service.monitoring import runs
 from service.monitoring.judgements import rank
+from service.monitoring.notifications.addresses import AddressError
+from service.monitoring.notifications.channels import OF_MONITORS
 from service.monitoring.runs import monitor_for
 from service.monitoring.scheduler import next_time, request_check
 from service.monitoring.schemas import (
@@ -69,22 +71,23 @@ def create_monitor(
 
     Raises:
         Invalid: the recipe names what no later campaign has, a parameter is watched that it does
-            not update, or mail is wanted and no SMTP server is set.
+            not update, or an address is one that its channel refuses.
         NotFound: there is no such structure, or it is other people's.
         Forbidden: the user's role is too low.
     """
     structure = structure_for(session, user, structure_id, "editor")
+    receivers = _receivers(body, settings)
     version = current_version(session, structure)
     watched, per_kelvin = _checked(
         session, user, structure, body, describe_version(version, structure.name)
     )
-    _check_mail(body.mail_to, settings)
     now = datetime.now(UTC)
     monitor = Monitor(
         structure_id=structure.id,
         structure_version_id=version.id,
         user_id=user.id,
         **body.model_dump(mode="json", include=_AS_STATED),
+        receivers=receivers,
         watch=_frozen_watch(body, watched, per_kelvin),
         since=body.baseline.since,
         next_run_at=None if body.schedule is None else next_time(body.schedule, now),
@@ -104,7 +107,7 @@ PerKelvin = Mapping[str, tuple[float, float]]
 
 _AS_STATED = {
     *("name", "boundary", "recipe", "modes", "priors"),
-    *("expected_interval_days", "runs_on", "schedule", "mail_to", "active"),
+    *("expected_interval_days", "runs_on", "schedule", "active"),
 }
 """What a monitor's row has as the body states it."""
 
@@ -163,11 +166,29 @@ def _checked(
     }
 
 
-def _check_mail(addresses: Sequence[str], settings: Settings) -> None:
-    if addresses and settings.smtp_host is None:
-        raise Invalid(
-            "/mail_to", "the operator has set no SMTP server (MODALBASE_SMTP_HOST); use a webhook"
-        )
+def _receivers(stated: MonitorIn | MonitorPatch, settings: Settings) -> dict[str, list[str]]:
+    """The addresses that a body states, by the names of their channels.
+
+    Raises:
+        Invalid: a channel refuses one.
+    """
+    receivers = {}
+    for member, channel in OF_MONITORS.items():
+        if member in stated.model_fields_set:
+            receivers[channel.name] = addresses = list(getattr(stated, member))
+            for address in addresses:
+                try:
+                    channel.check(address, settings)
+                except AddressError as error:
+                    raise Invalid(f"/{member}", str(error)) from None
+    return receivers
+
+
+def _addresses(monitor: Monitor) -> dict[str, list[str]]:
+    """The addresses of a monitor, by the members that state them."""
+    return {
+        member: monitor.receivers.get(channel.name, []) for member, channel in OF_MONITORS.items()
+    }
 
 
 def change_monitor(
@@ -177,14 +198,15 @@ def change_monitor(
     are now. The recipe cannot change.
 
     Raises:
-        Invalid: mail is wanted and no SMTP server is set.
+        Invalid: an address is one that its channel refuses.
     """
-    if patch.mail_to:
-        _check_mail(patch.mail_to, settings)
+    receivers = {**monitor.receivers, **_receivers(patch, settings)}
     now = patch.model_dump(exclude_unset=True)
-    was = {field: getattr(monitor, field) for field in now}
-    for field, value in now.items():
-        setattr(monitor, field, value)
+    before = _addresses(monitor)
+    was = {field: before[field] if field in before else getattr(monitor, field) for field in now}
+    for field in now.keys() - before.keys():
+        setattr(monitor, field, now[field])
+    monitor.receivers = receivers
     monitor.updated_at = transaction_time(session)
     session.flush()
     monitor_for.note(session, user, monitor, "change", was=was, now=now)
@@ -362,6 +384,7 @@ def _described(monitor: Monitor, structure: Structure, maker: str, open_alarms: 
         MonitorOut,
         monitor,
         **frozen,
+        **_addresses(monitor),
         structure_name=structure.name,
         project_id=structure.project_id,
         acts_for=maker,

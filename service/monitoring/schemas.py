@@ -3,19 +3,20 @@ as it was judged, not filtered; its models describe it in the OpenAPI document.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
 from uuid import UUID
 
 from croniter import croniter
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, create_model, field_validator, model_validator
 
 from fecore.body.constants import kind_of
 from fecore.errors import InputError
 from fecore.trend import Chart, Watch
 from service.climate import CLIMATE
 from service.errors import Invalid
+from service.monitoring.notifications.channels import OF_MONITORS
 from service.store.campaigns.schemas import Boundary
 from service.store.updating.schemas import RecipeIn
 from service.web import Name, StrictModel, Text, Time, example, not_null, wrong
@@ -33,7 +34,6 @@ CONSTANT = re.compile(
 )
 COEFFICIENT = re.compile(r"[a-z]\w{0,40}")
 OF_A_MODE = re.compile(r"(frequency|damping_ratio)_([1-9]\d?)")
-MAIL = re.compile(r"[^@\s,;<>]+@[^@\s,;<>]+\.[^@\s,;<>]+")
 
 
 class WatchedIn(StrictModel):
@@ -102,6 +102,39 @@ these coefficients.
 """
 
 
+Model = TypeVar("Model", bound=StrictModel)
+
+
+def with_receivers(kind: Any, **limits: Any) -> Callable[[type[Model]], type[Model]]:
+    """Give a model the members of the channels whose addresses a monitor states.
+
+    Args:
+        kind: type of each member.
+        limits: of each, as of `Field`.
+    """
+    members: dict[str, Any] = {
+        member: (kind, Field(description=channel.meaning, **limits))
+        for member, channel in OF_MONITORS.items()
+    }
+
+    validators = None
+    if "default" in limits:  # of a patch, which may leave them out
+        validators = {"_never_null_receivers": not_null(*OF_MONITORS)}
+
+    def extended(model: type[Model]) -> type[Model]:
+        return create_model(
+            model.__name__,
+            __base__=model,
+            __module__=model.__module__,
+            __doc__=model.__doc__,
+            __validators__=validators,
+            **members,
+        )
+
+    return extended
+
+
+@with_receivers(list[Text], default_factory=list, max_length=20)
 class MonitorIn(StrictModel):
     """A monitor; everything but its name has a default."""
 
@@ -167,7 +200,6 @@ class MonitorIn(StrictModel):
     schedule: Text | None = Field(
         None, max_length=100, description="five cron fields, UTC, such as `0 3 * * 1`"
     )
-    mail_to: list[Text] = Field(default_factory=list, max_length=20)
     active: bool = Field(True, description="whether it runs and judges by itself, or is at rest")
 
     @field_validator("parameters")
@@ -180,14 +212,6 @@ class MonitorIn(StrictModel):
             if names.count(name) > 1:
                 raise wrong(f"{name} is there twice")
         return parameters
-
-    @field_validator("mail_to")
-    @classmethod
-    def _mail(cls, addresses: list[str]) -> list[str]:
-        for address in addresses:
-            if not MAIL.fullmatch(address):
-                raise wrong(f"{address} is no mail address")
-        return addresses
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -248,6 +272,7 @@ class MonitorIn(StrictModel):
         )
 
 
+@with_receivers(list[Text] | None, default=None, max_length=20)
 class MonitorPatch(StrictModel):
     """Members to change. What decides about the series is frozen: for another recipe or baseline
     make another monitor.
@@ -262,13 +287,11 @@ class MonitorPatch(StrictModel):
     expected_interval_days: float | None = Field(
         None, gt=0, le=36500, description="null: nothing is expected"
     )
-    mail_to: list[Text] | None = Field(None, max_length=20)
 
-    _mail = field_validator("mail_to")(lambda addresses: addresses and MonitorIn._mail(addresses))
-
-    _never_null = not_null("name", "active", "mail_to")
+    _never_null = not_null("name", "active")
 
 
+@with_receivers(list[str])
 class MonitorOut(StrictModel):
     """A monitor, with its state."""
 
@@ -298,7 +321,6 @@ class MonitorOut(StrictModel):
     runs_on: str
     schedule: str | None
     next_run_at: datetime | None
-    mail_to: list[str]
     series: int = Field(
         description="version of the series that is judged; 0 before the first judgement"
     )

@@ -53,7 +53,7 @@ class Monitor(Identified, Base):
     runs_on: Mapped[str]
     schedule: Mapped[str | None]
     next_run_at: Mapped[datetime | None]
-    mail_to: Mapped[list[Any]]
+    receivers: Mapped[dict[str, Any]]  # addresses by the names of their channels
     active: Mapped[bool] = mapped_column(server_default=text("true"))
     series: Mapped[int] = mapped_column(server_default="0")
     state: Mapped[str] = mapped_column(server_default="no data")

@@ -19,7 +19,7 @@ from starlette.responses import HTMLResponse
 
 from service.web.middleware import NOTHING
 from service.web.routing import LazyOpenApi
-from service.web.terms import OPEN, TAGS, TERMS
+from service.web.terms import OPEN, headings, term
 
 Node = dict[str, Any]
 
@@ -59,12 +59,15 @@ def complete(document: Node) -> None:
         operation["tags"] = [_tag(path, operation)]
         for parameter in operation.get("parameters", []):
             if not (parameter.get("description") or parameter["schema"].get("description")):
-                _say(parameter, TERMS.get(parameter["name"]))
+                _say(parameter, term(parameter["name"]))
         for body in _bodies(operation):
             _describe("", body)
         _list_errors(path, operation)
     used = {tag for _, operation in _operations(document) for tag in operation["tags"]}
-    document["tags"] = [{"name": name, "description": text} for name, text in TAGS if name in used]
+    own = {tag["name"]: tag["description"] for tag in document.get("tags", ())}
+    document["tags"] = [
+        {"name": name, "description": text} for name, text in headings(own) if name in used
+    ]
 
 
 def undescribed(document: Node) -> list[str]:
@@ -77,13 +80,14 @@ def undescribed(document: Node) -> list[str]:
         for prop, node in schema.get("properties", {}).items()
         if not node.get("description")
     ]
+    headed = {tag["name"] for tag in document["tags"]}
     for path, operation in _operations(document):
         missing += [
             f"{path} {parameter['name']}"
             for parameter in operation.get("parameters", [])
             if not (parameter.get("description") or parameter["schema"].get("description"))
         ]
-        missing += [f"{path} heading {tag}" for tag in operation["tags"] if tag not in dict(TAGS)]
+        missing += [f"{path} heading {tag}" for tag in operation["tags"] if tag not in headed]
     return missing
 
 
@@ -110,7 +114,7 @@ def _describe(schema_name: str, node: Any) -> None:
         return
     for name, prop in node.get("properties", {}).items():
         if isinstance(prop, dict) and not prop.get("description"):
-            _say(prop, TERMS.get(f"{schema_name}.{name}", TERMS.get(name)))
+            _say(prop, term(name, schema_name))
         if isinstance(prop, dict) and _is_open(prop):
             prop.setdefault("examples", [OPEN.get(name, {})])
     if _is_open(node):

@@ -11,12 +11,12 @@ if TYPE_CHECKING:
 
 
 @cache
-def templates_in(folder: Path) -> Environment:
-    """The templates of a folder, read by the first page: a start needs none."""
+def templates_in(*folders: Path) -> Environment:
+    """The templates of these folders, read by the first page: a start needs none."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     return Environment(
-        loader=FileSystemLoader(folder),
+        loader=FileSystemLoader(folders),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -6,6 +6,8 @@ describe itself has its sentence here, by the name of the property, or of schema
 one name has two meanings.
 """
 
+from collections.abc import Mapping
+
 TERMS: dict[str, str] = {
     # who and when
     "id": "UUIDv7; sorts by the time of creation",
@@ -35,31 +37,6 @@ TERMS: dict[str, str] = {
     "next_cursor": "hand it in as `cursor` to get the next page; null on the last one",
     "request_id": "name of the request in the service's log",
     # ids
-    **{
-        f"{thing}_id": f"id of the {thing.replace('_', ' ')}"
-        for thing in (
-            *(
-                "project",
-                "structure",
-                "campaign",
-                "monitor",
-                "import",
-                "model",
-                "forecast",
-                "processing",
-            ),
-            *(
-                "identification",
-                "mode_set",
-                "webhook",
-                "delivery",
-                "alarm",
-                "key",
-                "user",
-                "instrument",
-            ),
-        )
-    },
     **{f"{thing}_name": f"name of the {thing}" for thing in ("structure", "campaign", "monitor")},
     "structure_version_id": "id of the structure's version that is used, which never changes",
     "batch_id": "id of the coupon batch",
@@ -269,7 +246,6 @@ TERMS: dict[str, str] = {
     "runs_on": "when campaigns are run: `campaign`, `schedule` or `hand`",
     "schedule": "five cron fields, UTC; null without a schedule",
     "next_run_at": "when the schedule runs next, UTC; null without a schedule",
-    "mail_to": "addresses that get mail of alarms",
     "state": "where it stands",
     "state_since": "since when, UTC",
     "open_alarms": "number of alarms that nobody has acknowledged and that have not cleared",
@@ -301,7 +277,17 @@ TERMS: dict[str, str] = {
     "number": "of the version, from 1",
     "format": "of the answer",
 }
-"""Sentences by name, or by `Schema.name`."""
+"""Sentences by name, or by `Schema.name`; of an id that has none `term` makes it."""
+
+
+def term(name: str, schema: str = "") -> str | None:
+    """The sentence of a member or parameter, one of its schema's own before that of its name; None
+    where there is none.
+    """
+    thing = name.removesuffix("_id")
+    made = None if thing == name else f"id of the {thing.replace('_', ' ')}"
+    return TERMS.get(f"{schema}.{name}", TERMS.get(name, made))
+
 
 OPEN: dict[str, object] = {
     "hammer": {"model": "8206-002"},
@@ -331,7 +317,6 @@ TAGS: list[tuple[str, str]] = [
         "models",
         "Decks of Abaqus, CalculiX and Nastran, or matrices of any solver, into a structure.",
     ),
-    ("forecasts", "Modes of a structure before it is measured: which there are, and where to hit."),
     ("imports", "UFF files into a campaign: send one, then ask until it has succeeded."),
     ("FRFs", "What was measured: lists, spectra in six formats, and FRFs from scripts."),
     ("records", "Time blocks of hammer tests: send hits, see which are good, make FRFs of them."),
@@ -373,3 +358,10 @@ TAGS: list[tuple[str, str]] = [
     ("health", "Is the service up, and does its database answer?"),
 ]
 """Headings of the documentation page in the order of the main job, each with a sentence."""
+
+
+def headings(own: Mapping[str, str]) -> list[tuple[str, str]]:
+    """All headings: those of kinds of job that declare their `own` stand after the models."""
+    place = [name for name, _ in TAGS].index("models") + 1
+    others = [each for each in own.items() if each[0] not in dict(TAGS)]
+    return [*TAGS[:place], *others, *TAGS[place:]]

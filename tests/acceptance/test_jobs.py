@@ -11,9 +11,9 @@ import pytest
 from sqlalchemy import text
 
 from service.app.demo import paper
-from service.app.kinds import KINDS
 from service.jobs.child import PURGED
 from service.jobs.tables import Job
+from service.tasks.kinds import KINDS
 from tests.support import backups, kills
 from tests.support.backups import RECIPE, Laboratory, hits_of_a_point, restored
 from tests.support.floor import Floor, floor

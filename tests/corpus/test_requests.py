@@ -300,8 +300,8 @@ def test_a_webhook_that_is_deleted_gets_nothing_any_more(
     made = (
         "WITH hook AS (INSERT INTO webhooks (project_id, url, secret, events) "
         "VALUES (%s, 'http://x.invalid', 's', '[]') RETURNING *) "
-        "INSERT INTO deliveries (project_id, webhook_id, message_id, event, body, due_at) "
-        "SELECT project_id, id, 'm', 'test', '{}', '2999-01-01' FROM hook RETURNING id, webhook_id"
+        "INSERT INTO deliveries (project_id, channel, webhook_id, message_id, event, body, due_at) "
+        "SELECT project_id, 'webhook', id, 'm', 'test', '{}', '2999-01-01' FROM hook RETURNING id, webhook_id"
     )
     (waiting,) = rows(made, ids["project"])
     hook, delivery = f"webhooks/{waiting['webhook_id']}", f"deliveries/{waiting['id']}"

@@ -22,8 +22,10 @@ import service.app.composition  # noqa: F401  imports every table
 from service.access import Project
 from service.db.engine import Sessions
 from service.monitoring.notifications import sender as attempts
+from service.monitoring.notifications.channels.channel import Receiver as To
+from service.monitoring.notifications.channels.webhook import new_secret, send
 from service.monitoring.notifications.messages import EVENTS
-from service.monitoring.notifications.sender import ATTEMPTS, Sender, new_secret, post
+from service.monitoring.notifications.sender import ATTEMPTS, Sender
 from service.monitoring.notifications.tables import Delivery, Webhook
 from service.settings import Settings
 from tests.support.receivers import (
@@ -92,6 +94,7 @@ def planted(sessions: Sessions, url: str, **fields: Any) -> Delivery:
             "event": "alarm.raised",
             "body": json.dumps(ALARM),
         }
+        fields["channel"] = "mail" if "recipient" in fields else "webhook"
         if "recipient" not in fields:
             row = Webhook(project_id=project.id, url=url, secret=new_secret(), events=[])
             session.add(row)
@@ -219,6 +222,7 @@ def test_a_project_of_many_slow_receivers_delays_no_other(
                     "message_id": f"msg_{i}",
                     "event": "alarm.raised",
                     "body": "{}",
+                    "channel": "webhook",
                 }
                 session.add(Delivery(**common, webhook_id=row.id))
         assert connected.wait(60)
@@ -245,7 +249,7 @@ def test_the_connection_goes_to_the_address_that_was_checked(
     delivery = planted(sessions, f"http://receiver.example:{port}/hook")
     with sessions() as session:
         webhook = session.scalars(select(Webhook)).one()
-    assert asyncio.run(post(delivery, webhook, LOOPBACK)).error is None
+    assert asyncio.run(send(delivery, To(webhook.url, webhook.secret), LOOPBACK)).error is None
     assert hook.got[0][0]["host"] == f"receiver.example:{port}"
 
 

@@ -9,9 +9,9 @@ import httpx
 from sqlalchemy import insert
 
 from service.app.demo import paper
-from service.app.kinds import KINDS  # every table is imported by this
 from service.db.base import Base
 from service.db.engine import Sessions
+from service.tasks.kinds import KINDS  # every table is imported by this
 from tests.support.rest import RAW, posted
 
 assert KINDS  # it is imported for its tables

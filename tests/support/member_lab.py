@@ -302,6 +302,7 @@ class Furnishing:
         row = {f"{name}_id": key for name, key in ids.items()} | {
             "event": "alarm.raised",
             "body": "{}",
+            "channel": "webhook",
             "state": "failed",
         }
         with self.sessions.begin() as session:  # that a monitor sends takes many campaigns

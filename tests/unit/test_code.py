@@ -267,7 +267,7 @@ FAULTS = (
     ("service/db/engine.py", "import service.access.tables", "service: imports run downwards only"),
     ("service/store/structures/schemas.py", "import service.store.campaigns.schemas",
      "service.store: a noun needs only"),
-    ("service/show/figures/marks.py", "import service.show.pages", "service.show: imports run downwards only"),
+    ("service/show/figures/marks.py", "import service.show.pages", "service: imports run downwards only"),
     ("service/app/doctor.py", "import service.app.supervisor", "service.app: imports run downwards only"),
     ("service/jobs/child.py", "import service.app.application", "service: imports run downwards only"),
     ("service/monitoring/runs.py", "from service.store.modes.operations import ModeSet", "tables: only"),
@@ -279,6 +279,7 @@ FAULTS = (
     ("modalbase/formats/uff/scan.py", "import httpx", "modalbase.formats: bytes to dataclasses"),
     ("fecore/mesh.py", "import modalbase", "fecore: pure"),
     ("service/compute/updating.py", "import sqlalchemy", "computations: neither database nor web"),
+    ("service/tasks/forecast/compute.py", "import sqlalchemy", "computations: neither database nor web"),
 )  # fmt: skip
 
 
@@ -311,7 +312,7 @@ def test_the_service_starts_without_what_only_some_jobs_need() -> None:
         "matplotlib",
     )
     worker, web = (
-        "service.jobs.worker, service.app.kinds, service.monitoring.scheduler",
+        "service.jobs.worker, service.tasks.kinds, service.monitoring.scheduler",
         ("fastapi", "starlette"),
     )
     script = (

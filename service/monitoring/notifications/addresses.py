@@ -96,7 +96,7 @@ IpNetwork = IPv4Network | IPv6Network
 
 
 class AddressError(Exception):
-    """A URL that no message may go to; the message says why."""
+    """An address that no message may go to; the message says why."""
 
 
 @dataclass(frozen=True)

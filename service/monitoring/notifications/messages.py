@@ -3,9 +3,8 @@ and sent afterwards.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from email.message import EmailMessage
 from typing import Any, Literal, get_args
 from uuid import UUID, uuid4
 
@@ -18,7 +17,7 @@ Event = Literal[
     "alarm.raised", "alarm.acknowledged", "alarm.cleared", "alarm.withdrawn", "monitor.no_data"
 ]
 EVENTS: tuple[Event, ...] = get_args(Event)
-TEST = "webhook.test"
+TEST, OF_WEBHOOKS = "webhook.test", "webhook"
 
 
 def announce(
@@ -28,34 +27,39 @@ def announce(
     *,
     project_id: UUID,
     monitor_id: UUID | None = None,
-    mail_to: Sequence[str] = (),
+    receivers: Mapping[str, Sequence[str]] | None = None,
 ) -> None:
-    """Put an event in the outbox, for every webhook of the project that wants it and these mail
-    addresses.
+    """Put an event in the outbox, for every webhook of the project that wants it and these
+    receivers.
 
     Args:
         session: the transaction of what has happened.
         event: one of `EVENTS`.
-        data: what the message says; `as_mail` says which fields a mail shows.
+        data: what the message says; `in_words` says which fields people read.
         project_id: whose webhooks are sent to.
         monitor_id: the monitor that the deliveries are listed with.
-        mail_to: mail addresses.
+        receivers: addresses by the names of their channels.
     """
     hooks = session.scalars(
         select(Webhook).where(Webhook.project_id == project_id, Webhook.active).order_by(Webhook.id)
     ).all()
-    receivers: list[dict[str, Any]] = [
-        {"webhook_id": hook.id} for hook in hooks if event in hook.events
+    each: list[dict[str, Any]] = [
+        {"channel": OF_WEBHOOKS, "webhook_id": hook.id} for hook in hooks if event in hook.events
     ]
-    receivers += [{"recipient": address} for address in mail_to]
+    each += [
+        {"channel": channel, "recipient": address}
+        for channel, addresses in (receivers or {}).items()
+        for address in addresses
+    ]
     common = {"project_id": project_id, "monitor_id": monitor_id}
-    session.add_all(_message(event, data, **common, **receiver) for receiver in receivers)
+    session.add_all(_message(event, data, **common, **receiver) for receiver in each)
 
 
 def trial_message(webhook: Webhook) -> Delivery:
     """A message without an event, which tries a webhook."""
     about = {"webhook_id": str(webhook.id)}
-    return _message(TEST, about, project_id=webhook.project_id, webhook_id=webhook.id)
+    common = {"project_id": webhook.project_id, "channel": OF_WEBHOOKS}
+    return _message(TEST, about, webhook_id=webhook.id, **common)
 
 
 def _message(event: str, data: dict[str, Any], **receiver: Any) -> Delivery:
@@ -64,21 +68,9 @@ def _message(event: str, data: dict[str, Any], **receiver: Any) -> Delivery:
     return Delivery(**receiver, event=event, body=json.dumps(body), message_id=f"msg_{uuid4().hex}")
 
 
-def as_mail(delivery: Delivery, sender: str) -> EmailMessage:
-    """A message as mail, in plain text. Its Message-ID is the message's id, so that a mail that is
-    sent twice is seen as one.
-
-    Args:
-        delivery: the message; its recipient is the mail's.
-        sender: the mail's From.
-    """
-    message = json.loads(delivery.body)
-    data = message["data"]
-    mail = EmailMessage()
-    mail["From"], mail["To"] = sender, delivery.recipient
-    mail["Subject"] = _subject(delivery.event, data)
-    mail["Message-ID"] = f"<{delivery.message_id}@modalbase>"
-    mail["Date"] = datetime.fromisoformat(message["timestamp"])
+def in_words(delivery: Delivery) -> tuple[str, str]:
+    """Subject and text of a message, for channels that people read."""
+    data = json.loads(delivery.body)["data"]
     lines = [
         f"structure   {data['structure']['name']} ({data['structure']['id']})",
         f"monitor     {data['monitor']['name']} ({data['monitor']['id']})",
@@ -98,10 +90,6 @@ def as_mail(delivery: Delivery, sender: str) -> EmailMessage:
         ]
         if explained := details.get("explanations"):
             lines.append(f"causes      {explained['text']}")
-    mail.set_content("\n".join(lines) + "\n")
-    return mail
-
-
-def _subject(event: str, data: dict[str, Any]) -> str:
     what = f"{data['alarm']['parameter']} of " if "alarm" in data else ""
-    return " ".join(f"[modalbase] {event}: {what}{data['structure']['name']}".split())
+    subject = f"[modalbase] {delivery.event}: {what}{data['structure']['name']}"
+    return " ".join(subject.split()), "\n".join(lines) + "\n"

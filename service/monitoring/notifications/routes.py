@@ -21,9 +21,9 @@ from service.access import (
     projects_of,
 )
 from service.errors import Conflict, Invalid, NotFound
-from service.monitoring.notifications.addresses import AddressError, parse_url, resolve
+from service.monitoring.notifications.addresses import AddressError, parse_url
+from service.monitoring.notifications.channels.webhook import WEBHOOK, new_secret
 from service.monitoring.notifications.messages import EVENTS, Event, trial_message
-from service.monitoring.notifications.sender import new_secret
 from service.monitoring.notifications.tables import Delivery, Webhook
 from service.web import Cursor, Limit, Page, StrictModel, Text, api_router, example, paged, wrong
 from service.web.bodies import SOME_ID
@@ -80,7 +80,7 @@ class DeliveryOut(StrictModel):
     id: UUID
     created_at: datetime
     webhook_id: UUID | None
-    recipient: str | None = Field(description="mail address")
+    recipient: str | None = Field(description="address in its channel, such as mail")
     monitor_id: UUID | None
     message_id: str = Field(
         description="the `webhook-id` that the receiver sees, the same in every attempt and replay"
@@ -149,7 +149,7 @@ def create_webhook(
     """
     project = project_for(session, user, body.project, "owner")
     try:
-        resolve(body.url, settings)
+        WEBHOOK.check(body.url, settings)
     except AddressError as error:
         raise Invalid("/url", str(error)) from None
     row = Webhook(project_id=project.id, url=body.url, secret=new_secret(), events=body.events)
@@ -226,7 +226,10 @@ def replay_delivery(delivery_id: UUID, session: SessionDep, user: CurrentUser) -
         )
     if row.webhook_id is not None and not session.get_one(Webhook, row.webhook_id).active:
         raise Conflict("the webhook was deleted")
-    copied = ("project_id", "monitor_id", "webhook_id", "recipient", "message_id", "event", "body")
+    copied = (
+        *("project_id", "monitor_id", "channel", "webhook_id", "recipient"),
+        *("message_id", "event", "body"),
+    )
     delivery_for.note(session, user, row, "replay")
     return _sent(session, Delivery(**{name: getattr(row, name) for name in copied}))
 

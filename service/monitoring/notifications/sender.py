@@ -8,30 +8,16 @@ replays.
 Each receiver is sent to on its own, one message at a time, and each project has a share: a receiver
 that is slow delays nobody's messages but its own.
 
-An attempt to deliver a message is a webhook's post, signed, or a mail. Every attempt ends within a
-time that is fixed.
-
-Signatures are those of Standard Webhooks (standardwebhooks.com), which has verifiers in most
-languages:
-
-    webhook-signature: v1,base64(HMAC-SHA256(secret, "{webhook-id}.{webhook-timestamp}.{body}"))
+An attempt to deliver a message is its channel's `send`. Every attempt ends within a time that is
+fixed.
 """
 
 import asyncio
-import base64
-import hashlib
-import hmac
 import random
-import secrets
-import smtplib
-import ssl
 import threading
-import time
 from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from email.message import EmailMessage
 from typing import Self
 from uuid import UUID
 
@@ -40,20 +26,17 @@ from anyio import to_thread
 from sqlalchemy import Text, cast, func, select
 from sqlalchemy.dialects.postgresql import distinct_on
 from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.orm import Session
 
-from fecore import __version__
 from service.db.engine import Sessions
-from service.monitoring.notifications.addresses import AddressError, resolve
-from service.monitoring.notifications.messages import as_mail
+from service.monitoring.notifications.channels import CHANNELS
+from service.monitoring.notifications.channels.channel import Outcome, Receiver
 from service.monitoring.notifications.tables import Delivery, Webhook
 from service.settings import Settings
 
 log = structlog.stdlib.get_logger("modalbase.delivery")
 
-STEP_SECONDS = 10.0  # to connect, or until the next bytes of an answer
 TOTAL_SECONDS = 20.0  # of an attempt, whatever the receiver does
-KEPT_CHARACTERS = 300  # of a receiver's answer
-PREFIX = "whsec_"
 ATTEMPTS = 8
 GROWTH = 4.0  # of the pause between attempts
 # after which a message that somebody took and did not note is sent again
@@ -64,131 +47,13 @@ OF_A_PROJECT = 8  # of them
 PATIENCE_SECONDS = 5.0  # that attempts under way get when the process ends
 
 
-def new_secret() -> str:
-    """A new secret of a webhook, 32 random bytes as Standard Webhooks writes them: `whsec_` and
-    base64.
-    """
-    return PREFIX + base64.b64encode(secrets.token_bytes(32)).decode()
-
-
-def sign(secret: str, message_id: str, timestamp: int, body: bytes) -> str:
-    """The `webhook-signature` of a message by Standard Webhooks, version 1; see the module's
-    docstring. The example is the specification's.
-
-    >>> secret = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
-    >>> sign(secret, "msg_p5jXN8AQM9LWM0D4loKWxJek", 1614265330, b'{"test": 2432232314}')
-    'v1,g0hM9SsE+OTPJTGt/tmIKtSyZlE3uFJELVlNIOLJ1OE='
-
-    Args:
-        secret: of the webhook.
-        message_id: sent as `webhook-id`.
-        timestamp: sent as `webhook-timestamp`, seconds since 1970.
-        body: the bytes that are sent.
-    """
-    key = base64.b64decode(secret.removeprefix(PREFIX))
-    signed = f"{message_id}.{timestamp}.".encode() + body
-    return "v1," + base64.b64encode(hmac.new(key, signed, hashlib.sha256).digest()).decode()
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of an attempt."""
-
-    status: int | None  # HTTP status, where there was one
-    error: str | None  # why it failed; None where it was delivered
-
-
-async def deliver(delivery: Delivery, hook: Webhook | None, settings: Settings) -> Outcome:
+async def deliver(delivery: Delivery, receiver: Receiver, settings: Settings) -> Outcome:
     """Try once to bring a message to its receiver."""
     try:
         async with asyncio.timeout(TOTAL_SECONDS):
-            return await (
-                _mail(delivery, settings) if hook is None else post(delivery, hook, settings)
-            )
+            return await CHANNELS[delivery.channel].send(delivery, receiver, settings)
     except TimeoutError:
         return Outcome(None, f"the receiver took longer than {TOTAL_SECONDS:g} s")
-
-
-async def post(delivery: Delivery, hook: Webhook, settings: Settings) -> Outcome:
-    """Post a message to a webhook, signed. The connection goes to the address that was checked;
-    redirects are not followed, for they could lead anywhere.
-
-    Args:
-        delivery: the message.
-        hook: where it goes, and the secret that signs it.
-        settings: which networks and ports are allowed.
-
-    Returns:
-        What became of it; nothing is raised for a receiver that fails.
-    """
-    import httpx  # see `addresses`
-
-    body, now = delivery.body.encode(), int(time.time())
-    try:
-        target = await to_thread.run_sync(resolve, hook.url, settings, abandon_on_cancel=True)
-        headers = {
-            "Host": target.host,
-            "Content-Type": "application/json",
-            "User-Agent": f"modalbase/{__version__}",
-            "webhook-id": delivery.message_id,
-            "webhook-timestamp": str(now),
-            "webhook-signature": sign(hook.secret, delivery.message_id, now, body),
-        }
-        extensions = {"sni_hostname": target.name}
-        async with (
-            httpx.AsyncClient(
-                trust_env=False, timeout=STEP_SECONDS, follow_redirects=False
-            ) as client,
-            client.stream(
-                "POST", target.url, content=body, headers=headers, extensions=extensions
-            ) as answer,
-        ):
-            if answer.is_success:
-                return Outcome(answer.status_code, None)
-            reply = await anext(answer.aiter_text(KEPT_CHARACTERS), "")
-            return Outcome(
-                answer.status_code,
-                f"the receiver answered {answer.status_code}: {_printable(reply)}",
-            )
-    except (AddressError, httpx.HTTPError) as error:
-        return Outcome(None, f"{type(error).__name__}: {error}"[:KEPT_CHARACTERS])
-
-
-async def _mail(delivery: Delivery, settings: Settings) -> Outcome:
-    if settings.smtp_host is None:
-        return Outcome(None, "no SMTP server is set (MODALBASE_SMTP_HOST)")
-    try:
-        mail = as_mail(delivery, settings.smtp_from)
-        await to_thread.run_sync(send_mail, mail, settings, abandon_on_cancel=True)
-    except (OSError, smtplib.SMTPException) as error:
-        return Outcome(None, f"{type(error).__name__}: {error}"[:KEPT_CHARACTERS])
-    return Outcome(None, None)
-
-
-def send_mail(mail: EmailMessage, settings: Settings) -> None:
-    """Hand a mail to the operator's server.
-
-    Raises:
-        OSError, smtplib.SMTPException: it does not take it.
-    """
-    assert settings.smtp_host is not None
-    context = ssl.create_default_context()
-    if settings.smtp_security == "tls":
-        server: smtplib.SMTP = smtplib.SMTP_SSL(
-            settings.smtp_host, settings.smtp_port, timeout=STEP_SECONDS, context=context
-        )
-    else:
-        server = smtplib.SMTP(settings.smtp_host, settings.smtp_port, timeout=STEP_SECONDS)
-    with server:
-        if settings.smtp_security == "starttls":
-            server.starttls(context=context)
-        if settings.smtp_user is not None:
-            server.login(settings.smtp_user, settings.smtp_password or "")
-        server.send_message(mail)
-
-
-def _printable(text: str) -> str:
-    return "".join(c if c.isprintable() else " " for c in text[:KEPT_CHARACTERS])
 
 
 _RECEIVER = func.coalesce(cast(Delivery.webhook_id, Text), Delivery.recipient)
@@ -227,8 +92,8 @@ class Sender:
         attempts: set[asyncio.Task[None]] = set()
         while not self._ending:
             self._woken.clear()
-            for delivery, hook in await self._claimed():
-                attempt = asyncio.create_task(self._attempt(delivery, hook))
+            for delivery, receiver in await self._claimed():
+                attempt = asyncio.create_task(self._attempt(delivery, receiver))
                 attempts.add(attempt)
                 attempt.add_done_callback(attempts.discard)
             with suppress(TimeoutError):
@@ -237,7 +102,7 @@ class Sender:
         if attempts:
             await asyncio.wait(attempts, timeout=PATIENCE_SECONDS)
 
-    async def _claimed(self) -> list[tuple[Delivery, Webhook | None]]:
+    async def _claimed(self) -> list[tuple[Delivery, Receiver]]:
         try:
             claimed = await to_thread.run_sync(self._claim)
         except SQLAlchemyError as error:
@@ -249,7 +114,7 @@ class Sender:
             self._under_way[_receiver(delivery)] = delivery.project_id
         return claimed
 
-    def _claim(self) -> list[tuple[Delivery, Webhook | None]]:
+    def _claim(self) -> list[tuple[Delivery, Receiver]]:
         """Take the oldest due message of each receiver that is free: nobody else takes it while it
         is being sent.
         """
@@ -279,11 +144,7 @@ class Sender:
             for delivery in due:
                 delivery.attempts += 1
                 delivery.due_at = now + timedelta(seconds=CLAIM_SECONDS)
-            hooks = [
-                None if d.webhook_id is None else session.get_one(Webhook, d.webhook_id)
-                for d in due
-            ]
-        return list(zip(due, hooks, strict=True))
+            return [(delivery, _where(session, delivery)) for delivery in due]
 
     def _fair(self, heads: list[tuple[UUID, UUID]]) -> list[UUID]:
         """As many as may be sent now, no project more than its share."""
@@ -294,9 +155,9 @@ class Sender:
                 chosen.append(key)
         return chosen
 
-    async def _attempt(self, delivery: Delivery, hook: Webhook | None) -> None:
+    async def _attempt(self, delivery: Delivery, receiver: Receiver) -> None:
         try:
-            outcome = await deliver(delivery, hook, self._settings)
+            outcome = await deliver(delivery, receiver, self._settings)
             again = await to_thread.run_sync(self._note, delivery, outcome)
             if again is not None:
                 self._loop.call_later(again, self._woken.set)
@@ -346,3 +207,11 @@ class Sender:
 
 def _receiver(delivery: Delivery) -> str:
     return str(delivery.webhook_id) if delivery.webhook_id is not None else str(delivery.recipient)
+
+
+def _where(session: Session, delivery: Delivery) -> Receiver:
+    """Where a message goes now: a webhook's URL, or the address that it was written for."""
+    if delivery.webhook_id is None:
+        return Receiver(str(delivery.recipient))
+    hook = session.get_one(Webhook, delivery.webhook_id)
+    return Receiver(hook.url, hook.secret)

@@ -41,6 +41,7 @@ class Delivery(Identified, Base):
     project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
     monitor_id: Mapped[UUID | None] = mapped_column(ForeignKey("monitors.id", ondelete="CASCADE"))
     webhook_id: Mapped[UUID | None] = mapped_column(ForeignKey("webhooks.id", ondelete="CASCADE"))
+    channel: Mapped[str]
     recipient: Mapped[str | None]
     message_id: Mapped[str]
     event: Mapped[str]

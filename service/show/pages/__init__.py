@@ -7,7 +7,16 @@ one place. All its files are served from here, and its policy lets a browser ask
 
 from fastapi import FastAPI
 
-from service.show.pages import comparing, jobs, measurements, quantities, search, start, updates
+from service.show.pages import (
+    comparing,
+    jobs,
+    measurements,
+    quantities,
+    search,
+    start,
+    tasks,
+    updates,
+)
 from service.show.pages.look import PREFIX, PageErrors
 from service.web.routing import include
 
@@ -17,5 +26,5 @@ __all__ = ["PREFIX", "PageErrors", "add_pages"]
 def add_pages(app: FastAPI) -> None:
     """All pages; `/` leads to the first of them."""
     include(app, start.open_router)
-    for module in (start, search, measurements, updates, comparing, quantities, jobs):
+    for module in (start, search, measurements, updates, comparing, quantities, jobs, tasks):
         include(app, module.router, PREFIX)

@@ -26,6 +26,7 @@ from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from fecore import __version__
+from service import tasks
 from service.access import CurrentUser, SessionDep, User, role_in
 from service.access import routes as access
 from service.access.keys import COOKIE, request_token
@@ -136,7 +137,7 @@ def climate_of(campaign: object) -> list[tuple[str, float]]:
 
 @cache
 def _templates() -> Environment:
-    made = templates_in(Path(__file__).parent / "templates")
+    made = templates_in(Path(__file__).parent / "templates", Path(tasks.__path__[0]))
     made.filters.update(
         numbers.FILTERS, bar=bar, page_words=page_words, labelled=labelled, climate=climate_of
     )

@@ -14,13 +14,13 @@ from service.monitoring import routes as monitoring
 from service.monitoring.live import look_at_monitors
 from service.show.measured import AXES
 from service.show.pages.look import Visit, VisitDep
+from service.show.pages.tasks import cards_of
 from service.show.pages.updates import NamedJob, joint_updates_of, name_jobs, over_time
 from service.show.pages.viewer import draw_grid, has_mesh, marked, points_in_space, viewer_of
 from service.store.campaigns import routes as campaigns
 from service.store.campaigns.operations import campaign_for, frame_of, stored_points
 from service.store.campaigns.schemas import Boundary, CampaignOut
 from service.store.coupons import routes as coupons
-from service.store.forecasts import routes as forecasts
 from service.store.frfs import routes as frfs
 from service.store.frfs.data import specimen_points
 from service.store.frfs.routes import FrfFilter
@@ -60,7 +60,6 @@ def get_structure(
     newest = _newest(name_jobs(visit, jobs, ("verdict", "parameters", "modes")))
     context = visit.in_structure(structure_id)
     sent = models.of_jobs.page(visit.session, visit.user, structure_id, limit=1).items
-    forecast = forecasts.of_jobs.page(visit.session, visit.user, structure_id, limit=1).items
     return visit.show(
         "structure.html",
         **context,
@@ -71,7 +70,7 @@ def get_structure(
             else None
         ),
         sent=sent[0] if sent else None,
-        forecast=forecast[0] if forecast else None,
+        cards=cards_of(visit, "structure", structure_id),
         campaigns=sorted(shown, key=lambda c: c.performed_at or c.created_at),
         all_campaigns=len(listed.items),
         following=listed.next_cursor,
@@ -92,13 +91,6 @@ def get_model(model_id: UUID, visit: VisitDep) -> Response:
     """A model's structure."""
     model = models.of_jobs.one(visit.session, visit.user, model_id)
     return RedirectResponse(f"../structures/{model.structure_id}")
-
-
-@router.get("/forecasts/{forecast_id}")
-def get_forecast(forecast_id: UUID, visit: VisitDep) -> Response:
-    """A forecast's structure."""
-    forecast = forecasts.of_jobs.one(visit.session, visit.user, forecast_id)
-    return RedirectResponse(f"../structures/{forecast.structure_id}")
 
 
 def _matches(campaign: CampaignOut, boundary: str | None, name: str) -> bool:
@@ -164,6 +156,7 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         judged=[] if done is None else done["hits"],
         jobs=name_jobs(visit, jobs),
         joint=joint_updates_of(visit, context["project"].id, campaign_id),
+        cards=cards_of(visit, "campaign", campaign_id),
     )
 
 

@@ -34,7 +34,7 @@ DIGITS = 5
 
 
 class InSpace(Protocol):
-    """What is drawn: the result of an update, or a forecast."""
+    """What is drawn: the result of an update, or a model that was solved."""
 
     @property
     def document(self) -> Mapping[str, Any]:

@@ -18,7 +18,7 @@ from service.access.lookup import Role, require_role
 from service.access.tables import Project
 from service.errors import Conflict, Forbidden, NotFound, Unauthorized
 from service.monitoring.notifications.addresses import AddressError, parse_url, resolve
-from service.monitoring.notifications.sender import sign
+from service.monitoring.notifications.channels.webhook import sign
 from service.settings import Settings
 
 ROLES: tuple[Role, ...] = ("viewer", "editor", "owner")

@@ -108,7 +108,7 @@ class Viewer {
     this.colors.sets = colors;
     return sceneOf(mesh, said);
   }
-  /* A result or a forecast has its own mesh and points; a test has points, and its structure may
+  /* A result or a solved model has its own mesh and points; a test has points, and its structure may
      have a mesh. */
   async structure() {
     const { result, mesh, points } = this.place.dataset;

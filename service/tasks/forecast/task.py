@@ -1,4 +1,4 @@
-"""Forecasts: what a client may ask of a nominal model, and the job that solves it."""
+"""Forecasts: what a client may ask of a nominal model, the job that solves it, and what it says."""
 
 import io
 from collections.abc import Iterator, Mapping
@@ -8,17 +8,16 @@ from uuid import UUID
 
 import numpy as np
 from pydantic import AfterValidator, Field
-from sqlalchemy import JSON, ForeignKey, Index, LargeBinary
+from sqlalchemy import ForeignKey, Index, LargeBinary
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.body.constants import Body
 from fecore.updating.forecasts import MOST_MODES, ForecastOrder
 from service.access import Lookup, User
-from service.compute.forecasting import ForecastInputs, ForecastOutput, compute_forecast
 from service.db.base import Base
 from service.errors import Invalid
 from service.jobs.kinds import CORE_LIBRARIES
-from service.jobs.resource import JobNoun
+from service.jobs.resource import JobNoun, JobOut
 from service.store.campaigns.schemas import Boundary, GridPoint, labels_once
 from service.store.storage import book, require_room
 from service.store.structures.models import load_model
@@ -32,6 +31,8 @@ from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import usual_boundary
 from service.store.updating.loading import body_for
 from service.store.updating.schemas import USUAL
+from service.tasks.forecast.compute import ForecastInputs, ForecastOutput, compute_forecast
+from service.tasks.task import Card, Ordered, Task
 from service.web import StrictModel, example
 
 Hertz = Annotated[float, Field(gt=0, le=1e6, description="Hz")]
@@ -112,19 +113,87 @@ class ForecastIn(StrictModel):
         )
 
 
-class Forecast(Base):
+class ForecastModeOut(StrictModel):
+    """A mode of the nominal model."""
+
+    number: int = Field(description="from 1, rigid-body modes left out")
+    frequency_hz: float = Field(description="on the structure's own mesh, Hz")
+    finer_mesh_hz: float | None = Field(
+        None,
+        description=(
+            "on a finer mesh, Hz; null of strips, whose mesh is fine, and where the mesh is taken"
+            " on trust"
+        ),
+    )
+    kind: str = Field(
+        description="bending, torsion, in-plane; of a body in space also axial and walls"
+    )
+    share_at_references: float = Field(
+        description="of its largest displacement, at the reference that shows it best"
+    )
+    share_at_points: float = Field(
+        description="of its largest displacement, at the point that shows it best"
+    )
+
+
+class ForecastPointOut(StrictModel):
+    """A point that was chosen."""
+
+    label: int = Field(description="as stated; else the number of the mesh's node")
+    x_m: float = Field(description="in the structure's frame, m")
+    y_m: float = Field(description="in the structure's frame, m")
+    z_m: float = Field(description="in the structure's frame, m")
+    direction: int = Field(description="1, 2, 3 along x, y, z")
+    reference: bool = Field(
+        description="whether one hits there all the time, or a sensor stays there"
+    )
+    measured: bool = Field(description="whether it is one of the points to measure")
+    least_share: float = Field(
+        description="of its largest displacement, of the mode that it shows least"
+    )
+
+
+class ForecastFoundOut(StrictModel):
+    """What the nominal model says."""
+
+    rigid_modes: int = Field(description="motions of the whole body that nothing resists")
+    model_modes: list[ForecastModeOut] = Field(description="elastic modes, the lowest first")
+    points: list[ForecastPointOut] = Field(description="where to hit and where to measure")
+    largest_mac: float | None = Field(
+        description=(
+            "between two modes at the points to measure: near 1 these do not distinguish them"
+        )
+    )
+    sentence: str = Field(description="where to hit and what it shows, in words")
+    frfs: int = Field(
+        description=(
+            "how many `frfs/data` has: each point to measure by each reference; 0 without damping"
+        )
+    )
+    lines: int = Field(description="of each")
+    line_spacing_hz: float | None = Field(description="Hz; null without damping")
+    damping_ratio: float | None = Field(description="that was stated")
+
+
+class ForecastOut(JobOut):
+    """A forecast: how far it is, and what the model says."""
+
+    structure_id: UUID
+    structure_version_id: UUID
+    request: ForecastIn = Field(description="what was asked")
+    found: ForecastFoundOut | None = Field(description="null until it has succeeded")
+
+
+class Forecast(Ordered, Base):
     """A forecast, and what was found when it was; its key is its job's."""
 
     __tablename__ = "forecasts"
     __table_args__ = (Index(None, "structure_id", "id"),)
 
-    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
     structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
     structure_version_id: Mapped[UUID] = mapped_column(
         ForeignKey("structure_versions.id", deferrable=True)
     )
-    request: Mapped[dict[str, Any]]
-    document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     arrays: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
 
 
@@ -198,3 +267,21 @@ def forecast_arrays(session: Session, row: Forecast) -> Mapping[str, Any]:
         io.BytesIO(FORECASTS.result(session, row, row.arrays)), allow_pickle=False
     ) as arrays:
         return dict(arrays)
+
+
+TASK = Task(
+    FORECASTS,
+    about=(
+        "forecasts",
+        "Modes of a structure before it is measured: which there are, and where to hit.",
+    ),
+    text="""Queue a forecast: modes of the nominal model, where to hit, where to measure, and FRFs where damping is stated.
+
+    Nothing needs to be measured before. `{}` gives the ten lowest modes.
+    """,
+    request=ForecastIn,
+    answer=ForecastOut,
+    start=start_forecast,
+    says="what the model says",
+    card=Card("Before it is measured", "Solve", template="forecast/page.html"),
+)

@@ -25,17 +25,17 @@ from service.show.results.space import (
     mesh_of_result,
     model_shape,
 )
-from service.store.forecasts.operations import forecast_arrays, forecast_for
 from service.store.frfs.data import PredictedTable
 from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES
 from service.store.structures.model_routes import MESH_FILES, MeshForm, mesh_answer
+from service.tasks.forecast.task import forecast_arrays, forecast_for
 from service.web import api_router
 from service.web.downloads import spooled
 from service.web.parameters import form_of
 from service.web.routing import require_used
 
 if TYPE_CHECKING:
-    from service.store.forecasts.operations import Forecast
+    from service.tasks.forecast.task import Forecast
 
 router = api_router(tags=["forecasts"])
 

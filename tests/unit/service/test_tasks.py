@@ -1,0 +1,57 @@
+"""Every kind of job that has a folder is whole: listed, light where it computes, documented."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from service import tasks
+from service.tasks.kinds import KINDS, TASKS
+from service.tasks.routes import ROUTES
+from service.tasks.task import Ordered, Task
+
+ROOT = Path(__file__).parents[3]
+FOLDERS = sorted(path.parent.name for path in Path(tasks.__path__[0]).glob("*/__init__.py"))
+HEAVY = ("fastapi", "starlette", "pydantic", "sqlalchemy", "psycopg", "procrastinate", "httpx")
+ALL = pytest.mark.parametrize("task", TASKS, ids=lambda task: task.kind)
+
+
+def test_every_folder_declares_its_task() -> None:
+    declared = {task.folder.rpartition(".")[2] for task in TASKS}
+    assert declared == set(FOLDERS), f"a task.py declares another's: {declared ^ set(FOLDERS)}"
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_what_a_child_computes_loads_neither_database_nor_web(folder: str) -> None:
+    script = f"import sys, service.tasks.{folder}.compute\n"
+    script += f"print(*(m for m in {HEAVY} if m in sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, f"{folder} has no compute.py that loads: {done.stderr}"
+    assert done.stdout.split() == [], f"{folder}/compute.py loads {done.stdout}"
+
+
+@ALL
+def test_a_task_declares_what_it_computes_and_keeps(task: Task) -> None:
+    kind = task.noun.kind
+    assert kind in KINDS
+    assert kind.compute.__module__ == f"{task.folder}.compute", f"{task.kind} computes elsewhere"
+    assert issubclass(task.noun.find.table, Ordered), f"{task.kind}'s table is no table of jobs"
+    assert "found" in task.answer.model_fields, f"{task.kind}'s answer has no `found`"
+    assert task.card.template != "task.html" or task.card.columns, f"{task.kind} shows no columns"
+    assert task in ROUTES
+
+
+@ALL
+def test_the_documents_name_a_task(task: Task) -> None:
+    address = f"/{task.noun.address}"
+    documents = [
+        path.name for path in (ROOT / "docs").glob("*.md") if path.name != "reference-rest.md"
+    ]
+    assert any(address in (ROOT / "docs" / name).read_text() for name in documents), (
+        f"no document names {address}"
+    )
+    glossary = (ROOT / "docs/glossary.md").read_text().casefold()
+    assert task.kind in glossary, f"docs/glossary.md has no entry of {task.kind}"
