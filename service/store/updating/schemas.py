@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 from uuid import UUID
 
 from pydantic import Field
@@ -15,6 +15,7 @@ from fecore.body.constants import Body, kind_of
 from fecore.body.sections import PLY_CONSTANTS
 from fecore.body.specimen import CONSTANTS
 from fecore.body.supports import Edge, Spring
+from fecore.dynamics.laws import DEFAULT_LAWS, LAWS
 from fecore.errors import within
 from fecore.updating import recipe as core
 from fecore.updating.inputs import Inputs
@@ -28,18 +29,10 @@ from service.store.structures.schemas import StructureInputs
 from service.web import Int64, Name, StrictModel, example, quantities
 from service.web.bodies import SOME_ID
 
-DampingModel = Literal[
-    "rayleigh",
-    "caughey3",
-    "caughey4",
-    "generalised",
-    "mechanism",
-    "mechanism_viscous",
-    "mechanism_constants",
-    "mechanism_support",
-    "loss_factor",
-    "modal",
-]
+if TYPE_CHECKING:
+    DampingModel = str
+else:
+    DampingModel = Literal[tuple(LAWS)]
 
 PRIORS = {
     **dict.fromkeys(
@@ -261,17 +254,9 @@ class RecipeIn(StrictModel):
         False, description="fit the mode shapes too, not the frequencies alone"
     )
     damping_models: list[DampingModel] = Field(
-        [
-            "rayleigh",
-            "caughey3",
-            "caughey4",
-            "generalised",
-            "mechanism",
-            "mechanism_viscous",
-            "modal",
-        ],
+        list(DEFAULT_LAWS),
         min_length=1,
-        max_length=10,
+        max_length=len(LAWS),
         description=(
             "laws to rank; the first one's coefficients are reported as parameters. Those by"
             " mechanism damp the shares of strain energy: eta_E and eta_G (loss factors), b_E and"
