@@ -13,26 +13,29 @@ import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.body.elements.beams import Beam
-from fecore.body.elements.quads import Quad4, Quad8
+from fecore.body.elements.quads import QUADS
 from fecore.body.elements.shells import Shell
-from fecore.body.elements.triangles import Tri3, Tri6
+from fecore.body.elements.triangles import TRIANGLES
 from fecore.errors import InputError
 
-SHELLS: Mapping[str, Shell] = {"quad8": Quad8(), "quad4": Quad4(), "tri6": Tri6(), "tri3": Tri3()}
+_SHELLS: tuple[Shell, ...] = (*QUADS, *TRIANGLES)
+SHELLS: Mapping[str, Shell] = {shell.name: shell for shell in _SHELLS}
 """Shell elements by their kind."""
 
-BEAMS: Mapping[str, Beam] = {"beam2": Beam(2), "beam3": Beam(3)}
+BEAMS: Mapping[str, Beam] = {beam.name: beam for beam in (Beam(2), Beam(3))}
 """Beam elements by their kind."""
 
-_NODES = {"quad8": 8, "quad4": 4, "tri6": 6, "tri3": 3, "beam2": 2, "beam3": 3, "point": 1}
+ELEMENTS: Mapping[str, Shell | Beam] = {**SHELLS, **BEAMS}
+"""All elements by their kind."""
+
+_NODES = {**{name: len(each.corners) for name, each in ELEMENTS.items()}, "point": 1}
 
 
 @dataclass(frozen=True)
 class Block:
     """Elements of one kind and one set."""
 
-    # `quad8`, `quad4`, `tri6`, `tri3`, `beam2` or `beam3`; `point` for nodes of a body that has no
-    # elements
+    # of `SHELLS` or `BEAMS`; `point` for nodes of a body that has no elements
     kind: str
     # (e, n) node numbers from 0: corners in order around the element, then the middles of its sides
     nodes: IntArray

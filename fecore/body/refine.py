@@ -16,47 +16,9 @@ import scipy
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.body.facets import bows, find, is_straight, sides_of
-from fecore.body.mesh import BEAMS, SHELLS, Block, Mesh
+from fecore.body.mesh import BEAMS, ELEMENTS, SHELLS, Block, Mesh
 from fecore.body.structure import Structure
 from fecore.body.supports import Link
-
-_RAISED = {"quad4": "quad8", "tri3": "tri6", "beam2": "beam3"}
-# New points of an element that is halved, each amid two of its nodes, from 8, 6 or 3 on; the nodes
-# of its parts by these.
-_AMID: dict[str, list[tuple[int, int]]] = {
-    "quad8": [
-        (0, 4),
-        (4, 1),
-        (1, 5),
-        (5, 2),
-        (2, 6),
-        (6, 3),
-        (3, 7),
-        (7, 0),
-        (4, 6),
-        (4, 16),
-        (5, 16),
-        (6, 16),
-        (7, 16),
-    ],
-    "tri6": [(0, 3), (3, 1), (1, 4), (4, 2), (2, 5), (5, 0), (3, 4), (4, 5), (5, 3)],
-    "beam3": [(0, 2), (2, 1)],
-}
-_PARTS = {
-    "quad8": [
-        [k, 4 + k, 16, 4 + (k + 3) % 4, 8 + 2 * k, 17 + k, 17 + (k + 3) % 4, 9 + 2 * ((k + 3) % 4)]
-        for k in range(4)
-    ],
-    "tri6": [
-        *(
-            [k, 3 + k, 3 + (k + 2) % 3, 6 + 2 * k, 12 + (k + 2) % 3, 7 + 2 * ((k + 2) % 3)]
-            for k in range(3)
-        ),
-        [3, 4, 5, 12, 13, 14],
-    ],
-    "beam3": [[0, 2, 3], [2, 1, 4]],
-}
-_BEAM = np.array([-1.0, 1.0, 0.0])  # natural coordinates of a beam's nodes
 
 
 @dataclass(frozen=True)
@@ -77,8 +39,9 @@ def refined(body: Structure, *, curved: bool = True) -> Refined:
         curved: whether facets that turn little are a curved surface; else they stay flat.
     """
     mesh = body.mesh
-    kinds = {block.kind for block in mesh.blocks}
-    halve = not kinds & {"quad4", "tri3", "beam2"} or bool(kinds & {"quad8", "tri6"})
+    halve = is_quadratic(mesh) or not any(
+        block.kind in ELEMENTS and ELEMENTS[block.kind].raised for block in mesh.blocks
+    )
     work = _Work(
         mesh,
         bows(mesh) if curved else np.zeros((0, 3)),
@@ -94,16 +57,18 @@ def refined(body: Structure, *, curved: bool = True) -> Refined:
     return Refined(work.carried(body, tuple(blocks)), work.interpolation())
 
 
+def is_quadratic(mesh: Mesh) -> bool:
+    """Whether a mesh has shells with middles of sides."""
+    return any(block.is_shell and not SHELLS[block.kind].raised for block in mesh.blocks)
+
+
 def element_size(mesh: Mesh) -> float:
     """Median length of the sides of elements, m."""
     lengths = []
     for block in mesh.blocks:
-        if block.is_shell:
-            ends = np.array([side[:2] for side in SHELLS[block.kind].sides])
-        elif block.kind in BEAMS:
-            ends = np.array([(0, 1)])
-        else:
+        if block.kind not in ELEMENTS:
             continue
+        ends = np.array([side[:2] for side in ELEMENTS[block.kind].sides])
         x = mesh.nodes[block.nodes]
         lengths.append(np.linalg.norm(x[:, ends[:, 1]] - x[:, ends[:, 0]], axis=2).ravel())
     return float(np.median(np.concatenate(lengths)))
@@ -138,7 +103,7 @@ class _Work:
         sides: list[tuple[int, ...]] = (
             list(SHELLS[block.kind].sides) if block.is_shell else [(0, 1)]
         )
-        if block.kind not in _RAISED:
+        if block.kind not in ELEMENTS or not ELEMENTS[block.kind].raised:
             if block.is_shell and len(self._bows):
                 self._bend(block, sides)
             return block
@@ -152,7 +117,7 @@ class _Work:
         )
         return _of_parts(
             block,
-            _RAISED[block.kind],
+            ELEMENTS[block.kind].raised,
             np.hstack([block.nodes, middles]),
             local,
             [list(range(len(local)))],
@@ -160,21 +125,22 @@ class _Work:
 
     def halved(self, block: Block) -> Block:
         """A block of quadratic elements, each in parts half as large."""
-        if block.kind not in _PARTS:
+        if block.kind not in ELEMENTS or (halving := ELEMENTS[block.kind].halving) is None:
             return block
-        count, amid = block.nodes.shape[1], _AMID[block.kind]
-        natural = (
-            list(_BEAM[:, None]) if block.kind == "beam3" else list(SHELLS[block.kind].corners)
-        )
+        count, amid = block.nodes.shape[1], halving.amid
+        natural = list(ELEMENTS[block.kind].corners)
         for a, b in amid:
             natural.append((natural[a] + natural[b]) / 2)
-        element = BEAMS[block.kind] if block.kind == "beam3" else SHELLS[block.kind]
         at = np.array(natural)
-        local = element.functions(at[:, 0] if block.kind == "beam3" else at)
+        local = (
+            SHELLS[block.kind].functions(at)
+            if block.is_shell
+            else BEAMS[block.kind].functions(at[:, 0])
+        )
         nodes = np.hstack([block.nodes, np.zeros((len(block.nodes), len(amid)), dtype=np.int64)])
         for place, (a, b) in enumerate(amid, start=count):
             nodes[:, place] = self._between(nodes[:, [a, b]], block.nodes, local[place])
-        return _of_parts(block, block.kind, nodes, local, _PARTS[block.kind])
+        return _of_parts(block, block.kind, nodes, local, halving.parts)
 
     def _between(
         self, pairs: IntArray, nodes: IntArray | None = None, weights: FloatArray | None = None

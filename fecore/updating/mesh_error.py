@@ -27,7 +27,7 @@ from fecore.arrays import FloatArray, IntArray
 from fecore.body.affine import AffineMatrix
 from fecore.body.constants import Body
 from fecore.body.facets import SMOOTH, facet_turn, re_entrant
-from fecore.body.refine import Refined, element_size, refined
+from fecore.body.refine import Refined, element_size, is_quadratic, refined
 from fecore.body.structure import Structure
 from fecore.correlation import most_alike
 from fecore.dynamics.eigen import NormalModes, mass_orthonormal, shifted
@@ -150,7 +150,7 @@ class Finer:
         """
         if not isinstance(body, Structure):
             return None
-        grown = 4 if _is_quadratic(body) else 3
+        grown = 4 if is_quadratic(body.mesh) else 3
         return cls(body) if grown * len(body.mesh.nodes) * len(body.dofs) <= MOST_DOFS else None
 
     @cached_property
@@ -225,7 +225,7 @@ class Finer:
         if with_flat and self._flat is not None:
             flat = solved(self._flat)[0] - solved(self.level(1))[0]
         sizes = element_size(self.body.mesh), element_size(self.level(number).body.mesh)
-        order = 4 if _is_quadratic(self.body) else 2
+        order = 4 if is_quadratic(self.body.mesh) else 2
         images, left = (
             model.mass.at(own.mass) @ shapes,
             _LEFT * (after - before) - _OF_CORNERS * missed,
@@ -234,10 +234,6 @@ class Finer:
 
     def _next_size(self, number: int) -> int:
         return 4 * len(self.level(number).body.mesh.nodes) * len(self.body.dofs)
-
-
-def _is_quadratic(body: Structure) -> bool:
-    return any(block.kind in ("quad8", "tri6") for block in body.mesh.blocks)
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,12 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from modalbase.formats.cell_types import CELL_TYPES
 from modalbase.formats.types import FloatArray, IntArray
 from modalbase.formats.uff.content import Content, Element, GridPoint, ModeShape
 
 Values = TypeVar("Values", bound=FloatArray | IntArray)
 ROWS = 4096  # of an array that are text at a time
-_VTK = {"point": 1, "beam2": 3, "beam3": 21, "tri3": 5, "tri6": 22, "quad4": 9, "quad8": 23}
-_UFF = {"beam2": 21, "beam3": 24, "tri3": 41, "tri6": 42, "quad4": 44, "quad8": 45}
-"""Types of cells, and descriptors of elements, by our kinds."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +85,9 @@ def _vtu(mesh: MeshFile) -> Iterator[str]:
     ends = np.cumsum(
         np.concatenate([np.full(len(block.nodes), block.nodes.shape[1]) for block in mesh.cells])
     )
-    kinds = np.concatenate([np.full(len(block.nodes), _VTK[block.kind]) for block in mesh.cells])
+    kinds = np.concatenate(
+        [np.full(len(block.nodes), next(iter(CELL_TYPES[block.kind].vtk))) for block in mesh.cells]
+    )
     owner = np.concatenate(
         [np.full(len(block.nodes), sets.index(block.set)) for block in mesh.cells]
     )
@@ -147,24 +147,14 @@ def uff_of(mesh: MeshFile) -> Iterator[Content]:
             yield GridPoint(number, (x, y, z))
     sets = list(dict.fromkeys(block.set for block in mesh.cells))
     for block in mesh.cells:
-        if block.kind in _UFF:
-            order = around(block.kind)
+        cell_type = CELL_TYPES[block.kind]
+        if descriptor := cell_type.uff:
             for labels, rows in zip(pieces(block.numbers), pieces(block.nodes), strict=True):
                 for number, row in zip(
-                    labels.tolist(), mesh.numbers[rows[:, order]].tolist(), strict=True
+                    labels.tolist(), mesh.numbers[rows[:, cell_type.around]].tolist(), strict=True
                 ):
-                    yield Element(number, _UFF[block.kind], tuple(row), 1 + sets.index(block.set))
+                    yield Element(number, descriptor, tuple(row), 1 + sets.index(block.set))
     yield from mesh.shapes
-
-
-def around(kind: str) -> list[int]:
-    """Places of an element's nodes in the order of set 2412."""
-    count = int(kind[-1])
-    if kind == "beam3":
-        return [0, 2, 1]
-    if kind not in ("tri6", "quad8"):
-        return list(range(count))
-    return [place for k in range(count // 2) for place in (k, k + count // 2)]
 
 
 def columns(nodes: Mapping[str, Sequence[float]]) -> FloatArray:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.body.elements.shells import Halving
 from fecore.errors import InputError
 
 
@@ -22,6 +23,31 @@ class Beam:
     """A beam of two nodes, or of three with the middle one last."""
 
     count: int
+
+    @property
+    def name(self) -> str:
+        """By which blocks of a mesh have it."""
+        return f"beam{self.count}"
+
+    @property
+    def raised(self) -> str:
+        """Name of the element of one order higher; empty where this is quadratic."""
+        return "beam3" if self.count == 2 else ""
+
+    @property
+    def halving(self) -> Halving | None:
+        """Its parts on a finer mesh; None of a linear one."""
+        return None if self.raised else Halving([(0, 2), (2, 1)], [[0, 2, 3], [2, 1, 4]])
+
+    @property
+    def corners(self) -> FloatArray:
+        """(n, 1) natural coordinates of the nodes: the ends, then the middle."""
+        return np.array([[-1.0], [1], [0]])[: self.count]
+
+    @property
+    def sides(self) -> tuple[tuple[int, ...], ...]:
+        """Its ends, and its middle where it has one."""
+        return (tuple(range(self.count)),)
 
     def functions(self, natural: FloatArray) -> FloatArray:
         """(p, n) shape functions at (p,) natural coordinates."""

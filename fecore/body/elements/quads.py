@@ -17,6 +17,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.elements.shells import (
+    Halving,
     Rule,
     bent_sides,
     displacement_strains,
@@ -37,6 +38,20 @@ def gauss(order: int) -> tuple[FloatArray, FloatArray]:
 class Quad8:
     """Eight nodes: corners, then the middles of the sides from the first."""
 
+    name, raised = "quad8", ""
+    halving: Halving | None = Halving(
+        [
+            *((0, 4), (4, 1), (1, 5), (5, 2), (2, 6), (6, 3), (3, 7), (7, 0)),
+            *((4, 6), (4, 16), (5, 16), (6, 16), (7, 16)),
+        ],
+        [
+            [
+                *(k, 4 + k, 16, 4 + (k + 3) % 4),
+                *(8 + 2 * k, 17 + k, 17 + (k + 3) % 4, 9 + 2 * ((k + 3) % 4)),
+            ]
+            for k in range(4)
+        ],
+    )
     corners: FloatArray = np.vstack([_CORNERS, np.array([[0.0, -1], [1, 0], [0, 1], [-1, 0]])])
     sides: tuple[tuple[int, ...], ...] = ((0, 1, 4), (1, 2, 5), (2, 3, 6), (3, 0, 7))
 
@@ -85,6 +100,8 @@ class Quad8:
 class Quad4:
     """Four nodes, in order around the element."""
 
+    name, raised = "quad4", "quad8"
+    halving: Halving | None = None
     corners: FloatArray = _CORNERS
     sides: tuple[tuple[int, ...], ...] = ((0, 1), (1, 2), (2, 3), (3, 0))
 
@@ -131,3 +148,4 @@ class Quad4:
 
 _QUAD8 = Quad8()
 _TIES = np.array([[0.0, -1], [0, 1], [-1, 0], [1, 0]])  # where γ of ξ is read (first two), and of η
+QUADS = Quad8(), Quad4()

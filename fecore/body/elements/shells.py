@@ -6,7 +6,7 @@ its degrees of freedom, and the area that each of its points stands for, so that
 of products. The drilling has points of its own.
 """
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -17,8 +17,30 @@ Rule = tuple[FloatArray, FloatArray]
 """(p, 2) points in natural coordinates and their (p,) weights."""
 
 
+class Halving(NamedTuple):
+    """How a quadratic element is halved."""
+
+    amid: list[tuple[int, int]]  # new points, each amid two of its nodes, numbered after these
+    parts: list[list[int]]  # nodes of its parts by these
+
+
 class Shell(Protocol):
     """A shell element; natural coordinates are (p, 2)."""
+
+    @property
+    def name(self) -> str:
+        """By which blocks of a mesh have it."""
+        ...
+
+    @property
+    def raised(self) -> str:
+        """Name of the element of one order higher; empty where this is quadratic."""
+        ...
+
+    @property
+    def halving(self) -> Halving | None:
+        """Its parts on a finer mesh; None of a linear one."""
+        ...
 
     @property
     def corners(self) -> FloatArray:

@@ -10,7 +10,7 @@ thin shell (.02 of the deflection in place of .6).
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.elements.shells import Rule, displacement_strains, surface
+from fecore.body.elements.shells import Halving, Rule, displacement_strains, surface
 
 _CORNERS = np.array([[0.0, 0], [1, 0], [0, 1]])
 _THREE = np.array([[1, 1], [4, 1], [1, 4]]) / 6, np.full(3, 1 / 6)  # exact to the second degree
@@ -34,6 +34,17 @@ def _inside(natural: FloatArray) -> FloatArray:
 class Tri6:
     """Six nodes: corners, then the middles of the sides from the first."""
 
+    name, raised = "tri6", ""
+    halving: Halving | None = Halving(
+        [(0, 3), (3, 1), (1, 4), (4, 2), (2, 5), (5, 0), (3, 4), (4, 5), (5, 3)],
+        [
+            *(
+                [k, 3 + k, 3 + (k + 2) % 3, 6 + 2 * k, 12 + (k + 2) % 3, 7 + 2 * ((k + 2) % 3)]
+                for k in range(3)
+            ),
+            [3, 4, 5, 12, 13, 14],
+        ],
+    )
     corners = np.vstack([_CORNERS, [[0.5, 0], [0.5, 0.5], [0, 0.5]]])
     sides: tuple[tuple[int, ...], ...] = ((0, 1, 3), (1, 2, 4), (2, 0, 5))
 
@@ -75,6 +86,8 @@ class Tri6:
 class Tri3:
     """Three nodes, in order around the element."""
 
+    name, raised = "tri3", "tri6"
+    halving: Halving | None = None
     corners = _CORNERS
     sides: tuple[tuple[int, ...], ...] = ((0, 1), (1, 2), (2, 0))
 
@@ -116,3 +129,4 @@ class Tri3:
 
 
 _TRI6 = Tri6()
+TRIANGLES = _TRI6, Tri3()

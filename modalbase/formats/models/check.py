@@ -10,6 +10,7 @@ from graphlib import CycleError, TopologicalSorter
 import numpy as np
 import scipy
 
+from modalbase.formats.cell_types import CELL_TYPES
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.model import (
     Elements,
@@ -22,13 +23,10 @@ from modalbase.formats.models.model import (
     Support,
 )
 
-CORNERS = {"quad4": 4, "quad8": 4, "tri3": 3, "tri6": 3, "beam2": 2, "beam3": 2}
-"""Corners of elements; of a beam its ends."""
-
 
 def sizes(block: Elements, places: Floats) -> Floats:
     """(e,) area of shells by their corners, length of beams by their ends."""
-    x = places[block.nodes[:, : CORNERS[block.kind]]]
+    x = places[block.nodes[:, : CELL_TYPES[block.kind].corners]]
     if block.kind.startswith("beam"):
         return np.asarray(np.linalg.norm(x[:, 1] - x[:, 0], axis=1))
     return np.asarray(np.linalg.norm(normals_of(x), axis=1) / 2)
@@ -68,7 +66,7 @@ def worst_corner(block: Elements, places: Floats) -> Floats:
     The Jacobian is that of the sides' tangents, which those with a node amid bend; of a beam, the
     least share of its length between its nodes.
     """
-    n = CORNERS[block.kind]
+    n = CELL_TYPES[block.kind].corners
     x = places[block.nodes]
     middles = x[:, n:] if x.shape[1] > n else None
     if n == 2:
@@ -259,7 +257,7 @@ def _held_or_dependent(model: FiniteElementModel) -> None:
 
 
 def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, str]]:
-    corners = model.nodes[block.nodes[:, : CORNERS[block.kind]]]
+    corners = model.nodes[block.nodes[:, : CELL_TYPES[block.kind].corners]]
     extent = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
     is_beam = block.kind.startswith("beam")
     has_size = sizes(block, model.nodes) > LEAST * extent ** (1 if is_beam else 2)

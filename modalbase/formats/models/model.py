@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,6 @@ from modalbase.formats.errors import FormatError
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
-Kind = Literal["quad4", "quad8", "tri3", "tri6", "beam2", "beam3"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +49,7 @@ class Elements:
 
     # of elements; corners in order around the element, then the middles of its sides; of a beam its
     # ends, then its middle
-    kind: Kind
+    kind: str
     numbers: Integers  # (e,) the user's
     nodes: Integers  # (e, n) rows of the table of nodes
     set: str  # name of the set that the section belongs to

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from modalbase.client.results import motion_words
+from modalbase.formats.cell_types import CELL_TYPES
 from modalbase.formats.meshes import Cells, MeshFile, columns
 from modalbase.formats.uff.content import ModeShape
 from service.errors import Conflict, NotFound
@@ -139,7 +140,13 @@ def mesh_of_result(data: InSpace) -> ResultMeshOut:
             **{f"{axis}_m": np.round(nodes[:, k], 7).tolist() for k, axis in enumerate("xyz")}
         ),
         blocks=[
-            MeshBlockOut(set=name, kind=kind, numbers=list(range(1, len(rows) + 1)), nodes=rows)
+            MeshBlockOut(
+                set=name,
+                kind=kind,
+                corners=CELL_TYPES[kind].corners,
+                numbers=list(range(1, len(rows) + 1)),
+                nodes=rows,
+            )
             for (kind, name), rows in zip(blocks, elements, strict=True)
         ],
         points=[

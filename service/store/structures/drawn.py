@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import IO
 
 from fecore.arrays import FloatArray, IntArray
+from modalbase.formats.cell_types import CELL_TYPES
 from modalbase.formats.meshes import Cells, MeshFile, pieces
 
 ROW_BYTES = 100
@@ -53,7 +54,13 @@ class DrawnMesh:
             yield from _listed(column)
         yield '}, "blocks": ['
         for number, block in enumerate(self.blocks):
-            head = json.dumps({"set": block.set, "kind": block.kind})
+            head = json.dumps(
+                {
+                    "set": block.set,
+                    "kind": block.kind,
+                    "corners": CELL_TYPES[block.kind].corners,
+                }
+            )
             yield f'{", " if number else ""}{head[:-1]}, "numbers": '
             yield from _listed(block.numbers)
             yield ', "nodes": '

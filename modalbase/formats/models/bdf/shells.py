@@ -2,42 +2,32 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
+from modalbase.formats.cell_types import CELL_TYPES, CellType, NastranFields
 from modalbase.formats.models.bdf.card import Card
 from modalbase.formats.models.bdf.deck import BdfDeck, family
 from modalbase.formats.models.check import normals_of, unit
-from modalbase.formats.models.model import Elements, Floats, Kind, Ply, ShellSection
+from modalbase.formats.models.model import Elements, Floats, Ply, ShellSection
 
 _BENDING = 1.0, 1e-3  # 12I/T³ of a plate, and how near to it
 _SHEAR = 0.833333, 1e-2  # TS/T of a plate, and how near to it
 _MOST_PLIES = 2000
 
 
-@dataclass(frozen=True)
-class _FieldLayout:
-    """Fields of an element, from 0 behind the name: grids, the angle, the offset, thicknesses, and
-    their flag.
-    """
+class _Layout(NamedTuple):
+    """A card's type of element, and where its fields are."""
 
-    kind: Kind
-    grids: tuple[int, ...]
-    angle: int
-    offset: int
-    thickness: tuple[int, ...]
-    flag: int
+    cell_type: CellType
+    fields: NastranFields
 
 
-_QUAD4 = _FieldLayout("quad4", (2, 3, 4, 5), 6, 7, (10, 11, 12, 13), 9)
-_TRI3 = _FieldLayout("tri3", (2, 3, 4), 5, 6, (10, 11, 12), 9)
 LAYOUTS = {
-    "CQUAD4": _QUAD4,
-    "CQUADR": _QUAD4,
-    "CTRIA3": _TRI3,
-    "CTRIAR": _TRI3,
-    "CQUAD8": _FieldLayout("quad8", (2, 3, 4, 5, 6, 7, 8, 9), 14, 15, (10, 11, 12, 13), 16),
-    "CTRIA6": _FieldLayout("tri6", (2, 3, 4, 5, 6, 7), 8, 9, (10, 11, 12), 13),
+    card: _Layout(one, fields)
+    for one in CELL_TYPES.values()
+    for card, fields in one.nastran.items()
 }
 
 
@@ -61,7 +51,7 @@ class _Property:
 class _Group:
     """Elements of one kind and one set as they are read."""
 
-    layout: _FieldLayout
+    layout: _Layout
     section: _Property
     numbers: list[int] = field(default_factory=list)
     nodes: list[list[int]] = field(default_factory=list)
@@ -90,13 +80,15 @@ class Shells:
         groups: dict[tuple[str, int], _Group] = {}
         for card in self._deck.elements(*LAYOUTS):
             layout = LAYOUTS[card.name]
-            if card.name in ("CQUAD8", "CTRIA6"):
+            if layout.cell_type.nodes > layout.cell_type.corners:
                 layout = _without_middles(card, layout)
             number = card.integer(0, "EID")
             own = card.integer(1, "PID", number)
-            group = groups.get((layout.kind, own))
+            group = groups.get((layout.cell_type.name, own))
             if group is None:
-                group = groups[layout.kind, own] = _Group(layout, self._property(card, own))
+                group = groups[layout.cell_type.name, own] = _Group(
+                    layout, self._property(card, own)
+                )
             self._take(group, card, number)
         return [self._block(group) for group in groups.values()]
 
@@ -104,11 +96,11 @@ class Shells:
         layout, at = LAYOUTS[card.name], len(group.numbers)
         rows, fields = self._deck.grids.by_text, card.fields
         try:  # what almost all elements are
-            nodes = [rows[fields[index]] for index in group.layout.grids]
+            nodes = [rows[fields[index]] for index in group.layout.fields.grids]
         except (KeyError, IndexError):
             nodes = [
                 self._deck.grids.row(card, i, f"G{k}")
-                for k, i in enumerate(group.layout.grids, start=1)
+                for k, i in enumerate(group.layout.fields.grids, start=1)
             ]
         if len(set(nodes)) < len(nodes):
             raise card.error("a grid stands in it twice; a corner less makes a CTRIA3", 2)
@@ -116,36 +108,37 @@ class Shells:
         group.nodes.append(nodes)
         group.cards.append(card)
         angle = 0.0
-        if card.text(layout.angle):
-            if card.is_integer(layout.angle):
-                self._deck.grids.system(card, layout.angle, "MCID")
-                group.special[at] = card.integer(layout.angle, "MCID")
+        if card.text(layout.fields.angle):
+            if card.is_integer(layout.fields.angle):
+                self._deck.grids.system(card, layout.fields.angle, "MCID")
+                group.special[at] = card.integer(layout.fields.angle, "MCID")
             else:
-                angle = card.real(layout.angle, "THETA")
+                angle = card.real(layout.fields.angle, "THETA")
         group.angles.append(angle)
-        group.offsets.append(card.real(layout.offset, "ZOFFS", 0.0))
-        if len(card) > layout.thickness[0]:
+        group.offsets.append(card.real(layout.fields.offset, "ZOFFS", 0.0))
+        if len(card) > layout.fields.thickness[0]:
             self._thickness(group, card, layout, at)
 
-    def _thickness(self, group: _Group, card: Card, layout: _FieldLayout, at: int) -> None:
+    def _thickness(self, group: _Group, card: Card, layout: _Layout, at: int) -> None:
         """Thicknesses that an element states at its corners."""
-        if not any(card.text(index) for index in layout.thickness):
+        if not any(card.text(index) for index in layout.fields.thickness):
             return
         whole = group.section.thickness
-        relative = card.integer(layout.flag, "TFLAG", 0) == 1
+        relative = card.integer(layout.fields.flag, "TFLAG", 0) == 1
         default = 1.0 if relative else whole
         own = [
-            card.real(index, f"T{k}", default) for k, index in enumerate(layout.thickness, start=1)
+            card.real(index, f"T{k}", default)
+            for k, index in enumerate(layout.fields.thickness, start=1)
         ]
         for k, value in enumerate(own):
             if value < 0 or not any(own):  # an edge may taper to nothing
                 raise card.wrong(
-                    layout.thickness[k],
+                    layout.fields.thickness[k],
                     f"T{k + 1}",
                     "a thickness that is not negative, and not zero all round",
                 )
         if relative and whole is None:
-            raise card.error("TFLAG is 1, but the property states no thickness", layout.flag)
+            raise card.error("TFLAG is 1, but the property states no thickness", layout.fields.flag)
         group.own_thickness[at] = [value * (whole or 1.0) for value in own] if relative else own
 
     def _property(self, card: Card, number: int) -> _Property:
@@ -268,7 +261,7 @@ class Shells:
             for each in (group.numbers, [card.where.line for card in group.cards])
         )
         files = tuple(card.where.file for card in group.cards)
-        kind = group.layout.kind
+        kind = group.layout.cell_type.name
         return Elements(
             kind,
             numbers,
@@ -311,7 +304,7 @@ class Shells:
                     " a thickness"
                 )
             return None
-        corners = len(group.layout.thickness)
+        corners = len(group.layout.fields.thickness)
         thickness = np.full((len(group.numbers), corners), group.section.thickness or np.nan)
         for at, own in group.own_thickness.items():
             thickness[at] = own
@@ -320,7 +313,7 @@ class Shells:
             raise group.cards[bare[0]].error(
                 f"neither it nor {group.section.card.title} states a thickness"
             )
-        if len(group.layout.grids) > corners:
+        if len(group.layout.fields.grids) > corners:
             thickness = np.hstack([thickness, (thickness + np.roll(thickness, -1, axis=1)) / 2])
         return thickness
 
@@ -332,18 +325,22 @@ class Shells:
         self.sections.setdefault(section.set, shell)
 
 
-def _without_middles(card: Card, layout: _FieldLayout) -> _FieldLayout:
-    """The layout of four nodes, or three, where an element leaves out the middles of its sides."""
-    corners = len(layout.thickness)
-    left_out = [not card.text(index) for index in layout.grids[corners:]]
+def _without_middles(card: Card, layout: _Layout) -> _Layout:
+    """The layout of corners alone, where an element leaves out the middles of its sides."""
+    corners = layout.cell_type.corners
+    left_out = [not card.text(index) for index in layout.fields.grids[corners:]]
     if not any(left_out):
         return layout
     if not all(left_out):
-        index = layout.grids[corners + left_out.index(True)]
+        index = layout.fields.grids[corners + left_out.index(True)]
         raise card.wrong(
             index, f"G{index - 1}", "a grid; the middles of all sides, or of none, can be left out"
         )
-    return _QUAD4 if corners == 4 else _TRI3
+    return next(
+        each
+        for each in LAYOUTS.values()
+        if each.cell_type.nodes == each.cell_type.corners == corners
+    )
 
 
 def _frames(places: Floats) -> tuple[Floats, Floats]:

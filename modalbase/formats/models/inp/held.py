@@ -7,6 +7,7 @@ and supports.
 import numpy as np
 import scipy
 
+from modalbase.formats.cell_types import CELL_TYPES
 from modalbase.formats.models.check import nearness
 from modalbase.formats.models.inp.lines import DataLine, InpReport, Keyword, card_names, folded
 from modalbase.formats.models.inp.mesh import InpMesh
@@ -284,7 +285,7 @@ class Constraints:
         element = self._mesh.elements[at]
         if element.type.role != "shell" or face in ("", "SPOS", "SNEG", "S1", "S2", "POS", "NEG"):
             return element.nodes
-        corners = 3 if element.type.kind in ("tri3", "tri6") else 4
+        corners = CELL_TYPES[element.type.kind].corners
         side = {"E": -1, "S": -3}.get(face[:1])
         if side is None or not face[1:].isdigit() or not 0 <= (k := int(face[1:]) + side) < corners:
             raise row.error(f"names the face {face}, expected SPOS, SNEG or E1 to E{corners}")

@@ -10,9 +10,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from modalbase.formats.cell_types import CELL_TYPES, CellType
 from modalbase.formats.coordinates import cartesian
 from modalbase.formats.models.inp.lines import DataLine, Keyword, folded
-from modalbase.formats.models.model import Floats, Integers, Kind
+from modalbase.formats.models.model import Floats, Integers
 
 Role = Literal["shell", "beam", "mass", "inertia", "spring", "rigid", "other"]
 
@@ -26,22 +27,20 @@ class ElementType:
     # least, most: numbers of its nodes, a node more for a beam's direction
     least: int
     most: int
-    kind: Kind | None = None  # of the model's elements
+    kind: str = ""  # of the model's elements
     order: tuple[int, ...] = ()  # of the deck's nodes in the model's
     loss: str = ""  # of a type that is not used: what is lost
     changes: bool = False  # whether modes change by that
 
 
-def _shell(kind: Kind, nodes: int, names: str) -> dict[str, ElementType]:
+def _element(cell_type: CellType) -> dict[str, ElementType]:
+    """A beam's nodes may have one more, for its direction."""
+    n = cell_type.nodes
+    role: Role = "beam" if cell_type.dimension == 1 else "shell"
+    most, order = n + (role == "beam"), cell_type.abaqus_order or tuple(range(n))
     return {
-        name: ElementType(name, "shell", nodes, nodes, kind, tuple(range(nodes)))
-        for name in names.split()
+        name: ElementType(name, role, n, most, cell_type.name, order) for name in cell_type.abaqus
     }
-
-
-def _beam(kind: Kind, order: tuple[int, ...], names: str) -> dict[str, ElementType]:
-    n = len(order)
-    return {name: ElementType(name, "beam", n, n + 1, kind, order) for name in names.split()}
 
 
 def _special(
@@ -54,12 +53,7 @@ def _special(
 
 
 TYPES: dict[str, ElementType] = {
-    **_shell("tri3", 3, "S3 S3R S3RS STRI3"),
-    **_shell("quad4", 4, "S4 S4R S4RS S4RSW S4R5"),
-    **_shell("tri6", 6, "S6 STRI65"),
-    **_shell("quad8", 8, "S8 S8R S8R5"),
-    **_beam("beam2", (0, 1), "B31 B31R B31H B33 B33H"),
-    **_beam("beam3", (0, 2, 1), "B32 B32R B32H"),
+    **{name: one for each in CELL_TYPES.values() for name, one in _element(each).items()},
     **_special("mass", 1, 1, "MASS"),
     **_special("inertia", 1, 1, "ROTARYI"),
     **_special("spring", 2, 2, "SPRINGA SPRING2"),

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from modalbase.formats.models.check import CORNERS, normals_of, unit
+from modalbase.formats.cell_types import CELL_TYPES
+from modalbase.formats.models.check import normals_of, unit
 from modalbase.formats.models.inp.beams import beam_section, directions
 from modalbase.formats.models.inp.lines import DataLine, Keyword, folded
 from modalbase.formats.models.inp.materials import InpMaterials
@@ -16,7 +17,6 @@ from modalbase.formats.models.model import (
     Elements,
     Floats,
     Integers,
-    Kind,
     Ply,
     ShellSection,
     Where,
@@ -43,7 +43,7 @@ class Sections:
 
     def __init__(self, mesh: InpMesh, materials: InpMaterials) -> None:
         self.by_name: dict[str, ShellSection | BeamSection] = {}
-        self.blocks: dict[tuple[str, Kind], list[Elements]] = {}
+        self.blocks: dict[tuple[str, str], list[Elements]] = {}
         self.members: dict[str, list[int]] = {}
         self._mesh, self._materials = mesh, materials
         self._places = np.array(mesh.places).reshape(-1, 3)
@@ -77,11 +77,9 @@ class Sections:
             return
         name = self._name(card, part)
         self.members.setdefault(name, []).extend(chosen)
-        kinds: dict[Kind, list[int]] = {}
+        kinds: dict[str, list[int]] = {}
         for at in chosen:
-            kind = self._mesh.elements[at].type.kind
-            assert kind is not None
-            kinds.setdefault(kind, []).append(at)
+            kinds.setdefault(self._mesh.elements[at].type.kind, []).append(at)
         (self._shells if role == "shell" else self._beams)(card, part, name, kinds, thickness)
 
     def _name(self, card: Keyword, part: Part) -> str:
@@ -104,7 +102,7 @@ class Sections:
         card: Keyword,
         part: Part,
         name: str,
-        kinds: Mapping[Kind, list[int]],
+        kinds: Mapping[str, list[int]],
         thickness: Mapping[int, float],
     ) -> None:
         system = part.system(card.get("ORIENTATION"), card)
@@ -155,10 +153,10 @@ class Sections:
         )
 
     def _shell_axes(
-        self, kind: Kind, chosen: Integers, system: Orientation | None
+        self, kind: str, chosen: Integers, system: Orientation | None
     ) -> tuple[Floats, Floats]:
         """(e, 3) axis 1 and normals."""
-        corners = self._places[self._nodes(chosen)[:, : CORNERS[kind]]]
+        corners = self._places[self._nodes(chosen)[:, : CELL_TYPES[kind].corners]]
         normals = unit(normals_of(corners))
         axes = axis_of_shells(system, chosen, corners.mean(axis=1), normals)
         has_area = np.linalg.norm(normals, axis=1) > 0
@@ -217,7 +215,7 @@ class Sections:
     def _ply(
         self,
         stacked: tuple[DataLine, float, str, str],
-        parts: list[tuple[Kind, Integers, Floats, Floats]],
+        parts: list[tuple[str, Integers, Floats, Floats]],
         part: Part,
         card: Keyword,
     ) -> Ply:
@@ -234,7 +232,7 @@ class Sections:
     def _angle(
         self,
         system: Orientation | None,
-        parts: list[tuple[Kind, Integers, Floats, Floats]],
+        parts: list[tuple[str, Integers, Floats, Floats]],
         row: DataLine,
     ) -> float:
         """Angle in degrees from the section's axis 1 to that of a ply's own orientation, about the
@@ -261,7 +259,7 @@ class Sections:
         card: Keyword,
         part: Part,
         name: str,
-        kinds: Mapping[Kind, list[int]],
+        kinds: Mapping[str, list[int]],
         thickness: Mapping[int, float],
     ) -> None:
         if any(
@@ -296,7 +294,7 @@ class Sections:
     def _add(
         self,
         name: str,
-        kind: Kind,
+        kind: str,
         chosen: Integers,
         nodes: Integers,
         axes: Floats,

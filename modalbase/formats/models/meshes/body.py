@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from modalbase.formats.cell_types import CELL_TYPES
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import Cells, MeshFile
 from modalbase.formats.models.check import (
     ALONG_NORMAL,
-    CORNERS,
     axis_without_system,
     check,
     normals_of,
@@ -202,7 +202,7 @@ def _elements(
     cells: Cells, rows: Integers, places: Floats, axis: tuple[float, float, float] | None
 ) -> Elements:
     nodes = rows[cells.nodes]
-    normals = unit(normals_of(places[nodes[:, : CORNERS[cells.kind]]]))
+    normals = unit(normals_of(places[nodes[:, : CELL_TYPES[cells.kind].corners]]))
     lines = np.zeros(len(nodes), dtype=np.int64) if cells.lines is None else cells.lines
     if axis is None:
         axes = axis_without_system(normals)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from modalbase.formats.cell_types import CELL_TYPES
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import Cells, Group, MeshFile
 from modalbase.formats.models.model import Integers
@@ -34,7 +35,7 @@ class CellKind(NamedTuple):
     @property
     def taken(self) -> int:
         """How many of its nodes are used."""
-        return {"quad8": 8, "tri6": 6}.get(self.name, self.nodes)
+        return self.nodes if self.name == SOLID else CELL_TYPES[self.name].nodes
 
 
 def plain(name: str) -> str:

@@ -6,6 +6,7 @@ Physical groups are sets. Lines and points in none of them are left out: they ar
 
 from collections.abc import Iterator
 
+from modalbase.formats.cell_types import CELL_TYPES
 from modalbase.formats.meshes import MeshFile
 from modalbase.formats.models.meshes.cells import SOLID, CellKind, Gathering, Lines, name_of, plain
 
@@ -13,12 +14,9 @@ _SOLIDS = {
     4: 4, 5: 8, 6: 6, 7: 5, 11: 10, 12: 27, 13: 18, 14: 14, 17: 20, 18: 15, 19: 13
 }  # fmt: skip
 _KINDS = {
-    1: CellKind("beam2", 2), 2: CellKind("tri3", 3), 3: CellKind("quad4", 4),
-    8: CellKind("beam3", 3), 9: CellKind("tri6", 6), 10: CellKind("quad8", 9),
-    15: CellKind("point", 1), 16: CellKind("quad8", 8),
+    **{at: CellKind(one.name, n) for one in CELL_TYPES.values() for at, n in one.gmsh.items()},
     **{number: CellKind(SOLID, nodes) for number, nodes in _SOLIDS.items()},
-}  # fmt: skip
-_DIMENSIONS = {"point": 0, "beam2": 1, "beam3": 1, SOLID: 3}
+}
 
 
 def read_gmsh(content: bytes) -> MeshFile:
@@ -183,7 +181,7 @@ class _GmshReading:
             raise self._lines.fault(
                 f"element {number} has {len(nodes)} nodes, expected {kind.nodes}"
             )
-        dimension = _DIMENSIONS.get(kind.name, 2)
+        dimension = 3 if kind.name == SOLID else CELL_TYPES[kind.name].dimension
         if dimension < 2 and not tags:
             return
         if dimension == 2 and len(tags) > 1:

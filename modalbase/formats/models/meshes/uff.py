@@ -7,23 +7,22 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from modalbase.formats.cell_types import CELL_TYPES, shells
 from modalbase.formats.errors import FormatError
-from modalbase.formats.meshes import MeshFile, around
+from modalbase.formats.meshes import MeshFile
 from modalbase.formats.models.meshes.cells import SOLID, CellKind, Gathering, plain
 from modalbase.formats.models.meshes.groups import GROUPS, RawGroup, read_groups
 from modalbase.formats.uff import DatasetReport, Element, GridPoint, UffError, Units, read_file
 from modalbase.formats.uff.text import Refusal
 
-_SHELLS = {
-    1: CellKind("tri3", 3),
-    2: CellKind("tri6", 6),
-    4: CellKind("quad4", 4),
-    5: CellKind("quad8", 8),
-}
 _FAMILIES = (4, 6, 7, 9)  # plane stress, plates, membranes, thin shells
 _BEAMS = (11, 21, 22, 23, 24)
 """Rods and beams: 2 nodes or, whatever the descriptor, 3 of a quadratic mesh's edge."""
-_KINDS = {10 * family + last: kind for family in _FAMILIES for last, kind in _SHELLS.items()}
+_KINDS = {
+    10 * family + one.uff % 10: CellKind(one.name, one.nodes)
+    for one in shells()
+    for family in _FAMILIES
+}
 _SOLIDS = range(101, 120)
 _DELIMITER = re.compile(rb"^ {4}-1[ \t]*\r?$", re.MULTILINE)
 _NEEDED = ("15", "18", "164", "2411", "2412", "2420")
@@ -115,8 +114,9 @@ def _take(gathered: Gathering, element: Element, line: int) -> None:
             f"element {element.number} has {count} nodes; descriptor {element.descriptor} expects"
             f" {kind.nodes}",
         )
-    order = [0] * kind.nodes
-    for place, own in enumerate(range(kind.nodes) if kind.name == SOLID else around(kind.name)):
-        order[own] = element.points[place]
+    order = list(range(count)) if kind.name == SOLID else CELL_TYPES[kind.name].around
+    nodes = [0] * count
+    for place, own in enumerate(order):
+        nodes[own] = element.points[place]
     prefix = {SOLID: "solid", "beam2": "line", "beam3": "line"}.get(kind.name, "set")
-    gathered.element(kind.name, f"{prefix}_{element.properties}", element.number, order, line)
+    gathered.element(kind.name, f"{prefix}_{element.properties}", element.number, nodes, line)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from modalbase.formats.cell_types import CELL_TYPES
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile
 from modalbase.formats.models.meshes.cells import (
@@ -23,11 +24,9 @@ from modalbase.formats.models.model import Floats, Integers
 
 _SOLIDS = {10: 4, 11: 8, 12: 8, 13: 6, 14: 5, 24: 10, 25: 20, 26: 15, 27: 13, 29: 27, 32: 18}
 _KINDS = {
-    1: CellKind("point", 1), 3: CellKind("beam2", 2), 5: CellKind("tri3", 3),
-    9: CellKind("quad4", 4), 21: CellKind("beam3", 3), 22: CellKind("tri6", 6),
-    23: CellKind("quad8", 8), 28: CellKind("quad8", 9), 34: CellKind("tri6", 7),
+    **{at: CellKind(one.name, n) for one in CELL_TYPES.values() for at, n in one.vtk.items()},
     **{number: CellKind(SOLID, nodes) for number, nodes in _SOLIDS.items()},
-}  # fmt: skip
+}
 _PIXEL, _POLYGON = 8, 7
 SETS = ("set", "gmsh:physical", "CellEntityIds", "PartId", "MaterialIds")
 """Arrays of cell data by which writers name what belongs together; the first that is there is

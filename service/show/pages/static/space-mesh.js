@@ -3,11 +3,9 @@
 
 /* Corners in order, then the middles of their sides: the ring around an element is corner, middle,
    corner, middle. */
-const CORNERS = { quad8: 4, quad4: 4, tri6: 3, tri3: 3, beam2: 2, beam3: 2, point: 1 };
 const SHARP = Math.cos((20 * Math.PI) / 180); // walls that meet at a larger angle make a junction
 
-function ringOf(kind, nodes) {
-  const corners = CORNERS[kind];
+function ringOf(corners, nodes) {
   if (corners === 2) return nodes.length === 3 ? [nodes[0], nodes[2], nodes[1]] : nodes;
   if (nodes.length === corners) return nodes;
   return nodes.slice(0, corners).flatMap((node, i) => [node, nodes[corners + i]]);
@@ -65,9 +63,9 @@ export function meshOf(said) {
     if (!sets.has(block.set))
       sets.set(block.set, { name: block.set, elements: 0, triangles: [], wires: [] });
     const set = sets.get(block.set);
-    const corners = CORNERS[block.kind];
+    const corners = block.corners;
     for (const nodes of block.nodes) {
-      const ring = ringOf(block.kind, nodes);
+      const ring = ringOf(corners, nodes);
       set.elements += 1;
       if (corners === 1) continue; // a node alone
       if (corners === 2) {
