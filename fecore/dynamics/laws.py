@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fecore.body.constants import Body, kind_of
+from fecore.body.constants import Body
 from fecore.body.mechanisms import SUPPORTS, mechanism_names
 from fecore.dynamics.damping_laws import (
     RAYLEIGH,
@@ -22,6 +22,7 @@ from fecore.dynamics.damping_laws import (
     ModalDamping,
 )
 from fecore.dynamics.mechanism_laws import MechanismDamping
+from fecore.quantities import kind_of
 
 
 @dataclass(frozen=True)

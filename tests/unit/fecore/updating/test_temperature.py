@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fecore.body.constants import UNITS
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import OrientedSpecimen
 from fecore.dynamics.damping_laws import RAYLEIGH
 from fecore.errors import InputError
+from fecore.quantities import CONSTANTS
 from fecore.updating.campaigns import CampaignsRecipe, CampaignsResult, lay_out, update_campaigns
 from fecore.updating.elastic import fit
 from fecore.updating.estimates import own_estimates
@@ -211,7 +211,7 @@ def test_priors_know_matrix_fibres_and_isotropic_materials() -> None:
         (-0.000625, 0.000673), rel=1e-3
     )
     assert usual_per_k("density", strip.nominal, stated) is None
-    assert UNITS["per_K"] == "1/K"
+    assert CONSTANTS["per_K"].unit == "1/K"
 
 
 def test_a_law_of_one_temperature_has_no_coefficient_of_it() -> None:
