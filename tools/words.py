@@ -12,7 +12,7 @@ from pathlib import Path
 
 PACKAGES = ("fecore", "modalbase", "service")
 # `fecore/modal` is renamed with the search for modes, which is written anew.
-LATER = ("fecore/modal", "fecore/updating")
+LATER = ("fecore/modal/",)
 
 WORDS = {
     "likest": "force_best_match",
@@ -22,7 +22,6 @@ WORDS = {
     "rests": "converged",
     "still": "stalled",
     "loose": "unverified_basis",
-    "unverified": "unverified_basis",
     "stretches": "damage intervals",
     "excursions": "systematic effects",
     "excursion": "systematic effect",
@@ -88,6 +87,11 @@ CONTRACTS: dict[str, str] = {
     "FoundModelOut": "REST: a schema",
     "IgnoredOut": "REST: a schema",
     "SaidOut": "REST: a schema",
+    "fecore/updating/campaigns.py:alone": "REST: a campaign of a joint result",
+    "fecore/updating/conflicts.py:said": "REST: a cause in a result",
+    "fecore/updating/contradictions.py:said": "REST: a cause in a result",
+    "fecore/updating/elastic_findings.py:said": "REST: a cause in a result",
+    "fecore/updating/sampling.py:moves": "emcee: a parameter",
     "service/compute/identifying.py:Found": "fecore.modal",
     "service/compute/identifying.py:found": "fecore.modal: field of Identification",
     "service/store/search/routes.py:Found": "REST: a schema",

@@ -98,7 +98,7 @@ def with_additions(
         springs: how many it has of its own, the last terms of its stiffness.
         static: (dofs, l) deflections that the basis has to hold too.
     """
-    loose = [each.motion for each in additions if each.kind == "support"]
+    support_motions = [each.motion for each in additions if each.kind == "support"]
     V, (stiffness, mass) = np.hstack([system.basis, static]), (system.stiffness, system.mass)
     if static.size:
         stiffness = bordered(
@@ -106,13 +106,16 @@ def with_additions(
         )
         mass = bordered(mass, model.mass.project(V, slice(system.basis.shape[1], V.shape[1])))
     size = V.shape[1]
-    if loose:
+    if support_motions:
         first = np.abs(np.einsum("jii->ji", mass)).sum(axis=0).max()
         own = np.abs(
-            np.einsum("jii->ji", model.mass.project(np.vstack(loose).T, slice(0, len(loose))))
+            np.einsum(
+                "jii->ji",
+                model.mass.project(np.vstack(support_motions).T, slice(0, len(support_motions))),
+            )
         ).sum(axis=0)
         scale = np.sqrt(first / own)  # as large as the basis, for the sake of round-off
-        V = np.hstack([V, np.vstack(loose).T * scale])
+        V = np.hstack([V, np.vstack(support_motions).T * scale])
         stiffness = _with_stopped(
             stiffness, model, V[:, :size], [a for a in additions if a.kind == "support"], scale
         )
@@ -285,7 +288,7 @@ class AlteredForward(ForwardModel):
         modes = system.modes(c.stiffness, c.mass, self.count)
         return self.state_of(system, c, modes, theta)
 
-    def unverified(self) -> AlteredForward:
+    def with_unverified_basis(self) -> AlteredForward:
         """Itself: its basis is not checked."""
         return self
 

@@ -34,7 +34,7 @@ from fecore.updating.elastic_findings import (
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
 from fecore.updating.estimates import constant_estimates, own_estimates
-from fecore.updating.findings import Level, found, judge, modes_of, ordered, warnings
+from fecore.updating.findings import Level, finding, judge, modes_of, ordered, warnings
 from fecore.updating.laws import common_damping
 from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter
@@ -166,12 +166,13 @@ def update_campaigns(
 
     elastic = update_on_finest_mesh(layout, lambda at: update_from_several_starts(at, shown))
     progress("comparing the campaigns", 0.7)
-    against, alone = compare_sources(elastic)
+    against, agreements = compare_sources(elastic)
     progress("making intervals", 0.9)
     parameters = tuple(constant_estimates(elastic, None))
     causes = {conflict.cause.owner for conflict in against} - {""}
     parts = tuple(
-        _part(elastic, number, each, alone[number], causes) for number, each in enumerate(ready)
+        _part(elastic, number, each, agreements[number], causes)
+        for number, each in enumerate(ready)
     )
     findings = [
         *map(contradiction, against),
@@ -216,7 +217,7 @@ def _unknown_temperatures(elastic: ElasticResult, parts: Sequence[CampaignPart])
                 assumed = plus_minus(TEMPERATURE, warmth.reference, UNKNOWN_TEMPERATURE_SD)
                 now = plus_minus(TEMPERATURE, own.estimate, own.standard_deviation)
                 findings.append(
-                    found("temperature_unknown", name=part.name, assumed=assumed, now=now)
+                    finding("temperature_unknown", name=part.name, assumed=assumed, now=now)
                 )
     return findings
 
@@ -225,10 +226,8 @@ def _part(
     elastic: ElasticResult, number: int, campaign: Campaign, agreement: Agreement, causes: set[str]
 ) -> CampaignPart:
     layout = elastic.layout
-    values = layout.material(agreement.alone)
-    sds = agreement.alone_sd * np.where(
-        layout.prior.logarithmic[: values.size], np.abs(values), 1.0
-    )
+    values = layout.material(agreement.own)
+    sds = agreement.own_sd * np.where(layout.prior.logarithmic[: values.size], np.abs(values), 1.0)
     rows = zip(
         layout.shared, map(float, values), map(float, sds), map(float, agreement.z), strict=True
     )
@@ -264,18 +263,18 @@ def _odd_one_out(against: Sequence[Conflict], campaigns: Sequence[Campaign]) -> 
 def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Finding]:
     findings = [*pairing_findings(elastic), *mesh_findings(elastic)]
     for part, at, pairing in zip(parts, elastic.rows, elastic.pairings, strict=True):
-        alone, count = len(pairing.unpaired_measured), len(part.modes)
-        if alone:
-            level: Level | None = "do_not_use" if 2 * alone > count else None
+        unpaired, count = len(pairing.unpaired_measured), len(part.modes)
+        if unpaired:
+            level: Level | None = "do_not_use" if 2 * unpaired > count else None
             findings.append(
-                found(
+                finding(
                     "campaign_modes_alone",
                     level=level,
                     name=part.name,
-                    alone=modes_of(alone, count),
+                    unpaired=modes_of(unpaired, count),
                 )
             )
-        miss = elastic.missed(at)
+        miss = elastic.rms_residual(at)
         if miss > USUAL_MISS:
-            findings.append(found("campaign_missed", name=part.name, percent=100 * miss))
+            findings.append(finding("campaign_missed", name=part.name, percent=100 * miss))
     return findings

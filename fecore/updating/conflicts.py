@@ -13,7 +13,7 @@ from fecore.updating.posterior import LinearProblem
 
 
 @dataclass(frozen=True)
-class Said:
+class SourceStatement:
     """What a source says of one constant, and what the rest says of it: values with standard
     deviations, SI.
     """
@@ -38,7 +38,7 @@ class Check:
     evidence: float
     # the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it
     owner: str = ""
-    said: tuple[Said, ...] = ()  # of each constant that it says; nothing of a campaign
+    said: tuple[SourceStatement, ...] = ()  # of each constant that it says; nothing of a campaign
     place: tuple[float, ...] = ()  # m, where a mass, a foot or a support likeliest is
     # where stiffness is lost, in words: of what, and between which places
     stretch: tuple[str, ...] = ()
@@ -68,9 +68,9 @@ class Agreement:
     # campaign
     predictive_p: float | None
     # (q,) coordinates' deviations of the material's parameters by this campaign alone
-    alone: FloatArray
-    alone_sd: FloatArray  # (q,) their standard deviations
-    # (q,) of alone against all together, in standard deviations of the difference; 0 where the
+    own: FloatArray
+    own_sd: FloatArray  # (q,) their standard deviations
+    # (q,) of own against all together, in standard deviations of the difference; 0 where the
     # campaign says nothing
     z: FloatArray
 

@@ -38,12 +38,19 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray
 from fecore.quantities import CLAMP
 from fecore.updating.additions import Kind
-from fecore.updating.conflicts import Agreement, Check, Conflict, Said, Statement, loosened_by
+from fecore.updating.conflicts import (
+    Agreement,
+    Check,
+    Conflict,
+    SourceStatement,
+    Statement,
+    loosened_by,
+)
 from fecore.updating.damage import lost_stiffness
+from fecore.updating.damage_effects import DamageEffects
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.explanations import Explanation, Hints, Search, hints_of, loosened
 from fecore.updating.layout import Unknown
-from fecore.updating.losses import Losses
 from fecore.updating.posterior import LinearProblem, Mixture
 
 FALSE_ALARMS = 0.05
@@ -86,14 +93,14 @@ def compare_sources(elastic: ElasticResult) -> tuple[tuple[Conflict, ...], tuple
 
 
 def _conflicts(sources: _Sources) -> tuple[Conflict, ...]:
-    found = list[Conflict]()
+    conflicts = list[Conflict]()
     while against := sources.contradicting:
         ((cause, allowing), *rivals), odds = sources.explanations()
         moved, sources = allowing.moved_from(sources.elastic), allowing
         left = {each.name for each in sources.contradicting}
         cleared = tuple(each.name for each in against if each.name not in {cause.name, *left})
-        found.append(Conflict(cause, tuple(rival for rival, _ in rivals), cleared, moved, odds))
-    return tuple(found)
+        conflicts.append(Conflict(cause, tuple(rival for rival, _ in rivals), cleared, moved, odds))
+    return tuple(conflicts)
 
 
 @dataclass(frozen=True)
@@ -106,7 +113,8 @@ class _Sources:
     statements: tuple[Statement, ...]
     count: float = 1.0  # of independent checks
     allowed: frozenset[str] = frozenset()  # names of those that are allowed a slip
-    losses: tuple[Losses | None, ...] = ()  # of each body, None where nobody looks for any
+    # of each body, None where nobody looks for any
+    damage_effects: tuple[DamageEffects | None, ...] = ()
 
     @classmethod
     def of(cls, elastic: ElasticResult) -> _Sources:
@@ -125,10 +133,14 @@ class _Sources:
             statements.append(
                 Statement("coupons", batch, "", *(part[own] for part in layout.of_coupons))
             )
-        bodies, looks = len(elastic.rows), elastic.stretches is None and not elastic.unlike
-        losses = tuple(Losses.of(elastic, number) if looks else None for number in range(bodies))
-        found = cls(elastic, elastic.problem, layout.scatter, tuple(statements), losses=losses)
-        return replace(found, count=found.independent + (6 * bodies if bodies > 1 else 4))
+        bodies, looks = len(elastic.rows), elastic.damage_intervals is None and not elastic.unlike
+        effects = tuple(
+            DamageEffects.of(elastic, number) if looks else None for number in range(bodies)
+        )
+        sources = cls(
+            elastic, elastic.problem, layout.scatter, tuple(statements), damage_effects=effects
+        )
+        return replace(sources, count=sources.independent + (6 * bodies if bodies > 1 else 4))
 
     @property
     def independent(self) -> float:
@@ -136,10 +148,10 @@ class _Sources:
         (Σ√λ)²/Σλ, with λ the eigenvalues of the correlation of their differences from the
         posterior, whose covariance is R - ACAᵀ.
         """
-        said = np.concatenate([each.rows for each in self.statements])
+        combinations = np.concatenate([each.rows for each in self.statements])
         own = np.concatenate([each.sds for each in self.statements]) ** 2
         spread = np.einsum("m,mij->ij", self.posterior.weight, self.posterior.covariance)
-        left = np.diag(own) - said @ spread @ said.T
+        left = np.diag(own) - combinations @ spread @ combinations.T
         sd = np.sqrt(np.maximum(np.diag(left), 1e-9 * own))
         value = np.maximum(np.linalg.eigvalsh(left / np.outer(sd, sd)), 0)
         return float(np.sum(np.sqrt(value)) ** 2 / value.sum())
@@ -162,19 +174,22 @@ class _Sources:
         it may be off by a slip; where none does, what contradicts most. And the log odds of the
         first to the next of all.
         """
-        found, names = list[tuple[Check, _Sources]](), {each.name for each in self.contradicting}
+        explanations, names = (
+            list[tuple[Check, _Sources]](),
+            {each.name for each in self.contradicting},
+        )
         ranked = sorted(self._candidates, key=lambda each: -each[0].evidence)
         for check, slipped in ranked:
-            if check.evidence <= (found[0][0].evidence - RIVAL if found else 0.0):
+            if check.evidence <= (explanations[0][0].evidence - RIVAL if explanations else 0.0):
                 break
             sources = slipped()
             if names - {other.name for other in sources.contradicting}:
-                found.append((check, sources))
-        if not found:
+                explanations.append((check, sources))
+        if not explanations:
             most, slipped = min(self.checks, key=lambda each: each[0].p)
             return [(most, slipped())], None
-        others = [check.evidence for check, _ in ranked if check.name != found[0][0].name]
-        return found, found[0][0].evidence - max(others) if others else None
+        others = [check.evidence for check, _ in ranked if check.name != explanations[0][0].name]
+        return explanations, explanations[0][0].evidence - max(others) if others else None
 
     @property
     def _is_first(self) -> bool:
@@ -193,18 +208,18 @@ class _Sources:
         """
         if not self._is_first:
             return self.checks
-        found = list[tuple[Check, Callable[[], _Sources]]]()
+        candidates = list[tuple[Check, Callable[[], _Sources]]]()
         p = min(check.p for check, _ in self.checks)
         for number, hints in self._hints.items():
             if max(hint.evidence for _, hint in hints.values()) > 0:
-                found += [
+                candidates += [
                     self._with(each, number, p) for each in self._searches[number].best(hints)
                 ]
-        added = {check.name for check, _ in found}
+        added = {check.name for check, _ in candidates}
         rest = sorted(
             (c for c in self.checks if c[0].name not in added), key=lambda each: -each[0].evidence
         )
-        return [*found, *map(self._anew, rest[:_REFITTED]), *rest[_REFITTED:]]
+        return [*candidates, *map(self._anew, rest[:_REFITTED]), *rest[_REFITTED:]]
 
     def _with(
         self, explanation: Explanation, number: int, p: float
@@ -215,14 +230,16 @@ class _Sources:
         and of what size.
         """
         first, name = explanation.additions[0], self._of_body(explanation.additions[0].kind, number)
-        said = tuple(Said(each.name, 0.0, 0.0, size, sd) for each, size, sd in explanation.sizes)
+        statements = tuple(
+            SourceStatement(each.name, 0.0, 0.0, size, sd) for each, size, sd in explanation.sizes
+        )
         check = Check(
             first.kind,
             name,
             p,
             explanation.evidence,
             owner=self._named(number),
-            said=said,
+            said=statements,
             place=first.place,
         )
         unknowns = explanation.result.layout.unknowns[-len(explanation.additions) :]
@@ -281,22 +298,26 @@ class _Sources:
     def checks(self) -> list[tuple[Check, Callable[[], _Sources]]]:
         """Each source that is not allowed a slip beside all others, and the sources where it is."""
         bodies = range(len(self.elastic.rows))
-        found = [
+        checks = [
             self._of_statement(each) for each in self.statements if each.name not in self.allowed
         ]
         if len(bodies) > 1:
-            found += [
+            checks += [
                 self._of_campaign(each) for each in bodies if self._named(each) not in self.allowed
             ]
-        found += [each for number in self._hints for each in self._of_additions(number)]
-        looked = [(each, losses) for each, losses in enumerate(self.losses) if losses is not None]
-        found += [
+        checks += [each for number in self._hints for each in self._of_additions(number)]
+        looked = [
+            (each, effects)
+            for each, effects in enumerate(self.damage_effects)
+            if effects is not None
+        ]
+        checks += [
             self._of_loss(*each)
             for each in looked
             if self._stiffness_of(each[0]) not in self.allowed
         ]
         scatters = self.elastic.layout.specimens_scatter and SCATTER not in self.allowed
-        return [*found, self._of_scatter()] if scatters else found
+        return [*checks, self._of_scatter()] if scatters else checks
 
     def _allowing(self, name: str, **changes: Any) -> _Sources:
         """The same where one source may be off by a slip."""
@@ -312,7 +333,11 @@ class _Sources:
         """That specimens scatter more than the prior's scale."""
         evidence, estimate = self.problem.evidence_of_scatter(self.scatter)
         check = Check(
-            "scatter", SCATTER, 1.0, evidence, said=(Said("", self.scatter, 0.0, estimate, 0.0),)
+            "scatter",
+            SCATTER,
+            1.0,
+            evidence,
+            said=(SourceStatement("", self.scatter, 0.0, estimate, 0.0),),
         )
         return check, lambda: self._allowing(SCATTER, scatter=estimate)
 
@@ -340,9 +365,11 @@ class _Sources:
         if firmer or not layout.are_believable(elsewhere):
             return Check(source.kind, source.name, 1.0, 0.0, source.owner), lambda: self
         spread = np.sqrt(weight @ (np.diagonal(V, axis1=1, axis2=2) + (m - rest) ** 2))
-        said = tuple(map(self._said, source.places, source.values, source.sds, rest, spread))
+        statements = tuple(
+            map(self._as_statement, source.places, source.values, source.sds, rest, spread)
+        )
         p, slip = _beyond(weight, off, V + own), SLIPS[int(np.argmax(slipped))]
-        check = Check(source.kind, source.name, p, float(evidence), source.owner, said=said)
+        check = Check(source.kind, source.name, p, float(evidence), source.owner, said=statements)
         return check, lambda: self._allowing(
             source.name, problem=loosened_by(self.problem, source, slip)
         )
@@ -369,10 +396,10 @@ class _Sources:
         )
 
     def _of_additions(self, number: int) -> list[tuple[Check, Callable[[], _Sources]]]:
-        found = list[tuple[Check, Callable[[], _Sources]]]()
+        checks = list[tuple[Check, Callable[[], _Sources]]]()
         for kind, (additions, hint) in self._hints[number].items():
             first, name = additions[int(np.argmax(hint.share))], self._of_body(kind, number)
-            said = (Said(first.name, 0.0, first.usual, hint.mean, hint.sd),)
+            statements = (SourceStatement(first.name, 0.0, first.usual, hint.mean, hint.sd),)
             evidence = hint.evidence
             if (
                 kind == "support"
@@ -386,19 +413,19 @@ class _Sources:
                 )
             p = float(np.exp(-max(evidence, 0.0)))
             check = Check(
-                kind, name, p, evidence, self._named(number), said=said, place=first.place
+                kind, name, p, evidence, self._named(number), said=statements, place=first.place
             )
-            found.append((check, self._with_noise(name, hint.covariance)))
-        return found
+            checks.append((check, self._with_noise(name, hint.covariance)))
+        return checks
 
-    def _of_loss(self, number: int, losses: Losses) -> tuple[Check, Callable[[], _Sources]]:
-        found, known = lost_stiffness(self.elastic, number, losses, self.problem), self.problem
-        p, name = float(np.exp(-max(found.evidence, 0.0))), self._stiffness_of(number)
-        said = (Said("factor", 1.0, 0.0, found.factor, found.factor_sd),)
-        stated = "stiffness", name, p, found.by_frequencies, self._named(number), said
-        check = Check(*stated, stretch=found.in_words, level=FALSE_ALARMS / self.count)
+    def _of_loss(self, number: int, effects: DamageEffects) -> tuple[Check, Callable[[], _Sources]]:
+        lost, known = lost_stiffness(self.elastic, number, effects, self.problem), self.problem
+        p, name = float(np.exp(-max(lost.evidence, 0.0))), self._stiffness_of(number)
+        statements = (SourceStatement("factor", 1.0, 0.0, lost.factor, lost.factor_sd),)
+        stated = "stiffness", name, p, lost.by_frequencies, self._named(number), statements
+        check = Check(*stated, stretch=lost.in_words, level=FALSE_ALARMS / self.count)
         slipped = replace(
-            known, residual=known.residual - found.mean, noise=known.noise + found.covariance
+            known, residual=known.residual - lost.mean, noise=known.noise + lost.covariance
         )
         return check, lambda: self._allowing(name, problem=slipped)
 
@@ -424,19 +451,21 @@ class _Sources:
         covariance: FloatArray = S @ S.T
         return covariance
 
-    def _said(self, place: int, value: float, sd: float, rest: float, rest_sd: float) -> Said:
+    def _as_statement(
+        self, place: int, value: float, sd: float, rest: float, rest_sd: float
+    ) -> SourceStatement:
         """The same of an unknown as its constant, SI."""
         campaign = next(each for each in self.elastic.layout.campaigns if each.pick[:, place].any())
         row, prior = int(np.argmax(campaign.pick[:, place])), campaign.prior
-        stated, found = (
+        stated, estimated = (
             prior.theta(prior.xi_mean + campaign.pick[:, place] * at) for at in (value, rest)
         )
-        slopes = [float(prior.slope(theta)[row]) for theta in (stated, found)]
-        return Said(
+        slopes = [float(prior.slope(theta)[row]) for theta in (stated, estimated)]
+        return SourceStatement(
             prior.names[row],
             float(stated[row]),
             sd * slopes[0],
-            float(found[row]),
+            float(estimated[row]),
             rest_sd * slopes[1],
         )
 
@@ -484,8 +513,8 @@ def _agreement(sources: _Sources, number: int) -> Agreement:
     if len(elastic.rows) > 1:
         logs, missed, V = _beside_the_rest(problem, at, sources.scatter)
         p = _beyond(np.exp(logs), missed, V)
-    alone = problem.only(_among(problem, at))
-    step, covariance = alone.solve(elastic.discrepancy, elastic.scatter)
+    own = problem.only(_among(problem, at))
+    step, covariance = own.solve(elastic.discrepancy, elastic.scatter)
     variance, joint = np.diag(covariance)[:q], np.diag(elastic.inverse)[:q]
     apart = np.sqrt(np.maximum(variance - joint, 1e-12 * variance))
     informed = joint < 0.999 * variance

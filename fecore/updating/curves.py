@@ -98,7 +98,7 @@ def curve_of(elastic: ElasticResult, laws: tuple[CommonLaw, ...]) -> Curve | Non
 def _of_law(law: CommonLaw, above: FloatArray) -> tuple[CurveOf, ...]:
     """A law's coefficients over (n,) temperatures above the reference, K."""
     assert law.joint is not None, "campaigns have several temperatures"
-    names, found = list(law.coefficients), []
+    names, curves = list(law.coefficients), []
     values, count = np.array(list(law.coefficients.values())), len(law.units)
     for j, unit in enumerate(law.units):
         a, k = values[j], values[count + j]
@@ -107,7 +107,7 @@ def _of_law(law: CommonLaw, above: FloatArray) -> tuple[CurveOf, ...]:
             np.einsum("in,ij,jn->n", by, law.joint[np.ix_([j, count + j], [j, count + j])], by)
         )
         estimate = a * (1 + k * above)
-        found.append(
+        curves.append(
             CurveOf(names[j], unit, estimate, estimate - Z_95 * sd, estimate + Z_95 * sd, law.name)
         )
-    return tuple(found)
+    return tuple(curves)

@@ -20,7 +20,7 @@ In the frequencies themselves the error of the model of joints is left to the co
 absorb it but for what s is. Of all sets, stretches (each length as likely) and
 losses, and over the posterior of s and k where nothing is damaged, B is the mean, so that without
 damage E[B] = 1, and P(B ≥ 1/p) ≤ p. Where B is large the likely stretches are compared more closely
-(`fecore.updating.losses`), which the factor is taken from.
+(`fecore.updating.damage_effects`), which the factor is taken from.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray
-from fecore.updating.damage_shapes import ShapesGiven
+from fecore.updating.damage_effects import LOSSES, SHAPES, DamageEffects, Stretch
+from fecore.updating.damage_shapes import DamageShapesAt
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.losses import LOSSES, SHAPES, Losses, Stretch
 from fecore.updating.posterior import LinearProblem, grid_of_discrepancies, log_prior_of_scale
 
 # losses, each as likely; what is between those solved for is interpolated
@@ -75,7 +75,7 @@ class LostStiffness:
 
 
 def lost_stiffness(
-    elastic: ElasticResult, number: int, losses: Losses, problem: LinearProblem
+    elastic: ElasticResult, number: int, effects: DamageEffects, problem: LinearProblem
 ) -> LostStiffness:
     """Compare a loss of stiffness in any stretch of a campaign's body with none, by frequencies and
     what shapes there are.
@@ -83,35 +83,35 @@ def lost_stiffness(
     Args:
         elastic: the update.
         number: of the campaign.
-        losses: of its body.
+        effects: of its body.
         problem: at the estimate.
     """
     given = _Given(elastic, number, _without_joints(elastic, problem))
-    found = [given.compared(losses)]
-    if scipy.special.logsumexp(found[0].log) > _WORTH:
-        found = [given.near(each, log) for each, log in losses.of_sets(found[0].log)]
-        best = int(np.argmax([scipy.special.logsumexp(each.log) for each in found]))
-        found[best] = given.followed(found[best])
+    compared = [given.compared(effects)]
+    if scipy.special.logsumexp(compared[0].log) > _WORTH:
+        compared = [given.near(each, log) for each, log in effects.of_sets(compared[0].log)]
+        best = int(np.argmax([scipy.special.logsumexp(each.log) for each in compared]))
+        compared[best] = given.followed(compared[best])
     change, log = (
         np.concatenate(each, axis=1)
-        for each in zip(*((f.change, f.log) for f in found), strict=True)
+        for each in zip(*((f.change, f.log) for f in compared), strict=True)
     )
-    stretches = [stretch for each in found for stretch in each.losses.stretches]
+    intervals = [stretch for each in compared for stretch in each.effects.intervals]
     share = scipy.special.softmax(log)
     here, left = share.sum(axis=0), 1 - _FINE
-    likeliest = stretches[int(np.argmax(here))]
-    alike = np.array([each.sets == likeliest.sets for each in stretches])
+    likeliest = intervals[int(np.argmax(here))]
+    alike = np.array([each.sets == likeliest.sets for each in intervals])
     weight = share[:, alike] / share[:, alike].sum()
     factor = float(left @ weight.sum(axis=1))
     # A stretch stands for those whose ends lie within half a step, or an element, of its own: modes
     # see loss times length.
-    apart = max(found[0].losses.step, found[0].losses.element)
+    apart = max(compared[0].effects.step, compared[0].effects.element)
     between = (
-        _FINE[:, None] * apart / np.array([each.length for each in stretches])[alike] / np.sqrt(6)
+        _FINE[:, None] * apart / np.array([each.length for each in intervals])[alike] / np.sqrt(6)
     )
     begin, end = (
         _quantile(
-            np.array([getattr(each, name) for each in stretches])[alike], weight.sum(axis=0), tail
+            np.array([getattr(each, name) for each in intervals])[alike], weight.sum(axis=0), tail
         )
         for name, tail in (("begin", 0.025), ("end", 0.975))
     )
@@ -121,7 +121,7 @@ def lost_stiffness(
     each = (by * _FINE[:, None])[:, some]
     mean = each @ share[some]
     return LostStiffness(
-        by_frequencies=float(scipy.special.logsumexp([each.by_frequencies for each in found])),
+        by_frequencies=float(scipy.special.logsumexp([each.by_frequencies for each in compared])),
         evidence=float(scipy.special.logsumexp(log)),
         likeliest=likeliest,
         begin=begin,
@@ -137,14 +137,14 @@ def lost_stiffness(
 class _Compared:
     """Some losses, and what the data say of them."""
 
-    losses: Losses
+    effects: DamageEffects
     change: FloatArray  # (l, P, n) of all ln f
     log: FloatArray  # (a, P) ln B of each loss and stretch, with its prior
     by_frequencies: float  # ln B of all by the frequencies alone
 
     @property
     def likeliest(self) -> Stretch:
-        return self.losses.stretches[int(np.argmax(scipy.special.logsumexp(self.log, axis=0)))]
+        return self.effects.intervals[int(np.argmax(scipy.special.logsumexp(self.log, axis=0)))]
 
 
 @dataclass(frozen=True)
@@ -155,28 +155,31 @@ class _Given:
     number: int
     problem: LinearProblem
 
-    def compared(self, losses: Losses) -> _Compared:
+    def compared(self, effects: DamageEffects) -> _Compared:
         """What they say of some losses."""
-        change = np.zeros((LOSSES.size, len(losses.stretches), self.problem.residual.size))
-        change[..., self.elastic.rows[self.number]] = losses.change
-        scatter, both = self.elastic.layout.scatter, [(), losses.shapes] if losses.shapes else [()]
-        prior = losses.log_prior - np.log(_FINE.size)
+        change = np.zeros((LOSSES.size, len(effects.intervals), self.problem.residual.size))
+        change[..., self.elastic.rows[self.number]] = effects.change
+        scatter, both = (
+            self.elastic.layout.scatter,
+            [(), effects.shapes] if effects.shapes else [()],
+        )
+        prior = effects.log_prior - np.log(_FINE.size)
         logs = [_likelier(self.problem, scatter, each, change) + prior for each in both]
-        return _Compared(losses, change, logs[-1], float(scipy.special.logsumexp(logs[0])))
+        return _Compared(effects, change, logs[-1], float(scipy.special.logsumexp(logs[0])))
 
-    def near(self, losses: Losses, log: FloatArray) -> _Compared:
+    def near(self, effects: DamageEffects, log: FloatArray) -> _Compared:
         """What they say of losses near those that are likely by (a, P) ln B."""
         return self.compared(
-            losses.near(self.elastic, self.number, scipy.special.softmax(log).sum(axis=0))
+            effects.near(self.elastic, self.number, scipy.special.softmax(log).sum(axis=0))
         )
 
-    def followed(self, found: _Compared) -> _Compared:
+    def followed(self, compared: _Compared) -> _Compared:
         """The same near those, until the likeliest stays."""
         for _ in range(_ROUNDS):
-            before, found = found.likeliest, self.near(found.losses, found.log)
-            if found.likeliest == before:
+            before, compared = compared.likeliest, self.near(compared.effects, compared.log)
+            if compared.likeliest == before:
                 break
-        return found
+        return compared
 
 
 def _quantile(values: FloatArray, weight: FloatArray, tail: float) -> float:
@@ -191,39 +194,47 @@ def _without_joints(elastic: ElasticResult, problem: LinearProblem) -> LinearPro
     """
     noise = problem.noise.copy()
     parts = zip(
-        elastic.layout.campaigns, elastic.excursions, elastic.pairings, elastic.rows, strict=True
+        elastic.layout.campaigns,
+        elastic.systematic_effects,
+        elastic.pairings,
+        elastic.rows,
+        strict=True,
     )
-    for campaign, found, pairing, at in parts:
+    for campaign, effects, pairing, at in parts:
         noise[at, at] -= campaign.model_error**2 * np.eye(at.stop - at.start)
-        for each in found:
+        for each in effects:
             shift = each.rms * each.shift[[column for _, column in pairing.pairs]]
             noise[at, at] += np.outer(shift, shift)
     return replace(problem, noise=noise)
 
 
 def _likelier(
-    problem: LinearProblem, scatter: float, shapes: tuple[ShapesGiven, ...], change: FloatArray
+    problem: LinearProblem, scatter: float, shapes: tuple[DamageShapesAt, ...], change: FloatArray
 ) -> FloatArray:
     """(a, P) ln B of each loss and stretch, from (l, P, n) changes of ln f and what the shapes say,
     if they are asked.
     """
-    spreads, log_spreads = grid_of_discrepancies(coarse=_COARSE)
+    discrepancies, log_priors = grid_of_discrepancies(coarse=_COARSE)
     log_sizes = log_prior_of_scale(SHAPES, 1.0).tolist()
-    found = [
-        (log_size + log_spread, *_given(problem, scatter, s, own, change))
+    terms = [
+        (log_size + log_prior, *_given(problem, scatter, s, own, change))
         for log_size, own in (zip(log_sizes, shapes, strict=True) if shapes else [(0.0, None)])
-        for s, log_spread in zip(spreads.tolist(), log_spreads.tolist(), strict=True)
+        for s, log_prior in zip(discrepancies.tolist(), log_priors.tolist(), strict=True)
     ]
-    logs = np.array([log + own for log, own, _ in found])
+    logs = np.array([log + own for log, own, _ in terms])
     weight = logs - scipy.special.logsumexp(logs)
     # ln B is zero without a loss, and nearly a parabola in it.
-    over = [each / LOSSES[:, None] for *_, each in found]
+    over = [each / LOSSES[:, None] for *_, each in terms]
     each = [w + _FINE[:, None] * _between(own) for w, own in zip(weight, over, strict=True)]
     return np.asarray(scipy.special.logsumexp(each, axis=0))
 
 
 def _given(
-    problem: LinearProblem, scatter: float, s: float, shapes: ShapesGiven | None, change: FloatArray
+    problem: LinearProblem,
+    scatter: float,
+    s: float,
+    shapes: DamageShapesAt | None,
+    change: FloatArray,
 ) -> tuple[float, FloatArray]:
     """The log evidence without a loss at s, and (l, P) ln B of each loss there."""
     S, r, root = problem.sensitivity, problem.residual, np.sqrt(problem.weights)[:, None]

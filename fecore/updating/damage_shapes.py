@@ -21,7 +21,7 @@ _CLOSE = 1e-3  # relative distance of eigenvalues below which modes are turned f
 
 
 @dataclass(frozen=True)
-class ShapesOfLosses:
+class DamageShapes:
     """Residuals of n shapes in the space of b shapes of the model, over σ, and what they follow
     from, along the N = n b axes of the covariance that they share.
     """
@@ -43,7 +43,7 @@ class ShapesOfLosses:
         turned: FloatArray,
         value: FloatArray,
         seen: FloatArray,
-    ) -> ShapesOfLosses | None:
+    ) -> DamageShapes | None:
         """Of a campaign; None where it has no shapes that are those of the model.
 
         Args:
@@ -97,11 +97,11 @@ class ShapesOfLosses:
             np.zeros(by.shape[1]) if fitted is None else elastic.problem.other_descent,
         )
 
-    def given(self, k: float) -> ShapesGiven:
+    def given(self, k: float) -> DamageShapesAt:
         """What they say where a shape's standard deviation is k times the usual one."""
         variance = k**2 + self.variance
         r, J, d = self.residual, self.by / variance[:, None], self.change
-        return ShapesGiven(
+        return DamageShapesAt(
             cost=float(np.sum(r**2 / variance + np.log(variance))),
             hessian=self.by.T @ J - self.information,
             descent=J.T @ r - self.descent,
@@ -111,7 +111,7 @@ class ShapesOfLosses:
 
 
 @dataclass(frozen=True)
-class ShapesGiven:
+class DamageShapesAt:
     """The terms of the shapes in ln B: of the misfit twice, by the unknowns, and by losses."""
 
     cost: float

@@ -72,7 +72,7 @@ class DampingData:
         return np.setdiff1d(np.arange(modes.rigid, modes.eigenvalue.size), self.shifted)
 
     @cached_property
-    def suspended(self) -> IntArray:
+    def suspension_modes(self) -> IntArray:
         """(r,) modes that move as a body on its suspension, which damps them as it will."""
         updated = self.elastic.updated
         rigid = updated.modes.rigid
@@ -81,7 +81,7 @@ class DampingData:
     @property
     def _strains(self) -> BoolArray:
         """(s,) measured modes that strain the specimen."""
-        return ~np.isin(self.shifted, self.suspended)
+        return ~np.isin(self.shifted, self.suspension_modes)
 
     @cached_property
     def rows(self) -> list[int]:
@@ -89,7 +89,7 @@ class DampingData:
         return [row for (row, _), strains in zip(self.pairs, self._strains, strict=True) if strains]
 
     @cached_property
-    def lawful(self) -> IntArray:
+    def law_modes(self) -> IntArray:
         """(n,) the partners of `rows`."""
         return self.shifted[self._strains]
 
@@ -114,12 +114,12 @@ class DampingData:
     @cached_property
     def modal_law(self) -> ModalDamping:
         """A damping ratio of its own for every measured mode that the law damps."""
-        return ModalDamping(tuple(np.sort(self.first_omega[self.lawful])))
+        return ModalDamping(tuple(np.sort(self.first_omega[self.law_modes])))
 
     @property
-    def lawful_strain(self) -> FloatArray | None:
+    def law_mode_strain(self) -> FloatArray | None:
         """(n, q) shares of strain energy of the modes that the law damps."""
-        return None if self.model.strain is None else self.model.strain[self.lawful]
+        return None if self.model.strain is None else self.model.strain[self.law_modes]
 
     def mixed(self, strain: FloatArray | None) -> DampingData:
         """The same with (n, q) shares of strain energy of the modes that the law damps; None: as
@@ -128,7 +128,7 @@ class DampingData:
         if strain is None or self.model.strain is None:
             return self
         whole = self.model.strain.copy()
-        whole[self.lawful] = strain
+        whole[self.law_modes] = strain
         return replace(self, model=replace(self.model, strain=whole))
 
     def as_accelerance(self, factor: float = 1.0) -> DampingData:
@@ -146,19 +146,20 @@ class DampingData:
         measured).
         """
         others, strain = self.unmeasured, self.model.strain
-        shares = None if strain is None else strain[np.concatenate([self.lawful, others])]
+        shares = None if strain is None else strain[np.concatenate([self.law_modes, others])]
         return nearest_positive(
             law, self.row_omega, self.first_ratio, self.model.omega[others], shares
         )
 
-    def nuisance(self, deviation_sd: float, excess: float = 1.0) -> Nuisance:
+    def nuisance(self, deviation_sd: float, variance_inflation: float = 1.0) -> Nuisance:
         """Measured modes shift freely and deviate from the law a little, the others do both as far
         as priors let them.
 
-        Where the misfit is `excess` times what noise alone makes of it, the model's residues are
-        wrong: a peak that is too high passes for less damping. The modes' ratios were identified
-        with residues of their own and do not suffer from that, so they are data too, with the share
-        1 - 1/excess of their information that the FRFs do not carry then.
+        Where the misfit is `variance_inflation` times what noise alone makes of it, the model's
+        residues are wrong: a peak that is too high passes for less damping. The modes' ratios were
+        identified with residues of their own and do not suffer from that, so they are data too,
+        with the share 1 - 1/variance_inflation of their information that the FRFs do not carry
+        then.
 
         Suspended ones have rates of their own, which may lie as far from the lowest elastic mode's
         as nobody knows. How far an unmeasured mode may shift includes the constants' own
@@ -173,25 +174,27 @@ class DampingData:
         deviation = np.concatenate(
             [np.full(measured, deviation_sd), np.full(others, _UNMEASURED_DEVIATION)]
         )
-        seen, seen_rate, seen_sd = self._seen(max(1 - 1 / excess, 0.0))
+        ratio_data, ratio_data_rate, ratio_data_sd = self._ratio_data(
+            max(1 - 1 / variance_inflation, 0.0)
+        )
         return Nuisance(
             modes=modes,
             first_shift=np.concatenate([self.first_shift, np.zeros(others)]),
             shift_sd=np.concatenate(
                 [np.full(measured, np.inf), np.sqrt(_UNMEASURED_SHIFT**2 + variance)]
             ),
-            deviation_sd=np.where(np.isin(modes, self.suspended), 0.0, deviation),
-            suspended=self.suspended,
-            suspended_rate=np.full(
-                self.suspended.size, 2 * self.first_ratio[0] * self.row_omega[0]
+            deviation_sd=np.where(np.isin(modes, self.suspension_modes), 0.0, deviation),
+            suspension_modes=self.suspension_modes,
+            suspension_rate=np.full(
+                self.suspension_modes.size, 2 * self.first_ratio[0] * self.row_omega[0]
             ),
             window_rate=2 * (self.inputs.window_rate or 0.0),
-            seen=seen,
-            seen_rate=seen_rate,
-            seen_sd=seen_sd,
+            ratio_data=ratio_data,
+            ratio_data_rate=ratio_data_rate,
+            ratio_data_sd=ratio_data_sd,
         )
 
-    def _seen(self, share: float) -> tuple[IntArray, FloatArray, FloatArray]:
+    def _ratio_data(self, share: float) -> tuple[IntArray, FloatArray, FloatArray]:
         """Lawful modes whose ratios were identified, by a share of that information: numbers, rates
         in 1/s, relative sds.
         """
@@ -201,7 +204,7 @@ class DampingData:
         sd = np.sqrt(np.diag(ratios.relative_covariance))
         known = np.isfinite(sd) & (sd > 0)
         return (
-            self.lawful[known],
+            self.law_modes[known],
             (2 * ratios.ratio * ratios.omega)[known],
             sd[known] / np.sqrt(share),
         )
@@ -212,10 +215,10 @@ class DampingData:
         """Damping ratios of `rows` at (n,) circular frequencies, with their (n, n) covariance, and
         their shares.
         """
-        columns = self.lawful - self.elastic.updated.modes.rigid
+        columns = self.law_modes - self.elastic.updated.modes.rigid
         mixings = self.elastic.mixings(0, self.rows, columns.tolist(), omega / (2 * np.pi))
         return MeasuredRatios(
-            omega, ratio, covariance / np.outer(ratio, ratio), self.lawful_strain, mixings
+            omega, ratio, covariance / np.outer(ratio, ratio), self.law_mode_strain, mixings
         )
 
     @cached_property
@@ -239,7 +242,7 @@ class DampingData:
         if weighting != "noise":
             driving = () if weighting == "log" else self.driving
             return FrfMisfit(frfs, self.model, weighting, variance, driving=driving)
-        gain = np.where(np.isin(np.arange(self.model.omega.size), self.lawful), _GAIN_SD, 0.0)
+        gain = np.where(np.isin(np.arange(self.model.omega.size), self.law_modes), _GAIN_SD, 0.0)
         delay = self.inputs.standard_deviation("delay")
         return FrfMisfit(
             frfs,

@@ -24,7 +24,6 @@ from fecore.frf import FrfSet, convert
 from fecore.modal.error_model import memory
 from fecore.modal.noise import line_scatter
 from fecore.updating.damping_data import DampingData
-from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardState
 from fecore.updating.law_fit import DampingFit, fit_law
 from fecore.updating.measured_ratios import (
@@ -38,6 +37,7 @@ from fecore.updating.measured_ratios import (
 from fecore.updating.misfit import FrfMisfit
 from fecore.updating.posterior import root
 from fecore.updating.residual_noise import residual_variance
+from fecore.updating.systematic_effects import SystematicEffect
 
 DAMPING_DISCREPANCY = 0.02
 """Prior standard deviation of a damping ratio about its law, as a share of it: root mean square of
@@ -72,9 +72,9 @@ class DampingResult:
     own: Mapping[str, FloatArray]
     inherited: Mapping[str, FloatArray]
     # stage 1's, then a window that nobody stated or that is not known exactly
-    excursions: tuple[Excursion, ...]
+    systematic_effects: tuple[SystematicEffect, ...]
     # (p, e) change of the coefficients by one standard deviation of each of these
-    pulls: FloatArray
+    bias_sensitivity: FloatArray
     by_elastic: FloatArray  # (p, q) derivative of the estimate by stage 1's parameters
     # what is known of the scale of the relative deviations of damping ratios from the law
     deviations: ScaleMixture
@@ -99,9 +99,9 @@ class DampingResult:
         """(p,) change of the coefficients by an exponential window of one standard deviation of its
         rate.
         """
-        moved: FloatArray = self.pulls[:, [each.name == WINDOW for each in self.excursions]].sum(
-            axis=1
-        )
+        moved: FloatArray = self.bias_sensitivity[
+            :, [each.name == WINDOW for each in self.systematic_effects]
+        ].sum(axis=1)
         return moved
 
     def joint(self, elastic: FloatArray, own: FloatArray | None = None) -> FloatArray:
@@ -160,7 +160,7 @@ class ReferenceFit:
     scale: float
     # mean square of the residual over the noise of the lines, 1 at least: what is above 1 is the
     # model's error
-    excess: float
+    variance_inflation: float
     ratios: MeasuredRatios  # damping ratios as measured where they were, else from the modal fit
     delay: float  # between the channels, as the FRFs show it, s
 
@@ -189,7 +189,7 @@ def fit_reference(data: DampingData) -> ReferenceFit:
         scale = max(scale, 1.0)
         fit = fit_law(misfit, data.modal_law, fit, data.nuisance(0, scale), scale)
     misfit = replace(misfit, frfs=misfit.without_driving(fit.eigenvalue, fit.rate))
-    excess = _excess(misfit, fit, scale)
+    variance_inflation = _variance_inflation(misfit, fit, scale)
     predicted = misfit.predict(fit.eigenvalue, fit.rate)
     residual, _ = misfit.residual(predicted)
     scale *= memory(residual, misfit.variance, misfit.counted, predicted)
@@ -197,13 +197,13 @@ def fit_reference(data: DampingData) -> ReferenceFit:
         misfit=misfit,
         fit=fit,
         scale=scale,
-        excess=excess,
+        variance_inflation=variance_inflation,
         ratios=data.measured_ratios or _modal_ratios(data, fit),
         delay=delay,
     )
 
 
-def _excess(misfit: FrfMisfit, fit: DampingFit, scale: float) -> float:
+def _variance_inflation(misfit: FrfMisfit, fit: DampingFit, scale: float) -> float:
     """How many times the noise the modal fit misses the FRFs by, 1 at least.
 
     A noise that was found from the residual itself has the model's errors in it. What changes from
@@ -229,7 +229,7 @@ def _first_delay(data: DampingData) -> float:
         frfs, data.weighting, np.broadcast_to(_FIRST_NOISE * level, frfs.values.shape)
     )
     rate = data.modal_law.basis(data.first_omega) @ data.start(data.modal_law)
-    rate[nuisance.suspended] = nuisance.suspended_rate
+    rate[nuisance.suspension_modes] = nuisance.suspension_rate
     return misfit.delay(data.first_omega**2, rate + nuisance.window_rate)
 
 
@@ -263,7 +263,7 @@ def fit_damping(
     reference = replace(
         reference,
         misfit=replace(reference.misfit, model=data.model),
-        ratios=replace(reference.ratios, strain=data.lawful_strain),
+        ratios=replace(reference.ratios, strain=data.law_mode_strain),
     )
     start, ratios = data.start(law), reference.ratios
     scale = scale_of_deviations(
@@ -274,7 +274,7 @@ def fit_damping(
     )
     spread = scale.rms
     starts = _starts(law, start, ratios)
-    nuisance = data.nuisance(spread, reference.excess)
+    nuisance = data.nuisance(spread, reference.variance_inflation)
     fits: list[DampingFit] = []
     for done, first in enumerate(starts):
         progress(done / len(starts))
@@ -287,15 +287,17 @@ def fit_damping(
     best = fits[0]
     elastic, by_elastic = data.elastic, _by_elastic(data, reference.misfit, best)
     by_coordinates = by_elastic * elastic.prior.slope(elastic.theta)
-    window_sd, excursions, pulls = (
+    window_sd, effects, sensitivity = (
         data.window_sd(),
-        elastic.every_excursion,
-        by_coordinates @ elastic.pulls,
+        elastic.all_systematic_effects,
+        by_coordinates @ elastic.bias_sensitivity,
     )
     if window_sd:
         known = data.inputs.window_known
-        excursions += (Excursion(WINDOW, np.zeros(0), "both" if known else "one-sided", known, ""),)
-        pulls = np.column_stack([pulls, -law_of_window(law, ratios) * window_sd])
+        effects += (
+            SystematicEffect(WINDOW, np.zeros(0), "both" if known else "one-sided", known, ""),
+        )
+        sensitivity = np.column_stack([sensitivity, -law_of_window(law, ratios) * window_sd])
     rivals = [
         fit.coefficients
         for fit in fits
@@ -312,8 +314,8 @@ def fit_damping(
             AGAINST_MODES: np.diag(_against_modes(ratios, best, spread)),
         },
         inherited={n: by_coordinates @ part for n, part in elastic.sources.items()},
-        excursions=excursions,
-        pulls=pulls,
+        systematic_effects=effects,
+        bias_sensitivity=sensitivity,
         by_elastic=by_elastic,
         deviations=scale,
     )
@@ -343,11 +345,11 @@ def _unit(misfit: FrfMisfit) -> float:
 
 def _modal_ratios(data: DampingData, modal: DampingFit) -> MeasuredRatios:
     """The same in the modal fit."""
-    lawful = data.lawful
-    omega = np.sqrt(modal.eigenvalue[lawful])
-    ratio = modal.law_rate[lawful] / (2 * omega)
+    modes = data.law_modes
+    omega = np.sqrt(modal.eigenvalue[modes])
+    ratio = modal.law_rate[modes] / (2 * omega)
     # the modal law's coefficients ascend with their knots
-    order = np.argsort(data.model.omega[lawful])
+    order = np.argsort(data.model.omega[modes])
     covariance = np.empty((ratio.size, ratio.size))
     covariance[np.ix_(order, order)] = modal.noise_covariance
     return data.ratios_of(omega, ratio, covariance)
@@ -359,10 +361,10 @@ def _starts(law: DampingLaw, start: FloatArray, ratios: MeasuredRatios) -> list[
     basis = law.basis(omega, ratios.strain)
     # coefficients that alone would damp every mode
     damping = np.flatnonzero(np.all(basis > 0, axis=0))
-    alone = [
+    single = [
         np.median(2 * omega * ratio / basis[:, j]) * np.eye(basis.shape[1])[j] for j in damping
     ]
-    return [start, start * _SPREAD_OF_STARTS, start / _SPREAD_OF_STARTS, *alone]
+    return [start, start * _SPREAD_OF_STARTS, start / _SPREAD_OF_STARTS, *single]
 
 
 def _own_sources(data: DampingData, fit: DampingFit, relative: float) -> dict[str, FloatArray]:
@@ -374,7 +376,7 @@ def _own_sources(data: DampingData, fit: DampingFit, relative: float) -> dict[st
     by_shift = by[:, others] * 2 * fit.eigenvalue[others] * data.elastic.discrepancy
     parts = (
         root(fit.noise_covariance),
-        (by[:, m + moved] * fit.law_rate[moved] + fit.seen[:, moved]) * relative,
+        (by[:, m + moved] * fit.law_rate[moved] + fit.ratio_data[:, moved]) * relative,
         by_shift,
     )
     return dict(zip(_OF_FRFS, parts, strict=True))
@@ -439,7 +441,7 @@ def _by_rates(fit: DampingFit, rate: FloatArray) -> FloatArray:
     frequency, and so for another law.
     """
     rate = rate.copy()
-    rate[fit.nuisance.suspended] = 0.0
+    rate[fit.nuisance.suspension_modes] = 0.0
     own = np.isin(np.arange(len(rate)), fit.nuisance.modes[fit.nuisance.deviation_sd > 0])
     by_rate = (fit.response @ fit.normal.hessian)[:, len(rate) :]
     relative = rate[own] / fit.law_rate[own, None]

@@ -81,26 +81,26 @@ def discretise(specimen: Specimen | LayeredSpecimen, highest_hz: float) -> Discr
         InputError: the body is so large for its thickness and the band that no mesh allowed follows
             its waves.
     """
-    wanted = _first(specimen, highest_hz)
-    if wanted[0] * wanted[1] > _HOPELESS:
+    needed = _first(specimen, highest_hz)
+    if needed[0] * needed[1] > _HOPELESS:
         sides = " × ".join(
             f"{side:g}" for side in (specimen.length, specimen.width, specimen.thickness)
         )
         raise InputError(
             "geometry",
-            f"of {sides} m takes {wanted[0]} × {wanted[1]} elements for its waves up to"
-            f" {highest_hz:.4g} Hz, in all {wanted[0] * wanted[1]} and more than {_HOPELESS}:"
+            f"of {sides} m takes {needed[0]} × {needed[1]} elements for its waves up to"
+            f" {highest_hz:.4g} Hz, in all {needed[0] * needed[1]} and more than {_HOPELESS}:"
             " lengths are in m, not in mm; or lower the band",
         )
-    divisions = _within(wanted)
+    divisions = _within(needed)
     for _ in range(_ROUNDS):
-        found = _estimate(specimen, divisions, highest_hz)
-        if found.error.max(initial=0.0) <= DISCRETISATION or np.prod(divisions) >= 0.9 * _MOST:
+        estimated = _estimate(specimen, divisions, highest_hz)
+        if estimated.error.max(initial=0.0) <= DISCRETISATION or np.prod(divisions) >= 0.9 * _MOST:
             break
-        grown = _SAFETY * (2 * found.by_side / DISCRETISATION) ** 0.25
-        more = tuple(int(np.ceil(d * max(g, 1.0))) for d, g in zip(divisions, grown, strict=True))
+        ratios = _SAFETY * (2 * estimated.by_side / DISCRETISATION) ** 0.25
+        more = tuple(int(np.ceil(d * max(g, 1.0))) for d, g in zip(divisions, ratios, strict=True))
         divisions = _within((more[0], more[1]))
-    return found
+    return estimated
 
 
 def _estimate(
@@ -144,6 +144,6 @@ def _frequencies(
     meshed = replace(specimen, divisions=divisions)
     model, (K, M) = meshed.model, nominal_matrices(meshed)
     rigid = model.rigid_modes.shape[1]
-    wanted = count or max(modes_below(K, M, (2 * np.pi * highest_hz) ** 2) - rigid, 1)
-    frequencies: FloatArray = body_modes(model, K, M, wanted).frequency_hz[rigid:]
+    number = count or max(modes_below(K, M, (2 * np.pi * highest_hz) ** 2) - rigid, 1)
+    frequencies: FloatArray = body_modes(model, K, M, number).frequency_hz[rigid:]
     return frequencies

@@ -53,7 +53,7 @@ def frequency_effects(elastic: ElasticResult, prediction: Prediction | None) -> 
     held = bool(elastic.updated.modes.rigid == 0)
     support = {
         each.name: each.shift[columns]
-        for each in elastic.every_excursion
+        for each in elastic.all_systematic_effects
         if each.name.startswith("clamp")
     }
     by_one_sd = {

@@ -8,10 +8,10 @@ Marquardt's method on the misfit
 
 with the residuals of all campaigns stacked and coupons y_b, logarithms of their means over the
 prior's. Measured and model modes are paired anew by MAC as constants move modes past each other,
-and weighed by how far they are believed to be modes (`belief`). The discrepancy s follows from the
-residuals, the scatter τ between specimens is the root of its posterior mean. The intervals are
-those of the posterior with both marginalised (`posterior`), and reach on to one side where an input
-is believed to be nothing but may be something (`excursions`).
+and weighed by how far they are believed to be modes (`mode_inclusion`). The discrepancy s follows
+from the residuals, the scatter τ between specimens is the root of its posterior mean. The intervals
+are those of the posterior with both marginalised (`posterior`), and reach on to one side where an
+input is believed to be nothing but may be something (`systematic_effects`).
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
 from fecore.errors import InputError, ModelError, UpdatingError
 from fecore.least_squares import Stopping, minimise
-from fecore.updating.belief import weights_of
-from fecore.updating.elastic_result import ElasticResult, prior_belief, stacked
+from fecore.updating.elastic_result import ElasticResult, prior_inclusion, stacked
 from fecore.updating.forward import ForwardState
 from fecore.updating.layout import Layout
+from fecore.updating.mode_inclusion import weights_of
 from fecore.updating.pairing import (
     Partners,
     exchanged,
     has_shapes,
-    pair_held,
-    pair_likest,
+    pair_best_match,
+    pair_fixed,
     pair_with,
     partners_of,
 )
@@ -44,24 +44,27 @@ from fecore.updating.result import ConvergenceStep
 from fecore.updating.shape_error import ShapeErrors
 from fecore.updating.theory_error import SHEAR_CORRECTION_SD, by_shear_correction, discrepancy_scale
 
-_TURNS, _STEPS = 30, 6  # pairings and discrepancies that are tried, and steps with each
-# turns after which a fit whose partners change swings, and steps that gain next to nothing are rest
-_LATE = 12
+_OUTER_ITERATIONS, _STEPS = 30, 6  # pairings and discrepancies that are tried, and steps with each
+# iterations after which a fit whose partners change goes round, and steps that gain next to nothing
+# are rest
+_FINAL_PHASE = 12
 _REST = 1e-4  # posterior standard deviations that an undamped step may still move
-# of the misfit, that a late turn's steps may lower it and be at rest: 1/22 of a standard deviation
-_STILL = 1e-3
+# of the misfit, that steps of the final phase may lower it and be at rest: 1/22 of a standard
+# deviation
+_STALLED = 1e-3
 _SAME = 0.01  # relative change of discrepancy and scatter that changes nothing
-_THERE = 0.01  # posterior standard deviations within which a turn ends where another did
+_THERE = 0.01  # posterior standard deviations within which an iteration ends where another did
 
 
 class NoPartnersError(UpdatingError):
     """No measured mode is like any mode of the model."""
 
 
-class SwingingError(UpdatingError):
+class PairingCycleError(UpdatingError):
     """The partners of modes change to and fro for ever."""
 
-    torn: tuple[tuple[int, int], ...] = ()  # campaigns and measured modes whose partners change
+    # campaigns and measured modes whose partners change
+    oscillating_modes: tuple[tuple[int, int], ...] = ()
     # the partners in every campaign, each with the x that they were found at
     between: tuple[tuple[tuple[Partners, ...], FloatArray], ...] = ()
 
@@ -72,8 +75,8 @@ def fit(
     *,
     use_shapes: bool = False,
     start: FloatArray | None = None,
-    likest: bool = False,
-    held: tuple[Partners, ...] | None = None,
+    force_best_match: bool = False,
+    fixed_pairing: tuple[Partners, ...] | None = None,
 ) -> ElasticResult:
     """Find the most probable unknowns from measured modes.
 
@@ -82,20 +85,21 @@ def fit(
         progress: called with the share of the stage that is done.
         use_shapes: fit realised shapes too; needs modes with shapes.
         start: (X,) x to start from, the prior means by default.
-        likest: pair the likest shapes at the prior means, however unlike, and keep these pairs.
-        held: partners to keep, of each campaign; by default the modes are paired anew in every
-            turn.
+        force_best_match: pair the likest shapes at the prior means, however unlike, and keep these
+            pairs.
+        fixed_pairing: partners to keep, of each campaign; by default the modes are paired anew in
+            every outer iteration.
 
     Raises:
         InputError: shapes are asked for and there are none, or a coupon's constant is not updated.
         NoPartnersError: no mode of a campaign could be paired.
-        SwingingError: the partners of modes change to and fro.
+        PairingCycleError: the partners of modes change to and fro.
         UpdatingError: the iteration did not converge; it carries the best iterate.
         ModelError: the eigenproblem could not be solved.
     """
     if use_shapes and any(campaign.modes.shapes is None for campaign in layout.campaigns):
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
-    misfit = Misfit(layout, use_shapes, likest, held)
+    misfit = Misfit(layout, use_shapes, force_best_match, fixed_pairing)
     origin: FloatArray = np.zeros(len(layout.unknowns))
     weights = tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns)
     no_shear = tuple(np.zeros(each.size) for each in weights)
@@ -106,40 +110,42 @@ def fit(
     point = initial if start is None else misfit.paired(start, first_scales)
     path = _Path(layout, progress)
     stopping = Stopping(relative=0.0, absolute=_REST**2 / 2, steps=_STEPS)
-    for turn in range(_TURNS):
-        path.late = turn >= _LATE
-        found, first = minimise(point, misfit.move, stopping, path.visit), point
+    for iteration in range(_OUTER_ITERATIONS):
+        path.final_phase = iteration >= _FINAL_PHASE
+        minimum, first = minimise(point, misfit.move, stopping, path.visit), point
         point = misfit.at(
-            found.point.x, found.point.states, misfit.pair(found.point.states), first.scales
+            minimum.point.x, minimum.point.states, misfit.pair(minimum.point.states), first.scales
         )
         path.note_partners(point)
-        fresh = misfit.fresh_scales(point, late=path.late)
+        fresh = misfit.fresh_scales(point, final_phase=path.final_phase)
         same = fresh.are_those_of(point.scales)
         same &= all(
-            a.pairs == b.pairs for a, b in zip(found.point.pairings, point.pairings, strict=True)
+            a.pairs == b.pairs for a, b in zip(minimum.point.pairings, point.pairings, strict=True)
         )
         # Steps may zigzag about the minimum, as where modes veer; without shapes a fit creeps to a
         # crossing.
-        still = path.late and layout.by_shapes and first.cost - found.point.cost < _STILL
-        rests = still or found.outcome in ("converged", "stuck")
-        if same and rests:
+        stalled = (
+            path.final_phase and layout.by_shapes and first.cost - minimum.point.cost < _STALLED
+        )
+        converged = stalled or minimum.outcome in ("converged", "stuck")
+        if same and converged:
             progress(1.0)
             return misfit.result(point, initial, tuple(path.history))
         point = misfit.at(point.x, point.states, point.pairings, fresh)
-        if path.late and path.recurs(point):
+        if path.final_phase and path.recurs(point):
             break
-    raise path.without_rest(point)
+    raise path.nonconvergence(point)
 
 
 @dataclass(frozen=True)
 class _Scales:
-    """What each turn estimates anew: discrepancy, scatter, and of each campaign's measured modes
-    the weights, and the errors by shear and of shapes.
+    """What each outer iteration estimates anew: discrepancy, scatter, and of each campaign's
+    measured modes the weights, and the errors by shear and of shapes.
 
-    Within a turn modes pass one another, and a partner's share of shear would jump.
+    Within one modes pass one another, and a partner's share of shear would jump.
     """
 
-    spread: float
+    discrepancy: float
     scatter: float
     weights: tuple[FloatArray, ...]
     by_shear: tuple[FloatArray, ...]
@@ -147,7 +153,7 @@ class _Scales:
 
     def are_those_of(self, other: _Scales) -> bool:
         """Whether they differ by no more than what changes nothing."""
-        mine, theirs = (self.spread, self.scatter), (other.spread, other.scatter)
+        mine, theirs = (self.discrepancy, self.scatter), (other.discrepancy, other.scatter)
         same = all(abs(new - old) <= _SAME * old for new, old in zip(mine, theirs, strict=True))
         same &= all(a.are_those_of(b) for a, b in zip(self.shapes, other.shapes, strict=True))
         same &= all(
@@ -186,8 +192,8 @@ class Misfit:
 
     layout: Layout
     use_shapes: bool = False
-    likest: bool = False
-    held: tuple[Partners, ...] | None = None
+    force_best_match: bool = False
+    fixed_pairing: tuple[Partners, ...] | None = None
 
     def paired(self, x: FloatArray, scales: _Scales) -> _Point:
         """The misfit at x, the modes paired there."""
@@ -196,26 +202,27 @@ class Misfit:
 
     def pair(self, states: Sequence[ForwardState]) -> tuple[Pairing, ...]:
         """The pairing of each campaign's modes with those of its solved model."""
-        found = []
+        pairings = []
         for number, (campaign, state) in enumerate(zip(self.layout.campaigns, states, strict=True)):
             modes = campaign.modes
-            if self.likest:
-                pairing = replace(self._likest[number], mac=pair_likest(modes, state).mac)
+            if self.force_best_match:
+                pairing = replace(self._best_match[number], mac=pair_best_match(modes, state).mac)
             else:
                 pairing = (
                     pair_with(modes, state)
-                    if self.held is None
-                    else pair_held(modes, state, self.held[number])
+                    if self.fixed_pairing is None
+                    else pair_fixed(modes, state, self.fixed_pairing[number])
                 )
             if not pairing.pairs:
                 raise _without_partners(self.layout, number, state)
-            found.append(pairing)
-        return tuple(found)
+            pairings.append(pairing)
+        return tuple(pairings)
 
     @cached_property
-    def _likest(self) -> tuple[Pairing, ...]:
+    def _best_match(self) -> tuple[Pairing, ...]:
         return tuple(
-            pair_likest(c.modes, c.forward.solve(c.prior.prior_mean)) for c in self.layout.campaigns
+            pair_best_match(c.modes, c.forward.solve(c.prior.prior_mean))
+            for c in self.layout.campaigns
         )
 
     def at(
@@ -229,7 +236,9 @@ class Misfit:
         weights.
         """
         problem = self.linear(x, states, pairings, scales.weights, scales.shapes, scales.by_shear)
-        return _Point(states, pairings, problem, scales, *problem.at(scales.spread, scales.scatter))
+        return _Point(
+            states, pairings, problem, scales, *problem.at(scales.discrepancy, scales.scatter)
+        )
 
     def linear(
         self,
@@ -277,8 +286,8 @@ class Misfit:
         others: dict[str, FloatArray] = {"mode shapes": J.T @ J} if self.use_shapes else {}
         cost = float(m @ m)
         if self.layout.coupons:
-            said, values, sds = self.layout.of_coupons
-            C, off = said / sds[:, None], (values - said @ x) / sds
+            combinations, values, sds = self.layout.of_coupons
+            C, off = combinations / sds[:, None], (values - combinations @ x) / sds
             others["coupons"] = C.T @ C
             descent, cost = descent + C.T @ off, cost + float(off @ off)
         known = (
@@ -300,11 +309,11 @@ class Misfit:
         """Of each campaign's measured modes, what the shear correction may miss of their partners;
         0 without one.
         """
-        found = tuple(np.zeros(len(campaign.modes)) for campaign in self.layout.campaigns)
-        for own, state, pairing in zip(found, states, pairings, strict=True):
+        errors = tuple(np.zeros(len(campaign.modes)) for campaign in self.layout.campaigns)
+        for own, state, pairing in zip(errors, states, pairings, strict=True):
             rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
             own[rows] = by_shear_correction(state)[columns]
-        return found
+        return errors
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
         """The point that a step leads to; None where no specimen could be, the model is none, or a
@@ -318,7 +327,7 @@ class Misfit:
         except ModelError:  # as where what a mesh misses is extrapolated too far
             return None
         pairings = point.pairings
-        if self.held is not None:
+        if self.fixed_pairing is not None:
             pairings = self.pair(states)
             if any(
                 len(a.pairs) < len(b.pairs) for a, b in zip(pairings, point.pairings, strict=True)
@@ -326,27 +335,27 @@ class Misfit:
                 return None  # a partner rose above the modes that were solved for
         return self.at(x, states, pairings, point.scales)
 
-    def fresh_scales(self, point: _Point, *, late: bool) -> _Scales:
-        """All scales as they are at a point; late weights and errors of shapes stay, so that the
-        fit comes to rest.
+    def fresh_scales(self, point: _Point, *, final_phase: bool) -> _Scales:
+        """All scales as they are at a point; in the final phase weights and errors of shapes stay,
+        so that the fit comes to rest.
         """
         problem, old = point.problem, point.scales
-        spread, scatter = problem.discrepancy(old.spread, old.scatter), 0.0
+        discrepancy, scatter = problem.discrepancy(old.discrepancy, old.scatter), 0.0
         if self.layout.scatter:
             mixture, scatters = problem.mixture(self.layout.scatter)
             scatter = float(np.sqrt(mixture.weight @ scatters**2))
-        if late:
-            return _Scales(spread, scatter, old.weights, old.by_shear, old.shapes)
-        belief = weights_of(problem, *prior_belief(self.layout, point.pairings), old.scatter)
-        likeliest, weights = np.round(belief), [np.ones(each.size) for each in old.weights]
+        if final_phase:
+            return _Scales(discrepancy, scatter, old.weights, old.by_shear, old.shapes)
+        inclusion = weights_of(problem, *prior_inclusion(self.layout, point.pairings), old.scatter)
+        likeliest, weights = np.round(inclusion), [np.ones(each.size) for each in old.weights]
         for own, pairing, at in zip(weights, point.pairings, stacked(point.pairings), strict=True):
             own[[row for row, _ in pairing.pairs]] = likeliest[at]
         by_shear = self.by_shear(point.states, point.pairings)
-        shapes = self.shape_errors(point.states, point.pairings, spread)
-        return _Scales(spread, scatter, tuple(weights), by_shear, shapes)
+        shapes = self.shape_errors(point.states, point.pairings, discrepancy)
+        return _Scales(discrepancy, scatter, tuple(weights), by_shear, shapes)
 
     def shape_errors(
-        self, states: Sequence[ForwardState], pairings: Sequence[Pairing], spread: float
+        self, states: Sequence[ForwardState], pairings: Sequence[Pairing], discrepancy: float
     ) -> tuple[ShapeErrors, ...]:
         """Of each campaign, the errors of the paired modes' shapes at a discrepancy of the
         frequencies.
@@ -355,7 +364,7 @@ class Misfit:
             return tuple(ShapeErrors() for _ in self.layout.campaigns)
         campaigns = zip(self.layout.campaigns, states, pairings, strict=True)
         return tuple(
-            ShapeErrors.of(campaign.modes, state, pairing, spread)
+            ShapeErrors.of(campaign.modes, state, pairing, discrepancy)
             for campaign, state, pairing in campaigns
         )
 
@@ -371,31 +380,31 @@ class Misfit:
             initial_pairings=initial.pairings,
             pairings=point.pairings,
             problem=point.problem,
-            discrepancy=point.scales.spread,
+            discrepancy=point.scales.discrepancy,
             scatter=point.scales.scatter,
             history=history,
-            held=self.held,
-            unlike=self.likest,
+            fixed_pairing=self.fixed_pairing,
+            unlike=self.force_best_match,
         )
 
 
 @dataclass
 class _Path:
-    """How a fit goes: its iterates, and the partners that modes have in its late turns."""
+    """How a fit goes: its iterates, and the partners that modes have in its final phase."""
 
     layout: Layout
     progress: Callable[[float], None]
-    late: bool = False
+    final_phase: bool = False
     visited: int = 0
     history: list[ConvergenceStep] = field(default_factory=list)
     between: dict[tuple[Partners, ...], FloatArray] = field(default_factory=dict)
     _last: FloatArray | None = None
-    # of late turns
+    # of iterations of the final phase
     _ends: list[tuple[tuple[Partners, ...], FloatArray]] = field(default_factory=list)
 
     def visit(self, _: int, point: _Point) -> None:
         """Note an iterate."""
-        self.note_partners(point)  # modes may cross within a turn too
+        self.note_partners(point)  # modes may cross within an iteration too
         self.progress(1 - 0.7**self.visited)
         self.visited += 1
         if self._last is not point.x:
@@ -411,12 +420,12 @@ class _Path:
 
     def note_partners(self, point: _Point) -> None:
         """Note who is paired with whom, where the fit should have come to rest by then."""
-        if self.late:
+        if self.final_phase:
             self.between.setdefault(point.partners, point.x)
 
     def recurs(self, point: _Point) -> bool:
-        """Whether a late turn ends where one before the last did, and the last did not: then it
-        goes round for ever.
+        """Whether an iteration of the final phase ends where one before the last did, and the last
+        did not: then it goes round for ever.
         """
         there = [
             partners == point.partners
@@ -426,7 +435,7 @@ class _Path:
         self._ends.append((point.partners, point.x))
         return any(there) and not there[-1]
 
-    def without_rest(self, point: _Point) -> UpdatingError:
+    def nonconvergence(self, point: _Point) -> UpdatingError:
         """The error of a fit that goes on for ever."""
         for number, campaign in enumerate(self.layout.campaigns):
             # At a crossing a fit creeps along the lower of two modes, and pairs with that one
@@ -441,15 +450,16 @@ class _Path:
             for partners in self.between
         ]
         everywhere = seen[0].intersection(*seen)
-        torn = {(c, row) for one in seen for c, row, *_ in one - everywhere}
-        raised = (SwingingError if torn else UpdatingError)(
-            _no_rest(self.layout, torn),
+        oscillating = {(c, row) for one in seen for c, row, *_ in one - everywhere}
+        error = (PairingCycleError if oscillating else UpdatingError)(
+            _nonconvergence_message(self.layout, oscillating),
             best=self.layout.parameters(point.x),
             history=tuple(iterate.cost for iterate in self.history),
         )
-        if isinstance(raised, SwingingError):
-            raised.torn, raised.between = tuple(sorted(torn)), tuple(self.between.items())
-        return raised
+        if isinstance(error, PairingCycleError):
+            error.oscillating_modes = tuple(sorted(oscillating))
+            error.between = tuple(self.between.items())
+        return error
 
 
 def _without_partners(layout: Layout, number: int, state: ForwardState) -> NoPartnersError:
@@ -472,19 +482,21 @@ def _without_partners(layout: Layout, number: int, state: ForwardState) -> NoPar
     )
 
 
-def _no_rest(layout: Layout, torn: set[tuple[int, int]]) -> str:
-    """Why an iteration goes on for ever, and what to do, in words; `torn` are the modes whose
-    partner changed.
+def _nonconvergence_message(layout: Layout, oscillating: set[tuple[int, int]]) -> str:
+    """Why an iteration goes on for ever, and what to do, in words; `oscillating` are the modes
+    whose partner changed.
     """
-    said = "the elastic update did not converge; "
-    if torn:
-        which = ", ".join(layout.campaigns[number].named(row) for number, row in sorted(torn))
+    message = "the elastic update did not converge; "
+    if oscillating:
+        which = ", ".join(
+            layout.campaigns[number].named(row) for number, row in sorted(oscillating)
+        )
         return (
-            said
+            message
             + f"the partner of measured mode {which} changes to and fro, as modes of the model mix"
             " there or the points cannot distinguish them: leave it out of the mode set, measure"
             " at more points, or check boundary and geometry"
         )
     if len(layout.campaigns) > 1:
-        said += "update each campaign by itself to see which one does not fit; "
-    return said + "check geometry, density, boundary and priors"
+        message += "update each campaign by itself to see which one does not fit; "
+    return message + "check geometry, density, boundary and priors"

@@ -14,7 +14,7 @@ from fecore.modes import MeasuredModes
 from fecore.normal import Z_95
 from fecore.updating.additions import MASS
 from fecore.updating.amounts import amount, plus_minus
-from fecore.updating.conflicts import Check, Conflict, Said
+from fecore.updating.conflicts import Check, Conflict, SourceStatement
 from fecore.updating.contradictions import SLIPS, compare_sources
 from fecore.updating.elastic_result import (
     BELIEVED,
@@ -22,10 +22,10 @@ from fecore.updating.elastic_result import (
     REFUTED,
     SAME_SHAPE,
     ElasticResult,
-    prior_belief,
+    prior_inclusion,
 )
 from fecore.updating.explanations import left_open
-from fecore.updating.findings import Level, found, listed, modes_of, remarks
+from fecore.updating.findings import Level, finding, listed, modes_of, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import Parameter
@@ -47,7 +47,7 @@ _ROUND_OFF = 1e-9  # of the share of a length's variance that the data leave
 def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
     """All findings, by what they mean."""
     pairing, twins = elastic.pairing, _twins(elastic, modes)
-    alone = len(pairing.unpaired_measured)
+    unpaired = len(pairing.unpaired_measured)
     twinned = {other for others in twins.values() for other in others}
     shown = replace(
         pairing,
@@ -56,17 +56,17 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
     conflicts = compare_sources(elastic)[0]
     findings = remarks("pairing", shown.messages(modes.frequency_hz, elastic.updated.frequency_hz))
     if elastic.unlike and pairing.mac is not None:
-        findings.append(found("no_like_mode", mac=np.nanmax(pairing.mac)))
-    if alone:
-        kind = "most_modes_alone" if 2 * alone > len(modes) else "modes_alone"
-        findings.append(found(kind, alone=modes_of(alone, len(modes))))
+        findings.append(finding("no_like_mode", mac=np.nanmax(pairing.mac)))
+    if unpaired:
+        kind = "most_modes_alone" if 2 * unpaired > len(modes) else "modes_alone"
+        findings.append(finding(kind, unpaired=modes_of(unpaired, len(modes))))
     return [
         *findings,
         *pairing_findings(elastic),
         *_two_in_one(elastic, modes, twins),
         *_halves_of_modes(elastic, modes),
         *_unlike_shapes(elastic),
-        *_missed_frequencies(elastic),
+        *_frequency_misfit(elastic),
         *mesh_findings(elastic),
         *map(contradiction, conflicts),
         *_changed(elastic),
@@ -82,12 +82,12 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
 
 def pairing_findings(elastic: ElasticResult) -> list[Finding]:
     """Modes of one campaign or of several that may be others than those they were paired with."""
-    return [*_rival_pairing(elastic), *_swinging_pairing(elastic), *_not_believed(elastic)]
+    return [*_rival_pairing(elastic), *_pairing_cycle(elastic), *_not_believed(elastic)]
 
 
 def _not_believed(elastic: ElasticResult) -> list[Finding]:
     """Measured modes that are more likely none, as the model has no place for them."""
-    findings, known = [], prior_belief(elastic.layout, elastic.pairings)[0]
+    findings, known = [], prior_inclusion(elastic.layout, elastic.pairings)[0]
     for campaign, pairing, at in zip(
         elastic.layout.campaigns, elastic.pairings, elastic.rows, strict=True
     ):
@@ -99,7 +99,7 @@ def _not_believed(elastic: ElasticResult) -> list[Finding]:
             strict=True,
         )
         findings += [
-            found(
+            finding(
                 "mode_not_believed",
                 which=campaign.named(row),
                 probability=p,
@@ -114,7 +114,7 @@ def _not_believed(elastic: ElasticResult) -> list[Finding]:
 def _rival_pairing(elastic: ElasticResult) -> list[Finding]:
     """Other partners that the data hardly refute, and that would give another material."""
     names = elastic.layout.shared
-    for rival in elastic.standing or elastic.rivals[:1]:
+    for rival in elastic.admissible_rivals or elastic.rivals[:1]:
         apart, theta = rival.other.x - elastic.x, elastic.layout.material(rival.other.x)
         sd = np.sqrt(np.minimum(np.diag(elastic.mixture.total), np.diag(rival.other.mixture.total)))
         other = ", ".join(
@@ -123,17 +123,19 @@ def _rival_pairing(elastic: ElasticResult) -> list[Finding]:
             if abs(apart[i]) > FAR * sd[i]
         )
         if other and rival.evidence <= REFUTED:
-            spanned = "; the intervals span both" if elastic.standing else ""
-            return [found("rival_pairing", other=other, evidence=rival.evidence, spanned=spanned)]
+            spanned = "; the intervals span both" if elastic.admissible_rivals else ""
+            return [finding("rival_pairing", other=other, evidence=rival.evidence, spanned=spanned)]
     return []
 
 
-def _swinging_pairing(elastic: ElasticResult) -> list[Finding]:
+def _pairing_cycle(elastic: ElasticResult) -> list[Finding]:
     """Modes whose partners had to be held, as the fit from the prior means changed them to and
     fro.
     """
-    which = ", ".join(elastic.layout.campaigns[number].named(row) for number, row in elastic.torn)
-    return [found("partners_swing", which=which)] if which else []
+    which = ", ".join(
+        elastic.layout.campaigns[number].named(row) for number, row in elastic.oscillating_modes
+    )
+    return [finding("partners_swing", which=which)] if which else []
 
 
 def _twins(elastic: ElasticResult, modes: MeasuredModes) -> dict[int, list[int]]:
@@ -155,7 +157,7 @@ def _two_in_one(
     """Measured modes where the body has two that lie too close together to be separated."""
     model, partner = elastic.updated.frequency_hz, dict(elastic.pairing.pairs)
     return [
-        found(
+        finding(
             "two_in_one",
             which=f"{row + 1} ({modes.frequency_hz[row]:.2f} Hz)",
             hz=" and ".join(f"{hz:.2f} Hz" for hz in np.sort(model[[partner[row], *others]])),
@@ -190,7 +192,7 @@ def _halves_of_modes(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
         elastic.misfit > HOPELESS_MISS
         or np.median([matrix[pair] for pair in partner.items()]) < SAME_SHAPE
     )
-    return [found("halves_of_a_mode", level="do_not_use" if spoilt else None, which=which)]
+    return [finding("halves_of_a_mode", level="do_not_use" if spoilt else None, which=which)]
 
 
 def _unlike_shapes(elastic: ElasticResult) -> list[Finding]:
@@ -198,19 +200,21 @@ def _unlike_shapes(elastic: ElasticResult) -> list[Finding]:
     if matrix is None:
         return []
     median = float(np.median([matrix[pair] for pair in pairs]))
-    findings = [found("shapes_unlike", mac=median)] if median < SAME_SHAPE else []
+    findings = [finding("shapes_unlike", mac=median)] if median < SAME_SHAPE else []
     return findings + [
-        found("shape_unlike", which=elastic.only.named(i), mac=matrix[i, j], model=j + 1, hz=hz[j])
+        finding(
+            "shape_unlike", which=elastic.only.named(i), mac=matrix[i, j], model=j + 1, hz=hz[j]
+        )
         for i, j in pairs
         if matrix[i, j] < SAME_SHAPE
     ]
 
 
-def _missed_frequencies(elastic: ElasticResult) -> list[Finding]:
+def _frequency_misfit(elastic: ElasticResult) -> list[Finding]:
     if elastic.misfit < USUAL_MISS:
         return []
     level: Level | None = "do_not_use" if elastic.misfit > HOPELESS_MISS else None
-    return [found("frequencies_missed", level=level, percent=100 * elastic.misfit)]
+    return [finding("frequencies_missed", level=level, percent=100 * elastic.misfit)]
 
 
 def mesh_findings(elastic: ElasticResult) -> list[Finding]:
@@ -225,17 +229,17 @@ def mesh_findings(elastic: ElasticResult) -> list[Finding]:
     ]
     if not errors:
         return []
-    sd = np.sqrt(np.diag(elastic.spanning.total) + elastic.by_mesh)[: len(shared)]
-    away = elastic.on_own_mesh[: len(shared)]
+    sd = np.sqrt(np.diag(elastic.model_averaged_posterior.total) + elastic.by_mesh)[: len(shared)]
+    shift = elastic.on_own_mesh[: len(shared)]
     theta = elastic.layout.material(elastic.x)
-    moved = [i for i in np.argsort(-np.abs(away) / sd) if abs(away[i]) > sd[i]]
+    moved = [i for i in np.argsort(-np.abs(shift) / sd) if abs(shift[i]) > sd[i]]
     if moved:
         log = elastic.layout.prior.logarithmic
-        share = [np.expm1(away[i]) if log[i] else away[i] / theta[i] for i in moved]
+        share = [np.expm1(shift[i]) if log[i] else shift[i] / theta[i] for i in moved]
         coarsest = max(errors, key=lambda error: error.size)
-        enough = coarsest.size_for(float(sd[moved[0]] / abs(away[moved[0]])) / 2)
+        enough = coarsest.size_for(float(sd[moved[0]] / abs(shift[moved[0]])) / 2)
         findings.append(
-            found(
+            finding(
                 "mesh_moves",
                 size=1e3 * coarsest.size,
                 finest=1e3 * coarsest.finest,
@@ -255,7 +259,7 @@ def mesh_findings(elastic: ElasticResult) -> list[Finding]:
         if elastic.by_mesh[i] > sd[i] ** 2 / 2 and _is_lost(elastic, i)
     ]
     if decided:
-        findings.append(found("mesh_decides", names=listed(decided, _NAMED)))
+        findings.append(finding("mesh_decides", names=listed(decided, _NAMED)))
     return findings
 
 
@@ -267,10 +271,10 @@ def mesh_on_trust(forward: ForwardModel) -> list[Finding]:
     """That nobody knows what a body's mesh misses."""
     body = forward.specimen
     if isinstance(body, MatrixBody):
-        return [found("mesh_on_trust", why="matrices have no elements that could be refined")]
+        return [finding("mesh_on_trust", why="matrices have no elements that could be refined")]
     if isinstance(body, Structure) and forward.finer is None:
         return [
-            found(
+            finding(
                 "mesh_on_trust", why=f"it is too large to be refined ({len(body.mesh.nodes)} nodes)"
             )
         ]
@@ -282,7 +286,7 @@ def contradiction(conflict: Conflict) -> Finding:
     cause = conflict.cause
     rivals = listed([_explained(each) for each in conflict.rivals], _NAMED)
     cleared = listed(conflict.cleared, _NAMED)
-    return found(
+    return finding(
         "sources_conflict",
         level="do_not_use" if cause.kind == "campaign" or conflict.moved > Z_95 else None,
         cause=f"{_explained(cause)}{_odds(conflict)}",
@@ -299,39 +303,44 @@ def _explained(check: Check) -> str:
     if check.kind == "campaign":
         return f"{check.name} as one of another material, angle or boundary than stated"
     if check.kind in ("mass", "foot", "support"):
-        sizes = listed([_sized(said) for said in check.said], _NAMED)
+        sizes = listed([_sized(statement) for statement in check.said], _NAMED)
         verb = ", which gives way" if check.kind == "support" else " of"
         return f"{check.name}{verb} {sizes} near {place_in_words(check.place)}"
     if check.kind == "stiffness":
-        (said,), (of, where) = check.said, check.stretch
+        (statement,), (of, where) = check.said, check.stretch
         return (
-            f"{check.name}, {of} at {said.rest:.2f} ± {said.rest_sd:.2f} of it between {where},"
+            f"{check.name}, {of} at {statement.rest:.2f} ± {statement.rest_sd:.2f} of it between {where},"
             f" which is said of at most {100 * check.level:.1g} % of sound bodies"
         )
     if check.kind == "scatter":
-        (said,) = check.said
+        (statement,) = check.said
         return (
-            f"specimens that scatter by {100 * said.rest:.2g} % instead of"
-            f" {100 * said.stated:.2g} %"
+            f"specimens that scatter by {100 * statement.rest:.2g} % instead of"
+            f" {100 * statement.stated:.2g} %"
         )
     several, words = len(check.said) > 1, []
-    for said in check.said:
-        found, stated = (
-            plus_minus(said.constant, *each)
-            for each in ((said.rest, said.rest_sd), (said.stated, said.stated_sd))
+    for statement in check.said:
+        estimated, stated = (
+            plus_minus(statement.constant, *each)
+            for each in (
+                (statement.rest, statement.rest_sd),
+                (statement.stated, statement.stated_sd),
+            )
         )
         words.append(
-            f"{said.constant + ' ' if several or check.kind == 'coupons' else ''}as {found} instead"
+            f"{statement.constant + ' ' if several or check.kind == 'coupons' else ''}as {estimated} instead"
             f" of {stated}"
         )
     return f"{check.name}{': ' if check.kind == 'coupons' else ' '}{listed(words, _NAMED)}"
 
 
-def _sized(said: Said) -> str:
-    """The size of what a body may have: `5.4 ± 0.2 g`, `in rotation about y with 82 ± 2 N·m/rad`."""
-    if said.constant == MASS:
-        return f"{1e3 * said.rest:.1f} ± {1e3 * said.rest_sd:.1f} g"
-    return sized(said.constant, f"{said.rest:.3g} ± {said.rest_sd:.2g}")
+def _sized(statement: SourceStatement) -> str:
+    """The size of what a body may have: `5.4 ± 0.2 g`, `in rotation about y with 82 ± 2
+    N·m/rad`.
+    """
+    if statement.constant == MASS:
+        return f"{1e3 * statement.rest:.1f} ± {1e3 * statement.rest_sd:.1f} g"
+    return sized(statement.constant, f"{statement.rest:.3g} ± {statement.rest_sd:.2g}")
 
 
 def sized(name: str, stiffness: str) -> str:
@@ -359,14 +368,14 @@ def _changed(elastic: ElasticResult) -> list[Finding]:
     """Where the stiffness has changed, and where the resolution ends; nothing where it hardly
     has.
     """
-    stretches = elastic.stretches
-    if stretches is None or stretches.probability < _HARDLY:
+    intervals = elastic.damage_intervals
+    if intervals is None or intervals.probability < _HARDLY:
         return []
-    begin, end, least, most = (1e3 * value for value in stretches.extent())
+    begin, end, least, most = (1e3 * value for value in intervals.extent())
     return [
-        found(
+        finding(
             "stiffness_changed",
-            p=stretches.probability,
+            p=intervals.probability,
             begin=begin,
             end=end,
             least=least,
@@ -385,7 +394,7 @@ def _confounded(elastic: ElasticResult) -> list[Finding]:
         if each.name in elastic.layout.shared
     }
     return [
-        found("confounded", name=name, others=", ".join(rest))
+        finding("confounded", name=name, others=", ".join(rest))
         for name, rest in others.items()
         if rest
     ]
@@ -405,7 +414,7 @@ def _moved_by_length(elastic: ElasticResult) -> list[Finding]:
     left = 1 - C[place, place] / layout.sd(elastic.scatter)[place] ** 2
     rest = float(np.sqrt(C[place, place] / max(left, _ROUND_OFF)))
     slopes = C[: len(layout.shared), place] / C[place, place]
-    sd = np.sqrt(np.diag(elastic.spanning.total)[: len(layout.shared)])
+    sd = np.sqrt(np.diag(elastic.model_averaged_posterior.total)[: len(layout.shared)])
     moved = [
         f"{name} by {100 * np.expm1(slope * np.log(1.01)):+.2g} %"
         for name, slope, own, each in zip(
@@ -413,20 +422,21 @@ def _moved_by_length(elastic: ElasticResult) -> list[Finding]:
         )
         if each.identifiable and abs(slope) * rest > Z_95 * own
     ]
-    return [found("length_moves", rest=100 * rest, moved=listed(moved, _NAMED))] if moved else []
+    return [finding("length_moves", rest=100 * rest, moved=listed(moved, _NAMED))] if moved else []
 
 
 def _moved_by_support(elastic: ElasticResult) -> list[Finding]:
     """How a support that gives way as far as the data leave open moves the constants, where by more
     than their intervals.
     """
-    found_open = left_open(elastic, SLIPS)
-    if found_open is None:
+    open_end = left_open(elastic, SLIPS)
+    if open_end is None:
         return []
-    q, move = len(elastic.layout.shared), found_open.move
-    sd = np.sqrt(np.diag(elastic.spanning.total) + elastic.by_excursions(*elastic.every_excursion))[
-        :q
-    ]
+    q, move = len(elastic.layout.shared), open_end.move
+    sd = np.sqrt(
+        np.diag(elastic.model_averaged_posterior.total)
+        + elastic.systematic_variance(*elastic.all_systematic_effects)
+    )[:q]
     moved = [
         f"{name} by {100 * (np.expm1(each) if log else each / theta):+.2g} %"
         for name, each, own, log, theta, known in zip(
@@ -442,9 +452,9 @@ def _moved_by_support(elastic: ElasticResult) -> list[Finding]:
     ]
     if not moved:
         return []
-    stiffness = sized(found_open.support.name, f"{found_open.stiffness:.2g}")
-    level: Level | None = "with_care" if found_open.favoured else None
-    return [found("support_moves", level=level, stiffness=stiffness, moved=listed(moved, _NAMED))]
+    stiffness = sized(open_end.support.name, f"{open_end.stiffness:.2g}")
+    level: Level | None = "with_care" if open_end.favoured else None
+    return [finding("support_moves", level=level, stiffness=stiffness, moved=listed(moved, _NAMED))]
 
 
 def undetermined(
@@ -458,13 +468,13 @@ def undetermined(
     """
     lost = [each.name for each in constants if each.tied_to is None and not each.identifiable]
     if not any(each.identifiable for each in constants):
-        return [found("nothing_determined")] if constants else []
-    asked, known = (
+        return [finding("nothing_determined")] if constants else []
+    requested, known = (
         {each.name for each in some if not (each.fixed or each.tied_to)}
         for some in (parameters or (), usual)
     )
-    names = [name for name in lost if name in asked and asked != known]
-    return [found("not_determined", names=listed(names, _NAMED))] if names else []
+    names = [name for name in lost if name in requested and requested != known]
+    return [finding("not_determined", names=listed(names, _NAMED))] if names else []
 
 
 def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> list[Finding]:
@@ -488,5 +498,5 @@ def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> 
         if (rows := np.flatnonzero(out > limit)).size:
             points = listed([forward.points[row] for row in rows], _NAMED)
             values = {"points": points, "name": name, "size": 1e3 * size, "out": 1e3 * out.max()}
-            findings.append(found("points_beyond", where=where, **values))
+            findings.append(finding("points_beyond", where=where, **values))
     return findings

@@ -16,11 +16,10 @@ from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
 from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
-from fecore.updating.belief import over_sets, weights_of
-from fecore.updating.excursions import MESH, Excursion, excursions
 from fecore.updating.forward import ForwardState
 from fecore.updating.layout import CampaignModel, Layout
 from fecore.updating.mixing import Mixing, mixings
+from fecore.updating.mode_inclusion import over_sets, weights_of
 from fecore.updating.pairing import Partners, partners_of
 from fecore.updating.parameters import Parametrisation
 from fecore.updating.posterior import (
@@ -34,10 +33,11 @@ from fecore.updating.posterior import (
     spread_over,
 )
 from fecore.updating.result import ConvergenceStep, ModeComparison, StartHistory
+from fecore.updating.systematic_effects import MESH, SystematicEffect, systematic_effects
 from fecore.updating.theory_error import SHEAR_CORRECTION, by_shear_correction
 
 if TYPE_CHECKING:
-    from fecore.updating.stretches import Stretches
+    from fecore.updating.damage_intervals import DamageIntervals
 
 REFUTED = 5.0
 """Log evidence by which a pairing must be behind to be ruled out."""
@@ -67,8 +67,8 @@ def stacked(pairings: Sequence[Pairing]) -> tuple[slice, ...]:
     return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
 
 
-def prior_belief(layout: Layout, pairings: Sequence[Pairing]) -> tuple[FloatArray, FloatArray]:
-    """(n,) P of the paired modes of all campaigns, and (n,) W (`belief`)."""
+def prior_inclusion(layout: Layout, pairings: Sequence[Pairing]) -> tuple[FloatArray, FloatArray]:
+    """(n,) P of the paired modes of all campaigns, and (n,) W (`mode_inclusion`)."""
     each = [
         (c, [row for row, _ in p.pairs]) for c, p in zip(layout.campaigns, pairings, strict=True)
     ]
@@ -112,14 +112,15 @@ class ElasticResult:
     rivals: tuple[Rival, ...] = ()
     # the partners that the fit held in each campaign; None where it paired the modes anew in every
     # turn
-    held: tuple[Partners, ...] | None = None
+    fixed_pairing: tuple[Partners, ...] | None = None
     # campaigns and measured modes, from 0, whose partners changed to and fro in the fit from the
     # prior means
-    torn: tuple[tuple[int, int], ...] = ()
+    oscillating_modes: tuple[tuple[int, int], ...] = ()
     # no measured mode was like any of the model's, so the likest were paired, for a comparison
     # alone
     unlike: bool = False
-    stretches: Stretches | None = None  # where the stiffness has changed, of a body in zones
+    # where the stiffness has changed, of a body in zones
+    damage_intervals: DamageIntervals | None = None
 
     @cached_property
     def inverse(self) -> FloatArray:
@@ -132,7 +133,7 @@ class ElasticResult:
         return self.problem.gain(self.discrepancy, self.scatter)
 
     @cached_property
-    def given(self) -> Mixture:
+    def conditional_posterior(self) -> Mixture:
         """The posterior of x about the estimate, given the partners of the modes and which are
         real, without excursions.
         """
@@ -140,33 +141,35 @@ class ElasticResult:
 
     @cached_property
     def mixture(self) -> Mixture:
-        """The same over which of the modes are real (`belief`)."""
-        if self.stretches is not None:
-            return self.given
-        belief = weights_of(self.problem, *prior_belief(self.layout, self.pairings), self.scatter)
-        return over_sets(self.problem, belief, self.layout.scatter, self.given)
+        """The same over which of the modes are real (`mode_inclusion`)."""
+        if self.damage_intervals is not None:
+            return self.conditional_posterior
+        inclusion = weights_of(
+            self.problem, *prior_inclusion(self.layout, self.pairings), self.scatter
+        )
+        return over_sets(self.problem, inclusion, self.layout.scatter, self.conditional_posterior)
 
     @cached_property
-    def excursions(self) -> tuple[tuple[Excursion, ...], ...]:
+    def systematic_effects(self) -> tuple[tuple[SystematicEffect, ...], ...]:
         """Of each campaign, inputs that may be something, for what they do, as the frequencies
         leave them.
         """
-        found, missed = [], np.zeros(self.problem.residual.size)
+        effects, missed = [], np.zeros(self.problem.residual.size)
         for c, state, pairing, at in zip(
             self.layout.campaigns, self.states, self.pairings, self.rows, strict=True
         ):
-            own = list(excursions(state, c.inputs, c.fixed_points))
+            own = list(systematic_effects(state, c.inputs, c.fixed_points))
             for place, each in enumerate(own):
                 if each.kind == "one-sided" and each.name != MESH:
                     by = missed.copy()
                     shift = each.shift[[column for _, column in pairing.pairs]]
                     # what is linear may go below nothing
                     by[at] = np.log1p(np.maximum(shift, _NOTHING - 1))
-                    own[place] = each.given(
+                    own[place] = each.conditioned(
                         *self.problem.of_another(by, self.discrepancy, self.scatter)
                     )
-            found.append(tuple(own))
-        return tuple(found)
+            effects.append(tuple(own))
+        return tuple(effects)
 
     @property
     def sources(self) -> dict[str, FloatArray]:
@@ -217,23 +220,25 @@ class ElasticResult:
 
     def variance_by_source(self, along: FloatArray) -> dict[str, float]:
         """By name of its source, variances of an (X,) combination of the unknowns that add up to
-        that of `given`.
+        that of `conditional_posterior`.
         """
-        found = dict[str, float]()
+        variances = dict[str, float]()
         for share, sources, shift in self._made_of:
             for name, part in sources.items():
-                found[name] = found.get(name, 0.0) + share * float(np.sum((along @ part) ** 2))
-            found[DISCREPANCY_OF_MODEL] += share * float(along @ shift) ** 2
-        total = sum(found.values())
+                variances[name] = variances.get(name, 0.0) + share * float(
+                    np.sum((along @ part) ** 2)
+                )
+            variances[DISCREPANCY_OF_MODEL] += share * float(along @ shift) ** 2
+        total = sum(variances.values())
         # Of round-off, and of what was neglected.
-        left = float(along @ self.given.total @ along) / total if total else 0.0
-        return {name: part * left for name, part in found.items()}
+        left = float(along @ self.conditional_posterior.total @ along) / total if total else 0.0
+        return {name: part * left for name, part in variances.items()}
 
     @cached_property
     def _made_of(self) -> list[tuple[float, dict[str, FloatArray], FloatArray]]:
-        """The Gaussians of `given`: weight, and sources as `sources_at` has them at a discrepancy
-        and a scatter of its own, and how far its mean lies from the estimate, which is the
-        discrepancy's.
+        """The Gaussians of `conditional_posterior`: weight, and sources as `sources_at` has them at
+        a discrepancy and a scatter of its own, and how far its mean lies from the estimate, which
+        is the discrepancy's.
         """
         mixture, scatters = self.problem.mixture(self.layout.scatter)
         kept = np.flatnonzero(mixture.weight > _NEGLIGIBLE)
@@ -254,13 +259,16 @@ class ElasticResult:
         sd = self.layout.marginal_sd(self.scatter)
         known = identifiability(self.layout.labels, self.inverse, sd)
         return spread_over(
-            known, self.spanning.total + np.diag(self.by_excursions(*self.every_excursion)), sd
+            known,
+            self.model_averaged_posterior.total
+            + np.diag(self.systematic_variance(*self.all_systematic_effects)),
+            sd,
         )
 
     @property
-    def in_doubt(self) -> bool:
+    def has_uncertain_modes(self) -> bool:
         """Whether a measured mode may be none."""
-        return self.mixture is not self.given
+        return self.mixture is not self.conditional_posterior
 
     @property
     def null_directions(self) -> FloatArray:
@@ -270,25 +278,25 @@ class ElasticResult:
         return null_directions(self.inverse, self.layout.marginal_sd(self.scatter))
 
     @property
-    def standing(self) -> tuple[Rival, ...]:
+    def admissible_rivals(self) -> tuple[Rival, ...]:
         """The rivals that are not ruled out, where there are no shapes to say so, or shapes let
         partners go to and fro.
         """
-        if not self.torn and all(pairing.mac is not None for pairing in self.pairings):
+        if not self.oscillating_modes and all(pairing.mac is not None for pairing in self.pairings):
             return ()
         return tuple(rival for rival in self.rivals if rival.evidence <= REFUTED)
 
     @cached_property
-    def spanning(self) -> Mixture:
+    def model_averaged_posterior(self) -> Mixture:
         """The posterior of x about the estimate over stretches, or over all pairings that are not
         ruled out.
         """
-        if self.stretches is not None:
-            return self.stretches.mixture
-        if not self.standing:
+        if self.damage_intervals is not None:
+            return self.damage_intervals.mixture
+        if not self.admissible_rivals:
             return self.mixture
-        others = [rival.other for rival in self.standing]
-        share = np.exp([0.0, *(-rival.evidence for rival in self.standing)])
+        others = [rival.other for rival in self.admissible_rivals]
+        share = np.exp([0.0, *(-rival.evidence for rival in self.admissible_rivals)])
         shift = np.array([each.x - self.x for each in (self, *others)])
         return Mixture.joined(
             share / share.sum(), shift, [each.mixture for each in (self, *others)]
@@ -302,9 +310,9 @@ class ElasticResult:
     @property
     def misfit(self) -> float:
         """Root mean square of the residuals, of modes as far as they are believed."""
-        return self.missed(slice(None))
+        return self.rms_residual(slice(None))
 
-    def missed(self, rows: slice) -> float:
+    def rms_residual(self, rows: slice) -> float:
         """The same of some of them, such as one campaign's."""
         weights = self.problem.weights[rows]
         return float(
@@ -320,49 +328,55 @@ class ElasticResult:
         return replace(pairing, pairs=kept)
 
     @property
-    def away(self) -> FloatArray:
+    def prior_z_score(self) -> FloatArray:
         """(X,) prior standard deviations between the estimate and the prior means."""
-        away: FloatArray = self.x / self.layout.marginal_sd(max(self.scatter, 1e-12))
-        return away
+        scores: FloatArray = self.x / self.layout.marginal_sd(max(self.scatter, 1e-12))
+        return scores
 
     @property
     def weights(self) -> tuple[FloatArray, ...]:
         """Of each campaign, of each measured mode whether it is taken for one; 1 without a
         partner.
         """
-        found = [np.ones(len(campaign.modes)) for campaign in self.layout.campaigns]
-        for own, pairing, at in zip(found, self.pairings, self.rows, strict=True):
+        weights = [np.ones(len(campaign.modes)) for campaign in self.layout.campaigns]
+        for own, pairing, at in zip(weights, self.pairings, self.rows, strict=True):
             own[[row for row, _ in pairing.pairs]] = self.problem.weights[at]
-        return tuple(found)
+        return tuple(weights)
 
     @property
-    def every_excursion(self) -> tuple[Excursion, ...]:
+    def all_systematic_effects(self) -> tuple[SystematicEffect, ...]:
         """The excursions of all campaigns."""
-        return tuple(each for found in self.excursions for each in found)
+        return tuple(each for effects in self.systematic_effects for each in effects)
 
     @cached_property
-    def pulls(self) -> FloatArray:
+    def bias_sensitivity(self) -> FloatArray:
         """(X, e) change of x by one standard deviation of each excursion: what the frequencies then
         belong to.
         """
-        pulls: list[FloatArray] = [np.zeros((self.x.size, 0))]
-        for found, pairing, at in zip(self.excursions, self.pairings, self.rows, strict=True):
+        parts: list[FloatArray] = [np.zeros((self.x.size, 0))]
+        for effects, pairing, at in zip(
+            self.systematic_effects, self.pairings, self.rows, strict=True
+        ):
             columns = [column for _, column in pairing.pairs]
-            pulls += [-self.gain[:, at] @ each.shift[columns][:, None] for each in found]
-        return np.hstack(pulls)
+            parts += [-self.gain[:, at] @ each.shift[columns][:, None] for each in effects]
+        return np.hstack(parts)
 
     @cached_property
     def by_mesh(self) -> FloatArray:
         """(X,) mean square of what x may be off by as even the finest mesh misses something."""
-        return self.by_excursions(*(each for each in self.every_excursion if each.name == MESH))
+        return self.systematic_variance(
+            *(each for each in self.all_systematic_effects if each.name == MESH)
+        )
 
-    def by_excursions(self, *chosen: Excursion) -> FloatArray:
+    def systematic_variance(self, *chosen: SystematicEffect) -> FloatArray:
         """(X,) mean square of what x may be off by as some of the excursions are something."""
-        found = np.zeros(self.x.size)
-        for each, pull in zip(self.every_excursion, self.pulls.T, strict=True):
+        variance = np.zeros(self.x.size)
+        for each, sensitivity in zip(
+            self.all_systematic_effects, self.bias_sensitivity.T, strict=True
+        ):
             if any(each is one for one in chosen):
-                found += (each.rms * pull) ** 2
-        return found
+                variance += (each.rms * sensitivity) ** 2
+        return variance
 
     @cached_property
     def on_own_mesh(self) -> FloatArray:
@@ -398,14 +412,14 @@ class ElasticResult:
         pairing, updated = self.pairings[number], self.states[number]
         moved = updated.by_mesh
         first, last = dict(self.initial_pairings[number].pairs), dict(pairing.pairs)
-        found = []
+        comparisons = []
         for row, measured in enumerate(map(float, modes.frequency_hz)):
             before, after = first.get(row), last.get(row)
             hz = None if after is None else float(updated.frequency_hz[after])
             initial = (
                 None if before is None else float(self.initial_states[number].frequency_hz[before])
             )
-            found.append(
+            comparisons.append(
                 ModeComparison(
                     number=row + 1,
                     kind=None if after is None else updated.kinds[after],
@@ -427,7 +441,7 @@ class ElasticResult:
                     **({} if after is None else updated.shares(after)),
                 )
             )
-        return tuple(found)
+        return tuple(comparisons)
 
     def mixings(
         self, number: int, rows: Sequence[int], columns: Sequence[int], hz: FloatArray
@@ -444,7 +458,12 @@ class ElasticResult:
             else np.array([turn_real(shapes[row]).real for row in rows])
         )
         return mixings(
-            state, columns, hz, seen, self.discrepancy, chain @ self.spanning.total @ chain.T
+            state,
+            columns,
+            hz,
+            seen,
+            self.discrepancy,
+            chain @ self.model_averaged_posterior.total @ chain.T,
         )
 
     # --- of an update of one campaign

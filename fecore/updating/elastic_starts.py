@@ -11,7 +11,8 @@ may be tuned onto a measured one beside its true partner. So the fit is also mad
 held: those at the prior means, and those of good results with a mode's other candidate in place of
 its partner. With shapes and without, two close modes may exchange their partners for ever: then the
 fit is made with each of the pairings that it went to and fro between held. Every pairing whose
-evidence is near the best one's then takes part in the intervals (`ElasticResult.spanning`).
+evidence is near the best one's then takes part in the intervals
+(`ElasticResult.model_averaged_posterior`).
 """
 
 from collections.abc import Callable, Sequence
@@ -23,18 +24,18 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import UpdatingError
-from fecore.updating.belief import stray_cost
-from fecore.updating.elastic import NoPartnersError, SwingingError, fit
-from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival, prior_belief
+from fecore.updating.elastic import NoPartnersError, PairingCycleError, fit
+from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival, prior_inclusion
 from fecore.updating.layout import Layout
+from fecore.updating.mode_inclusion import spurious_mode_penalty
 from fecore.updating.pairing import (
     Partners,
-    alone_cost,
+    detection_cost,
     exchanged,
-    missed_cost,
     pair_with,
     partners_of,
     probability_seen,
+    unpaired_cost,
 )
 from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF
 from fecore.updating.result import StartHistory
@@ -44,13 +45,14 @@ _FAR = 1.5  # and prior standard deviations that a parameter has moved
 _DRAWS, _REACH = 64, 2.0  # from the prior, within so many of its standard deviations
 # pairings from which the fit starts anew; results that are fitted anew on a verified basis
 _STARTS, _VERIFIED = 6, 2
-_HELD = 6  # pairings that are held
+_FIXED = 6  # pairings that are held
 _MENDED = 3  # times that bases may grow where a fit ended, before each of its points is verified
 # relative error of a frequency by a mesh from which how it goes with the constants matters
 _OF_MESH = 0.003
-_PRICE_ALONE = 8.0  # in log evidence, of a measured mode without a partner, beside another pairing
+# in log evidence, of a measured mode without a partner, beside another pairing
+_UNPAIRED_PENALTY = 8.0
 
-Found = ElasticResult | UpdatingError
+Outcome = ElasticResult | UpdatingError
 
 
 class _Run(Protocol):
@@ -64,8 +66,8 @@ class _Run(Protocol):
         start: FloatArray | None,
         first: float,
         last: float,
-        held: tuple[Partners, ...] | None = None,
-    ) -> Found: ...
+        fixed_pairing: tuple[Partners, ...] | None = None,
+    ) -> Outcome: ...
 
 
 def update_from_several_starts(
@@ -93,46 +95,50 @@ def update_from_several_starts(
         start: FloatArray | None,
         first: float,
         last: float,
-        held: tuple[Partners, ...] | None = None,
-    ) -> Found:
+        fixed_pairing: tuple[Partners, ...] | None = None,
+    ) -> Outcome:
         try:
             return fit(
                 place,
                 lambda share: progress(first + (last - first) * share),
                 use_shapes=use_shapes,
                 start=start,
-                held=held,
+                fixed_pairing=fixed_pairing,
             )
         except UpdatingError as error:
             return error
 
-    found = [_first(layout, run)]
+    outcomes = [_first(layout, run)]
     by_shapes = layout.by_shapes
-    if isinstance(found[0], UpdatingError) or is_doubtful(found[0]) or not by_shapes:
-        loose = layout.unverified()
-        starts = _other_starts(loose, seed, _alone_at_most(found[0]))
+    if isinstance(outcomes[0], UpdatingError) or is_doubtful(outcomes[0]) or not by_shapes:
+        search_layout = layout.with_unverified_basis()
+        starts = _other_starts(search_layout, seed, _most_unpaired(outcomes[0]))
         steps = np.linspace(0.5, 0.8, len(starts) + 1)
         searched = [
-            run(loose, start, *between)
+            run(search_layout, start, *between)
             for start, between in zip(starts, pairwise(steps), strict=True)
         ]
-        to_hold = _to_hold([*found, *searched], layout)
-        searched += [run(loose, start, 0.8, 0.8, partners) for partners, start in to_hold]
-        worth = _worth_verifying([*found, *searched])
-        found += [each for each in searched if not any(each is chosen for chosen in worth)]
-        found += [
+        to_fix = _to_fix([*outcomes, *searched], layout)
+        searched += [run(search_layout, start, 0.8, 0.8, partners) for partners, start in to_fix]
+        worth = _worth_verifying([*outcomes, *searched])
+        outcomes += [each for each in searched if not any(each is chosen for chosen in worth)]
+        outcomes += [
             _verified(each, layout, run, 0.8 + 0.1 * place) for place, each in enumerate(worth)
         ]
-        if layout.is_large and not any(map(_is_verified, found)):
-            found.append(run(layout, None, 0.9, 1.0))
-    verified = [each for each in found if isinstance(each, ElasticResult) and _is_verified(each)]
+        if layout.is_large and not any(map(_is_verified, outcomes)):
+            outcomes.append(run(layout, None, 0.9, 1.0))
+    verified = [each for each in outcomes if isinstance(each, ElasticResult) and _is_verified(each)]
     if not verified:
-        return _likest(layout, found)
+        return _best_match(layout, outcomes)
     progress(1.0)
     best = min(verified, key=evidence)
-    torn = found[0].torn if isinstance(found[0], SwingingError) else ()
-    starts_tried = tuple(_as_start(each, layout, chosen=each is best) for each in found)
-    return replace(best, starts=starts_tried, rivals=_rivals(best, found), torn=torn)
+    oscillating = (
+        outcomes[0].oscillating_modes if isinstance(outcomes[0], PairingCycleError) else ()
+    )
+    starts_tried = tuple(_as_start(each, layout, chosen=each is best) for each in outcomes)
+    return replace(
+        best, starts=starts_tried, rivals=_rivals(best, outcomes), oscillating_modes=oscillating
+    )
 
 
 def update_on_finest_mesh(
@@ -152,16 +158,16 @@ def update_on_finest_mesh(
     return update(layout.with_mesh_errors_at(elastic.x))
 
 
-def _first(layout: Layout, run: _Run) -> Found:
+def _first(layout: Layout, run: _Run) -> Outcome:
     """The fit from the prior means; of a large body on the basis as it is, and verified where that
     ends.
     """
     if not layout.is_large:
         return run(layout, None, 0.0, 0.5)
-    return _verified(run(layout.unverified(), None, 0.0, 0.3), layout, run, 0.3)
+    return _verified(run(layout.with_unverified_basis(), None, 0.0, 0.3), layout, run, 0.3)
 
 
-def _verified(found: Found, layout: Layout, run: _Run, share: float) -> Found:
+def _verified(outcome: Outcome, layout: Layout, run: _Run, share: float) -> Outcome:
     """A fit on bases as they were, where these hold at its end; else it goes on from there on those
     that have grown.
 
@@ -169,67 +175,69 @@ def _verified(found: Found, layout: Layout, run: _Run, share: float) -> Found:
     them.
     """
     for _ in range(_MENDED):
-        if isinstance(found, UpdatingError):
-            return found
-        states = layout.solved(found.x)
-        if all(was.basis is now.basis for was, now in zip(found.states, states, strict=True)):
-            return replace(found, layout=layout, states=states)
-        fresh = run(layout.unverified(), found.x, share, share + 0.1, found.held)
-        found = (
+        if isinstance(outcome, UpdatingError):
+            return outcome
+        states = layout.solved(outcome.x)
+        if all(was.basis is now.basis for was, now in zip(outcome.states, states, strict=True)):
+            return replace(outcome, layout=layout, states=states)
+        fresh = run(
+            layout.with_unverified_basis(), outcome.x, share, share + 0.1, outcome.fixed_pairing
+        )
+        outcome = (
             fresh
             if isinstance(fresh, UpdatingError)
-            else replace(fresh, history=(*found.history, *fresh.history))
+            else replace(fresh, history=(*outcome.history, *fresh.history))
         )
     return (
-        found
-        if isinstance(found, UpdatingError)
-        else run(layout, found.x, share, share + 0.1, found.held)
+        outcome
+        if isinstance(outcome, UpdatingError)
+        else run(layout, outcome.x, share, share + 0.1, outcome.fixed_pairing)
     )
 
 
-def _alone_at_most(found: Found) -> float:
+def _most_unpaired(outcome: Outcome) -> float:
     """How many modes may stay alone at a start that is fitted: fewer than in a result that only
     this makes doubtful.
     """
-    if isinstance(found, UpdatingError) or not found.layout.by_shapes or _is_far(found):
+    if isinstance(outcome, UpdatingError) or not outcome.layout.by_shapes or _is_far(outcome):
         return np.inf
-    return sum(len(pairing.unpaired_measured) for pairing in found.pairings) - 1
+    return sum(len(pairing.unpaired_measured) for pairing in outcome.pairings) - 1
 
 
-def _likest(layout: Layout, found: Sequence[Found]) -> ElasticResult:
+def _best_match(layout: Layout, outcomes: Sequence[Outcome]) -> ElasticResult:
     """The likest modes in pairs, where no start found one that is like a measured one; else the
     first start's error.
     """
-    first = next(each for each in found if isinstance(each, UpdatingError))
-    if not all(isinstance(each, NoPartnersError) for each in found) or not layout.by_shapes:
+    first = next(each for each in outcomes if isinstance(each, UpdatingError))
+    if not all(isinstance(each, NoPartnersError) for each in outcomes) or not layout.by_shapes:
         raise first
     try:
-        return fit(layout, likest=True)
+        return fit(layout, force_best_match=True)
     except UpdatingError as error:
         raise first from error
 
 
-def _is_verified(found: Found) -> bool:
-    return isinstance(found, ElasticResult) and all(
-        campaign.forward.verified for campaign in found.layout.campaigns
+def _is_verified(outcome: Outcome) -> bool:
+    return isinstance(outcome, ElasticResult) and all(
+        campaign.forward.verified for campaign in outcome.layout.campaigns
     )
 
 
-def _ranked(found: Sequence[Found]) -> list[ElasticResult]:
+def _ranked(outcomes: Sequence[Outcome]) -> list[ElasticResult]:
     """Those that are results, the best supported first."""
-    return sorted((each for each in found if isinstance(each, ElasticResult)), key=evidence)
+    return sorted((each for each in outcomes if isinstance(each, ElasticResult)), key=evidence)
 
 
-def _to_hold(
-    found: Sequence[Found], layout: Layout
+def _to_fix(
+    outcomes: Sequence[Outcome], layout: Layout
 ) -> list[tuple[tuple[Partners, ...], FloatArray]]:
     """Pairings that no fit came to rest at but may be as likely, each with the x to start from.
 
     Where shapes distinguish the modes, these are the ones that a fit went to and fro between.
     """
-    results = _ranked(found)
+    results = _ranked(outcomes)
     candidates = [
-        pair for each in found if isinstance(each, SwingingError) for pair in each.between
+        pair for each in outcomes if isinstance(each, PairingCycleError) for pair in each.between
     ]
     if not layout.by_shapes:
         origin: FloatArray = np.zeros(len(layout.unknowns))
@@ -248,44 +256,44 @@ def _to_hold(
         for partners, start in reversed(candidates)
         if all(partners) and partners not in known
     }
-    return list(reversed(fresh.items()))[:_HELD]
+    return list(reversed(fresh.items()))[:_FIXED]
 
 
 def _exchanged(result: ElasticResult) -> list[tuple[Partners, ...]]:
     """The partners of a result, with one mode's other candidate in place of its own."""
-    found, own = [], result.partners
+    partners, own = [], result.partners
     for number, (pairing, state) in enumerate(zip(result.pairings, result.states, strict=True)):
-        found += [
+        partners += [
             (*own[:number], other, *own[number + 1 :]) for other in exchanged(pairing, state.kinds)
         ]
-    return found
+    return partners
 
 
-def _worth_verifying(found: Sequence[Found]) -> list[ElasticResult]:
+def _worth_verifying(outcomes: Sequence[Outcome]) -> list[ElasticResult]:
     """Those that are better than every verified result, or the best two where there is none; one of
     each pairing.
     """
     best: dict[tuple[Partners, ...], ElasticResult] = {}
-    for result in _ranked(found):
+    for result in _ranked(outcomes):
         if _is_verified(result):
             break
         best.setdefault(result.partners, result)
     return list(best.values())[:_VERIFIED]
 
 
-def _as_start(found: Found, layout: Layout, *, chosen: bool) -> StartHistory:
-    steps = found.history if isinstance(found, ElasticResult) else ()
+def _as_start(outcome: Outcome, layout: Layout, *, chosen: bool) -> StartHistory:
+    steps = outcome.history if isinstance(outcome, ElasticResult) else ()
     names = layout.parameters(np.zeros(len(layout.unknowns)))
     parameters = {name: np.array([step.parameters[name] for step in steps]) for name in names}
-    if isinstance(found, ElasticResult):
-        return StartHistory(parameters, tuple(step.cost for step in found.history), chosen, "")
-    return StartHistory(parameters, found.history, chosen, found.message)
+    if isinstance(outcome, ElasticResult):
+        return StartHistory(parameters, tuple(step.cost for step in outcome.history), chosen, "")
+    return StartHistory(parameters, outcome.history, chosen, outcome.message)
 
 
-def _rivals(best: ElasticResult, found: Sequence[Found]) -> tuple[Rival, ...]:
+def _rivals(best: ElasticResult, outcomes: Sequence[Outcome]) -> tuple[Rival, ...]:
     """The best point of each pairing other than the chosen one, the likest first."""
     others: dict[tuple[Partners, ...], ElasticResult] = {}
-    for each in _ranked(found):
+    for each in _ranked(outcomes):
         if each.partners != best.partners:
             others.setdefault(each.partners, each)
     chosen = evidence(best)
@@ -294,21 +302,22 @@ def _rivals(best: ElasticResult, found: Sequence[Found]) -> tuple[Rival, ...]:
 
 def _behind(rival: tuple[int, float], chosen: tuple[int, float]) -> float:
     """Log evidence by which a pairing is behind the chosen one."""
-    return float(rival[1] - chosen[1] + _PRICE_ALONE * (rival[0] - chosen[0]))
+    return float(rival[1] - chosen[1] + _UNPAIRED_PENALTY * (rival[0] - chosen[0]))
 
 
 def is_doubtful(result: ElasticResult) -> bool:
     """Whether another start may do better: modes without a partner, a large misfit, or a parameter
     far from its prior.
     """
-    alone = any(pairing.unpaired_measured for pairing in result.pairings)
-    return alone or _is_far(result)
+    unpaired = any(pairing.unpaired_measured for pairing in result.pairings)
+    return unpaired or _is_far(result)
 
 
 def _is_far(result: ElasticResult) -> bool:
     """Whether a result misses the frequencies, or lies far from the prior."""
     return bool(
-        result.misfit > _DOUBTFUL * DISCREPANCY or np.abs(result.away).max(initial=0.0) > _FAR
+        result.misfit > _DOUBTFUL * DISCREPANCY
+        or np.abs(result.prior_z_score).max(initial=0.0) > _FAR
     )
 
 
@@ -321,13 +330,13 @@ def evidence(result: ElasticResult) -> tuple[int, float]:
     per cent has a smaller part of the prior for it (MacKay, Neural Comput. 4, 1992; the Occam
     factor ½ ln |C_p| - ½ ln |H⁻¹|).
     """
-    problem, away = result.problem, result.away
+    problem, z_scores = result.problem, result.prior_z_score
     squares = DISCREPANCY_DOF + float(problem.weights @ problem.residual**2) / DISCREPANCY**2
     misfit = (DISCREPANCY_DOF + float(problem.weights.sum())) / 2 * np.log(squares) + float(
-        away @ away
+        z_scores @ z_scores
     ) / 2
-    misfit += stray_cost(
-        problem.weights, *prior_belief(result.layout, result.pairings), DISCREPANCY
+    misfit += spurious_mode_penalty(
+        problem.weights, *prior_inclusion(result.layout, result.pairings), DISCREPANCY
     )
     if result.layout.by_shapes:
         each = zip(result.layout.campaigns, result.pairings, strict=True)
@@ -340,14 +349,16 @@ def evidence(result: ElasticResult) -> tuple[int, float]:
         / 2
     )
     parts = zip(result.layout.campaigns, result.pairings, result.states, strict=True)
-    missed = sum(
-        missed_cost(p, probability_seen(c.modes, state), state.frequency_hz, alone_cost(c.modes))
+    undetected = sum(
+        detection_cost(
+            p, probability_seen(c.modes, state), state.frequency_hz, unpaired_cost(c.modes)
+        )
         for c, p, state in parts
     )
-    return 0, float(misfit + narrowed + missed)
+    return 0, float(misfit + narrowed + undetected)
 
 
-def _other_starts(layout: Layout, seed: int, alone_at_most: float = np.inf) -> list[FloatArray]:
+def _other_starts(layout: Layout, seed: int, most_unpaired: float = np.inf) -> list[FloatArray]:
     """Draws from the prior of the shared parameters that pair the modes differently, the best of
     each pairing first.
 
@@ -366,8 +377,8 @@ def _other_starts(layout: Layout, seed: int, alone_at_most: float = np.inf) -> l
             pair_with(campaign.modes, state)
             for campaign, state in zip(layout.campaigns, states, strict=True)
         ]
-        alone, misses = sum(len(pairing.unpaired_measured) for pairing in pairings), []
-        if alone > alone_at_most:
+        unpaired, misses = sum(len(pairing.unpaired_measured) for pairing in pairings), []
+        if unpaired > most_unpaired:
             continue
         for campaign, state, pairing in zip(layout.campaigns, states, pairings, strict=True):
             key.append(tuple((row, column, state.kinds[column]) for row, column in pairing.pairs))
@@ -377,7 +388,7 @@ def _other_starts(layout: Layout, seed: int, alone_at_most: float = np.inf) -> l
             ]
         if not all(key):
             continue
-        score = alone, float(np.mean(np.square(misses)))
+        score = unpaired, float(np.mean(np.square(misses)))
         if tuple(key) not in best or score < best[tuple(key)][0]:
             best[tuple(key)] = score, x
     ranked = sorted(best.values(), key=lambda each: each[0])

@@ -3,8 +3,8 @@
 
 The variance of an estimate is the sum of those of independent sources: the noise of the
 measurement, the discrepancy of the model, every prior, every input of the laboratory. Inputs that
-are believed to be nothing (`excursions`) add to one side of the interval only; their part of the
-variance is their mean square. Reaches of independent parts add as squares.
+are believed to be nothing (`systematic_effects`) add to one side of the interval only; their part
+of the variance is their mean square. Reaches of independent parts add as squares.
 
 Two tests of one body share its thickness, length and density, however wrong these are: the errors
 move both estimates alike, but each test's own noise moves its estimate of the inputs, and with it
@@ -33,13 +33,13 @@ from fecore.updating.elastic_result import (
     NOISE,
     ElasticResult,
 )
-from fecore.updating.excursions import MESH, Excursion
-from fecore.updating.findings import found
+from fecore.updating.findings import finding
 from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.laws import RankedLaw
 from fecore.updating.posterior import Mixture
 from fecore.updating.result import BudgetEntry, Comparable, Finding, ParameterEstimate
 from fecore.updating.sampling import Posterior
+from fecore.updating.systematic_effects import MESH, SystematicEffect
 from fecore.updating.temperature import DAMPING_PER_K, PER_K, Warmth, constant_of
 
 IN_DOUBT = "which modes are real"
@@ -99,7 +99,9 @@ class Spread:
         variance = {name: part * (sd / self.sd) ** 2 for name, part in self.variance.items()}
         return Spread(sd, self.noise_sd, max(-low, 0.0), max(high, 0.0), variance)
 
-    def with_excursions(self, excursions: Sequence[Excursion], pulls: FloatArray) -> Spread:
+    def with_systematic_effects(
+        self, effects: Sequence[SystematicEffect], sensitivities: FloatArray
+    ) -> Spread:
         """With parts that lie on one side of the interval; reaches of independent parts add as
         squares.
         """
@@ -108,12 +110,12 @@ class Spread:
             dict(self.variance),
             self.sd**2,
         )
-        for each, pull in zip(excursions, pulls, strict=True):
-            part = float(each.rms * pull) ** 2
+        for each, sensitivity in zip(effects, sensitivities, strict=True):
+            part = float(each.rms * sensitivity) ** 2
             total += part
             whole[each.name] = whole.get(each.name, 0.0) + part
-            sides = [True, True] if each.kind == "both" else [pull < 0, pull > 0]
-            squares[sides] += (each.reach * pull) ** 2
+            sides = [True, True] if each.kind == "both" else [sensitivity < 0, sensitivity > 0]
+            squares[sides] += (each.reach * sensitivity) ** 2
         below, above = np.sqrt(squares).tolist()
         return Spread(float(np.sqrt(total)), self.noise_sd, below, above, whole)
 
@@ -175,18 +177,21 @@ def spread_along(
     def of(mixture: Mixture) -> tuple[float, float, float]:
         return float(np.sqrt(along @ mixture.total @ along)), *mixture.reach(along)
 
-    sd, below, above = of(elastic.given)
+    sd, below, above = of(elastic.conditional_posterior)
     noise_sd = float(np.linalg.norm(along @ elastic.sources[NOISE]))
     core = Spread(sd, noise_sd, below, above, elastic.variance_by_source(along))
-    if elastic.in_doubt:
+    if elastic.has_uncertain_modes:
         core = core.widened(*of(elastic.mixture), IN_DOUBT)
-    if elastic.spanning is not elastic.mixture:
+    if elastic.model_averaged_posterior is not elastic.mixture:
         core = core.widened(
-            *of(elastic.spanning), CHANGED_WHERE if elastic.stretches else OTHER_PARTNERS
+            *of(elastic.model_averaged_posterior),
+            CHANGED_WHERE if elastic.damage_intervals else OTHER_PARTNERS,
         )
     elif samples is not None:
         core = core.sampled(samples)
-    return core.with_excursions(elastic.every_excursion, along @ elastic.pulls)
+    return core.with_systematic_effects(
+        elastic.all_systematic_effects, along @ elastic.bias_sensitivity
+    )
 
 
 def constant_estimates(
@@ -309,7 +314,9 @@ def coefficient_estimates(
         total, noise_sd = sum(variance.values()), float(np.sqrt(fit.noise_covariance[i, i]))
         reach = damping.deviations.reach(total - variance[OF_LAW], variance[OF_LAW])
         spread = Spread(float(np.sqrt(total)), noise_sd, reach, reach, variance)
-        spread = spread.with_excursions(damping.excursions, damping.pulls[i])
+        spread = spread.with_systematic_effects(
+            damping.systematic_effects, damping.bias_sensitivity[i]
+        )
         base = spread.estimate(name, unit, float(fit.coefficients[i]), provenance=provenance)
         estimates.append(replace(base, initial=float(damping.start[i])))
     return estimates
@@ -382,7 +389,7 @@ def disagreements(elastic: ElasticResult, sampled: Posterior | None) -> list[Fin
     ratio = np.std(sampled.xi, axis=0) / np.sqrt(np.diag(elastic.mixture.total))
     names = enumerate(elastic.layout.shared)
     return [
-        found("samples_differ", name=n, ratio=ratio[i])
+        finding("samples_differ", name=n, ratio=ratio[i])
         for i, n in names
         if abs(np.log(ratio[i])) > _DIFFERENT
     ]
@@ -417,14 +424,14 @@ def _provenance(
         words[MODEL_OF_JOINTS] = (
             f"{100 * error:.2g} % of a frequency, independent from mode to mode, fixed beforehand"
         )
-    if elastic.standing:
+    if elastic.admissible_rivals:
         others = (
             "1 other pairing"
-            if len(elastic.standing) == 1
-            else f"{len(elastic.standing)} other pairings"
+            if len(elastic.admissible_rivals) == 1
+            else f"{len(elastic.admissible_rivals)} other pairings"
         )
         words[OTHER_PARTNERS] = f"{others} that the frequencies do not rule out"
-    if elastic.in_doubt:
+    if elastic.has_uncertain_modes:
         words[IN_DOUBT] = "the probability of each measured mode, and how it fits the model"
     for column, name in enumerate(prior.names):
         sd = f"{prior.prior_sd[column]:.3g} {prior.unit_of(name)}".removesuffix(" 1")
@@ -435,7 +442,7 @@ def _provenance(
             words[name] = f"{sd}, {'stated' if own else 'usual of such materials'}"
         else:
             words[name] = f"{sd}, {_stated(inputs.is_stated(tolerance_of(name) or name))}"
-    for each in elastic.every_excursion:
+    for each in elastic.all_systematic_effects:
         of_model = each.name == MESH
         words[each.name] = each.amount if of_model else f"{each.amount}, {_stated(each.stated)}"
     if damping is not None:

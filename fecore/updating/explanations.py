@@ -10,9 +10,9 @@ fit is that of its frequencies,
     ln p(f) = ln ∫ p(f | x, s) p(x) p(s) dx ds + Σ ln P + Σ_none ln (1 - P)/W + Σ_alone ln (πP + 1 -
     P)/W
 
-with the terms of `belief` for modes that are none, or have no partner; that of a place is shared by
-all that were tried. Shapes say whether a model is the body's where frequencies hardly do, as of a
-soft root and a mass at the tip (`of_shapes`).
+with the terms of `mode_inclusion` for modes that are none, or have no partner; that of a place is
+shared by all that were tried. Shapes say whether a model is the body's where frequencies hardly do,
+as of a soft root and a mass at the tip (`of_shapes`).
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from fecore.errors import ModelError, UpdatingError
 from fecore.quantities import CLAMP
 from fecore.updating import suspects
 from fecore.updating.additions import SIZE_SD, Addition, AlteredForward, Kind
-from fecore.updating.belief import FAR_OFF
 from fecore.updating.elastic import Misfit, fit
-from fecore.updating.elastic_result import ElasticResult, prior_belief
+from fecore.updating.elastic_result import ElasticResult, prior_inclusion
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import TOLERANCES
 from fecore.updating.layout import CampaignModel, Layout, Unknown
+from fecore.updating.mode_inclusion import FAR_OFF
 from fecore.updating.posterior import DISCREPANCY, LinearProblem, Mixture
 from fecore.updating.screening import Screened, effect_of, screened
-from fecore.updating.yielding import Yielding, likeness, of_shapes
+from fecore.updating.support_compliance import SupportCompliance, likeness, of_shapes
 
 _STARTS = (3.0, 1.0, -1.0, -3.0, -5.0)  # logarithms of sizes over their medians to start from
 _SIZES = (3.0, 30.0, 300.0)  # over usual ones, at which places are compared
@@ -66,11 +66,11 @@ class Explanation:
             return [(self.additions[0], *self.over_places)]
         count, total = len(self.additions), np.diag(self.result.mixture.total)
         sd, x = np.sqrt(total[-count:]), self.result.x[-count:]
-        found = [
+        sizes = [
             (a, float(a.median * np.exp(xi)), float(s))
             for a, xi, s in zip(self.additions, x, sd, strict=True)
         ]
-        known = [each for each in found if each[2] < SIZE_SD / 2] or found
+        known = [each for each in sizes if each[2] < SIZE_SD / 2] or sizes
         return [(a, size, size * s) for a, size, s in known]
 
 
@@ -85,19 +85,19 @@ def log_evidence(result: ElasticResult) -> float:
 def _log_evidence(
     layout: Layout, pairings: Sequence[Pairing], problem: LinearProblem, weights: FloatArray
 ) -> float:
-    known, width = prior_belief(layout, pairings)
+    known, width = prior_inclusion(layout, pairings)
     with np.errstate(divide="ignore"):
         of_modes = np.where(weights > 0.5, np.log(known), np.log((1 - known) / width))
-    alone = 0.0
+    of_unpaired = 0.0
     for campaign, pairing in zip(layout.campaigns, pairings, strict=True):
         left = list(pairing.unpaired_measured)
         p = campaign.probability(left)
-        alone += float(np.sum(np.log((FAR_OFF * p + 1 - p) / campaign.width(left))))
+        of_unpaired += float(np.sum(np.log((FAR_OFF * p + 1 - p) / campaign.width(left))))
     fitted = problem.log_evidence(layout.scatter) - float(weights.sum()) / 2 * np.log(2 * np.pi)
     return float(
         fitted
         + of_modes.sum()
-        + alone
+        + of_unpaired
         + sum(_of_shapes(c, p) for c, p in zip(layout.campaigns, pairings, strict=True))
     )
 
@@ -125,7 +125,7 @@ class Search:
     @classmethod
     def of(cls, elastic: ElasticResult, number: int) -> Search:
         """Of a campaign's body."""
-        layout = elastic.layout.unverified()
+        layout = elastic.layout.with_unverified_basis()
         campaigns = list(layout.campaigns)
         campaigns[number] = replace(campaigns[number], forward=campaigns[number].forward.on_basis())
         plain = replace(elastic, layout=replace(layout, campaigns=tuple(campaigns)))
@@ -135,9 +135,9 @@ class Search:
         """The best explanation of each kind by an addition to the body, with what screening makes
         of these.
         """
-        found = [self.of_supports(hints["support"][0])] if "support" in hints else []
-        found += [self.of_places(*hint) for kind, hint in hints.items() if kind != "support"]
-        return [each for each in found if each is not None]
+        explanations = [self.of_supports(hints["support"][0])] if "support" in hints else []
+        explanations += [self.of_places(*hint) for kind, hint in hints.items() if kind != "support"]
+        return [each for each in explanations if each is not None]
 
     def of_supports(self, supports: Sequence[Addition]) -> Explanation | None:
         """The support that gives way along or about one axis, or all of them."""
@@ -172,9 +172,9 @@ class Search:
         likely |= dict.fromkeys(np.argsort(-hint.share)[:_SCREENED].tolist())
         order = sorted(likely, key=lambda place: -self.promise([additions[place]]))[:_PLACES]
         tried = {
-            place: found
+            place: explanation
             for place in order
-            if (found := self.fitted([additions[place]])) is not None
+            if (explanation := self.fitted([additions[place]])) is not None
         }
         if not tried:
             return None
@@ -351,40 +351,42 @@ def hints_of(
         "support": suspects.supports(state, max(columns)),
     }
 
-    found = Hints()
+    hints = Hints()
     for kind in ("mass", "foot"):
         if additions := every[kind]:
             sigma = np.array(slips)[:, None] * [each.usual for each in additions]
             hint = screened(effect_of(state, additions), at, columns, problem, posterior, sigma)
-            found[kind] = additions, hint
+            hints[kind] = additions, hint
     if not every["support"]:
-        return found
-    yielding = yielding_of(elastic, number, every["support"], problem, posterior)
-    found["support"] = every["support"], yielding.screened(slips)
+        return hints
+    yielding = compliance_of(elastic, number, every["support"], problem, posterior)
+    hints["support"] = every["support"], yielding.screened(slips)
     yields = (
         elastic.layout.campaigns[number].inputs.standard_deviation(CLAMP) / TOLERANCES[CLAMP][0]
     )
     if not yields:
-        return found
+        return hints
     stated = max(yielding.screened([yields]).evidence, 0.0)
     return {
         kind: (some, replace(each, evidence=each.evidence - stated, stated=stated))
-        for kind, (some, each) in found.items()
+        for kind, (some, each) in hints.items()
     }
 
 
-def yielding_of(
+def compliance_of(
     elastic: ElasticResult,
     number: int,
     supports: Sequence[Addition],
     problem: LinearProblem,
     posterior: tuple[Mixture, FloatArray],
-) -> Yielding:
+) -> SupportCompliance:
     """What the data say of each way in which the supports of a campaign's body may give way."""
     campaign, at = elastic.layout.campaigns[number], elastic.rows[number]
     measured = campaign.modes, campaign.probability(range(len(campaign.modes)))
     state, pairing = elastic.states[number], elastic.pairings[number]
-    return Yielding.of(state, supports, at, pairing, measured, problem=problem, posterior=posterior)
+    return SupportCompliance.of(
+        state, supports, at, pairing, measured, problem=problem, posterior=posterior
+    )
 
 
 @dataclass(frozen=True)
@@ -404,7 +406,7 @@ def left_open(elastic: ElasticResult, slips: Sequence[float]) -> LeftOpen | None
     if not supports:
         return None
     posterior = elastic.problem.at_scatter(elastic.layout.scatter)
-    yielding = yielding_of(elastic, 0, supports, elastic.problem, posterior)
+    yielding = compliance_of(elastic, 0, supports, elastic.problem, posterior)
     axis, compliance, change = yielding.left_open()
     favoured = yielding.screened(slips).evidence > 0
     return LeftOpen(supports[axis], 1 / compliance, -elastic.gain @ change, favoured)
@@ -421,9 +423,9 @@ def loosened(elastic: ElasticResult, place: int, slip: float) -> tuple[float, El
     """
     unknowns = list(elastic.layout.unknowns)
     unknowns[place] = replace(unknowns[place], sd=slip * unknowns[place].sd)
-    layout = replace(elastic.layout, unknowns=tuple(unknowns)).unverified()
+    layout = replace(elastic.layout, unknowns=tuple(unknowns)).with_unverified_basis()
     try:
-        found = fit(layout, use_shapes="mode shapes" in elastic.problem.others, start=elastic.x)
+        loosened = fit(layout, use_shapes="mode shapes" in elastic.problem.others, start=elastic.x)
     except (UpdatingError, ModelError):
         return None
-    return log_evidence(found) - log_evidence(elastic), found
+    return log_evidence(loosened) - log_evidence(elastic), loosened

@@ -2,7 +2,7 @@
 and the warnings.
 
 A row of `FINDINGS` has a level (what it means for the use of the result; None: nothing), a weight
-(within a level, more comes first), the sentence, and what to do about it. `found` makes a finding
+(within a level, more comes first), the sentence, and what to do about it. `finding` makes a finding
 of a row and of its numbers.
 """
 
@@ -131,10 +131,10 @@ FINDINGS = {
     "most_modes_alone": Row(
         "do_not_use",
         100,
-        "{alone} no partner in the model: the model is not one of the structure that was measured",
+        "{unpaired} no partner in the model: the model is not one of the structure that was measured",
         _ANOTHER_BODY,
     ),
-    "modes_alone": Row("with_care", 6, "{alone} no partner in the model"),
+    "modes_alone": Row("with_care", 6, "{unpaired} no partner in the model"),
     "mode_not_believed": Row(
         None,
         2,
@@ -302,7 +302,7 @@ FINDINGS = {
     "law_replaced": Row(
         None,
         3,
-        "{modes} fix the {count} coefficients of the {asked} law, so the {law} law was used",
+        "{modes} fix the {count} coefficients of the {requested} law, so the {law} law was used",
         "measure a wider band with more modes",
     ),
     "law_inadequate": Row(
@@ -345,13 +345,13 @@ FINDINGS = {
         "state its temperature_c",
     ),
     "campaign_modes_alone": Row(
-        "with_care", 30, "campaign {name}: {alone} no partner in the model"
+        "with_care", 30, "campaign {name}: {unpaired} no partner in the model"
     ),
 }
 """All that can be found, by its id."""
 
 
-def found(kind: str, *, level: Level | None = None, **values: object) -> Finding:
+def finding(kind: str, *, level: Level | None = None, **values: object) -> Finding:
     """A finding of a row of the table, with its numbers; of a graver or a milder level where one is
     given.
     """
@@ -363,7 +363,7 @@ def found(kind: str, *, level: Level | None = None, **values: object) -> Finding
 
 def remarks(kind: str, texts: Iterable[str]) -> list[Finding]:
     """Findings of a row that is nothing but a text."""
-    return [found(kind, text=text) for text in texts]
+    return [finding(kind, text=text) for text in texts]
 
 
 def judge(findings: Sequence[Finding], parameters: Sequence[ParameterEstimate]) -> Verdict:
@@ -402,9 +402,9 @@ def warnings(findings: Sequence[Finding]) -> tuple[str, ...]:
     return (*folded[: MOST_WARNINGS - 1], f"{left} less important warnings are not listed")
 
 
-def modes_of(alone: int, count: int) -> str:
+def modes_of(unpaired: int, count: int) -> str:
     """Some of the measured modes, as the subject of a sentence."""
-    return f"{alone} of {count} measured modes {'has' if alone == 1 else 'have'}"
+    return f"{unpaired} of {count} measured modes {'has' if unpaired == 1 else 'have'}"
 
 
 def listed(words: Sequence[object], most: int) -> str:

@@ -154,8 +154,8 @@ def _displacements(model: Model, shapes: FloatArray) -> tuple[FloatArray, FloatA
     turned = np.abs(motion[:, 3:]).max(axis=(0, 1)) * np.linalg.norm(
         np.ptp(model.mesh.nodes, axis=0)
     )
-    still = largest <= _STILL * turned
-    moved[still], largest[still] = 0.0, 0.0
+    motionless = largest <= _STILL * turned
+    moved[motionless], largest[motionless] = 0.0, 0.0
     return moved, largest
 
 
@@ -182,20 +182,20 @@ class _Nominal:
     def __init__(self, body: Body) -> None:
         self.body, (self.stiffness, self.mass) = body, nominal_matrices(body)
 
-    def lowest(self, wanted: int | None) -> tuple[NormalModes, int]:
+    def lowest(self, requested: int | None) -> tuple[NormalModes, int]:
         """So many elastic modes, half as many more that FRFs are summed of where there are any, and
         how many are wanted.
         """
-        count = wanted or _USUAL_MODES
-        asked = count + count // 2 + 1
+        count = requested or _USUAL_MODES
+        computed = count + count // 2 + 1
         while True:
             try:
-                return self._modes(asked), min(count, asked)
+                return self._modes(computed), min(count, computed)
             except FewModesError as error:
-                asked = error.available
-                if asked < (wanted or 1):
+                computed = error.available
+                if computed < (requested or 1):
                     raise InputError(
-                        "modes", f"is {count}, and the model has {asked} besides rigid motions"
+                        "modes", f"is {count}, and the model has {computed} besides rigid motions"
                     ) from None
 
     def up_to(self, highest_hz: float) -> tuple[NormalModes, int]:
@@ -209,9 +209,10 @@ class _Nominal:
         )
         if not 1 <= in_band <= MOST_MODES:
             first = self._modes(1).frequency_hz[rigid]
-            found = f"holds {in_band} modes; the first is at {first:.4g} Hz"
+            content = f"holds {in_band} modes; the first is at {first:.4g} Hz"
             raise InputError(
-                "highest_hz", f"is {highest_hz:g} Hz and {found}, expected 1 to {MOST_MODES} modes"
+                "highest_hz",
+                f"is {highest_hz:g} Hz and {content}, expected 1 to {MOST_MODES} modes",
             )
         return self._modes(min(covered, self.stiffness.shape[0] - rigid)), in_band
 

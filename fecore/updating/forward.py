@@ -150,12 +150,12 @@ class ForwardModel:
             changes=changes,
         )
 
-    def unverified(self) -> ForwardModel:
+    def with_unverified_basis(self) -> ForwardModel:
         """The same on the basis as it is now, for a search that is verified afterwards."""
-        loose = replace(self, verified=False)
+        model = replace(self, verified=False)
         if self.reduced:
-            self._hand_on(loose)
-        return loose
+            self._hand_on(model)
+        return model
 
     def with_mesh_error_about(self, theta: FloatArray) -> ForwardModel:
         """The same with the error of the body's own mesh as it is at parameters θ."""

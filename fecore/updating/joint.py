@@ -90,19 +90,19 @@ def update_jointly(
     """
     update = _Update(forward, frfs, law, inputs or Inputs.exact(), fixed_points)
     starts = update.search(seed, lambda share: progress(0.5 * share))
-    found: list[tuple[float, JointResult]] = []
+    results: list[tuple[float, JointResult]] = []
     failure = UpdatingError(
         "no draw from the prior gives a physical specimen; widen or move the priors", {}, ()
     )
     for done, start in enumerate(starts):
         progress(0.5 + 0.5 * done / len(starts))
         try:
-            found.append(update.in_turns(*start))
+            results.append(update.in_turns(*start))
         except UpdatingError as error:
             failure = UpdatingError(f"{error.message}; {_AS_STATED}", error.best, error.history)
-    if not found:
+    if not results:
         raise failure
-    return min(found, key=lambda row: row[0])[1]
+    return min(results, key=lambda row: row[0])[1]
 
 
 @dataclass(frozen=True)
@@ -132,14 +132,14 @@ class _Update:
         coarse = slice(None, None, max(1, frfs.frequency_hz.size // _COARSE_LINES))
         measured = _log_magnitude(frfs.values[:, coarse])
         known = frfs.measured[:, coarse]
-        loose = forward.on_basis().unverified()
+        search_model = forward.on_basis().with_unverified_basis()
         by_strain = bool(law.groups)
         ranked: list[tuple[float, FloatArray, float]] = []
         for done, theta in enumerate(thetas):
             progress(done / len(thetas))
             if not prior.is_physical(theta):
                 continue
-            model = loose.solve(theta).frf_model(
+            model = search_model.solve(theta).frf_model(
                 frfs.responses, frfs.references, with_strain=by_strain
             )
             moving = model.omega > 0
@@ -221,8 +221,8 @@ class _Update:
                 [np.full(inside.size, _SHIFT_SD), np.full(others.size, _OTHERS_SHIFT_SD)]
             ),
             deviation_sd=np.full(elastic.size, _DEVIATION),
-            suspended=np.arange(state.modes.rigid),
-            suspended_rate=np.full(state.modes.rigid, 2 * ratio * model.omega[inside[0]]),
+            suspension_modes=np.arange(state.modes.rigid),
+            suspension_rate=np.full(state.modes.rigid, 2 * ratio * model.omega[inside[0]]),
         )
         misfit = FrfMisfit(frfs, model, weighting, variance)
         fit = fit_law(misfit, law, start, nuisance)

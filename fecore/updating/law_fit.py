@@ -52,7 +52,7 @@ class DampingFit:
     tie: FloatArray
     # (p, m) the same by the logarithm of the rate known beside the misfit of each mode, 0 of the
     # others
-    seen: FloatArray
+    ratio_data: FloatArray
     normal: NormalEquations  # normal equations at the estimate
     history: FloatArray  # (iterations, p) coefficients, first to last
 
@@ -73,7 +73,7 @@ class DampingFit:
             damping_rate(self.law, self.coefficients, model.omega, model.strain)
             + self.nuisance.window_rate
         )
-        rates[self.nuisance.suspended] = self.rate[self.nuisance.suspended]
+        rates[self.nuisance.suspension_modes] = self.rate[self.nuisance.suspension_modes]
         return rates
 
 
@@ -106,22 +106,22 @@ def fit_law(
             history.append(point.coefficients)
 
     first = problem.first(start) if isinstance(start, np.ndarray) else _end(problem, start)
-    found = minimise(problem.at(first), problem.move, problem.stopping(), visit)
-    best = by_name(law.coefficient_names, found.point.coefficients)
-    if found.outcome == "singular":
+    minimum = minimise(problem.at(first), problem.move, problem.stopping(), visit)
+    best = by_name(law.coefficient_names, minimum.point.coefficients)
+    if minimum.outcome == "singular":
         raise UpdatingError(
             f"the FRFs do not distinguish the coefficients of the {law.name} law; use a wider band,"
             " or a law with fewer",
             best=best,
-            history=(found.point.normal.cost,),
+            history=(minimum.point.normal.cost,),
         )
-    if found.outcome != "converged" and not problem.is_at_rest(found.point):
+    if minimum.outcome != "converged" and not problem.is_at_rest(minimum.point):
         raise UpdatingError(
             f"the {law.name} fit did not converge; check the band, the modes and the geometry",
             best=best,
-            history=(found.point.normal.cost,),
+            history=(minimum.point.normal.cost,),
         )
-    return _finished(problem, found.point, np.array(history))
+    return _finished(problem, minimum.point, np.array(history))
 
 
 def _end(problem: LawProblem, fit: DampingFit) -> FloatArray:
@@ -138,11 +138,11 @@ def _finished(problem: LawProblem, point: LawPoint, history: FloatArray) -> Damp
     a, shift, _ = problem.split(x)
     _, by_prior = problem.prior(x)
     rows = shift.size + np.arange(problem.tied.size)
-    tie, seen = np.zeros((count, eigenvalue.size)), np.zeros((count, eigenvalue.size))
+    tie, ratio_data = np.zeros((count, eigenvalue.size)), np.zeros((count, eigenvalue.size))
     tie[:, problem.tied] = problem.scale * (inverse @ by_prior[rows].T)[:count]
     tie[:, problem.tied] /= nuisance.deviation_sd[nuisance.deviation_sd > 0]
-    seen[:, nuisance.seen] = (
-        problem.scale * (inverse @ problem.known(x)[1].T)[:count] / nuisance.seen_sd
+    ratio_data[:, nuisance.ratio_data] = (
+        problem.scale * (inverse @ problem.known(x)[1].T)[:count] / nuisance.ratio_data_sd
     )
     return DampingFit(
         law=problem.law,
@@ -157,7 +157,7 @@ def _finished(problem: LawProblem, point: LawPoint, history: FloatArray) -> Damp
         noise_covariance=_covariance(problem, point, inverse)[:count, :count],
         response=(inverse @ problem.chain(x).T)[:count],
         tie=tie,
-        seen=seen,
+        ratio_data=ratio_data,
         normal=point.normal,
         history=history,
     )

@@ -44,18 +44,18 @@ class Nuisance:
     # (s,) prior standard deviation of ε; 0 where the law is taken as exact
     deviation_sd: FloatArray
     # (r,) numbers of the modes that the law does not damp, with a rate of their own
-    suspended: IntArray = field(default_factory=lambda: np.arange(0))
+    suspension_modes: IntArray = field(default_factory=lambda: np.arange(0))
     # (r,) about which these are expected, within a factor of some seven, 1/s
-    suspended_rate: FloatArray = field(default_factory=lambda: np.zeros(0))
+    suspension_rate: FloatArray = field(default_factory=lambda: np.zeros(0))
     # 2/τ of an exponential window on the data, which every mode's rate has on top, 1/s
     window_rate: float = 0.0
     # (n,) numbers of the modes whose rate is known beside the misfit, from fits with residues of
     # their own
-    seen: IntArray = field(default_factory=lambda: np.arange(0))
+    ratio_data: IntArray = field(default_factory=lambda: np.arange(0))
     # (n,) these rates, 1/s, without the window's
-    seen_rate: FloatArray = field(default_factory=lambda: np.zeros(0))
+    ratio_data_rate: FloatArray = field(default_factory=lambda: np.zeros(0))
     # (n,) their standard deviations, relative
-    seen_sd: FloatArray = field(default_factory=lambda: np.zeros(0))
+    ratio_data_sd: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of_exact_law(cls, modes: IntArray, first_shift: FloatArray) -> Nuisance:
@@ -117,7 +117,7 @@ class LawProblem:
     @cached_property
     def own(self) -> IntArray:
         """Numbers of the modes with a rate of their own: the tied, then the suspended ones."""
-        return np.concatenate([self.tied, self.nuisance.suspended])
+        return np.concatenate([self.tied, self.nuisance.suspension_modes])
 
     def at(self, x: FloatArray) -> LawPoint:
         """The point at x."""
@@ -177,7 +177,7 @@ class LawProblem:
             raise UpdatingError(
                 f"the {self.law.name} law cannot start where it damps a mode negatively", best, ()
             )
-        own = np.log(np.concatenate([rate[self.tied], self.nuisance.suspended_rate]))
+        own = np.log(np.concatenate([rate[self.tied], self.nuisance.suspension_rate]))
         return np.concatenate([start, self.nuisance.first_shift, own])
 
     def omega(self, shift: FloatArray) -> FloatArray:
@@ -209,9 +209,9 @@ class LawProblem:
         law_rate = basis @ a
         shift_weight = 1 / self.nuisance.shift_sd
         weight = 1 / self.nuisance.deviation_sd[self.nuisance.deviation_sd > 0]
-        off = own - np.log(np.concatenate([law_rate, self.nuisance.suspended_rate]))
+        off = own - np.log(np.concatenate([law_rate, self.nuisance.suspension_rate]))
         off_weight = np.concatenate(
-            [weight, np.full(self.nuisance.suspended.size, 1 / _SUSPENSION_SD)]
+            [weight, np.full(self.nuisance.suspension_modes.size, 1 / _SUSPENSION_SD)]
         )
         residual = np.concatenate([shift * shift_weight, off_weight * off])
         s, first = shift.size, self.count + shift.size
@@ -230,12 +230,12 @@ class LawProblem:
         """Distance of the rates from those known beside the misfit, in their standard deviations,
         and the Jacobian.
         """
-        seen, T, m = self.nuisance.seen, self.chain(x), self.misfit.model.omega.size
-        rate = self.modes(x)[1][seen] - self.nuisance.window_rate
-        weight = 1 / self.nuisance.seen_sd
+        ratio_data, T, m = self.nuisance.ratio_data, self.chain(x), self.misfit.model.omega.size
+        rate = self.modes(x)[1][ratio_data] - self.nuisance.window_rate
+        weight = 1 / self.nuisance.ratio_data_sd
         return (
-            weight * np.log(rate / self.nuisance.seen_rate),
-            (weight / rate)[:, None] * T[m + seen],
+            weight * np.log(rate / self.nuisance.ratio_data_rate),
+            (weight / rate)[:, None] * T[m + ratio_data],
         )
 
     def penalty(self, x: FloatArray) -> float:
@@ -289,7 +289,7 @@ class LawProblem:
         omega = self.misfit.model.omega
         needed = (omega > 0) & (omega <= self.misfit.frfs.omega[-1])
         needed[self.tied] = True
-        needed[self.nuisance.suspended] = False
+        needed[self.nuisance.suspension_modes] = False
         basis = self.basis(self.omega(shift)[needed], np.flatnonzero(needed))
         # A shift past a border between two knots of a modal law would leave one of its coefficients
         # without a mode.

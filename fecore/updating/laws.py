@@ -42,7 +42,7 @@ from fecore.errors import InputError
 from fecore.least_squares import unit_columns
 from fecore.updating.damping_stage import DAMPING_DISCREPANCY
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.findings import found
+from fecore.updating.findings import finding
 from fecore.updating.measured_ratios import MeasuredRatios, paired_ratios
 from fecore.updating.parameters import by_name
 from fecore.updating.recipe import Recipe
@@ -150,7 +150,7 @@ class LawRanking:
             f"; the evidence prefers {best.law.name} (BIC {best.bic:.1f} against {first.bic:.1f})"
         )
         return [
-            found(
+            finding(
                 "law_inadequate",
                 law=first.law.name,
                 missed=missed,
@@ -190,12 +190,12 @@ def _ranked(
     fit, cost, by_angles = _at_best_angles(law, ratios, priors)
     ratio, coefficients = ratios.ratio, fit.coefficients
     price = coefficients.size * np.log(ratio.size)
-    excess = max(1.0, fit.chi_squared / max(ratio.size - coefficients.size, 1))
+    variance_inflation = max(1.0, fit.chi_squared / max(ratio.size - coefficients.size, 1))
     p = coefficients.size
     if fit.joint is None:
-        spread = excess * fit.gain @ fit.covariance @ fit.gain.T + by_angles
+        spread = variance_inflation * fit.gain @ fit.covariance @ fit.gain.T + by_angles
     else:
-        spread = excess * fit.joint[:p, :p] + by_angles
+        spread = variance_inflation * fit.joint[:p, :p] + by_angles
     possible = bool(np.all(fit.missed > -1)) and not _is_refuted(
         law, coefficients, spread, fit.ratios
     )
@@ -214,7 +214,7 @@ def _ranked(
         joint=(
             None
             if fit.joint is None
-            else excess * fit.joint + scipy.linalg.block_diag(by_angles, 0 * by_angles)
+            else variance_inflation * fit.joint + scipy.linalg.block_diag(by_angles, 0 * by_angles)
         ),
     )
 

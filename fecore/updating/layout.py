@@ -141,7 +141,7 @@ class CampaignModel:
 
     def width(self, rows: Sequence[int]) -> FloatArray:
         """(n,) W of some measured modes: one over the density of ln f that a pole has that is none
-        (`belief`).
+        (`mode_inclusion`).
         """
         hz = self.modes.frequency_hz
         return np.asarray(hz[-1] / hz[list(rows)])
@@ -293,8 +293,8 @@ class Layout:
         constant = np.log(probability) + np.linalg.slogdet(inverse)[1] / 2
 
         def value(x: FloatArray) -> FloatArray:
-            away = np.einsum("ni,tij,nj->tn", x, inverse, x)
-            return np.asarray(scipy.special.logsumexp(constant[:, None] - away / 2, axis=0))
+            distance = np.einsum("ni,tij,nj->tn", x, inverse, x)
+            return np.asarray(scipy.special.logsumexp(constant[:, None] - distance / 2, axis=0))
 
         return value
 
@@ -339,11 +339,13 @@ class Layout:
             sds.append(sd)
         return rows, np.array(values), np.array(sds)
 
-    def unverified(self) -> Layout:
+    def with_unverified_basis(self) -> Layout:
         """The same on bases as they are now, for a search that is verified afterwards."""
         return replace(
             self,
-            campaigns=tuple(replace(c, forward=c.forward.unverified()) for c in self.campaigns),
+            campaigns=tuple(
+                replace(c, forward=c.forward.with_unverified_basis()) for c in self.campaigns
+            ),
         )
 
     def with_mesh_errors_at(self, x: FloatArray) -> Layout:

@@ -94,9 +94,9 @@ def prepare(
             only.
     """
     if measurement.frfs is None:
-        return _of_modes_alone(measurement, specimen.model)
+        return _of_modes_only(measurement, specimen.model)
     frfs, warnings = _seen(measurement.frfs, measurement, specimen.model)
-    frfs, still = _moving(frfs, measurement, specimen)
+    frfs, stationary = _moving(frfs, measurement, specimen)
     rows = _split(frfs, recipe.hold_out)
     screened = screen(frfs)
     place = {int(row): number for number, row in enumerate(screened.kept)}
@@ -107,14 +107,19 @@ def prepare(
         )
     frfs = frfs.select(list(place)).unmeasured_at(~screened.measured)
     frfs = frfs.conjugated() if screened.conjugated else frfs
-    warnings = (*warnings, *still, *screened.warnings, *_refusals(screened))
+    warnings = (*warnings, *stationary, *screened.warnings, *_refusals(screened))
     fitted, held = frfs.select(kept), frfs.select(held_rows) if held_rows else None
-    modes, found = None, None
+    modes, identification = None, None
     if find_modes and measurement.modes is None:
-        found = identify(fitted, recipe.identification, report)
-        modes = found.chosen(include_doubtful=recipe.include_doubtful).modes
-        fitted, warnings = _without_outliers(fitted, found), (*warnings, *found.warnings)
-        found = replace(found, refused=(*screened.refused, *found.refused))
+        identification = identify(fitted, recipe.identification, report)
+        modes = identification.chosen(include_doubtful=recipe.include_doubtful).modes
+        fitted, warnings = (
+            _without_outliers(fitted, identification),
+            (*warnings, *identification.warnings),
+        )
+        identification = replace(
+            identification, refused=(*screened.refused, *identification.refused)
+        )
     elif find_modes and measurement.modes is not None:
         modes, more = _with_shapes(fitted, measurement, specimen.model)
         warnings = (*warnings, *more)
@@ -127,7 +132,7 @@ def prepare(
         held=held,
         held_rows=held_rows,
         modes=modes,
-        identification=found,
+        identification=identification,
         warnings=tuple(dict.fromkeys(warnings)),
     )
 
@@ -136,11 +141,12 @@ def _refusals(screened: Screened) -> list[str]:
     return [f"FRF {fault.frf} was not used: {fault.reason}" for fault in screened.refused]
 
 
-def _without_outliers(frfs: FrfSet, found: Identification) -> FrfSet:
+def _without_outliers(frfs: FrfSet, identification: Identification) -> FrfSet:
     """The FRFs without the values that identification has found to be spoilt."""
     gaps = ~frfs.measured
-    lines = np.searchsorted(frfs.frequency_hz, found.frequency_hz * (1 - 1e-9))  # those of its band
-    gaps[np.ix_(found.rows, lines)] |= np.isnan(found.measured)
+    # those of its band
+    lines = np.searchsorted(frfs.frequency_hz, identification.frequency_hz * (1 - 1e-9))
+    gaps[np.ix_(identification.rows, lines)] |= np.isnan(identification.measured)
     return frfs.unmeasured_at(gaps)
 
 
@@ -149,15 +155,19 @@ def _moving(frfs: FrfSet, measurement: Measurement, specimen: Body) -> tuple[Frf
     dofs = sorted({Dof(dof.point, dof.axis) for dof in (*frfs.responses, *frfs.references)})
     points = [dof.point for dof in dofs]
     places = np.array([measurement.points[point] for point in points])
-    seen = observed_at(specimen.model, points, places, directions_of(dofs, measurement.axes))
-    still = {dof for dof, reach in zip(dofs, abs(seen).sum(axis=1), strict=True) if reach < _STILL}
+    observed = observed_at(specimen.model, points, places, directions_of(dofs, measurement.axes))
+    stationary = {
+        dof for dof, reach in zip(dofs, abs(observed).sum(axis=1), strict=True) if reach < _STILL
+    }
     pairs = list(zip(frfs.responses, frfs.references, strict=True))
     moving = [
-        i for i, pair in enumerate(pairs) if not still & {Dof(dof.point, dof.axis) for dof in pair}
+        i
+        for i, pair in enumerate(pairs)
+        if not stationary & {Dof(dof.point, dof.axis) for dof in pair}
     ]
     if len(moving) == len(pairs):
         return frfs, []
-    held = sorted({dof.point for dof in still})
+    held = sorted({dof.point for dof in stationary})
     names, one = ", ".join(map(str, held)), len(held) == 1
     where = (
         f"{'point' if one else 'points'} {names} {'lies' if one else 'lie'} on a support that holds"
@@ -174,7 +184,7 @@ def _moving(frfs: FrfSet, measurement: Measurement, specimen: Body) -> tuple[Frf
     ]
 
 
-def _of_modes_alone(measurement: Measurement, model: Model) -> Prepared:
+def _of_modes_only(measurement: Measurement, model: Model) -> Prepared:
     """Modes without FRFs, with their shapes at points that have coordinates."""
     assert measurement.modes is not None, "a measurement has FRFs or modes"
     modes = measurement.modes
@@ -184,12 +194,12 @@ def _of_modes_alone(measurement: Measurement, model: Model) -> Prepared:
     return Prepared(modes=modes, warnings=warnings)
 
 
-def _moves(dofs: Sequence[Dof], measurement: Measurement, model: Model) -> list[bool]:
+def _observable(dofs: Sequence[Dof], measurement: Measurement, model: Model) -> list[bool]:
     """Which dofs are displacements along directions in which the model moves."""
     along = model.can_move_along(
         directions_of([Dof(dof.point, (dof.axis - 1) % 3 + 1) for dof in dofs], measurement.axes)
     )
-    return [dof.axis <= 3 and bool(moves) for dof, moves in zip(dofs, along, strict=True)]
+    return [dof.axis <= 3 and bool(observable) for dof, observable in zip(dofs, along, strict=True)]
 
 
 def _predicted(model: Model) -> tuple[str, str]:
@@ -204,8 +214,10 @@ def _seen(frfs: FrfSet, measurement: Measurement, model: Model) -> tuple[FrfSet,
     out, in words.
     """
     pairs = list(zip(frfs.responses, frfs.references, strict=True))
-    moves = (_moves(dofs, measurement, model) for dofs in (frfs.responses, frfs.references))
-    chosen = [i for i, both in enumerate(zip(*moves, strict=True)) if all(both)]
+    observable = (
+        _observable(dofs, measurement, model) for dofs in (frfs.responses, frfs.references)
+    )
+    chosen = [i for i, both in enumerate(zip(*observable, strict=True)) if all(both)]
     missing = sorted({dof.point for i in chosen for dof in pairs[i]} - set(measurement.points))
     if missing:
         raise InputError(
@@ -281,9 +293,9 @@ def _with_shapes(
         ).pairs
         for mine, theirs in pairs:
             frequency[mine], ratio[mine] = seen.frequency_hz[theirs], seen.damping_ratio[theirs]
-        alone = np.setdiff1d(np.arange(seen.pairs), [theirs for _, theirs in pairs])
-        frequency = np.concatenate([frequency, seen.frequency_hz[alone]])
-        ratio = np.concatenate([ratio, seen.damping_ratio[alone]])
+        unmatched = np.setdiff1d(np.arange(seen.pairs), [theirs for _, theirs in pairs])
+        frequency = np.concatenate([frequency, seen.frequency_hz[unmatched]])
+        ratio = np.concatenate([ratio, seen.damping_ratio[unmatched]])
     if not np.all(ratio > 0):
         return modes, (
             (
@@ -294,12 +306,12 @@ def _with_shapes(
     order = np.argsort(frequency, kind="stable")
     # With poles beyond the band among them, the full residual series would say the same twice.
     if seen is None:
-        found, _ = shapes_at_poles(frfs, frequency[order], ratio[order])
+        fitted, _ = shapes_at_poles(frfs, frequency[order], ratio[order])
     else:
-        found, _ = shapes_at_poles(frfs, frequency[order], ratio[order], exponents=seen.exponents)
-    assert found.shapes is not None, "they are what is found"
+        fitted, _ = shapes_at_poles(frfs, frequency[order], ratio[order], exponents=seen.exponents)
+    assert fitted.shapes is not None, "they are what is found"
     places = np.argsort(order, kind="stable")[: len(modes)]
-    return replace(modes, shapes=found.shapes[places], dofs=found.dofs), ()
+    return replace(modes, shapes=fitted.shapes[places], dofs=fitted.dofs), ()
 
 
 def _seen_shapes(
@@ -308,8 +320,8 @@ def _seen_shapes(
     """The modes with their shapes at known points where the model moves; without such dofs the
     shapes are of no use.
     """
-    moves = _moves(modes.dofs, measurement, model)
-    columns = [i for i, dof in enumerate(modes.dofs) if moves[i] and dof.point in points]
+    observable = _observable(modes.dofs, measurement, model)
+    columns = [i for i, dof in enumerate(modes.dofs) if observable[i] and dof.point in points]
     if not columns or modes.shapes is None:
         where = "out-of-plane value" if {0, 1, 2} - set(model.dofs) else "translation"
         warning = f"modes were paired by frequency: their shapes have no {where} at a known point"

@@ -150,8 +150,8 @@ class Finer:
         """
         if not isinstance(body, Structure):
             return None
-        grown = 4 if is_quadratic(body.mesh) else 3
-        return cls(body) if grown * len(body.mesh.nodes) * len(body.dofs) <= MOST_DOFS else None
+        growth = 4 if is_quadratic(body.mesh) else 3
+        return cls(body) if growth * len(body.mesh.nodes) * len(body.dofs) <= MOST_DOFS else None
 
     @cached_property
     def _flat(self) -> Refined | None:
@@ -257,7 +257,7 @@ class _Values:
     def at_corners(self, shapes: FloatArray, corners: IntArray) -> Forms:
         """What the mesh misses about corners, between (dofs, m) shapes."""
         model, count = self.body.model, shapes.shape[1]
-        found = Forms(
+        forms = Forms(
             np.zeros((len(self.stiffness), count, count)), np.zeros((len(self.mass), count, count))
         )
         if corners.size:
@@ -268,8 +268,8 @@ class _Values:
                 ]
             )
             energy = model.stiffness.about(corners).project(shapes, slice(0, count))
-            found = replace(found, stiffness=share[:, None, None] * energy)
-        return found
+            forms = replace(forms, stiffness=share[:, None, None] * energy)
+        return forms
 
     def named_as(self, forms: Forms, own: _Values) -> Forms:
         """This model's forms by the coefficients of another's, of the same constants."""
@@ -289,18 +289,18 @@ def _by_names(
     largest of its set.
     """
     place = {name: k for k, name in enumerate(names.names)}
-    found = np.zeros((len(names.names), *forms.shape[1:]))
+    sums = np.zeros((len(names.names), *forms.shape[1:]))
     for k, name in enumerate(of.names):
         if name in place:
-            found[place[name]] += forms[k]
+            sums[place[name]] += forms[k]
             continue
         prefix = name.split(".joint")[0].rpartition(".")[0] or name.split(".joint")[0]
         like = [j for j, each in enumerate(names.names) if each.startswith(prefix)] or range(
             len(others)
         )
         target = max(like, key=lambda j: others[j])
-        found[target] += forms[k] * values[k] / others[target]
-    return found
+        sums[target] += forms[k] * values[k] / others[target]
+    return sums
 
 
 def _moved(fine: _Values, motion: FloatArray, shift: float) -> FloatArray:

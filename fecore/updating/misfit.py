@@ -280,12 +280,12 @@ class FrfJacobian:
         """Of each flexibility, then of the delay, the rows that it changes, and the derivative of
         these.
         """
-        found = [
+        derivatives = [
             (slice(row, row + 1), self.by_flexibility(row)[None]) for row in self.misfit.driving
         ]
         if self.misfit.delay_sd:
-            found.append((slice(None), -1j * self.misfit.frfs.omega * self.predicted))
-        return found
+            derivatives.append((slice(None), -1j * self.misfit.frfs.omega * self.predicted))
+        return derivatives
 
     def gradient(self, weighted: ComplexArray) -> FloatArray:
         """(b,) 2 Re Jᴴ(w r): the descent direction's data."""

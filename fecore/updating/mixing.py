@@ -72,7 +72,7 @@ def mixings(
     with np.errstate(divide="ignore"):
         spread = 2 * sd / np.abs(measured[:, None] - measured)
     energy = state.energy_forms[:, rigid:, rigid:] / np.sqrt(value[:, None] * value)
-    found = []
+    pairs = []
     for number, j in enumerate(columns):
         for k in range(value.size):
             if spread[j, k] > _SINES[1] - _SINES[0] and (k > j or (k < j and k not in columns)):
@@ -80,8 +80,8 @@ def mixings(
                 cost = (_SINES / spread[j, k]) ** 2
                 if shapes is not None:
                     cost = cost + _off(state.shapes[[j, k], : shapes.shape[1]], shapes[list(rows)])
-                found.append(Mixing(rows, _change(energy, j, k)[:, : len(rows)], cost - cost.min()))
-    return tuple(found)
+                pairs.append(Mixing(rows, _change(energy, j, k)[:, : len(rows)], cost - cost.min()))
+    return tuple(pairs)
 
 
 def _change(energy: FloatArray, j: int, k: int) -> FloatArray:

@@ -35,7 +35,7 @@ of their kind.
 
 _SCATTER = 0.06  # σ: of kinds of modes about the common factor, as the constants' ratios are off
 _FACTOR_SD, _FACTORS = 0.15, np.linspace(-0.5, 0.5, 41)  # σ_c, and the c that are tried
-_ALONE = 8.0  # L: a measured mode without a partner is what an offset of four σ would cost
+_UNPAIRED = 8.0  # L: a measured mode without a partner is what an offset of four σ would cost
 _NEAR_NODE = 0.1  # amplitude over the largest mode's at which a mode is as often missed as seen
 _LEAST, _MOST = 0.05, 0.95  # p_k: nothing is sure
 _SAME = 1e-9  # relative distance of frequencies that is round-off
@@ -66,12 +66,12 @@ def pair_with(modes: MeasuredModes, state: ForwardState) -> Pairing:
     return _among(
         shown,
         pair_in_order(
-            modes.frequency_hz, state.frequency_hz[shown], seen[shown], alone_cost(modes)
+            modes.frequency_hz, state.frequency_hz[shown], seen[shown], unpaired_cost(modes)
         ),
     )
 
 
-def pair_likest(modes: MeasuredModes, state: ForwardState) -> Pairing:
+def pair_best_match(modes: MeasuredModes, state: ForwardState) -> Pairing:
     """The likest partners by shape, however unlike and far apart: for a comparison where no mode
     has a like one.
     """
@@ -108,7 +108,7 @@ def exchanged(pairing: Pairing, kinds: Sequence[str]) -> list[Partners]:
     ]
 
 
-def pair_held(modes: MeasuredModes, state: ForwardState, partners: Partners) -> Pairing:
+def pair_fixed(modes: MeasuredModes, state: ForwardState, partners: Partners) -> Pairing:
     """The pairing with given partners at a solved model; those that the model does not have there
     are left out.
     """
@@ -122,7 +122,7 @@ def pair_held(modes: MeasuredModes, state: ForwardState, partners: Partners) -> 
     seen = probability_seen(modes, state)
     seen[list(state.hidden)] = 0.0  # so that none of these is a rival, or was missed
     pairing = _described(pairs, modes.frequency_hz, state.frequency_hz, seen)
-    return replace(pairing, mac=pair_likest(modes, state).mac) if has_shapes(modes) else pairing
+    return replace(pairing, mac=pair_best_match(modes, state).mac) if has_shapes(modes) else pairing
 
 
 def _among(shown: IntArray, pairing: Pairing) -> Pairing:
@@ -151,20 +151,20 @@ def probability_seen(modes: MeasuredModes, state: ForwardState) -> FloatArray:
     return np.asarray(np.clip(share / (1 + share), _LEAST, _MOST))
 
 
-def alone_cost(modes: MeasuredModes) -> FloatArray:
+def unpaired_cost(modes: MeasuredModes) -> FloatArray:
     """(n,) what each measured mode costs without a partner: L, less where it may be none, -ln(1 - P
     + P e^-L).
     """
     probability = np.ones(len(modes)) if modes.probability is None else modes.probability
     with np.errstate(divide="ignore"):
-        return np.asarray(-np.logaddexp(np.log(1 - probability), np.log(probability) - _ALONE))
+        return np.asarray(-np.logaddexp(np.log(1 - probability), np.log(probability) - _UNPAIRED))
 
 
 def pair_in_order(
     measured_hz: FloatArray,
     model_hz: FloatArray,
     seen: FloatArray,
-    alone_costs: FloatArray | None = None,
+    unpaired_costs: FloatArray | None = None,
 ) -> Pairing:
     """Align ascending measured with ascending model frequencies (module docstring).
 
@@ -172,9 +172,9 @@ def pair_in_order(
         measured_hz: (n,).
         model_hz: (m,).
         seen: (m,) p_k.
-        alone_costs: (n,) of a measured mode without a partner; L where nobody doubts the modes.
+        unpaired_costs: (n,) of a measured mode without a partner; L where nobody doubts the modes.
     """
-    costs = np.full(measured_hz.size, _ALONE) if alone_costs is None else alone_costs
+    costs = np.full(measured_hz.size, _UNPAIRED) if unpaired_costs is None else unpaired_costs
     n, m = measured_hz.size, model_hz.size
     order = np.argsort(model_hz, kind="stable")
     pair, miss = -np.log(seen[order]), -np.log(1 - seen[order])
@@ -192,8 +192,8 @@ def pair_in_order(
                 + ((off[i - 1, j - 1] - _FACTORS) / _SCATTER) ** 2 / 2
             )
             missed = best[i, j - 1] + miss[j - 1]
-            alone = best[i - 1, j] + costs[i - 1]
-            choice = np.stack([together, alone, missed])
+            unpaired = best[i - 1, j] + costs[i - 1]
+            choice = np.stack([together, unpaired, missed])
             came[i, j] = choice.argmin(axis=0)
             best[i, j] = choice.min(axis=0)
     # modes above the last measured one cost nothing
@@ -210,8 +210,11 @@ def pair_in_order(
     return _described(tuple(pairs), measured_hz, model_hz, seen)
 
 
-def missed_cost(
-    pairing: Pairing, seen: FloatArray, model_hz: FloatArray, alone_costs: FloatArray | None = None
+def detection_cost(
+    pairing: Pairing,
+    seen: FloatArray,
+    model_hz: FloatArray,
+    unpaired_costs: FloatArray | None = None,
 ) -> float:
     """What a pairing in order says against itself, frequencies apart: modes that were missed, and
     seen near their nodes.
@@ -221,8 +224,10 @@ def missed_cost(
     paired = np.array([column for _, column in pairing.pairs])
     below = np.setdiff1d(np.flatnonzero(model_hz < model_hz[paired].max() * (1 + _SAME)), paired)
     left = list(pairing.unpaired_measured)
-    alone = _ALONE * len(left) if alone_costs is None else float(alone_costs[left].sum())
-    return float(-np.log(seen[paired]).sum() - np.log(1 - seen[below]).sum()) + alone
+    unpaired = (
+        _UNPAIRED * len(left) if unpaired_costs is None else float(unpaired_costs[left].sum())
+    )
+    return float(-np.log(seen[paired]).sum() - np.log(1 - seen[below]).sum()) + unpaired
 
 
 def _described(

@@ -22,8 +22,7 @@ from fecore.updating.discretisation import DISCRETISATION, Discretisation, meshe
 from fecore.updating.elastic_findings import mesh_on_trust, points_beyond
 from fecore.updating.elastic_result import HOPELESS_MISS, ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
-from fecore.updating.excursions import fixed_points
-from fecore.updating.findings import found, remarks
+from fecore.updating.findings import finding, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.joint import update_jointly
@@ -37,8 +36,9 @@ from fecore.updating.recipe import Recipe
 from fecore.updating.result import Finding, UpdateResult
 from fecore.updating.sampling import Checkpoint, sample_posterior
 from fecore.updating.summary import DampingOutcome, Summary
+from fecore.updating.systematic_effects import fixed_points
 from fecore.updating.temperature import with_temperature
-from fecore.updating.zones import with_sparse_factors, with_stretches
+from fecore.updating.zones import with_damage_intervals, with_sparse_factors
 
 Progress = Callable[[str, float], None]
 """Called with the stage in words and the share of the whole job that is done; raise from it to
@@ -146,7 +146,9 @@ def _coarse(mesh: Discretisation) -> list[Finding]:
     """That the finest mesh allowed is too coarse."""
     worst, (nx, ny) = float(mesh.error.max(initial=0.0)), mesh.divisions
     return (
-        [found("mesh_misses", nx=nx, ny=ny, percent=100 * worst)] if worst > DISCRETISATION else []
+        [finding("mesh_misses", nx=nx, ny=ny, percent=100 * worst)]
+        if worst > DISCRETISATION
+        else []
     )
 
 
@@ -154,7 +156,7 @@ def _without_joints(body: Body) -> list[Finding]:
     """That walls meet without a model of their joint."""
     if not isinstance(body, Structure) or body.with_joints or not body.model_error:
         return []
-    return [found("without_joints", percent=100 * body.model_error)]
+    return [finding("without_joints", percent=100 * body.model_error)]
 
 
 def _highest_hz(data: Prepared) -> float:
@@ -188,13 +190,15 @@ def _other_method(measurement: Measurement, recipe: Recipe) -> list[Finding]:
     FRFs.
     """
     if measurement.frfs is None and recipe.method == "joint":
-        return [found("joint_needs_frfs")]
+        return [finding("joint_needs_frfs")]
     if not measurement.roving_mass:
         return []
     unused = measurement.modes is not None and recipe.method == "two_stage"
     grams = 1e3 * measurement.roving_mass
     return [
-        found("roving_sensor", grams=grams, unused="; the mode set was not used" if unused else "")
+        finding(
+            "roving_sensor", grams=grams, unused="; the mode set was not used" if unused else ""
+        )
     ]
 
 
@@ -219,7 +223,7 @@ def _elastic(
         )
         if elastic.unlike:
             return elastic, data.modes
-        return with_stretches(with_sparse_factors(elastic, recipe), recipe), data.modes
+        return with_damage_intervals(with_sparse_factors(elastic, recipe), recipe), data.modes
     assert data.fitted is not None, "without modes there are FRFs"
     frfs = data.fitted if recipe.band_hz is None else data.fitted.band(*recipe.band_hz)
     frfs = _inside(frfs, (0.0, np.inf), recipe)
@@ -252,27 +256,29 @@ class _Damping:
         first: FecoreError | None = None
         before: list[Finding] = []
         for tried in self._bands(band):
-            said: list[Finding] = []
+            findings: list[Finding] = []
             try:
-                done = self._of_frfs(self.data.fitted, tried, said)
+                done = self._of_frfs(self.data.fitted, tried, findings)
             except FecoreError as error:
                 if first is None:
                     if isinstance(error, InputError):
                         raise
-                    first, before = error, said
+                    first, before = error, findings
                 if not _was_sought(first):
                     break
             else:
                 if first is not None:
-                    said.append(
-                        found("damping_narrowed", low=tried[0], high=tried[1], text=_message(first))
+                    findings.append(
+                        finding(
+                            "damping_narrowed", low=tried[0], high=tried[1], text=_message(first)
+                        )
                     )
-                return replace(done, findings=tuple(said))
+                return replace(done, findings=tuple(findings))
         assert first is not None, "the whole band is tried"
         return self._without_fit(band, first, before)
 
     def _without_fit(
-        self, band: tuple[float, float], error: FecoreError, said: list[Finding]
+        self, band: tuple[float, float], error: FecoreError, findings: list[Finding]
     ) -> DampingOutcome:
         """Where no fit to FRFs ends: laws from the modes' damping ratios, if a fit was sought; else
         why there is no damping.
@@ -281,32 +287,33 @@ class _Damping:
         if _was_sought(error) and not hopeless:
             done = self._of_ratios()
             if done.ranking is not None:
-                findings = (*said, *done.findings, found("damping_of_ratios", text=message))
+                of_ratios = finding("damping_of_ratios", text=message)
                 why = f"from the modes' damping ratios, since {message}"
-                return replace(done, message=why, band=band, findings=findings)
-        failed = found("damping_failed", level="do_not_use" if hopeless else None, text=message)
-        return DampingOutcome("failed", message, band, findings=(*said, failed))
+                every = (*findings, *done.findings, of_ratios)
+                return replace(done, message=why, band=band, findings=every)
+        failed = finding("damping_failed", level="do_not_use" if hopeless else None, text=message)
+        return DampingOutcome("failed", message, band, findings=(*findings, failed))
 
     def _of_frfs(
-        self, frfs: FrfSet, band: tuple[float, float], said: list[Finding]
+        self, frfs: FrfSet, band: tuple[float, float], findings: list[Finding]
     ) -> DampingOutcome:
-        """Laws fitted to the FRFs of a band; what is worth saying goes to `said`, also where the
-        fit fails.
+        """Laws fitted to the FRFs of a band; what is worth saying goes to `findings`, also where
+        the fit fails.
 
         Raises:
             UpdatingError: a fit did not converge.
         """
         inside = _inside(frfs, band, self.recipe)
         stage = damping_data(inside, self.elastic, self.modes, self.recipe.weighting, self.inputs)
-        asked = self._laws(stage.modal_law)
+        requested = self._laws(stage.modal_law)
         # where there is none, the fit says so
-        laws = identifiable_laws(len(stage.rows), asked) or asked
+        laws = identifiable_laws(len(stage.rows), requested) or requested
         stage, odd = examine(stage)
-        said += [*_unasked(asked[0], laws[0], len(stage.rows)), *odd]
+        findings += [*_unasked(requested[0], laws[0], len(stage.rows)), *odd]
         reference = fit_reference(stage)
         ranking = rank_laws(reference.ratios, stage.rows, laws)
         result = fit_damping(stage, reference, laws[0], self.progress, ranking.laws[0].strain)
-        said += unstated_window(
+        findings += unstated_window(
             result, self.inputs, 1 / float(np.median(np.diff(inside.frequency_hz)))
         )
         return DampingOutcome("succeeded", "", band, ranking, result)
@@ -318,14 +325,14 @@ class _Damping:
             return DampingOutcome(
                 "skipped", "there are no FRFs, and no paired mode has a damping ratio"
             )
-        asked = self._laws(ModalDamping(tuple(np.sort(ratios.omega))))
-        laws = identifiable_laws(len(rows), asked)
+        requested = self._laws(ModalDamping(tuple(np.sort(ratios.omega))))
+        laws = identifiable_laws(len(rows), requested)
         if not laws:
             return DampingOutcome(
                 "skipped", f"{len(rows)} damping ratios cannot fix any of the laws asked for"
             )
         message = "from the modes' damping ratios: there are no FRFs"
-        findings = tuple(_unasked(asked[0], laws[0], len(rows)))
+        findings = tuple(_unasked(requested[0], laws[0], len(rows)))
         return DampingOutcome(
             "succeeded", message, ranking=rank_laws(ratios, rows, laws), findings=findings
         )
@@ -377,13 +384,15 @@ def _message(error: FecoreError) -> str:
     return error.message if isinstance(error, UpdatingError) else str(error)
 
 
-def _unasked(asked: DampingLaw, law: DampingLaw, modes: int) -> list[Finding]:
+def _unasked(requested: DampingLaw, law: DampingLaw, modes: int) -> list[Finding]:
     """That another law takes the place of the first one."""
-    if law is asked:
+    if law is requested:
         return []
     cannot = "one measured mode cannot" if modes == 1 else f"{modes} measured modes cannot"
-    count = len(asked.coefficient_names)
-    return [found("law_replaced", modes=cannot, count=count, asked=asked.name, law=law.name)]
+    count = len(requested.coefficient_names)
+    return [
+        finding("law_replaced", modes=cannot, count=count, requested=requested.name, law=law.name)
+    ]
 
 
 def _forward(

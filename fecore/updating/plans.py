@@ -101,7 +101,7 @@ class PlannedCoupons:
     def tested(self, theta: Mapping[str, float]) -> tuple[Coupon, ...]:
         """What they will say where the parameters are these, SI."""
         of_one = [(name, theta[name], self.relative_sd * theta[name]) for name in self.constants]
-        return tuple(Coupon(*said, self.name, self.pieces) for said in of_one)
+        return tuple(Coupon(*values, self.name, self.pieces) for values in of_one)
 
 
 @dataclass(frozen=True)
@@ -175,11 +175,11 @@ def plan_tests(
     known = _Known(tuple(campaigns), tuple(parameters), fitted, now)
     prior = simulated[0].prior
     slope = prior.slope(_at(prior, theta))[: len(reported)]
-    found = [_forecast(each, known, slope, count=count, about=about) for each in simulated]
-    found += [_forecast_coupons(each, known, simulated[0], slope, about) for each in coupons]
+    forecasts = [_forecast(each, known, slope, count=count, about=about) for each in simulated]
+    forecasts += [_forecast_coupons(each, known, simulated[0], slope, about) for each in coupons]
     return Plan(
         by_name(reported, known.standard_deviations(now) * slope),
-        tuple(sorted(found, key=lambda each: -each.information)),
+        tuple(sorted(forecasts, key=lambda each: -each.information)),
     )
 
 
@@ -361,8 +361,8 @@ def _forecast_coupons(
     """
     campaigns = known.campaigns or (beside.campaign,)
     layout = lay_out(campaigns, known.parameters, SCATTER, coupons.tested(beside.theta))
-    said, _, sds = layout.of_coupons
-    brought = said.T @ (said / sds[:, None] ** 2)
+    combinations, _, sds = layout.of_coupons
+    brought = combinations.T @ (combinations / sds[:, None] ** 2)
     expected = by_name(layout.shared, known.standard_deviations(layout, brought) * slope)
     return Forecast(
         coupons.name, _information(known, layout, about)(brought), expected, np.zeros(0), (), 1.0

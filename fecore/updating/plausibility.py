@@ -32,7 +32,7 @@ from fecore.modal.arrangement import pair_label
 from fecore.updating.amounts import amount
 from fecore.updating.damping_data import DampingData
 from fecore.updating.damping_stage import DampingResult
-from fecore.updating.findings import Level, found, listed
+from fecore.updating.findings import Level, finding, listed
 from fecore.updating.inputs import GRID_SD, POINT_SD, Inputs
 from fecore.updating.parameters import by_name
 from fecore.updating.result import Finding
@@ -152,14 +152,14 @@ class Likeness:
     def findings(self) -> list[Finding]:
         """What looks wrong."""
         if not self.alike:
-            return [found("frfs_unlike", likeness=self.usual)]
+            return [finding("frfs_unlike", likeness=self.usual)]
         findings, sign = [], np.sign(self.common)
         if sign < 0:
-            findings.append(found("sign_opposite"))
+            findings.append(finding("sign_opposite"))
         if self.miscalibrated:
             by_place = abs(np.log(abs(self.common))) < np.hypot(_COMMON, _COMMON_SDS * self.placed)
             kind = "frfs_scaled_by_place" if by_place else "frfs_scaled"
-            findings.append(found(kind, factor=amount("", abs(self.common)), unit=self._unit()))
+            findings.append(finding(kind, factor=amount("", abs(self.common)), unit=self._unit()))
         relative = self.height / self.common
         like: BoolArray = sign * self.likeness >= _LIKE
         turned: BoolArray = sign * self.likeness <= -_LIKE
@@ -168,7 +168,7 @@ class Likeness:
         for kind, which in kinds.items():
             if (rows := np.flatnonzero(which & self.loud)).size:
                 of = "model" if sign > 0 else "rest"
-                findings.append(found(kind, who=self._who(rows, relative), of=of))
+                findings.append(finding(kind, who=self._who(rows, relative), of=of))
         return [*findings, *self._absent()]
 
     def _absent(self) -> list[Finding]:
@@ -181,7 +181,7 @@ class Likeness:
             "a mode" if hz.size == 1 else "modes",
         )
         level: Level | None = "do_not_use" if hz.min() < self.lowest_hz else None
-        return [found("modes_absent", level=level, modes=modes, which=which)]
+        return [finding("modes_absent", level=level, modes=modes, which=which)]
 
     def _unit(self) -> str:
         """The mistaken unit that the common factor is, in words; nothing where it is none."""
@@ -231,8 +231,8 @@ def _expected(frfs: FrfSet, predicted: ComplexArray, modes_hz: FloatArray) -> Fl
 
 def _clear_lines(frequency_hz: FloatArray, blunt_hz: FloatArray) -> BoolArray:
     """(L,) lines away from modes whose damping nobody measured; all where none is."""
-    away: BoolArray = np.all(np.abs(frequency_hz[:, None] / blunt_hz - 1) > _NEAR, axis=1)
-    return away if away.any() else np.ones_like(away)
+    clear: BoolArray = np.all(np.abs(frequency_hz[:, None] / blunt_hz - 1) > _NEAR, axis=1)
+    return clear if clear.any() else np.ones_like(clear)
 
 
 def examine(data: DampingData) -> tuple[DampingData, list[Finding]]:
@@ -311,8 +311,10 @@ def unstated_window(damping: DampingResult, inputs: Inputs, record_s: float) -> 
     omega, ratio = damping.reference.ratios.omega, damping.reference.ratios.ratio
     rate = looks_windowed(omega, ratio - (inputs.window_rate or 0.0) / omega, record_s)
     if rate is None:
-        return [found("window_unstated", name=names[worst], percent=100 * shares[worst])]
-    return [found("looks_windowed", rate=rate, record=record_s, end=100 * np.exp(-rate * record_s))]
+        return [finding("window_unstated", name=names[worst], percent=100 * shares[worst])]
+    return [
+        finding("looks_windowed", rate=rate, record=record_s, end=100 * np.exp(-rate * record_s))
+    ]
 
 
 def looks_windowed(omega: FloatArray, ratio: FloatArray, record_s: float) -> float | None:

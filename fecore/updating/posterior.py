@@ -219,54 +219,55 @@ class LinearProblem:
     # other_descent, other_cost: their descent (X,) and misfit
     other_descent: FloatArray
     other_cost: float = 0.0
-    # (n,) w, 1 of a frequency that is taken for one of a mode, 0 of another (`belief`): W_s becomes
-    # √w W_s √w
+    # (n,) w, 1 of a frequency that is taken for one of a mode, 0 of another (`mode_inclusion`): W_s
+    # becomes √w W_s √w
     weight: FloatArray | float = 1.0
     scale: float = DISCREPANCY  # s₀
 
-    def at(self, spread: float, scatter: float) -> tuple[float, FloatArray, FloatArray]:
+    def at(self, discrepancy: float, scatter: float) -> tuple[float, FloatArray, FloatArray]:
         """The misfit E at a discrepancy and a scatter, its descent (X,) and its hessian H (X,
         X).
         """
-        hessian, descent, (misfit,), _ = self.of_data(np.array([spread]))
+        hessian, descent, (misfit,), _ = self.of_data(np.array([discrepancy]))
         precision = self.prior(scatter)
-        pull = precision @ self.x
+        restoring = precision @ self.x
         return (
-            (float(misfit) + float(self.x @ pull)) / 2 + self.other_cost,
-            descent[0] - pull,
+            (float(misfit) + float(self.x @ restoring)) / 2 + self.other_cost,
+            descent[0] - restoring,
             hessian[0] + precision,
         )
 
-    def solve(self, spread: float, scatter: float) -> tuple[FloatArray, FloatArray]:
+    def solve(self, discrepancy: float, scatter: float) -> tuple[FloatArray, FloatArray]:
         """(X,) step and (X, X) covariance at a discrepancy and a scatter."""
-        _, descent, hessian = self.at(spread, scatter)
+        _, descent, hessian = self.at(discrepancy, scatter)
         covariance: FloatArray = np.linalg.inv(hessian)
         return covariance @ descent, covariance
 
-    def gain(self, spread: float, scatter: float) -> FloatArray:
+    def gain(self, discrepancy: float, scatter: float) -> FloatArray:
         """(X, n) G = H⁻¹SᵀW_s: how the estimate follows the logarithms of the measured
         frequencies.
         """
-        _, covariance = self.solve(spread, scatter)
+        _, covariance = self.solve(discrepancy, scatter)
         gain: FloatArray = (
-            covariance @ self._weighted(self._variance(np.array([spread])), self.sensitivity)[0].T
+            covariance
+            @ self._weighted(self._variance(np.array([discrepancy])), self.sensitivity)[0].T
         )
         return gain
 
-    def of_another(self, by: FloatArray, spread: float, scatter: float) -> tuple[float, float]:
+    def of_another(self, by: FloatArray, discrepancy: float, scatter: float) -> tuple[float, float]:
         """Score eᵀWμ and information eᵀMe of one more unknown, which changes ln f by (n,) e, where
         the others follow.
         """
-        step, covariance = self.solve(spread, scatter)
-        pull = self._weighted(self._variance(np.array([spread])), by[:, None])[0, :, 0]
-        across = self.sensitivity.T @ pull
-        return float(pull @ (self.residual - self.sensitivity @ step)), float(
-            pull @ by - across @ covariance @ across
+        step, covariance = self.solve(discrepancy, scatter)
+        weighted = self._weighted(self._variance(np.array([discrepancy])), by[:, None])[0, :, 0]
+        across = self.sensitivity.T @ weighted
+        return float(weighted @ (self.residual - self.sensitivity @ step)), float(
+            weighted @ by - across @ covariance @ across
         )
 
-    def informed(self, spread: float, scatter: float) -> float:
+    def informed(self, discrepancy: float, scatter: float) -> float:
         """How many unknowns the frequencies determine at a discrepancy and a scatter: tr(GS)."""
-        return float(np.trace(self.gain(spread, scatter) @ self.sensitivity))
+        return float(np.trace(self.gain(discrepancy, scatter) @ self.sensitivity))
 
     def only(self, rows: BoolArray) -> LinearProblem:
         """The problem of some frequencies alone: (n,) `rows` says which."""
@@ -293,24 +294,26 @@ class LinearProblem:
         """The logarithm of the evidence at a scatter, the unknowns and the discrepancy integrated
         out, up to a constant.
         """
-        spreads, log_prior = grid_of_discrepancies(self.scale)
-        *_, evidence = self._solve_all(spreads, np.array([scatter]))
+        discrepancies, log_prior = grid_of_discrepancies(self.scale)
+        *_, evidence = self._solve_all(discrepancies, np.array([scatter]))
         return float(scipy.special.logsumexp(evidence[0] + log_prior))
 
-    def discrepancy(self, spread: float, scatter: float) -> float:
+    def discrepancy(self, present: float, scatter: float) -> float:
         """The discrepancy as the residuals give it, where so many unknowns are determined as at
         given scales.
         """
-        root, fitted = np.sqrt(self.weights), self.informed(spread, scatter)
+        root, fitted = np.sqrt(self.weights), self.informed(present, scatter)
         return discrepancy(
             root * self.residual,
             fitted + self.residual.size - float(self.weights.sum()),
             self.scale,
         )
 
-    def _variance(self, spreads: FloatArray) -> FloatArray:
+    def _variance(self, discrepancies: FloatArray) -> FloatArray:
         """(s, n, n) W_s⁻¹ at (s,) discrepancies."""
-        variance: FloatArray = self.noise + spreads[:, None, None] ** 2 * np.eye(self.residual.size)
+        variance: FloatArray = self.noise + discrepancies[:, None, None] ** 2 * np.eye(
+            self.residual.size
+        )
         return variance
 
     def _weighted(self, variance: FloatArray, columns: FloatArray) -> FloatArray:
@@ -322,25 +325,25 @@ class LinearProblem:
         """The posterior about the estimate, and (m,) the scatter of each of its Gaussians; a scale
         of 0 has no scatter.
         """
-        spreads, log_prior = grid_of_discrepancies(self.scale)
+        discrepancies, log_prior = grid_of_discrepancies(self.scale)
         scatters, probability = prior_of_scatter(scatter_scale)
-        step, covariance, evidence = self._solve_all(spreads, scatters)
+        step, covariance, evidence = self._solve_all(discrepancies, scatters)
         log_weight = evidence + log_prior + np.log(probability)[:, None]
         weight, size = np.exp(log_weight - scipy.special.logsumexp(log_weight)).ravel(), self.x.size
-        scale = np.tile(spreads, scatters.size)
+        scale = np.tile(discrepancies, scatters.size)
         mixture = Mixture(weight, step.reshape(-1, size), covariance.reshape(-1, size, size), scale)
-        return mixture, np.repeat(scatters, spreads.size)
+        return mixture, np.repeat(scatters, discrepancies.size)
 
     def at_scatter(self, scatter: float) -> tuple[Mixture, FloatArray]:
         """The posterior about the estimate at a scatter, and (m,) the logarithms of its weights,
         which hold those too that are 0 to rounding.
         """
-        spreads, log_prior = grid_of_discrepancies(self.scale)
+        discrepancies, log_prior = grid_of_discrepancies(self.scale)
         step, covariance, evidence = (
-            part[0] for part in self._solve_all(spreads, np.array([scatter]))
+            part[0] for part in self._solve_all(discrepancies, np.array([scatter]))
         )
         log_weight: FloatArray = scipy.special.log_softmax(evidence + log_prior)
-        return Mixture(np.exp(log_weight), step, covariance, spreads), log_weight
+        return Mixture(np.exp(log_weight), step, covariance, discrepancies), log_weight
 
     def evidence_of_scatter(self, scale: float) -> tuple[float, float]:
         """Logarithm of how much likelier the data are with the scatter's prior than with its scale,
@@ -353,26 +356,28 @@ class LinearProblem:
         return float(gain), float(np.sqrt(weight @ scatters**2))
 
     def _solve_all(
-        self, spreads: FloatArray, scatters: FloatArray
+        self, discrepancies: FloatArray, scatters: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(t, s, X) steps, (t, s, X, X) covariances and (t, s) evidence at every pair of t scatters
         and s discrepancies.
         """
-        own, pull, misfit, logs = self.of_data(spreads)
+        own, of_residuals, misfit, logs = self.of_data(discrepancies)
         precision = np.array([self.prior(float(scatter)) for scatter in scatters])
         hessian = own + precision[:, None]
-        descent = pull - (precision @ self.x)[:, None]
+        descent = of_residuals - (precision @ self.x)[:, None]
         covariance = np.linalg.inv(hessian)
         step = (covariance @ descent[..., None])[..., 0]
         gain = np.sum(descent * step, axis=-1) - misfit - (precision @ self.x @ self.x)[:, None]
         logs = np.linalg.slogdet(precision)[1][:, None] - np.linalg.slogdet(hessian)[1] - logs
         return step, covariance, (gain + logs) / 2
 
-    def of_data(self, spreads: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def of_data(
+        self, discrepancies: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """What no scatter changes, for each discrepancy: hessian and descent without the prior's,
         rᵀW_sr and -log|W_s|.
         """
-        variance = self._variance(spreads)
+        variance = self._variance(discrepancies)
         weighted = self._weighted(variance, np.column_stack([self.sensitivity, self.residual]))
         S, r = weighted[..., :-1], weighted[..., -1:]
         # Of a frequency that is no mode's the variance says nothing.
@@ -394,18 +399,18 @@ def grid_of_discrepancies(
     However small its scale, it may be what a body shows that is not as it is stated.
     """
     low, high = _GRID[0] + np.log(scale), _GRID[-1] + np.log(DISCREPANCY)
-    spreads = np.exp(np.linspace(low, high, _GRID.size)[::coarse])
-    return spreads, _log_prior_of_discrepancy(spreads, scale)
+    discrepancies = np.exp(np.linspace(low, high, _GRID.size)[::coarse])
+    return discrepancies, _log_prior_of_discrepancy(discrepancies, scale)
 
 
-def _log_prior_of_discrepancy(spreads: FloatArray, scale: float) -> FloatArray:
+def _log_prior_of_discrepancy(discrepancies: FloatArray, scale: float) -> FloatArray:
     """Of ln s: half about the scale, half about one that lies between it and that of usual
     laminates; up to a constant.
     """
     among = np.geomspace(scale, DISCREPANCY, _SCALES)[:, None]
-    uneven = log_prior_of_scale(spreads, among) + DISCREPANCY_DOF * np.log(among / scale)
+    uneven = log_prior_of_scale(discrepancies, among) + DISCREPANCY_DOF * np.log(among / scale)
     log: FloatArray = np.logaddexp(
-        log_prior_of_scale(spreads, scale),
+        log_prior_of_scale(discrepancies, scale),
         scipy.special.logsumexp(uneven, axis=0) - np.log(_SCALES),
     )
     return np.asarray(log - np.log(2))
@@ -445,7 +450,7 @@ def log_likelihood(
         each = constant - (residual @ weighted_turn) ** 2 @ inverse / 2
         # scipy's logsumexp takes four times as long on these few numbers, at every step
         largest = each.max(axis=1)
-        found: FloatArray = largest + np.log(np.exp(each - largest[:, None]).sum(axis=1))
-        return found
+        total: FloatArray = largest + np.log(np.exp(each - largest[:, None]).sum(axis=1))
+        return total
 
     return value

@@ -34,11 +34,13 @@ def residual_variance(
     # a step that cannot lower the likelihood, for residuals that are not just noise
     for _ in range(_POLISH):
         v = constant[:, None] + slope[:, None] * level
-        pull, hold = measured * square / v**2, measured / v
+        numerator, denominator = measured * square / v**2, measured / v
         constant = np.maximum(
-            constant * np.sqrt(pull.sum(1) / np.maximum(hold.sum(1), 1e-300)), _FLOOR**2
+            constant * np.sqrt(numerator.sum(1) / np.maximum(denominator.sum(1), 1e-300)), _FLOOR**2
         )
-        slope = slope * np.sqrt((pull * level).sum(1) / np.maximum((hold * level).sum(1), 1e-300))
+        slope = slope * np.sqrt(
+            (numerator * level).sum(1) / np.maximum((denominator * level).sum(1), 1e-300)
+        )
     v = constant[:, None] + slope[:, None] * level
     scale = np.maximum(np.sum(measured * square / v, axis=1) / count, _FLOOR**2)
     return np.asarray(

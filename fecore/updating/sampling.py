@@ -35,7 +35,7 @@ from fecore.updating.posterior import log_likelihood, root
 if TYPE_CHECKING:
     import emcee
 
-WANTED_SAMPLES = 5000
+TARGET_SAMPLES = 5000
 """Effective samples of every parameter."""
 
 _WALKERS_PER_DIMENSION = 16  # of the ensemble
@@ -85,7 +85,7 @@ def sample_posterior(
     elastic: ElasticResult,
     damping: DampingResult,
     seed: int,
-    wanted: int = WANTED_SAMPLES,
+    target: int = TARGET_SAMPLES,
     progress: Callable[[float], None] = lambda _: None,
     checkpoint: Checkpoint | None = None,
 ) -> Posterior:
@@ -99,17 +99,19 @@ def sample_posterior(
     chain = run_chain(
         density=_elastic_density(elastic),
         start=prior.xi(elastic.theta)[:free],
-        covariance=elastic.given.total[:free, :free],
+        covariance=elastic.conditional_posterior.total[:free, :free],
         seed=seeds[0],
-        wanted=wanted,
+        target=target,
         progress=progress,
         names=prior.reported,
         checkpoint=checkpoint,
     )
     random, count = np.random.default_rng(seeds[1]), len(chain.samples)
     xi = _with_inputs(elastic, chain.samples, random)
-    if elastic.in_doubt:  # the chain is that of the modes with their weights
-        doubt = root(elastic.mixture.total - elastic.given.total, elastic.mixture.total)
+    if elastic.has_uncertain_modes:  # the chain is that of the modes with their weights
+        doubt = root(
+            elastic.mixture.total - elastic.conditional_posterior.total, elastic.mixture.total
+        )
         xi = xi + random.standard_normal(xi.shape) @ doubt.T
     theta = prior.theta(xi)
     a = (
@@ -118,10 +120,12 @@ def sample_posterior(
         + (theta - elastic.theta) @ damping.by_elastic.T
     )
     draws = np.column_stack(
-        [np.zeros((count, 0)), *(each.draws(random, count) for each in damping.excursions)]
+        [np.zeros((count, 0)), *(each.draws(random, count) for each in damping.systematic_effects)]
     )
-    moved = prior.theta(xi + draws[:, : len(elastic.every_excursion)] @ elastic.pulls.T)
-    return Posterior(xi, np.hstack([moved, a + draws @ damping.pulls.T]), chain)
+    moved = prior.theta(
+        xi + draws[:, : len(elastic.all_systematic_effects)] @ elastic.bias_sensitivity.T
+    )
+    return Posterior(xi, np.hstack([moved, a + draws @ damping.bias_sensitivity.T]), chain)
 
 
 def run_chain(
@@ -129,7 +133,7 @@ def run_chain(
     start: FloatArray,
     covariance: FloatArray,
     seed: np.random.SeedSequence,
-    wanted: int,
+    target: int,
     progress: Callable[[float], None],
     names: tuple[str, ...],
     checkpoint: Checkpoint | None = None,
@@ -164,8 +168,8 @@ def run_chain(
             checkpoint.checkpoint(_pack(sampler.backend))
         tau = sampler.get_autocorr_time(tol=0)
         effective = walkers * (steps - 5 * tau.max()) / tau
-        progress(min(1.0, float(effective.min()) / wanted))
-        if steps > _TIMES_AUTOCORRELATION * tau.max() and effective.min() >= wanted:
+        progress(min(1.0, float(effective.min()) / target))
+        if steps > _TIMES_AUTOCORRELATION * tau.max() and effective.min() >= target:
             chain = sampler.get_chain(
                 discard=int(5 * tau.max()), thin=max(1, int(tau.min() / 2)), flat=True
             )
@@ -212,8 +216,8 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
     rows, columns = np.array(elastic.pairing.pairs).T
     measured_log = np.log(elastic.only.modes.frequency_hz[rows])
     highest = int(columns.max()) + 1 + state.modes.rigid
-    covariance = np.zeros_like(elastic.given.total)
-    covariance[:free, :free] = elastic.given.total[:free, :free]
+    covariance = np.zeros_like(elastic.conditional_posterior.total)
+    covariance[:free, :free] = elastic.conditional_posterior.total[:free, :free]
     centre = np.concatenate([prior.xi(elastic.theta)[:free], prior.xi_mean[free:]])
     frequencies = _LocalFrequencies.about(
         state.forward.on_basis(), prior.theta(centre), covariance, highest
@@ -247,7 +251,11 @@ def _with_inputs(elastic: ElasticResult, xi: FloatArray, random: np.random.Gener
     """(n, p) all coordinates: (n, q) samples of the parameters, and the inputs drawn from their
     Gaussian given these.
     """
-    free, joint, centre = xi.shape[1], elastic.given.total, elastic.prior.xi(elastic.theta)
+    free, joint, centre = (
+        xi.shape[1],
+        elastic.conditional_posterior.total,
+        elastic.prior.xi(elastic.theta),
+    )
     if free == len(joint):  # all inputs are known exactly
         return xi
     slope = np.linalg.solve(joint[:free, :free], joint[:free, free:])

@@ -1,7 +1,7 @@
 """Whether a body shows something that nobody stated: a mass at a point, a foot that it stands on.
 
 With a size a at a place that the modes move by Φ (N, q), mass-normalised, the frequencies are those
-of Λ and I + aΦΦᵀ (a mass), of Λ + aΦΦᵀ and I (a foot); of supports `yielding` has them.
+of Λ and I + aΦΦᵀ (a mass), of Λ + aΦΦᵀ and I (a foot); of supports `support_compliance` has them.
 With this as one more unknown, a ~ |N(0, σ²)|, and the change d(a) of ln f linear about its
 likeliest â, d = c + ea, the data are likelier than without by
 
@@ -171,7 +171,7 @@ class Data:
     """
 
     log_weight: FloatArray
-    pull: FloatArray
+    score: FloatArray
     M: FloatArray
 
     @classmethod
@@ -187,7 +187,7 @@ class Data:
 
     def likeliest(self, change: FloatArray) -> FloatArray:
         """(P,) logarithms of how much likelier the data are by (n, P) changes of ln f."""
-        each = self.pull @ change - np.sum(change * (self.M @ change), axis=1) / 2
+        each = self.score @ change - np.sum(change * (self.M @ change), axis=1) / 2
         return np.asarray(scipy.special.logsumexp(self.log_weight[:, None] + each, axis=0))
 
     def likelier(
@@ -197,7 +197,7 @@ class Data:
         variances.
         """
         Mc, Me = self.M @ c, self.M @ e
-        offset = self.pull @ c - np.sum(c * Mc, axis=1) / 2
-        b, q = self.pull @ e - np.sum(e * Mc, axis=1), np.sum(e * Me, axis=1) + sigma**-2
+        offset = self.score @ c - np.sum(c * Mc, axis=1) / 2
+        b, q = self.score @ e - np.sum(e * Mc, axis=1), np.sum(e * Me, axis=1) + sigma**-2
         half = np.log(2) + scipy.special.log_ndtr(b / np.sqrt(q)) - np.log(sigma**2 * q) / 2
         return self.log_weight[:, None] + offset + b**2 / q / 2 + half, b / q, 1 / q

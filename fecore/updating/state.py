@@ -153,8 +153,8 @@ class ForwardState:
         """`motion` and `energy` of an elastic mode, to 1e-4."""
         both = {"motion": self.motion, "energy": self.energy}
         return {
-            name: {each: round(float(of[mode]), 4) for each, of in found.items()}
-            for name, found in both.items()
+            name: {each: round(float(of[mode]), 4) for each, of in of_kind.items()}
+            for name, of_kind in both.items()
         }
 
     @cached_property
@@ -221,7 +221,7 @@ class ForwardState:
         """(p, m, q) derivative of the shares by the parameters."""
         weights, phi = self._mechanisms(self.theta), self.modes.shapes
         forces, (moving, value) = [term @ phi for term in self.stiffness], self._moving
-        found = np.zeros((self.theta.size, *self.strain.shape))
+        derivative = np.zeros((self.theta.size, *self.strain.shape))
         for p, change in enumerate(self.shape_derivatives):
             moved = np.stack([2 * np.sum(change * force, axis=0) for force in forces], axis=1)
             step = np.zeros_like(self.theta)
@@ -231,8 +231,8 @@ class ForwardState:
             )
             energy = (moved @ weights.T + self._energies @ by.T) / value[:, None]
             fall = self.strain * (self.eigenvalue_jacobian[:, p] / value)[:, None]
-            found[p] = np.where(moving[:, None], energy - fall, 0.0)
-        return found
+            derivative[p] = np.where(moving[:, None], energy - fall, 0.0)
+        return derivative
 
     def _mechanisms(self, theta: FloatArray) -> FloatArray:
         """(q, k) parts of the stiffness coefficients by mechanism at parameters θ."""

@@ -30,7 +30,7 @@ from fecore.updating.estimates import (
     disagreements,
     ratio_estimates,
 )
-from fecore.updating.findings import found, judge, ordered, warnings
+from fecore.updating.findings import finding, judge, ordered, warnings
 from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import LawRanking, RankedLaw
@@ -219,7 +219,7 @@ class Summary:
         number = column + self.elastic.updated.modes.rigid
         if self.damping is not None:
             fit = self.damping.fit
-            if number in fit.nuisance.suspended:
+            if number in fit.nuisance.suspension_modes:
                 return None
             return float(fit.law_rate[number] / (2 * np.sqrt(fit.eigenvalue[number])))
         if self.ranking is None or self.elastic.updated.on_springs[column]:
@@ -329,14 +329,17 @@ class Summary:
     def _covariance(self) -> FloatArray:
         """(q+p, q+p) of θ and the law's coefficients, excursions included."""
         elastic, damping = self.elastic, self.damping
-        excursions, covariance = elastic.every_excursion, elastic.covariance
-        pulls = elastic.prior.slope(elastic.theta)[:, None] * elastic.pulls
+        effects, covariance = elastic.all_systematic_effects, elastic.covariance
+        sensitivity = elastic.prior.slope(elastic.theta)[:, None] * elastic.bias_sensitivity
         if damping is not None:
-            excursions, covariance = damping.excursions, damping.joint(covariance)
-            pulls = np.vstack(
-                [np.pad(pulls, ((0, 0), (0, len(excursions) - pulls.shape[1]))), damping.pulls]
+            effects, covariance = damping.systematic_effects, damping.joint(covariance)
+            sensitivity = np.vstack(
+                [
+                    np.pad(sensitivity, ((0, 0), (0, len(effects) - sensitivity.shape[1]))),
+                    damping.bias_sensitivity,
+                ]
             )
-        moved = pulls * [each.sd for each in excursions]
+        moved = sensitivity * [each.sd for each in effects]
         whole: FloatArray = covariance + moved @ moved.T
         return whole
 
@@ -390,7 +393,7 @@ class Summary:
             negative = negative_band(law, coefficients, low, high, strain)
             if negative is not None:
                 first, last = (omega / (2 * np.pi) for omega in negative)
-                findings.append(found("law_negative", law=law.name, first=first, last=last))
+                findings.append(finding("law_negative", law=law.name, first=first, last=last))
         return findings
 
     def _several_optima(self) -> list[Finding]:
@@ -401,7 +404,7 @@ class Summary:
             for point in self.damping.optima
         ]
         return [
-            found(
+            finding(
                 "optima", law=self.damping.fit.law.name, count=len(points), points="; ".join(points)
             )
         ]

@@ -94,7 +94,7 @@ class Predictor:
         lines = np.vstack([factor * flexibility, by_eigenvalue, 1j * omega * by_eigenvalue])
         A, m = model.residues, model.eigenvalue.size
         basis = self.damping.fit.law.basis(model.omega, model.strain)
-        basis[self.damping.fit.nuisance.suspended] = 0
+        basis[self.damping.fit.nuisance.suspension_modes] = 0
         shifted = self.damping.fit.nuisance.modes
         covariance = self.damping.joint(self.elastic.covariance, self.damping.fit.noise_covariance)
         p, e = len(covariance), shifted.size

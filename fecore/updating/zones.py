@@ -3,10 +3,10 @@ begin and end anywhere.
 
 One factor for the whole of a zone fits the modes of a body that is damaged between the lines by
 changes of zones in which nothing is. So each zone is divided into parts, and the posterior is that
-over all stretches of parts (`stretches`), linearised at its own mean until that rests. Of a zone
-its mean is reported, 1/s = (1/L) ∫ dx/s(x), of which modes know more than of how long and how deep
-a stretch is. The model of the result has the mean changes of all parts; a zone's factor scales its
-own.
+over all stretches of parts (`damage_intervals`), linearised at its own mean until that rests. Of a
+zone its mean is reported, 1/s = (1/L) ∫ dx/s(x), of which modes know more than of how long and how
+deep a stretch is. The model of the result has the mean changes of all parts; a zone's factor scales
+its own.
 
 Where a body of sets has lost stiffness, stage 1 is made anew: the prior of the factors of sets
 expects nearly all of them to be 1. Damage sits in one place or two. A factor of its own for every
@@ -32,11 +32,11 @@ from fecore.arrays import FloatArray, IntArray
 from fecore.body.specimen import LayeredSpecimen, Specimen, divided
 from fecore.body.structure import Structure
 from fecore.quantities import kind_of
+from fecore.updating.damage_intervals import Compliance, DamageIntervals, Partitions
 from fecore.updating.elastic import Misfit, fit
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.parameters import Parametrisation, default_parameters, parametrise
 from fecore.updating.recipe import Recipe
-from fecore.updating.stretches import Compliance, Partitions, Stretches
 from fecore.updating.temperature import with_temperature
 
 _PARTS, _FEWEST = 30, 3  # of a body, about; of a zone, at least
@@ -48,7 +48,7 @@ _KNOWN_AT_LEAST = 0.02
 _SAME = 0.1  # relative change of every standard deviation that changes nothing
 
 
-def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
+def with_damage_intervals(first: ElasticResult, recipe: Recipe) -> ElasticResult:
     """The elastic update of one campaign with zones changed by stretches; as it is where no zone's
     factor is updated.
 
@@ -62,7 +62,10 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
         return first
     parts = _Parts.of(prior, recipe)
     layout = first.layout.with_prior(parts.prior, reduced=False)
-    misfit, x = Misfit(layout, use_shapes=recipe.use_shapes, held=first.held), first.x[parts.column]
+    misfit, x = (
+        Misfit(layout, use_shapes=recipe.use_shapes, fixed_pairing=first.fixed_pairing),
+        first.x[parts.column],
+    )
     for _ in range(_ROUNDS):
         states = layout.solved(x)
         pairings = misfit.pair(states)
@@ -97,7 +100,7 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
         problem=misfit.linear(
             at, states, pairings, first.weights, shapes, misfit.by_shear(states, pairings)
         ),
-        stretches=Stretches(parts.lines, partitions.change, mixture),
+        damage_intervals=DamageIntervals(parts.lines, partitions.change, mixture),
     )
 
 
@@ -117,17 +120,21 @@ def with_sparse_factors(first: ElasticResult, recipe: Recipe) -> ElasticResult:
     for _ in range(_ROUNDS):
         now = result.prior.xi_sd[factors]
         known = np.clip(1 - _variance(result, factors) / now**2, _KNOWN_AT_LEAST, 1.0)
-        wanted = np.clip(np.sqrt(result.x[factors] ** 2 / known), _LEAST, largest)
-        if np.all(np.abs(np.log(wanted / now)) < _SAME):
+        updated = np.clip(np.sqrt(result.x[factors] ** 2 / known), _LEAST, largest)
+        if np.all(np.abs(np.log(updated / now)) < _SAME):
             break
         sds = prior.prior_sd.copy()
-        sds[factors] = wanted
+        sds[factors] = updated
         layout = first.layout.with_prior(replace(prior, prior_sd=sds))
-        result = fit(layout, use_shapes=recipe.use_shapes, start=result.x, held=result.held)
+        result = fit(
+            layout, use_shapes=recipe.use_shapes, start=result.x, fixed_pairing=result.fixed_pairing
+        )
     if result is first:
         return first
     starts = tuple(replace(start, chosen=False) for start in first.starts)
-    return replace(result, starts=starts, rivals=first.rivals, torn=first.torn)
+    return replace(
+        result, starts=starts, rivals=first.rivals, oscillating_modes=first.oscillating_modes
+    )
 
 
 def _variance(result: ElasticResult, factors: list[int]) -> FloatArray:

@@ -20,7 +20,7 @@ from tests.support.rest import finished
 from tools.reference import document
 
 BINARY = ("application/x-npz", "application/x-matlab-data", "application/zip", "text/csv")
-"""Media types of files, which this generator reads as bytes where it is told so."""
+"""Media types of files, which this generator reads as bytes with a setting."""
 
 
 @pytest.fixture(scope="module")

@@ -16,12 +16,12 @@ from fecore.body.supports import edges
 from fecore.errors import UpdatingError
 from fecore.signal import delay, pulse, shares
 from fecore.updating import campaigns, damping_data, plausibility
-from fecore.updating.excursions import excursions
 from fecore.updating.findings import MOST_WARNINGS, warnings
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import FREQUENCY_LAWS
 from fecore.updating.measured_ratios import nearest_positive
 from fecore.updating.result import Finding as Remark
+from fecore.updating.systematic_effects import systematic_effects
 from tests.support.fits import at_prior, forward_model
 
 
@@ -91,7 +91,7 @@ def test_what_campaigns_say_of_one_another() -> None:
         away=np.zeros(1),
         standing=(),
         rivals=(),
-        torn=(),
+        oscillating_modes=(),
     )
     found = campaigns._findings(fitted, parts)
     assert [(one.level, one.text.split(":")[0]) for one in found] == [
@@ -120,7 +120,7 @@ def clamp_shifts(body: Specimen | LayeredSpecimen) -> np.ndarray:
     """
     name = "Ex" if isinstance(body, Specimen) else "E1"
     state = at_prior(forward_model(body, 3, name, reduced=False))
-    found = excursions(state, replace(Inputs.exact(), clamp_compliance_sd=0.01), ())
+    found = systematic_effects(state, replace(Inputs.exact(), clamp_compliance_sd=0.01), ())
     return np.array([each.shift for each in found])
 
 
@@ -138,12 +138,12 @@ def test_a_clamp_gives_way_by_the_stiffness_at_the_root() -> None:
     known = replace(plain, thickness=0.02)
     at_root, everywhere = clamp_shifts(thick)[0], clamp_shifts(known)[0]
     np.testing.assert_allclose(at_root, everywhere, rtol=0.01, atol=1e-12)
-    held = replace(plain, supports=edges(start="clamped"))
-    assert clamp_shifts(held).size == 0
+    fixed_pairing = replace(plain, supports=edges(start="clamped"))
+    assert clamp_shifts(fixed_pairing).size == 0
 
 
 def test_a_search_on_the_whole_model_needs_no_basis() -> None:
     body = Specimen(0.5, 0.04, 0.01, FIBRE, "cantilever", divisions=(20, 2))
     for reduced in (False, True):
-        loose = forward_model(body, 3, "Ex", reduced=reduced).unverified()
+        loose = forward_model(body, 3, "Ex", reduced=reduced).with_unverified_basis()
         assert ("basis" in vars(loose), loose.verified) == (reduced, False)

@@ -36,4 +36,4 @@ def test_set_2412_goes_around_an_element() -> None:
     assert CELL_TYPES["tri3"].around == [0, 1, 2]
     assert CELL_TYPES["quad8"].around == [0, 4, 1, 5, 2, 6, 3, 7]
     digits = [one.uff % 10 for one in shells() if one.uff]
-    assert len(digits) == len(set(digits)), "the last digit tells shells apart"
+    assert len(digits) == len(set(digits)), "the last digit is of one shell"

@@ -10,7 +10,7 @@ import pytest
 
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from fecore.updating.findings import FINDINGS, found, warnings
+from fecore.updating.findings import FINDINGS, finding, warnings
 from service.show.figures.modes import chains, joined, joined_as
 from service.show.measured import _by_axis
 from service.show.pages.comparing import _told_apart, leaves
@@ -107,9 +107,9 @@ NOTES = ("measurement", "pairing", "without_joints", "campaign_missed", "campaig
 page names the campaign.
 """
 
-WINDOW = found("window_unstated", name="a0", percent=14.0)
-MISSED = found("frequencies_missed", percent=2.3)
-TURNED = found("frf_turned", who="FRF 33Z/4Z (-1.00) has", of="model")
+WINDOW = finding("window_unstated", name="a0", percent=14.0)
+MISSED = finding("frequencies_missed", percent=2.3)
+TURNED = finding("frf_turned", who="FRF 33Z/4Z (-1.00) has", of="model")
 
 
 def of_findings(*findings: Any, notes: tuple[str, ...] = ()) -> dict[str, Any]:
@@ -126,7 +126,7 @@ def test_each_kind_of_finding_says_what_to_do_and_where() -> None:
 
 
 def test_a_result_opens_with_three_findings_and_keeps_the_rest_as_notes() -> None:
-    many = [MISSED, TURNED, WINDOW, found("samples_differ", name="Ex", ratio=1.4)]
+    many = [MISSED, TURNED, WINDOW, finding("samples_differ", name="Ex", ratio=1.4)]
     steps, notes = opening(of_findings(*many, notes=("coupons: a mean",)))
     assert len(steps) == MOST
     assert steps[0].advice == "Find the cause before you use the estimates."
@@ -135,7 +135,7 @@ def test_a_result_opens_with_three_findings_and_keeps_the_rest_as_notes() -> Non
 
 
 def test_alike_findings_are_one_step_that_names_them() -> None:
-    other = found("frf_turned", who="FRF 5Z/4Z (-0.98) has", of="model")
+    other = finding("frf_turned", who="FRF 5Z/4Z (-0.98) has", of="model")
     (folded,) = warnings((TURNED, other))
     assert folded == f"{TURNED.text} (likewise: FRF 5Z/4Z (-0.98))"
     made = of_findings(TURNED, other) | {

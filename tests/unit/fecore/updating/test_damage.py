@@ -13,12 +13,12 @@ import pytest
 from fecore.arrays import FloatArray
 from fecore.updating.contradictions import Conflict, _Sources, compare_sources
 from fecore.updating.damage import lost_stiffness
+from fecore.updating.damage_effects import DamageEffects
 from fecore.updating.elastic import fit
 from fecore.updating.elastic_findings import contradiction
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.layout import Layout
-from fecore.updating.losses import Losses
 from fecore.updating.parameters import default_parameters, parametrise
 from tests.support.damaged import FACTOR, LENGTH, LOST, PARTS, body, measured
 
@@ -90,10 +90,10 @@ def test_what_is_wrong_with_shapes_otherwise_is_no_loss_of_stiffness(
     modes = replace(campaign.modes, shapes=shapes + 0j)
     layout = replace(elastic.layout, campaigns=(replace(campaign, modes=modes),))
     elastic = replace(elastic, layout=layout)
-    losses = Losses.of(elastic, 0)
-    assert losses is not None
-    assert losses.shapes
-    assert lost_stiffness(elastic, 0, losses, elastic.problem).evidence < np.log(20)
+    damage_effects = DamageEffects.of(elastic, 0)
+    assert damage_effects is not None
+    assert damage_effects.shapes
+    assert lost_stiffness(elastic, 0, damage_effects, elastic.problem).evidence < np.log(20)
 
 
 @pytest.mark.parametrize("kind", ["strip", "angle"])

@@ -190,12 +190,12 @@ EVERY = Nuisance(
     first_shift=np.zeros(5),
     shift_sd=np.array([0.01, np.inf, 0.02, 0.01, 0.4]),
     deviation_sd=np.array([0.2, 0, 0.1, 0.3, 0]),
-    suspended=np.array([6]),
-    suspended_rate=np.array([50.0]),
+    suspension_modes=np.array([6]),
+    suspension_rate=np.array([50.0]),
     window_rate=3.0,
-    seen=np.array([1, 2]),
-    seen_rate=np.array([60.0, 90.0]),
-    seen_sd=np.array([0.1, 0.3]),
+    ratio_data=np.array([1, 2]),
+    ratio_data_rate=np.array([60.0, 90.0]),
+    ratio_data_sd=np.array([0.1, 0.3]),
 )
 """Every kind of prior at once."""
 
@@ -237,7 +237,10 @@ def test_noise_grows_with_what_a_value_is_worth(state: ForwardState, weighting: 
     np.testing.assert_allclose(four, (4 if weighting == "noise" else 1) * one, rtol=1e-6)
     if weighting == "noise":
         known = replace(
-            FREE, seen=np.array([1]), seen_rate=np.array([60.0]), seen_sd=np.array([0.01])
+            FREE,
+            ratio_data=np.array([1]),
+            ratio_data_rate=np.array([60.0]),
+            ratio_data_sd=np.array([0.01]),
         )
         fit = fit_law(data, RAYLEIGH, PAPER, known, 4.0)
         x = np.concatenate([fit.coefficients, fit.shift])

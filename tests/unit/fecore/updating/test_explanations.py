@@ -19,7 +19,7 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
 from fecore.updating.parameters import DEFAULT_PARAMETERS, parametrise
 from fecore.updating.screening import effect_of
-from fecore.updating.yielding import SupportEffect
+from fecore.updating.support_compliance import SupportEffect
 from tests.support import soft_supports
 
 MATERIAL = OrthotropicMaterial(

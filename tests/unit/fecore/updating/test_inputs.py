@@ -16,7 +16,6 @@ from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.discretisation import DISCRETISATION, discretise
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.excursions import Excursion, excursions
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter
@@ -24,6 +23,7 @@ from fecore.updating.pipeline import update
 from fecore.updating.plausibility import looks_windowed
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
+from fecore.updating.systematic_effects import SystematicEffect, systematic_effects
 from tests.support.cantilever import MEASURED_HZ, PARAMETERS
 from tests.support.draws import Drawn
 from tests.support.fits import COARSE, at_prior, forward_model, update_elastic
@@ -55,7 +55,9 @@ def test_a_clamps_rotation_is_that_of_a_spring(nominal: Specimen) -> None:
     state = at_prior(forward_model(nominal, 12))
     (rotation,) = [
         each
-        for each in excursions(state, replace(Inputs.exact(), clamp_compliance_sd=share), ())
+        for each in systematic_effects(
+            state, replace(Inputs.exact(), clamp_compliance_sd=share), ()
+        )
         if each.name == "clamp_rotation"
     ]
     exact = frequencies(sprung)[:8] / frequencies(held)[:8] - 1
@@ -237,7 +239,7 @@ def test_the_mesh_is_as_good_as_it_says(
 def test_an_excursion_has_the_moments_of_its_draws(
     kind: Literal["one-sided", "square", "both"],
 ) -> None:
-    each = Excursion("sensor", np.zeros(0), kind, stated=True, amount="1 g")
+    each = SystematicEffect("sensor", np.zeros(0), kind, stated=True, amount="1 g")
     draws = each.draws(np.random.default_rng(1), 200_000)
     assert (each.sd, each.rms) == pytest.approx(
         (np.std(draws), np.sqrt(np.mean(draws**2))), rel=0.01

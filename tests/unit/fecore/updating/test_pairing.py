@@ -21,9 +21,9 @@ from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.pairing import (
-    missed_cost,
+    detection_cost,
+    pair_best_match,
     pair_in_order,
-    pair_likest,
     pair_with,
     probability_seen,
 )
@@ -68,7 +68,7 @@ def cost(
     columns = [j for _, j in pairs]
     missed = [j for j in range(max(columns, default=-1)) if j not in columns]
     fixed = (
-        pairing._ALONE * (measured.size - len(pairs))
+        pairing._UNPAIRED * (measured.size - len(pairs))
         - np.log(1 - seen[missed]).sum()
         - np.log(seen[columns]).sum()
     )
@@ -210,10 +210,10 @@ def test_what_a_pairing_says_against_itself() -> None:
     found = Pairing(((0, 0), (2, 2)), None, unpaired_measured=(1,), unpaired_model=(), ambiguous=())
     # 20 and the other 30 Hz were missed, one is alone
     expected = -np.log(0.9 * 0.6) - np.log(0.8 * 0.3) + 8.0
-    assert missed_cost(found, seen, model) == pytest.approx(expected, rel=1e-12)
+    assert detection_cost(found, seen, model) == pytest.approx(expected, rel=1e-12)
     both = replace(found, unpaired_measured=(1, 3))
-    assert missed_cost(both, seen, model) == pytest.approx(expected + 8.0, rel=1e-12)
-    assert missed_cost(replace(found, pairs=()), seen, model) == np.inf
+    assert detection_cost(both, seen, model) == pytest.approx(expected + 8.0, rel=1e-12)
+    assert detection_cost(replace(found, pairs=()), seen, model) == np.inf
 
 
 def test_shapes_decide_from_three_dofs_on() -> None:
@@ -264,7 +264,7 @@ def test_the_likest_are_partners_however_unlike() -> None:
     modes = measured([100.0, 200.0], [[1.0, 0.1, 0.0], [0.1, 1.0, 0.2]], 3)
     model = solved([1000.0, 10.0, 2.0], [[0.1, 1.0, 3.0], [1.0, 0.0, 3.0], [1.0, 0.1, 0.0]])
     assert pair_with(modes, replace_hidden(model, 2)).pairs == ()
-    assert pair_likest(modes, replace_hidden(model, 2)).pairs == ((0, 1), (1, 0))
+    assert pair_best_match(modes, replace_hidden(model, 2)).pairs == ((0, 1), (1, 0))
 
 
 def test_one_frf_and_priors_a_third_off() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy
 
-from fecore.updating.findings import FINDINGS, found, warnings
+from fecore.updating.findings import FINDINGS, finding, warnings
 from fecore.updating.measured_ratios import (
     ScaleMixture,
     disagreement,
@@ -52,22 +52,22 @@ def test_the_mixture_is_likelihood_times_prior() -> None:
         {"coupons": rest},
         DESCENT,
     )
-    found, scatters = problem.mixture(0.0)
+    finding, scatters = problem.mixture(0.0)
     assert not scatters.any()
-    assert found.weight.sum() == pytest.approx(1)
+    assert finding.weight.sum() == pytest.approx(1)
     at = 0.5 * RANDOM.standard_normal((8, 2))
     density = sum(
         weight * np.exp(gaussian(at - mean, covariance))
         for weight, mean, covariance in zip(
-            found.weight, found.shift, found.covariance, strict=True
+            finding.weight, finding.shift, finding.covariance, strict=True
         )
     )
     likelihood = log_likelihood(NOISE)(RESIDUAL - at @ SENSITIVITY.T)
     expected = likelihood + at @ DESCENT - np.einsum("np,pq,nq->n", at, PRIOR, at) / 2
     np.testing.assert_allclose(np.diff(np.log(density)), np.diff(expected), rtol=1e-8)
-    narrow, wide = found.covariance[0], found.covariance[-1]
+    narrow, wide = finding.covariance[0], finding.covariance[-1]
     assert np.all(np.diag(narrow) < np.diag(wide))
-    assert found.scale[[0, -1]] == pytest.approx([1e-4, 0.03])
+    assert finding.scale[[0, -1]] == pytest.approx([1e-4, 0.03])
 
 
 def test_moments_and_reach_are_those_of_the_mixture() -> None:
@@ -115,13 +115,13 @@ def test_a_parameter_is_identifiable_where_no_unseen_direction_moves_it() -> Non
     turn[1:3, 1:3] = np.array([[0.8, -0.6], [0.6, 0.8]])
     share = turn @ np.diag([0.01, 0.99, 0.02, 0.6]) @ turn.T
     covariance = share * np.outer(sd, sd)
-    found = identifiability(("a", "b", "c", "d"), covariance, sd)
-    assert [one.identifiable for one in found] == [True, False, False, False]
-    assert [one.information for one in found] == pytest.approx(list(1 - np.diag(share)))
-    assert [one.confounded_with for one in found] == [(), ("c",), ("b",), ()]
-    wider = spread_over(found, 60 * covariance * np.eye(4)[0], sd)
+    finding = identifiability(("a", "b", "c", "d"), covariance, sd)
+    assert [one.identifiable for one in finding] == [True, False, False, False]
+    assert [one.information for one in finding] == pytest.approx(list(1 - np.diag(share)))
+    assert [one.confounded_with for one in finding] == [(), ("c",), ("b",), ()]
+    wider = spread_over(finding, 60 * covariance * np.eye(4)[0], sd)
     assert (wider[0].identifiable, wider[0].information) == (False, pytest.approx(0.4))
-    assert spread_over(found, covariance, sd) == found
+    assert spread_over(finding, covariance, sd) == finding
 
 
 def test_the_scale_of_deviations_has_the_restricted_likelihood() -> None:
@@ -151,12 +151,12 @@ BASIS = RATES / RATIO[:, None]
 
 @pytest.mark.parametrize(("scatter", "low", "high"), [(0.001, 0.0005, 0.004), (0.05, 0.03, 0.09)])
 def test_the_scale_follows_the_modes(scatter: float, low: float, high: float) -> None:
-    found = []
+    finding = []
     for seed in range(20):
         off = scatter * np.random.default_rng(seed).standard_normal(OMEGA.size)
         left = off - BASIS @ np.linalg.lstsq(BASIS, off, rcond=None)[0]
-        found.append(scale_of_deviations(left, 1e-8 * np.eye(OMEGA.size), BASIS, 0.02).rms)
-    assert low < np.median(found) < high
+        finding.append(scale_of_deviations(left, 1e-8 * np.eye(OMEGA.size), BASIS, 0.02).rms)
+    assert low < np.median(finding) < high
 
 
 def test_with_as_many_modes_as_coefficients_the_prior_is_all_that_is_known() -> None:
@@ -187,17 +187,17 @@ def test_what_frfs_and_modes_disagree_by_is_added_beyond_noise() -> None:
 
 def test_findings_alike_are_folded_and_the_same_is_said_once() -> None:
     one, other = "mode 1 (20.00 Hz) is alone", "mode 2 (30.00 Hz) is alone"
-    found = [
+    finding = [
         Finding(one, "with_care", 2),
         Finding(one),
         Finding(other),
         Finding("the lid is open", "do_not_use"),
     ]
-    assert warnings(found) == ("the lid is open", f"{one} (likewise: mode 2 (30.00 Hz))")
+    assert warnings(finding) == ("the lid is open", f"{one} (likewise: mode 2 (30.00 Hz))")
 
 
 def test_a_row_of_the_table_says_what_was_found_and_what_to_do() -> None:
-    said = found("modes_absent", level="do_not_use", modes="a mode", which="12.00 Hz")
+    said = finding("modes_absent", level="do_not_use", modes="a mode", which="12.00 Hz")
     assert said.text.endswith(
         "none there: the boundary or the geometry is wrong, or modes were paired wrongly"
     )

@@ -14,7 +14,7 @@ from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import SwingingError, fit
+from fecore.updating.elastic import PairingCycleError, fit
 from fecore.updating.elastic_result import REFUTED, ElasticResult
 from fecore.updating.elastic_starts import (
     _behind,
@@ -27,7 +27,7 @@ from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
 from fecore.updating.measurement import Measurement
-from fecore.updating.pairing import exchanged, pair_held, partners_of
+from fecore.updating.pairing import exchanged, pair_fixed, partners_of
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF
 from fecore.updating.result import ParameterEstimate, UpdateResult
@@ -81,26 +81,28 @@ def elastic() -> ElasticResult:
 
 def test_intervals_span_the_pairings_that_are_not_ruled_out(elastic: ElasticResult) -> None:
     column = elastic.updated.forward.parametrisation.names.index("Gxy")
-    assert elastic.standing
-    assert all(rival.evidence <= REFUTED for rival in elastic.standing)
-    share = np.exp([0.0, *(-rival.evidence for rival in elastic.standing)])
-    away = [rival.other.x - elastic.x for rival in elastic.standing]
+    assert elastic.admissible_rivals
+    assert all(rival.evidence <= REFUTED for rival in elastic.admissible_rivals)
+    share = np.exp([0.0, *(-rival.evidence for rival in elastic.admissible_rivals)])
+    away = [rival.other.x - elastic.x for rival in elastic.admissible_rivals]
     expected = elastic.mixture.total[column, column]
-    for part, rival, d in zip(share[1:], elastic.standing, away, strict=True):
+    for part, rival, d in zip(share[1:], elastic.admissible_rivals, away, strict=True):
         mixture = rival.other.mixture
         moved = mixture.weight @ (d[column] + mixture.shift[:, column]) ** 2
         expected += part * (mixture.weight @ mixture.covariance[:, column, column] + moved)
-    assert elastic.spanning.weight.sum() == pytest.approx(1, rel=1e-12)
-    assert elastic.spanning.total[column, column] == pytest.approx(expected / share.sum(), rel=1e-9)
+    assert elastic.model_averaged_posterior.weight.sum() == pytest.approx(1, rel=1e-12)
+    assert elastic.model_averaged_posterior.total[column, column] == pytest.approx(
+        expected / share.sum(), rel=1e-9
+    )
     found = {each.name: each for each in constant_estimates(elastic, Inputs(), None)}
     assert found["Gxy"].interval_95[0] < 9e9 < found["Gxy"].interval_95[1]
     assert not found["Gxy"].identifiable
     assert found["Ex"].identifiable
     for each in found.values():
         assert sum(entry.share for entry in each.budget) == pytest.approx(1, abs=1e-3)
-    wider = np.diag(elastic.spanning.total - elastic.mixture.total) > 1e-4 * np.diag(
-        elastic.spanning.total
-    )
+    wider = np.diag(
+        elastic.model_averaged_posterior.total - elastic.mixture.total
+    ) > 1e-4 * np.diag(elastic.model_averaged_posterior.total)
     for place, name in enumerate(elastic.updated.forward.parametrisation.reported):
         assert any(entry.source == OTHER_PARTNERS for entry in found[name].budget) == wider[place]
 
@@ -156,18 +158,23 @@ def state(hz: list[float], kinds: list[str], hidden: tuple[int, ...] = ()) -> Fo
 
 def test_held_partners_stay_the_same_where_kinds_cross() -> None:
     before, after = ["bending", "torsion", "bending"], ["bending", "bending", "torsion"]
-    held = partners_of(Pairing(((0, 0), (1, 2)), None, (), (), ()), before)
-    assert held == ((0, "bending", 0), (1, "bending", 1))
+    fixed_pairing = partners_of(Pairing(((0, 0), (1, 2)), None, (), (), ()), before)
+    assert fixed_pairing == ((0, "bending", 0), (1, "bending", 1))
     modes = typed(100.0, 200.0)
-    assert pair_held(modes, state([100.0, 150.0, 200.0], before), held).pairs == ((0, 0), (1, 2))
-    crossed = pair_held(modes, state([100.0, 200.0, 201.0], after), held)
+    assert pair_fixed(modes, state([100.0, 150.0, 200.0], before), fixed_pairing).pairs == (
+        (0, 0),
+        (1, 2),
+    )
+    crossed = pair_fixed(modes, state([100.0, 200.0, 201.0], after), fixed_pairing)
     assert crossed.pairs == ((0, 0), (1, 1))
     assert crossed.ambiguous == ((1, 1, 2),)
     assert exchanged(crossed, after) == [((0, "bending", 0), (1, "torsion", 0))]
     assert exchanged(crossed, ["bending"] * 3) == []  # two of one kind do not cross
-    hidden = pair_held(modes, state([100.0, 200.0, 201.0], [*after[:2], "in-plane"], (2,)), held)
+    hidden = pair_fixed(
+        modes, state([100.0, 200.0, 201.0], [*after[:2], "in-plane"], (2,)), fixed_pairing
+    )
     assert hidden.ambiguous == ()
-    missed = pair_held(modes, state([100.0, 150.0], before[:2]), held)
+    missed = pair_fixed(modes, state([100.0, 150.0], before[:2]), fixed_pairing)
     assert (missed.pairs, missed.unpaired_measured, missed.unpaired_model) == (
         ((0, 0),),
         (1,),
@@ -198,20 +205,20 @@ def test_close_modes_that_exchange_their_partners_for_ever_are_fitted_with_each_
     dofs = tuple(Dof(point, 3) for point in forward.points)
     measured = MeasuredModes(solved.frequency_hz[:5], np.full(5, 0.01), shapes, dofs)
     layout = Layout.of_one(forward, measured)
-    with pytest.raises(SwingingError) as swings:
+    with pytest.raises(PairingCycleError) as swings:
         fit(layout)
-    assert set(swings.value.torn) >= {(0, 2), (0, 3)}
+    assert set(swings.value.oscillating_modes) >= {(0, 2), (0, 3)}
     assert len(swings.value.history) < 50  # it ends where it has come round once; 30 turns have 77
     result = update_from_several_starts(layout)
-    assert result.torn == swings.value.torn
-    assert result.held is not None
+    assert result.oscillating_modes == swings.value.oscillating_modes
+    assert result.fixed_pairing is not None
     assert result.pairing.mac is not None
     # All orders were fitted, and the frequencies decide.
     fitted = {result.partners, *(rival.other.partners for rival in result.rivals)}
     assert fitted == {partners for partners, _ in swings.value.between}
     assert result.rivals[0].evidence > REFUTED
-    assert result.standing == ()
+    assert result.admissible_rivals == ()
     np.testing.assert_allclose(result.theta[[0, 2]], truth[[0, 2]], rtol=2e-3)
     # At equal evidence both stand, and the intervals span them.
     even = replace(result, rivals=(replace(result.rivals[0], evidence=0.0),))
-    assert even.spanning.total[2, 2] > result.spanning.total[2, 2]
+    assert even.model_averaged_posterior.total[2, 2] > result.model_averaged_posterior.total[2, 2]

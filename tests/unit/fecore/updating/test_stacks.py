@@ -161,7 +161,7 @@ def test_a_sensor_that_nobody_stated_moves_constants_no_further_than_their_prior
     identifiable.
     """
     elastic, found = coupon(0.0)
-    (sensor,) = elastic.every_excursion
+    (sensor,) = elastic.all_systematic_effects
     assert (sensor.name, sensor.kind) == ("sensor_mass", "one-sided")
     assert sensor.reach < 0.2  # the frequencies refute a gram
     for each in found.values():
@@ -169,7 +169,7 @@ def test_a_sensor_that_nobody_stated_moves_constants_no_further_than_their_prior
         assert each.standard_deviation < 1.2 * each.prior_sd
         assert not each.identifiable or each.standard_deviation < 0.8 * each.prior_sd
     elastic, found = coupon(1e-3)
-    (sensor,) = elastic.every_excursion
+    (sensor,) = elastic.all_systematic_effects
     assert sensor.centre == pytest.approx(1.0, abs=2 * sensor.width)
     assert sensor.reach > 1.0
     for name in ("E1", "E2", "G12"):

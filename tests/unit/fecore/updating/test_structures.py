@@ -20,7 +20,6 @@ from fecore.modes import MeasuredModes
 from fecore.updating.campaign_layout import yielding
 from fecore.updating.campaigns import Campaign, CampaignsRecipe, update_campaigns
 from fecore.updating.elastic_starts import update_from_several_starts
-from fecore.updating.excursions import excursions
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
@@ -28,6 +27,7 @@ from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter, default_parameters, parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
+from fecore.updating.systematic_effects import systematic_effects
 from tests.support.fits import COARSE, at_prior, forward_model
 
 GFRP = OrthotropicMaterial(23e9, 8.5e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
@@ -165,10 +165,10 @@ def test_a_set_that_has_lost_stiffness_is_found_among_others() -> None:
 def test_a_clamp_that_yields_moves_the_frequencies_as_a_block_on_springs_does() -> None:
     clamped = replace(BEAM, supports=of_boundary("cantilever"))
     state = at_prior(forward_model(clamped, MODES, "web.E1", reduced=False))
-    (found,) = excursions(state, replace(Inputs.exact(), clamp_compliance_sd=0.01), ())
+    (found,) = systematic_effects(state, replace(Inputs.exact(), clamp_compliance_sd=0.01), ())
     assert (found.name, found.kind) == ("clamp", "one-sided")
     assert found.shift[0] == pytest.approx(-0.02)
-    assert excursions(state, Inputs.exact(), ()) == ()
+    assert systematic_effects(state, Inputs.exact(), ()) == ()
     on_springs = yielding(clamped, replace(Inputs.exact(), clamp_compliance_sd=1e-3 / 0.6745))
     moved = at_prior(forward_model(on_springs, MODES, "web.E1", reduced=False))
     exact = moved.frequency_hz[:MODES] / state.frequency_hz[:MODES] - 1

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from fecore.updating.elastic_findings import undetermined
 from fecore.updating.estimates import Spread
-from fecore.updating.excursions import Excursion
 from fecore.updating.findings import judge
 from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import DISCREPANCY
 from fecore.updating.result import Comparable, ParameterEstimate, UpdateResult
+from fecore.updating.systematic_effects import SystematicEffect
 from fecore.updating.theory_error import (
     OF_THEORY,
     SHEAR_CORRECTION_SD,
@@ -104,12 +104,12 @@ def test_sources_add_up_whatever_is_added(
     whole = Spread(
         sd, 0.0, 2 * sd, 2 * sd, {str(number): part for number, part in enumerate(parts)}
     )
-    one_sided = Excursion("clamp", np.zeros(1), "one-sided", True, "")
+    one_sided = SystematicEffect("clamp", np.zeros(1), "one-sided", True, "")
     samples = np.random.default_rng(seed).standard_normal(50) + 0.3
     for each in (
         whole.widened(wider * sd, 1.0, 1.0, "partners").widened(narrower * sd, 1.0, 1.0, "real"),
         whole.tied("Ex", tie),
-        whole.sampled(samples).with_excursions([one_sided], np.array([pull])),
+        whole.sampled(samples).with_systematic_effects([one_sided], np.array([pull])),
     ):
         assert sum(each.variance.values()) == pytest.approx(each.sd**2, rel=1e-9)
         assert min(each.variance.values()) >= 0

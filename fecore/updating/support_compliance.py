@@ -142,7 +142,7 @@ def _resisted(state: ForwardState, additions: Sequence[Addition]) -> tuple[Float
 
 
 @dataclass(frozen=True)
-class Yielding:
+class SupportCompliance:
     """How much likelier the data are where supports give way, in any of W ways by S sizes: along or
     about one axis, or all.
     """
@@ -162,7 +162,7 @@ class Yielding:
         measured: tuple[MeasuredModes, FloatArray],
         problem: LinearProblem,
         posterior: tuple[Mixture, FloatArray],
-    ) -> Yielding:
+    ) -> SupportCompliance:
         """Those of one body at an estimate.
 
         Args:
@@ -248,5 +248,5 @@ def _alike(measured: FloatArray, shapes: FloatArray) -> FloatArray:
     )
 
 
-def _between(known: FloatArray, asked: FloatArray, values: FloatArray) -> FloatArray:
-    return np.asarray(scipy.interpolate.pchip_interpolate(known, values, asked))
+def _between(known: FloatArray, at: FloatArray, values: FloatArray) -> FloatArray:
+    return np.asarray(scipy.interpolate.pchip_interpolate(known, values, at))

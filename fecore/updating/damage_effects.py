@@ -22,7 +22,7 @@ from fecore.body.matrices import MatrixBody
 from fecore.correlation import most_alike
 from fecore.dynamics.eigen import shifted
 from fecore.dynamics.factor import factorise
-from fecore.updating.damage_shapes import ShapesGiven, ShapesOfLosses
+from fecore.updating.damage_shapes import DamageShapes, DamageShapesAt
 from fecore.updating.elastic_result import HOPELESS_MISS, ElasticResult
 from fecore.updating.state import ForwardState
 
@@ -101,47 +101,47 @@ class _Modes:
 
 
 @dataclass(frozen=True)
-class Losses:
+class DamageEffects:
     """What losses of stiffness in P stretches do to the paired modes of a solved body, shapes at
     the measured points.
     """
 
-    stretches: tuple[Stretch, ...]
+    intervals: tuple[Stretch, ...]
     log_prior: FloatArray  # (P,)
     change: FloatArray  # (l, P, n) of ln f, by the losses solved for
     # what the measured shapes say, for each scale of their error; empty without any
-    shapes: tuple[ShapesGiven, ...]
+    shapes: tuple[DamageShapesAt, ...]
     step: float  # between places where stretches end, m
     # length of the elements along the body, m: within one the energy is taken as even
     element: float
 
     @classmethod
-    def of(cls, elastic: ElasticResult, number: int) -> Losses | None:
+    def of(cls, elastic: ElasticResult, number: int) -> DamageEffects | None:
         """Those of a campaign's body at the estimate; None of one that has no elements, or is not
         the model's.
         """
         state, columns = elastic.states[number], _columns(elastic, number)
         if (
             isinstance(state.forward.specimen, MatrixBody)
-            or elastic.missed(elastic.rows[number]) > HOPELESS_MISS
+            or elastic.rms_residual(elastic.rows[number]) > HOPELESS_MISS
         ):
             return None
         modes, (axis, lines) = _Modes.of(state, columns), _lines(state)
         names, energy = _most_loaded(state, modes, _energies(state, modes.full, lines))
         sets = [(name,) for name in names] + ([tuple(names)] if len(names) > 1 else [])
         pairs = list(zip(*np.triu_indices(_PARTS + 1, 1), strict=True))
-        stretches = [
+        intervals = [
             Stretch(group, len(group) == len(names), axis, float(lines[a]), float(lines[b]))
             for group in sets
             for a, b in pairs
             if b - a <= _LONGEST * _PARTS
         ]
-        share, step = np.array([1 / each.length for each in stretches]), float(lines[1] - lines[0])
-        return _losses(
+        share, step = np.array([1 / each.length for each in intervals]), float(lines[1] - lines[0])
+        return _damage_effects(
             elastic,
             number,
             modes,
-            stretches,
+            intervals,
             np.log(share / share.sum()),
             names=names,
             lines=lines,
@@ -149,19 +149,22 @@ class Losses:
             step=step,
         )
 
-    def of_sets(self, share: FloatArray) -> Iterator[tuple[Losses, FloatArray]]:
+    def of_sets(self, share: FloatArray) -> Iterator[tuple[DamageEffects, FloatArray]]:
         """Those of each group of sets, with what is left of (a, P) probabilities of stretches."""
-        for sets in dict.fromkeys(each.sets for each in self.stretches):
-            at = np.array([each.sets == sets for each in self.stretches])
-            own = tuple(each for each in self.stretches if each.sets == sets)
+        for sets in dict.fromkeys(each.sets for each in self.intervals):
+            at = np.array([each.sets == sets for each in self.intervals])
+            own = tuple(each for each in self.intervals if each.sets == sets)
             yield (
                 replace(
-                    self, stretches=own, log_prior=self.log_prior[at], change=self.change[:, at]
+                    self,
+                    intervals=own,
+                    log_prior=self.log_prior[at],
+                    change=self.change[:, at],
                 ),
                 share[:, at],
             )
 
-    def near(self, elastic: ElasticResult, number: int, share: FloatArray) -> Losses:
+    def near(self, elastic: ElasticResult, number: int, share: FloatArray) -> DamageEffects:
         """Those in stretches about the likely ones, whose ends may lie between lines, of the body
         with static deflections.
 
@@ -173,33 +176,33 @@ class Losses:
         state, columns = elastic.states[number], _columns(elastic, number)
         order, (_, lines) = np.argsort(-share), _lines(state)
         likely = order[: min(int(np.searchsorted(np.cumsum(share[order]), _LIKELY)) + 1, _MOST)]
-        step, names = float(lines[1] - lines[0]) / _FINER, list(self.stretches[0].sets)
-        found = dict[tuple[int, int], Stretch]()
-        for each in (self.stretches[k] for k in likely):
+        step, names = float(lines[1] - lines[0]) / _FINER, list(self.intervals[0].sets)
+        nearby = dict[tuple[int, int], Stretch]()
+        for each in (self.intervals[k] for k in likely):
             ends = [round((place - lines[0]) / step) for place in (each.begin, each.end)]
             for a, b in product(*([end + k for k in range(-_NEAR, _NEAR + 1)] for end in ends)):
                 if 0 <= a < b <= _FINER * _PARTS:
                     begin, end = (float(lines[0] + k * step) for k in (a, b))
-                    found[a, b] = replace(each, begin=begin, end=end)
-        stretches = list(found.values())
+                    nearby[a, b] = replace(each, begin=begin, end=end)
+        intervals = list(nearby.values())
         finer = np.unique(
-            [lines[0], lines[-1], *(x for each in stretches for x in (each.begin, each.end))]
+            [lines[0], lines[-1], *(x for each in intervals for x in (each.begin, each.end))]
         )
-        about = (lines[1:] > min(each.begin for each in stretches)) & (
-            lines[:-1] < max(each.end for each in stretches)
+        about = (lines[1:] > min(each.begin for each in intervals)) & (
+            lines[:-1] < max(each.end for each in intervals)
         )
         modes = _Modes.of(state, columns)
         modes = modes.with_static(state, _forces(state, modes, columns, names, lines, about))
         sets = list(state.forward.specimen.model.mesh.sets)
         energy = _energies(state, modes.full, finer)[[sets.index(name) for name in names]]
         # As likely as those between lines, of which there are fewer.
-        log_density = self.log_prior[0] + np.log(self.stretches[0].length * (step / self.step) ** 2)
-        log_prior = np.array([log_density - np.log(each.length) for each in stretches])
-        return _losses(
+        log_density = self.log_prior[0] + np.log(self.intervals[0].length * (step / self.step) ** 2)
+        log_prior = np.array([log_density - np.log(each.length) for each in intervals])
+        return _damage_effects(
             elastic,
             number,
             modes,
-            stretches,
+            intervals,
             log_prior,
             names=names,
             lines=finer,
@@ -212,24 +215,24 @@ def _columns(elastic: ElasticResult, number: int) -> list[int]:
     return [column for _, column in elastic.pairings[number].pairs]
 
 
-def _losses(
+def _damage_effects(
     elastic: ElasticResult,
     number: int,
     modes: _Modes,
-    stretches: list[Stretch],
+    intervals: list[Stretch],
     log_prior: FloatArray,
     *,
     names: list[str],
     lines: FloatArray,
     energy: FloatArray,
     step: float,
-) -> Losses:
+) -> DamageEffects:
     """Those in stretches that end at lines, by (sets, parts, m, m) energies of modes between
     lines.
     """
     whole = np.concatenate([np.zeros_like(energy[:, :1]), np.cumsum(energy, axis=1)], axis=1)
     parts = []
-    for each in stretches:
+    for each in intervals:
         first, last = np.searchsorted(lines, [each.begin, each.end])
         parts.append(
             sum(whole[k, last] - whole[k, first] for k in (names.index(name) for name in each.sets))
@@ -238,12 +241,12 @@ def _losses(
         _solved(modes.value, loss * np.array(parts), _columns(elastic, number)) for loss in LOSSES
     ]
     change, turned = (np.array(some) for some in zip(*solved, strict=True))
-    shapes = ShapesOfLosses.of(elastic, number, turned, modes.value, modes.seen)
+    shapes = DamageShapes.of(elastic, number, turned, modes.value, modes.seen)
     given = () if shapes is None else tuple(map(shapes.given, SHAPES.tolist()))
     mesh = elastic.states[number].forward.specimen.model.mesh
     along = mesh.nodes[:, _lines(elastic.states[number])[0]]
     element = max(float(np.ptp(along[block.nodes], axis=1).mean()) for block in mesh.blocks)
-    return Losses(tuple(stretches), log_prior, change, given, step, element)
+    return DamageEffects(tuple(intervals), log_prior, change, given, step, element)
 
 
 def _solved(

@@ -9,9 +9,9 @@ import pytest
 import scipy
 
 from fecore.modes import MeasuredModes
-from fecore.updating.belief import over_sets, stray_cost, weights_of
 from fecore.updating.measurement import Measurement
-from fecore.updating.pairing import alone_cost
+from fecore.updating.mode_inclusion import over_sets, spurious_mode_penalty, weights_of
+from fecore.updating.pairing import unpaired_cost
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import LinearProblem, Mixture
 from fecore.updating.recipe import Recipe
@@ -100,9 +100,9 @@ def test_the_descent_is_the_derivative_of_the_weighted_misfit(problem: LinearPro
 
 
 def test_the_posterior_is_that_of_both_sets_by_their_odds(problem: LinearProblem) -> None:
-    without, belief = problem.with_weight(3, 0.0), np.where(np.arange(COUNT) == 3, 0.3, 1.0)
+    without, mode_inclusion = problem.with_weight(3, 0.0), np.where(np.arange(COUNT) == 3, 0.3, 1.0)
     given = without.mixture(0.0)[0]
-    found = over_sets(without, belief, 0.0, given)
+    found = over_sets(without, mode_inclusion, 0.0, given)
     moments = [problem.with_weight(3, w).mixture(0.0)[0].total for w in (1.0, 0.0)]
     np.testing.assert_allclose(found.total, 0.3 * moments[0] + 0.7 * moments[1], rtol=1e-12)
     alone = problem.only(np.arange(COUNT) != 3).mixture(0.0)[0]
@@ -116,16 +116,16 @@ def test_what_is_certain_costs_what_it_did() -> None:
     modes = MeasuredModes(
         np.array([10.0, 20.0, 30.0]), np.full(3, 0.01), probability=np.array([1.0, 0.6, 0.1])
     )
-    assert alone_cost(modes) == pytest.approx(
+    assert unpaired_cost(modes) == pytest.approx(
         [8.0, -np.log(0.4 + 0.6 * np.exp(-8)), -np.log(0.9 + 0.1 * np.exp(-8))]
     )
-    assert alone_cost(replace(modes, probability=None)).tolist() == [8.0] * 3
+    assert unpaired_cost(replace(modes, probability=None)).tolist() == [8.0] * 3
     fits = scipy.stats.norm.logpdf(0, 0, 0.001)
     expected = 0.8 * (np.log(0.6 / 0.4 * 1.5) + fits)
     weights = np.array([1.0, 0.2])
-    assert stray_cost(weights, np.array([1.0, 0.6]), np.array([3.0, 1.5]), 0.001) == pytest.approx(
-        expected
-    )
+    assert spurious_mode_penalty(
+        weights, np.array([1.0, 0.6]), np.array([3.0, 1.5]), 0.001
+    ) == pytest.approx(expected)
 
 
 def updated(drawn: Drawn, modes: MeasuredModes, probability: object) -> UpdateResult:

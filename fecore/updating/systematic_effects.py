@@ -53,7 +53,7 @@ _SOLVED_TO = 1e-5  # relative, of a frequency on the reduced basis: a difference
 
 
 @dataclass(frozen=True)
-class Excursion:
+class SystematicEffect:
     """What one standard deviation of an input does."""
 
     name: str  # of the input
@@ -68,7 +68,7 @@ class Excursion:
     centre: float = 0.0
     width: float = 1.0
 
-    def given(self, score: float, information: float) -> Excursion:
+    def conditioned(self, score: float, information: float) -> SystematicEffect:
         """A one-sided input as data leave it, by their score and information of it in its standard
         deviations.
         """
@@ -124,9 +124,9 @@ class Excursion:
         )
 
 
-def excursions(
+def systematic_effects(
     state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]
-) -> tuple[Excursion, ...]:
+) -> tuple[SystematicEffect, ...]:
     """All excursions of a body's inputs that change its frequencies.
 
     Args:
@@ -134,16 +134,16 @@ def excursions(
         inputs: what the laboratory says of its inputs.
         fixed_points: points at which a sensor stood through the test, if one was not stated.
     """
-    found = [
+    effects = [
         *_clamp(state, inputs),
         *_sensor(state, inputs, fixed_points),
         *_fibres(state, inputs),
         *_mesh(state),
     ]
-    return tuple(each for each in found if np.any(each.shift))
+    return tuple(each for each in effects if np.any(each.shift))
 
 
-def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
+def _clamp(state: ForwardState, inputs: Inputs) -> list[SystematicEffect]:
     """Rotation of the clamp, and its translation and roll: EI/kL and (t/L)² of it."""
     body = state.forward.specimen
     sd = inputs.standard_deviation(CLAMP)
@@ -177,8 +177,8 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
     translation = -value * (heave**2 + 12 / b**2 * roll**2) * across / 2
     stated = inputs.is_stated(CLAMP)
     return [
-        Excursion("clamp_rotation", rotation, "one-sided", stated, f"EI/kL = {sd:.3g}"),
-        Excursion(
+        SystematicEffect("clamp_rotation", rotation, "one-sided", stated, f"EI/kL = {sd:.3g}"),
+        SystematicEffect(
             "clamp_translation",
             translation,
             "one-sided",
@@ -188,7 +188,9 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
     ]
 
 
-def _block(state: ForwardState, body: Structure, sd: float, *, stated: bool) -> list[Excursion]:
+def _block(
+    state: ForwardState, body: Structure, sd: float, *, stated: bool
+) -> list[SystematicEffect]:
     """The one clamp of a body in space, as a block on an even bed."""
     bed = bed_of(body)
     if bed is None:
@@ -198,11 +200,15 @@ def _block(state: ForwardState, body: Structure, sd: float, *, stated: bool) -> 
         * state.modes.eigenvalue[state.modes.rigid :]
     )
     return [
-        Excursion("clamp", -2 * sd * yields / yields[0], "one-sided", stated, f"EI/kL = {sd:.3g}")
+        SystematicEffect(
+            "clamp", -2 * sd * yields / yields[0], "one-sided", stated, f"EI/kL = {sd:.3g}"
+        )
     ]
 
 
-def _sensor(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) -> list[Excursion]:
+def _sensor(
+    state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]
+) -> list[SystematicEffect]:
     """The stated sensor's mass, or that of one that nobody stated."""
     forward, body = state.forward, state.forward.specimen
     carried = [
@@ -225,7 +231,7 @@ def _sensor(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) ->
         kind, shift = "one-sided", _with_masses(state, places, sds)
     else:
         return []
-    return [Excursion("sensor_mass", shift, kind, stated, f"{1e3 * sds.max():.2g} g")]
+    return [SystematicEffect("sensor_mass", shift, kind, stated, f"{1e3 * sds.max():.2g} g")]
 
 
 def _with_masses(state: ForwardState, places: FloatArray, masses: FloatArray) -> FloatArray:
@@ -239,7 +245,7 @@ def _with_masses(state: ForwardState, places: FloatArray, masses: FloatArray) ->
     return np.asarray(np.sqrt(loaded[order] / value[modes.rigid :]) - 1)
 
 
-def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:
+def _fibres(state: ForwardState, inputs: Inputs) -> list[SystematicEffect]:
     """Fibres askew by one standard deviation, to one side and to the other.
 
     Where the angle is a parameter the fit has its first derivative, and the square alone is left,
@@ -254,7 +260,9 @@ def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:
         step = np.where(np.array(prior.names) == "fibre_angle", sd, 0.0)
         both = sum(forward.frequencies_at(prior, state.theta + sign * step) for sign in (1, -1))
         return [
-            Excursion("fibre_angle", both / (2 * state.frequency_hz) - 1, "square", stated, amount)
+            SystematicEffect(
+                "fibre_angle", both / (2 * state.frequency_hz) - 1, "square", stated, amount
+            )
         ]
     shifts: list[FloatArray] = []
     for angle in (body.fibre_angle + sd, body.fibre_angle - sd):
@@ -265,8 +273,8 @@ def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:
         shifts.append(forward.frequencies_at(turned, state.theta) / state.frequency_hz - 1)
     even, odd = (shifts[0] + shifts[1]) / 2, (shifts[0] - shifts[1]) / 2
     return [
-        Excursion("fibre_angle", even, "square", stated, amount),
-        Excursion(
+        SystematicEffect("fibre_angle", even, "square", stated, amount),
+        SystematicEffect(
             "fibre_angle_linear",
             np.where(np.abs(odd) > _SOLVED_TO, odd, 0.0),
             "both",
@@ -276,7 +284,7 @@ def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:
     ]
 
 
-def _mesh(state: ForwardState) -> list[Excursion]:
+def _mesh(state: ForwardState) -> list[SystematicEffect]:
     """What the finest mesh may still miss, and facets of a surface that was taken to be curved."""
     if state.by_mesh is None:
         return []
@@ -285,8 +293,8 @@ def _mesh(state: ForwardState) -> list[Excursion]:
     if flat.any():
         words += f", and {100 * np.abs(flat).max():.2g} % were the facets flat"
     return [
-        Excursion(MESH, missed, "both", False, words),
-        Excursion(MESH, flat, "one-sided", False, words),
+        SystematicEffect(MESH, missed, "both", False, words),
+        SystematicEffect(MESH, flat, "one-sided", False, words),
     ]
 
 

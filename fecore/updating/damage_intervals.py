@@ -37,7 +37,7 @@ _STIFFEST = -0.9  # least change of a compliance, over its prior mean
 
 
 @dataclass(frozen=True)
-class Stretches:
+class DamageIntervals:
     """Which parts of a body have another stiffness, as far as its modes show."""
 
     lines: FloatArray  # (F + 1,) x of the lines between parts, m
@@ -116,31 +116,31 @@ class Partitions:
             part: number of the part that each factor belongs to.
         """
         self.compliance, self.part, self.count = compliance, part, lines.size - 1
-        stretch = _stretches(lines, part)
+        stretch = _damage_intervals(lines, part)
         share = stretch.T @ np.diff(lines) / (lines[-1] - lines[0])
         size = (
             1
             / np.sqrt(np.diag(problem.prior(0.0))[compliance.factors].min())
             / compliance.nominal[compliance.factors].min()
         )
-        found = [
+        partitions = [
             (log, given, ratio * size, stretch[:, list(chosen)])
-            for spread, log_spread in zip(
+            for discrepancy, log_prior in zip(
                 *grid_of_discrepancies(problem.scale, _COARSE), strict=True
             )
-            for given in [_Given(problem, compliance, float(spread), float(log_spread))]
+            for given in [_AtDiscrepancy(problem, compliance, float(discrepancy), float(log_prior))]
             for ratio in _SIZES
             for log, chosen in given.likeliest(stretch[part], share, ratio * size)
         ]
-        least = max(log for log, *_ in found) + np.log(_KEPT)
-        found = sorted((each for each in found if each[0] > least), key=lambda each: -each[0])[
-            :_MOST
-        ]
-        moments = [given.moments(inside[part], size) for _, given, size, inside in found]
+        least = max(log for log, *_ in partitions) + np.log(_KEPT)
+        partitions = sorted(
+            (each for each in partitions if each[0] > least), key=lambda each: -each[0]
+        )[:_MOST]
+        moments = [given.moments(inside[part], size) for _, given, size, inside in partitions]
         mean, covariance = (np.array(each) for each in zip(*moments, strict=True))
-        weight = scipy.special.softmax([log for log, *_ in found])
+        weight = scipy.special.softmax([log for log, *_ in partitions])
         self.mixture = Mixture(
-            weight, mean, covariance, np.array([given.spread for _, given, *_ in found])
+            weight, mean, covariance, np.array([given.discrepancy for _, given, *_ in partitions])
         )
 
     @property
@@ -170,15 +170,17 @@ class Partitions:
         return Mixture(self.mixture.weight, each - x, covariance, self.mixture.scale)
 
 
-class _Given:
+class _AtDiscrepancy:
     """The misfit at a discrepancy as one of the parts' changes alone, the other unknowns integrated
     out.
     """
 
     def __init__(
-        self, problem: LinearProblem, compliance: Compliance, spread: float, log_spread: float
+        self, problem: LinearProblem, compliance: Compliance, discrepancy: float, log_prior: float
     ) -> None:
-        hessian, descent, misfit, logs = (each[0] for each in problem.of_data(np.array([spread])))
+        hessian, descent, misfit, logs = (
+            each[0] for each in problem.of_data(np.array([discrepancy]))
+        )
         self.cells, self.rest = (
             np.flatnonzero(compliance.factors),
             np.flatnonzero(~compliance.factors),
@@ -187,13 +189,13 @@ class _Given:
         H, g = hessian * np.outer(slope, slope), slope * descent
         b = g + H @ y
         own = H[np.ix_(self.rest, self.rest)] + problem.prior(0.0)[np.ix_(self.rest, self.rest)]
-        self.spread, self.inverse = spread, np.linalg.inv(own)
+        self.discrepancy, self.inverse = discrepancy, np.linalg.inv(own)
         self.across = self.inverse @ H[np.ix_(self.rest, self.cells)]
         self.A = H[np.ix_(self.cells, self.cells)] - H[np.ix_(self.cells, self.rest)] @ self.across
         self.c = b[self.cells] - self.across.T @ b[self.rest]
         self.mean = self.inverse @ b[self.rest]
         squares = misfit + y @ (g + b) - b[self.rest] @ self.mean
-        self.log = log_spread - float(logs + squares + np.linalg.slogdet(own)[1]) / 2
+        self.log = log_prior - float(logs + squares + np.linalg.slogdet(own)[1]) / 2
 
     def likeliest(
         self, inside: FloatArray, share: FloatArray, size: float
@@ -216,11 +218,11 @@ class _Given:
         two = np.log(2) + log_prior[i] + log_prior[j] + (squares - np.log(size**4 * both)) / 2
         two += np.log(_RARE) * (share[i] + share[j] > _HALF)
         least = max(0.0, one.max(), two.max()) + np.log(_KEPT)
-        alone = [(self.log + float(one[k]), (int(k),)) for k in np.flatnonzero(one > least)]
+        singles = [(self.log + float(one[k]), (int(k),)) for k in np.flatnonzero(one > least)]
         pairs = [
             (self.log + float(two[k]), (int(i[k]), int(j[k]))) for k in np.flatnonzero(two > least)
         ]
-        return [(self.log, ()), *alone, *pairs]
+        return [(self.log, ()), *singles, *pairs]
 
     def moments(self, inside: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
         """(X,) mean and (X, X) covariance of y, given stretches."""
@@ -236,7 +238,7 @@ class _Given:
         return mean + by @ (inverse @ (inside.T @ self.c)), covariance + by @ inverse @ by.T
 
 
-def _stretches(lines: FloatArray, part: IntArray) -> FloatArray:
+def _damage_intervals(lines: FloatArray, part: IntArray) -> FloatArray:
     """(F, n) every stretch from line to line with a part that may change: 1 inside."""
     number = np.arange(lines.size - 1)
     first, last = np.triu_indices(number.size)

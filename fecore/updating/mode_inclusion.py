@@ -53,12 +53,12 @@ def weights_of(
             - none.log_evidence(scatter)
             - np.log(2 * np.pi) / 2
         )
-        real = np.logaddexp(fits, np.log(FAR_OFF) + _missed(none, k, scatter))
+        real = np.logaddexp(fits, np.log(FAR_OFF) + _log_far_off(none, k, scatter))
         weights[k] = scipy.special.expit(_logit(probability[k]) + np.log(width[k]) + real)
     return weights
 
 
-def _missed(others: LinearProblem, k: int, scatter: float) -> float:
+def _log_far_off(others: LinearProblem, k: int, scatter: float) -> float:
     """Ln N(e; 0, σ_π²) of a frequency that has no weight in a problem, the spread of its prediction
     included.
     """
@@ -76,20 +76,20 @@ def _logit(probability: FloatArray | float) -> FloatArray:
 
 
 def over_sets(
-    problem: LinearProblem, belief: FloatArray, scatter_scale: float, given: Mixture
+    problem: LinearProblem, mode_inclusion: FloatArray, scatter_scale: float, given: Mixture
 ) -> Mixture:
     """The posterior about the estimate over which modes are real.
 
     Args:
         problem: at the estimate, of the likeliest set: weights 1 and 0.
-        belief: (n,) w of each mode.
+        mode_inclusion: (n,) w of each mode.
         scatter_scale: of the scatter between specimens; 0 for none.
         given: the posterior of that set, which is all where there is no doubt.
     """
-    doubted = np.flatnonzero(belief < 1).tolist()
+    doubted = np.flatnonzero(mode_inclusion < 1).tolist()
     if not doubted:
         return given
-    other = np.abs(problem.weights - belief)[doubted]  # probability of the other verdict
+    other = np.abs(problem.weights - mode_inclusion)[doubted]  # probability of the other verdict
     share = np.concatenate([[1.0], other / np.maximum(1 - other, 1e-300)])
     sets = [
         problem.with_weight(k, 1 - problem.weights[k]).mixture(scatter_scale)[0] for k in doubted
@@ -99,12 +99,12 @@ def over_sets(
     )
 
 
-def stray_cost(
-    weights: FloatArray, probability: FloatArray, width: FloatArray, spread: float
+def spurious_mode_penalty(
+    weights: FloatArray, probability: FloatArray, width: FloatArray, discrepancy: float
 ) -> float:
     """In log evidence, what modes cost that are taken for none: the density of the band beside that
     of a mode that fits.
     """
     off = weights < 1
-    fits = _logit(probability[off]) + np.log(width[off]) - np.log(2 * np.pi * spread**2) / 2
+    fits = _logit(probability[off]) + np.log(width[off]) - np.log(2 * np.pi * discrepancy**2) / 2
     return float((1 - weights[off]) @ np.maximum(fits, 0.0))
