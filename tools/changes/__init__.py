@@ -21,7 +21,12 @@ from tempfile import TemporaryDirectory
 ROOT = Path(__file__).parents[2]
 CONTRIBUTING = ROOT / "CONTRIBUTING.md"
 PRODUCT = ("fecore/", "modalbase/", "service/")
-GENERATED = ("modalbase/client/routes.json", "docs/reference-rest.md", "docs/reference-cli.md")
+GENERATED = (
+    "modalbase/client/routes.json",
+    "modalbase/client/units.json",
+    "docs/reference-rest.md",
+    "docs/reference-cli.md",
+)
 """What `python -m tools.reference` writes; a test fails where it is stale."""
 
 FILES = 3

@@ -133,8 +133,7 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     if any(each.rotary_inertia_kg_m2 for each in added):
         remarks.append("the added masses are points: their rotary inertia is not in the deck")
     if alpha_beta is None:
-        stated = " or ".join(n.capitalize() for n, row in LAWS.items() if row.alpha_beta)
-        remarks.append(f"no {stated} damping: the result has another law, or none")
+        remarks.append(f"no {_STATED} damping: the result has another law, or none")
     return Deck(
         length=c["length"],
         width=c["width"],
@@ -159,6 +158,10 @@ def origin(job: UpdateJob, document: dict[str, Any]) -> list[str]:
         f"result SHA-256 {digest}",
         *([str(verdict["sentence"])] if "sentence" in verdict else []),
     ]
+
+
+_STATED = " or ".join(name.capitalize() for name, row in LAWS.items() if row.alpha_beta)
+"""The laws that a deck can state."""
 
 
 def _alpha_beta(document: dict[str, Any]) -> tuple[float, float] | None:
