@@ -24,9 +24,10 @@ from benchmarks.tables import Table, beside
 from fecore.arrays import FloatArray
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import OrientedSpecimen
-from fecore.body.supports import CLAMP, PointMass
+from fecore.body.supports import PointMass
 from fecore.coupons.batch import Statistics, prior
 from fecore.frf import along_z
+from fecore.quantities import CLAMP
 from fecore.updating.campaigns import Campaign, CampaignsResult, update_campaigns
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs

@@ -1,4 +1,4 @@
-"""Make what is made from code: the client's table of routes, and the pages of the reference. A test
+"""Make what is made from code: the client's tables of routes and units, and the pages of the reference. A test
 compares them.
 """
 
@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import typer
 from fastapi import FastAPI
 
+from fecore.quantities import SHOWN
 from modalbase.client.options import NAMED
 from service.app.application import PREFIX
 from service.app.composition import ROUTERS
@@ -65,6 +66,14 @@ def described(openapi: dict[str, Any]) -> list[Described]:
         name = operation["operationId"]
         routes.append(Described(name, method.upper(), path, query, summary, tag))
     return routes
+
+
+def units() -> str:
+    """The text of `modalbase/client/units.json`: factor and unit in which the library shows values
+    of an SI unit.
+    """
+    rows = {unit: shown for unit, shown in SHOWN.items() if unit != "1"}
+    return json.dumps(rows, ensure_ascii=False, indent=1) + "\n"
 
 
 def table() -> str:
@@ -188,6 +197,7 @@ ROOT = Path(__file__).resolve().parent.parent
 MADE: dict[str, Callable[[], str]] = {
     "modalbase/client/fields.json": fields,
     "modalbase/client/routes.json": table,
+    "modalbase/client/units.json": units,
     "docs/reference-rest.md": rest_page,
     "docs/reference-cli.md": cli_page,
 }

@@ -10,7 +10,8 @@ import numpy as np
 from fecore.arrays import FloatArray, IntArray
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
-from fecore.body.supports import CLAMP, Clamp, Link, NodeSpring
+from fecore.body.supports import Clamp, Link, NodeSpring
+from fecore.quantities import CLAMP
 
 AnyStructure = TypeVar("AnyStructure", bound=Structure)
 
@@ -58,7 +59,7 @@ def bed_of(body: Structure) -> Bed | None:
 
 
 def on_bed(body: AnyStructure, bed: Bed, compliance: float, stiffness: float) -> AnyStructure:
-    """The body with its clamp on the bed, as the constant `clamp_compliance`.
+    """The body with its clamp on the bed, as the constant `CLAMP`.
 
     Args:
         body: a body that the clamp of `bed` holds.

@@ -15,7 +15,8 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.beam_specimen import BeamSpecimen
-from fecore.body.constants import Body, kind_of
+from fecore.body.constants import Body
+from fecore.quantities import kind_of
 
 SUPPORTS = "supports"
 """The springs of the supports, all together."""

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from fecore.body.named import BEYOND_EDGE, OfStructure
 from fecore.body.sections import PLY_CONSTANTS, Section, ShellSection, section
 from fecore.body.structure import Structure
 from fecore.body.supports import (
-    CLAMP,
     Boundary,
     Clamp,
     PointMass,
@@ -32,6 +31,7 @@ from fecore.body.supports import (
     of_boundary,
 )
 from fecore.errors import InputError
+from fecore.quantities import CLAMP
 
 CONSTANTS = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy", "density", "thickness", "length", "width")
 """Constants of a `Specimen`."""
@@ -123,6 +123,10 @@ class FlatBody(OfStructure):
     def parts(self) -> int:
         """Parts of equal length that each zone is divided into."""
         return max(1, len(self.profile) // (len(self.zones) + 1))
+
+    def yielding(self, compliance: float) -> Self:  # noqa: ARG002
+        """The body with a clamp of that EI/kL, 0 for a rigid one; as it is where none is modelled."""
+        return self
 
     @property
     def root_thickness(self) -> float:
@@ -230,7 +234,7 @@ class Specimen(FlatBody):
 @dataclass(frozen=True)
 class OrientedSpecimen(Specimen):
     """A `Specimen` with the further constants `fibre_angle`, rad, and, where its clamp may yield,
-    `clamp_compliance`.
+    `CLAMP`.
 
     Several specimens of one material share its moduli in the material's own axes; each has an angle
     of its own, which the saw has missed by a degree, and a clamp that yields: a hinge at x = 0 with
@@ -243,13 +247,9 @@ class OrientedSpecimen(Specimen):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not (np.isfinite(self.clamp_compliance) and self.clamp_compliance >= 0):
-            raise InputError(
-                "clamp_compliance", f"is {self.clamp_compliance}, expected EI/kL, not negative"
-            )
+            raise InputError(CLAMP, f"is {self.clamp_compliance}, expected EI/kL, not negative")
         if self.clamp_compliance and self.boundary != "cantilever":
-            raise InputError(
-                "clamp_compliance", f"belongs to a clamp; the boundary is {self.boundary}"
-            )
+            raise InputError(CLAMP, f"belongs to a clamp; the boundary is {self.boundary}")
         if self.zones:
             raise InputError("zones_m", "are of a single update; an oriented specimen has none")
         if self.springs or self.supports is not None:
@@ -276,6 +276,10 @@ class OrientedSpecimen(Specimen):
         per_metre = self.bending_modulus * self.thickness**3 / (12 * self.length)
         clamps = (Clamp(self.clamp_compliance, Spring(CLAMP, per_metre, 5, edge="start")),)
         return self._structure(self._plies, _BENDING, clamps)
+
+    def yielding(self, compliance: float) -> Self:
+        """The specimen with a clamp of that EI/kL; 0 for a rigid one."""
+        return replace(self, clamp_compliance=compliance)
 
     @property
     def bending_modulus(self) -> float:

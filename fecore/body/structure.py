@@ -16,7 +16,6 @@ from fecore.arrays import BoolArray, FloatArray
 from fecore.body.affine import distinct
 from fecore.body.beams import BeamSection
 from fecore.body.carried import KNOWN, mass_parts, spring_parts
-from fecore.body.constants import SIGNED, kind_of
 from fecore.body.joints import Joints
 from fecore.body.junction_beams import between, joint_prefix, weighed
 from fecore.body.junctions import Junction, encloses, find_junctions
@@ -43,6 +42,7 @@ from fecore.body.supports import (
     rigid_motions,
 )
 from fecore.errors import InputError
+from fecore.quantities import is_signed, kind_of
 
 COMMON_SD, OWN_SD = 0.30, 0.15
 """Relative prior of a material, and scatter of the sets that are made of it."""
@@ -374,9 +374,7 @@ class Structure:
         positive definite; a density that is nominally 0 may be.
         """
         names = list(self.nominal)
-        signed = np.array(
-            [kind_of(name) in SIGNED or not value for name, value in self.nominal.items()]
-        )
+        signed = np.array([is_signed(name) or not value for name, value in self.nominal.items()])
         good = np.all(constants[~signed] > 0, axis=0)
         for row, name in enumerate(names):
             if kind_of(name) == "nu12":

@@ -156,12 +156,6 @@ class NodeSpring:
         return "N/m" if self.rows[..., :3].any() else "N·m/rad"
 
 
-CLAMP = "clamp_compliance"
-"""Name of the compliance EI/kL of a clamp that may yield: a half-normal about nothing, so that a
-firm one surprises nobody.
-"""
-
-
 @dataclass(frozen=True)
 class Clamp:
     """What is held by a spring whose constant is its compliance C: its stiffness is that of the

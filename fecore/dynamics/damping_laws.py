@@ -8,7 +8,7 @@ the laws here do not look at it.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -40,6 +40,13 @@ class DampingLaw(Protocol):
         """SI units of the coefficients."""
         ...
 
+    @property
+    def groups(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
+        """Groups of mechanisms that it damps, with their columns of the shares of strain energy;
+        none of a law of frequency alone.
+        """
+        ...
+
     def basis(self, omega: FloatArray, strain: FloatArray | None = None, /) -> FloatArray:
         """(n, p) derivative of the rates at (n,) circular frequencies by the p coefficients."""
         ...
@@ -48,9 +55,23 @@ class DampingLaw(Protocol):
         """(n, p) derivative of `basis` by the circular frequency, ω > 0."""
         ...
 
+    def by_strain(self, omega: FloatArray, coefficients: FloatArray, count: int, /) -> FloatArray:
+        """(n, q) derivative of the rates by the q = `count` shares."""
+        ...
+
+
+class FrequencyLaw:
+    """What the laws of frequency alone have in common: they look at no strain energy."""
+
+    groups: ClassVar[tuple[tuple[str, tuple[int, ...]], ...]] = ()
+
+    def by_strain(self, omega: FloatArray, _coefficients: FloatArray, count: int, /) -> FloatArray:
+        """(n, q) zeros."""
+        return np.zeros((omega.size, count))
+
 
 @dataclass(frozen=True)
-class CaugheySeries:
+class CaugheySeries(FrequencyLaw):
     """C = M Σ_j a_j (M⁻¹K)^n_j (Caughey 1960; the paper's Eq. 2), so c(ω) = Σ_j a_j ω^(2 n_j)."""
 
     name: str  # name in recipes and results
@@ -94,7 +115,7 @@ RAYLEIGH = CaugheySeries("rayleigh", (0, 1))
 
 
 @dataclass(frozen=True)
-class ModalDamping:
+class ModalDamping(FrequencyLaw):
     """A damping ratio of its own for each of some modes; another frequency has the ratio of the
     nearest of them.
 
@@ -149,7 +170,7 @@ _FUNCTIONS: dict[
 
 
 @dataclass(frozen=True)
-class GeneralisedProportional:
+class GeneralisedProportional(FrequencyLaw):
     """C = M β(M⁻¹K) with a smooth function β (Adhikari, J. Sound Vib. 293, 2006), so c(ω) = Σ_j g_j
     f_j(ω/ω_r).
 

@@ -231,8 +231,8 @@ def _near_first(
     """A negative shift at which K - σM is definite and well conditioned, and its factor.
 
     Rigid motions have no energy because large terms cancel, to round-off of these terms. A shift
-    far above that is definite, and the Rayleigh quotient after one inverse iteration with it has
-    the scale of the first elastic eigenvalue, which is a good shift.
+    far above that is definite, and the quotient xᵀKx / xᵀMx after one inverse iteration with it
+    has the scale of the first elastic eigenvalue, which is a good shift.
     """
     shift = -_ABOVE_ROUND_OFF * float(np.max(stiffness.diagonal() @ rigid**2))
     factor = factorise(shifted(stiffness, mass, shift), like)

@@ -5,7 +5,7 @@ a laminate the resin, which shears, damps more than the fibres, which bend. With
 mode k's strain energy in mechanism m
 
     c_k = 2 ζ_k ω_k = a₀ + ω_k Σ_m η_m U_mk      loss factors (structural damping; Ungar and Kerwin 1962), or
-    c_k = a₀ + ω_k² Σ_m b_m U_mk                 viscous rates, of which the Rayleigh law is the case of equal b_m.
+    c_k = a₀ + ω_k² Σ_m b_m U_mk                 viscous rates, of which C = a₀M + b K is the case of equal b_m.
 """
 
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ class MechanismDamping:
         columns = [power * part for part in self._shares(strain)]
         return np.column_stack([np.zeros_like(omega), *columns] if self.mass else columns)
 
-    def by_strain(self, omega: FloatArray, coefficients: FloatArray, count: int) -> FloatArray:
+    def by_strain(self, omega: FloatArray, coefficients: FloatArray, count: int, /) -> FloatArray:
         """(n, q) derivative of the rates by the q shares."""
         by = np.zeros(count)
         for (_, columns), coefficient in zip(

@@ -317,7 +317,7 @@ class ReducedModel:
 
     def _add_with_derivatives(self, vectors: FloatArray) -> None:
         """Take vectors of unit energy, and for each change F₀⁻¹ ΔK and λ F₀⁻¹ ΔM of them, λ the
-        vector's Rayleigh quotient.
+        vector's quotient xᵀKx / xᵀMx.
 
         Of a large model there are many more than directions that matter, so they come in parts.
         """

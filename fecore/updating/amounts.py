@@ -2,16 +2,7 @@
 
 import numpy as np
 
-from fecore.body.constants import UNITS, kind_of
-
-_WRITTEN = {
-    "Pa": (1e-9, " GPa"),
-    "m": (1e3, " mm"),
-    "kg/m³": (1.0, " kg/m³"),
-    "rad": (180 / np.pi, "°"),
-    "1/K": (100.0, " %/K"),
-    "°C": (1.0, " °C"),
-}  # of values in messages
+from fecore.quantities import WRITTEN, quantity_of
 
 
 def amount(name: str, value: float) -> str:
@@ -20,7 +11,7 @@ def amount(name: str, value: float) -> str:
     >>> amount("Ex", 33.05e9), amount("density", 2012), amount("", 0.16)
     ('33.1 GPa', '2010 kg/m³', '0.16')
     """
-    factor, unit = _WRITTEN.get(UNITS.get(kind_of(name), ""), (1.0, ""))
+    factor, unit = _written(name)
     # without an exponent where there need be none
     return f"{float(f'{factor * value:.3g}'):g}{unit}"
 
@@ -31,7 +22,15 @@ def plus_minus(name: str, value: float, sd: float) -> str:
     >>> plus_minus("length", 0.2912, 0.0016), plus_minus("nu_xy", 0.3, 0.05)
     ('291.2 ± 1.6 mm', '0.3 ± 0.05')
     """
-    factor, unit = _WRITTEN.get(UNITS.get(kind_of(name), ""), (1.0, ""))
+    factor, unit = _written(name)
     digits = 1 - int(np.floor(np.log10(factor * sd)))
     rounded, error = round(factor * value, digits), round(factor * sd, digits)
     return f"{rounded:.12g} ± {error:.12g}{unit}"
+
+
+def _written(name: str) -> tuple[float, str]:
+    quantity = quantity_of(name)
+    factor, unit = (
+        WRITTEN["1"] if quantity is None else WRITTEN.get(quantity.unit, (1.0, quantity.unit))
+    )
+    return factor, unit if unit in ("", "°") else f" {unit}"

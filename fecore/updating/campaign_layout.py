@@ -7,14 +7,14 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.clamps import AnyStructure, bed_of, on_bed
-from fecore.body.constants import Body, kind_of
+from fecore.body.constants import Body
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import OWN_SD, Structure
-from fecore.body.supports import CLAMP
 from fecore.dynamics.bodies import body_modes
 from fecore.errors import InputError
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
+from fecore.quantities import CLAMP, kind_of
 from fecore.updating.discretisation import AnyBody, meshed
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
@@ -164,17 +164,17 @@ def yielding(body: AnyBody, inputs: Inputs) -> AnyBody:
     """The body with a clamp that may yield as far as the inputs say; as it is where none is
     modelled.
     """
-    compliance = _HALF_NORMAL_MEDIAN * inputs.standard_deviation("clamp_compliance")
+    compliance = _HALF_NORMAL_MEDIAN * inputs.standard_deviation(CLAMP)
     if isinstance(body, Structure) and compliance:
         return _on_bed(body, compliance)
     if (
         not isinstance(body, OrientedSpecimen)
         or body.boundary != "cantilever"
-        or body.clamp_compliance
+        or CLAMP in body.nominal
         or not compliance
     ):
         return body
-    return replace(body, clamp_compliance=compliance)
+    return body.yielding(compliance)
 
 
 def _on_bed(body: AnyStructure, compliance: float) -> AnyStructure:

@@ -94,7 +94,7 @@ class CampaignPart:
     name: str
     specimen: str
     modes: tuple[ModeComparison, ...]  # measured beside updated
-    # its own nuisances and its specimen's: length, clamp_compliance, width, thickness, density,
+    # its own nuisances and its specimen's: length, the clamp's compliance, width, thickness, density,
     # fibre_angle, and the specimen's scatter as ratios to the material
     own: tuple[ParameterEstimate, ...]
     # the material's constants by this campaign alone: estimate, standard deviation, and z of the

@@ -36,7 +36,7 @@ import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, FloatArray
-from fecore.body.supports import CLAMP
+from fecore.quantities import CLAMP
 from fecore.updating.additions import Kind
 from fecore.updating.conflicts import (
     Agreement,

@@ -19,7 +19,6 @@ import numpy as np
 
 from fecore.arrays import FloatArray, real_times
 from fecore.dynamics.damping_laws import DampingLaw
-from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, convert
 from fecore.modal.error_model import memory
@@ -418,7 +417,7 @@ def _by_elastic(data: DampingData, misfit: FrfMisfit, fit: DampingFit) -> FloatA
     # a rigid mode has no slope and needs none
     own_omega = np.sqrt(np.where(stretch.any(axis=0), fit.eigenvalue, 1.0))
     rate = (fit.law.slope(own_omega, data.model.strain) @ fit.coefficients) * own_omega * stretch
-    if isinstance(fit.law, MechanismDamping):
+    if fit.law.groups:
         strain = state.strain_jacobian
         slope = fit.law.by_strain(own_omega, fit.coefficients, strain.shape[2])
         rate += np.einsum("pmq,mq->pm", strain, slope)

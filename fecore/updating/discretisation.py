@@ -19,7 +19,7 @@ import scipy
 
 from fecore.arrays import FloatArray
 from fecore.body.constants import Body
-from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
+from fecore.body.specimen import LayeredSpecimen, Specimen
 from fecore.dynamics.bodies import body_modes
 from fecore.dynamics.eigen import modes_below
 from fecore.errors import InputError
@@ -57,8 +57,7 @@ def meshed(body: AnyBody, highest_hz: float) -> tuple[AnyBody, Discretisation | 
     """
     if not isinstance(body, Specimen | LayeredSpecimen) or body.divisions is not None:
         return body, None
-    rigid = replace(body, clamp_compliance=0.0) if isinstance(body, OrientedSpecimen) else body
-    mesh = discretise(rigid, highest_hz)
+    mesh = discretise(body.yielding(0.0), highest_hz)
     return replace(body, divisions=mesh.divisions), mesh
 
 

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.constants import FACTORS, UNITS, kind_of
 from fecore.body.locate import evenly_spread
-from fecore.body.supports import CLAMP
+from fecore.quantities import CLAMP, is_of_stiffness
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardState
 from fecore.updating.result import Prediction
@@ -98,7 +97,7 @@ def motion_at_sites(state: ForwardState) -> tuple[FloatArray, FloatArray]:
 
 
 def _is_stiffness(name: str) -> bool:
-    return UNITS.get(kind_of(name)) == "Pa" or kind_of(name) in FACTORS
+    return is_of_stiffness(name)
 
 
 def _scale(prediction: Prediction) -> float | None:

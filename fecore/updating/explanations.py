@@ -23,9 +23,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.supports import CLAMP
 from fecore.correlation import Pairing, most_alike
 from fecore.errors import ModelError, UpdatingError
+from fecore.quantities import CLAMP
 from fecore.updating import suspects
 from fecore.updating.additions import SIZE_SD, Addition, AlteredForward, Kind
 from fecore.updating.elastic import Misfit, fit
@@ -362,8 +362,7 @@ def hints_of(
     yielding = compliance_of(elastic, number, every["support"], problem, posterior)
     hints["support"] = every["support"], yielding.screened(slips)
     yields = (
-        elastic.layout.campaigns[number].inputs.standard_deviation("clamp_compliance")
-        / TOLERANCES[CLAMP][0]
+        elastic.layout.campaigns[number].inputs.standard_deviation(CLAMP) / TOLERANCES[CLAMP][0]
     )
     if not yields:
         return hints

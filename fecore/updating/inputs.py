@@ -33,8 +33,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from fecore.body.constants import kind_of
 from fecore.errors import InputError
+from fecore.quantities import QUANTITIES, quantity_of
 
 
 @dataclass(frozen=True)
@@ -117,17 +117,7 @@ class Inputs:
 
 
 TOLERANCES: dict[str, tuple[float, bool]] = {
-    "length": (0.5e-3, False),
-    "width": (0.2e-3, False),
-    "height": (0.2e-3, False),
-    "thickness": (0.012, True),
-    "density": (0.015, True),
-    "nu_xy": (0.05, False),
-    "fibre_angle": (float(np.radians(1.0)), False),
-    "ply_angle": (float(np.radians(1.0)), False),
-    "clamp_compliance": (0.0075, False),
-    "sensor_mass": (0.05, True),
-    "delay": (30e-6, False),
+    name: row.tolerance for name, row in QUANTITIES.items() if row.tolerance is not None
 }
 """Standard deviation of each input that a laboratory does not state, and whether it is a share of
 the input's value.
@@ -149,24 +139,8 @@ UNSTATED_WINDOW = 4.0
 length: such windows end at 1 to 5 % of their first value.
 """
 
-CONSTANT_INPUTS = {
-    "length": "length",
-    "width": "width",
-    "height": "height",
-    "thickness": "thickness",
-    "density": "density",
-    "nu_xy": "nu_xy",
-    "nu": "nu_xy",
-    "nu12": "nu_xy",
-    "t": "thickness",
-    "angle": "ply_angle",
-    "fibre_angle": "fibre_angle",
-}
-"""Constants of a specimen that are inputs, without a number at their end, and the name of each
-tolerance.
-"""
-
 
 def tolerance_of(constant: str) -> str | None:
     """The name of the tolerance of a constant that is an input; None of one that is not."""
-    return CONSTANT_INPUTS.get(kind_of(constant))
+    quantity = quantity_of(constant)
+    return (quantity.input or None) if quantity else None

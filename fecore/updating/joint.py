@@ -22,7 +22,6 @@ import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.dynamics.damping_laws import DampingLaw
-from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import UpdatingError
 from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
@@ -134,7 +133,7 @@ class _Update:
         measured = _log_magnitude(frfs.values[:, coarse])
         known = frfs.measured[:, coarse]
         search_model = forward.on_basis().with_unverified_basis()
-        by_strain = isinstance(law, MechanismDamping)
+        by_strain = bool(law.groups)
         ranked: list[tuple[float, FloatArray, float]] = []
         for done, theta in enumerate(thetas):
             progress(done / len(thetas))

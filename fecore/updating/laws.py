@@ -1,9 +1,5 @@
 """The damping laws of a recipe by their names, and which of them the measured damping supports.
 
-`generalised` turns in the middle of the measured modes, `modal` has them as its knots; the laws by
-mechanism group the elastic constants of the body: its moduli E of fibre and matrix in tension, and
-its shear moduli G.
-
 FRFs are so many values that, taken as independent, they would prefer the richest law always: what
 limits a law is not noise but that no body follows it to the last per cent. So laws are ranked on
 the damping ratios of the measured modes, each known to its own noise and to the discrepancy s₀ = 2
@@ -39,16 +35,9 @@ import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray
-from fecore.body.constants import Body, kind_of
-from fecore.body.mechanisms import SUPPORTS, mechanism_names
-from fecore.dynamics.damping_laws import (
-    RAYLEIGH,
-    CaugheySeries,
-    DampingLaw,
-    GeneralisedProportional,
-    ModalDamping,
-)
-from fecore.dynamics.mechanism_laws import MechanismDamping
+from fecore.body.constants import Body
+from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
+from fecore.dynamics.laws import LAWS, laws_for
 from fecore.errors import InputError
 from fecore.least_squares import unit_columns
 from fecore.updating.damping_stage import DAMPING_DISCREPANCY
@@ -70,55 +59,11 @@ _NEGATIVE = 3.0
 _LEAST_SHARE = 0.05
 # smallest singular value, of columns of unit length, of mechanisms that the modes distinguish
 _APART = 0.02
-_BY_MECHANISM = ("mechanism", "mechanism_viscous", "mechanism_constants", "loss_factor")
 _TURNS = 6  # of a fit in a coefficient and its coefficient of temperature, which are nearly linear
 _MISSED = 3.0  # standard deviations by which a law must miss a mode for the mode to be named
 
 PriorsPerK = Mapping[str, tuple[float, float]]
 """Mean and standard deviation of coefficients of temperature by name, 1/K."""
-
-FREQUENCY_LAWS: Mapping[str, DampingLaw] = {
-    "rayleigh": RAYLEIGH,
-    "caughey3": CaugheySeries("caughey3", (0, 1, 2)),
-    "caughey4": CaugheySeries("caughey4", (0, 1, 2, 3)),
-}
-"""Laws that depend on nothing but frequency."""
-
-
-def mechanism_laws(body: Body) -> dict[str, MechanismDamping]:
-    """The laws by mechanism of a body, by name.
-
-    | name | coefficients |
-    |---|---|
-    | `mechanism` | a0, eta_E of tension and bending, eta_G of in-plane and transverse shear |
-    | `mechanism_viscous` | a0, b_E, b_G: viscous rates in their place |
-    | `mechanism_constants` | a0 and a loss factor for each modulus, one for both transverse shear moduli |
-    | `mechanism_support` | `mechanism` with eta_support of the springs, where the body stands on any |
-    | `loss_factor` | eta of the whole strain energy: the same ratio η/2 at every frequency |
-    """
-    names = mechanism_names(body)
-
-    def columns(*first: str) -> tuple[int, ...]:
-        return tuple(place for place, name in enumerate(names) if name.startswith(first))
-
-    two = (("E", columns("E")), ("G", columns("G")))
-    elastic = columns("E", "G")
-    transverse = tuple(
-        place for place in elastic if kind_of(names[place]) in ("Gxz", "Gyz", "G13", "G23")
-    )
-    single = tuple((names[place], (place,)) for place in elastic if place not in transverse)
-    each = (*single, (names[transverse[0]], transverse)) if transverse else single
-    laws = [
-        MechanismDamping("mechanism", two),
-        MechanismDamping("mechanism_viscous", two, viscous=True),
-        MechanismDamping("mechanism_constants", each),
-        MechanismDamping("loss_factor", (("", elastic),), mass=False),
-    ]
-    if SUPPORTS in names:
-        laws.append(
-            MechanismDamping("mechanism_support", (*two, ("support", (names.index(SUPPORTS),))))
-        )
-    return {law.name: law for law in laws}
 
 
 def laws_of(recipe: Recipe, modal: ModalDamping, body: Body) -> tuple[DampingLaw, ...]:
@@ -134,24 +79,13 @@ def laws_of(recipe: Recipe, modal: ModalDamping, body: Body) -> tuple[DampingLaw
     """
     if not recipe.damping_models:
         raise InputError("damping_models", "is empty, expected at least one")
-    middle = float(np.exp(np.mean(np.log(modal.knots))))
-    generalised = GeneralisedProportional(("constant", "root", "stiffness"), middle)
-    known: dict[str, DampingLaw] = {
-        **FREQUENCY_LAWS,
-        **mechanism_laws(body),
-        generalised.name: generalised,
-        modal.name: modal,
-    }
+    known = laws_for(body, modal.knots)
     for index, name in enumerate(recipe.damping_models):
-        if name == "mechanism_support" and name not in known:
-            raise InputError(
-                f"damping_models.{index}",
-                f"is {name!r}, but the specimen stands on no springs; state some",
-            )
-        if name not in known:
-            raise InputError(
-                f"damping_models.{index}", f"is {name!r}, expected one of {', '.join(known)}"
-            )
+        if name in known:
+            continue
+        expected = f"expected one of {', '.join(known)}"
+        lacks = f"but {LAWS[name].needs}" if name in LAWS else expected
+        raise InputError(f"damping_models.{index}", f"is {name!r}, {lacks}")
     return tuple(known[name] for name in recipe.damping_models)
 
 
@@ -367,7 +301,7 @@ def _at_best_angles(
     """
     best, cost = _Fit.of(law, ratios, priors), 0.0
     by_angles = np.zeros((best.coefficients.size,) * 2)
-    for mixing in ratios.mixings if isinstance(law, MechanismDamping) else ():
+    for mixing in ratios.mixings if law.groups else ():
         fits = [_Fit.of(law, best.ratios.mixed(mixing, change), priors) for change in mixing.change]
         scores = np.array([fit.chi_squared for fit in fits]) + mixing.cost
         chosen = int(np.argmin(scores))
@@ -386,7 +320,7 @@ def _is_refuted(
     A series in frequency may have negative coefficients, as only its sum is a rate; a mechanism's
     coefficient is one by itself.
     """
-    if not isinstance(law, MechanismDamping):
+    if not law.groups:
         return False
     assert ratios.strain is not None, "the law was fitted on shares"
     hidden = any(
@@ -443,5 +377,4 @@ def common_damping(
 
 def common_laws(body: Body) -> list[DampingLaw]:
     """The laws that campaigns of a body may have in common."""
-    known = {**FREQUENCY_LAWS, **mechanism_laws(body)}
-    return [known[name] for name in (*FREQUENCY_LAWS, *_BY_MECHANISM)]
+    return [law for name, law in laws_for(body).items() if LAWS[name].common]

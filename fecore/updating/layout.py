@@ -24,9 +24,9 @@ import scipy
 
 from fecore.arrays import FloatArray
 from fecore.body.structure import OWN_SD, CommonPrior
-from fecore.body.supports import CLAMP
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
+from fecore.quantities import CLAMP
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
 from fecore.updating.pairing import has_shapes

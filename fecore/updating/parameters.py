@@ -21,11 +21,12 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.beams import BeamSection
-from fecore.body.constants import SIGNED, UNITS, Body, kind_of
+from fecore.body.constants import Body
 from fecore.body.matrices import MatrixBody
 from fecore.body.sections import ShellSection
 from fecore.body.structure import CommonPrior, Structure
 from fecore.errors import InputError
+from fecore.quantities import CONSTANTS, is_signed, kind_of
 from fecore.updating.temperature import PER_K, Warmth, coefficient_of, constant_of, is_of_damping
 
 DEFAULT_RELATIVE_SD = 0.30
@@ -134,7 +135,7 @@ class Parametrisation:
     def units(self) -> tuple[str, ...]:
         """SI units of the constants."""
         return (
-            *(UNITS[kind_of(name)] for name in self.body.nominal),
+            *(CONSTANTS[kind_of(name)].unit for name in self.body.nominal),
             *(spring.unit for spring in self.body.springs),
         )
 
@@ -142,7 +143,7 @@ class Parametrisation:
         """SI unit of a parameter or of a constant."""
         if name in self.constant_names:
             return self.units[self.constant_names.index(name)]
-        return UNITS[kind_of(name)]
+        return CONSTANTS[kind_of(name)].unit
 
     def constants(self, theta: FloatArray) -> FloatArray:
         """(c + s,) constants in the order of `constant_names`, at the body's temperature."""
@@ -190,7 +191,7 @@ class Parametrisation:
     def logarithmic(self) -> BoolArray:
         """(p,) coordinates that are logarithms: those of parameters that cannot be negative."""
         springs = {spring.name for spring in self.body.springs}
-        return np.array([name in springs or kind_of(name) not in SIGNED for name in self.names])
+        return np.array([name in springs or not is_signed(name) for name in self.names])
 
     @cached_property
     def xi_mean(self) -> FloatArray:
@@ -410,7 +411,7 @@ def _check(parameters: Sequence[Parameter], known: tuple[str, ...]) -> None:
         if p.name in {before.name for before in parameters[:index]}:
             raise InputError(f"{where}.name", f"{p.name} is named twice")
         if p.prior_mean is not None and not (
-            np.isfinite(p.prior_mean) and (p.prior_mean > 0 or kind_of(p.name) in SIGNED)
+            np.isfinite(p.prior_mean) and (p.prior_mean > 0 or is_signed(p.name))
         ):
             raise InputError(
                 f"{where}.prior_mean", f"is {p.prior_mean}, expected a positive number"

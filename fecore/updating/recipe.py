@@ -5,20 +5,10 @@ later.
 from dataclasses import dataclass, field
 from typing import Literal
 
+from fecore.dynamics.laws import DEFAULT_LAWS
 from fecore.modal import Options
 from fecore.updating.misfit import Weighting
 from fecore.updating.parameters import Parameter
-
-DEFAULT_LAWS = (
-    "rayleigh",
-    "caughey3",
-    "caughey4",
-    "generalised",
-    "mechanism",
-    "mechanism_viscous",
-    "modal",
-)
-"""The ladder of damping laws that is ranked where a recipe names none; the first is fitted."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from fecore.dynamics.damping_laws import (
     damping_ratio,
     negative_band,
 )
-from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.modes import MeasuredModes
 from fecore.updating.curves import curve_of
 from fecore.updating.damping_stage import DampingResult
@@ -196,7 +195,7 @@ class Summary:
             preferred=ranked is self.ranking.preferred,
             missed=ranked.missed,
             curve=self._curve(law.law, law.coefficients),
-            by_mechanism=isinstance(ranked.law, MechanismDamping),
+            by_mechanism=bool(ranked.law.groups),
         )
 
     def _curve(self, law: DampingLaw, coefficients: np.ndarray) -> FloatArray:
@@ -207,7 +206,7 @@ class Summary:
             self.modes.frequency_hz[0] / _BEYOND_MODES,
             self.modes.frequency_hz[-1] * _BEYOND_MODES,
         )
-        if isinstance(law, MechanismDamping):
+        if law.groups:
             state = self.elastic.updated
             inside = (state.frequency_hz >= low) & (state.frequency_hz <= high)
             hz, strain = state.frequency_hz[inside], state.strain[state.modes.rigid :][inside]
@@ -390,9 +389,7 @@ class Summary:
             laws.append((preferred.law, preferred.coefficients))
         findings = []
         for law, coefficients in laws:
-            strain = (
-                self.damping.reference.ratios.strain if isinstance(law, MechanismDamping) else None
-            )
+            strain = self.damping.reference.ratios.strain if law.groups else None
             negative = negative_band(law, coefficients, low, high, strain)
             if negative is not None:
                 first, last = (omega / (2 * np.pi) for omega in negative)

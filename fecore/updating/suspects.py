@@ -12,7 +12,8 @@ from fecore.body.locate import evenly_spread
 from fecore.body.model import Model
 from fecore.body.named import OfStructure
 from fecore.body.structure import Structure
-from fecore.body.supports import CLAMP, DISPLACEMENTS, Support, rigid_motions
+from fecore.body.supports import DISPLACEMENTS, Support, rigid_motions
+from fecore.quantities import CLAMP
 from fecore.updating.additions import MASS, TYPICAL, Addition
 from fecore.updating.inputs import TOLERANCES, UNSTATED_SENSOR
 from fecore.updating.state import ForwardState

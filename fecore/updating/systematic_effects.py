@@ -39,9 +39,10 @@ from fecore.body.beam_specimen import BeamSpecimen
 from fecore.body.clamps import bed_of
 from fecore.body.specimen import FlatBody, LayeredSpecimen, Specimen
 from fecore.body.structure import Structure
-from fecore.body.supports import CLAMP, PointMass
+from fecore.body.supports import PointMass
 from fecore.correlation import most_alike
 from fecore.normal import Z_95
+from fecore.quantities import CLAMP
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import UNSTATED_SENSOR, Inputs
 
@@ -145,9 +146,9 @@ def systematic_effects(
 def _clamp(state: ForwardState, inputs: Inputs) -> list[SystematicEffect]:
     """Rotation of the clamp, and its translation and roll: EI/kL and (t/L)² of it."""
     body = state.forward.specimen
-    sd = inputs.standard_deviation("clamp_compliance")
+    sd = inputs.standard_deviation(CLAMP)
     if isinstance(body, Structure) and sd:
-        return _block(state, body, sd, stated=inputs.is_stated("clamp_compliance"))
+        return _block(state, body, sd, stated=inputs.is_stated(CLAMP))
     if (
         not isinstance(body, FlatBody | BeamSpecimen)
         or body.boundary != "cantilever"
@@ -174,7 +175,7 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[SystematicEffect]:
     across = sd * (t / L) ** 2 * L**3 / EI
     rotation = -value * pitch**2 * sd * L / EI / 2
     translation = -value * (heave**2 + 12 / b**2 * roll**2) * across / 2
-    stated = inputs.is_stated("clamp_compliance")
+    stated = inputs.is_stated(CLAMP)
     return [
         SystematicEffect("clamp_rotation", rotation, "one-sided", stated, f"EI/kL = {sd:.3g}"),
         SystematicEffect(

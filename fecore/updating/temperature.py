@@ -20,8 +20,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
-from fecore.body.constants import UNITS, Body, kind_of
+from fecore.body.constants import Body
 from fecore.errors import InputError
+from fecore.quantities import EITHER_PER_K, FIBRES_PER_K, MATRIX_PER_K, kind_of, quantity_of
 
 if TYPE_CHECKING:
     from fecore.updating.parameters import Parameter, Parametrisation
@@ -53,17 +54,7 @@ AT_ONE_TEMPERATURE = (
 )
 """What is said where a coefficient is stated that nothing needs."""
 
-_FIBRES, _MATRIX = (-0.0005, 0.0005), (-0.002, 0.0015)
-_EITHER = (
-    (_FIBRES[0] + _MATRIX[0]) / 2,
-    float(np.sqrt((_FIBRES[1] ** 2 + _MATRIX[1] ** 2) / 2 + (_FIBRES[0] - _MATRIX[0]) ** 2 / 4)),
-)
-_PRIORS = {
-    **dict.fromkeys(("E1", "Ex", "E"), _FIBRES),
-    **dict.fromkeys(("E2", "Ey", "G12", "G13", "G23", "Gxy", "Gxz", "Gyz", "G"), _MATRIX),
-    "factor": _EITHER,
-}
-FREQUENCY_PER_K = (_EITHER[0] / 2, _EITHER[1] / 2)
+FREQUENCY_PER_K = (EITHER_PER_K[0] / 2, EITHER_PER_K[1] / 2)
 """The same of a natural frequency, which goes with the root of a stiffness of either kind."""
 
 # to which share the constants of one isotropic material agree, and the largest ν of a beam's E and
@@ -111,7 +102,7 @@ def is_of_damping(name: str) -> bool:
         constant is not None
         and constant[:1].islower()
         and "." not in constant
-        and kind_of(constant) not in UNITS
+        and quantity_of(constant) is None
     )
 
 
@@ -135,10 +126,10 @@ def prior_per_k(
         nominal: the constants beside it, which show whether the material is isotropic; None where
             nobody knows them.
     """
-    known = _PRIORS.get(kind_of(constant))
+    known = quantity.per_k if (quantity := quantity_of(constant)) else None
     return (
-        _FIBRES
-        if known == _MATRIX and nominal is not None and _is_isotropic(constant, nominal)
+        FIBRES_PER_K
+        if known == MATRIX_PER_K and nominal is not None and _is_isotropic(constant, nominal)
         else known
     )
 

@@ -29,9 +29,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
-from fecore.body.constants import kind_of
 from fecore.body.specimen import LayeredSpecimen, Specimen, divided
 from fecore.body.structure import Structure
+from fecore.quantities import kind_of
 from fecore.updating.damage_intervals import Compliance, DamageIntervals, Partitions
 from fecore.updating.elastic import Misfit, fit
 from fecore.updating.elastic_result import ElasticResult

@@ -4,7 +4,10 @@ leaves.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.resources import files
 from math import floor, log10
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
@@ -17,8 +20,13 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/K": (100.0, "%/K")}
-"""Factor and unit in which values of an SI unit are shown; others as they are."""
+@cache
+def shown_units() -> dict[str, tuple[float, str]]:
+    """Factor and unit in which values of an SI unit are shown, others as they are;
+    `python -m tools.reference` makes the file.
+    """
+    text = files("modalbase.client").joinpath("units.json").read_text(encoding="utf-8")
+    return {unit: (factor, shown) for unit, (factor, shown) in json.loads(text).items()}
 
 
 _Z_95 = 1.96
@@ -156,7 +164,7 @@ def correlation_cells(correlation: Mapping[str, Any]) -> tuple[list[str], list[l
 
 
 def _parameter(row: Mapping[str, Any]) -> list[Any]:
-    scale, unit = SHOWN.get(row["unit"], (1.0, row["unit"]))
+    scale, unit = shown_units().get(row["unit"], (1.0, row["unit"]))
     sd = scale * (row["standard_deviation"] or 0.0)
     # two digits of the standard deviation
     places = max(0, 1 - floor(log10(sd))) if sd > 0 else None
@@ -183,7 +191,7 @@ def _parameter(row: Mapping[str, Any]) -> list[Any]:
 
 
 def _scaled(row: Mapping[str, Any], value: float | None) -> Written | None:
-    scale, _ = SHOWN.get(row["unit"], (1.0, ""))
+    scale, _ = shown_units().get(row["unit"], (1.0, ""))
     return None if value is None else Written(f"{scale * value:.4g}")
 
 

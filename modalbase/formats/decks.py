@@ -49,7 +49,7 @@ class Deck:
     boundary: str  # `cantilever`, `free` or `simply_supported`
     modes: int  # how many are asked for
     # ALPHA in 1/s and BETA in s of C = ALPHA M + BETA K; None where the damping has another law
-    rayleigh: tuple[float, float] | None = None
+    alpha_beta: tuple[float, float] | None = None
     masses: tuple[Mass, ...] = ()  # what it carries
     remarks: tuple[str, ...] = field(default=())  # lines that the deck begins with, as comments
 
@@ -205,8 +205,8 @@ def _material(deck: Deck) -> list[str]:
         f"{Gyz:.9g}",
     ]
     lines += ["*DENSITY", f"{deck.density:.9g}"]
-    if deck.rayleigh is not None:
-        lines += [f"*DAMPING, ALPHA={deck.rayleigh[0]:.9g}, BETA={deck.rayleigh[1]:.9g}"]
+    if deck.alpha_beta is not None:
+        lines += [f"*DAMPING, ALPHA={deck.alpha_beta[0]:.9g}, BETA={deck.alpha_beta[1]:.9g}"]
     return lines
 
 
@@ -260,10 +260,10 @@ def write_nastran(deck: Deck) -> str:
         "DISPLACEMENT = ALL",
     ]
     lines += ["BEGIN BULK", f"EIGRL,1,,,{deck.modes}", "PARAM,AUTOSPC,YES", "PARAM,COUPMASS,1"]
-    if deck.rayleigh is not None:
+    if deck.alpha_beta is not None:
         lines += [
-            f"PARAM,ALPHA1,{_real(deck.rayleigh[0])}",
-            f"PARAM,ALPHA2,{_real(deck.rayleigh[1])}",
+            f"PARAM,ALPHA1,{_real(deck.alpha_beta[0])}",
+            f"PARAM,ALPHA2,{_real(deck.alpha_beta[1])}",
         ]
     lines += _mat8(deck)
     lines += _grids(deck, mesh)

@@ -24,9 +24,9 @@ from sqlalchemy.dialects.postgresql import distinct_on
 from sqlalchemy.orm import Session
 
 from fecore import __version__
-from fecore.body.constants import UNITS, kind_of
 from fecore.dynamics.damping_laws import CaugheySeries
 from fecore.errors import FecoreError
+from fecore.quantities import quantity_of
 from fecore.updating.parameters import parametrise
 from fecore.updating.temperature import constant_of
 from service.access import Lookup, User
@@ -109,8 +109,8 @@ def mode_effects_of(session: Session, run: MonitorRun) -> ModeEffects | None:
 
 def unit_of(parameter: str) -> str | None:
     """SI unit of a watched value; None of a spring's stiffness, whose name is the recipe's."""
-    if kind_of(parameter) in UNITS:
-        return UNITS[kind_of(parameter)]
+    if (quantity := quantity_of(parameter)) is not None:
+        return quantity.unit
     if parameter.startswith("frequency_"):
         return "Hz"
     if re.fullmatch(r"damping_ratio_\d+|zeta\d+", parameter):

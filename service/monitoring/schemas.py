@@ -11,8 +11,8 @@ from uuid import UUID
 from croniter import croniter
 from pydantic import BaseModel, ConfigDict, Field, create_model, field_validator, model_validator
 
-from fecore.body.constants import kind_of
 from fecore.errors import InputError
+from fecore.quantities import kind_of
 from fecore.trend import Chart, Watch
 from service.climate import CLIMATE
 from service.errors import Invalid

@@ -9,12 +9,12 @@ MPa), balsa (100 kg/m³), films (0.2 mm) and bridge decks (30 m) need no confirm
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, get_args
 
 from pydantic import BaseModel, Field
 
+from fecore.quantities import QUANTITIES, WRITTEN, Quantity
 from service.errors import Fault
 
 UNITS = {
@@ -30,65 +30,51 @@ UNITS = {
 }
 """Unit of a member by the end of its name."""
 
-_READ = {"Pa": ("GPa", 1e9), "m": ("mm", 1e-3), "kg": ("g", 1e-3)}
 _READABLE = 1e-2, 1e4
 """Unit that a person reads a number in beside its SI unit, where the number in it is neither tiny
 nor huge.
 """
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """What a number measures; stands in the annotation of a member."""
-
-    unit: str  # of SI
-    # lowest and highest magnitude that is taken without question; 0 always is
-    usual: tuple[float, float]
-    likely: tuple[float, float]  # magnitudes among which what was meant is looked for first
-    mistaken: tuple[float, ...]  # factors from units that people write in its place to `unit`
-
-    def doubt(self, value: float) -> str | None:
-        """What is odd about a value, with what was probably meant; None where it is usual."""
-        if value == 0 or _within(value, self.usual):
-            return None
-        meant = self._meant(value)
-        guess = "." if meant is None else f"; did you mean {in_words(meant, self.unit)}?"
-        return (
-            f"is {in_words(value, self.unit)}, usual is"
-            f" {' to '.join(in_words(b, self.unit) for b in self.usual)}{guess}"
-        )
-
-    def _meant(self, value: float) -> float | None:
-        # the latter: converted once too often
-        factors = (*self.mistaken, *(1 / factor for factor in self.mistaken))
-        candidates = (
+def doubt(value: float, quantity: Quantity) -> str | None:
+    """What is odd about a value, with what was probably meant; None where it is usual."""
+    if value == 0 or quantity.usual is None or _within(value, quantity.usual):
+        return None
+    # the latter: converted once too often
+    factors = (*quantity.mistaken, *(1 / factor for factor in quantity.mistaken))
+    meant = next(
+        (
             value * factor
-            for bounds in (self.likely, self.usual)
+            for bounds in (quantity.likely, quantity.usual)
             for factor in factors
             if _within(value * factor, bounds)
-        )
-        return next(candidates, None)
+        ),
+        None,
+    )
+    guess = "." if meant is None else f"; did you mean {in_words(meant, quantity.unit)}?"
+    return (
+        f"is {in_words(value, quantity.unit)}, usual is"
+        f" {' to '.join(in_words(b, quantity.unit) for b in quantity.usual)}{guess}"
+    )
 
 
 def _within(value: float, bounds: tuple[float, float]) -> bool:
     return bounds[0] <= abs(value) <= bounds[1]
 
 
-_MM_CM, _GPA_MPA = (1e-3, 1e-2), (1e9, 1e6)
-LENGTH = Quantity("m", (0.02, 100), (0.05, 20), _MM_CM)
-WIDTH = Quantity("m", (1e-3, 30), (5e-3, 5), _MM_CM)
-THICKNESS = Quantity("m", (5e-5, 0.3), (2e-4, 0.1), _MM_CM)
-PLY_THICKNESS = Quantity("m", (5e-6, 0.1), (5e-5, 0.03), _MM_CM)
-COUPON_SIZE = Quantity("m", (5e-5, 0.3), (5e-4, 0.1), _MM_CM)
-DENSITY = Quantity("kg/m³", (10, 25_000), (400, 9000), (1e3, 1e12))  # g/cm³, t/mm³
-MODULUS = Quantity("Pa", (1e6, 1.2e12), (1e8, 1e12), _GPA_MPA)
-STRENGTH = Quantity("Pa", (1e5, 2e10), (1e6, 1e10), (1e6, 1e9))
-STRAIN = Quantity("m/m", (1e-4, 0.5), (1e-3, 0.1), (1e-2, 1e-6))  # %, µm/m
-SENSOR_MASS = Quantity("kg", (0, 0.5), (1e-4, 0.1), (1e-3,))
-LENGTH_SD = Quantity("m", (0, 0.1), (1e-5, 0.02), _MM_CM)
-THICKNESS_SD = Quantity("m", (0, 5e-3), (1e-6, 1e-3), _MM_CM)
-DENSITY_SD = Quantity("kg/m³", (0.1, 5000), (1, 500), (1e3, 1e12))
-MODULUS_SD = Quantity("Pa", (1e4, 1.2e12), (1e7, 5e11), _GPA_MPA)
+LENGTH = QUANTITIES["length"]
+WIDTH = QUANTITIES["width"]
+THICKNESS = QUANTITIES["thickness"]
+PLY_THICKNESS = QUANTITIES["ply_thickness"]
+COUPON_SIZE = QUANTITIES["coupon_size"]
+DENSITY = QUANTITIES["density"]
+MODULUS = QUANTITIES["modulus"]
+STRENGTH = QUANTITIES["strength"]
+STRAIN = QUANTITIES["strain"]
+SENSOR_MASS = QUANTITIES["sensor_mass"]
+LENGTH_SD, THICKNESS_SD, DENSITY_SD, MODULUS_SD = (
+    each.sd or each for each in (LENGTH, THICKNESS, DENSITY, MODULUS)
+)
 
 Length = Annotated[float, Field(gt=0, le=1000, description="m")]
 Density = Annotated[float, Field(gt=0, le=50_000, description="kg/m³"), DENSITY]
@@ -105,8 +91,8 @@ def unusual(value: object, at: str = "") -> Iterator[Fault]:
     """
     if isinstance(value, BaseModel):
         for name, number, quantity in stated(value):
-            if doubt := quantity.doubt(number):
-                yield Fault(f"{at}/{name}", doubt)
+            if (odd := doubt(number, quantity)) is not None:
+                yield Fault(f"{at}/{name}", odd)
         value = dict(value)
     members = (
         value.items()
@@ -190,14 +176,11 @@ def in_words(value: float, unit: str) -> str:
     ('1e13 Pa (10000 GPa)', '0.0005 m (0.5 mm)', '40')
     """
     text = f"{_digits(value)} {unit}".rstrip()
-    if unit in _READ:
-        other, factor = _READ[unit]
-        if factor != 1e-3 or abs(value) < 1:
-            text += (
-                f" ({_digits(value / factor)} {other})"
-                if _within(value / factor, _READABLE)
-                else ""
-            )
+    if unit in ("Pa", "m", "kg"):
+        factor, other = WRITTEN[unit]
+        read = float(f"{value * factor:.12g}")
+        if (unit == "Pa" or abs(value) < 1) and _within(read, _READABLE):
+            text += f" ({_digits(read)} {other})"
     return text
 
 

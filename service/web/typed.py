@@ -11,6 +11,7 @@ from fractions import Fraction
 from functools import cache
 from typing import Any
 
+from fecore.quantities import WRITTEN
 from service.errors import ServiceError
 
 _INCH, _POUND, _POUND_FORCE, _PSI = "0.0254", "0.45359237", "4.4482216152605", "6894.757293168361"
@@ -42,7 +43,7 @@ its field.
 """
 
 _KELVIN, _FAHRENHEIT = ("K",), ("°F", "F", "degF")
-SHOWN_AS = {"m": "mm", "Pa": "GPa", "kg": "g"}
+SHOWN_AS = {unit: WRITTEN[unit][1] for unit in ("m", "Pa", "kg")}
 """What people write in place of an SI unit."""
 
 LONGEST = 200  # characters of one quantity

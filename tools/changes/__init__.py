@@ -22,8 +22,12 @@ ROOT = Path(__file__).parents[2]
 CONTRIBUTING = ROOT / "CONTRIBUTING.md"
 PRODUCT = ("fecore/", "modalbase/", "service/")
 GENERATED = (
-    *("modalbase/client/routes.json", "modalbase/client/fields.json"),
-    *("docs/reference-rest.md", "docs/reference-cli.md"),
+    *(
+        "modalbase/client/routes.json",
+        "modalbase/client/fields.json",
+        "modalbase/client/units.json",
+    ),
+    *("docs/reference-rest.md", "docs/reference-cli.md", "docs/database.md"),
 )
 """What `python -m tools.reference` writes; a test fails where it is stale."""
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.constants import kind_of
 from fecore.body.structure import SIZES, Structure
 from fecore.dynamics.bodies import body_modes
+from fecore.quantities import kind_of
 from fecore.updating.mesh_error import on_finer_mesh
 from modalbase.formats.models.model import BeamSection, FiniteElementModel
 from modalbase.formats.models.units import UnitSystem, in_si, unit_of, units_of

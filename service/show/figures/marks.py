@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fecore.quantities import SHOWN
 from service.show.figures.colors import BAND, MEASURED, OUTSIDE, QUIET
 
 Dash = Literal["solid", "dash", "dot"]
@@ -214,16 +215,6 @@ class Figure:
     )
     note: str = ""  # in the middle of the first panel, where there is nothing to draw
     meta: Mapping[str, Any] | None = None  # what a page needs to know of it, as JSON
-
-
-SHOWN = {
-    "Pa": (1e-9, "GPa"),
-    "s": (1e6, "µs"),
-    "m": (1e3, "mm"),
-    "1": (1.0, "–"),
-    "1/K": (100.0, "%/K"),
-}
-"""Factor and unit in which values of an SI unit are drawn; others as they are."""
 
 
 def shown_value(value: float, unit: str) -> str:

@@ -13,10 +13,10 @@ import scipy
 
 from fecore.arrays import FloatArray
 from fecore.normal import Z_95
+from fecore.quantities import SHOWN
 from modalbase.client.results import deviations
 from service.show.figures.colors import ALARM, BAND, INITIAL, MEASURED, PALETTE, QUIET, UPDATED
 from service.show.figures.marks import (
-    SHOWN,
     Axis,
     Bars,
     Curve,

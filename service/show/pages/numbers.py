@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
+from fecore.quantities import SHOWN
 from modalbase.client.results import deviations, motion_words
-from service.show.figures.marks import SHOWN, counted
+from service.show.figures.marks import counted
 from service.web.quantities import UNITS
 
 NOTHING = "–"

@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session
 
 from fecore import __version__
 from fecore.body.specimen import LayeredSpecimen, Specimen
+from fecore.dynamics.laws import LAWS
 from fecore.updating.parameters import parametrise
 from modalbase.formats.decks import Deck, Mass, write_nastran, write_shells, write_solids
 from modalbase.formats.models.matrices import MatrixModel
@@ -125,14 +126,14 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     sensor, remark = _sensor(session, job, document)
     added = Instruments.model_validate(campaign.instruments).added_masses
     masses = (*sensor, *(Mass(each.x_m, each.y_m, each.mass_kg) for each in added))
-    rayleigh = _rayleigh(document)
+    alpha_beta = _alpha_beta(document)
     axes = "SI units: m, kg, s, N, Pa; x along the length from the first edge, z out of plane"
     job_line, digest, *verdict = origin(job, document)
     remarks = [job_line, digest, axes, *verdict, *([] if remark is None else [remark])]
     if any(each.rotary_inertia_kg_m2 for each in added):
         remarks.append("the added masses are points: their rotary inertia is not in the deck")
-    if rayleigh is None:
-        remarks.append("no Rayleigh damping: the result has another law, or none")
+    if alpha_beta is None:
+        remarks.append(f"no {_STATED} damping: the result has another law, or none")
     return Deck(
         length=c["length"],
         width=c["width"],
@@ -142,7 +143,7 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
         density=c["density"],
         boundary=campaign.boundary,
         modes=2 * len(document["modes"]) + SPARE,
-        rayleigh=rayleigh,
+        alpha_beta=alpha_beta,
         masses=masses,
         remarks=tuple(remarks),
     )
@@ -159,12 +160,18 @@ def origin(job: UpdateJob, document: dict[str, Any]) -> list[str]:
     ]
 
 
-def _rayleigh(document: dict[str, Any]) -> tuple[float, float] | None:
-    """ALPHA and BETA where the damping was fitted with Rayleigh's law."""
-    for law in document["damping_models"]:
-        if law["name"] == "rayleigh" and {"a0", "a1"} <= set(law["coefficients"]):
-            return float(law["coefficients"]["a0"]), float(law["coefficients"]["a1"])
-    return None
+_STATED = " or ".join(name.capitalize() for name, row in LAWS.items() if row.alpha_beta)
+"""The laws that a deck can state."""
+
+
+def _alpha_beta(document: dict[str, Any]) -> tuple[float, float] | None:
+    """ALPHA and BETA of the first law that a deck can state."""
+    stated = (
+        LAWS[law["name"]].in_deck(law["coefficients"])
+        for law in document["damping_models"]
+        if law["name"] in LAWS
+    )
+    return next((pair for pair in stated if pair is not None), None)
 
 
 def _sensor(

@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, field_validator, mo
 from fecore.coupons.batch import check_failure_code
 from fecore.coupons.curves import Ends
 from fecore.errors import InputError
+from fecore.quantities import Quantity
 from modalbase.formats.machine_csv import factor
 from service.web import Name, StrictModel, Text, example, wrong
 from service.web.quantities import (
@@ -20,7 +21,6 @@ from service.web.quantities import (
     MODULUS_SD,
     STRAIN,
     Modulus,
-    Quantity,
     Strength,
 )
 

@@ -10,8 +10,8 @@ from typing import Any, get_args
 
 from sqlalchemy import ColumnElement, Double, FromClause, and_, func, select
 
-from fecore.body.constants import UNITS, kind_of
 from fecore.frf import Quantity
+from fecore.quantities import quantity_of
 from fecore.trend import State
 from service.climate import CLIMATE
 from service.store.campaigns.operations import WORDS as CAMPAIGN_WORDS
@@ -98,13 +98,19 @@ def _other_constant(name: str) -> Field | None:
     """
     end = next((end for end in _ENDS if end and name.endswith(end)), "")
     base = name.removesuffix(end)
-    unit = UNITS.get(kind_of(base))
-    if unit is None:
+    quantity = quantity_of(base)
+    if quantity is None:
         return None
     path = (base, end.removeprefix("_") or "estimate")
     value = lambda t: t.c.constants[path].astext.cast(Double)  # noqa: E731
     return Field(
-        name, "number", _ENDS[end].format(base), unit, value=value, nullable=True, sd=f"{base}_sd"
+        name,
+        "number",
+        _ENDS[end].format(base),
+        quantity.unit,
+        value=value,
+        nullable=True,
+        sd=f"{base}_sd",
     )
 
 

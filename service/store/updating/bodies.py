@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fecore.body.constants import Body, kind_of
+from fecore.body.constants import Body
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.matrices import MatrixBody
 from fecore.body.sections import PLY_CONSTANTS, ShellSection, homogenise, section
@@ -14,6 +14,7 @@ from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen, ca
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass, of_boundary
 from fecore.errors import InputError
+from fecore.quantities import kind_of
 from fecore.updating.inputs import tolerance_of
 from modalbase.formats.models.matrices import MatrixModel
 from modalbase.formats.models.model import FiniteElementModel

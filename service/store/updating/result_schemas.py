@@ -213,7 +213,7 @@ class CurveOut(Part):
 class DampingLawOut(Part):
     """A damping law of the recipe."""
 
-    name: str = Field(description="rayleigh caughey3 caughey4 generalised modal")
+    name: str = Field(description="as the recipe names it")
     coefficients: dict[str, float] = Field(description="by name, SI")
     bic: Number = Field(description="Bayesian information criterion; the least is preferred")
     preferred: bool = Field(description="whether it has the least of all")

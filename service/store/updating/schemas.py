@@ -6,16 +6,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 from uuid import UUID
 
 from pydantic import Field
 
-from fecore.body.constants import Body, kind_of
+from fecore.body.constants import Body
 from fecore.body.sections import PLY_CONSTANTS
 from fecore.body.specimen import CONSTANTS
 from fecore.body.supports import Edge, Spring
+from fecore.dynamics.laws import DEFAULT_LAWS, LAWS
 from fecore.errors import within
+from fecore.quantities import Quantity, quantity_of
 from fecore.updating import recipe as core
 from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
@@ -25,33 +27,13 @@ from service.store.campaigns.schemas import CampaignInputs
 from service.store.modes.schemas import Band, PolesIn
 from service.store.records.schemas import ProcessingIn
 from service.store.structures.schemas import StructureInputs
-from service.web import Int64, Name, StrictModel, example, quantities
+from service.web import Int64, Name, StrictModel, example
 from service.web.bodies import SOME_ID
 
-DampingModel = Literal[
-    "rayleigh",
-    "caughey3",
-    "caughey4",
-    "generalised",
-    "mechanism",
-    "mechanism_viscous",
-    "mechanism_constants",
-    "mechanism_support",
-    "loss_factor",
-    "modal",
-]
-
-PRIORS = {
-    **dict.fromkeys(
-        ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "E1", "E2", "G12", "G13", "G23"),
-        (quantities.MODULUS, quantities.MODULUS_SD),
-    ),
-    "density": (quantities.DENSITY, quantities.DENSITY_SD),
-    "length": (quantities.LENGTH, quantities.LENGTH_SD),
-    "width": (quantities.WIDTH, quantities.LENGTH_SD),
-    "thickness": (quantities.THICKNESS, quantities.THICKNESS_SD),
-}
-"""What mean and standard deviation of a parameter measure, by its kind."""
+if TYPE_CHECKING:
+    DampingModel = str
+else:
+    DampingModel = Literal[tuple(LAWS)]
 
 
 class ParameterIn(StrictModel):
@@ -78,11 +60,11 @@ class ParameterIn(StrictModel):
         ),
     )
 
-    def measured(self) -> Iterator[tuple[str, float, quantities.Quantity]]:
+    def measured(self) -> Iterator[tuple[str, float, Quantity]]:
         """Mean and spread of the prior, as what the parameter is."""
-        if (kinds := PRIORS.get(kind_of(self.name))) is not None:
-            yield "prior_mean", self.prior_mean or 0.0, kinds[0]
-            yield "prior_sd", self.prior_sd or 0.0, kinds[1]
+        if (quantity := quantity_of(self.name)) is not None and quantity.sd is not None:
+            yield "prior_mean", self.prior_mean or 0.0, quantity
+            yield "prior_sd", self.prior_sd or 0.0, quantity.sd
 
 
 class SpringIn(StrictModel):
@@ -261,17 +243,9 @@ class RecipeIn(StrictModel):
         False, description="fit the mode shapes too, not the frequencies alone"
     )
     damping_models: list[DampingModel] = Field(
-        [
-            "rayleigh",
-            "caughey3",
-            "caughey4",
-            "generalised",
-            "mechanism",
-            "mechanism_viscous",
-            "modal",
-        ],
+        list(DEFAULT_LAWS),
         min_length=1,
-        max_length=10,
+        max_length=len(LAWS),
         description=(
             "laws to rank; the first one's coefficients are reported as parameters. Those by"
             " mechanism damp the shares of strain energy: eta_E and eta_G (loss factors), b_E and"
@@ -382,7 +356,7 @@ class UpdateBatchIn(StrictModel):
 
     model_config = example(
         jobs=[{"campaign_id": SOME_ID}, {"campaign_id": SOME_ID, "recipe": {"seed": 1}}],
-        recipe={"damping_models": ["rayleigh"]},
+        recipe={"damping_models": [DEFAULT_LAWS[0]]},
     )
 
     recipe: RecipeIn | None = Field(

@@ -14,7 +14,7 @@ MODULI = (30e9, 12e9, 5e9, 4e9, 3e9)
 PLACES = ((0.41, 0.011), (0.6, 0.1), (0.2, -0.03))
 """Of point masses: inside, at a corner, inside."""
 DECK = Deck(0.6, 0.2, 0.00812345, MODULI, 0.25, 1900.0, "cantilever", 6, remarks=("job 7",))
-LOADED = replace(DECK, rayleigh=(0.5, 1e-6), masses=tuple(Mass(*at, 0.004) for at in PLACES))
+LOADED = replace(DECK, alpha_beta=(0.5, 1e-6), masses=tuple(Mass(*at, 0.004) for at in PLACES))
 
 
 def _block(deck: str, card: str) -> list[list[float]]:

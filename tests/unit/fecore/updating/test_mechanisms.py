@@ -15,13 +15,14 @@ from fecore.body.constants import Body
 from fecore.body.mechanisms import SUPPORTS, mechanism_names, mechanism_weights
 from fecore.body.supports import Spring
 from fecore.dynamics.damping_laws import RAYLEIGH, ModalDamping, beyond, damping_rate
+from fecore.dynamics.laws import laws_for
 from fecore.errors import InputError
 from fecore.frf import FrfSet
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import Inputs
 from fecore.updating.law_fit import DampingFit, fit_law
 from fecore.updating.law_problem import Nuisance
-from fecore.updating.laws import LawRanking, laws_of, mechanism_laws, rank_laws
+from fecore.updating.laws import LawRanking, laws_of, rank_laws
 from fecore.updating.measured_ratios import MeasuredRatios
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.misfit import FrfMisfit
@@ -130,14 +131,14 @@ def test_mechanisms_that_the_modes_do_not_tell_apart_are_no_choice() -> None:
     ratios = MeasuredRatios(
         omega, np.array([0.03, 0.012, 0.011]), np.zeros((3, 3)), state.strain[bending]
     )
-    laws = list(mechanism_laws(state.forward.specimen).values())[:1]
+    laws = [laws_for(state.forward.specimen)["mechanism"]]
     assert np.isinf(rank_laws(ratios, [0, 1, 2], laws).laws[0].bic)
 
 
 def lossy_body(noise: float, law_name: str, values: FloatArray) -> Measurement:
     """FRFs of the paper's cantilever under a law by mechanism, with noise on every record."""
     state = solved(COARSE, 20)
-    law = mechanism_laws(COARSE)[law_name]
+    law = laws_for(COARSE)[law_name]
     responses, references = hammer_tour(grid())
     model = state.frf_model(responses, references)
     tail = beyond(law, values, float(model.omega[-1]), model.strain)
@@ -186,7 +187,7 @@ def test_how_shares_move_loss_factors_agrees_with_a_refit() -> None:
     """What the estimate does when Gxz moves the shares of strain energy: the derivative, against
     fits on the moved shares.
     """
-    state, law = solved(COARSE, 12), mechanism_laws(COARSE)["mechanism"]
+    state, law = solved(COARSE, 12), laws_for(COARSE)["mechanism"]
     frfs = lossy_body(0.01, "mechanism", LOSS).frfs
     assert frfs is not None
     model = state.frf_model(frfs.responses, frfs.references)
@@ -227,7 +228,7 @@ def test_how_shares_move_loss_factors_agrees_with_a_refit() -> None:
 def test_coefficients_are_named_after_what_they_damp(
     name: str, coefficients: tuple[str, ...]
 ) -> None:
-    law = mechanism_laws(SPRUNG)[name]
+    law = laws_for(SPRUNG)[name]
     assert law.coefficient_names == coefficients
     assert len(law.coefficient_units) == len(coefficients)
     with pytest.raises(InputError, match="shares of strain energy"):
@@ -236,7 +237,7 @@ def test_coefficients_are_named_after_what_they_damp(
 
 def test_a_constant_loss_factor_is_a_constant_ratio() -> None:
     state = solved(cantilever(TABLE_4_UPDATED))
-    law: Callable[..., FloatArray] = mechanism_laws(state.forward.specimen)["loss_factor"].basis
+    law: Callable[..., FloatArray] = laws_for(state.forward.specimen)["loss_factor"].basis
     np.testing.assert_allclose(
         law(state.modes.omega, state.strain)[:, 0] / (2 * state.modes.omega), 0.5, rtol=1e-6
     )

@@ -12,10 +12,10 @@ from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.mechanisms import mechanism_weights
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.supports import PointMass
+from fecore.dynamics.laws import laws_for
 from fecore.frf import Dof, FrfSet, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.laws import mechanism_laws
 from fecore.updating.measurement import Measurement
 from fecore.updating.mixing import mixings
 from fecore.updating.parameters import Parameter, parametrise
@@ -73,7 +73,7 @@ def measured(true: OrientedSpecimen, noise: float = 0.01) -> tuple[MeasuredModes
     along.
     """
     state, random = solved(true), np.random.default_rng(1)
-    law, omega = mechanism_laws(true)["mechanism"], 2 * np.pi * state.frequency_hz[:8]
+    law, omega = laws_for(true)["mechanism"], 2 * np.pi * state.frequency_hz[:8]
     shares = state.strain[state.modes.rigid :][:8]
     hz = omega / 2 / np.pi * (1 + 2e-4 * random.standard_normal(8))
     ratio = law.basis(omega, shares) @ LOSS / (2 * omega) * (1 + noise * random.standard_normal(8))
@@ -94,7 +94,7 @@ def accelerances(true: OrientedSpecimen) -> FrfSet:
     sensor, hz = (dofs[-1],) * 33, np.arange(2.0, 1501.0, 1.0)
     model = state.frf_model(dofs, sensor)
     values = model.synthesise(
-        hz, mechanism_laws(true)["mechanism"].basis(model.omega, model.strain) @ LOSS
+        hz, laws_for(true)["mechanism"].basis(model.omega, model.strain) @ LOSS
     )
     rms = np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True))
     real, imaginary = random.standard_normal((2, *values.shape))

@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fecore.body.constants import UNITS
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import OrientedSpecimen
+from fecore.dynamics.damping_laws import RAYLEIGH
 from fecore.errors import InputError
+from fecore.quantities import CONSTANTS
 from fecore.updating.campaigns import CampaignsRecipe, CampaignsResult, lay_out, update_campaigns
 from fecore.updating.elastic import fit
 from fecore.updating.estimates import own_estimates
-from fecore.updating.laws import FREQUENCY_LAWS, rank_laws
+from fecore.updating.laws import rank_laws
 from fecore.updating.measured_ratios import MeasuredRatios
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter, parametrise
@@ -210,7 +211,7 @@ def test_priors_know_matrix_fibres_and_isotropic_materials() -> None:
         (-0.000625, 0.000673), rel=1e-3
     )
     assert usual_per_k("density", strip.nominal, stated) is None
-    assert UNITS["per_K"] == "1/K"
+    assert CONSTANTS["per_K"].unit == "1/K"
 
 
 def test_a_law_of_one_temperature_has_no_coefficient_of_it() -> None:
@@ -221,7 +222,7 @@ def test_a_law_of_one_temperature_has_no_coefficient_of_it() -> None:
         *(np.tile(omega, 2), np.concatenate([ratio, 1.2 * ratio]), np.eye(6) * 1e-4),
         warmer=np.repeat([0.0, 20.0], 3),
     )
-    law = [FREQUENCY_LAWS["rayleigh"]]
+    law = [RAYLEIGH]
     (alone,), (warm,) = (
         rank_laws(cold, [0, 1, 2], law).laws,
         rank_laws(both, list(range(6)), law).laws,
