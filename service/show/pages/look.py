@@ -26,6 +26,7 @@ from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from fecore import __version__
+from modalbase.formats.registry import FORMATS, titles
 from service.access import CurrentUser, SessionDep, User, role_in
 from service.access import routes as access
 from service.access.keys import COOKIE, request_token
@@ -132,7 +133,9 @@ def root_of(path: str) -> str:
 def _templates() -> Environment:
     made = templates_in(Path(__file__).parent / "templates")
     made.filters.update(numbers.FILTERS, bar=bar, page_words=page_words, labelled=labelled)
-    made.globals.update(asset=address, version=__version__, quantity=attributes)
+    made.globals.update(
+        asset=address, version=__version__, quantity=attributes, formats=FORMATS, titles=titles
+    )
     return made
 
 
