@@ -18,6 +18,7 @@ from service.app.application import PREFIX
 from service.app.cli.command import app
 from service.app.composition import ROUTERS
 from service.web.routing import include
+from tools import formats
 
 METHODS = ("get", "post", "put", "patch", "delete")
 
@@ -189,6 +190,7 @@ MADE: dict[str, Callable[[], str]] = {
     "modalbase/client/routes.json": table,
     "docs/reference-rest.md": rest_page,
     "docs/reference-cli.md": cli_page,
+    formats.PAGE: formats.page,
 }
 
 
