@@ -17,6 +17,7 @@ from modalbase.client.options import NAMED
 from service.app.application import PREFIX
 from service.app.cli.command import app
 from service.app.composition import ROUTERS
+from service.web.openapi import describe_problems
 from service.web.routing import include
 from tools import formats
 
@@ -42,21 +43,17 @@ def document() -> dict[str, Any]:
     api = FastAPI()
     for router in ROUTERS:
         include(api, router, PREFIX)
+    describe_problems(api)
     return api.openapi()
 
 
 def described(openapi: dict[str, Any]) -> list[Described]:
-    """The routes of a document, named after their functions; where two have one name, by path:
-    `get_imports_original`.
-    """
+    """The routes of a document, named after their functions."""
     found = [
         (path, m, each[m]) for path, each in openapi["paths"].items() for m in METHODS if m in each
     ]
-    names = [
-        operation["operationId"].split(PREFIX.replace("/", "_"))[0] for _, _, operation in found
-    ]
-    often, routes = Counter(names), []
-    for name, (whole, method, operation) in zip(names, found, strict=True):
+    routes = []
+    for whole, method, operation in found:
         path = whole.removeprefix(PREFIX).lstrip("/")
         query = tuple(
             one["name"] for one in operation.get("parameters", ()) if one["in"] == "query"
@@ -66,14 +63,9 @@ def described(openapi: dict[str, Any]) -> list[Described]:
             " ".join(text.split("\n\n")[0].split()),
             next(iter(operation.get("tags", ["other"]))),
         )
-        own = name if often[name] == 1 else _longer(name, path)
-        routes.append(Described(own, method.upper(), path, query, summary, tag))
+        name = operation["operationId"]
+        routes.append(Described(name, method.upper(), path, query, summary, tag))
     return routes
-
-
-def _longer(name: str, path: str) -> str:
-    words = [part.replace("-", "_") for part in path.split("/") if not part.startswith("{")]
-    return "_".join([name.split("_")[0], *words])
 
 
 def table() -> str:

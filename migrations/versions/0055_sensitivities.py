@@ -1,20 +1,26 @@
-"""A calibration's sensitivity of 0, which was taken, says that none is stated."""
+"""The schema as it was when the steps before it became one. A database of an older revision is
+upgraded with `service.db.schema.LAST_WITH_OLDER`.
+"""
+
+from pathlib import Path
 
 from alembic import op
 
+from migrations import procrastinate_schema
+
 revision = "0055_sensitivities"
-down_revision = "0049_instrument_uses"
+down_revision = None
 branch_labels = None
 depends_on = None
 
 
 def upgrade() -> None:
-    """State none where it is 0; the audit trail keeps what was sent."""
-    op.execute("""UPDATE instruments SET calibrations = (SELECT jsonb_agg(
-             CASE WHEN c -> 'sensitivity' = '0' THEN c || '{"sensitivity": null}' ELSE c END ORDER BY n)
-           FROM jsonb_array_elements(calibrations) WITH ORDINALITY AS one (c, n))
-           WHERE jsonb_path_exists(calibrations, '$[*] ? (@.sensitivity == 0)')""")
+    """Make every table, and those of the queue."""
+    statements = Path(__file__).with_suffix(".sql").read_text(encoding="utf-8")
+    connection = op.get_bind()
+    connection.exec_driver_sql(statements.replace("%", "%%"))
+    procrastinate_schema.apply(connection, procrastinate_schema.FIRST)
 
 
 def downgrade() -> None:
-    """Nothing: null was always allowed."""
+    """Nothing: a database without tables has no revision."""

@@ -1,1 +1,1 @@
-"""Revisions: `0001_foundations`, `0002_…` …, each named after what it brings."""
+"""Revisions: the schema at `0055_sensitivities`, then `0056_…` …, each named after what it brings."""

@@ -64,6 +64,8 @@ class MemberIn(StrictModel):
     members.
     """
 
+    model_config = example(role="viewer")
+
     role: Role = "editor"
 
 

@@ -34,7 +34,8 @@ _LINEAGE = re.compile(
 )
 
 NO_SCHEMA = "the database has no modalbase schema yet; run `modalbase db upgrade`"
-NEWER = "a newer modalbase made; install that version or a later one"
+LAST_WITH_OLDER = "d06347ba43a860d58563e53df261d92fd34aa68a"
+"""The commit of modalbase that still upgrades databases older than the first revision here."""
 
 
 class SchemaError(Exception):
@@ -84,23 +85,37 @@ def _require_new(connection: psycopg.Connection[Any]) -> None:
         )
 
 
-def known_revisions() -> set[str]:
-    """The revisions that this version knows."""
-    return set(_parents())
-
-
 def require_known(connection: Connection) -> str:
     """The revision of a database that this version can read.
 
     Raises:
-        SchemaError: it has none, or a newer version's.
+        SchemaError: it has none, or one that this version does not know.
     """
     current = _revision(_raw(connection))
     if current is None:
         raise SchemaError(NO_SCHEMA)
-    if current not in known_revisions():
-        raise SchemaError(f"the schema is at {current}, which {NEWER}")
+    require_readable(current)
     return current
+
+
+def require_readable(revision: str) -> None:
+    """Refuse a revision that this version does not know.
+
+    Raises:
+        SchemaError: a newer version made it, or one whose steps are no longer here; with what to
+            install.
+    """
+    parents = _parents()
+    if revision in parents:
+        return
+    if revision > min(parents):
+        reason = "a newer modalbase made; install that version or a later one"
+    else:
+        reason = (
+            f"is older than {min(parents)}, the first that this version knows; bring it there with"
+            f" modalbase of commit {LAST_WITH_OLDER} (`modalbase db upgrade`), then come back"
+        )
+    raise SchemaError(f"the schema is at {revision}, which {reason}")
 
 
 def head_revision() -> str:
@@ -136,18 +151,17 @@ def require_fit(current: str | None) -> None:
         return
     if current is None:
         raise SchemaError(NO_SCHEMA)
-    if current in known_revisions():
-        raise SchemaError(
-            f"the schema is at {current}, this version needs {head}; run `modalbase db upgrade`"
-        )
-    raise SchemaError(f"the schema is at {current}, which {NEWER}")
+    require_readable(current)
+    raise SchemaError(
+        f"the schema is at {current}, this version needs {head}; run `modalbase db upgrade`"
+    )
 
 
 def upgrade(engine: Engine, revision: str = "head") -> None:
     """Bring the schema to a revision, in one transaction; several processes may try at once.
 
     Raises:
-        SchemaError: the server's PostgreSQL is too old.
+        SchemaError: the server's PostgreSQL is too old, or this version does not know the schema.
     """
     with upgrading(engine) as connection:
         upgrade_on(connection, revision)
@@ -167,9 +181,15 @@ def upgrading(engine: Engine) -> Iterator[Connection]:
 
 
 def upgrade_on(connection: Connection, revision: str) -> None:
-    """Bring the schema to a revision in the transaction of `upgrading`."""
+    """Bring the schema to a revision in the transaction of `upgrading`.
+
+    Raises:
+        SchemaError: this version does not know the schema that is there.
+    """
     from alembic import command
 
+    if (current := _revision(_raw(connection))) is not None:
+        require_readable(current)
     command.upgrade(_config(connection), revision)
 
 

@@ -185,6 +185,10 @@ def _not_null(value: object) -> object:
     return value
 
 
+SOME_ID = "00000000-0000-0000-0000-000000000000"
+"""In an example, where an id of one's own stands."""
+
+
 def example(**fields: Any) -> ConfigDict:
     """The configuration of a body with an example, which the documentation page fills in. It works
     as it stands, once its ids are one's own; an acceptance test sends each.

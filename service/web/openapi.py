@@ -42,8 +42,18 @@ _KEYS = ("/api-keys", "/session", "/audit-events")
 
 
 def complete(document: Node) -> None:
-    """Complete a document in place; doing it twice changes nothing."""
-    for name, schema in document["components"]["schemas"].items():
+    """Complete a document in place; doing it twice changes nothing.
+
+    Raises:
+        ValueError: two schemas have one name.
+    """
+    schemas = document.setdefault("components", {}).setdefault("schemas", {})
+    schemas["Problem"] = _PROBLEM
+    for _, operation in _operations(document):
+        for name, schema in operation.pop(MODELS, {}).items():
+            if schemas.setdefault(name, schema) != schema:
+                raise ValueError(f"two schemas of the document are called {name}")
+    for name, schema in schemas.items():
         _describe(name, schema)
     for path, operation in _operations(document):
         operation["tags"] = [_tag(path, operation)]
@@ -203,41 +213,46 @@ _PROBLEM = {
 }
 
 
-def schema_of(model: type[BaseModel]) -> dict[str, Any]:
-    """The JSON schema of a body that a route reads itself, such as one field of a form. It stands
-    alone: what it refers to is put in its place.
-    """
-    whole = model.model_json_schema()
-    definitions = whole.pop("$defs", {})
+MODELS = "x-models"
+"""Where a route that reads its body itself keeps the schemas that its body names, until the document
+is completed.
+"""
 
-    def inline(node: Any) -> Any:
-        if isinstance(node, dict):
-            if "$ref" in node:
-                return inline(definitions[node["$ref"].rsplit("/", 1)[1]])
-            return {key: inline(value) for key, value in node.items()}
-        return [inline(item) for item in node] if isinstance(node, list) else node
 
-    return dict(inline(whole))
+def schemas_of(model: type[BaseModel]) -> dict[str, Node]:
+    """The JSON schemas of a model and of those that it names, by their names."""
+    whole = model.model_json_schema(ref_template=_REF)
+    return {**whole.pop("$defs", {}), model.__name__: whole}
+
+
+_REF = "#/components/schemas/{model}"
 
 
 def reads(content: Mapping[str, Any], **more: Any) -> LazyOpenApi:
     """What a route says to OpenAPI that reads its body itself.
 
     Args:
-        content: media type to schema, in which a model stands for its own.
+        content: media type to schema, in which a model stands for its own. One with a `title` gets a
+            name by it.
         more: what else the route says.
     """
+    named: dict[str, Node] = {}
 
     def filled(node: Any) -> Any:
         if isinstance(node, type):
-            return schema_of(node)
+            named.update(schemas_of(node))
+            return {"$ref": _REF.format(model=node.__name__)}
+        if isinstance(node, dict) and "title" in node and "type" in node:
+            title = node["title"]
+            named[title] = {key: filled(value) for key, value in node.items()}
+            return {"$ref": _REF.format(model=title)}
         if isinstance(node, dict):
             return {key: filled(value) for key, value in node.items()}
         return [filled(item) for item in node] if isinstance(node, list) else node
 
     def made() -> dict[str, Any]:
         by_type = {kind: {"schema": filled(schema)} for kind, schema in content.items()}
-        return {**more, "requestBody": {"required": True, "content": by_type}}
+        return {**more, MODELS: named, "requestBody": {"required": True, "content": by_type}}
 
     return LazyOpenApi(made)
 
@@ -245,16 +260,18 @@ def reads(content: Mapping[str, Any], **more: Any) -> LazyOpenApi:
 TEXT, BINARY = {"type": "string"}, {"type": "string", "format": "binary"}
 
 
-def upload(field: str, description: str) -> dict[str, Any]:
+def upload(title: str, field: str, description: str) -> dict[str, Any]:
     """Both forms in which a file may be uploaded, as `reads` takes them.
 
     Args:
+        title: name of the form's schema.
         field: the one text that the form may have beside the file.
         description: of that.
     """
     return {
         # first, since the documentation page sends the first, and this one keeps the file's name
         "multipart/form-data": {
+            "title": title,
             "type": "object",
             "required": ["file"],
             "properties": {
@@ -274,7 +291,6 @@ def describe_problems(app: FastAPI) -> None:
 
     def openapi() -> dict[str, Any]:
         document = without()
-        document.setdefault("components", {}).setdefault("schemas", {})["Problem"] = _PROBLEM
         complete(document)
         return document
 

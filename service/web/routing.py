@@ -237,7 +237,7 @@ def include(
         given = {
             name: value
             for name, value in route.given.items()
-            if name != "dependency_overrides_provider"
+            if name not in ("dependency_overrides_provider", "operation_id")
         }
         kind = type(route)
         app.router.add_api_route(
@@ -245,6 +245,7 @@ def include(
             creating(route.endpoint) if creating is not None and creates(route) else route.endpoint,
             name=route.name,
             methods=route.methods,
+            operation_id=route.name,
             route_class_override=kind,
             **given,
         )

@@ -64,6 +64,7 @@ TERMS: dict[str, str] = {
     "structure_version_id": "id of the structure's version that is used, which never changes",
     "batch_id": "id of the coupon batch",
     "coupon_id": "id of the specimen",
+    "CurveForm.coupon": "what is known of the specimen, and how its curve is read",
     "update_job_id": "id of the update job; null before there is one",
     "job_id": "id of the update job",
     "record_id": "id of the time block",

@@ -1,6 +1,7 @@
 """The service as a stranger uses it, who has the documentation page alone."""
 
 import re
+from collections.abc import Callable
 from typing import Any
 
 import httpx
@@ -9,6 +10,7 @@ import pytest
 from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.store.updating.result_schemas import ResultOut
+from service.web.bodies import SOME_ID
 from tests.support.rest import finished
 
 
@@ -17,13 +19,33 @@ class Stranger:
 
     def __init__(self, api: httpx.Client, document: dict[str, Any]) -> None:
         self.api, self.document, self.ids = api, document, dict[str, str]()
+        self.proposals = {
+            (method, path.removeprefix("/api/v1"))
+            for path, operations in document["paths"].items()
+            for method, operation in operations.items()
+            if "application/json" in operation.get("requestBody", {}).get("content", {})
+        }
 
     def proposed(self, path: str, method: str) -> dict[str, Any]:
-        reference = self.document["paths"][f"/api/v1{path}"][method]["requestBody"]["content"][
-            "application/json"
-        ]["schema"]
-        schema = self.document["components"]["schemas"][reference["$ref"].rsplit("/", 1)[1]]
-        return schema["examples"][0]
+        content = self.document["paths"][f"/api/v1{path}"][method]["requestBody"]["content"]
+        schema = content["application/json"]["schema"]
+        reference = schema.get("anyOf", [schema])[0]["$ref"]
+        body = self.document["components"]["schemas"][reference.rsplit("/", 1)[1]]["examples"][0]
+        self.proposals.discard((method, path))
+        return self.with_ids(body)
+
+    def with_ids(self, body: Any) -> Any:
+        """A body with ids that there are in the place of those that stand for one's own."""
+        if isinstance(body, list):
+            return [self.with_ids(one) for one in body]
+        if not isinstance(body, dict):
+            return body
+        return {
+            name: self.ids.get(f"{name.removesuffix('_id')}_id", value)
+            if value == SOME_ID
+            else self.with_ids(value)
+            for name, value in body.items()
+        }
 
     def send(self, method: str, path: str, **how: Any) -> dict[str, Any]:
         answer = self.api.request(method, path.format(**self.ids).lstrip("/"), **how)
@@ -34,6 +56,10 @@ class Stranger:
         """Post the proposal and keep the id of what was made."""
         made = self.send("POST", path, json=self.proposed(path, "post"))
         self.ids |= {name: made[field] for name, field in ids.items()}
+
+    def put(self, path: str) -> None:
+        """Put the proposal."""
+        self.send("PUT", path, json=self.proposed(path, "put"), headers={"If-Match": "*"})
 
     def wait(self, path: str) -> None:
         state = finished(self.api, path.format(**self.ids).lstrip("/"))
@@ -74,21 +100,46 @@ def test_a_stranger_runs_the_main_job_from_the_documentation_page(stranger: Stra
     whole = stranger.send("GET", "/update-jobs/{job_id}/result?include=stabilisation,convergence")
     assert ResultOut.model_validate(whole).convergence
     assert whole["identification"]["stabilisation"]["order"]
+    stranger.put("/update-jobs/{job_id}/labels")
     wrong = stranger.api.get(f"update-jobs/{stranger.ids['job_id']}/result?include=all")
     assert wrong.status_code == 422
 
 
-def test_every_other_proposal_works_too(stranger: Stranger) -> None:
+def test_every_other_proposal_works_too(
+    stranger: Stranger, new_client: Callable[[], httpx.Client]
+) -> None:
     stranger.make("/projects", project_id="id")
+    stranger.make("/api-keys")
+    other = new_client()
+    theirs = other.post("projects", json={"name": "theirs"}).raise_for_status().json()["id"]
+    (owner,) = other.get(f"projects/{theirs}/members").raise_for_status().json()["items"]
+    stranger.ids["member"] = owner["user_id"]
+    stranger.put("/projects/{project_id}/members/{member}")
     stranger.make("/projects/{project_id}/structures", structure_id="id")
     stranger.make("/structures/{structure_id}/campaigns", campaign_id="id")
-    stranger.make("/campaigns/{campaign_id}/mode-sets")
+    hits = "/campaigns/{campaign_id}"
+    stranger.put(f"{hits}/grid-points")
+    stranger.make(f"{hits}/alignment")
+    stranger.make(f"{hits}/records")
+    stranger.make(f"{hits}/hit-decisions")
+    stranger.make(f"{hits}/processings")
+    stranger.make(f"{hits}/frfs")
+    stranger.put(f"{hits}/frfs/labels")
+    stranger.make(f"{hits}/mode-sets", mode_set_id="id")
+    stranger.make("/mode-sets/{mode_set_id}/edits")
+    stranger.make(f"{hits}/identifications")
+    stranger.make(f"{hits}/update-jobs", job_id="id")
+    stranger.make("/update-jobs")
     stranger.make("/structures/{structure_id}/coupon-batches", batch_id="id")
     coupons = "/coupon-batches/{batch_id}/coupons"
-    content = stranger.document["paths"][f"/api/v1{coupons}"]["post"]["requestBody"]["content"]
-    coupon = content["application/json"]["schema"]["anyOf"][0]["examples"][0]
-    stranger.ids["coupon_id"] = stranger.send("POST", coupons, json=coupon)["items"][0]["id"]
+    made = stranger.send("POST", coupons, json=stranger.proposed(coupons, "post"))
+    stranger.ids["coupon_id"] = made["items"][0]["id"]
     stranger.make("/projects/{project_id}/instruments", instrument_id="id")
+    for what in ("forecasts", "plans"):
+        stranger.make(f"/structures/{{structure_id}}/{what}")
+    stranger.make("/searches")
+    hook = {**stranger.proposed("/webhooks", "post"), "url": "http://127.0.0.1:9/ones-own"}
+    stranger.send("POST", "/webhooks", json=hook)
     stranger.make("/structures/{structure_id}/monitors", monitor_id="id")
     stranger.make("/monitors/{monitor_id}/runs")
     for path, operations in stranger.document["paths"].items():
@@ -100,3 +151,9 @@ def test_every_other_proposal_works_too(stranger: Stranger) -> None:
             stranger.send(
                 "PATCH", route, json=stranger.proposed(route, "patch"), headers={"If-Match": "*"}
             )
+    # the first needs a result and is sent in the main job, the others an alarm and an administrator
+    assert stranger.proposals == {
+        ("put", "/update-jobs/{job_id}/labels"),
+        ("post", "/alarms/{alarm_id}/acknowledge"),
+        ("patch", "/users/{user_id}/api-keys/{key_id}"),
+    }

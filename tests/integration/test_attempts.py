@@ -10,13 +10,12 @@ from uuid import UUID
 
 import psutil
 import pytest
-from sqlalchemy import Engine, text, update
+from sqlalchemy import text, update
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 from structlog.testing import capture_logs
 
 from service.db.engine import Sessions, make_engine, make_sessions
-from service.db.schema import upgrade
 from service.jobs import attempt as attempts
 from service.jobs import queue_adapter
 from service.jobs.attempt import Attempt
@@ -328,54 +327,3 @@ def test_a_paused_worker_lets_go_of_what_another_has_taken_over(
             wait(sessions, busy, lambda job: "factorising" in (job.stage or ""))
             assert wait(sessions, put(sessions, "echo")[0]).state == "succeeded"
     assert len(items(sessions, job_id)) == 5
-
-
-@pytest.fixture
-def before_tickets(empty_database: str) -> Engine:
-    """A database of the version whose tickets only woke a worker."""
-    engine = make_engine(empty_database)
-    upgrade(engine, "0009_original_rows")
-    return engine
-
-
-def test_jobs_of_the_version_before_run_after_the_upgrade(
-    before_tickets: Engine, empty_database: str
-) -> None:
-    with before_tickets.begin() as connection:
-        project = connection.scalar(text("INSERT INTO projects (name) VALUES ('p') RETURNING id"))
-        new = text(
-            "INSERT INTO jobs (kind, project_id, queue, state, attempt, worker) "
-            "VALUES ('echo', :project, 'jobs', :state, :attempt, :worker) RETURNING id"
-        )
-        waits = connection.scalar(
-            new, {"project": project, "state": "queued", "attempt": 0, "worker": None}
-        )
-        runs = connection.scalar(
-            new, {"project": project, "state": "running", "attempt": 1, "worker": "old"}
-        )
-        ended = connection.scalar(
-            new, {"project": project, "state": "succeeded", "attempt": 1, "worker": "old"}
-        )
-        old = (
-            "INSERT INTO procrastinate_jobs (queue_name, task_name, args, status) VALUES ('jobs',"
-            " 'modalbase.run', "
-        )
-        for args, status in (
-            (f'{{"job_id": "{waits}"}}', "todo"),
-            ('{"job_id": null}', "todo"),
-            ("{}", "doing"),
-        ):
-            connection.execute(
-                text(old + "cast(:args AS jsonb), :status)"), {"args": args, "status": status}
-            )
-    upgrade(before_tickets)
-    sessions = make_sessions(before_tickets)
-    assert [row[1:] for row in queued_tickets(sessions)] == [
-        ("todo", str(waits)),
-        ("todo", str(runs)),
-    ]
-    with worker(empty_database):
-        assert [wait(sessions, job_id).attempt for job_id in (waits, runs)] == [1, 2]
-    assert look(sessions, ended).attempt == 1
-    assert queued_tickets(sessions) == []
-    before_tickets.dispose()

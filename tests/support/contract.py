@@ -29,8 +29,8 @@ Node = dict[str, Any]
 METHODS = ("get", "post", "put", "patch", "delete")
 ANY = "any"
 JSON = "application/json"
-REFUSED = "422"
-"""An answer that each operation has, with the one schema of problems."""
+REFUSED, PROBLEM = "422", "application/problem+json"
+"""An answer that each operation has, and the media type of the one schema of problems."""
 FORMATS = {"date-time": "time", "uuid": "id", "binary": "bytes"}
 """Strings that are more than a string."""
 ID = re.compile(r"\{(\w+)\}")
@@ -80,7 +80,7 @@ class Contract:
         made.body_required = body.get("required", False)
         made.body = self._content(body, f"{name} body")
         for status, answer in stated["responses"].items():
-            if status == REFUSED:
+            if status == REFUSED or PROBLEM in answer.get("content", {}):
                 continue
             made.answers[status] = self._content(answer, f"{name} {status}")
 

@@ -26,7 +26,7 @@ from service.app.backup.archive import (
     read_manifest,
 )
 from service.app.backup.verification import find_damage, first_line
-from service.db.schema import known_revisions, upgrade_on, upgrading
+from service.db.schema import SchemaError, require_readable, upgrade_on, upgrading
 from service.jobs.queue import queue_again
 
 
@@ -42,17 +42,16 @@ def restore_backup(engine: Engine, file: Path, watch: Watch | None = None) -> Ma
         watch: is shown how far it is.
 
     Raises:
-        BackupError: the database is not empty, or the file is no backup, incomplete, damaged or a
-            newer version's.
+        BackupError: the database is not empty, or the file is no backup, incomplete, damaged, or
+            of a schema that this version does not know.
     """
     try:
         with file.open("rb") as stream, ZipFile(stream) as archive:
             manifest = read_manifest(file, archive)
-            if manifest.revision not in known_revisions():
-                raise BackupError(
-                    f"{file} is of modalbase {manifest.software}, which is newer; install that"
-                    " version"
-                )
+            try:
+                require_readable(manifest.revision)
+            except SchemaError as error:
+                raise BackupError(f"{file} is of modalbase {manifest.software}: {error}") from error
             with upgrading(engine) as connection:
                 more = counted(
                     watch,

@@ -25,13 +25,18 @@ from service.monitoring.notifications.addresses import AddressError, parse_url, 
 from service.monitoring.notifications.messages import EVENTS, Event, trial_message
 from service.monitoring.notifications.sender import new_secret
 from service.monitoring.notifications.tables import Delivery, Webhook
-from service.web import Cursor, Limit, Page, StrictModel, Text, api_router, paged, wrong
+from service.web import Cursor, Limit, Page, StrictModel, Text, api_router, example, paged, wrong
+from service.web.bodies import SOME_ID
 
 router = api_router(tags=["webhooks"])
 
 
 class WebhookIn(StrictModel):
     """Where to post a project's events."""
+
+    model_config = example(
+        project=SOME_ID, url="https://lab.example.org/hooks/modalbase", events=["alarm.raised"]
+    )
 
     project: UUID
     url: Text = Field(max_length=2000, description="http:// or https://")

@@ -19,29 +19,20 @@ from service.web.routing import require_used
 FigureName = Annotated[
     str, Path(max_length=60, description="name of the figure, as the text above has it")
 ]
+
+
+class PlotlyFigure(BaseModel):
+    """A figure as Plotly draws it."""
+
+    data: list[dict[str, Any]] = Field(description="traces of Plotly")
+    layout: dict[str, Any] = Field(description="Plotly's layout: title, axes, legend, marks")
+
+
 RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {
+        "model": PlotlyFigure,
         "description": "The figure. JSON is Plotly's: `data` (traces) and `layout`.",
-        "content": {
-            "application/json": {
-                "schema": {
-                    "type": "object",
-                    "required": ["data", "layout"],
-                    "properties": {
-                        "data": {
-                            "type": "array",
-                            "items": {"type": "object"},
-                            "description": "Traces of Plotly.",
-                        },
-                        "layout": {
-                            "type": "object",
-                            "description": "Plotly's layout: title, axes, legend, marks.",
-                        },
-                    },
-                }
-            },
-            **{MEDIA_TYPES[each]: {} for each in get_args(Format) if each != "plotly"},
-        },
+        "content": {MEDIA_TYPES[each]: {} for each in get_args(Format) if each != "plotly"},
     }
 }
 """What OpenAPI says of the answer of a figure's route."""

@@ -228,6 +228,14 @@ def labels_once(points: list[Labelled]) -> list[Labelled]:
 class GridPoints(StrictModel):
     """All points of a campaign."""
 
+    model_config = example(
+        items=[
+            {"label": 1, "x_m": 0.1, "y_m": -0.018},
+            {"label": 2, "x_m": 0.3, "y_m": 0.018},
+            {"label": 14, "x_m": 0.48, "y_m": -0.018},
+        ]
+    )
+
     items: Annotated[list[GridPoint], AfterValidator(labels_once)] = Field(max_length=1_000_000)
 
 

@@ -105,9 +105,13 @@ async def _curve(request: Request, limit: int) -> RawCurve:
 COUPONS = {
     "application/json": {"anyOf": [CouponIn, {"type": "array", "items": CouponIn}]},
     "multipart/form-data": {
+        "title": "CurveForm",
         "type": "object",
         "required": ["file", "coupon"],
-        "properties": {"file": BINARY, "coupon": CurveCouponIn},
+        "properties": {
+            "file": {**BINARY, "description": "the testing machine's file, with its name"},
+            "coupon": CurveCouponIn,
+        },
     },
 }
 """What is read, by media type."""
@@ -231,7 +235,7 @@ def get_curve_data(
 
 
 @router.get("/coupons/{coupon_id}/curve/original", response_class=Response, responses=ORIGINAL)
-def get_original(coupon_id: UUID, session: SessionDep, user: CurrentUser) -> Response:
+def get_coupons_curve_original(coupon_id: UUID, session: SessionDep, user: CurrentUser) -> Response:
     """The testing machine's file as it was uploaded, byte for byte."""
     curve = curves.curve_of(session, operations.coupon_for(session, user, coupon_id))
     headers = {

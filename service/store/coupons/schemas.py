@@ -306,6 +306,15 @@ class CurveCouponIn(_Excludable):
     reduced.
     """
 
+    model_config = example(
+        specimen="A1",
+        dimensions={"unit": "mm", "width": [25.02], "thickness": [2.51]},
+        columns={
+            "force": {"header": "Load", "unit": "kN"},
+            "strain": {"header": "Strain", "unit": "1"},
+        },
+    )
+
     specimen: Name
     standard: Standard = "D3039"
     dimensions: Dimensions

@@ -19,7 +19,7 @@ from modalbase.formats.frfs.table import DOFS
 from service.compute.frf_rows import COLUMNS, encoded
 from service.errors import Invalid
 from service.store.campaigns.schemas import Point
-from service.web import StrictModel, Text, wrong
+from service.web import StrictModel, Text, example, wrong
 from service.web.json_body import BULK_VALUES, checked, parse_json
 
 Direction = Annotated[
@@ -86,7 +86,7 @@ class FrfIn(StrictModel):
     reference_direction: Direction
     real: list[float]
     imag: list[float]
-    coherence: list[float] | None = None
+    coherence: list[float] | None = Field(None, description="at each frequency, 0 to 1")
     averages: int | None = Field(None, ge=1, le=1_000_000)
     label: Text = Field("", max_length=200)
 
@@ -99,6 +99,21 @@ class FrfIn(StrictModel):
 
 class FrfsIn(StrictModel):
     """FRFs of a script, on one frequency axis."""
+
+    model_config = example(
+        quantity="accelerance",
+        frequency_hz=[10.0, 10.5, 11.0],
+        frfs=[
+            {
+                "response_point": 1,
+                "response_direction": 3,
+                "reference_point": 14,
+                "reference_direction": -3,
+                "real": [0.1, 0.2, 0.1],
+                "imag": [0.0, -0.4, -0.1],
+            }
+        ],
+    )
 
     quantity: Quantity
     frequency_hz: list[float] = Field(min_length=1)

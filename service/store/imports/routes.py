@@ -129,7 +129,7 @@ def read_mapping(stated: str | None, sent: Upload) -> dict[str, Any] | None:
     return None if text is None else value
 
 
-MAPPED_UPLOAD = upload("mapping", "which variable is what, as JSON")
+MAPPED_UPLOAD = upload("MappedForm", "mapping", "which variable is what, as JSON")
 
 
 @router.post(
@@ -196,7 +196,7 @@ def get_import_records(import_id: UUID, session: SessionDep, user: CurrentUser) 
 
 
 @router.get("/imports/{import_id}/original", response_class=FileResponse)
-def get_original(
+def get_imports_original(
     import_id: UUID, session: SessionDep, user: CurrentUser, request: Request
 ) -> Response:
     """The file as it was uploaded, byte for byte; its ETag is its SHA-256."""
@@ -210,7 +210,7 @@ def get_original(
     )
 
 
-router.head("/imports/{import_id}/original", include_in_schema=False)(get_original)
+router.head("/imports/{import_id}/original", include_in_schema=False)(get_imports_original)
 
 
 purging = api_router(tags=["purge"])

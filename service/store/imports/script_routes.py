@@ -12,6 +12,7 @@ from pathlib import Path, PurePosixPath
 from typing import Annotated, Any
 from uuid import UUID
 
+import numpy as np
 from anyio import to_thread
 from fastapi import Depends, Query, Request, Response
 from sqlalchemy.orm import Session
@@ -58,7 +59,44 @@ from service.web.uploads import Spooled, UploadDep
 
 router = api_router(tags=[])
 
-RECORDS = reads(MAPPED_UPLOAD | {"application/json": {"type": "object", "required": ["variables"]}})
+_TIME = np.arange(64) / 1024.0
+_HIT = np.where(_TIME < 0.008, np.sin(np.pi * _TIME / 0.008), 0.0)
+_HEIGHTS = (80.0, 90.0, 100.0)
+_RING = np.sin(2 * np.pi * 100.0 * _TIME) * np.exp(-20.0 * _TIME)
+_RECORDS_IN = {
+    "title": "RecordsIn",
+    "type": "object",
+    "description": "A time block of hits: samples by variable, and what each variable is.",
+    "required": ["variables"],
+    "properties": {
+        "variables": {
+            "type": "object",
+            "additionalProperties": {"type": "array", "items": {}},
+            "description": "samples of each variable, or a list of such for several hits",
+        },
+        "mapping": {
+            "type": "object",
+            "additionalProperties": True,
+            "description": "which variable is what; left out with `?dry_run=true`, which proposes one",
+        },
+    },
+    "examples": [
+        {
+            "variables": {
+                "force": [(h * _HIT).round(1).tolist() for h in _HEIGHTS],
+                "acceleration": [(0.1 * h * _RING).round(2).tolist() for h in _HEIGHTS],
+            },
+            "mapping": {
+                "sample_rate_hz": 1024,
+                "channels": [
+                    {"variable": "force", "quantity": "force", "point": 8},
+                    {"variable": "acceleration", "quantity": "acceleration", "point": 14},
+                ],
+            },
+        }
+    ],
+}
+RECORDS = reads(MAPPED_UPLOAD | {"application/json": _RECORDS_IN})
 FRF_TYPES = of_bodies("frfs")
 FRFS = reads(
     {"application/json": FrfsIn}

@@ -149,9 +149,9 @@ class EditIn(StrictModel):
         name="checked by hand",
         decisions=[
             {
-                "frequency_hz": 50.0,
+                "frequency_hz": 160.85,
                 "keep": False,
-                "reason": "hum of the mains: it is there without a hit, too",
+                "reason": "of the stand: it is there without the beam, too",
             }
         ],
     )

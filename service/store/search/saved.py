@@ -30,6 +30,7 @@ from service.web import (
     shown_as,
     wrong,
 )
+from service.web.bodies import SOME_ID
 
 router = api_router(tags=["search"])
 
@@ -50,7 +51,7 @@ class SearchIn(StrictModel):
     """A search to keep, as `GET /search/{noun}` takes it."""
 
     model_config = example(
-        project="00000000-0000-0000-0000-000000000000",
+        project=SOME_ID,
         name="soft",
         noun="results",
         filter="Ex < 30e9",

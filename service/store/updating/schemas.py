@@ -26,6 +26,7 @@ from service.store.modes.schemas import Band, PolesIn
 from service.store.records.schemas import ProcessingIn
 from service.store.structures.schemas import StructureInputs
 from service.web import Int64, Name, StrictModel, example, quantities
+from service.web.bodies import SOME_ID
 
 DampingModel = Literal[
     "rayleigh",
@@ -378,6 +379,11 @@ class BatchJobIn(StrictModel):
 
 class UpdateBatchIn(StrictModel):
     """Updates to queue together, or one joint update of campaigns of one material."""
+
+    model_config = example(
+        jobs=[{"campaign_id": SOME_ID}, {"campaign_id": SOME_ID, "recipe": {"seed": 1}}],
+        recipe={"damping_models": ["rayleigh"]},
+    )
 
     recipe: RecipeIn | None = Field(
         None, description="of the jobs that have none of their own; default: {}"
