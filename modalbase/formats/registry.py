@@ -109,7 +109,7 @@ class Format:
     @property
     def either(self) -> bool:
         """Whether arrays of a file are hits or FRFs, as is stated beside it."""
-        return "kind" in self.takes.get("frfs", ())
+        return self.looked_at and len(self.kinds) > 1
 
     @property
     def every_suffix(self) -> tuple[str, ...]:

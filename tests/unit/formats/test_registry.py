@@ -182,5 +182,5 @@ def test_a_name_that_says_no_format_and_a_file_without_frfs_are_refused(tmp_path
     with pytest.raises(FormatError, match=r"is a '\.xls' file, expected one of .*\.npz"):
         write_frfs(TABLE, tmp_path / "frfs.xls")
     (tmp_path / "hit.wav").write_bytes(b"RIFF")
-    with pytest.raises(FormatError, match="is a wav file, expected npz or CSV"):
+    with pytest.raises(FormatError, match="is a wav file, expected npz"):
         read_frfs(tmp_path / "hit.wav")
