@@ -1,5 +1,5 @@
-"""The table of formats: each row has what everything else iterates over, and whoever forgets a
-member is told which.
+"""The table of formats: each row has what everything else iterates over, and a member that is
+forgotten is named.
 """
 
 import inspect
