@@ -20,6 +20,7 @@ from service.app.composition import ROUTERS
 from service.climate import CLIMATE
 from service.web.openapi import describe_problems
 from service.web.routing import include
+from tools import formats
 
 METHODS = ("get", "post", "put", "patch", "delete")
 
@@ -200,6 +201,7 @@ MADE: dict[str, Callable[[], str]] = {
     "modalbase/client/units.json": units,
     "docs/reference-rest.md": rest_page,
     "docs/reference-cli.md": cli_page,
+    formats.PAGE: formats.page,
 }
 
 

@@ -12,9 +12,10 @@ import typer
 
 from modalbase.client.display import print_json, transfer
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import FIGURES, FRF_FORMATS, REPORTS, SOLVERS, fetch_file, format_of
+from modalbase.client.files import FIGURES, REPORTS, SOLVERS, fetch_file, format_of
 from modalbase.client.finding import CAMPAIGN, MODE_SET, find_id, find_job, uuid_of
 from modalbase.client.options import AsJson, Job, Url, service_at, show
+from modalbase.formats.registry import FRF_SUFFIXES, WRITERS
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
@@ -87,9 +88,7 @@ def export(
     what: Annotated[What, typer.Option(help="What to fetch")] = "frfs",
     file_format: Annotated[
         str | None,
-        typer.Option(
-            "--format", help="json npz csv uff uff-ascii arrow; by default as the file's name says"
-        ),
+        typer.Option("--format", help=f"{' '.join(WRITERS)}; by default as the file's name says"),
     ] = None,
     point: Annotated[int | None, typer.Option(help="Response point")] = None,
     reference: Annotated[int | None, typer.Option(help="Reference point")] = None,
@@ -102,7 +101,7 @@ def export(
     """Fetch FRFs, grid points, modes, predictions or an original file."""
     target = None if str(out) == "-" else out
     if what != "original" and file_format is None:
-        file_format = format_of(out, FRF_FORMATS, "state --format: ")
+        file_format = format_of(out, FRF_SUFFIXES, "state --format: ")
     chosen = {"point": point, "reference": reference, "fmin": fmin, "fmax": fmax, "stride": stride}
     stated = [f"--{name}" for name, value in chosen.items() if value is not None]
     if stated and what not in ("frfs", "predicted"):

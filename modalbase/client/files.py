@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 MESH_FORMATS = {".vtu": "vtu", ".uff": "uff", ".unv": "uff", ".json": "json"}
 """Formats of a mesh and its shapes, by the end of a file's name."""
 
-FRF_FORMATS = {
-    ".json": "json", ".npz": "npz", ".csv": "csv", ".uff": "uff", ".unv": "uff", ".arrow": "arrow", ".arrows": "arrow",
-}  # fmt: skip
 FIGURES = {".svg": "svg", ".png": "png", ".pdf": "pdf", ".json": "plotly"}
 REPORTS = {".html": "html", ".htm": "html", ".pdf": "pdf"}
 _LONG = 10_000  # characters of a mapping that an address still has room for, escaped

@@ -27,12 +27,14 @@ from modalbase.client.options import (
     show,
 )
 from modalbase.client.results import beside_lines, mode_set_cells
+from modalbase.formats.registry import FORMATS, either, titles
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
 
 
 AXES = ("x", "y", "z")
+TIME_BLOCKS = [row for row in FORMATS.values() if row.looked_at and "hits" in row.takes]
 HEADER = "label,x_mm,y_mm,z_mm, or with _m for metres; z may be left out"
 
 
@@ -101,7 +103,7 @@ def read_points(file: Path) -> list[dict[str, Any]]:
 def import_files(
     files: Annotated[
         list[Path],
-        typer.Argument(help="UFF, npz, .mat, CSV, wav, TDMS", exists=True, dir_okay=False),
+        typer.Argument(help=titles(last=""), exists=True, dir_okay=False),
     ],
     campaign: Annotated[
         str,
@@ -118,7 +120,7 @@ def import_files(
     ] = None,
     kind: Annotated[
         Literal["hits", "frfs"] | None,
-        typer.Option(help="What an npz, .mat or CSV holds; by default as its arrays say"),
+        typer.Option(help=f"What an {titles(either())} holds; by default as its arrays say"),
     ] = None,
     mapping: Annotated[
         Path | None,
@@ -247,7 +249,9 @@ def _dof(frf: dict[str, Any], side: str) -> str:
 def hits(
     files: Annotated[
         list[Path],
-        typer.Argument(help="Time blocks: npz, .mat, CSV, wav", exists=True, dir_okay=False),
+        typer.Argument(
+            help=f"Time blocks: {titles(TIME_BLOCKS, last='')}", exists=True, dir_okay=False
+        ),
     ],
     campaign: Annotated[
         str,

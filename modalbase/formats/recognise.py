@@ -1,31 +1,16 @@
 """Which format a file has: by its first bytes, and where text could be either by its name."""
 
-import re
 from pathlib import Path, PurePosixPath
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.registry import FORMATS, FormatName
+from modalbase.formats.registry import FORMATS
 from modalbase.formats.tables import open_table
 
 _HEAD_BYTES = 1 << 16
-TEXT_NAMES = (".tsv", ".txt", ".dat", ".asc", ".lvm", ".prn", ".tab", ".tra", ".text")
-"""Suffixes that tables of text have beside .csv."""
-_UFF_NAMES = (".uff", ".unv", ".uf", ".bunv", ".ufb")
-_MAGIC: dict[bytes, FormatName] = {
-    b"PK": "npz",
-    b"RIFF": "wav",
-    b"RIFX": "wav",
-    b"RF64": "wav",
-    b"TDSm": "tdms",
-    b"MATLAB ": "mat",
-    b"\x89HDF\r\n\x1a\n": "mat",
-}
-_OPENING = re.compile(rb"^[ \t]*-1[ \t]*\r?\n[ \t]*\d{1,6}[ \t\r\nb]", re.MULTILINE)
-_DELIMITER = re.compile(rb"\A(?:\xef\xbb\xbf)?\s*-1[ \t]*\r?(?:\n|\Z)")
 
 
-def recognise(path: Path, name: str = "") -> FormatName:
-    """Return the format of a file.
+def recognise(path: Path, name: str = "") -> str:
+    """Return the name of a file's format.
 
     Text that opens with a UFF delimiter is UFF. What has no mark, such as a .mat of version 4, is
     what its name says, and the reader says what is wrong with it; of other names it is CSV where
@@ -38,17 +23,15 @@ def recognise(path: Path, name: str = "") -> FormatName:
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     suffix = PurePosixPath(name).suffix.lower()
-    for magic, kind in _MAGIC.items():
-        if head.startswith(magic):
-            return kind
-    if _DELIMITER.match(head) or suffix in _UFF_NAMES:
-        return "uff"
-    named: dict[str, FormatName] = {f".{form}": form for form in FORMATS} | dict.fromkeys(
-        TEXT_NAMES, "csv"
-    )
-    if suffix in TEXT_NAMES and _OPENING.search(head):  # words may stand before the first dataset
-        return "uff"
-    return named.get(suffix, "csv" if _is_table(head) else "uff")
+    rows = FORMATS.values()
+    for row in rows:
+        if head.startswith(row.marks) or (row.opening and row.opening.match(head)):
+            return row.name
+    own = next((row.name for row in rows if suffix in row.suffixes), None)
+    other = next((row.name for row in rows if suffix in row.other_suffixes), None)
+    if other:  # words may stand before the first dataset
+        own = next((row.name for row in rows if row.inside and row.inside.search(head)), other)
+    return own or ("csv" if _is_table(head) else "uff")
 
 
 def _is_table(head: bytes) -> bool:

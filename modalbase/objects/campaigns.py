@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import FRF_FORMATS, save_file, send_file
+from modalbase.client.files import save_file, send_file
 from modalbase.client.finding import CAMPAIGN, Kind
 from modalbase.client.rest import require_known
+from modalbase.formats.registry import FRF_SUFFIXES
 from modalbase.objects.jobs import (
     Identification,
     Import,
@@ -66,7 +67,7 @@ class Campaign(Editable):
     noun = CAMPAIGN
 
     def import_file(self, file: str | Path, *, wait: bool = True, **options: Any) -> Import:
-        """Send a file, UFF, npz, .mat, CSV, wav or TDMS, and wait until it is read.
+        """Send a file of measured data and wait until it is read.
 
         Args:
             file: the analyser's export; its format is recognised by its content.
@@ -231,7 +232,7 @@ class Campaign(Editable):
     def add_records(
         self, file: str | Path, mapping: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
-        """Send time blocks of hits: npz, .mat, CSV or wav.
+        """Send a file of time blocks of hits.
 
         Args:
             file: what the analyser wrote.
@@ -441,7 +442,7 @@ class Campaign(Editable):
             self.lab.connection,
             f"{self.address}/frfs/data",
             file,
-            FRF_FORMATS,
+            FRF_SUFFIXES,
             format=file_format,
             **filters,
         )

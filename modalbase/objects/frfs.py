@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from modalbase.formats import frfs as files
 from modalbase.formats.frfs import FrfRow
+from modalbase.formats.frfs.table import UNITS
 from modalbase.objects.thing import library
 
-UNITS = {"accelerance": "m/s²/N", "mobility": "m/s/N", "receptance": "m/N"}
 ORDINATES = {"receptance": 8, "mobility": 11, "accelerance": 12}
 """Codes of the ordinate's numerator in UFF 58: displacement, velocity, acceleration."""
 

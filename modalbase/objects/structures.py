@@ -9,8 +9,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalbase.client.files import FRF_FORMATS, MESH_FORMATS, format_of, save_file
+from modalbase.client.files import MESH_FORMATS, format_of, save_file
 from modalbase.client.finding import BATCH, MONITOR, Kind
+from modalbase.formats.registry import FRF_SUFFIXES
 from modalbase.objects.jobs import Job, Stoppable
 from modalbase.objects.thing import Editable, Figure, Table, Thing
 
@@ -159,7 +160,7 @@ class Forecast(Stoppable):
         Raises:
             ClientError: the name says no format, or no `damping_ratio` was stated.
         """
-        return self._written("frfs/data", file, FRF_FORMATS)
+        return self._written("frfs/data", file, FRF_SUFFIXES)
 
     def shapes(self, file: str | Path, *, at: str = "nodes") -> Path:
         """Write the mesh with the mode shapes: `.vtu` for viewers, or `.uff` with sets 2411, 2412

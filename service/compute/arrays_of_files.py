@@ -1,5 +1,4 @@
-"""Reading an npz, .mat, CSV, wav or TDMS in the child process: hits or FRFs, and what its arrays
-are.
+"""Reading a file that is no UFF in the child process: hits or FRFs, and what its arrays are.
 
 This module imports no database and no web, since the child imports it.
 """
@@ -7,9 +6,7 @@ This module imports no database and no web, since the child imports it.
 from __future__ import annotations
 
 import warnings
-import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -17,10 +14,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from fecore.errors import InputError
 from fecore.frf import Quantity
 from modalbase.formats.errors import FormatError
-from modalbase.formats.frfs import Frfs, read_csv, read_npz
-from modalbase.formats.frfs.csv import is_own_table
+from modalbase.formats.frfs import Frfs
 from modalbase.formats.frfs.mat import frfs_of
-from modalbase.formats.frfs.npz import REQUIRED
 from modalbase.formats.frfs.parts import is_frequency, propose_parts, texts_of
 from modalbase.formats.frfs.proposal import doubts, left_out, propose_frfs
 from modalbase.formats.frfs.table import without_gap
@@ -35,15 +30,13 @@ from modalbase.formats.records import (
 )
 from modalbase.formats.records.arrays import SAMPLE_RATE, is_named
 from modalbase.formats.records.mapping import ONE_FILE
-from modalbase.formats.records.recording import Arrays
-from modalbase.formats.records.tdms import read_tdms_head
+from modalbase.formats.records.recording import AnyRecording, Arrays
 from modalbase.formats.records.text import TextRecording, open_recording
 from modalbase.formats.records.variables import read_named
-from modalbase.formats.registry import FORMATS, MEMBERS, FormatName, Kind
+from modalbase.formats.registry import FORMATS, MEMBERS, Format, Kind, load
 from modalbase.formats.tables import Stated
 from service.compute.frf_rows import EncodedFrf, encoded
 from service.compute.recordings import (
-    AnyRecording,
     channels_of,
     looked_at,
     proposed_recording,
@@ -70,7 +63,7 @@ MOST_VARIABLES = 1000  # arrays of a file that are listed
 class FileDescription:
     """What a file is."""
 
-    format: FormatName  # by its content
+    format: str  # by its content
     # whether its arrays are hits or FRFs; None of UFF, which may hold both
     kind: Kind | None = None
     # type and shape of its arrays, with their extremes
@@ -84,7 +77,7 @@ class FileDescription:
 
 
 def read_arrays(
-    inputs: ReadingInputs, form: FormatName
+    inputs: ReadingInputs, form: str
 ) -> Iterator[FileDescription | TimeBlock | EncodedFrf]:
     """What a file is, then its time blocks or FRFs.
 
@@ -102,35 +95,39 @@ def read_arrays(
         require_taken(inputs, form, "hits")
         yield from _recording(inputs, inputs.mapping, form)
         return
-    if form == "csv":
-        yield from _table(inputs)
+    row = FORMATS[form]
+    if row.is_table:
+        yield from _table(inputs, form)
         return
-    kind = inputs.kind or _kind_by_names(inputs, form)
-    if form in ("tdms", "wav"):
+    names = row.names_in(inputs.path) if inputs.mapping is None else None
+    kind = inputs.kind or _kind_of(inputs, row, own=names is not None)
+    if len(row.kinds) == 1:
         require_taken(inputs, form, kind)
-    if form in ("tdms", "wav") and inputs.mapping is None:
-        file = _faults_as(_dotted, lambda: recording_of(inputs.path))
+    if row.recording and inputs.mapping is None:
+        file = _faults_as(_dotted, lambda: recording_of(inputs.path, form))
         if not inputs.dry_run:
             why = (
                 f"is missing: a {form} holds a recording of hits, or one hit; the file has"
                 f" {', '.join(file.names)}"
             )
             raise Invalid(_dotted("mapping.recording"), why)
-        shapes = _faults_as(_dotted, lambda: looked_at(file))
+        shapes = _faults_as(_dotted, lambda: looked_at(file, together=row.fixed_rate))
         yield FileDescription(
             form, "hits", shapes, propose_recording(file.names, file.units), notes=_starts(file)
         )
         return
-    if form == "tdms":
-        yield from _single_hits(inputs)
+    if row.recording and not row.arrays:
+        yield from _single_hits(inputs, form)
         return
     with warnings.catch_warnings(record=True) as noticed:
         warnings.simplefilter("always", UserWarning)
-        if kind == "frfs" and inputs.mapping is None and form == "npz":
-            yield from _own_frfs(inputs, form)
+        if kind == "frfs" and inputs.mapping is None and row.frfs:
+            yield from _own_frfs(inputs, form, names or frozenset())
             return
         limit = limit_of(inputs.path)
-        variables, texts = _faults_as(_dotted, lambda: read_named(inputs.path, f".{form}", limit))
+        variables, texts = _faults_as(
+            _dotted, lambda: read_named(inputs.path, row.suffixes[0], limit)
+        )
     notes = [str(warning.message) for warning in noticed]
     if kind is None:
         has_parts = propose_parts(list(variables), texts) is not None
@@ -146,7 +143,7 @@ def read_arrays(
         yield from _hits(inputs, form, variables, units_in(variables, texts), notes)
 
 
-def require_taken(inputs: ReadingInputs, form: FormatName, kind: Kind | None) -> None:
+def require_taken(inputs: ReadingInputs, form: str, kind: Kind | None) -> None:
     """Refuse what is stated beside a file and not taken with what it holds.
 
     Raises:
@@ -157,12 +154,12 @@ def require_taken(inputs: ReadingInputs, form: FormatName, kind: Kind | None) ->
 
 
 def _recording(
-    inputs: ReadingInputs, mapping: dict[str, Any], form: FormatName
+    inputs: ReadingInputs, mapping: dict[str, Any], form: str
 ) -> Iterator[FileDescription | TimeBlock]:
     """The hits of a recording that goes on over many."""
     limit = limit_of(inputs.path)
     channels = _faults_as(
-        _dotted, lambda: channels_of(inputs.path, mapping, inputs.filename, limit)
+        _dotted, lambda: channels_of(inputs.path, mapping, inputs.filename, form, limit)
     )
     try:
         survey = _faults_as(_dotted, channels.survey)
@@ -183,31 +180,32 @@ def _recording(
     yield from channels.blocks(survey, places)
 
 
-def _table(inputs: ReadingInputs) -> Iterator[FileDescription | TimeBlock | EncodedFrf]:
+def _table(inputs: ReadingInputs, form: str) -> Iterator[FileDescription | TimeBlock | EncodedFrf]:
     """A table of text: FRFs as this service writes them, or what a mapping says."""
     mapping, stated = inputs.mapping, None
     if isinstance(mapping, dict) and "table" in mapping:
         stated = mapping["table"]
         mapping = {name: value for name, value in mapping.items() if name != "table"} or None
         inputs = replace(inputs, mapping=mapping)
-    if mapping is None and stated is None and inputs.kind != "hits" and is_own_table(inputs.path):
-        require_taken(inputs, "csv", "frfs")
-        yield from _own_frfs(inputs, "csv")
+    unstated = mapping is None and stated is None and inputs.kind != "hits"
+    if unstated and (names := FORMATS[form].names_in(inputs.path)) is not None:
+        require_taken(inputs, form, "frfs")
+        yield from _own_frfs(inputs, form, names)
         return
     file = _faults_as(
         _dotted, lambda: open_recording(inputs.path, Stated.of(stated, "mapping.table"))
     )
     kind = inputs.kind or ("frfs" if _holds_frfs(mapping, file) else "hits")
-    require_taken(inputs, "csv", kind)
+    require_taken(inputs, form, kind)
     variables = _faults_as(_dotted, file.arrays)
     described_ = file.table.layout.described(file.table.encoding)
     notes = file.table.notes
     if kind == "frfs":
         read: Iterator[FileDescription | TimeBlock | EncodedFrf] = _mapped_frfs(
-            inputs, "csv", variables, texts_of(file.table), notes
+            inputs, form, variables, texts_of(file.table), notes
         )
     else:
-        read = _hits(inputs, "csv", variables, file.units, notes)
+        read = _hits(inputs, form, variables, file.units, notes)
     for item in read:
         yield (
             replace(item, table=described_, notes=item.notes + _lonely(item))
@@ -242,9 +240,9 @@ def _starts(file: AnyRecording) -> list[str]:
         return [str(error)]
 
 
-def _single_hits(inputs: ReadingInputs) -> Iterator[FileDescription | TimeBlock]:
-    """A TDMS whose channels are a block each."""
-    file = _faults_as(_dotted, lambda: read_tdms_head(inputs.path))
+def _single_hits(inputs: ReadingInputs, form: str) -> Iterator[FileDescription | TimeBlock]:
+    """A recording whose channels are a block each, of which those that are mapped are read."""
+    file = _faults_as(_dotted, lambda: load(FORMATS[form].recording)(inputs.path))
     stated = inputs.mapping
     listed = stated.get("channels") if isinstance(stated, dict) else None
     named = (
@@ -264,7 +262,7 @@ def _single_hits(inputs: ReadingInputs) -> Iterator[FileDescription | TimeBlock]
     description, blocks = hits_of(variables, stated, dry_run=inputs.dry_run, units=file.units)
     yield replace(
         description,
-        format="tdms",
+        format=form,
         notes=_faults_as(_dotted, lambda: file.notes(names)) if names else [],
     )
     yield from blocks
@@ -276,39 +274,33 @@ def limit_of(path: Path) -> int:
     return max(FREE_BYTES, size, min(RATIO * size, MOST_BYTES))
 
 
-def _kind_by_names(inputs: ReadingInputs, form: FormatName) -> Kind | None:
-    """What the mapping, the format or the names of its columns or arrays say that a file holds;
-    None where they do not.
+def _kind_of(inputs: ReadingInputs, row: Format, *, own: bool) -> Kind | None:
+    """What the mapping, the format or its names, which are its `own` ones of FRFs, say that a file
+    holds; None where they do not.
     """
-    if inputs.mapping is not None:
+    if inputs.mapping is not None and row.looked_at:
         return "frfs" if isinstance(inputs.mapping, dict) and "frf" in inputs.mapping else "hits"
-    if form in ("wav", "tdms"):
-        return "hits"
-    names: set[str] = set()
-    if form == "npz":
-        names = _arrays_of(inputs.path)
-    return "frfs" if names.issuperset(REQUIRED) else None
+    if len(row.kinds) == 1:
+        return row.kinds[0]
+    return "frfs" if own else None
 
 
-def _arrays_of(path: Path) -> set[str]:
-    """Names of the arrays of an npz; none of what is no archive, of which its reader says what is
-    wrong.
+def _own_frfs(
+    inputs: ReadingInputs, form: str, names: frozenset[str]
+) -> Iterator[FileDescription | EncodedFrf]:
+    """FRFs in the arrays or columns that `GET …/frfs/data` writes, which need no mapping; `names`
+    are those of what the file states.
     """
-    with suppress(zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
-        return {name.removesuffix(".npy") for name in archive.namelist()}
-    return set()
-
-
-def _own_frfs(inputs: ReadingInputs, form: FormatName) -> Iterator[FileDescription | EncodedFrf]:
-    """FRFs in the arrays or columns that `GET …/frfs/data` writes, which need no mapping."""
-    if form == "npz":
-        says = "quantity" in _arrays_of(inputs.path)
-        stated = inputs.quantity if says else inputs.quantity or "accelerance"
-        frfs = _faults_as(_named, lambda: read_npz(inputs.path, limit_of(inputs.path), stated))
-        if not says:
-            _quantity(inputs, form)
-    else:
-        frfs = _faults_as(str, lambda: read_csv(inputs.path, _quantity(inputs, form)))
+    says = "quantity" in names
+    stated = inputs.quantity if says else inputs.quantity or "accelerance"
+    frfs: Frfs = _faults_as(
+        _named,
+        lambda: load(FORMATS[form].frfs)(
+            inputs.path, quantity=stated, limit_bytes=limit_of(inputs.path)
+        ),
+    )
+    if not says:
+        _quantity(inputs, form)
     shapes = {"frequency_hz": frfs.frequency_hz, "values": frfs.values, "coherence": frfs.coherence}
     frfs, notes = _faults_as(_named, lambda: without_gap(frfs))
     rows = encoded(frfs)
@@ -323,7 +315,7 @@ def _own_frfs(inputs: ReadingInputs, form: FormatName) -> Iterator[FileDescripti
 
 def _mapped_frfs(
     inputs: ReadingInputs,
-    form: FormatName,
+    form: str,
     variables: Variables,
     texts: dict[str, str],
     notes: list[str],
@@ -353,7 +345,7 @@ def _mapped_frfs(
 
 def _hits(
     inputs: ReadingInputs,
-    form: FormatName,
+    form: str,
     variables: Variables,
     units: dict[str, str],
     notes: list[str],
@@ -392,7 +384,7 @@ def hits_of(
     return replace(description, blocks=len(blocks), counted=mapping.hit is None), blocks
 
 
-def _quantity(inputs: ReadingInputs, form: FormatName) -> Quantity:
+def _quantity(inputs: ReadingInputs, form: str) -> Quantity:
     if inputs.quantity is None and not inputs.dry_run:
         raise Invalid(
             "quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must"

@@ -18,12 +18,13 @@ from fecore.frf import Quantity, size_fault
 from modalbase.formats import uff
 from modalbase.formats.recognise import recognise
 from modalbase.formats.records import TimeBlock, described
-from modalbase.formats.registry import FormatName, Kind
+from modalbase.formats.records.uff import channel_of
+from modalbase.formats.registry import Kind
 from modalbase.formats.uff.channels import Spectra
 from modalbase.formats.uff.content import Outcome
 from service.compute.arrays_of_files import FileDescription, read_arrays, require_taken
 from service.compute.frf_rows import EncodedFrf
-from service.compute.recordings import channel_of, recording_in_uff
+from service.compute.recordings import recording_in_uff
 from service.compute.spectra import FrequencyAxis, encode, encode_axis
 from service.errors import Invalid
 
@@ -57,7 +58,7 @@ class ReadingInputs:
     path: Path  # where it lies
     quantity: Quantity | None  # what an FRF is whose file states neither data type nor unit
     filename: str = ""  # what its sender calls it
-    form: FormatName | None = None  # its format where that is known
+    form: str | None = None  # its format where that is known
     kind: Kind | None = None  # what an npz, .mat or CSV holds, where its sender says so
     mapping: Any = None  # which of its variables is what
     dry_run: bool = False  # nothing will be stored

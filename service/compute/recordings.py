@@ -16,7 +16,6 @@ from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.signal.recording import LEAD, Impact, Survey, cut, survey
 from modalbase.formats.errors import FormatError
-from modalbase.formats.recognise import recognise
 from modalbase.formats.records import (
     ChannelMapping,
     TimeBlock,
@@ -26,18 +25,20 @@ from modalbase.formats.records import (
 )
 from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
 from modalbase.formats.records.mapping import LARGEST, MOST_POINT
-from modalbase.formats.records.recording import Arrays, Recording, read_recording
-from modalbase.formats.records.scale import SI
-from modalbase.formats.records.tdms import Tdms, read_tdms_head
-from modalbase.formats.records.text import TextRecording, open_recording
+from modalbase.formats.records.recording import (
+    AnyRecording,
+    Arrays,
+    Recording,
+    read_recording,
+)
+from modalbase.formats.records.text import TextRecording
+from modalbase.formats.records.uff import open_uff
 from modalbase.formats.records.variables import read_named
-from modalbase.formats.records.wav import Wav, read_wav_head
+from modalbase.formats.registry import FORMATS, load
 from modalbase.formats.tables import Stated
-from modalbase.formats.uff import Limits, TimeResponse, UffError, read_file
 from modalbase.formats.units import unit_beside
 
 Place = tuple[int, int]
-AnyRecording = Wav | Tdms | TextRecording | Arrays
 _MOST_NAMED = 60
 _RECORDING = "mapping.recording"
 
@@ -200,7 +201,11 @@ class Channels:
 
 
 def channels_of(
-    path: Path, document: dict[str, Any], filename: str, limit_bytes: int | None = None
+    path: Path,
+    document: dict[str, Any],
+    filename: str,
+    form: str,
+    limit_bytes: int | None = None,
 ) -> Channels:
     """A recording and what a mapping with the member `recording` says of it.
 
@@ -208,12 +213,13 @@ def channels_of(
         path: of the file.
         document: the mapping.
         filename: as its sender calls the file, which may name the point.
+        form: name of its format.
         limit_bytes: the most that arrays of a file may take.
 
     Raises:
         FormatError: the file cannot be read, or the mapping does not fit; names the field.
     """
-    file = recording_of(path, filename, limit_bytes, document.get("table"))
+    file = recording_of(path, form, limit_bytes, document.get("table"))
     stated = read_recording(document["recording"], filename)
     left = ("recording", "table") if isinstance(file, TextRecording) else ("recording",)
     rest = {name: value for name, value in document.items() if name not in left}
@@ -255,72 +261,25 @@ def channels_of(
 
 
 def recording_of(
-    path: Path, filename: str = "", limit_bytes: int | None = None, table: Any = None
+    path: Path, form: str, limit_bytes: int | None = None, table: Any = None
 ) -> AnyRecording:
-    """What a recording says of itself, by its first bytes or its name; `table` is what a mapping
-    says of one of text.
+    """What a recording of a format says of itself; `table` is what a mapping says of one of text.
 
     Raises:
         FormatError: it cannot be read.
     """
-    form = recognise(path, filename)
-    if form == "tdms":
-        return read_tdms_head(path)
-    if form == "wav":
-        return read_wav_head(path)
-    if form == "uff":
-        return _in_si(_blocks_of_uff(path))
-    if form == "csv":
-        return open_recording(path, Stated.of(table, "mapping.table"))
-    variables, texts = read_named(path, f".{form}", limit_bytes)
+    row = FORMATS[form]
+    if row.recording:
+        stated = (Stated.of(table, "mapping.table"),) if row.is_table else ()
+        file: AnyRecording = load(row.recording)(path, *stated)
+        return file
+    variables, texts = read_named(path, row.suffixes[0], limit_bytes)
     return Arrays(variables, units_in(variables, texts))
 
 
 def units_in(variables: Variables, texts: dict[str, str]) -> dict[str, str]:
     """Units that the texts of a file state of its arrays."""
     return {name: unit for name in variables if (unit := unit_beside(name, texts))}
-
-
-def _in_si(blocks: Variables) -> Arrays:
-    """The blocks of a UFF file, whose reader has brought them to SI by the file's own units."""
-    return Arrays(
-        blocks, {name: SI[name.partition("_")[0]] for name in blocks if name != SAMPLE_RATE}
-    )
-
-
-def _blocks_of_uff(path: Path) -> Variables:
-    """The time blocks of a UFF file by `channel_of`, and their rate.
-
-    Raises:
-        FormatError: it cannot be read, or has several blocks of one channel.
-    """
-    variables: Variables = {}
-    try:
-        for item in read_file(path, Limits()):
-            if isinstance(item, TimeResponse):
-                name = channel_of(item)
-                if variables.setdefault(name, item.samples) is not item.samples:
-                    raise FormatError(
-                        name, "is in the file several times: as single hits, which need no mapping"
-                    )
-                if (
-                    variables.setdefault(SAMPLE_RATE, np.array(item.sample_rate_hz))
-                    != item.sample_rate_hz
-                ):
-                    raise FormatError(
-                        name,
-                        "differs in rate from another channel; those of a hit are on one clock",
-                    )
-    except UffError as error:
-        raise FormatError("", f"{error.reason} (byte {error.offset})") from error
-    return variables
-
-
-def channel_of(block: TimeResponse) -> str:
-    """Name of a block's channel, by what it measures, its point and direction:
-    `acceleration_33_3`.
-    """
-    return f"{block.quantity}_{block.response_point}_{block.response_direction}"
 
 
 def recording_in_uff(path: Path, channels: Counter[str]) -> tuple[Variables, dict[str, Any]] | None:
@@ -337,11 +296,11 @@ def recording_in_uff(path: Path, channels: Counter[str]) -> tuple[Variables, dic
     if sum(name.startswith("force") for name in channels) != 1 or channels.total() > len(channels):
         return None
     try:
-        blocks = _blocks_of_uff(path)
+        file = open_uff(path)
     except FormatError:  # channels of two rates are no recording
         return None
-    proposed = proposed_recording(_in_si(blocks))
-    return None if proposed is None else (blocks, proposed)
+    proposed = proposed_recording(file)
+    return None if proposed is None else (file.variables, proposed)
 
 
 def proposed_recording(file: Arrays) -> dict[str, Any] | None:
@@ -368,15 +327,19 @@ def proposed_recording(file: Arrays) -> dict[str, Any] | None:
     )
 
 
-def looked_at(file: AnyRecording) -> dict[str, str]:
+def looked_at(file: AnyRecording, *, together: bool) -> dict[str, str]:
     """Type and shape of each channel, and its least and greatest sample, by which a person knows
     the hammer's.
+
+    Args:
+        file: the recording.
+        together: its channels lie side by side, and are read at once.
 
     Raises:
         FormatError: the samples cannot be read.
     """
     shapes = file.shapes()
-    for names in [file.names] if isinstance(file, Wav) else [[name] for name in file.names]:
+    for names in [file.names] if together else [[name] for name in file.names]:
         if not (parts := [(part.min(axis=1), part.max(axis=1)) for part in file.chunks(names)]):
             raise FormatError("", "holds no samples")
         extremes = np.array(parts)

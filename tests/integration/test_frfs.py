@@ -19,10 +19,10 @@ import pyuff
 from scipy.io import savemat
 
 from fecore.frf import Dof
+from modalbase.formats.registry import WRITERS
 from service.app.supervisor import LocalService
 from service.db.engine import make_engine, make_sessions, psycopg_url
 from service.store.frfs.data import load_measured_campaign
-from service.store.frfs.routes import FORMATS
 from service.web.downloads import MEMORY_BYTES
 from tests.support.rest import ok
 
@@ -296,7 +296,7 @@ def test_a_spectrum_that_was_damaged_in_the_database_is_not_handed_out(
             "UPDATE frfs SET data = set_byte(data, 5, 255 - get_byte(data, 5)) WHERE id = %s", [frf]
         )
     path = f"campaigns/{campaign}/frfs/data"
-    for format_ in FORMATS:  # the damaged one is the first of several, so its reading is broken off
+    for format_ in WRITERS:  # the damaged one is the first of several, so its reading is broken off
         answer = api.get(path, params={"format": format_})
         assert answer.status_code == 500
         assert "checksum" in answer.text

@@ -1,9 +1,9 @@
-"""FRFs of one quantity on one frequency axis as npz, CSV (both ways), .mat (in): the files that the
-service takes and gives, for scripts that make or use them without it. Arrow (out) is in `arrow`,
-which needs the extra `server`.
+"""FRFs of one quantity on one frequency axis: the files that the service takes and gives, for scripts
+that make or use them without it. `modalbase.formats.registry` has the table of formats.
 """
 
 from modalbase.formats.frfs.csv import read_csv, write_csv
+from modalbase.formats.frfs.files import read_frfs, write_frfs
 from modalbase.formats.frfs.mat import read_mat
 from modalbase.formats.frfs.npz import read_npz, write_npz
 from modalbase.formats.frfs.table import FrfRow, Frfs, FrfTable
@@ -13,8 +13,10 @@ __all__ = [
     "FrfTable",
     "Frfs",
     "read_csv",
+    "read_frfs",
     "read_mat",
     "read_npz",
     "write_csv",
+    "write_frfs",
     "write_npz",
 ]

@@ -21,7 +21,9 @@ _REQUIRED = (*DOFS, *NUMBERS)
 Record = tuple[tuple[int, ...], tuple[float, float, float, float]]
 
 
-def read_csv(path: Path, quantity: Quantity = "accelerance") -> Frfs:
+def read_csv(
+    path: Path, quantity: Quantity = "accelerance", limit_bytes: int | None = None
+) -> Frfs:
     r"""FRFs of a CSV file with the header
     `response_point,response_direction,…,frequency_hz,real,imag[,coherence]`.
 
@@ -40,10 +42,13 @@ def read_csv(path: Path, quantity: Quantity = "accelerance") -> Frfs:
         path: of the file; a spreadsheet may have written it again with other separators.
         quantity: what the FRFs are, which the file does not state; values are in m/s², m/s or m per
             N.
+        limit_bytes: the most that the file may have.
 
     Raises:
-        FormatError: the text is not such a table; names the line.
+        FormatError: the text is not such a table; names the line. Or it is larger.
     """
+    if limit_bytes is not None and path.stat().st_size > limit_bytes:
+        raise FormatError("", f"has more than the {limit_bytes} bytes that are allowed")
     groups = [
         (dofs, [r[1] for r in rows])
         for dofs, rows in itertools.groupby(_records(path), lambda r: r[0])
@@ -87,13 +92,12 @@ def write_csv(table: FrfTable, file: IO[bytes]) -> None:
     text.detach()
 
 
-def is_own_table(path: Path) -> bool:
-    """Whether a text has the columns that `read_csv` reads."""
+def own_names(path: Path) -> frozenset[str] | None:
+    """The columns of a text that `read_csv` reads; None of another one."""
     try:
-        read_rows(path, _REQUIRED)
+        return frozenset(read_rows(path, _REQUIRED)[0])
     except FormatError:
-        return False
-    return True
+        return None
 
 
 def _records(path: Path) -> Iterator[Record]:

@@ -96,6 +96,18 @@ def read_npz(path: Path, limit_bytes: int | None = None, quantity: Quantity | No
     )
 
 
+def own_names(path: Path) -> frozenset[str] | None:
+    """Names of the arrays of an npz that `read_npz` reads; None where it is another one, or no
+    archive.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = frozenset(name.removesuffix(".npy") for name in archive.namelist())
+    except zipfile.BadZipFile:
+        return None
+    return names if names.issuperset(REQUIRED) else None
+
+
 def _read_arrays(path: Path, limit_bytes: int | None) -> dict[str, Array]:
     try:
         with zipfile.ZipFile(path) as archive:

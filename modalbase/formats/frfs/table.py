@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -13,6 +13,8 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.types import FloatArray, Quantity
 
 DOFS = ("response_point", "response_direction", "reference_point", "reference_direction")
+
+UNITS: Mapping[str, str] = {"accelerance": "m/s²/N", "mobility": "m/s/N", "receptance": "m/N"}
 
 Values = NDArray[np.complexfloating]
 

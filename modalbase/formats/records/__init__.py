@@ -11,10 +11,9 @@ from modalbase.formats.records.mapping import (
 )
 from modalbase.formats.records.proposal import propose, propose_recording
 from modalbase.formats.records.sep005 import Place, records_from_sep005, records_to_sep005
-from modalbase.formats.records.variables import SUFFIXES, read_variables
+from modalbase.formats.records.variables import read_variables
 
 __all__ = [
-    "SUFFIXES",
     "ChannelMapping",
     "Mapping",
     "Place",

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -25,6 +25,42 @@ from modalbase.formats.types import FloatArray
 _POINT = re.compile(r"(?:point|pt|p)[ _-]?(\d+)(?!\d)", re.IGNORECASE)
 _MOST_HITS = 100_000
 _RECORDING = "mapping.recording"
+
+
+class AnyRecording(Protocol):
+    """A recording, whatever its format; its samples are read when they are asked for."""
+
+    @property
+    def names(self) -> list[str]:
+        """Of the channels."""
+
+    @property
+    def units(self) -> dict[str, str]:
+        """That the file states, by channel."""
+
+    @property
+    def full_scale(self) -> float | None:
+        """Largest sample that its numbers have."""
+
+    @property
+    def declared(self) -> bool:
+        """Whether the file says how long it is."""
+
+    @property
+    def has_rate(self) -> bool:
+        """Whether it states its sampling rate."""
+
+    def shapes(self) -> dict[str, str]:
+        """Type and shape of each channel."""
+
+    def notes(self, names: Sequence[str], /) -> list[str]:
+        """What was noticed of these channels."""
+
+    def rate_of(self, names: Sequence[str], /, stated: float | str) -> float:
+        """Rate of these channels, 1/s."""
+
+    def chunks(self, names: Sequence[str], /) -> Iterator[FloatArray]:
+        """(channels, n) parts of these channels in order, in the unit of the file."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ A timeseries is a dict, several are a list of them:
 
     {"name": "hammer", "data": array, "fs": 2048.0, "unit_str": "N", ...}        or "time", an axis in s, in place of "fs"
 
-Readers for it exist for many recorders (Dewesoft, FBGS, TDMS, ...). The unit says what a channel
+Readers for it exist for many recorders (Dewesoft, FBGS, NI, ...). The unit says what a channel
 is; where it sits, and which hit it is, no series says, so both are stated here.
 https://sdypy.readthedocs.io/en/latest/seps/sep-0005.html
 """

@@ -18,6 +18,7 @@ import numpy as np
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records.arrays import SAMPLE_RATE, Variables, sampling_rate
 from modalbase.formats.records.wav import FRAMES
+from modalbase.formats.registry import FORMATS
 from modalbase.formats.types import FloatArray
 from modalbase.formats.units import factor_of
 
@@ -192,18 +193,11 @@ def read_tdms_head(path: Path) -> Tdms:
 
 
 def _opened(path: Path) -> Any:
-    try:
-        from nptdms import TdmsFile
-        from nptdms.log import log_manager
-    except ImportError:
-        raise FormatError(
-            "", "is a TDMS file, which npTDMS reads: pip install 'modalbase[tdms]'"
-        ) from None
-    log_manager.set_level(
-        logging.ERROR
-    )  # it would print all bytes of a damaged name, which may be the rest of the file
+    reader, log = map(FORMATS["tdms"].dependency, ("nptdms", "nptdms.log"))
+    # it would print all bytes of a damaged name, which may be the rest of the file
+    log.log_manager.set_level(logging.ERROR)
     with _broken():
-        return TdmsFile.open(path)
+        return reader.TdmsFile.open(path)
 
 
 @contextmanager

@@ -7,7 +7,6 @@ Nothing is unpickled and nothing is guessed: what the arrays mean is the mapping
 import warnings
 import zipfile
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,10 +14,10 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.npy import members_of, read_array
-from modalbase.formats.recognise import TEXT_NAMES
 from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
 from modalbase.formats.records.text import open_recording
 from modalbase.formats.records.wav import read_wav_head
+from modalbase.formats.registry import FORMATS, load
 
 _DEEPEST = 8
 _LONGEST_TEXT = 1000
@@ -59,11 +58,13 @@ def read_named(
         FormatError: as of `read_variables`.
     """
     kind = (suffix or path.suffix).lower()
-    kind = ".csv" if kind in TEXT_NAMES else kind
-    if kind not in SUFFIXES:
-        raise FormatError("", f"is a '{kind}' file, expected one of {', '.join(SUFFIXES)}")
+    rows = {end: row for row in FORMATS.values() if row.arrays for end in row.every_suffix}
+    if kind not in rows:
+        known = dict.fromkeys(row.suffixes[0] for row in rows.values())
+        raise FormatError("", f"is a '{kind}' file, expected one of {', '.join(known)}")
+    kind = rows[kind].suffixes[0]
     try:
-        arrays = SUFFIXES[kind](path, limit_bytes)
+        arrays = load(rows[kind].arrays)(path, limit_bytes)
     except FormatError:
         raise
     except Exception as error:  # noqa: BLE001 - of damaged files the readers raise errors of a dozen kinds
@@ -95,7 +96,8 @@ def _within(declared: int, limit_bytes: int | None, name: str) -> None:
         )
 
 
-def _npz(path: Path, limit_bytes: int | None) -> Variables:
+def npz_arrays(path: Path, limit_bytes: int | None) -> Variables:
+    """The arrays of an npz."""
     with zipfile.ZipFile(path) as archive:
         members = members_of(archive)
         _within(sum(member.file_size for member in members), limit_bytes, "")
@@ -105,7 +107,8 @@ def _npz(path: Path, limit_bytes: int | None) -> Variables:
         }
 
 
-def _mat(path: Path, limit_bytes: int | None) -> Variables:
+def mat_arrays(path: Path, limit_bytes: int | None) -> Variables:
+    """The variables of a .mat; those of structures by their path."""
     with path.open("rb") as file:
         newer = b"MATLAB 7.3" in file.read(128) or (
             file.seek(0) == 0 and file.read(8) == b"\x89HDF\r\n\x1a\n"
@@ -113,12 +116,7 @@ def _mat(path: Path, limit_bytes: int | None) -> Variables:
     if newer:
         return _mat73(path, limit_bytes)
     _require_inflated(path, limit_bytes)
-    try:
-        from scipy import io as reader
-    except ImportError:  # a script that reads other files goes without it
-        raise FormatError(
-            "", "is a .mat file; install scipy, which modalbase[server] brings"
-        ) from None
+    reader = FORMATS["mat"].dependency("scipy.io")  # a script that reads other files lacks it
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what scipy will change; that is no fault of the file
         for loss in _SCIPY_LOSES:
@@ -183,12 +181,7 @@ def _flatten(name: str, value: np.ndarray[Any, Any], into: Variables, depth: int
 
 
 def _mat73(path: Path, limit_bytes: int | None) -> Variables:
-    try:
-        import h5py
-    except ImportError:
-        raise FormatError(
-            "", "is a .mat of version 7.3; install modalbase[mat73], or save it with -v7"
-        ) from None
+    h5py = FORMATS["mat"].dependency("h5py")
     arrays: Variables = {}
     declared = 0
     with h5py.File(path, "r") as file:
@@ -217,12 +210,14 @@ def _mat73(path: Path, limit_bytes: int | None) -> Variables:
     return arrays
 
 
-def _csv(path: Path, limit_bytes: int | None) -> Variables:
+def csv_arrays(path: Path, limit_bytes: int | None) -> Variables:
+    """The columns of a table of text."""
     _within(path.stat().st_size, limit_bytes, "")
     return open_recording(path).arrays()
 
 
-def _wav(path: Path, limit_bytes: int | None) -> Variables:
+def wav_arrays(path: Path, limit_bytes: int | None) -> Variables:
+    """The channels of a wav, and its rate."""
     _within(path.stat().st_size, limit_bytes, "")
     wav = read_wav_head(path)
     if not wav.declared:
@@ -236,12 +231,3 @@ def _wav(path: Path, limit_bytes: int | None) -> Variables:
         SAMPLE_RATE: np.array(wav.sample_rate_hz),
         **dict(zip(wav.names, np.hstack(parts), strict=True)),
     }
-
-
-SUFFIXES: dict[str, Callable[[Path, int | None], Variables]] = {
-    ".npz": _npz,
-    ".mat": _mat,
-    ".csv": _csv,
-    ".wav": _wav,
-}
-"""Kinds of files, by their suffix."""

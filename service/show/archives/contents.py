@@ -14,6 +14,7 @@ from numpy.lib import format as npy
 from sqlalchemy.orm import Session
 
 from modalbase.formats.frfs.table import DOFS
+from modalbase.formats.frfs.uff import write_uff
 from service.access import User
 from service.monitoring.monitors import describe_all as described_monitors
 from service.monitoring.monitors import monitors_of, series_for
@@ -26,7 +27,6 @@ from service.store.coupons.operations import batch_for, coupon_for, describe_cou
 from service.store.coupons.operations import describe_all as described_batches
 from service.store.frfs.data import Cut, make_tables
 from service.store.frfs.operations import frf_for
-from service.store.frfs.routes import write_uff
 from service.store.instruments.routes import InstrumentOut, instrument_for
 from service.store.modes.operations import describe_all as described_modes
 from service.store.modes.operations import mode_set_for
@@ -172,7 +172,7 @@ def _write_campaign(session: Session, archive: Archive, campaign: Campaign) -> N
     tables = make_tables(session, frf_for.all(session, campaign_id=[campaign.id]), Cut())
     if tables:
         with archive.member(f"{folder}/frfs.uff") as file:
-            write_uff(tables, file, binary=True)
+            write_uff(tables, file)
     shown = [
         {name: getattr(frf, name) for name in FRF_COLUMNS} for table in tables for frf in table.frfs
     ]  # in the order of the file

@@ -19,13 +19,9 @@ from pydantic_core import to_jsonable_python
 
 from fecore import __version__
 from modalbase.archive import CRATE, FORMAT, MANIFEST
+from modalbase.formats.registry import WRITERS
 
-KINDS = {
-    "uff": "application/x-uff",
-    "npz": "application/x-npz",
-    "csv": "text/csv",
-    "json": "application/json",
-}
+KINDS = {name: WRITERS[name].media_type for name in ("uff", "npz", "csv", "json")}
 
 
 class _Digest(io.RawIOBase):

@@ -26,6 +26,7 @@ from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from fecore import __version__
+from modalbase.formats.registry import FORMATS, titles
 from service import tasks
 from service.access import CurrentUser, SessionDep, User, role_in
 from service.access import routes as access
@@ -141,7 +142,14 @@ def _templates() -> Environment:
     made.filters.update(
         numbers.FILTERS, bar=bar, page_words=page_words, labelled=labelled, climate=climate_of
     )
-    made.globals.update(asset=address, version=__version__, quantity=attributes, climate=CLIMATE)
+    made.globals.update(
+        asset=address,
+        version=__version__,
+        quantity=attributes,
+        climate=CLIMATE,
+        formats=FORMATS,
+        titles=titles,
+    )
     return made
 
 

@@ -11,6 +11,7 @@ from anyio import from_thread
 from fastapi import Path, Query, Request, Response
 from fastapi.responses import FileResponse, PlainTextResponse
 
+from modalbase.formats.registry import WRITERS
 from service.access import CurrentUser, SessionDep, SettingsDep
 from service.compute.models.decks import updated_deck
 from service.errors import Invalid
@@ -40,7 +41,7 @@ from service.show.results.space import (
     model_shape,
 )
 from service.store.frfs.data import require_order
-from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES, CutDep, Hertz, Whole
+from service.store.frfs.routes import FILES, MEDIA_TYPES, CutDep, Hertz, Whole, write_frfs
 from service.store.structures.model_routes import MESH_FILES, MeshForm, mesh_answer
 from service.store.updating.operations import joint_document, joint_update_for, update_job_for
 from service.web import api_router
@@ -80,7 +81,7 @@ def get_predicted_frfs(
 
     `id` and `label` are those of the measured FRF. Values are in single precision.
     """
-    job, written = update_job_for(session, user, job_id), FORMATS[form]
+    job, written = update_job_for(session, user, job_id), WRITERS[form]
     table = predicted_table(session, job, model, FrfQuery(point, direction, reference), cut)
     # A result never changes: the query says which part of it this is, and only UFF holds grid
     # points, which may.
@@ -90,7 +91,7 @@ def get_predicted_frfs(
         if (unchanged := not_modified(request, headers)) is not None:
             return unchanged
     name = f"predicted.{written.suffix}"
-    return spooled(lambda file: written.write([table], file), written.media_type, name, headers)
+    return spooled(lambda file: write_frfs([table], file, form), written.media_type, name, headers)
 
 
 @router.get("/update-jobs/{job_id}/cards", response_class=PlainTextResponse)

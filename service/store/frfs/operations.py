@@ -33,7 +33,7 @@ from sqlalchemy.orm import Mapped, Session, aliased, mapped_column
 
 from fecore.arrays import FloatArray
 from fecore.signal import Averages
-from modalbase.formats.frfs.table import DOFS
+from modalbase.formats.frfs.table import DOFS, UNITS
 from service.access import Lookup, User, present
 from service.access.metadata_schema import require_metadata
 from service.compute.frf_rows import COLUMNS, coherence_columns
@@ -41,7 +41,7 @@ from service.compute.spectra import encode, encode_axis
 from service.db.base import Base, Big, Identified, Labelled, label_indexes
 from service.db.bytea import copy_rows, new_keys
 from service.store.campaigns.operations import campaign_for, campaign_of
-from service.store.frfs.schemas import UNITS, FrfOut
+from service.store.frfs.schemas import FrfOut
 from service.store.storage import book
 from service.web import shown_as
 from service.web.bodies import Labels
@@ -273,7 +273,7 @@ def describe(frf: Frf) -> FrfOut:
     return shown_as(
         FrfOut,
         frf,
-        unit=UNITS[frf.quantity],  # type: ignore[index]  # the column holds what was checked on the way in
+        unit=UNITS[frf.quantity],
         dtype=str(np.dtype(frf.dtype)),
         sha256=frf.sha256.hex(),
         has_coherence=frf.coherence_sha256 is not None,

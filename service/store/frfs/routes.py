@@ -1,31 +1,23 @@
-"""Routes of FRFs and their spectra, which are written as JSON, npz, CSV, Arrow or UFF.
+"""Routes of FRFs and their spectra, which are written as `modalbase.formats.registry` says.
 
 Files are written row by row, so that memory does not grow with the number of FRFs.
 """
 
 import hashlib
-import itertools
-import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from operator import eq, ge, le
 from typing import IO, Annotated
 from uuid import UUID
 
-import numpy as np
 from fastapi import Depends, Query, Request, Response
 from fastapi.responses import FileResponse
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
-from modalbase.formats import uff
-from modalbase.formats.frfs import write_csv, write_npz
-from modalbase.formats.frfs.arrow import write_arrow
-from modalbase.formats.frfs.table import DOFS
-from modalbase.formats.frfs.table import FrfTable as Written
-from modalbase.formats.uff.write import encode
+from modalbase.formats.registry import WRITERS
 from service.access import CurrentUser, SessionDep, present
 from service.errors import Invalid, NotFound
 from service.store.campaigns.operations import campaign_for, stored_points
@@ -40,7 +32,7 @@ from service.store.frfs.data import (
     require_order,
 )
 from service.store.frfs.operations import Frf
-from service.store.frfs.schemas import UNITS, FrfOut, LabelledFrfs
+from service.store.frfs.schemas import FrfOut, LabelledFrfs
 from service.web import Cursor, Limit, Page, api_router, paged
 from service.web.bodies import Labels
 from service.web.downloads import fits_memory, in_memory, spooled
@@ -49,116 +41,19 @@ from service.web.parameters import form_of, not_modified
 Table = FrfTable | PredictedTable
 
 
-def write_json(table: Written, file: IO[bytes]) -> None:
-    """`{quantity, unit, frequency_hz, frfs: [{id, response_point, …, real, imag, coherence}]}`."""
-    quantity = table.quantity
-    head = {
-        "quantity": quantity,
-        "unit": UNITS[quantity],  # type: ignore[index]
-        "frequency_hz": table.frequency_hz.tolist(),
-    }
-    file.write(json.dumps(head, ensure_ascii=False)[:-1].encode() + b', "frfs": [')
-    for i, (frf, values, coherence) in enumerate(table.both()):
-        item = {
-            "id": str(frf.id),
-            "label": frf.label,
-            **{key: getattr(frf, key) for key in DOFS},
-            "averages": frf.averages,
-            "real": values.real.tolist(),
-            "imag": values.imag.tolist(),
-            "coherence": None if coherence is None else coherence.tolist(),
-        }
-        file.write(
-            (b", " if i else b"") + json.dumps(item, ensure_ascii=False, allow_nan=False).encode()
-        )
-    file.write(b"]}")
+def write_frfs(tables: Sequence[Table], file: IO[bytes], form: str) -> None:
+    """Write FRFs as `?format=` names it.
 
-
-def write_uff(tables: Sequence[Table], file: IO[bytes], *, binary: bool) -> None:
-    """Grid points of the campaign (set 2411), FRFs and their coherences (set 58b, or 58 as text),
-    SI.
-
-    The binary form keeps every bit; the text keeps 13 digits.
+    Raises:
+        Invalid: they make several tables, and the format has one.
     """
-    contents: Iterator[uff.Content] = (
-        uff.GridPoint(label, xyz) for label, xyz in tables[0].points.items()
-    )
-    for block in encode(itertools.chain(contents, _functions(tables)), binary=binary):
-        file.write(block)
-
-
-@dataclass(frozen=True)
-class Format:
-    """A way to write FRFs."""
-
-    media_type: str  # of the file
-    suffix: str  # of its name
-    value_bytes: int  # about what a value takes, its coherence included
-    # writes tables; where `one_table`, there is one
-    write: Callable[[Sequence[Table], IO[bytes]], None]
-    one_table: bool = True  # only FRFs of one quantity on one axis can be written
-
-
-def _of_one_table(write: Callable[[FrfTable, IO[bytes]], None]) -> Callable[..., None]:
-    return lambda tables, file: write(only_table(tables), file)
-
-
-FORMATS: dict[str, Format] = {
-    "json": Format("application/json", "json", 70, _of_one_table(write_json)),
-    "npz": Format("application/x-npz", "npz", 24, _of_one_table(write_npz)),
-    "csv": Format("text/csv", "csv", 90, _of_one_table(write_csv)),
-    "arrow": Format(
-        "application/vnd.apache.arrow.stream", "arrows", 50, _of_one_table(write_arrow)
-    ),
-    "uff": Format("application/x-uff", "uff", 24, partial(write_uff, binary=True), one_table=False),
-    "uff-ascii": Format("text/x-uff", "uff", 62, partial(write_uff, binary=False), one_table=False),
-}
-"""By their names in `?format=`."""
-
-
-def _functions(tables: Sequence[Table]) -> Iterator[uff.Content]:
-    """Each FRF, and its coherence after it."""
-    for table in tables:
-        axis = _uff_axis(table)
-        for frf, values, coherence in table.both():
-            dofs = {key: getattr(frf, key) for key in DOFS}
-            ids = (frf.label, table.description, "NONE", "NONE", "NONE")
-            yield uff.Frf(
-                dataset=0,
-                label=frf.label,
-                id_lines=ids,
-                **dofs,
-                quantity=table.quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
-                frequency=axis,
-                values=values,
-            )
-            if coherence is not None:
-                yield uff.Function(
-                    dataset=0,
-                    label=frf.label,
-                    id_lines=ids,
-                    function_type=uff.COHERENCE,
-                    **dofs,
-                    abscissa=axis,
-                    abscissa_unit="Hz",
-                    values=coherence,
-                    unit="",
-                )
-
-
-def _uff_axis(table: Table) -> uff.Axis:
-    """Start and step where they give the lines exactly, else the lines."""
-    frequency = table.frequency_hz
-    if frequency.size > 1:
-        even = uff.Axis(float(frequency[0]), float(frequency[1] - frequency[0]), frequency.size)
-        if np.array_equal(even.points(), frequency):
-            return even
-    return uff.Axis(float(frequency[0]), 0.0, frequency.size, frequency)
+    writer = WRITERS[form]
+    writer.write(only_table(tables) if writer.one_table else tables, file)
 
 
 router = api_router(tags=["FRFs"])
 
-MEDIA_TYPES = {name: form.media_type for name, form in FORMATS.items()}
+MEDIA_TYPES = {name: writer.media_type for name, writer in WRITERS.items()}
 FILES = {
     200: {
         "content": {media_type: {} for media_type in MEDIA_TYPES.values()},
@@ -244,7 +139,7 @@ class Spectra:
             frfs: which.
             choice: how the request could choose FRFs that make one table.
         """
-        form, campaigns = FORMATS[self.form], {frf.campaign_id for frf in frfs}
+        form, campaigns = WRITERS[self.form], {frf.campaign_id for frf in frfs}
         if not form.one_table and len(campaigns) > 1:
             why = (
                 "a UFF file has the grid points of one campaign; these FRFs are of"
@@ -260,7 +155,10 @@ class Spectra:
         size = form.value_bytes * sum(len(table.frfs) * table.frequency_hz.size for table in tables)
         send = in_memory if fits_memory(self.request, size) else spooled
         return send(
-            lambda file: form.write(tables, file), form.media_type, f"frfs.{form.suffix}", headers
+            lambda file: write_frfs(tables, file, self.form),
+            form.media_type,
+            f"frfs.{form.suffix}",
+            headers,
         )
 
 
@@ -326,7 +224,7 @@ def get_campaign_data(
     user: CurrentUser,
     spectra: SpectraDep,
 ) -> Response:
-    """Spectra of a campaign's FRFs, with their band and stride, as JSON, npz, CSV, Arrow or UFF.
+    """Spectra of a campaign's FRFs, with their band and stride, as `format` or Accept says.
 
     UFF holds the grid points too, and FRFs of any axes and quantities; the others need one axis and
     one quantity.
@@ -344,8 +242,8 @@ def get_frf(frf_id: UUID, session: SessionDep, user: CurrentUser) -> FrfOut:
 def get_frf_data(
     frf_id: UUID, session: SessionDep, user: CurrentUser, spectra: SpectraDep
 ) -> Response:
-    """Spectrum of one FRF, in a band and with a stride if wanted, as JSON, npz, CSV, Arrow or
-    UFF.
+    """Spectrum of one FRF, in a band and with a stride if wanted, as `format` or Accept
+    says.
     """
     return spectra.of(session, [operations.frf_for(session, user, frf_id)])
 
@@ -356,7 +254,7 @@ def _etag(session: Session, tables: list[FrfTable], file_format: str) -> str:
         digest.update(repr(table.lines).encode())
         for frf in table.frfs:
             digest.update(frf.id.bytes + frf.sha256 + (frf.coherence_sha256 or b""))
-    if not FORMATS[file_format].one_table:  # such a file holds the grid points too
+    if not WRITERS[file_format].one_table:  # such a file holds the grid points too
         digest.update(repr(stored_points(session, tables[0].frfs[0].campaign_id)).encode())
     return f'"{digest.hexdigest()[:32]}"'
 

@@ -25,7 +25,6 @@ from service.web.json_body import BULK_VALUES, checked, parse_json
 Direction = Annotated[
     int, Field(ge=-6, le=6, description="±1 … ±3 along x, y, z, ±4 … ±6 about them")
 ]
-UNITS: dict[Quantity, str] = {"accelerance": "m/s²/N", "mobility": "m/s/N", "receptance": "m/N"}
 
 
 class FrfOut(StrictModel):

@@ -8,12 +8,12 @@ from uuid import UUID
 
 from fastapi import Query, Request, Response
 from fastapi.responses import FileResponse
-from pydantic import Field
+from pydantic import Field, WithJsonSchema
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
-from modalbase.formats.registry import FormatName, Kind
+from modalbase.formats.registry import FORMATS, Kind, either, looked_at, titles
 from service.access import CurrentUser, Lookup, SessionDep, User, project_for
 from service.access.lookup import projects
 from service.errors import Invalid
@@ -48,6 +48,10 @@ class DatasetOutcome(StrictModel):
     notes: list[str] = Field(description="conversions and assumptions made while reading")
 
 
+FormatName = Annotated[str, WithJsonSchema({"type": "string", "enum": [*FORMATS]})]
+LOOKED_AT = titles(looked_at())
+
+
 class Counts(StrictModel):
     """What an import brought in."""
 
@@ -70,14 +74,11 @@ class ImportOut(JobOut):
         description="by what is in the file; null until that was read"
     )
     kind: Kind | None = Field(
-        description=(
-            "what an npz, .mat, CSV, wav or TDMS holds, as stated or found; null of UFF, which may"
-            " hold both"
-        )
+        description=f"what an {LOOKED_AT} holds, as stated or found; null of UFF, which may hold both"
     )
     mapping: Any = Field(description="which variable is what, as it was stated")
     found: Proposal | None = Field(
-        description="arrays of an npz, .mat, CSV, wav or TDMS, and a mapping that suggests itself"
+        description=f"arrays of an {LOOKED_AT}, and a mapping that suggests itself"
     )
     already_imported: bool = Field(
         False, description="these bytes are in the campaign already; nothing new was queued"
@@ -147,22 +148,24 @@ def start_import(
     quantity: QuantityQuery = None,
     kind: Annotated[
         Kind | None,
-        Query(description="what an npz, .mat or CSV holds; default: by its mapping and its arrays"),
+        Query(
+            description=f"what an {titles(either())} holds; default: by its mapping and its arrays"
+        ),
     ] = None,
     mapping: MappingQuery = None,
 ) -> ImportOut:
-    """Send a file as raw body or as multipart field `file`: UFF, npz, .mat, CSV, wav or TDMS; a job
-    reads it.
+    """Send a file of measured data as raw body or as multipart field `file`; a job reads it.
 
-    Its format is recognised by its content. Hits, and FRFs of a .mat, need a `mapping` that says
-    which variable is what, as parameter or as multipart field; `dry_run` proposes one.
+    Its format, of those in the guide's table, is recognised by its content. Hits, and FRFs of a
+    .mat, need a `mapping` that says which variable is what, as parameter or as multipart field;
+    `dry_run` proposes one.
 
     The answer is 202 with the import's address in `Location`. Bytes that are in the campaign
     already are not read again: then it is 200 with the address of the import that has them, and
     `already_imported` is true; with another `quantity` or `kind` it is 409.
     """
     if sent.file.size == 0:
-        raise Invalid("", "the body is empty, expected a file: UFF, npz, .mat, CSV, wav or TDMS")
+        raise Invalid("", f"the body is empty, expected a file: {titles()}")
     draft = Import(
         filename=filename or sent.filename or "upload",
         dry_run=dry_run,

@@ -18,9 +18,8 @@ from fastapi import Depends, Query, Request, Response
 from sqlalchemy.orm import Session
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.recognise import TEXT_NAMES
 from modalbase.formats.records import Variables
-from modalbase.formats.registry import FORMATS, JSON, MEMBERS, Format, FormatName, Kind
+from modalbase.formats.registry import FORMATS, JSON, MEMBERS, Format, Kind, of_bodies
 from service.access import CurrentUser, SessionDep, SettingsDep, User
 from service.access.dependencies import Beforehand
 from service.access.once import KeyHeader, digest_of, keep, made_before
@@ -98,34 +97,23 @@ _RECORDS_IN = {
     ],
 }
 RECORDS = reads(MAPPED_UPLOAD | {"application/json": _RECORDS_IN})
+FRF_TYPES = of_bodies("frfs")
 FRFS = reads(
-    {
-        "application/json": FrfsIn,
-        "application/x-npz": BINARY,
-        "text/csv": TEXT,
-        "application/x-matlab-data": BINARY,
-    }
+    {"application/json": FrfsIn}
+    | {kind: TEXT if kind.startswith("text/") else BINARY for kind in FRF_TYPES}
 )
 LATER: dict[int | str, dict[str, Any]] = {
     202: {"model": ImportOut, "description": "the file is not read yet; `Location` is its import"}
 }
-FRF_FORMATS: dict[str, FormatName] = {
-    "application/x-npz": "npz",
-    "application/octet-stream": "npz",
-    "application/zip": "npz",
-    "text/csv": "csv",
-    "application/x-matlab-data": "mat",
-}
-"""Media types of files with FRFs."""
-SUFFIX_OF = {
-    "application/x-npz": ".npz",
-    "text/csv": ".csv",
-    "audio/wav": ".wav",
-    "audio/x-wav": ".wav",
-}
-RECORD_SUFFIXES: dict[str, FormatName] = {
-    **{f".{form}": form for form in FORMATS if form != "uff"},
-    **dict.fromkeys(TEXT_NAMES, "csv"),
+UNNAMED = dict.fromkeys(("application/octet-stream", "application/zip"), "npz")
+"""Media types that say little, and the format of FRFs that they are read as."""
+
+RECORD_TYPES = of_bodies("hits")
+RECORD_SUFFIXES = {
+    suffix: row.name
+    for row in FORMATS.values()
+    if row.looked_at and "hits" in row.takes
+    for suffix in row.every_suffix
 }
 
 
@@ -214,7 +202,9 @@ async def _records(
         _require_taken(JSON, "hits", mapping=stated)
         sent = await to_thread.run_sync(lambda: from_json(upload.file.path.read_bytes()))
         return _Came(sent, name, dry_run, [upload.stated, name, dry_run])
-    suffix = (PurePosixPath(name).suffix or SUFFIX_OF.get(upload.content_type, "")).lower()
+    suffix = PurePosixPath(name).suffix.lower()
+    if not suffix and upload.content_type in RECORD_TYPES:
+        suffix = FORMATS[RECORD_TYPES[upload.content_type]].suffixes[0]
     if suffix not in RECORD_SUFFIXES:
         raise Invalid(
             "",
@@ -248,8 +238,7 @@ def create_records(
     user: CurrentUser,
     response: Response,
 ) -> StoredRecords | Proposal | ImportOut:
-    """Send time blocks of hits as npz, .mat, CSV or wav with a mapping, or as JSON
-    `{variables, mapping}`.
+    """Send time blocks of hits as a file with a mapping, or as JSON `{variables, mapping}`.
 
     All are stored, or none. The answer judges the hits of the points concerned, so a script beside
     the hammer knows after each hit whether it was good. A file is an import: one that is not read
@@ -308,18 +297,19 @@ async def _frfs(
                 count = await read_in_subprocess(write_rows, upload.file.path, path)
             yield frfs.NewFrfs(path, count, upload.file.sha256.hex())
         return
-    form = FRF_FORMATS.get(upload.content_type)
+    form = (FRF_TYPES | UNNAMED).get(upload.content_type)
     if form is None:
         raise UnsupportedMediaType(
-            f"the body is {upload.content_type or 'of no stated type'}, "
-            "expected application/x-npz, application/json, text/csv or application/x-matlab-data"
+            f"the body is {upload.content_type or 'of no stated type'}, expected application/json,"
+            f" {', '.join(FRF_TYPES)}"
         )
-    if form != "npz" and quantity is None and stated is None:
+    row = FORMATS[form]
+    if not row.states_quantity and quantity is None and stated is None:
         raise Invalid(
             "quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must"
         )
-    _require_taken(FORMATS[form], "frfs", mapping=stated, quantity=quantity)
-    name = upload.filename or f"frfs.{form}"
+    _require_taken(row, "frfs", mapping=stated, quantity=quantity)
+    name = upload.filename or f"frfs{row.suffixes[0]}"
     draft = Import(
         filename=name, dry_run=False, quantity=quantity, format=form, kind="frfs", mapping=stated
     )
@@ -340,8 +330,8 @@ def create_frfs(
     user: CurrentUser,
     response: Response,
 ) -> Page[FrfOut] | ImportOut:
-    """Send FRFs of a script as npz, JSON or CSV, as `GET …/frfs/data` writes them, or an analyser's
-    .mat with a mapping.
+    """Send FRFs of a script as JSON or a file, as `GET …/frfs/data` writes them, or an analyser's
+    file with a mapping.
 
     All are stored, or none; at most 10,000 at a time. A file is an import: one that is not read
     within `import_wait_seconds` is answered 202 with its address.

@@ -15,6 +15,7 @@ from fastapi.responses import FileResponse
 from sqlalchemy.orm import Session
 
 from modalbase.formats.frfs import FrfRow
+from modalbase.formats.registry import WRITERS
 from service.access import CurrentUser, SessionDep
 from service.errors import Conflict
 from service.show.results.space import (
@@ -26,7 +27,7 @@ from service.show.results.space import (
     model_shape,
 )
 from service.store.frfs.data import PredictedTable
-from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES
+from service.store.frfs.routes import FILES, MEDIA_TYPES, write_frfs
 from service.store.structures.model_routes import MESH_FILES, MeshForm, mesh_answer
 from service.tasks.forecast.task import forecast_arrays, forecast_for
 from service.web import api_router
@@ -109,10 +110,10 @@ def get_forecast_frfs(
     Values are in single precision, in the structure's frame. Without a damping ratio there are
     none, and the answer is 409.
     """
-    written, table = FORMATS[form], _table(session, forecast_for(session, user, forecast_id))
+    written, table = WRITERS[form], _table(session, forecast_for(session, user, forecast_id))
     name = f"forecast.{written.suffix}"
     return spooled(
-        lambda file: written.write([table], file), written.media_type, name, {"Vary": "Accept"}
+        lambda file: write_frfs([table], file, form), written.media_type, name, {"Vary": "Accept"}
     )
 
 

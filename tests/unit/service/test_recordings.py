@@ -8,6 +8,7 @@ from scipy.io import savemat, wavfile
 
 from fecore.errors import InputError
 from modalbase.formats.errors import FormatError
+from modalbase.formats.recognise import recognise
 from service.compute.recordings import Channels, channels_of
 from tests.support.uff import axis, function
 from tests.unit.fecore.signal.test_recording import RATE, recording
@@ -35,7 +36,7 @@ def channels(folder: Path, table: np.ndarray, sensitivity: float = 1.0, cut: int
             for k in range(2, len(table))
         ),
     ]
-    return channels_of(path, {"recording": {}, "channels": mapped}, path.name)
+    return channels_of(path, {"recording": {}, "channels": mapped}, path.name, recognise(path))
 
 
 def blocks_of_channels(own: Channels) -> list[np.ndarray]:
@@ -122,16 +123,19 @@ def test_arrays_that_go_on_over_many_hits_are_cut_as_a_wav_is(tmp_path: Path, su
     mapped = two_channels(*names)
     rate = {} if suffix == ".uff" else {"sample_rate_hz": {"variable": "fs"}}
     path = written(tmp_path, suffix)
-    seen = channels_of(path, {"recording": {}, "channels": mapped, **rate}, path.name)
+    seen = channels_of(
+        path, {"recording": {}, "channels": mapped, **rate}, path.name, recognise(path)
+    )
     np.testing.assert_allclose(blocks_of_channels(seen), own, rtol=1e-6, atol=1e-6)
     if suffix != ".uff":
         with pytest.raises(FormatError, match="sample_rate_hz: is missing"):
-            channels_of(path, {"recording": {}, "channels": mapped}, path.name)
+            channels_of(path, {"recording": {}, "channels": mapped}, path.name, recognise(path))
     with pytest.raises(FormatError, match=f"is 'b'; the file has .*{names[1]}"):
         channels_of(
             path,
             {"recording": {}, "channels": [{**mapped[0], "variable": "b"}, mapped[1]], **rate},
             path.name,
+            recognise(path),
         )
 
 
@@ -141,13 +145,18 @@ def test_arrays_of_unlike_length_and_single_hits_of_a_uff_are_no_recording(tmp_p
     with pytest.raises(
         FormatError, match=r"acc: is float64 .*, expected 14336 real numbers as force"
     ):
-        channels_of(path, {"recording": {}, "channels": mapped, "sample_rate_hz": RATE}, path.name)
+        channels_of(
+            path,
+            {"recording": {}, "channels": mapped, "sample_rate_hz": RATE},
+            path.name,
+            recognise(path),
+        )
     twice = written(tmp_path, ".uff")
     twice.write_bytes(2 * twice.read_bytes())
     with pytest.raises(
         FormatError, match="acceleration_33_3: is in the file several times: as single hits"
     ):
-        channels_of(twice, {"recording": {}, "channels": mapped}, twice.name)
+        channels_of(twice, {"recording": {}, "channels": mapped}, twice.name, recognise(twice))
 
 
 @pytest.mark.parametrize(
@@ -170,4 +179,4 @@ def test_what_a_channel_cannot_be_is_named(
     own = channels(tmp_path, WHOLE)
     mapped = two_channels("channel_1", "channel_2", **channel)
     with pytest.raises(FormatError, match=fault):
-        channels_of(own.file.path, {"recording": {}, "channels": mapped}, "long.wav")
+        channels_of(own.file.path, {"recording": {}, "channels": mapped}, "long.wav", "wav")

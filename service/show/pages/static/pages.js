@@ -250,14 +250,18 @@ async function newStructure(form, body, make) {
 
 /* Arrays of a file that does not say what they are are only looked at first: the report asks for
    what is missing. */
-const ARRAYS = /\.(npz|mat|csv|wav|tdms)$/i;
 const upload = (path, file, form) => {
   const quantity = form.querySelector("details [name=quantity]")?.value;
+  const lookedAt = form.elements.file.dataset.lookedAt.trim().split(" ");
   return sendFile(
     path,
     file,
     file.name,
-    ARRAYS.test(file.name) ? [["dry_run", "true"]] : quantity ? [["quantity", quantity]] : [],
+    lookedAt.some((suffix) => file.name.toLowerCase().endsWith(suffix))
+      ? [["dry_run", "true"]]
+      : quantity
+        ? [["quantity", quantity]]
+        : [],
   );
 };
 const sendFile = (path, file, name, stated) =>

@@ -329,7 +329,7 @@ def test_of_a_structure_only_numbers_are_taken(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("write", "missing", "advice"),
     [
-        (_mat, "scipy", r"install scipy, which modalbase\[server\] brings"),
+        (_mat, "scipy", r"which scipy reads: pip install .modalbase\[server\]"),
         (_mat73, "h5py", "save it with -v7"),
     ],
 )

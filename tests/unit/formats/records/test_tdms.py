@@ -44,7 +44,7 @@ def written(folder: Path, strokes: int = 1, rate: float | None = RATE, lacks: in
 
 
 def channels(path: Path, **stated: object) -> Channels:
-    return channels_of(path, {"recording": {}, "channels": MAPPED, **stated}, path.name)
+    return channels_of(path, {"recording": {}, "channels": MAPPED, **stated}, path.name, "tdms")
 
 
 @pytest.mark.parametrize("strokes", [1, 7, 300])
