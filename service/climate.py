@@ -4,7 +4,7 @@ Requests and answers, the table, search, pages, reports, commands, and the covar
 and trends take what they need of `CLIMATE`. A new condition is a member of `Climate` and a migration.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -56,3 +56,11 @@ def stated(row: object) -> dict[str, float]:
     """The conditions that a campaign states, by name."""
     values = {name: getattr(row, name) for name in CLIMATE}
     return {name: float(value) for name, value in values.items() if value is not None}
+
+
+def stiffness_sds(given: Collection[str]) -> dict[str, float]:
+    """Standard deviations of a relative change of all stiffness over a season, by the conditions
+    that are not given.
+    """
+    changing = {name: one.stiffness_sd for name, one in CLIMATE.items() if one.stiffness_sd}
+    return {name: sd for name, sd in changing.items() if name not in given}

@@ -6,7 +6,7 @@ change point and rate, and the episodes of alarm, which the store turns into ala
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
 
@@ -27,7 +27,6 @@ from fecore.trend import (
 from fecore.trend.document import describe_change, describe_judged, describe_rate, describe_trend
 from fecore.trend.explanations import ChangeExplanation, Effects, change_of, explanations, in_words
 from fecore.trend.tracking import SAME_MODE
-from service.climate import CLIMATE
 from service.jobs.kinds import Reporter
 
 # relative standard deviation where none is stated: the scatter between campaigns then is all there
@@ -71,6 +70,9 @@ class JudgementInputs:
     notes: tuple[str, ...]  # what is known to say already
     # what would move the frequencies, of one campaign of the baseline; None where no result says it
     mode_effects: ModeEffects | None = None
+    # standard deviations of a relative change of all stiffness over a season by conditions that are
+    # no covariates, by name
+    not_given: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -227,6 +229,7 @@ def _explained(
         trend.baseline.labels,
         trend.watched.labels[first:],
         inputs.watch.covariates,
+        inputs.not_given,
     )
 
 
@@ -272,6 +275,7 @@ def explained(
     baseline: Sequence[str],
     later: Sequence[str],
     covariates: Sequence[str],
+    not_given: Mapping[str, float],
 ) -> dict[str, Any] | None:
     """Explanations of a change, ranked, and in words; None where too few modes or campaigns say
     something.
@@ -282,6 +286,7 @@ def explained(
         baseline: campaigns of the baseline.
         later: campaigns since the change.
         covariates: that are regressed out.
+        not_given: conditions that are not; see `JudgementInputs`.
     """
     by = {o.campaign: o for o in observations}
     row = _rows(by[mode_effects.campaign], observations)
@@ -298,11 +303,6 @@ def explained(
     )
     at = _regressors([by[name] for name in based], [by[name] for name in later], covariates)
     change, slopes = change_of(first, last, *at)
-    not_given = {
-        name: one.stiffness_sd
-        for name, one in CLIMATE.items()
-        if one.stiffness_sd and name not in covariates
-    }
     ranked = explanations(
         change, _effects(mode_effects, row[modes], covariates, slopes[1:, : modes.sum()], not_given)
     )

@@ -26,7 +26,7 @@ from fecore.trend import Acknowledgement, State, Watch
 from fecore.trend import Chart as CoreChart
 from fecore.trend.states import WORST_FIRST
 from service.access import Lookup, User, audit
-from service.climate import CLIMATE, stated
+from service.climate import CLIMATE, stated, stiffness_sds
 from service.compute.judging import Episode, Judgement, JudgementInputs, Observation, judge
 from service.errors import Conflict, NotFound
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
@@ -153,13 +153,15 @@ def _load(session: Session, job_id: UUID, _workspace: Path) -> JudgementInputs:
     described = pairs[: monitor.watch["baseline"]]
     arrival = _arrival(session, series)
     pairs.sort(key=lambda pair: arrival[pair[0].campaign.id])
+    watch = watch_of(monitor)
     return JudgementInputs(
         observations=tuple(_observation(one, run) for one, run in pairs),
-        watch=watch_of(monitor),
+        watch=watch,
         as_of=now,
         acknowledged=tuple(_acknowledgement(alarm) for alarm in _acknowledged(session, monitor)),
         notes=tuple(_notes(series, pairs)),
         mode_effects=mode_effects_of(session, described[-1][1]) if described else None,
+        not_given=stiffness_sds(watch.covariates),
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fecore.trend import Acknowledgement, Watch
+from service.climate import stiffness_sds
 from service.compute.judging import Judgement, JudgementInputs, ModeEffects, Observation, judge
 
 START = datetime(2025, 1, 1, tzinfo=UTC)
@@ -40,7 +41,13 @@ def judged(
     watch = watch or Watch({"Ex": "fall"}, baseline=6)
     latest = max(o.performed_at for o in observations)
     inputs = JudgementInputs(
-        tuple(observations), watch, as_of or latest, tuple(acknowledged), (), mode_effects
+        tuple(observations),
+        watch,
+        as_of or latest,
+        tuple(acknowledged),
+        (),
+        mode_effects,
+        stiffness_sds(watch.covariates),
     )
     (result,) = judge(inputs, lambda *_: None)
     json.dumps(result.document, allow_nan=False)

@@ -78,6 +78,41 @@ class Change:
 
 CHANGES: tuple[Change, ...] = (
     Change(
+        "law",
+        "a damping law",
+        "a row in `fecore/dynamics/laws.py`, and a class in `damping_laws.py` where no form fits",
+        "`tests/unit/fecore/test_laws.py`: its sentence in [theory](docs/theory.md), its name in"
+        " [updating](docs/updating.md)",
+    ),
+    Change(
+        "parameter",
+        "a kind of parameter",
+        "a row in `fecore/quantities.py`, and `nominal` and `row` of the body that has it",
+        "`tests/unit/fecore/test_quantities.py`",
+    ),
+    Change(
+        "format",
+        "a format of FRFs",
+        "a module in `modalbase/formats/frfs`, path to `Frfs` and back; its row in"
+        " `modalbase/formats/registry.py`",
+        "`tests/unit/formats/test_registry.py`; the file is cut at every length",
+    ),
+    Change(
+        "channel",
+        "a channel of alarms",
+        "a module in `service/monitoring/notifications/channels` with `check`, `send` and its"
+        " `Channel`, named in `CHANNELS` there",
+        "`tests/unit/service/test_channels.py`: one that is not listed, a member without its row in"
+        " [monitoring](docs/monitoring.md)",
+    ),
+    Change(
+        "job",
+        "a kind of job",
+        "a folder in `service/tasks`: `compute.py`, `task.py` with `TASK`, `routes.py`; a migration",
+        "`tests/unit/service/test_tasks.py`: what is missing, its name in the glossary; `test_db.py`"
+        " compares the table",
+    ),
+    Change(
         "field",
         "a condition of a campaign",
         "a member of `Climate` in `service/climate.py`, and a migration",
@@ -110,9 +145,9 @@ def changed(change: Change) -> Iterator[Path]:
         tree = Path(folder)
         listed = _run(["git", "ls-files", "-z"], ROOT)
         for name in filter(None, listed.stdout.split("\0")):
-            if (ROOT / name).is_file():
+            if (ROOT / name).is_file() or (ROOT / name).is_symlink():
                 (tree / name).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(ROOT / name, tree / name)
+                shutil.copy2(ROOT / name, tree / name, follow_symlinks=False)
         for made in (_apply(change, tree), _run([sys.executable, "-m", "tools.reference"], tree)):
             if made.returncode:
                 raise RuntimeError(f"{change.name}: {made.stdout}{made.stderr}")
