@@ -1,12 +1,16 @@
-"""What an update returns: frozen, in SI, with both uncertainties of every estimate."""
+"""What an update returns: frozen, in SI, with both uncertainties of every estimate.
+
+These classes are the document of a result, too: their docstrings describe its members to readers of
+the OpenAPI document, and `__pydantic_config__` says so to pydantic, which the core does not import.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import ComplexArray, Drawn, FloatArray, Numbers
 from fecore.body.mesh import Mesh
 from fecore.frf import Dof
 from fecore.modal import Identification
@@ -14,6 +18,13 @@ from fecore.normal import Z_95
 
 if TYPE_CHECKING:
     from fecore.updating.effects import FrequencyEffects
+
+
+DESCRIBED: dict[str, Any] = {
+    "use_attribute_docstrings": True,
+    "json_schema_serialization_defaults_required": True,
+}
+"""What pydantic reads of a class here."""
 
 
 @dataclass(frozen=True)
@@ -29,73 +40,100 @@ class Finding:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a result may be used: `level`, one sentence, and the decisive reasons, the gravest
-    first.
-    """
+    """Whether the result may be used."""
+
+    __pydantic_config__: ClassVar = DESCRIBED
 
     level: Literal["usable", "with_care", "do_not_use"]
+    """may it be used?"""
     sentence: str
+    """the same in one sentence"""
     reasons: tuple[str, ...]
+    """the decisive ones, the gravest first"""
 
 
 @dataclass(frozen=True)
 class StageOutcome:
     """How a stage ended; stages fail alone."""
 
-    stage: Literal["elastic", "damping"]  # `elastic` or `damping`
-    # `succeeded`; `failed`; `skipped` where there was nothing for it to work on
+    __pydantic_config__: ClassVar = DESCRIBED
+
+    stage: Literal["elastic", "damping"]
+    """`elastic` or `damping`"""
     status: Literal["succeeded", "failed", "skipped"]
-    message: str = ""  # why, where it did not succeed
+    """skipped: there was nothing to work on"""
+    message: str = ""
+    """why, where it did not succeed"""
 
 
 @dataclass(frozen=True)
 class BudgetEntry:
-    """One source's part in the uncertainty of a parameter."""
+    """One source's part in a parameter's uncertainty."""
 
-    source: str  # its name: noise, discrepancy, a prior, or an input of the laboratory
-    standard_deviation: float  # that it alone would give, in the parameter's unit
-    share: float  # of the parameter's variance
-    provenance: str  # where the source's own standard deviation comes from
+    __pydantic_config__: ClassVar = DESCRIBED
+
+    source: str
+    """noise, discrepancy, a prior, or an input of the laboratory"""
+    standard_deviation: float
+    """that it alone would give, in the parameter's unit"""
+    share: float
+    """of the parameter's variance, 0 to 1"""
+    provenance: str
+    """where the source's own standard deviation comes from"""
 
 
 @dataclass(frozen=True)
 class Comparable:
-    """A parameter for the comparison of tests of one body, which share the errors of the
-    laboratory's inputs.
+    """A parameter with every input held at what was stated, to compare with other tests of the same
+    body, which share the errors of the laboratory's inputs.
     """
 
-    estimate: float  # with every input held at what the laboratory stated
-    standard_deviation: float  # of it, under measurement noise alone
+    __pydantic_config__: ClassVar = DESCRIBED
+
+    estimate: float
+    """in the parameter's unit"""
+    standard_deviation: float
+    """by measurement noise alone, in the parameter's unit"""
 
 
 @dataclass(frozen=True)
 class ParameterEstimate:
-    """One updated parameter."""
+    """An updated parameter."""
 
-    # name, unit: such as Ex in Pa, a0 in 1/s
+    __pydantic_config__: ClassVar = DESCRIBED
+
     name: str
+    """Ex Ey Gxy Gxz Gyz a0 a1 …"""
     unit: str
-    # value of the model before; None for damping, which starts from the measured ratios
+    """Pa, 1/s, s, or the unit of a spring"""
     initial: float | None
-    estimate: float  # value after
-    # root mean square error, the model's discrepancy and the inputs' errors included
+    """value of the model before, in its unit; null for damping"""
+    estimate: float
+    """value after, in its unit"""
     standard_deviation: float
-    noise_standard_deviation: float  # under measurement noise alone
-    # 95 % interval, everything included; not about the estimate's middle where it is not
+    """everything included, in its unit"""
+    noise_standard_deviation: float
+    """under measurement noise alone, in its unit"""
+    # not about the estimate's middle where it is not
     interval_95: tuple[float, float]
-    # whether the data supply more than half of what is known of it; of a tied one, of what it is
-    # tied to
+    """95 % interval, everything included, in its unit"""
     identifiable: bool
-    # prior_mean, prior_sd: None where the parameter had no prior
+    """whether the data say more than half of what is known of it; of a tied one, of what it is tied
+    to
+    """
     prior_mean: float | None
+    """in its unit; null without a prior"""
     prior_sd: float | None
-    comparable: Comparable  # what to compare with another test of the same body
-    budget: tuple[BudgetEntry, ...] = ()  # what its variance is made of, the largest first
-    # parameters with which it moves in a direction that the data do not see
+    """in its unit; null without a prior"""
+    comparable: Comparable
+    """what to compare with other tests of the same body"""
+    budget: tuple[BudgetEntry, ...] = ()
+    """what its variance is made of, the largest first"""
     confounded_with: tuple[str, ...] = ()
-    # the parameter that it follows in a fixed ratio, so that nothing here is its own: its estimate
-    # and interval hold where the ratio does. None where it is its own.
+    """parameters with which it moves where the data see nothing"""
+    # nothing of a tied one is its own: estimate and interval hold where the ratio does
     tied_to: str | None = None
+    """the parameter whose ratio to it the recipe fixes; null where it is estimated itself"""
 
     @property
     def deviations(self) -> tuple[float, float]:
@@ -106,29 +144,39 @@ class ParameterEstimate:
 
 @dataclass(frozen=True)
 class ModeComparison:
-    """One measured mode beside the model's; None where there is no partner or nothing was measured
-    or stated.
-
-    `kind` is the model's word for its motion: bending or torsion; `motion` and `energy` are the
-    shares of the model's mode by kind of motion, and of its strain energy by set and spring. A mode
-    on the supports' springs has no predicted damping.
+    """A measured mode beside the model's; null where there is no partner or nothing was
+    measured.
     """
 
+    __pydantic_config__: ClassVar = DESCRIBED
+
     number: int
+    """of the measured mode, from 1"""
     kind: str | None
+    """the model's motion: bending or torsion"""
     measured_hz: float
+    """measured natural frequency, Hz"""
     initial_hz: float | None
+    """of the initial model, Hz"""
     updated_hz: float | None
+    """of the updated model, Hz"""
     error_percent: float | None
+    """of the updated frequency, % of the measured one"""
     mac: float | None
+    """of measured and updated shape, 0 to 1"""
     measured_damping: float | None
+    """measured damping ratio ζ, not per cent"""
+    # a mode on the supports' springs has none
     predicted_damping: float | None
+    """of the updated model, not per cent"""
     measured_damping_sd: float | None = None
+    """standard deviation of the measured ratio"""
     motion: Mapping[str, float] | None = None
+    """shares of the updated model's motion, by kind, 0 to 1"""
     energy: Mapping[str, float] | None = None
-    own_mesh_hz: float | None = (
-        None  # of the updated model on the body's own mesh, where a finer one gives `updated_hz`
-    )
+    """shares of its strain energy, by set and spring, 0 to 1"""
+    own_mesh_hz: float | None = None
+    """of the updated model on the structure's own mesh, Hz; null where a finer one was not needed"""
 
 
 @dataclass(frozen=True)
@@ -170,26 +218,42 @@ class Correlation:
 class LawFit:
     """One damping law, ranked."""
 
+    __pydantic_config__: ClassVar = DESCRIBED
+
     name: str  # of the law
-    # coefficients, standard_deviations: by name, SI, the law's discrepancy included; of an update
-    # of one campaign the first law's are from the FRFs, where there are any, the others' from the
-    # modal damping ratios
+    # by name, SI: of an update of one campaign the first law's are from the FRFs, where there are
+    # any, the others' from the modal damping ratios; the law's discrepancy is included
     coefficients: dict[str, float]
-    standard_deviations: dict[str, float]
+    standard_deviations: dict[str, float]  # of the coefficients
     # Bayesian information criterion on the damping ratios; infinite where the law cannot be had
     bic: float
     preferred: bool  # whether it has the least of all
 
 
 @dataclass(frozen=True)
-class DampingModelFit(LawFit):
-    """A law of the recipe."""
+class LawCurve:
+    """A damping law over the range of the modes."""
 
-    missed: FloatArray  # (n,) relative miss of the ratio of each paired mode that the law damps
-    # (2, m) frequencies in Hz over the range of the measured modes, and the law's damping ratios
-    # there: of a law of frequency a curve, of a law by mechanism the model's modes
-    curve: FloatArray
-    by_mechanism: bool  # whether it is one by mechanism
+    __pydantic_config__: ClassVar = DESCRIBED
+
+    frequency_hz: Drawn
+    """Hz; of a law by mechanism those of the model's modes"""
+    damping_ratio: Drawn
+    """of the law there"""
+
+
+@dataclass(frozen=True)
+class DampingModelFit(LawFit):
+    """A damping law of the recipe."""
+
+    __pydantic_config__: ClassVar = DESCRIBED
+
+    missed: Numbers
+    """relative miss of the ratio of each paired mode"""
+    curve: LawCurve
+    """its damping ratios over the range of the modes"""
+    by_mechanism: bool
+    """whether it damps the shares of strain energy"""
 
 
 @dataclass(frozen=True)
@@ -208,27 +272,36 @@ class CommonLaw(LawFit):
 
 @dataclass(frozen=True)
 class CurveOf:
-    """A constant, or a coefficient of a damping law, over temperature: (n,) estimates and 95 %
-    intervals.
-    """
+    """A constant, or a coefficient of a damping law, over temperature."""
+
+    __pydantic_config__: ClassVar = DESCRIBED
 
     name: str
+    """of the constant or the coefficient"""
     unit: str
-    estimate: FloatArray
-    low: FloatArray
-    high: FloatArray
-    law: str | None = None  # of a law's coefficient
+    """SI"""
+    estimate: Drawn
+    """at each temperature"""
+    low: Drawn
+    """lower end of its 95 % interval"""
+    high: Drawn
+    """upper end of its 95 % interval"""
+    law: str | None = None
+    """whose coefficient it is; null of an elastic constant"""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """What campaigns at several temperatures show of each constant between these, and a little
-    beyond.
-    """
+    """Constants and damping between the temperatures of the tests, and a little beyond."""
 
-    reference_c: float  # at which the result is given, °C
-    temperature_c: FloatArray  # (n,) ascending, °C
+    __pydantic_config__: ClassVar = DESCRIBED
+
+    reference_c: float
+    """temperature at which the parameters are given, °C"""
+    temperature_c: Drawn
+    """°C"""
     constants: tuple[CurveOf, ...]
+    """of each that changes with temperature"""
 
 
 @dataclass(frozen=True)
@@ -273,56 +346,76 @@ class ModeShapes:
 
 @dataclass(frozen=True)
 class StartHistory:
-    """One start of stage 1: parameters by name and cost, iterate by iterate; `failure` says why it
-    did not converge.
-    """
+    """A start of stage 1, iterate by iterate."""
 
-    parameters: dict[str, FloatArray]
-    cost: tuple[float, ...]
+    __pydantic_config__: ClassVar = DESCRIBED
+
     chosen: bool
-    failure: str
+    """whether the result is its end"""
+    failure: str | None
+    """null: it converged"""
+    cost: tuple[float, ...]
+    """of each iterate"""
+    parameters: dict[str, Numbers]
+    """by name, of each iterate, SI"""
 
 
 @dataclass(frozen=True)
 class Partner:
-    """A measured mode and its partner among the model's, numbered from 1, with the latter's
-    frequency and kind of motion.
-    """
+    """A measured mode and its partner among the model's."""
+
+    __pydantic_config__: ClassVar = DESCRIBED
 
     measured: int
+    """number of the measured mode, from 1"""
     model: int
+    """number of the model's elastic mode, from 1"""
     frequency_hz: float
+    """of the model's mode, Hz"""
     kind: str
+    """its motion: bending or torsion"""
 
 
 @dataclass(frozen=True)
 class RivalPairing:
-    """Other partners at the best point that a start of stage 1 came to with them."""
+    """Other partners, at the best point that a start came to with them."""
 
-    partners: tuple[Partner, ...]  # of the measured modes
-    parameters: dict[str, float]  # at that point, by name, SI
-    log_evidence: float  # logarithm of how much more the chosen pairing is supported
+    __pydantic_config__: ClassVar = DESCRIBED
+
+    partners: tuple[Partner, ...]
+    """of the measured modes"""
+    parameters: dict[str, float]
+    """at that point, by name, SI"""
+    log_evidence: float
+    """logarithm of how much more the chosen pairing is supported"""
 
 
 @dataclass(frozen=True)
 class PairingSummary:
-    """Which mode is which."""
+    """Which measured mode is which of the model's."""
 
-    # what decided: `shapes` (MAC), or `order` where fewer than three dofs, or none, say nothing of
-    # shapes
+    __pydantic_config__: ClassVar = DESCRIBED
+
     by: Literal["shapes", "order"]
-    partners: tuple[Partner, ...]  # of the measured modes; one that is not named has none
-    # the next best pairing that was found; None where there was no other, or none was looked for
+    """what decided: `order` with fewer than three dofs, or no shapes"""
+    partners: tuple[Partner, ...]
+    """of the measured modes; one that is not named has none"""
     rival: RivalPairing | None
+    """the next best pairing that was found; null: none"""
 
 
 @dataclass(frozen=True)
 class ConvergenceStep:
-    """One iterate of stage 1: parameters by name, frequencies of the measured modes, cost."""
+    """An iterate of stage 1."""
+
+    __pydantic_config__: ClassVar = DESCRIBED
 
     parameters: dict[str, float]
-    frequency_hz: FloatArray
+    """by name, SI"""
+    frequency_hz: Numbers
+    """of the measured modes' partners, Hz"""
     cost: float
+    """of the fit, without unit"""
 
 
 @dataclass(frozen=True)

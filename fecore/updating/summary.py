@@ -42,6 +42,7 @@ from fecore.updating.result import (
     DampingModelFit,
     Finding,
     HeldOut,
+    LawCurve,
     ModeShapes,
     PairingSummary,
     ParameterEstimate,
@@ -198,8 +199,8 @@ class Summary:
             by_mechanism=bool(ranked.law.groups),
         )
 
-    def _curve(self, law: DampingLaw, coefficients: np.ndarray) -> FloatArray:
-        """(2, m) a law's damping ratios over the range of the measured modes and somewhat
+    def _curve(self, law: DampingLaw, coefficients: np.ndarray) -> LawCurve:
+        """A law's damping ratios over the range of the measured modes and somewhat
         beyond.
         """
         low, high = (
@@ -210,9 +211,9 @@ class Summary:
             state = self.elastic.updated
             inside = (state.frequency_hz >= low) & (state.frequency_hz <= high)
             hz, strain = state.frequency_hz[inside], state.strain[state.modes.rigid :][inside]
-            return np.stack([hz, damping_ratio(law, coefficients, 2 * np.pi * hz, strain)])
+            return LawCurve(hz, damping_ratio(law, coefficients, 2 * np.pi * hz, strain))
         grid = np.geomspace(low, high, _CURVE_POINTS)
-        return np.stack([grid, damping_ratio(law, coefficients, 2 * np.pi * grid)])
+        return LawCurve(grid, damping_ratio(law, coefficients, 2 * np.pi * grid))
 
     def _predicted_damping(self, column: int) -> float | None:
         """The law's ratio of an elastic model mode; None where no law damps it."""

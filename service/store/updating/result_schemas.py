@@ -11,6 +11,18 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from fecore.updating.result import (
+    ConvergenceStep,
+    Curve,
+    DampingModelFit,
+    ModeComparison,
+    PairingSummary,
+    ParameterEstimate,
+    StageOutcome,
+    StartHistory,
+    Verdict,
+)
+
 
 def _listed(values: Any) -> Any:
     """Numbers of an array of any shape as lists, None for what is not finite."""
@@ -19,20 +31,9 @@ def _listed(values: Any) -> Any:
     return None if isinstance(values, float | np.floating) and not np.isfinite(values) else values
 
 
-def _short(values: Any) -> Any:
-    """Numbers of a curve that is only drawn, to five digits."""
-    listed = _listed(values)
-    return (
-        [None if value is None else float(f"{value:.5g}") for value in listed]
-        if isinstance(listed, list)
-        else values
-    )
-
-
 Number = Annotated[float | None, BeforeValidator(_listed)]
 Numbers = Annotated[list[Number], BeforeValidator(_listed)]
 Table = Annotated[list[Numbers], BeforeValidator(_listed)]
-Curve = Annotated[list[Number], BeforeValidator(_short)]
 
 CONSTANTS = {**dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz"), "Pa"), "a0": "1/s", "a1": "s"}
 """Names of the constants by which results are found, with their units."""
@@ -46,14 +47,6 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="allow", from_attributes=True)
 
 
-class VerdictOut(Part):
-    """Whether the result may be used."""
-
-    level: Level = Field(description="may it be used?")
-    sentence: str = Field(description="the same in one sentence")
-    reasons: list[str] = Field(description="the decisive ones, the gravest first")
-
-
 class FindingOut(Part):
     """Something that a user must know."""
 
@@ -62,107 +55,6 @@ class FindingOut(Part):
         description="what it means for the use of the result"
     )
     text: str = Field(description="what was found and what to do")
-
-
-class OutcomeOut(Part):
-    """How a stage ended; stages fail alone."""
-
-    stage: str = Field(description="`elastic` or `damping`")
-    status: Literal["succeeded", "failed", "skipped"] = Field(
-        description="skipped: there was nothing to work on"
-    )
-    message: str = Field(description="why, where it did not succeed")
-
-
-class BudgetOut(Part):
-    """One source's part in a parameter's uncertainty."""
-
-    source: str = Field(description="noise, discrepancy, a prior, or an input of the laboratory")
-    standard_deviation: float = Field(
-        description="that it alone would give, in the parameter's unit"
-    )
-    share: float = Field(description="of the parameter's variance, 0 to 1")
-    provenance: str = Field(description="where the source's own standard deviation comes from")
-
-
-class ComparableOut(Part):
-    """A parameter with every input held at what was stated, to compare with other tests of the same
-    body.
-    """
-
-    estimate: float = Field(description="in the parameter's unit")
-    standard_deviation: float = Field(
-        description="by measurement noise alone, in the parameter's unit"
-    )
-
-
-class ParameterOut(Part):
-    """An updated parameter."""
-
-    name: str = Field(description="Ex Ey Gxy Gxz Gyz a0 a1 …")
-    unit: str = Field(description="Pa, 1/s, s, or the unit of a spring")
-    initial: Number = Field(description="value of the model before, in its unit; null for damping")
-    estimate: float = Field(description="value after, in its unit")
-    standard_deviation: float = Field(description="everything included, in its unit")
-    noise_standard_deviation: float = Field(
-        description="under measurement noise alone, in its unit"
-    )
-    interval_95: tuple[float, float] = Field(
-        description="95 % interval, everything included, in its unit"
-    )
-    identifiable: bool = Field(
-        description=(
-            "whether the data say more than half of what is known of it; of a tied one, of what it"
-            " is tied to"
-        )
-    )
-    prior_mean: Number = Field(description="in its unit; null without a prior")
-    prior_sd: Number = Field(description="in its unit; null without a prior")
-    comparable: ComparableOut | None = Field(
-        None, description="what to compare with other tests of the same body"
-    )
-    budget: list[BudgetOut] = Field(description="what its variance is made of, the largest first")
-    confounded_with: list[str] = Field(
-        description="parameters with which it moves where the data see nothing"
-    )
-    tied_to: str | None = Field(
-        None,
-        description=(
-            "the parameter whose ratio to it the recipe fixes; null where it is estimated itself"
-        ),
-    )
-
-
-class ModeComparisonOut(Part):
-    """A measured mode beside the model's; null where there is no partner or nothing was
-    measured.
-    """
-
-    number: int = Field(description="of the measured mode, from 1")
-    kind: str | None = Field(description="the model's motion: bending or torsion")
-    measured_hz: float = Field(description="measured natural frequency, Hz")
-    initial_hz: Number = Field(description="of the initial model, Hz")
-    updated_hz: Number = Field(description="of the updated model, Hz")
-    error_percent: Number = Field(description="of the updated frequency, % of the measured one")
-    mac: Number = Field(description="of measured and updated shape, 0 to 1")
-    measured_damping: Number = Field(None, description="measured damping ratio ζ, not per cent")
-    predicted_damping: Number = Field(None, description="of the updated model, not per cent")
-    measured_damping_sd: Number = Field(
-        None, description="standard deviation of the measured ratio"
-    )
-    motion: dict[str, float] | None = Field(
-        None, description="shares of the updated model's motion, by kind, 0 to 1"
-    )
-    energy: dict[str, float] | None = Field(
-        None, description="shares of its strain energy, by set and spring, 0 to 1"
-    )
-    own_mesh_hz: Number = Field(
-        None,
-        description=(
-            "of the updated model on the structure's own mesh, Hz; null where a finer one was not"
-            " needed"
-        ),
-    )
 
 
 class AgreementOut(Part):
@@ -203,32 +95,6 @@ class CorrelationOut(AgreementOut):
     )
 
 
-class CurveOut(Part):
-    """A damping law over the range of the modes."""
-
-    frequency_hz: Curve = Field(description="Hz; of a law by mechanism those of the model's modes")
-    damping_ratio: Curve = Field(description="of the law there")
-
-
-class DampingLawOut(Part):
-    """A damping law of the recipe."""
-
-    name: str = Field(description="as the recipe names it")
-    coefficients: dict[str, float] = Field(description="by name, SI")
-    bic: Number = Field(description="Bayesian information criterion; the least is preferred")
-    preferred: bool = Field(description="whether it has the least of all")
-    missed: Numbers = Field(description="relative miss of the ratio of each paired mode")
-    standard_deviations: dict[str, float] | None = Field(
-        None, description="of the coefficients, by name, SI"
-    )
-    curve: CurveOut | None = Field(
-        None, description="its damping ratios over the range of the modes"
-    )
-    by_mechanism: bool | None = Field(
-        None, description="whether it damps the shares of strain energy"
-    )
-
-
 class CommonLawOut(Part):
     """A damping law with one set of coefficients for all campaigns."""
 
@@ -239,79 +105,6 @@ class CommonLawOut(Part):
     preferred: bool = Field(description="whether it has the least of all")
     missed_by: dict[str, float] = Field(
         description="root mean square of the misses of each campaign's ratios"
-    )
-
-
-class OverTemperatureOut(Part):
-    """A constant, or a coefficient of a damping law, over temperature."""
-
-    name: str = Field(description="of the constant or the coefficient")
-    unit: str = Field(description="SI")
-    estimate: Curve = Field(description="at each temperature")
-    low: Curve = Field(description="lower end of its 95 % interval")
-    high: Curve = Field(description="upper end of its 95 % interval")
-    law: str | None = Field(
-        None, description="whose coefficient it is; null of an elastic constant"
-    )
-
-
-class TemperatureCurveOut(Part):
-    """Constants and damping between the temperatures of the tests, and a little beyond."""
-
-    reference_c: float = Field(description="temperature at which the parameters are given, °C")
-    temperature_c: Curve = Field(description="°C")
-    constants: list[OverTemperatureOut] = Field(description="of each that changes with temperature")
-
-
-class ConvergenceStepOut(Part):
-    """An iterate of stage 1."""
-
-    parameters: dict[str, float] = Field(description="by name, SI")
-    frequency_hz: Numbers = Field(description="of the measured modes' partners, Hz")
-    cost: float = Field(description="of the fit, without unit")
-
-
-class StartOut(Part):
-    """A start of stage 1, iterate by iterate."""
-
-    chosen: bool = Field(description="whether the result is its end")
-    failure: Annotated[str | None, BeforeValidator(lambda text: text or None)] = Field(
-        description="null: it converged"
-    )
-    cost: list[float] = Field(description="of each iterate")
-    parameters: dict[str, Numbers] = Field(description="by name, of each iterate, SI")
-
-
-class PartnerOut(Part):
-    """A measured mode and its partner among the model's."""
-
-    measured: int = Field(description="number of the measured mode, from 1")
-    model: int = Field(description="number of the model's elastic mode, from 1")
-    frequency_hz: float = Field(description="of the model's mode, Hz")
-    kind: str = Field(description="its motion: bending or torsion")
-
-
-class RivalPairingOut(Part):
-    """Other partners, at the best point that a start came to with them."""
-
-    partners: list[PartnerOut] = Field(description="of the measured modes")
-    parameters: dict[str, float] = Field(description="at that point, by name, SI")
-    log_evidence: float = Field(
-        description="logarithm of how much more the chosen pairing is supported"
-    )
-
-
-class PairingOut(Part):
-    """Which measured mode is which of the model's."""
-
-    by: Literal["shapes", "order"] = Field(
-        description="what decided: `order` with fewer than three dofs, or no shapes"
-    )
-    partners: list[PartnerOut] = Field(
-        description="of the measured modes; one that is not named has none"
-    )
-    rival: RivalPairingOut | None = Field(
-        description="the next best pairing that was found; null: none"
     )
 
 
@@ -328,22 +121,24 @@ class PosteriorOut(Part):
 class ResultOut(Part):
     """A result: the verdict and the warnings first."""
 
-    verdict: VerdictOut = Field(description="whether the result may be used")
+    verdict: Verdict = Field(description="whether the result may be used")
     warnings: list[str] = Field(description="in words; read them first")
     findings: list[FindingOut] = Field(
         default_factory=list, description="the update's warnings, each with its id"
     )
-    outcomes: list[OutcomeOut] = Field(description="how each stage ended")
-    parameters: list[ParameterOut] = Field(description="updated parameters, SI")
-    modes: list[ModeComparisonOut] = Field(description="measured modes beside the model's")
+    outcomes: list[StageOutcome] = Field(description="how each stage ended")
+    parameters: list[ParameterEstimate] = Field(description="updated parameters, SI")
+    modes: list[ModeComparison] = Field(description="measured modes beside the model's")
     correlation: CorrelationOut = Field(description="agreement of FRFs and shapes")
-    damping_models: list[DampingLawOut] = Field(description="damping laws, ranked")
+    damping_models: list[DampingModelFit] = Field(description="damping laws, ranked")
     damping_fit: dict[str, Any] = Field(description="starts, optima and history of stage 2")
-    convergence: list[ConvergenceStepOut] | None = Field(
+    convergence: list[ConvergenceStep] | None = Field(
         None, description="iterates of stage 1; with `?include=convergence` only"
     )
-    starts: list[StartOut] | None = Field(None, description="every start of stage 1 that was tried")
-    pairing: PairingOut | None = Field(
+    starts: list[StartHistory] | None = Field(
+        None, description="every start of stage 1 that was tried"
+    )
+    pairing: PairingSummary | None = Field(
         None, description="which measured mode is which of the model's, and the rival pairing"
     )
     model_modes: list[dict[str, Any]] | None = Field(
@@ -357,7 +152,7 @@ class ResultOut(Part):
         None,
         description="temperature at which the parameters are given, °C; null: nobody stated one",
     )
-    curve: TemperatureCurveOut | None = Field(
+    curve: Curve | None = Field(
         None,
         description="constants over temperature, where the reference is not the campaign's own",
     )
@@ -399,8 +194,8 @@ class CampaignPartOut(Part):
         description="whether it or one of its inputs is the likeliest cause of a conflict"
     )
     alone: dict[str, AloneOut] = Field(description="the constants by this campaign alone")
-    own: list[ParameterOut] = Field(description="its own unknowns and its specimen's")
-    modes: list[ModeComparisonOut] = Field(description="measured modes beside the model's")
+    own: list[ParameterEstimate] = Field(description="its own unknowns and its specimen's")
+    modes: list[ModeComparison] = Field(description="measured modes beside the model's")
 
 
 class SaidOut(Part):
@@ -456,12 +251,12 @@ class ConflictOut(Part):
 class JointResultOut(Part):
     """One material from several campaigns."""
 
-    verdict: VerdictOut = Field(description="whether the result may be used")
+    verdict: Verdict = Field(description="whether the result may be used")
     warnings: list[str] = Field(description="in words; read them first")
     findings: list[FindingOut] = Field(
         default_factory=list, description="the update's warnings, each with its id"
     )
-    parameters: list[ParameterOut] = Field(
+    parameters: list[ParameterEstimate] = Field(
         description="the material's constants in its own axes, SI"
     )
     posterior: PosteriorOut = Field(description="how the constants correlate")
@@ -477,7 +272,7 @@ class JointResultOut(Part):
         None,
         description="temperature at which the parameters are given, °C; null: nobody stated one",
     )
-    curve: TemperatureCurveOut | None = Field(
+    curve: Curve | None = Field(
         None,
         description="constants and damping over temperature; null where all campaigns are at one",
     )
