@@ -88,9 +88,9 @@ def test_what_campaigns_say_of_one_another() -> None:
         rows=[slice(0, 2), slice(2, 3)],
         pairings=pairings,
         problem=problem,
-        missed=lambda rows: float(problem.residual[rows][0]),
-        away=np.zeros(1),
-        standing=(),
+        rms_residual=lambda rows: float(problem.residual[rows][0]),
+        prior_z_score=np.zeros(1),
+        admissible_rivals=(),
         rivals=(),
         oscillating_modes=(),
     )
