@@ -217,6 +217,8 @@ def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
         outdated=outdated(visit.session, row, result),
         viewer=_viewer(visit, common["campaign"], job_id, result),
         figures=figures,
+        tabs=_tabs(),
+        of_frfs=[each for each in CRITERIA.values() if each.of == "FRFs"],
         steps=steps,
         notes=notes,
         recipe=list(
@@ -227,6 +229,15 @@ def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
             for pair in (result.get("pairing") or {}).get("partners", [])
         },
     )
+
+
+def _tabs() -> dict[str, list[str]]:
+    """Names of the figures in each part of the page; of the correlation's the wide ones apart."""
+    tabs = defaultdict(list)
+    for name, each in FIGURES.items():
+        wide = each.tab == "correlation" and each.width > FIGURES["mac"].width
+        tabs[f"{each.tab}, wide" if wide else each.tab].append(name)
+    return tabs
 
 
 def _viewer(

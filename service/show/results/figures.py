@@ -2,17 +2,32 @@
 result.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic
+from typing import Any, Generic, Literal
 
 import numpy as np
 
-from fecore.correlation import auto_mac
+from fecore.correlation import (
+    CRITERIA,
+    FEWEST_PAIRS,
+    Criterion,
+    auto_mac,
+    correlate,
+    paired_lines,
+)
+from fecore.frf import Dof
 from modalbase.client.results import motion_words
 from service.errors import Conflict, NotFound
 from service.show.figures.answers import require_figure
-from service.show.figures.frfs import PointValues, agreement_figure, points_figure
+from service.show.figures.frfs import (
+    PointValues,
+    agreement_figure,
+    dof_name,
+    dofs_figure,
+    line_pairs_figure,
+    points_figure,
+)
 from service.show.figures.marks import Figure, words
 from service.show.figures.modes import (
     MOST_MODES,
@@ -44,6 +59,14 @@ from service.show.results.figure_data import (
 )
 
 
+Tab = Literal[
+    "parameters", "modes", "correlation", "damping", "budget", "convergence", "more", "apart"
+]
+"""Part of the result's page that shows a figure: `apart` where the page has a place of its own for
+it, or the same as a table.
+"""
+
+
 @dataclass(frozen=True)
 class NamedFigure(Generic[Drawn]):
     """A figure of an update, or of a joint update."""
@@ -56,6 +79,9 @@ class NamedFigure(Generic[Drawn]):
     query: tuple[str, ...] = ()  # parameters of the query that it heeds
     # draws it as several figures of which each fits on a page; None where one does
     sheets: Callable[[Drawn], Sequence[Figure]] | None = None
+    tab: Tab = "more"  # of the result's page
+    # on paper, as a share of the text's width; of two that are high 0.8, so that they fit on a page
+    width: float = 0.9
 
     def lacks(self, data: Drawn) -> str | None:
         """Why the result has nothing for the figure; None where it has."""
@@ -270,7 +296,7 @@ def _no_single_estimates(data: JointFigures) -> str | None:
     return None if known else "no campaign has an estimate of its own"
 
 
-def _agreement(name: str) -> Callable[[UpdateFigures, FigureQuery], Figure]:
+def _lines(criterion: Criterion) -> Callable[[UpdateFigures, FigureQuery], Figure]:
     def draw(data: UpdateFigures, query: FigureQuery) -> Figure:
         hz = data.arrays["band_lines_hz"]
         low, high = query.fmin or 0.0, np.inf if query.fmax is None else query.fmax
@@ -280,9 +306,9 @@ def _agreement(name: str) -> Callable[[UpdateFigures, FigureQuery], Figure]:
                 f"line of the fitted band, {hz[0]:g} to {hz[-1]:g} Hz, between {low:g} and"
                 f" {high:g} Hz"
             )
-        initial, updated = data.arrays[name][:, kept].astype(float)
+        initial, updated = data.arrays[criterion.name][:, kept].astype(float)
         return agreement_figure(
-            name,
+            criterion,
             hz[kept],
             initial,
             updated,
@@ -292,7 +318,40 @@ def _agreement(name: str) -> Callable[[UpdateFigures, FigureQuery], Figure]:
     return draw
 
 
-def _sac(data: UpdateFigures, _: FigureQuery) -> Figure:
+def _line_pairs(criterion: Criterion) -> Callable[[UpdateFigures, FigureQuery], Figure]:
+    def draw(data: UpdateFigures, _: FigureQuery) -> Figure:
+        hz = data.arrays["band_lines_hz"]
+        initial, updated = data.arrays[criterion.name].astype(float)
+        return line_pairs_figure(criterion, hz[paired_lines(hz.size)], initial, updated)
+
+    return draw
+
+
+def _too_few_pairs(data: UpdateFigures) -> str | None:
+    known = len(data.arrays.get("shape_pairs", ())) >= FEWEST_PAIRS
+    return _no_mac(data) or (None if known else "fewer than two modes are paired")
+
+
+def _dofs(criterion: Criterion) -> Callable[[UpdateFigures, FigureQuery], Figure]:
+    def draw(data: UpdateFigures, _: FigureQuery) -> Figure:
+        arrays = data.arrays
+        measured, model = arrays["shape_pairs"].T
+        shapes = arrays["shapes_measured"][measured].astype(complex)
+        there = arrays["shapes_updated"][model, : shapes.shape[1]].astype(complex)
+        along = arrays["shape_directions"]
+        axes = np.argmax(np.abs(along), axis=1)
+        signs = np.sign(along[np.arange(len(along)), axes]).astype(int)
+        dofs = [
+            dof_name(Dof(int(point), int(sign * (axis + 1))))
+            for point, sign, axis in zip(arrays["shape_points"], signs, axes, strict=True)
+        ]
+        values = correlate("shapes", shapes, there)[criterion.name]
+        return dofs_figure(criterion, dofs[: values.size], values)
+
+    return draw
+
+
+def _by_point(data: UpdateFigures, _: FigureQuery) -> Figure:
     arrays, correlation = data.arrays, data.document["correlation"]
     parts = [(arrays["fitted"].tolist(), correlation, False)]
     if correlation["held_out"]["frfs"] is not None:
@@ -302,16 +361,14 @@ def _sac(data: UpdateFigures, _: FigureQuery) -> Figure:
     labels = [data.moving_point(row) for row in rows]
     at = np.array([places[label] for label in labels])
     values = {
-        name: np.array(
-            [np.nan if v is None else v for _, criteria, _ in parts for v in criteria[name]],
+        each: np.array(
+            [np.nan if v is None else v for _, criteria, _ in parts for v in criteria[each.member]],
             dtype=float,
         )
-        for name in ("sac", "frac")
+        for each in _BY_POINT
     }
     held = [is_held for places, _, is_held in parts for _ in places]
-    return points_figure(
-        PointValues(labels, at[:, 0], at[:, 1], values["sac"], values["frac"], held), *data.plan
-    )
+    return points_figure(PointValues(labels, at[:, 0], at[:, 1], values, held), *data.plan)
 
 
 def _convergence(data: UpdateFigures, _: FigureQuery) -> Figure:
@@ -355,6 +412,49 @@ def _stabilisation(data: UpdateFigures, _: FigureQuery) -> Figure:
 
 
 _LINES = ("fmin", "fmax")
+_BY_POINT = [each for each in CRITERIA.values() if each.axis == "FRF"]
+
+
+def _of_criteria() -> Iterator[tuple[str, NamedFigure[UpdateFigures]]]:
+    """The figure of each criterion; those of FRFs share one, the last."""
+    for name, each in CRITERIA.items():
+        title = f"{each.label}: {each.says}"
+        if each.axis == "line":
+            yield (
+                each.figure,
+                NamedFigure(
+                    *(f"{title} by line", _lines(each), _no_prediction, (name,), _LINES),
+                    tab="correlation",
+                    width=0.8,
+                ),
+            )
+        elif each.axis == "pair of lines":
+            yield (
+                each.figure,
+                NamedFigure(
+                    *(f"{title} between any two lines", _line_pairs(each), _no_prediction, (name,)),
+                    tab="correlation",
+                ),
+            )
+        elif each.axis == "dof":
+            yield (
+                each.figure,
+                NamedFigure(
+                    *(f"{title} by degree of freedom", _dofs(each), _too_few_pairs),
+                    ("shapes_measured", "shape_directions"),
+                    tab="correlation",
+                    width=0.8,
+                ),
+            )
+    yield (
+        _BY_POINT[0].figure,
+        NamedFigure(
+            f"{' and '.join(each.label for each in _BY_POINT)} by point on the specimen",
+            *(_by_point, _no_prediction, ("fitted", "shape_points")),
+            tab="correlation",
+        ),
+    )
+
 
 FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
     "frf": NamedFigure(
@@ -363,22 +463,36 @@ FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
         _no_prediction,
         (),
         ("point", "reference", *_LINES),
+        tab="apart",
     ),
     "parameters": NamedFigure(
-        "Parameters: prior and updated with 95 % intervals", _parameters("Parameters"), _no_result
+        "Parameters: prior and updated with 95 % intervals",
+        _parameters("Parameters"),
+        _no_result,
+        tab="apart",
     ),
     "sensitivities": NamedFigure(
         "Sensitivities of the frequencies, parameter by mode",
         _sensitivities,
         _no_result,
         ("parameter_effects",),
+        tab="parameters",
+        width=0.8,
     ),
     "budget": NamedFigure(
         "What the variance of each parameter is made of",
         lambda data, _: budget_figure(data.document["parameters"]),
         _no_budget,
+        tab="budget",
+        width=0.8,
     ),
-    "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _no_posterior),
+    "posterior": NamedFigure(
+        "Posterior: densities and correlations",
+        _posterior,
+        _no_posterior,
+        tab="budget",
+        width=0.75,
+    ),
     "shapes": NamedFigure(
         "Mode shapes, measured beside updated",
         _shapes,
@@ -386,32 +500,37 @@ FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
         ("shapes_updated",),
         ("measured", "model"),
         _shape_sheets,
+        tab="modes",
     ),
-    "mac": NamedFigure("MAC of measured and updated shapes", _mac, _no_mac),
+    "mac": NamedFigure(
+        "MAC of measured and updated shapes", _mac, _no_mac, tab="correlation", width=0.8
+    ),
     "automac": NamedFigure(
-        "AutoMAC of the measured shapes", _automac, _no_mac, ("shapes_measured",)
+        "AutoMAC of the measured shapes",
+        _automac,
+        _no_mac,
+        ("shapes_measured",),
+        tab="correlation",
+        width=0.8,
     ),
-    "csac": NamedFigure(
-        "CSAC: agreement in shape by line", _agreement("csac"), _no_prediction, ("csac",), _LINES
-    ),
-    "csf": NamedFigure(
-        "CSF: agreement in level by line", _agreement("csf"), _no_prediction, ("csf",), _LINES
-    ),
-    "sac": NamedFigure(
-        "SAC and FRAC by point on the specimen", _sac, _no_prediction, ("fitted", "shape_points")
-    ),
+    **dict(_of_criteria()),
     "damping": NamedFigure(
         "Damping ratios and the laws",
         lambda data, _: damping_figure(data.document["damping_models"], data.document["modes"]),
         _no_laws,
+        tab="damping",
     ),
     "temperature": NamedFigure(
         "Constants and damping over temperature",
         lambda data, _: temperature_figure(data.document["curve"], data.document["parameters"]),
         _one_temperature,
     ),
-    "convergence": NamedFigure("Convergence of all starts", _convergence, _no_result),
-    "stabilisation": NamedFigure("Stabilisation diagram", _stabilisation, _no_identification),
+    "convergence": NamedFigure(
+        "Convergence of all starts", _convergence, _no_result, tab="convergence", width=0.85
+    ),
+    "stabilisation": NamedFigure(
+        "Stabilisation diagram", _stabilisation, _no_identification, tab="modes"
+    ),
 }
 """Every figure of an update, in the order in which a report shows them."""
 
