@@ -253,7 +253,7 @@ class Summary:
         if self.modes.shapes is None or len(pairs) < FEWEST_PAIRS:
             return None
         measured, model = map(list, zip(*pairs, strict=True))
-        there = self.elastic.updated.shapes[model, : self.modes.shapes.shape[1]]
+        there = self.elastic.updated.shapes[model, : self.modes.shapes.shape[1]].astype(complex)
         return correlate("shapes", self.modes.shapes[measured], there)
 
     def _held_out_frfs(self) -> HeldOut | None:

@@ -408,7 +408,7 @@ def line_pairs_figure(
     names = [f"{each:.4g}" for each in hz]
     ids = [[[down, across] for across in names] for down in names]
     cells = [[""] * hz.size] * hz.size
-    hover = f"measured %{{customdata[0]}} Hz, predicted %{{customdata[1]}} Hz: %{{z:.4f}}"
+    hover = "measured %{customdata[0]} Hz, predicted %{customdata[1]} Hz: %{z:.4f}"
     down = named_axis("measured line [Hz]", names)
     marks: list[Mark] = []
     for name, values, across in (
@@ -432,7 +432,7 @@ def dofs_figure(criterion: Criterion, dofs: Sequence[str], values: FloatArray) -
         dofs: names of the p dofs.
         values: (p,) from 0 to 1; NaN where there is none.
     """
-    marks = [Points(range(len(dofs)), values, ids=dofs, hover=f"%{{customdata}}: %{{y:.4f}}")]
+    marks = [Points(range(len(dofs)), values, ids=dofs, hover="%{customdata}: %{y:.4f}")]
     panel = Panel(named_axis("degree of freedom", dofs), Axis(criterion.label, range=(0, 1.03)))
     return Figure(
         f"{criterion.label}: {criterion.says} by degree of freedom", marks, [panel],
@@ -494,9 +494,7 @@ def points_figure(
                     "hover": f"point %{{customdata}}: {title} %{{marker.color:.4f}}",
                 }
                 at = values.x[rows], values.y[rows], "" if place else words
-                marks.append(
-                    Points(*at, each[rows], symbol, 14, scale=scale, panel=panel, **look)
-                )
+                marks.append(Points(*at, each[rows], symbol, 14, scale=scale, panel=panel, **look))
     return Figure(
         f"{' and '.join(each.label for each in values.values)} by point on the specimen",
         marks,

@@ -14,6 +14,7 @@ from uuid import UUID
 from fastapi import Query
 from fastapi.responses import HTMLResponse
 
+from fecore.correlation import CRITERIA
 from service.errors import Conflict, Invalid, NotFound
 from service.show.measured import Likeness, likeness
 from service.show.pages.look import Visit, VisitDep

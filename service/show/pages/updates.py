@@ -4,6 +4,7 @@ result; and the next tests.
 Lists everywhere name update jobs by what they belong to.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -13,6 +14,7 @@ from uuid import UUID
 from fastapi import Query
 from fastapi.responses import HTMLResponse
 
+from fecore.correlation import CRITERIA
 from service.access import routes as access
 from service.jobs.resource import ENDED, JobState
 from service.show.figures.marks import counted
@@ -23,6 +25,7 @@ from service.show.pages.numbers import leaves
 from service.show.pages.quantities import units_of_parameter
 from service.show.pages.viewer import viewer_of
 from service.show.results import routes as shown
+from service.show.results.figures import FIGURES
 from service.store.campaigns import routes as campaigns
 from service.store.campaigns.operations import campaigns_of
 from service.store.campaigns.schemas import CampaignOut

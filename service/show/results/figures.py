@@ -58,7 +58,6 @@ from service.show.results.figure_data import (
     update_frf_figure,
 )
 
-
 Tab = Literal[
     "parameters", "modes", "correlation", "damping", "budget", "convergence", "more", "apart"
 ]

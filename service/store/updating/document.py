@@ -161,7 +161,7 @@ def _held_out(held: HeldOut | None) -> dict[str, Any] | None:
 
 
 def _agreement(agreement: Agreement | None, of: Of = "FRFs") -> dict[str, Any]:
-    known = agreement or {}
+    known = Agreement() if agreement is None else agreement
     return {
         each.member: each.stated(known.get(name))
         for name, each in CRITERIA.items()
@@ -190,14 +190,13 @@ def _with_all_criteria(correlation: Document) -> dict[str, Any]:
     """Criteria that came after a result was stored have no value in it."""
     held_out = correlation.get("held_out")
     return {
-        **_filled(correlation, "FRFs"),
-        **_filled(correlation, "shapes"),
+        **_filled(_filled(correlation, "FRFs"), "shapes"),
         "initial": _filled(correlation.get("initial"), "FRFs"),
         "held_out": held_out and {name: _filled(each, "FRFs") for name, each in held_out.items()},
     }
 
 
-def _filled(part: Document | None, of: Of) -> Document | None:
+def _filled(part: Any, of: Of) -> Any:
     return part and {**part, **{n: v for n, v in _agreement(None, of).items() if n not in part}}
 
 
