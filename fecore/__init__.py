@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from fecore.body.sections import homogenise, section
     from fecore.body.specimen import Specimen
     from fecore.body.supports import Edge, PointMass, Spring
-    from fecore.correlation import csac, csf, frac, mac, sac
+    from fecore.correlation import comac, csac, csf, fdac, frac, mac, sac
     from fecore.errors import (
         FecoreError,
         IdentificationError,
@@ -47,7 +47,7 @@ _HOMES = {
     "body.sections": ("homogenise", "section"),
     "body.specimen": ("Specimen",),
     "body.supports": ("Edge", "PointMass", "Spring"),
-    "correlation": ("csac", "csf", "frac", "mac", "sac"),
+    "correlation": ("comac", "csac", "csf", "fdac", "frac", "mac", "sac"),
     "errors": ("FecoreError", "IdentificationError", "InputError", "ModelError", "UpdatingError"),
     "frf": ("Dof", "FrfSet"),
     "modal": ("Identification", "Options", "identify"),
@@ -85,8 +85,10 @@ __all__ = [
     "UpdateResult",
     "UpdatingError",
     "__version__",
+    "comac",
     "csac",
     "csf",
+    "fdac",
     "frac",
     "homogenise",
     "identify",

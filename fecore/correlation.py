@@ -6,8 +6,9 @@ criterion of vectors without any magnitude is 0/0 and returned as NaN, for that
 entry alone: a dead channel must not hide the others.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 import scipy
@@ -25,6 +26,8 @@ _OWN = 0.01  # of a mode's own MAC, which settles whose partner it is of modes t
 # share of any shape in a span of modes, above which the dofs are too few for the span to say
 # something
 _CHANCE = 0.1
+FEWEST_PAIRS = 2  # of modes, for criteria of dofs over them: of one pair these are 1
+MOST_PAIRED_LINES = 100  # of which every pair is compared; of more lines every second, third, …
 
 
 def mac(a: ArrayLike, b: ArrayLike) -> FloatArray:
@@ -46,8 +49,7 @@ def mac(a: ArrayLike, b: ArrayLike) -> FloatArray:
         raise InputError(
             "shapes", f"have {left.shape[1]} and {right.shape[1]} dofs, expected the same dofs"
         )
-    left, right = _unit(left), _unit(right)
-    return np.asarray(np.minimum(np.abs(left.conj() @ right.T) ** 2, 1.0))
+    return _each_with_each(left, right)
 
 
 def auto_mac(shapes: ArrayLike) -> FloatArray:
@@ -93,6 +95,155 @@ def csf(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
     left, right = _pair("frfs", measured, predicted)
     cross = np.abs(np.sum(left.conj() * right, axis=0))
     return _ratio(2 * cross, np.sum(np.abs(left) ** 2 + np.abs(right) ** 2, axis=0))
+
+
+def fdac(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
+    """Frequency domain assurance criterion, (L, M): MAC of the measured FRFs at each line with the
+    predicted ones at each of theirs (Pascual, Golinval and Razeto 1997).
+
+    Large values beside the diagonal show by how much the model's frequencies are off; on it, where
+    the lines are the same, it is CSAC.
+
+    Args:
+        measured: (N, L) FRFs.
+        predicted: (N, M) the same FRFs, on any lines.
+
+    Raises:
+        InputError: there are different numbers of FRFs, or they are not finite.
+    """
+    left, right = _rows("frfs", measured), _rows("frfs", predicted)
+    if len(left) != len(right):
+        raise InputError("frfs", f"are {len(left)} and {len(right)}, expected the same FRFs")
+    return _each_with_each(left.T, right.T)
+
+
+def comac(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
+    """Coordinate MAC of each dof over pairs of modes, (p,): (Σ_r |φ_e φ_n|)² / (Σ_r |φ_e|² ·
+    Σ_r |φ_n|²) (Lieven and Ewins 1988).
+
+    Shapes are scaled to unit length first, so that none outweighs the others. Magnitudes alone
+    count: a dof of the wrong sign does not show. Of one pair it is 1.
+
+    Args:
+        measured: (n, p) shapes.
+        predicted: (n, p) shapes of their partners at the same dofs.
+
+    Raises:
+        InputError: the two arrays have different shapes, or are not finite.
+    """
+    left, right = (np.abs(_unit(each)) for each in _pair("shapes", measured, predicted))
+    return _assurance(left.astype(complex), right.astype(complex), axis=0)
+
+
+Of = Literal["FRFs", "shapes"]
+Axis = Literal["FRF", "line", "pair of lines", "dof"]
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """How well what was measured and what the model predicts agree: values from 0 to 1."""
+
+    name: str  # of its function, in documents, and of its array
+    label: str  # as people write it
+    meaning: str  # what it stands for, in words
+    says: str  # what a figure of it shows, in words
+    of: Of  # what it compares: (N, L) FRFs, or (n, p) shapes of paired modes
+    axis: Axis  # what it has a value of
+    figure: str  # name of the figure that shows it
+    function: Callable[[ArrayLike, ArrayLike], FloatArray]  # of measured and predicted ones
+
+    @property
+    def is_mean(self) -> bool:
+        """Whether a result states its mean, as there are too many values to be read."""
+        return self.axis in ("line", "pair of lines")
+
+    @property
+    def member(self) -> str:
+        """Name of the member of a result that states it."""
+        return f"{self.name}_mean" if self.is_mean else self.name
+
+    @property
+    def sentence(self) -> str:
+        """What that member is, in words."""
+        return f"{self.meaning}, {_STATED[self.axis]}"
+
+    def stated(self, values: FloatArray | None) -> Any:
+        """What a result states of its values: themselves or their mean; nothing without any."""
+        if not self.is_mean:
+            return [] if values is None else values
+        if values is None:
+            return None
+        return float(np.nanmean(values if values.ndim == 1 else np.fmax.reduce(values, axis=1)))
+
+
+_STATED: dict[Axis, str] = {
+    "FRF": "of each FRF",
+    "line": "mean over the lines",
+    "pair of lines": "of each measured line with the predicted one that is most like it, mean",
+    "dof": "of each measured dof over the paired modes; empty of fewer than two pairs",
+}
+
+_TABLE = (
+    Criterion(
+        *("sac", "SAC", "signature assurance criterion", "agreement in magnitude"),
+        *("FRFs", "FRF", "sac", sac),
+    ),
+    Criterion(
+        *("frac", "FRAC", "frequency response assurance criterion", "agreement in value"),
+        *("FRFs", "FRF", "sac", frac),
+    ),
+    Criterion(
+        *("csac", "CSAC", "cross signature assurance criterion", "agreement in shape"),
+        *("FRFs", "line", "csac", csac),
+    ),
+    Criterion(
+        *("csf", "CSF", "cross signature scale factor", "agreement in level"),
+        *("FRFs", "line", "csf", csf),
+    ),
+    Criterion(
+        *("fdac", "FDAC", "frequency domain assurance criterion", "agreement in shape"),
+        *("FRFs", "pair of lines", "fdac", fdac),
+    ),
+    Criterion(
+        *("comac", "COMAC", "coordinate modal assurance criterion", "agreement of shapes"),
+        *("shapes", "dof", "comac", comac),
+    ),
+)
+CRITERIA = {criterion.name: criterion for criterion in _TABLE}
+"""Every criterion, by its name, in the order in which tables show them."""
+
+
+class Agreement(dict[str, FloatArray]):
+    """Values of criteria by their names, as items and as attributes: (N,) of those of FRFs, (L,) of
+    lines, (l, l) of pairs of lines, (p,) of dofs.
+    """
+
+    def __getattr__(self, name: str) -> FloatArray:
+        if name in self:
+            return self[name]
+        raise AttributeError(name)
+
+
+def correlate(of: Of, measured: ComplexArray, predicted: ComplexArray) -> Agreement:
+    """All criteria of FRFs, (N, L), or of the shapes of paired modes, (n, p); pairs of lines of at
+    most `MOST_PAIRED_LINES` lines.
+    """
+    few = paired_lines(measured.shape[1])
+    criteria = [each for each in _TABLE if each.of == of]
+    return Agreement(
+        (
+            each.name,
+            each.function(measured[:, few], predicted[:, few])
+            if each.axis == "pair of lines"
+            else each.function(measured, predicted),
+        )
+        for each in criteria
+    )
+
+
+def paired_lines(count: int) -> slice:
+    """Which of so many lines are compared in pairs."""
+    return slice(0, count, max(1, -(-count // MOST_PAIRED_LINES)))
 
 
 def frequency_error(measured_hz: ArrayLike, predicted_hz: ArrayLike) -> FloatArray:
@@ -336,6 +487,11 @@ def _unit(rows: ComplexArray) -> ComplexArray:
     with np.errstate(invalid="ignore", divide="ignore"):
         scaled = rows / largest
         return np.asarray(scaled / np.sqrt(np.sum(np.abs(scaled) ** 2, axis=1, keepdims=True)))
+
+
+def _each_with_each(left: ComplexArray, right: ComplexArray) -> FloatArray:
+    """(n, m) MAC of n rows with m others."""
+    return np.asarray(np.minimum(np.abs(_unit(left).conj() @ _unit(right).T) ** 2, 1.0))
 
 
 def _assurance(left: ComplexArray, right: ComplexArray, axis: int) -> FloatArray:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from fecore.arrays import ComplexArray, Drawn, FloatArray, Numbers
 from fecore.body.mesh import Mesh
+from fecore.correlation import Agreement
 from fecore.frf import Dof
 from fecore.modal import Identification
 from fecore.normal import Z_95
@@ -180,22 +181,12 @@ class ModeComparison:
 
 
 @dataclass(frozen=True)
-class FrfCorrelation:
-    """Agreement of measured and predicted FRFs: (N,) SAC and FRAC, (L,) CSAC and CSF."""
-
-    sac: FloatArray
-    frac: FloatArray
-    csac: FloatArray
-    csf: FloatArray
-
-
-@dataclass(frozen=True)
 class HeldOut:
     """Validation on data that no fit has seen."""
 
     points: tuple[int, ...]  # points of held-out FRFs; empty for a held-out band of the fitted FRFs
     band_hz: tuple[float, float]  # lines compared, Hz
-    agreement: FrfCorrelation  # measured against predicted
+    agreement: Agreement  # measured against predicted
     # share of real and imaginary parts that lie in their 95 % prediction intervals
     coverage_95: float
 
@@ -206,12 +197,14 @@ class Correlation:
 
     # initial, updated: over the fitted FRFs and band; the initial model has the damping that the
     # measured ratios give. None without FRFs or without damping.
-    initial: FrfCorrelation | None
-    updated: FrfCorrelation | None
+    initial: Agreement | None
+    updated: Agreement | None
     held_out_frfs: HeldOut | None  # over FRFs kept from the fit, or None
     held_out_band: HeldOut | None  # over lines kept from it, or None
     # (measured, model) MAC of the updated model, or None without shapes
     mac_matrix: FloatArray | None
+    # of the paired shapes, measured and of the updated model; None of fewer than two pairs
+    shapes: Agreement | None
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.correlation import FEWEST_PAIRS, Agreement, correlate
 from fecore.dynamics.damping_laws import (
     DampingLaw,
     beyond,
@@ -232,7 +233,7 @@ class Summary:
     def _correlation(self) -> Correlation:
         seen, frfs = self.prediction, self.data.frfs
         if seen is None or frfs is None or self.data.fitted is None or self.band is None:
-            return Correlation(None, None, None, None, self.elastic.pairing.mac)
+            return Correlation(None, None, None, None, self.elastic.pairing.mac, self._of_shapes())
         low, high = self.band
         lines = np.flatnonzero((frfs.frequency_hz >= low) & (frfs.frequency_hz <= high))
         fitted = np.ix_(np.array(self.data.fitted_rows), lines)
@@ -243,7 +244,17 @@ class Summary:
             held_out_frfs=self._held_out_frfs(),
             held_out_band=self._held_out_band(),
             mac_matrix=self.elastic.pairing.mac,
+            shapes=self._of_shapes(),
         )
+
+    def _of_shapes(self) -> Agreement | None:
+        """Criteria of the shapes that are paired, at the dofs of the measured ones."""
+        pairs = self.elastic.pairing.pairs
+        if self.modes.shapes is None or len(pairs) < FEWEST_PAIRS:
+            return None
+        measured, model = map(list, zip(*pairs, strict=True))
+        there = self.elastic.updated.shapes[model, : self.modes.shapes.shape[1]].astype(complex)
+        return correlate("shapes", self.modes.shapes[measured], there)
 
     def _held_out_frfs(self) -> HeldOut | None:
         if (

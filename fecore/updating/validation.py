@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
-from fecore.correlation import csac, csf, frac, sac
+from fecore.correlation import Agreement, correlate
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.frf import Dof, FrfSet, convert
 from fecore.normal import Z_95
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.posterior import root
-from fecore.updating.result import FrfCorrelation, HeldOut
+from fecore.updating.result import HeldOut
 
 _VALUES_AT_ONCE = 200_000  # of FRFs whose changes are held in memory, some twenty for each value
 
@@ -165,15 +165,10 @@ def _squares(changes: ComplexArray) -> FloatArray:
     return np.moveaxis(np.einsum("qnlc,qnlc->nlc", parts, parts), -1, 0)
 
 
-def agreement(frfs: FrfSet, predicted: ComplexArray) -> FrfCorrelation:
-    """SAC, FRAC, CSAC and CSF of some FRFs, over the values that were measured."""
+def agreement(frfs: FrfSet, predicted: ComplexArray) -> Agreement:
+    """All criteria of some FRFs, over the values that were measured."""
     values, there = (np.where(frfs.measured, each, 0) for each in (frfs.values, predicted))
-    return FrfCorrelation(
-        sac=sac(values, there),
-        frac=frac(values, there),
-        csac=csac(values, there),
-        csf=csf(values, there),
-    )
+    return correlate("FRFs", values, there)
 
 
 def _line(level: FloatArray, variance: FloatArray) -> FloatArray:

@@ -148,19 +148,19 @@ def correlation_cells(correlation: Mapping[str, Any]) -> tuple[list[str], list[l
     """Columns and rows of the means of the criteria, before and after and where something was held
     out.
     """
-    held_out = correlation.get("held_out") or {}
+    initial, held_out = correlation["initial"] or {}, correlation.get("held_out") or {}
     compared = {
-        "initial": correlation["initial"],
+        "initial": initial,
         "updated": correlation,
         "updated, FRFs held out": held_out.get("frfs"),
         "updated, lines held out": held_out.get("band"),
     }
     means = [
-        [name, *_means(criteria)]
+        [name, *(_mean(criteria[member]) for member in initial)]
         for name, criteria in compared.items()
-        if criteria and criteria["sac"]
+        if criteria and any(criteria[member] for member in initial)
     ]
-    return ["model", "SAC", "FRAC", "CSAC", "CSF"], means
+    return ["model", *(member.removesuffix("_mean").upper() for member in initial)], means
 
 
 def _parameter(row: Mapping[str, Any]) -> list[Any]:
@@ -216,13 +216,11 @@ def _mode(row: Mapping[str, Any]) -> list[Any]:
     ]
 
 
-def _means(criteria: Mapping[str, Any]) -> list[Written | None]:
-    values = [
-        *(fmean(criteria[name]) if criteria[name] else None for name in ("sac", "frac")),
-        criteria["csac_mean"],
-        criteria["csf_mean"],
-    ]
-    return [None if value is None else Written(f"{value:.4f}") for value in values]
+def _mean(value: Any) -> Written | None:
+    """Of a criterion, which a result states for each FRF, or as a mean already."""
+    if isinstance(value, list):
+        value = fmean(value) if value else None
+    return None if value is None else Written(f"{value:.4f}")
 
 
 def mode_set_cells(modes: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[Any]]]:

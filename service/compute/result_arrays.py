@@ -9,8 +9,9 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.mesh import Mesh
+from fecore.correlation import CRITERIA
 from fecore.updating.effects import FrequencyEffects
-from fecore.updating.result import FrfCorrelation, ModeShapes, Prediction, UpdateResult
+from fecore.updating.result import ModeShapes, Prediction, UpdateResult
 
 MOST_SAMPLES = 2000
 _LARGEST_HALF = 60_000.0  # that half precision holds
@@ -19,8 +20,8 @@ _LARGEST_HALF = 60_000.0  # that half precision holds
 def as_npz(result: UpdateResult) -> bytes:
     """The arrays of a result.
 
-    Predicted FRFs (in single precision) and how sure they are (in half), CSAC and CSF of the lines
-    of the band, shapes at the measured points and on the model's mesh, samples of the posterior,
+    Predicted FRFs (in single precision) and how sure they are (in half), criteria of lines and of
+    their pairs, shapes at the measured points and on the model's mesh, samples of the posterior,
     what would move the frequencies. What a result has not, its arrays have not either; without a
     prediction the FRFs' arrays are there and empty.
     """
@@ -69,20 +70,19 @@ def _half(values: FloatArray) -> Any:
 
 
 def _agreement(result: UpdateResult) -> dict[str, Any]:
-    """CSAC and CSF, (2, L) of the lines of the band, before and after."""
+    """Criteria before and after: (2, L) of the lines of the band, (2, l, l) of their pairs."""
     prediction, band = result.prediction, result.band_hz
-    correlations: tuple[FrfCorrelation | None, ...] = (
-        result.correlation.initial,
-        result.correlation.updated,
-    )
-    if prediction is None or band is None or None in correlations:
+    before, after = result.correlation.initial, result.correlation.updated
+    if prediction is None or band is None or before is None or after is None:
         return {}
     hz = prediction.frequency_hz
-    known = [each for each in correlations if each is not None]
     return {
         "band_lines_hz": hz[(hz >= band[0]) & (hz <= band[1])],
-        "csac": np.array([each.csac for each in known], dtype=np.float32),
-        "csf": np.array([each.csf for each in known], dtype=np.float32),
+        **{
+            name: np.array([before[name], after[name]], dtype=np.float32)
+            for name, criterion in CRITERIA.items()
+            if criterion.is_mean
+        },
     }
 
 

@@ -127,7 +127,7 @@ def test_examples() -> None:
 FECORE = """
     BeamSpecimen Dof Edge FecoreError ForwardModel FrfSet HoldOut Identification IdentificationError InputError
     MeasuredModes Measurement ModelError Options OrthotropicMaterial Parameter Ply PointMass Recipe Specimen Spring
-    UpdateResult UpdatingError __version__ csac csf frac homogenise identify mac sac section update
+    UpdateResult UpdatingError __version__ comac csac csf fdac frac homogenise identify mac sac section update
 """
 MODALBASE = """
     ClientError FormatError Frfs JobFailed Laboratory UffError __version__ connect read_machine_csv read_uff write_uff

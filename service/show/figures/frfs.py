@@ -1,9 +1,9 @@
 """FRFs: the overlay of one (log magnitude, phase, coherence; measured, of the initial model, of the
 updated one); the hits of a point that it is made of; the agreement of measured and predicted ones,
-line by line (CSAC, CSF) and by point (SAC, FRAC).
+line by line, between lines, and by point.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import cycle, pairwise
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.correlation import Criterion
 from fecore.frf import Dof
 from fecore.normal import Z_95
 from service.show.figures.colors import (
@@ -31,12 +32,14 @@ from service.show.figures.marks import (
     Figure,
     Kind,
     Mark,
+    Matrix,
     Panel,
     Points,
     Region,
     Rule,
     Scale,
     decades,
+    named_axis,
     shortened,
 )
 
@@ -362,19 +365,17 @@ def _about_the_pulse(point: PointShown) -> tuple[float, float]:
     return 1e3 * max(begin - margin, 0.0), 1e3 * (end + margin)
 
 
-TITLES = {
-    "csac": "CSAC: agreement in shape, line by line",
-    "csf": "CSF: agreement in level, line by line",
-}
-
-
 def agreement_figure(
-    name: str, hz: FloatArray, initial: FloatArray, updated: FloatArray, modes: Sequence[float]
+    criterion: Criterion,
+    hz: FloatArray,
+    initial: FloatArray,
+    updated: FloatArray,
+    modes: Sequence[float],
 ) -> Figure:
-    """CSAC or CSF over frequency, before and after.
+    """A criterion of lines over frequency, before and after.
 
     Args:
-        name: `csac` or `csf`.
+        criterion: whose values they are.
         hz: (L,) lines of the fitted band.
         initial: (L,) from 0 to 1.
         updated: (L,) the same after.
@@ -386,8 +387,60 @@ def agreement_figure(
         *(Rule(mode) for mode in modes if hz[0] <= mode <= hz[-1]),
     ]
     return Figure(
-        TITLES[name], marks, [Panel(Axis("frequency [Hz]"), Axis(name.upper(), range=(0, 1.03)))]
+        f"{criterion.label}: {criterion.says}, line by line",
+        marks,
+        [Panel(Axis("frequency [Hz]"), Axis(criterion.label, range=(0, 1.03)))],
     )
+
+
+def line_pairs_figure(
+    criterion: Criterion, hz: FloatArray, initial: FloatArray, updated: FloatArray
+) -> Figure:
+    """A criterion of pairs of lines, in Cividis, before and after: where the model's frequencies
+    are off, large values lie beside the diagonal.
+
+    Args:
+        criterion: whose values they are.
+        hz: (l,) the lines.
+        initial: (l, l) from 0 to 1, measured lines down, predicted ones across.
+        updated: (l, l) the same after.
+    """
+    names = [f"{each:.4g}" for each in hz]
+    ids = [[[down, across] for across in names] for down in names]
+    cells = [[""] * hz.size] * hz.size
+    hover = "measured %{customdata[0]} Hz, predicted %{customdata[1]} Hz: %{z:.4f}"
+    down = named_axis("measured line [Hz]", names)
+    marks: list[Mark] = []
+    for name, values, across in (
+        ("initial", initial, (0.0, 0.45)),
+        ("updated", updated, (0.55, 1.0)),
+    ):
+        x = named_axis(f"line of the {name} model [Hz]", names)
+        panel = Panel(x, down, across=across, title=name)
+        scale = Scale(criterion.label, 0, 1, shown=name == "updated")
+        marks.append(Matrix(values, cells, scale, ids=ids, hover=hover, panel=panel))
+    title = f"{criterion.label}: {criterion.says} between any two lines"
+    panels = [mark.panel for mark in marks if mark.panel is not None]
+    return Figure(title, marks, panels, height=460, margins={"r": 90, "b": 85, "t": 70})
+
+
+def dofs_figure(criterion: Criterion, dofs: Sequence[str], values: FloatArray) -> Figure:
+    """A criterion of degrees of freedom, dof by dof.
+
+    Args:
+        criterion: whose values they are.
+        dofs: names of the p dofs.
+        values: (p,) from 0 to 1; NaN where there is none.
+    """
+    marks = [Points(range(len(dofs)), values, ids=dofs, hover="%{customdata}: %{y:.4f}")]
+    panel = Panel(named_axis("degree of freedom", dofs), Axis(criterion.label, range=(0, 1.03)))
+    return Figure(
+        f"{criterion.label}: {criterion.says} by degree of freedom", marks, [panel],
+        margins={"b": 85},
+    )  # fmt: skip
+
+
+_GAP = 0.16  # between panels, as a share of the height
 
 
 @dataclass(frozen=True)
@@ -397,23 +450,23 @@ class PointValues:
     labels: Sequence[int]  # of the points
     x: FloatArray  # their places on the specimen, m
     y: FloatArray
-    sac: FloatArray  # from 0 to 1; NaN where there is none
-    frac: FloatArray
+    # by criterion, from 0 to 1; NaN where there is none
+    values: Mapping[Criterion, FloatArray]
     held_out: Sequence[bool]  # whether the FRF was held out of the fit
 
 
 def points_figure(
     values: PointValues, along: tuple[float, float], across: tuple[float, float]
 ) -> Figure:
-    """SAC and FRAC at the points of the specimen, seen from above, each point in the colour of its
-    value.
+    """Criteria of FRFs at the points of the specimen, seen from above, each point in the colour of
+    its value.
 
     Args:
         values: by point.
         along: x of the specimen's ends, m.
         across: y of its edges, m.
     """
-    lowest = float(np.nanmin([*values.sac, *values.frac, 1.0]))
+    lowest = float(np.nanmin(np.append(list(values.values.values()), 1.0)))
     floor = float(np.floor(10 * max(lowest, 0.0)) / 10)
     held = np.array(values.held_out, dtype=bool)
     margin, spread = 0.03 * (along[1] - along[0]), across[1] - across[0]
@@ -421,10 +474,12 @@ def points_figure(
     y = Axis("y [m]", range=(across[0] - spread / 4, across[1] + spread / 4))
     marks: list[Mark] = []
     panels = []
-    for title, criterion, up, middle in (
-        ("SAC", values.sac, (0.58, 1.0), 0.8),
-        ("FRAC", values.frac, (0.0, 0.42), 0.2),
-    ):
+    count = len(values.values)
+    height = (1 - _GAP * (count - 1)) / count
+    for place, (criterion, each) in enumerate(values.values.items()):
+        title, top = criterion.label, round(1 - place * (height + _GAP), 3)
+        up = round(top - height, 3), top
+        middle = round(sum(up) / 2, 1)
         panel = Panel(x, replace(y), up=up, title=title)
         panels.append(panel)
         marks.append(Region(along, QUIET, across, outline=True, panel=panel))
@@ -433,19 +488,17 @@ def points_figure(
             (held, "diamond", "held out of the fit"),
         ):
             if rows.any():
-                scale = Scale(title, floor, 1.0, symbol == "circle", middle, 0.45)
+                scale = Scale(title, floor, 1.0, symbol == "circle", middle, 0.9 / count)
                 look: Any = {
                     "ids": np.array(values.labels)[rows].tolist(),
                     "hover": f"point %{{customdata}}: {title} %{{marker.color:.4f}}",
                 }
-                place = values.x[rows], values.y[rows], words if title == "SAC" else ""
-                marks.append(
-                    Points(*place, criterion[rows], symbol, 14, scale=scale, panel=panel, **look)
-                )
+                at = values.x[rows], values.y[rows], "" if place else words
+                marks.append(Points(*at, each[rows], symbol, 14, scale=scale, panel=panel, **look))
     return Figure(
-        "SAC and FRAC by point on the specimen",
+        f"{' and '.join(each.label for each in values.values)} by point on the specimen",
         marks,
         panels,
-        height=460,
+        height=230 * count,
         margins={"r": 95, "t": 70},
     )

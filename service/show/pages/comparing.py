@@ -14,6 +14,7 @@ from uuid import UUID
 from fastapi import Query
 from fastapi.responses import HTMLResponse
 
+from fecore.correlation import CRITERIA
 from service.climate import CLIMATE
 from service.errors import Conflict, Invalid, NotFound
 from service.show.measured import Likeness, likeness
@@ -81,6 +82,7 @@ def get_comparison(
         names=list(dict.fromkeys(p["name"] for result in known for p in result["parameters"])),
         units={p["name"]: p["unit"] for result in known for p in result["parameters"]},
         most_modes=max((len(result["modes"]) for result in known), default=0),
+        by_frf=[each for each in CRITERIA.values() if each.axis == "FRF"],
         over_time=over_time(rows, {side.campaign.id: side.campaign.performed_at for side in sides}),
         by_shape=_by_shape(visit, sides[:MOST_BY_SHAPE]),
         one_structure=len({side.campaign.structure_id for side in sides}) == 1,

@@ -167,8 +167,10 @@ def _in_digits(value: Any, unit: str) -> str:
     return in_unit(value, unit) if unit in ("m", "Pa") else f"{value:.6g}"
 
 
-def mean(values: Sequence[float | None]) -> float | None:
-    """The mean of those that are there."""
+def mean(values: Sequence[float | None] | float | None) -> float | None:
+    """The mean of those that are there; of a mean itself."""
+    if not isinstance(values, Sequence):
+        return values
     there = [value for value in values if value is not None]
     return sum(there) / len(there) if there else None
 

@@ -4,6 +4,7 @@ result; and the next tests.
 Lists everywhere name update jobs by what they belong to.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -13,6 +14,7 @@ from uuid import UUID
 from fastapi import Query
 from fastapi.responses import HTMLResponse
 
+from fecore.correlation import CRITERIA
 from service.access import routes as access
 from service.jobs.resource import ENDED, JobState
 from service.show.figures.marks import counted
@@ -23,6 +25,7 @@ from service.show.pages.numbers import leaves
 from service.show.pages.quantities import units_of_parameter
 from service.show.pages.viewer import viewer_of
 from service.show.results import routes as shown
+from service.show.results.figures import FIGURES
 from service.store.campaigns import routes as campaigns
 from service.store.campaigns.operations import campaigns_of
 from service.store.campaigns.schemas import CampaignOut
@@ -217,6 +220,8 @@ def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
         outdated=outdated(visit.session, row, result),
         viewer=_viewer(visit, common["campaign"], job_id, result),
         figures=figures,
+        tabs=_tabs(),
+        of_frfs=[each for each in CRITERIA.values() if each.of == "FRFs"],
         steps=steps,
         notes=notes,
         recipe=list(
@@ -227,6 +232,15 @@ def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
             for pair in (result.get("pairing") or {}).get("partners", [])
         },
     )
+
+
+def _tabs() -> dict[str, list[str]]:
+    """Names of the figures in each part of the page; of the correlation's the wide ones apart."""
+    tabs = defaultdict(list)
+    for name, each in FIGURES.items():
+        wide = each.tab == "correlation" and each.width > FIGURES["mac"].width
+        tabs[f"{each.tab}, wide" if wide else each.tab].append(name)
+    return tabs
 
 
 def _viewer(

@@ -27,18 +27,6 @@ from service.show.reports.blocks import (
 
 TONES: dict[str, Tone] = {"usable": "good", "with_care": "careful", "do_not_use": "bad"}
 MOST_MODES = 12  # modes on the customer's pages; all of them are in the annex
-ANNEX = (
-    "parameters", "sensitivities", "budget", "posterior", "shapes", "mac", "automac", "csac", "csf", "sac", "damping",
-    "temperature", "convergence", "stabilisation",
-)  # fmt: skip
-_WIDTHS = {
-    **dict.fromkeys(("sensitivities", "budget", "automac", "mac", "csac", "csf"), 0.8),
-    "posterior": 0.75,
-    "convergence": 0.85,
-}
-"""Of figures that are high, as shares of the text's width, so that two fit on a page; of others
-0.9.
-"""
 
 
 @dataclass(frozen=True)
@@ -53,13 +41,17 @@ class UpdateFacts:
     letterhead: Letterhead | None = None  # who reports, where a setting says so
 
 
-def update_report(facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]]) -> Report:
+def update_report(
+    facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]], widths: Mapping[str, float]
+) -> Report:
     """The report of an update.
 
     Args:
         facts: what it says.
         draw: gives a figure by name as one or more for a page each, none where the result has
             nothing to draw.
+        widths: of the figures, by name in their order, as shares of the text's width; `frf` stands
+            on the customer's pages, the others in the annex.
     """
     document = facts.document
     title = f"Updated model: {facts.structure['name']}"
@@ -71,7 +63,7 @@ def update_report(facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]]) -
     return Report(
         title,
         footer,
-        [*head, *_first(title, facts), *_second(facts, draw), *_annex(document, draw)],
+        [*head, *_first(title, facts), *_second(facts, draw), *_annex(document, draw, widths)],
     )
 
 
@@ -218,14 +210,23 @@ def _without_frf(document: Mapping[str, Any]) -> str:
     return "No FRF is predicted, as the damping was not fitted" + (f": {why}." if why else ".")
 
 
-def _annex(document: Mapping[str, Any], draw: Callable[[str], Sequence[Figure]]) -> list[Block]:
+def _annex(
+    document: Mapping[str, Any],
+    draw: Callable[[str], Sequence[Figure]],
+    widths: Mapping[str, float],
+) -> list[Block]:
     blocks: list[Block] = [PageBreak(), Heading("Annex", 1)]
     if document["warnings"]:
         blocks += [Heading("Warnings"), Bullets(document["warnings"])]
     if len(document["modes"]) > MOST_MODES:
         blocks += [Heading("All modes"), _table(*mode_cells(document["modes"]))]
     blocks.append(Heading("Figures"))
-    blocks += [Picture(figure, _WIDTHS.get(name, 0.9)) for name in ANNEX for figure in draw(name)]
+    blocks += [
+        Picture(figure, width)
+        for name, width in widths.items()
+        if name != "frf"
+        for figure in draw(name)
+    ]
     provenance = document["provenance"]
     recipe = json.dumps(provenance["recipe"], ensure_ascii=False, indent=1, sort_keys=True)
     blocks += [

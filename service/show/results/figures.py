@@ -3,16 +3,16 @@ result.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Generic
+from typing import Any
 
 import numpy as np
 
-from fecore.correlation import auto_mac
+from fecore.correlation import (
+    auto_mac,
+)
 from modalbase.client.results import motion_words
 from service.errors import Conflict, NotFound
 from service.show.figures.answers import require_figure
-from service.show.figures.frfs import PointValues, agreement_figure, points_figure
 from service.show.figures.marks import Figure, words
 from service.show.figures.modes import (
     MOST_MODES,
@@ -34,6 +34,7 @@ from service.show.figures.updates import (
     posterior_figure,
     single_estimates_figure,
 )
+from service.show.results.criteria_figures import LINES, criteria_figures
 from service.show.results.figure_data import (
     AnyFigures,
     Drawn,
@@ -42,28 +43,7 @@ from service.show.results.figure_data import (
     UpdateFigures,
     update_frf_figure,
 )
-
-
-@dataclass(frozen=True)
-class NamedFigure(Generic[Drawn]):
-    """A figure of an update, or of a joint update."""
-
-    title: str  # what it shows, in one line
-    draw: Callable[[Drawn, FigureQuery], Figure]  # draws it
-    # says why the result has nothing for it; nothing where it has
-    why_not: Callable[[Drawn], str | None]
-    arrays: tuple[str, ...] = ()  # that must be kept, which an earlier version may not have done
-    query: tuple[str, ...] = ()  # parameters of the query that it heeds
-    # draws it as several figures of which each fits on a page; None where one does
-    sheets: Callable[[Drawn], Sequence[Figure]] | None = None
-
-    def lacks(self, data: Drawn) -> str | None:
-        """Why the result has nothing for the figure; None where it has."""
-        try:
-            why = self.why_not(data)
-        except Conflict as error:
-            return str(error)
-        return why or (_OLDER if any(name not in data.arrays for name in self.arrays) else None)
+from service.show.results.named_figure import OLDER, NamedFigure, no_mac
 
 
 def draw_figure(
@@ -96,18 +76,6 @@ def draw_sheets(data: UpdateFigures, name: str) -> Sequence[Figure]:
 
 def _no_result(data: AnyFigures) -> None:
     assert data.document is not None, "asking for it raises where there is none"
-
-
-_no_prediction = UpdateFigures.require_prediction
-_OLDER = (
-    "this result was computed by an earlier version, which kept no data for this figure; run the"
-    " update again"
-)
-
-
-def _no_mac(data: UpdateFigures) -> str | None:
-    known = data.document["correlation"]["mac_matrix"] is not None
-    return None if known else "the measured modes have no shapes, so there is no MAC"
 
 
 def _one_temperature(data: AnyFigures) -> str | None:
@@ -235,7 +203,7 @@ def _parameters(title: str) -> Callable[[AnyFigures, FigureQuery], Figure]:
 
 
 def _no_posterior(data: AnyFigures) -> str | None:
-    return _OLDER if data.document["posterior"].get("correlation") is None else None
+    return OLDER if data.document["posterior"].get("correlation") is None else None
 
 
 def _posterior(data: AnyFigures, _: FigureQuery) -> Figure:
@@ -270,50 +238,6 @@ def _no_single_estimates(data: JointFigures) -> str | None:
     return None if known else "no campaign has an estimate of its own"
 
 
-def _agreement(name: str) -> Callable[[UpdateFigures, FigureQuery], Figure]:
-    def draw(data: UpdateFigures, query: FigureQuery) -> Figure:
-        hz = data.arrays["band_lines_hz"]
-        low, high = query.fmin or 0.0, np.inf if query.fmax is None else query.fmax
-        kept = (hz >= low) & (hz <= high)
-        if not kept.any():
-            raise NotFound(
-                f"line of the fitted band, {hz[0]:g} to {hz[-1]:g} Hz, between {low:g} and"
-                f" {high:g} Hz"
-            )
-        initial, updated = data.arrays[name][:, kept].astype(float)
-        return agreement_figure(
-            name,
-            hz[kept],
-            initial,
-            updated,
-            [mode["measured_hz"] for mode in data.document["modes"]],
-        )
-
-    return draw
-
-
-def _sac(data: UpdateFigures, _: FigureQuery) -> Figure:
-    arrays, correlation = data.arrays, data.document["correlation"]
-    parts = [(arrays["fitted"].tolist(), correlation, False)]
-    if correlation["held_out"]["frfs"] is not None:
-        parts.append((arrays["held"].tolist(), correlation["held_out"]["frfs"], True))
-    rows = [row for places, _, _ in parts for row in places]
-    places = dict(zip(arrays["shape_points"].tolist(), arrays["shape_places_m"], strict=True))
-    labels = [data.moving_point(row) for row in rows]
-    at = np.array([places[label] for label in labels])
-    values = {
-        name: np.array(
-            [np.nan if v is None else v for _, criteria, _ in parts for v in criteria[name]],
-            dtype=float,
-        )
-        for name in ("sac", "frac")
-    }
-    held = [is_held for places, _, is_held in parts for _ in places]
-    return points_figure(
-        PointValues(labels, at[:, 0], at[:, 1], values["sac"], values["frac"], held), *data.plan
-    )
-
-
 def _convergence(data: UpdateFigures, _: FigureQuery) -> Figure:
     document = data.document
     steps = document["convergence"]
@@ -335,7 +259,7 @@ def _no_laws(data: UpdateFigures) -> str | None:
             (o["message"] for o in data.document["outcomes"] if o["stage"] == "damping"), ""
         )
         return f"no damping law was fitted: {damping or 'no measured mode has a damping ratio'}"
-    return _OLDER if laws[0]["curve"] is None else None
+    return OLDER if laws[0]["curve"] is None else None
 
 
 def _no_identification(data: UpdateFigures) -> str | None:
@@ -354,31 +278,43 @@ def _stabilisation(data: UpdateFigures, _: FigureQuery) -> Figure:
     return stabilisation_figure(data.document["identification"])
 
 
-_LINES = ("fmin", "fmax")
-
 FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
     "frf": NamedFigure(
         "FRF: measured, initial and updated",
         update_frf_figure,
-        _no_prediction,
+        UpdateFigures.require_prediction,
         (),
-        ("point", "reference", *_LINES),
+        ("point", "reference", *LINES),
+        tab="apart",
     ),
     "parameters": NamedFigure(
-        "Parameters: prior and updated with 95 % intervals", _parameters("Parameters"), _no_result
+        "Parameters: prior and updated with 95 % intervals",
+        _parameters("Parameters"),
+        _no_result,
+        tab="apart",
     ),
     "sensitivities": NamedFigure(
         "Sensitivities of the frequencies, parameter by mode",
         _sensitivities,
         _no_result,
         ("parameter_effects",),
+        tab="parameters",
+        width=0.8,
     ),
     "budget": NamedFigure(
         "What the variance of each parameter is made of",
         lambda data, _: budget_figure(data.document["parameters"]),
         _no_budget,
+        tab="budget",
+        width=0.8,
     ),
-    "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _no_posterior),
+    "posterior": NamedFigure(
+        "Posterior: densities and correlations",
+        _posterior,
+        _no_posterior,
+        tab="budget",
+        width=0.75,
+    ),
     "shapes": NamedFigure(
         "Mode shapes, measured beside updated",
         _shapes,
@@ -386,32 +322,37 @@ FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
         ("shapes_updated",),
         ("measured", "model"),
         _shape_sheets,
+        tab="modes",
     ),
-    "mac": NamedFigure("MAC of measured and updated shapes", _mac, _no_mac),
+    "mac": NamedFigure(
+        "MAC of measured and updated shapes", _mac, no_mac, tab="correlation", width=0.8
+    ),
     "automac": NamedFigure(
-        "AutoMAC of the measured shapes", _automac, _no_mac, ("shapes_measured",)
+        "AutoMAC of the measured shapes",
+        _automac,
+        no_mac,
+        ("shapes_measured",),
+        tab="correlation",
+        width=0.8,
     ),
-    "csac": NamedFigure(
-        "CSAC: agreement in shape by line", _agreement("csac"), _no_prediction, ("csac",), _LINES
-    ),
-    "csf": NamedFigure(
-        "CSF: agreement in level by line", _agreement("csf"), _no_prediction, ("csf",), _LINES
-    ),
-    "sac": NamedFigure(
-        "SAC and FRAC by point on the specimen", _sac, _no_prediction, ("fitted", "shape_points")
-    ),
+    **dict(criteria_figures()),
     "damping": NamedFigure(
         "Damping ratios and the laws",
         lambda data, _: damping_figure(data.document["damping_models"], data.document["modes"]),
         _no_laws,
+        tab="damping",
     ),
     "temperature": NamedFigure(
         "Constants and damping over temperature",
         lambda data, _: temperature_figure(data.document["curve"], data.document["parameters"]),
         _one_temperature,
     ),
-    "convergence": NamedFigure("Convergence of all starts", _convergence, _no_result),
-    "stabilisation": NamedFigure("Stabilisation diagram", _stabilisation, _no_identification),
+    "convergence": NamedFigure(
+        "Convergence of all starts", _convergence, _no_result, tab="convergence", width=0.85
+    ),
+    "stabilisation": NamedFigure(
+        "Stabilisation diagram", _stabilisation, _no_identification, tab="modes"
+    ),
 }
 """Every figure of an update, in the order in which a report shows them."""
 

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from service.access import User, project_for
 from service.show.reports.blocks import Letterhead
 from service.show.results.figure_data import UpdateFigures
-from service.show.results.figures import draw_sheets
+from service.show.results.figures import FIGURES, draw_sheets
 from service.store.campaigns.operations import campaign_of
 from service.store.campaigns.operations import describe as describe_campaign
 from service.store.structures.models import model_in_short
@@ -49,7 +49,9 @@ def report_of(session: Session, user: User, job: UpdateJob, settings: Settings) 
         letterhead=_letterhead(settings),
     )
 
-    return update_report(facts, partial(draw_sheets, data))
+    return update_report(
+        facts, partial(draw_sheets, data), {name: each.width for name, each in FIGURES.items()}
+    )
 
 
 def _letterhead(settings: Settings) -> Letterhead | None:

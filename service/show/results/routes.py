@@ -18,7 +18,6 @@ from service.errors import Invalid
 from service.jobs.subprocess_read import read_in_subprocess
 from service.show.figures.answers import (
     RESPONSES,
-    FigureName,
     FigureOut,
     FigureRequestDep,
     FiguresOut,
@@ -28,7 +27,8 @@ from service.show.reports.as_html import POLICY, as_html
 from service.show.reports.as_pdf import as_pdf
 from service.show.results.decks import SUFFIXES, Element, Program, deck_order, written_deck
 from service.show.results.figure_data import Drawn, FigureQuery, JointFigures, UpdateFigures
-from service.show.results.figures import FIGURES, JOINT_FIGURES, NamedFigure, draw_figure
+from service.show.results.figures import FIGURES, JOINT_FIGURES, draw_figure
+from service.show.results.named_figure import NamedFigure
 from service.show.results.predictions import FrfQuery, Model, predicted_table
 from service.show.results.reporting import report_of
 from service.show.results.space import (
@@ -57,6 +57,10 @@ REPORTS: dict[int | str, dict[str, Any]] = {
 
 Mode = Annotated[int | None, Query(ge=1, le=10_000)]
 _OF_FIGURES = {name for figure in FIGURES.values() for name in figure.query}
+
+
+def _heeding(parameter: str) -> str:
+    return ", ".join(f"`{name}`" for name, each in FIGURES.items() if parameter in each.query)
 
 
 @router.get("/update-jobs/{job_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
@@ -159,8 +163,8 @@ def get_figure(
     reference: Annotated[
         Whole, Query(description="`frf`: the other point, where one alone does not say which")
     ] = None,
-    fmin: Annotated[Hertz, Query(description="`frf`, `csac`, `csf`: lines from here, Hz")] = None,
-    fmax: Annotated[Hertz, Query(description="`frf`, `csac`, `csf`: lines up to here, Hz")] = None,
+    fmin: Annotated[Hertz, Query(description=f"{_heeding('fmin')}: lines from here, Hz")] = None,
+    fmax: Annotated[Hertz, Query(description=f"{_heeding('fmax')}: lines up to here, Hz")] = None,
     measured: Annotated[
         Mode,
         Query(description="`shapes`: number of a measured mode, as rows of the MAC count them"),
@@ -280,13 +284,15 @@ def list_joint_figures(joint_id: UUID, session: SessionDep, user: CurrentUser) -
 )
 def get_joint_figure(
     joint_id: UUID,
-    name: FigureName,
+    name: Annotated[
+        str,
+        Path(max_length=60, description=f"one of {', '.join(JOINT_FIGURES)}"),
+    ],
     session: SessionDep,
     user: CurrentUser,
     request: FigureRequestDep,
 ) -> Response:
-    """A figure of a joint update: `parameters`, `campaigns`, `frequencies`, `budget` or
-    `posterior`.
+    """A figure of a joint update.
 
     `campaigns` shows what each campaign says alone of each constant, beside all of them together:
     where they contradict.

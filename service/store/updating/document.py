@@ -17,10 +17,10 @@ from uuid import UUID
 import numpy as np
 from sqlalchemy.orm import Session
 
+from fecore.correlation import CRITERIA, Agreement, Of
 from fecore.updating.campaigns import CampaignsResult
 from fecore.updating.result import (
     Correlation,
-    FrfCorrelation,
     HeldOut,
     PosteriorSummary,
     UpdateResult,
@@ -159,6 +159,7 @@ def _correlation(correlation: Correlation) -> dict[str, Any]:
             "band": _held_out(correlation.held_out_band),
         },
         "mac_matrix": correlation.mac_matrix,
+        **_agreement(correlation.shapes, "shapes"),
     }
 
 
@@ -169,13 +170,13 @@ def _held_out(held: HeldOut | None) -> dict[str, Any] | None:
     return kept | _agreement(held.agreement)
 
 
-def _agreement(agreement: FrfCorrelation | None) -> dict[str, Any]:
-    if agreement is None:
-        return {"sac": [], "frac": [], "csac_mean": None, "csf_mean": None}
-    means = {
-        f"{name}_mean": float(np.nanmean(getattr(agreement, name))) for name in ("csac", "csf")
+def _agreement(agreement: Agreement | None, of: Of = "FRFs") -> dict[str, Any]:
+    known = Agreement() if agreement is None else agreement
+    return {
+        each.member: each.stated(known.get(name))
+        for name, each in CRITERIA.items()
+        if each.of == of
     }
-    return {"sac": agreement.sac, "frac": agreement.frac, **means}
 
 
 _NO_VERDICT = (
@@ -190,7 +191,23 @@ def up_to_date(document: Document) -> dict[str, Any]:
     """
     for step in _STEPS[_version(document) - 1 :]:
         document = step(document)
+    if correlation := document.get("correlation"):
+        document = {**document, "correlation": _with_all_criteria(correlation)}
     return {**document, "version": VERSION}
+
+
+def _with_all_criteria(correlation: Document) -> dict[str, Any]:
+    """Criteria that came after a result was stored have no value in it."""
+    held_out = correlation.get("held_out")
+    return {
+        **_filled(_filled(correlation, "FRFs"), "shapes"),
+        "initial": _filled(correlation.get("initial"), "FRFs"),
+        "held_out": held_out and {name: _filled(each, "FRFs") for name, each in held_out.items()},
+    }
+
+
+def _filled(part: Any, of: Of) -> Any:
+    return part and {**part, **{n: v for n, v in _agreement(None, of).items() if n not in part}}
 
 
 def _version(document: Document) -> int:

@@ -9,8 +9,9 @@ it is read (`service.store.updating.document`).
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
+from fecore.correlation import CRITERIA, Of
 from fecore.updating.result import (
     ConvergenceStep,
     Curve,
@@ -57,15 +58,18 @@ class FindingOut(Part):
     text: str = Field(description="what was found and what to do")
 
 
-class AgreementOut(Part):
-    """Agreement of measured and predicted FRFs, 0 to 1."""
+def _criteria(of: Of) -> Any:
+    """A model with a member for each criterion of FRFs or of shapes."""
+    members: dict[str, Any] = {
+        each.member: (Number if each.is_mean else Numbers, Field(description=each.sentence))
+        for each in CRITERIA.values()
+        if each.of == of
+    }
+    return create_model(f"CriteriaOf{of.title()}", __base__=Part, **members)
 
-    sac: Numbers = Field(description="spectral assurance criterion of each FRF")
-    frac: Numbers = Field(description="frequency response assurance criterion of each FRF")
-    csac_mean: Number = Field(
-        description="mean over the lines of the cross signature assurance criterion"
-    )
-    csf_mean: Number = Field(description="mean over the lines of the cross signature scale factor")
+
+class AgreementOut(_criteria("FRFs")):  # type: ignore[misc]
+    """Agreement of measured and predicted FRFs, 0 to 1."""
 
 
 class HeldOutAgreementOut(AgreementOut):
@@ -85,7 +89,7 @@ class HeldOutOut(Part):
     band: HeldOutAgreementOut | None = Field(description="lines kept from the fit")
 
 
-class CorrelationOut(AgreementOut):
+class CorrelationOut(_criteria("shapes"), AgreementOut):  # type: ignore[misc]
     """Agreement of the updated model, and beside it of the initial one."""
 
     initial: AgreementOut = Field(description="of the initial model")

@@ -7,18 +7,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import fecore
 from fecore.correlation import _FREQUENCY_SCALE as FREQUENCY_SCALE
 from fecore.correlation import (
+    CRITERIA,
     Pairing,
     auto_mac,
+    comac,
+    correlate,
     csac,
     csf,
+    fdac,
     frac,
     frequency_error,
     mac,
     pair_modes,
     sac,
 )
+from fecore.errors import InputError
+from tests.support.places import ROOT
 
 
 def random_complex(*shape: int, seed: int = 0) -> np.ndarray:
@@ -63,6 +70,55 @@ def test_criteria_of_frfs_against_their_definitions() -> None:
         xx, yy, xy = np.vdot(x, x).real, np.vdot(y, y).real, abs(np.vdot(x, y))
         assert csac(e, n)[k] == pytest.approx(xy**2 / (xx * yy), rel=1e-13)
         assert csf(e, n)[k] == pytest.approx(2 * xy / (xx + yy), rel=1e-13)
+
+
+def test_fdac_is_csac_on_its_diagonal_and_follows_shifted_lines() -> None:
+    e, n = random_complex(4, 6, seed=1), random_complex(4, 7, seed=2)
+    values = fdac(e, n)
+    assert values.shape == (6, 7)
+    for i in range(6):
+        for j in range(7):
+            x, y = e[:, i], n[:, j]
+            top = abs(np.vdot(x, y)) ** 2 / (np.vdot(x, x).real * np.vdot(y, y).real)
+            assert values[i, j] == pytest.approx(top, rel=1e-12)
+    assert np.allclose(np.diag(fdac(e, n[:, :6])), csac(e, n[:, :6]), rtol=1e-12)
+    shifted = np.roll(e, 2, axis=1)  # the model's frequencies are two lines higher
+    assert list(np.argmax(fdac(e, shifted), axis=1)) == [2, 3, 4, 5, 0, 1]
+    with pytest.raises(InputError, match="are 4 and 3"):
+        fdac(e, n[:3])
+
+
+def test_comac_finds_the_dof_that_disagrees() -> None:
+    e = random_complex(5, 6, seed=3)
+    assert np.allclose(comac(e, 3.7 * np.exp(0.4j) * e), 1, atol=1e-12)  # scale and phase
+    assert np.allclose(comac(e, -e), 1, atol=1e-12)
+    n = e.copy()
+    n[:, 2] = random_complex(5, 1, seed=4)[:, 0]
+    assert np.argmin(comac(e, n)) == 2
+    unit = lambda rows: np.abs(rows) / np.linalg.norm(rows, axis=1, keepdims=True)  # noqa: E731
+    x, y = unit(e), unit(n)
+    plain = np.sum(x * y, axis=0) ** 2 / (np.sum(x**2, axis=0) * np.sum(y**2, axis=0))
+    assert np.allclose(comac(e, n), plain, rtol=1e-12)
+    assert np.allclose(comac(e[:1], n[:1]), 1)  # of one pair it says nothing
+
+
+@pytest.mark.parametrize("name", CRITERIA)
+def test_each_criterion_is_whole(name: str) -> None:
+    """A row names its function, what it shows and where; the guide has its figure and its term."""
+    criterion = CRITERIA[name]
+    assert getattr(fecore, name) is criterion.function
+    assert criterion.meaning
+    assert criterion.says
+    assert criterion.sentence
+    assert f"`{criterion.figure}`" in (ROOT / "docs/figures.md").read_text(), "docs/figures.md"
+    assert f"**{criterion.label}**" in (ROOT / "docs/glossary.md").read_text(), "docs/glossary.md"
+    assert f"`{criterion.member}" in (ROOT / "docs/results.md").read_text(), "docs/results.md"
+    first, second = random_complex(4, 6, seed=1), random_complex(4, 6, seed=2)
+    values = correlate(criterion.of, first, second)[name]
+    assert np.all((values >= 0) & (values <= 1))
+    same = correlate(criterion.of, first, first)[name]
+    best = {1.0: "agreement", 0.0: "difference"}
+    assert np.round((np.diag(same) if same.ndim == 2 else same).mean(), 12) in best
 
 
 def test_dead_channels_and_lines_are_nan_alone() -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fecore.correlation import CRITERIA
 from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, GeneralisedProportional
 from fecore.trend import Watch
 from service.compute.judging import Observation
@@ -182,9 +183,12 @@ def test_constants_and_damping_over_temperature_have_a_panel_each() -> None:
 
 def test_points_of_which_none_was_held_out_have_one_symbol() -> None:
     one = np.array([0.9])
+    by_criterion = {CRITERIA[name]: one for name in ("sac", "frac")}
     for held, symbols in ((False, ["circle", "circle"]), (True, ["diamond", "diamond"])):
         figure = screen(
-            points_figure(PointValues([3], one, one, one, one, [held]), (0.0, 1.0), (-0.05, 0.05))
+            points_figure(
+                PointValues([3], one, one, by_criterion, [held]), (0.0, 1.0), (-0.05, 0.05)
+            )
         )
         assert [trace["marker"]["symbol"] for trace in figure["data"]] == symbols
 

@@ -242,7 +242,7 @@ def a_report(modes: int, structure: dict[str, Any], **document: Any) -> list[Any
         "instruments": {"sensor_mass_kg": 0.002},
     }  # fmt: skip
     facts = UpdateFacts(result | document, "p", body | structure, campaign, 0)
-    return list(update_report(facts, lambda _: ()).blocks)
+    return list(update_report(facts, lambda _: (), {}).blocks)
 
 
 def texts(blocks: list[Any], kind: Callable[..., Any]) -> list[str]:
