@@ -78,6 +78,20 @@ class Change:
 
 CHANGES: tuple[Change, ...] = (
     Change(
+        "criterion",
+        "a correlation criterion",
+        "a function and its row of `CRITERIA` in `fecore/correlation.py`; its name in"
+        " `fecore/__init__.py`",
+        "`tests/unit/fecore/test_correlation.py`: its figure in [figures](docs/figures.md), its"
+        " member in [results](docs/results.md), its term in the glossary",
+    ),
+    Change(
+        "column",
+        "a column of the search",
+        "a `Field` of its noun in `service/store/search/nouns.py`",
+        "`tests/unit/test_docs.py`: its name in [search](docs/search.md)",
+    ),
+    Change(
         "law",
         "a damping law",
         "a row in `fecore/dynamics/laws.py`, and a class in `damping_laws.py` where no form fits",
