@@ -34,7 +34,8 @@ from fecore.updating.elastic_findings import (
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
 from fecore.updating.estimates import constant_estimates, own_estimates
-from fecore.updating.findings import Level, finding, judge, modes_of, ordered, warnings
+from fecore.updating.findings import finding, judge, modes_of, ordered, warnings
+from fecore.updating.known_findings import Level
 from fecore.updating.laws import common_damping
 from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter

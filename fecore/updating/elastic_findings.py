@@ -25,9 +25,10 @@ from fecore.updating.elastic_result import (
     prior_inclusion,
 )
 from fecore.updating.explanations import left_open
-from fecore.updating.findings import Level, finding, listed, modes_of, remarks
+from fecore.updating.findings import finding, listed, modes_of, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
+from fecore.updating.known_findings import Level
 from fecore.updating.parameters import Parameter
 from fecore.updating.result import Finding, ParameterEstimate
 from fecore.updating.temperature import constant_of

@@ -32,8 +32,9 @@ from fecore.modal.arrangement import pair_label
 from fecore.updating.amounts import amount
 from fecore.updating.damping_data import DampingData
 from fecore.updating.damping_stage import DampingResult
-from fecore.updating.findings import Level, finding, listed
+from fecore.updating.findings import finding, listed
 from fecore.updating.inputs import GRID_SD, POINT_SD, Inputs
+from fecore.updating.known_findings import Level
 from fecore.updating.parameters import by_name
 from fecore.updating.result import Finding
 

@@ -36,7 +36,7 @@ class Finding:
     # what it means for the use of the result; None where it means nothing for it
     level: Literal["with_care", "do_not_use"] | None = None
     weight: float = 0.0  # within a level, more comes first
-    kind: str = ""  # id of its row in `fecore.updating.findings`
+    kind: str = ""  # id of its row in `fecore.updating.known_findings`
 
 
 @dataclass(frozen=True)

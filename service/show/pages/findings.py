@@ -7,82 +7,21 @@ from dataclasses import dataclass
 from typing import Any
 
 from fecore.normal import Z_95
-from fecore.updating.findings import FINDINGS, but_numbers, fold
+from fecore.updating.findings import but_numbers, fold
+from fecore.updating.known_findings import FINDINGS, Place
 from service.show.pages.forms import page_words
 from service.show.pages.numbers import in_unit
 
 MOST = 3  # findings that a result opens with; a reader does not act on a longer list
-CAMPAIGN, MODES, MODEL, RECIPE, FRFS, DAMPING = (
-    "campaign",
-    "modes",
-    "structure",
-    "update",
-    "frfs",
-    "damping",
-)
-PLACES = {
-    CAMPAIGN: ("ui/edit/campaigns/{campaign}", "Edit the campaign"),
-    MODES: ("ui/campaigns/{campaign}#modes", "Go to the mode sets"),
-    MODEL: ("ui/edit/structures/{structure}", "Edit the structure"),
-    RECIPE: ("ui/campaigns/{campaign}/update?like={job}", "Change the recipe"),
-    FRFS: ("#frfs", "Look at the FRFs"),
-    DAMPING: ("#damping", "Compare the damping laws"),
+PLACES: dict[Place, tuple[str, str]] = {
+    "campaign": ("ui/edit/campaigns/{campaign}", "Edit the campaign"),
+    "modes": ("ui/campaigns/{campaign}#modes", "Go to the mode sets"),
+    "structure": ("ui/edit/structures/{structure}", "Edit the structure"),
+    "update": ("ui/campaigns/{campaign}/update?like={job}", "Change the recipe"),
+    "frfs": ("#frfs", "Look at the FRFs"),
+    "damping": ("#damping", "Compare the damping laws"),
 }
 """Where a finding is mended: an address and what its link says."""
-
-_AS_SAID = {
-    RECIPE: (
-        *("mesh_misses", "sources_conflict", "confounded", "not_determined"),
-        *("nothing_determined", "samples_differ", "law_negative"),
-    ),
-    MODEL: ("points_beyond", "frequencies_missed", "mesh_moves", "mesh_decides", "length_moves"),
-    CAMPAIGN: (
-        *("no_like_mode", "most_modes_alone", "shape_unlike", "rival_pairing", "partners_swing"),
-        *("stiffness_changed", "frfs_unlike", "law_replaced", "looks_windowed", "window_unstated"),
-        *("frfs_scaled_by_place", "temperature_unknown"),
-    ),
-    MODES: ("halves_of_a_mode", "mode_not_believed", "two_in_one"),
-}
-"""Kinds whose own advice says all, by where it is followed."""
-
-REMEDIES: dict[str, tuple[str, str]] = {
-    **{kind: (place, "") for place, kinds in _AS_SAID.items() for kind in kinds},
-    "joint_needs_frfs": (CAMPAIGN, "Import the FRFs for a joint update."),
-    "roving_sensor": (CAMPAIGN, "State the sensor's grid point if it stood still."),
-    "mesh_on_trust": (
-        MODEL,
-        "Compare its frequencies with those of a finer mesh in the program that it is of.",
-    ),
-    "modes_alone": (
-        MODES,
-        "Leave in-plane modes out of the mode set, and check boundary, frame and geometry.",
-    ),
-    "support_moves": (
-        CAMPAIGN,
-        "Measure shapes at points near the support, or how firm it is; or hold it more firmly.",
-    ),
-    "shapes_unlike": (CAMPAIGN, "Check boundary, geometry, frame and numbering of the points."),
-    "modes_absent": (CAMPAIGN, "Check boundary and geometry, and the pairs in the table of modes."),
-    "sign_opposite": (
-        CAMPAIGN,
-        "Correct the direction or polarity of hammer or sensor in the file.",
-    ),
-    "frfs_scaled": (CAMPAIGN, "Correct what is wrong: the constants are wrong with it."),
-    "frf_turned": (FRFS, "Correct the direction of this FRF, or leave it out."),
-    "frf_scaled": (FRFS, "Correct the sensitivity of this FRF, or leave it out."),
-    "frf_unlike": (FRFS, "Correct the point of this FRF, or leave it out."),
-    "damping_narrowed": (RECIPE, "Choose the band of the damping, or another law."),
-    "damping_of_ratios": (FRFS, "Find out why the FRFs disagree, or use the ratios as they are."),
-    "damping_failed": (RECIPE, "Choose another law or band; the elastic constants stand."),
-    "optima": (RECIPE, "Fit a wider band, or another law."),
-    "law_inadequate": (
-        DAMPING,
-        "Quote its coefficients only with their intervals, or put the preferred law first.",
-    ),
-}
-"""What to do about each kind of finding, and where; the advice is that of the finding's own row
-where nothing is said here.
-"""
 
 
 @dataclass(frozen=True)
@@ -106,7 +45,8 @@ def opening(document: Mapping[str, Any]) -> tuple[list[Step], list[str]]:
     findings = document.get("findings") or []
     chosen: dict[str, tuple[str, Step]] = {}
     for finding in findings:
-        if finding["kind"] in REMEDIES and finding["kind"] not in chosen and len(chosen) < MOST:
+        row = FINDINGS.get(finding["kind"])
+        if row and row.link and finding["kind"] not in chosen and len(chosen) < MOST:
             common = but_numbers(finding["text"])
             alike = list(
                 dict.fromkeys(
@@ -126,11 +66,12 @@ def _step(finding: Mapping[str, Any], alike: str) -> Step:
     """A finding's sentence without its advice, which stands apart; `alike` says what else it holds
     of.
     """
-    place, advice = REMEDIES[finding["kind"]]
-    own, text = FINDINGS[finding["kind"]].advice, finding["text"]
+    row = FINDINGS[finding["kind"]]
+    own, text, advice = row.advice, finding["text"], row.remedy
     if own and text.endswith(own):
         text, advice = text.removesuffix(own).rstrip(";: "), advice or own
-    address, link = PLACES[place]
+    assert row.link is not None, "it leads somewhere"
+    address, link = PLACES[row.link]
     return Step(
         _sentence(page_words(text + alike)),
         finding["level"],

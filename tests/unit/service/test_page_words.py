@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fecore.updating.findings import FINDINGS
+from fecore.updating.known_findings import FINDINGS
 from service.show.pages.forms import FormField, fields_of, labelled, page_words
 from service.show.pages.look import FOLDER
 from service.store.updating.schemas import RecipeIn

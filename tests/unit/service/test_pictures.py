@@ -10,11 +10,12 @@ import pytest
 
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from fecore.updating.findings import FINDINGS, finding, warnings
+from fecore.updating.findings import finding, warnings
+from fecore.updating.known_findings import FINDINGS
 from service.show.figures.modes import chains, joined, joined_as
 from service.show.measured import _by_axis
 from service.show.pages.comparing import _told_apart, leaves
-from service.show.pages.findings import MOST, PLACES, REMEDIES, bar, opening
+from service.show.pages.findings import MOST, PLACES, bar, opening
 
 GRID = np.array([(0.045 * i, 0.02 * j, 0.0) for i in range(11) for j in range(3)])
 
@@ -119,10 +120,11 @@ def of_findings(*findings: Any, notes: tuple[str, ...] = ()) -> dict[str, Any]:
 
 
 def test_each_kind_of_finding_says_what_to_do_and_where() -> None:
-    assert REMEDIES.keys() | set(NOTES) == FINDINGS.keys()
-    for kind, (place, advice) in REMEDIES.items():
-        assert advice or FINDINGS[kind].advice, f"{kind} says nothing to do"
-        assert place in PLACES
+    assert {kind for kind, row in FINDINGS.items() if row.link is None} == set(NOTES)
+    for kind, row in FINDINGS.items():
+        if row.link is not None:
+            assert row.remedy or row.advice, f"{kind} says nothing to do"
+            assert row.link in PLACES
 
 
 def test_a_result_opens_with_three_findings_and_keeps_the_rest_as_notes() -> None:

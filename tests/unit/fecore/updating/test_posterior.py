@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import scipy
 
-from fecore.updating.findings import FINDINGS, finding, warnings
+from fecore.updating.findings import finding, warnings
+from fecore.updating.known_findings import FINDINGS
 from fecore.updating.measured_ratios import (
     ScaleMixture,
     disagreement,
