@@ -78,6 +78,13 @@ class Change:
 
 CHANGES: tuple[Change, ...] = (
     Change(
+        "finding",
+        "a finding of an update",
+        "a row in `fecore/updating/known_findings.py`: level, sentence, advice, where it is mended;"
+        " `finding(…)` where the condition is looked at",
+        "`tests/unit/service/test_pictures.py`: a row that says nothing to do, or leads nowhere",
+    ),
+    Change(
         "criterion",
         "a correlation criterion",
         "a function and its row of `CRITERIA` in `fecore/correlation.py`; its name in"
