@@ -156,7 +156,7 @@ class ModalDamping(FrequencyLaw):
         return nearest
 
 
-# f(x) and f'(x), x = ω/ω_r, of the functions that a generalised proportional law may be made of.
+# f(x) and f'(x), x = ω/ω_r, of functions of which generalised proportional damping may be made.
 _FUNCTIONS: dict[
     str, tuple[Callable[[FloatArray], FloatArray], Callable[[FloatArray], FloatArray]]
 ] = {

@@ -41,7 +41,7 @@ class Nuisance:
     first_shift: FloatArray  # (s,) relative shifts to start from
     # (s,) prior standard deviation of the shifts; infinite where they are free
     shift_sd: FloatArray
-    # (s,) prior standard deviation of ε; 0 where the law is taken as exact
+    # (s,) prior standard deviation of the damping deviation ε; 0 where the law is taken as exact
     deviation_sd: FloatArray
     # (r,) numbers of the modes that the law does not damp, with a rate of their own
     suspension_modes: IntArray = field(default_factory=lambda: np.arange(0))

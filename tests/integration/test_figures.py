@@ -338,14 +338,15 @@ def test_a_job_whose_damping_failed_draws_what_it_has_and_says_why_not_the_rest(
         "shapes",
         "mac",
         "automac",
+        "comac",
         "convergence",
     ):
         assert items[name]["available"], name
         assert failed.figure(name)["data"]
     report = demo.api.get(f"{failed.path}/report").text
     assert "No FRF is predicted, as the damping was not fitted" in report
-    assert report.count("<img") == 8
-    for name in ("frf", "csac", "csf", "sac", "damping"):
+    assert report.count("<img") == 9
+    for name in ("frf", "csac", "csf", "fdac", "sac", "damping"):
         refused = demo.api.get(f"{failed.path}/figures/{name}")
         assert refused.status_code == 409
         assert "cannot fix the 2 coefficients" in refused.json()["detail"]
