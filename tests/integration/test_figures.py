@@ -424,7 +424,7 @@ def test_the_report_says_what_the_result_says_and_stands_alone(demo: Done) -> No
     ]
     for words in sentences:
         assert words.replace("'", "&#x27;") in page.text, words
-    assert page.text.count("<img") == 13  # every figure but the stabilisation diagram
+    assert page.text.count("<img") == 15  # every figure but the stabilisation diagram
     printed = demo.api.get(f"{demo.path}/report", params={"format": "pdf"})
     assert printed.headers["content-type"] == "application/pdf"
     assert printed.headers["content-disposition"].startswith("inline")
