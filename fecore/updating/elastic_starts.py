@@ -286,8 +286,8 @@ def _as_start(outcome: Outcome, layout: Layout, *, chosen: bool) -> StartHistory
     names = layout.parameters(np.zeros(len(layout.unknowns)))
     parameters = {name: np.array([step.parameters[name] for step in steps]) for name in names}
     if isinstance(outcome, ElasticResult):
-        return StartHistory(parameters, tuple(step.cost for step in outcome.history), chosen, "")
-    return StartHistory(parameters, outcome.history, chosen, outcome.message)
+        return StartHistory(chosen, None, tuple(step.cost for step in outcome.history), parameters)
+    return StartHistory(chosen, outcome.message or None, outcome.history, parameters)
 
 
 def _rivals(best: ElasticResult, outcomes: Sequence[Outcome]) -> tuple[Rival, ...]:

@@ -35,7 +35,7 @@ def test_numbers_of_hits_that_have_little_to_say() -> None:
 
 
 def test_remarks_beyond_a_dozen_are_counted() -> None:
-    many = [Remark(chr(97 + n) * 3, None, float(-n)) for n in range(MOST_WARNINGS + 2)]
+    many = [Remark(text=chr(97 + n) * 3, weight=float(-n)) for n in range(MOST_WARNINGS + 2)]
     shown = warnings(many)
     assert (len(shown), shown[-1]) == (MOST_WARNINGS, "3 less important warnings are not listed")
 
