@@ -4,73 +4,60 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.updating.posterior import LinearProblem
-from fecore.updating.result import BESIDE
 
 
 @dataclass(frozen=True)
 class SourceStatement:
-    """What a source says of one constant, and what the other data say of it, SI."""
+    """What a source says of one constant, and what the rest says of it: values with standard
+    deviations, SI.
+    """
 
     constant: str
-    """its name; empty for the scatter between specimens, a share"""
     stated: float
-    """by the source"""
     stated_sd: float
-    """standard deviation of that"""
     rest: float
-    """by the other data"""
     rest_sd: float
-    """standard deviation of that"""
 
 
 @dataclass(frozen=True)
 class Check:
-    """A source of data that may be wrong."""
+    """A source beside all others."""
 
+    # `input`, `coupons`, `campaign`, `scatter` of the specimens, or what a body has: `mass`,
+    # `foot`, `support` that gives way or `stiffness` that is lost
     kind: str
-    """what it is; a mass, a foot, a support that gives way and stiffness that is lost are those of
-    a body
-    """
-    name: str
-    """of the source, as a sentence names it"""
-    p: float
-    """probability of a larger difference from the other data, if it is as good as stated"""
+    name: str  # of the source, as a sentence names it
+    p: float  # probability of a difference from the rest that is larger than the one found
+    # logarithm of how much likelier the data are where this source is off by a slip
     evidence: float
-    """logarithm of how much likelier the data are if it is wrong, by a slip"""
+    # the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it
     owner: str = ""
-    """the campaign or specimen that it belongs to, as `campaign A`; empty: all"""
-    said: tuple[SourceStatement, ...] = ()
-    """what it says, constant by constant; nothing of a campaign"""
-    place: tuple[float, ...] = field(default=(), metadata=BESIDE)
-    """m, where a mass, a foot or a support likeliest is"""
-    stretch: tuple[str, ...] = field(default=(), metadata=BESIDE)
-    """where stiffness is lost, in words: of what, and between which places"""
-    level: float = field(default=0.0, metadata=BESIDE)
-    """probability at most that it is said to be lost where it is not"""
+    said: tuple[SourceStatement, ...] = ()  # of each constant that it says; nothing of a campaign
+    place: tuple[float, ...] = ()  # m, where a mass, a foot or a support likeliest is
+    # where stiffness is lost, in words: of what, and between which places
+    stretch: tuple[str, ...] = ()
+    level: float = 0.0  # probability at most that it is said to be lost where it is not
 
 
 @dataclass(frozen=True)
 class Conflict:
-    """Data that contradict each other."""
+    """A source that contradicts the others."""
 
-    cause: Check
-    """the likeliest"""
+    cause: Check  # the likeliest
+    # other explanations that the data do not rule out, the likeliest first
     rivals: tuple[Check, ...]
-    """other causes that are not ruled out, the likeliest first"""
+    # names of sources that contradict no more once the cause is allowed for
     cleared: tuple[str, ...]
-    """what no longer contradicts the rest once the cause is allowed for"""
-    moved: float
-    """how far a constant then moves at most, in its standard deviations"""
+    moved: float  # how far a constant then moves at most, in its stated standard deviations
+    # logarithm of how much likelier the cause is than the next explanation, ruled out or not; None
+    # where there is none
     odds: float | None = None
-    """logarithm of how much likelier the cause is than the next explanation, ruled out or not; null
-    where there is none
-    """
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,8 @@
 A monitor explains its alarms by it; it also shows which modes each parameter moves.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from fecore.arrays import FloatArray
@@ -10,9 +12,30 @@ from fecore.body.locate import evenly_spread
 from fecore.quantities import CLAMP, is_of_stiffness
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardState
-from fecore.updating.result import FrequencyEffects, Prediction
+from fecore.updating.result import Prediction
 
 _SITES = 200  # nodes at which a mass is tried, at most
+
+
+@dataclass(frozen=True)
+class FrequencyEffects:
+    """Derivatives of the logarithms of n measured frequencies at the updated model; NaN where a
+    mode has no partner.
+    """
+
+    # (n,) by name of a constant that was updated, the change of ln f by one prior standard
+    # deviation of it
+    parameter: dict[str, FloatArray]
+    stiffness: dict[str, FloatArray]  # (n,) by name of a stiffness θ, ∂ln f/∂ln θ
+    # (n,) by name of an input of the support, the change of ln f by one prior standard deviation of
+    # it
+    support: dict[str, FloatArray]
+    sites: FloatArray  # (P, 3) nodes at which a mass is tried, m
+    # (n, P) change of ln f by a mass at each of them, -φ²/2 with the mass-normalised displacement
+    # φ, 1/kg
+    mass: FloatArray
+    # median ratio of the measured FRFs' magnitudes to the model's; None without FRFs
+    frf_scale: float | None
 
 
 def frequency_effects(elastic: ElasticResult, prediction: Prediction | None) -> FrequencyEffects:

@@ -287,7 +287,7 @@ def _as_start(outcome: Outcome, layout: Layout, *, chosen: bool) -> StartHistory
     parameters = {name: np.array([step.parameters[name] for step in steps]) for name in names}
     if isinstance(outcome, ElasticResult):
         return StartHistory(chosen, None, tuple(step.cost for step in outcome.history), parameters)
-    return StartHistory(chosen, outcome.message or None, outcome.history, parameters)
+    return StartHistory(chosen, outcome.message, outcome.history, parameters)
 
 
 def _rivals(best: ElasticResult, outcomes: Sequence[Outcome]) -> tuple[Rival, ...]:

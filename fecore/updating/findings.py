@@ -358,9 +358,7 @@ def finding(kind: str, *, level: Level | None = None, **values: object) -> Findi
     row = FINDINGS[kind]
     between = "; " if ": " in row.sentence or "; " in row.sentence else ": "
     text = row.sentence + (between + row.advice if row.advice else "")
-    return Finding(
-        kind=kind, level=level or row.level, text=text.format(**values), weight=row.weight
-    )
+    return Finding(text.format(**values), level or row.level, row.weight, kind)
 
 
 def remarks(kind: str, texts: Iterable[str]) -> list[Finding]:

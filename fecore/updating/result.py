@@ -1,43 +1,48 @@
 """What an update returns: frozen, in SI, with both uncertainties of every estimate.
 
-Each class states once what its members are: by name, in this order and with these words they stand
-in the result's document. A member that is marked `BESIDE` is none of the document's: it is kept in
-arrays beside it, or serves the core alone.
+These classes are the document of a result, too: their docstrings describe its members to readers of
+the OpenAPI document, and `__pydantic_config__` says so to pydantic, which the core does not import.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import ComplexArray, Drawn, FloatArray, Numbers, Unbounded
 from fecore.body.mesh import Mesh
 from fecore.frf import Dof
 from fecore.modal import Identification
 from fecore.normal import Z_95
 
-BESIDE = {"document": False}
-"""Metadata of a member that no document states."""
+if TYPE_CHECKING:
+    from fecore.updating.effects import FrequencyEffects
 
 
-@dataclass(frozen=True, kw_only=True)
+DESCRIBED: dict[str, Any] = {
+    "use_attribute_docstrings": True,
+    "json_schema_serialization_defaults_required": True,
+}
+"""What pydantic reads of a class here."""
+
+
+@dataclass(frozen=True)
 class Finding:
     """Something that a user must know."""
 
-    kind: str = ""
-    """its id, the same in every result"""
+    text: str  # in words: what was found and what to do
+    # what it means for the use of the result; None where it means nothing for it
     level: Literal["with_care", "do_not_use"] | None = None
-    """what it means for the use of the result; null where it means nothing for it"""
-    text: str
-    """what was found and what to do"""
-    weight: float = field(default=0.0, metadata=BESIDE)
-    """within a level, more comes first"""
+    weight: float = 0.0  # within a level, more comes first
+    kind: str = ""  # id of its row in `fecore.updating.findings`
 
 
 @dataclass(frozen=True)
 class Verdict:
     """Whether the result may be used."""
+
+    __pydantic_config__: ClassVar = DESCRIBED
 
     level: Literal["usable", "with_care", "do_not_use"]
     """may it be used?"""
@@ -51,6 +56,8 @@ class Verdict:
 class StageOutcome:
     """How a stage ended; stages fail alone."""
 
+    __pydantic_config__: ClassVar = DESCRIBED
+
     stage: Literal["elastic", "damping"]
     """`elastic` or `damping`"""
     status: Literal["succeeded", "failed", "skipped"]
@@ -62,6 +69,8 @@ class StageOutcome:
 @dataclass(frozen=True)
 class BudgetEntry:
     """One source's part in a parameter's uncertainty."""
+
+    __pydantic_config__: ClassVar = DESCRIBED
 
     source: str
     """noise, discrepancy, a prior, or an input of the laboratory"""
@@ -76,8 +85,10 @@ class BudgetEntry:
 @dataclass(frozen=True)
 class Comparable:
     """A parameter with every input held at what was stated, to compare with other tests of the same
-    body, which share the errors of these inputs.
+    body, which share the errors of the laboratory's inputs.
     """
+
+    __pydantic_config__: ClassVar = DESCRIBED
 
     estimate: float
     """in the parameter's unit"""
@@ -89,26 +100,23 @@ class Comparable:
 class ParameterEstimate:
     """An updated parameter."""
 
+    __pydantic_config__: ClassVar = DESCRIBED
+
     name: str
     """Ex Ey Gxy Gxz Gyz a0 a1 …"""
     unit: str
     """Pa, 1/s, s, or the unit of a spring"""
     initial: float | None
-    """value of the model before, in its unit; null for damping, which starts from the measured
-    ratios
-    """
+    """value of the model before, in its unit; null for damping"""
     estimate: float
     """value after, in its unit"""
     standard_deviation: float
-    """root mean square error, the model's discrepancy and the inputs' errors included, in its
-    unit
-    """
+    """everything included, in its unit"""
     noise_standard_deviation: float
     """under measurement noise alone, in its unit"""
+    # not about the estimate's middle where it is not
     interval_95: tuple[float, float]
-    """95 % interval, everything included, in its unit; not about the estimate's middle where it is
-    not
-    """
+    """95 % interval, everything included, in its unit"""
     identifiable: bool
     """whether the data say more than half of what is known of it; of a tied one, of what it is tied
     to
@@ -123,10 +131,9 @@ class ParameterEstimate:
     """what its variance is made of, the largest first"""
     confounded_with: tuple[str, ...] = ()
     """parameters with which it moves where the data see nothing"""
+    # nothing of a tied one is its own: estimate and interval hold where the ratio does
     tied_to: str | None = None
-    """the parameter whose ratio to it the recipe fixes, so that its estimate and interval hold
-    where the ratio does; null where it is estimated itself
-    """
+    """the parameter whose ratio to it the recipe fixes; null where it is estimated itself"""
 
     @property
     def deviations(self) -> tuple[float, float]:
@@ -137,9 +144,11 @@ class ParameterEstimate:
 
 @dataclass(frozen=True)
 class ModeComparison:
-    """A measured mode beside the model's; null where there is no partner, or nothing was measured
-    or stated.
+    """A measured mode beside the model's; null where there is no partner or nothing was
+    measured.
     """
+
+    __pydantic_config__: ClassVar = DESCRIBED
 
     number: int
     """of the measured mode, from 1"""
@@ -157,8 +166,9 @@ class ModeComparison:
     """of measured and updated shape, 0 to 1"""
     measured_damping: float | None
     """measured damping ratio ζ, not per cent"""
+    # a mode on the supports' springs has none
     predicted_damping: float | None
-    """of the updated model, not per cent; a mode on the supports' springs has none"""
+    """of the updated model, not per cent"""
     measured_damping_sd: float | None = None
     """standard deviation of the measured ratio"""
     motion: Mapping[str, float] | None = None
@@ -166,9 +176,7 @@ class ModeComparison:
     energy: Mapping[str, float] | None = None
     """shares of its strain energy, by set and spring, 0 to 1"""
     own_mesh_hz: float | None = None
-    """of the updated model on the structure's own mesh, Hz; null where a finer one was not
-    needed
-    """
+    """of the updated model on the structure's own mesh, Hz; null where a finer one was not needed"""
 
 
 @dataclass(frozen=True)
@@ -207,35 +215,41 @@ class Correlation:
 
 
 @dataclass(frozen=True)
-class LawCurve:
-    """A damping law over the range of the measured modes, (m,) each."""
+class LawFit:
+    """One damping law, ranked."""
 
-    frequency_hz: FloatArray
+    __pydantic_config__: ClassVar = DESCRIBED
+
+    name: str  # of the law
+    # by name, SI: of an update of one campaign the first law's are from the FRFs, where there are
+    # any, the others' from the modal damping ratios; the law's discrepancy is included
+    coefficients: dict[str, float]
+    standard_deviations: dict[str, float]  # of the coefficients
+    # Bayesian information criterion on the damping ratios; infinite where the law cannot be had
+    bic: Unbounded
+    preferred: bool  # whether it has the least of all
+
+
+@dataclass(frozen=True)
+class LawCurve:
+    """A damping law over the range of the modes."""
+
+    __pydantic_config__: ClassVar = DESCRIBED
+
+    frequency_hz: Drawn
     """Hz; of a law by mechanism those of the model's modes"""
-    damping_ratio: FloatArray
+    damping_ratio: Drawn
     """of the law there"""
 
 
 @dataclass(frozen=True)
-class DampingModelFit:
-    """A damping law of the recipe, ranked."""
+class DampingModelFit(LawFit):
+    """A damping law of the recipe."""
 
-    name: str
-    """as the recipe names it"""
-    coefficients: dict[str, float]
-    """by name, SI; the first law's are from the FRFs, where there are any, the others' from the
-    modal damping ratios
-    """
-    bic: float
-    """Bayesian information criterion on the damping ratios; the least is preferred; null where the
-    law cannot be had
-    """
-    preferred: bool
-    """whether it has the least of all"""
-    missed: FloatArray
-    """relative miss of the ratio of each paired mode that the law damps"""
-    standard_deviations: dict[str, float]
-    """of the coefficients, by name, SI, the law's discrepancy included"""
+    __pydantic_config__: ClassVar = DESCRIBED
+
+    missed: Numbers
+    """relative miss of the ratio of each paired mode"""
     curve: LawCurve
     """its damping ratios over the range of the modes"""
     by_mechanism: bool
@@ -243,45 +257,34 @@ class DampingModelFit:
 
 
 @dataclass(frozen=True)
-class CommonLaw:
-    """A damping law with one set of coefficients for all campaigns, ranked.
+class CommonLaw(LawFit):
+    """A law with one set of coefficients for all campaigns; `missed_by`: root mean square of each
+    one's relative misses.
 
     Where campaigns have several temperatures, `coefficients` has `a0.per_K` of each after them.
     """
 
-    name: str
-    """of the law"""
-    coefficients: dict[str, float]
-    """by name, SI"""
-    standard_deviations: dict[str, float]
-    """of the coefficients, by name, SI, the law's discrepancy included"""
-    bic: float
-    """Bayesian information criterion on the damping ratios; the least is preferred; null where the
-    law cannot be had
-    """
-    preferred: bool
-    """whether it has the least of all"""
     missed_by: dict[str, float]
-    """root mean square of the relative misses of each campaign's ratios"""
-    units: tuple[str, ...] = field(metadata=BESIDE)
-    """(p,) of its coefficients"""
-    joint: FloatArray | None = field(metadata=BESIDE)
-    """(2p, 2p) covariance of these and of their coefficients of temperature, or None"""
+    units: tuple[str, ...]  # (p,) of its coefficients
+    # (2p, 2p) covariance of these and of their coefficients of temperature, or None
+    joint: FloatArray | None
 
 
 @dataclass(frozen=True)
 class CurveOf:
-    """A constant, or a coefficient of a damping law, over temperature, (n,) each."""
+    """A constant, or a coefficient of a damping law, over temperature."""
+
+    __pydantic_config__: ClassVar = DESCRIBED
 
     name: str
     """of the constant or the coefficient"""
     unit: str
     """SI"""
-    estimate: FloatArray
+    estimate: Drawn
     """at each temperature"""
-    low: FloatArray
+    low: Drawn
     """lower end of its 95 % interval"""
-    high: FloatArray
+    high: Drawn
     """upper end of its 95 % interval"""
     law: str | None = None
     """whose coefficient it is; null of an elastic constant"""
@@ -291,33 +294,14 @@ class CurveOf:
 class Curve:
     """Constants and damping between the temperatures of the tests, and a little beyond."""
 
+    __pydantic_config__: ClassVar = DESCRIBED
+
     reference_c: float
     """temperature at which the parameters are given, °C"""
-    temperature_c: FloatArray
-    """ascending, °C"""
+    temperature_c: Drawn
+    """°C"""
     constants: tuple[CurveOf, ...]
     """of each that changes with temperature"""
-
-
-@dataclass(frozen=True)
-class FrequencyEffects:
-    """Derivatives of the logarithms of n measured frequencies at the updated model; NaN where a
-    mode has no partner.
-    """
-
-    # (n,) by name of a constant that was updated, the change of ln f by one prior standard
-    # deviation of it
-    parameter: dict[str, FloatArray]
-    stiffness: dict[str, FloatArray]  # (n,) by name of a stiffness θ, ∂ln f/∂ln θ
-    # (n,) by name of an input of the support, the change of ln f by one prior standard deviation of
-    # it
-    support: dict[str, FloatArray]
-    sites: FloatArray  # (P, 3) nodes at which a mass is tried, m
-    # (n, P) change of ln f by a mass at each of them, -φ²/2 with the mass-normalised displacement
-    # φ, 1/kg
-    mass: FloatArray
-    # median ratio of the measured FRFs' magnitudes to the model's; None without FRFs
-    frf_scale: float | None
 
 
 @dataclass(frozen=True)
@@ -339,18 +323,13 @@ class Prediction:
 
 @dataclass(frozen=True)
 class ModelMode:
-    """A mode of the updated model."""
+    """A mode of the updated model; `motion` and `energy` are shares, as of `ModeComparison`."""
 
-    number: int
-    """from 1"""
+    number: int  # from 1
     frequency_hz: float
-    """Hz"""
     kind: str
-    """its motion: bending or torsion"""
     motion: Mapping[str, float]
-    """shares of its motion, by kind, 0 to 1"""
     energy: Mapping[str, float]
-    """shares of its strain energy, by set and spring, 0 to 1"""
 
 
 @dataclass(frozen=True)
@@ -372,34 +351,26 @@ class ModeShapes:
 
 
 @dataclass(frozen=True)
-class DampingSearch:
-    """How stage 2 came to its coefficients."""
-
-    starts: int
-    """from how many it was tried"""
-    optima: tuple[dict[str, float], ...]
-    """coefficients of each that was come to, by name, SI"""
-    history: FloatArray
-    """iterates of the one that is the result"""
-
-
-@dataclass(frozen=True)
 class StartHistory:
     """A start of stage 1, iterate by iterate."""
+
+    __pydantic_config__: ClassVar = DESCRIBED
 
     chosen: bool
     """whether the result is its end"""
     failure: str | None
-    """why it did not converge; null: it converged"""
+    """null: it converged"""
     cost: tuple[float, ...]
     """of each iterate"""
-    parameters: dict[str, FloatArray]
+    parameters: dict[str, Numbers]
     """by name, of each iterate, SI"""
 
 
 @dataclass(frozen=True)
 class Partner:
     """A measured mode and its partner among the model's."""
+
+    __pydantic_config__: ClassVar = DESCRIBED
 
     measured: int
     """number of the measured mode, from 1"""
@@ -415,6 +386,8 @@ class Partner:
 class RivalPairing:
     """Other partners, at the best point that a start came to with them."""
 
+    __pydantic_config__: ClassVar = DESCRIBED
+
     partners: tuple[Partner, ...]
     """of the measured modes"""
     parameters: dict[str, float]
@@ -426,6 +399,8 @@ class RivalPairing:
 @dataclass(frozen=True)
 class PairingSummary:
     """Which measured mode is which of the model's."""
+
+    __pydantic_config__: ClassVar = DESCRIBED
 
     by: Literal["shapes", "order"]
     """what decided: `order` with fewer than three dofs, or no shapes"""
@@ -439,9 +414,11 @@ class PairingSummary:
 class ConvergenceStep:
     """An iterate of stage 1."""
 
+    __pydantic_config__: ClassVar = DESCRIBED
+
     parameters: dict[str, float]
     """by name, SI"""
-    frequency_hz: FloatArray
+    frequency_hz: Numbers
     """of the measured modes' partners, Hz"""
     cost: float
     """of the fit, without unit"""
@@ -449,33 +426,34 @@ class ConvergenceStep:
 
 @dataclass(frozen=True)
 class PosteriorSummary:
-    """How the posterior was had, and how the parameters correlate."""
+    """How the posterior was had."""
 
-    method: Literal["laplace", "mcmc"]
-    """laplace or mcmc"""
-    names: tuple[str, ...]
-    """of the free constants, and of the first law's coefficients where they were fitted: rows and
-    columns of the correlation
-    """
-    correlation: FloatArray
-    """of these parameters"""
+    method: str  # "laplace" or "mcmc"
     # effective_samples, autocorrelation_time, acceptance: of the chain of the constants; empty for
-    # Laplace, where the document has none of them
-    effective_samples: tuple[float, ...] = field(default=(), metadata=BESIDE)
-    autocorrelation_time: tuple[float, ...] = field(default=(), metadata=BESIDE)
-    acceptance: tuple[float, ...] = field(default=(), metadata=BESIDE)
-    samples: FloatArray | None = field(default=None, metadata=BESIDE)
-    """(n, p) thinned samples of `names`, or None"""
+    # Laplace
+    effective_samples: tuple[float, ...] = ()
+    autocorrelation_time: tuple[float, ...] = ()
+    acceptance: tuple[float, ...] = ()
+    # of the free constants, and of the first law's coefficients where they were fitted
+    names: tuple[str, ...] = ()
+    samples: FloatArray | None = None  # (n, p) thinned samples of `names`, or None
+    correlation: FloatArray | None = None  # (p, p) of these
+
+
+@dataclass(frozen=True)
+class DampingSearch:
+    """How stage 2 came to its coefficients."""
+
+    starts: int  # from how many it was tried
+    optima: tuple[dict[str, float], ...]  # coefficients that they ended at, by name, SI
+    history: FloatArray  # iterates of the one that is the result
 
 
 @dataclass(frozen=True)
 class UnseenDirections:
-    """What the data do not see."""
+    """Directions that the data do not see, by name of a parameter, in prior standard deviations."""
 
     null_directions: tuple[dict[str, float], ...]
-    """directions along which they say little, by name of a parameter, in prior standard
-    deviations
-    """
 
 
 @dataclass(frozen=True)
@@ -483,62 +461,43 @@ class Discrepancy:
     """Relative standard deviation of what the model cannot say."""
 
     frequency: float
-    """of a frequency"""
-    damping: float | None
-    """of a damping ratio; null where no law was fitted"""
+    damping: float | None  # of a damping ratio; None where no law was fitted
 
 
 @dataclass(frozen=True, kw_only=True)
 class UpdateResult:
     """Everything an update found. Without FRFs, or where damping failed, what depends on it is
     empty or None.
+
+    Members have the names and places that they have in the document of a result, but for
+    `correlation`, `identification` and `posterior`, which the document summarises; what is kept in
+    arrays beside it comes last.
     """
 
     verdict: Verdict
-    """whether the result may be used"""
     warnings: tuple[str, ...]
-    """in words; read them first"""
     findings: tuple[Finding, ...] = ()
-    """the update's warnings, each with its id"""
     outcomes: tuple[StageOutcome, ...]
-    """how each stage ended"""
     parameters: tuple[ParameterEstimate, ...]
-    """updated parameters, SI"""
     modes: tuple[ModeComparison, ...]
-    """measured modes beside the model's"""
     correlation: Correlation
-    """agreement of FRFs and shapes"""
     damping_models: tuple[DampingModelFit, ...]
-    """damping laws, ranked"""
     damping_fit: DampingSearch
-    """starts, optima and history of stage 2"""
     convergence: tuple[ConvergenceStep, ...]
-    """iterates of stage 1; shown where they are asked for"""
     starts: tuple[StartHistory, ...]
-    """every start of stage 1 that was tried"""
     pairing: PairingSummary
-    """which measured mode is which of the model's, and the rival pairing"""
     model_modes: tuple[ModelMode, ...]
-    """number, frequency, kind and shares of the model's modes; empty without points"""
     identifiability: UnseenDirections
-    """directions that the data do not see"""
     discrepancy: Discrepancy
-    """relative standard deviation of what the model cannot say"""
+    # at which all of it is given, °C; None where nobody stated one
     reference_temperature_c: float | None = None
-    """temperature at which the parameters are given, °C; null: nobody stated one"""
+    # over temperature, where the reference is not that of the measurement
     curve: Curve | None = None
-    """constants over temperature, where the reference is not the campaign's own"""
     band_hz: tuple[float, float] | None
-    """lines of the damping update, Hz"""
     channel_delay_s: float | None
-    """lag of the response that was found, s"""
     identification: Identification | None
-    """how the modes were found; its `stabilisation` is shown where it is asked for"""
     posterior: PosteriorSummary
-    """how the posterior was had"""
-    shapes: ModeShapes | None = field(metadata=BESIDE)
-    """at the measured dofs"""
-    prediction: Prediction | None = field(metadata=BESIDE)
-    """measured and predicted FRFs"""
-    effects: FrequencyEffects = field(metadata=BESIDE)
-    """what would move the measured frequencies"""
+    # shapes, prediction, effects: in arrays beside the document
+    shapes: ModeShapes | None
+    prediction: Prediction | None
+    effects: FrequencyEffects

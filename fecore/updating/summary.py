@@ -125,7 +125,7 @@ class Summary:
                 if self.ranking is None
                 else tuple(self._law(ranked) for ranked in self.ranking.laws)
             ),
-            damping_fit=self._damping_fit(),
+            damping_fit=self._damping_search(),
             convergence=elastic.history,
             starts=elastic.starts,
             pairing=self._pairing(),
@@ -168,7 +168,7 @@ class Summary:
             *(at_reference(each, self.elastic.prior.warmth, priors) for each in damping),
         )
 
-    def _damping_fit(self) -> DampingSearch:
+    def _damping_search(self) -> DampingSearch:
         if self.damping is None:
             return DampingSearch(0, (), np.zeros((0, 0)))
         optima = tuple(self._coefficients(point) for point in self.damping.optima)
@@ -383,6 +383,7 @@ class Summary:
         )
 
     def _model_modes(self) -> tuple[ModelMode, ...]:
+        """None where there are no shapes either."""
         state = self.elastic.updated
         if not state.forward.points:
             return ()

@@ -47,7 +47,7 @@ class Observation:
 @dataclass(frozen=True)
 class ModeEffects:
     """What would move the frequencies of one campaign's m modes
-    (`fecore.updating.result.FrequencyEffects`).
+    (`fecore.updating.effects.FrequencyEffects`).
     """
 
     campaign: str  # its id

@@ -9,13 +9,8 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.mesh import Mesh
-from fecore.updating.result import (
-    FrequencyEffects,
-    FrfCorrelation,
-    ModeShapes,
-    Prediction,
-    UpdateResult,
-)
+from fecore.updating.effects import FrequencyEffects
+from fecore.updating.result import FrfCorrelation, ModeShapes, Prediction, UpdateResult
 
 MOST_SAMPLES = 2000
 _LARGEST_HALF = 60_000.0  # that half precision holds

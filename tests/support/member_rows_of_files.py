@@ -128,7 +128,13 @@ FILES: dict[str, Body] = {
         {},
     ),
     "POST /campaigns/{campaign_id}/records": Body(
-        {"filename": "other.json", "mapping": Refused(_MAPPING), "dry_run": To(True, "")},
+        {
+            "filename": "other.json",
+            "mapping": Refused(_MAPPING),
+            "body.mapping": To({**record()["mapping"], "sample_rate_hz": 2000.0}, ""),
+            "variables": To(record(2)["variables"], ""),
+            "dry_run": To(True, ""),
+        },
         record(),
         fresh=CAMPAIGN,
     ),

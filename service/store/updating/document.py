@@ -7,6 +7,7 @@ the parts asked for. Measured on 33 FRFs of 1,000 lines: 1.1 MB read whole took 
 """
 
 import io
+import math
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
@@ -92,14 +93,29 @@ def describe_joint(
 def _written(
     model: type[Part], result: UpdateResult | CampaignsResult, **others: Any
 ) -> dict[str, Any]:
-    """The core's result as JSON, some members in place of the core's or beside them."""
+    """The core's result as JSON, some members in place of the core's or beside them; what is not
+    finite is null.
+    """
     own = {name: getattr(result, name) for name in model.model_fields if name not in others}
-    return model.model_validate(own | others).model_dump(mode="json", exclude_unset=True)
+    made = model.model_validate(own | others)
+    document: dict[str, Any] = _plain(made.model_dump(exclude_unset=True))
+    return document
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _plain(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    value = value.item() if isinstance(value, np.generic) else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _posterior(posterior: PosteriorSummary) -> dict[str, Any]:
     """The method, how the parameters correlate, and for samples what the chains were like."""
-    described = {name: getattr(posterior, name) for name in ("method", "names", "correlation")}
+    described: dict[str, Any] = {"method": posterior.method}
+    if posterior.correlation is not None:
+        described |= {"names": posterior.names, "correlation": posterior.correlation}
     if posterior.samples is not None:
         described["samples"] = len(posterior.samples)
         for name in ("effective_samples", "autocorrelation_time", "acceptance"):
@@ -144,12 +160,12 @@ def require_current(document: dict[str, Any]) -> dict[str, Any]:
     """A stored document that is of today's form.
 
     Raises:
-        Conflict: it is of an earlier one; the message says what to do.
+        Conflict: it is of another one; the message says what to do.
     """
     if not is_current(document):
         raise Conflict(
-            "this result was stored by an earlier version of modalbase, in a form that is not read"
-            " any more: run the update again"
+            "this result has a form that this version of modalbase does not read, as another one"
+            " stored it: run the update again"
         )
     return document
 

@@ -1,26 +1,27 @@
-"""What a result is as JSON: for what is stored, for the OpenAPI document and for who reads it
-elsewhere.
+"""What a result is as JSON: one declaration for what is stored, for the OpenAPI document and for
+who reads it elsewhere.
 
-The core's dataclasses say what there is (`fecore.updating.result`): their members, in their order
-and with their words, are those of the models here. This module says what only the service knows:
-the names of schemas, members that documents of earlier builds lack, and where JSON has something
-otherwise: arrays are lists, and what is not finite is null.
+The worker makes a document of the core's dataclasses by these models (`fecore.updating.result`);
+their arrays become lists, and what is not finite null.
 """
 
-import ast
-import inspect
-import sys
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
-from functools import cache
-from itertools import pairwise
-from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from dataclasses import is_dataclass
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from fecore.updating import campaigns, conflicts
-from fecore.updating import result as core
+from fecore.updating.result import (
+    ConvergenceStep,
+    Curve,
+    DampingModelFit,
+    ModeComparison,
+    PairingSummary,
+    ParameterEstimate,
+    StageOutcome,
+    StartHistory,
+    Verdict,
+)
 
 
 def _listed(values: Any) -> Any:
@@ -28,16 +29,6 @@ def _listed(values: Any) -> Any:
     if isinstance(values, np.ndarray):
         return [_listed(each) for each in values]
     return None if isinstance(values, float | np.floating) and not np.isfinite(values) else values
-
-
-def _short(values: Any) -> Any:
-    """Numbers of a curve that is only drawn, to five digits."""
-    listed = _listed(values)
-    return (
-        [None if value is None else float(f"{value:.5g}") for value in listed]
-        if isinstance(listed, list)
-        else values
-    )
 
 
 def _members(part: Any) -> Any:
@@ -53,7 +44,6 @@ def _members(part: Any) -> Any:
 Number = Annotated[float | None, BeforeValidator(_listed)]
 Numbers = Annotated[list[Number], BeforeValidator(_listed)]
 Table = Annotated[list[Numbers], BeforeValidator(_listed)]
-Curve = Annotated[list[Number], BeforeValidator(_short)]
 AnyObject = Annotated[dict[str, Any], BeforeValidator(_members)]
 
 CONSTANTS = {**dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz"), "Pa"), "a0": "1/s", "a1": "s"}
@@ -68,70 +58,14 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="allow", from_attributes=True)
 
 
-_MODELS: dict[type, type[Part]] = {}
+class FindingOut(Part):
+    """Something that a user must know."""
 
-
-def part_of(shown: type, name: str, lacking: str = "", **otherwise: Any) -> Any:
-    """The model of a dataclass of the core.
-
-    Args:
-        shown: the dataclass; its docstrings become descriptions, and what it has `BESIDE` is none
-            of the document's.
-        name: of the schema.
-        lacking: members that documents of earlier builds lack: they may be absent, and null unless
-            the core's are empty without being stated.
-        otherwise: types of members that JSON has otherwise than the core.
-    """
-    types, said = get_type_hints(shown), described(shown)
-    members: dict[str, Any] = {}
-    for each in fields(shown):
-        if each.metadata != core.BESIDE:
-            kind = otherwise.get(each.name) or _as_json(types[each.name])
-            stated: dict[str, Any] = {"description": said[each.name]}
-            if each.name in lacking.split() and each.default == ():
-                stated["default_factory"] = list
-            elif each.name in lacking.split():
-                kind, stated["default"] = kind | None, None
-            members[each.name] = (kind, Field(**stated))
-    made = create_model(name, __base__=Part, __doc__=inspect.getdoc(shown), **members)
-    return _MODELS.setdefault(shown, made)
-
-
-def described(shown: type) -> dict[str, str]:
-    """What a dataclass's docstrings say of its members, by name."""
-    body = _classes(shown.__module__)[shown.__name__].body
-    return {
-        member.target.id: " ".join(text.value.value.split())
-        for member, text in pairwise(body)
-        if isinstance(member, ast.AnnAssign)
-        and isinstance(member.target, ast.Name)
-        and isinstance(text, ast.Expr)
-        and isinstance(text.value, ast.Constant)
-        and isinstance(text.value.value, str)
-    }
-
-
-@cache
-def _classes(module: str) -> dict[str, ast.ClassDef]:
-    tree = ast.parse(inspect.getsource(sys.modules[module]))
-    return {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
-
-
-def _as_json(kind: Any) -> Any:
-    """The type in JSON of a member of the core."""
-    origin, inner = get_origin(kind), get_args(kind)
-    if is_dataclass(kind):
-        return _MODELS.get(kind, AnyObject)  # type: ignore[arg-type]
-    if origin is np.ndarray:
-        return Numbers
-    if type(None) in inner:
-        (first,) = (_as_json(each) for each in inner if each is not type(None))
-        return Number if first is float else first | None
-    if origin is tuple and inner[-1] is ...:
-        return list[_as_json(inner[0])]  # type: ignore[misc]
-    if origin in (dict, Mapping):
-        return dict[str, _as_json(inner[1])]  # type: ignore[misc]
-    return kind
+    kind: str = Field(description="its id, the same in every result")
+    level: Literal["with_care", "do_not_use"] | None = Field(
+        description="what it means for the use of the result"
+    )
+    text: str = Field(description="what was found and what to do")
 
 
 class AgreementOut(Part):
@@ -172,77 +106,186 @@ class CorrelationOut(AgreementOut):
     )
 
 
-VerdictOut = part_of(core.Verdict, "VerdictOut")
-FindingOut = part_of(core.Finding, "FindingOut")
-OutcomeOut = part_of(core.StageOutcome, "OutcomeOut", stage=str)
-BudgetOut = part_of(core.BudgetEntry, "BudgetOut")
-ComparableOut = part_of(core.Comparable, "ComparableOut")
-ParameterOut = part_of(core.ParameterEstimate, "ParameterOut", "comparable tied_to")
-ModeComparisonOut = part_of(
-    core.ModeComparison,
-    "ModeComparisonOut",
-    "measured_damping predicted_damping measured_damping_sd motion energy own_mesh_hz",
-)
-CurveOut = part_of(core.LawCurve, "CurveOut", frequency_hz=Curve, damping_ratio=Curve)
-DampingLawOut = part_of(
-    core.DampingModelFit, "DampingLawOut", "standard_deviations curve by_mechanism", bic=Number
-)
-CommonLawOut = part_of(core.CommonLaw, "CommonLawOut", bic=Number)
-OverTemperatureOut = part_of(
-    core.CurveOf, "OverTemperatureOut", "law", estimate=Curve, low=Curve, high=Curve
-)
-TemperatureCurveOut = part_of(core.Curve, "TemperatureCurveOut", temperature_c=Curve)
-ConvergenceStepOut = part_of(core.ConvergenceStep, "ConvergenceStepOut")
-StartOut = part_of(core.StartHistory, "StartOut")
-PartnerOut = part_of(core.Partner, "PartnerOut")
-RivalPairingOut = part_of(core.RivalPairing, "RivalPairingOut")
-PairingOut = part_of(core.PairingSummary, "PairingOut")
-PosteriorOut = part_of(
-    core.PosteriorSummary,
-    "PosteriorOut",
-    "correlation",
-    method=Annotated[str, Field(default="laplace")],
-    names=Annotated[list[str], Field(default_factory=list)],
-    correlation=Table,
-)
-_OF_RESULT = part_of(
-    core.UpdateResult,
-    "_OfResult",
-    "findings convergence starts pairing model_modes reference_temperature_c curve",
-    correlation=CorrelationOut,
-    model_modes=list[AnyObject],
-    identification=dict[str, Any] | None,
-)
+class CommonLawOut(Part):
+    """A damping law with one set of coefficients for all campaigns."""
+
+    name: str = Field(description="of the law")
+    coefficients: dict[str, float] = Field(description="by name, SI")
+    standard_deviations: dict[str, float] = Field(description="of the coefficients, by name, SI")
+    bic: Number = Field(description="Bayesian information criterion; the least is preferred")
+    preferred: bool = Field(description="whether it has the least of all")
+    missed_by: dict[str, float] = Field(
+        description="root mean square of the misses of each campaign's ratios"
+    )
 
 
-class ResultOut(_OF_RESULT):  # type: ignore[misc, valid-type]
+class PosteriorOut(Part):
+    """How the posterior was had, and how the parameters correlate."""
+
+    method: str = Field("laplace", description="laplace or mcmc")
+    names: list[str] = Field(
+        default_factory=list, description="rows and columns of the correlation"
+    )
+    correlation: Table | None = Field(None, description="of these parameters")
+
+
+class ResultOut(Part):
     """A result: the verdict and the warnings first."""
 
+    verdict: Verdict = Field(description="whether the result may be used")
+    warnings: list[str] = Field(description="in words; read them first")
+    findings: list[FindingOut] = Field(
+        default_factory=list, description="the update's warnings, each with its id"
+    )
+    outcomes: list[StageOutcome] = Field(description="how each stage ended")
+    parameters: list[ParameterEstimate] = Field(description="updated parameters, SI")
+    modes: list[ModeComparison] = Field(description="measured modes beside the model's")
+    correlation: CorrelationOut = Field(description="agreement of FRFs and shapes")
+    damping_models: list[DampingModelFit] = Field(description="damping laws, ranked")
+    damping_fit: AnyObject = Field(description="starts, optima and history of stage 2")
+    convergence: list[ConvergenceStep] | None = Field(
+        None, description="iterates of stage 1; with `?include=convergence` only"
+    )
+    starts: list[StartHistory] | None = Field(
+        None, description="every start of stage 1 that was tried"
+    )
+    pairing: PairingSummary | None = Field(
+        None, description="which measured mode is which of the model's, and the rival pairing"
+    )
+    model_modes: list[AnyObject] | None = Field(
+        None, description="number, frequency, kind and shares of the model's modes"
+    )
+    identifiability: AnyObject = Field(description="directions that the data do not see")
+    discrepancy: AnyObject = Field(
+        description="relative standard deviation of what the model cannot say"
+    )
+    reference_temperature_c: float | None = Field(
+        None,
+        description="temperature at which the parameters are given, °C; null: nobody stated one",
+    )
+    curve: Curve | None = Field(
+        None,
+        description="constants over temperature, where the reference is not the campaign's own",
+    )
+    band_hz: tuple[float, float] | None = Field(description="lines of the damping update, Hz")
+    channel_delay_s: Number = Field(description="lag of the response that was found, s")
+    identification: dict[str, Any] | None = Field(
+        description=(
+            "how the modes were found; its `stabilisation` with `?include=stabilisation` only"
+        )
+    )
+    posterior: PosteriorOut = Field(description="how the posterior was had")
     provenance: dict[str, Any] = Field(
         description="inputs with their SHA-256, recipe, versions, host, durations"
     )
     version: int = Field(
-        description="of this document's form; results of earlier forms are to be computed again"
+        description=("of this document's form; results of earlier forms are to be computed again")
     )
 
 
-AloneOut = part_of(campaigns.CampaignEstimate, "AloneOut")
-CampaignPartOut = part_of(campaigns.CampaignPart, "CampaignPartOut")
-SaidOut = part_of(conflicts.SourceStatement, "SaidOut")
-CauseOut = part_of(
-    conflicts.Check,
-    "CauseOut",
-    kind=Literal["input", "coupons", "campaign", "mass", "foot", "support", "stiffness", "scatter"],
-)
-ConflictOut = part_of(conflicts.Conflict, "ConflictOut", "odds")
-_OF_CAMPAIGNS = part_of(
-    campaigns.CampaignsResult,
-    "_OfCampaigns",
-    "findings conflicts reference_temperature_c curve",
-)
+class AloneOut(Part):
+    """What one campaign says of a constant by itself."""
+
+    estimate: float = Field(description="SI")
+    standard_deviation: float = Field(description="SI")
+    z: float = Field(description="difference from all together, in its standard deviations")
 
 
-class JointResultOut(_OF_CAMPAIGNS):  # type: ignore[misc, valid-type]
+class CampaignPartOut(Part):
+    """What one campaign has to do with a joint result; beside this the ids of what it was made
+    of.
+    """
+
+    name: str = Field(description="structure and campaign")
+    specimen: str = Field(description="campaigns of one specimen share its dimensions")
+    predictive_p: Number = Field(description="of its frequencies, given the other campaigns")
+    contradicts: bool = Field(
+        description="whether it or one of its inputs is the likeliest cause of a conflict"
+    )
+    alone: dict[str, AloneOut] = Field(description="the constants by this campaign alone")
+    own: list[ParameterEstimate] = Field(description="its own unknowns and its specimen's")
+    modes: list[ModeComparison] = Field(description="measured modes beside the model's")
+
+
+class SaidOut(Part):
+    """What a source says of one constant, and what the other data say of it, SI."""
+
+    constant: str = Field(description="its name; empty for the scatter between specimens, a share")
+    stated: float = Field(description="by the source")
+    stated_sd: float = Field(description="standard deviation of that")
+    rest: float = Field(description="by the other data")
+    rest_sd: float = Field(description="standard deviation of that")
+
+
+class CauseOut(Part):
+    """A source of data that may be wrong."""
+
+    kind: Literal[
+        "input", "coupons", "campaign", "mass", "foot", "support", "stiffness", "scatter"
+    ] = Field(
+        description="what it is; a mass, a foot and a support that gives way are those of a body"
+    )
+    name: str = Field(description="of the source")
+    p: float = Field(
+        description=(
+            "probability of a larger difference from the other data, if it is as good as stated"
+        )
+    )
+    evidence: float = Field(
+        description="logarithm of how much likelier the data are if it is wrong"
+    )
+    owner: str = Field(description="the campaign or specimen that it belongs to; empty: all")
+    said: list[SaidOut] = Field(description="what it says, constant by constant")
+
+
+class ConflictOut(Part):
+    """Data that contradict each other."""
+
+    cause: CauseOut = Field(description="the likeliest")
+    rivals: list[CauseOut] = Field(
+        description="other causes that are not ruled out, the likeliest first"
+    )
+    cleared: list[str] = Field(
+        description="what no longer contradicts the rest once the cause is allowed for"
+    )
+    moved: float = Field(
+        description="how far a constant then moves at most, in its standard deviations"
+    )
+    odds: Number = Field(
+        default=None,
+        description="logarithm of how much likelier the cause is than the next explanation",
+    )
+
+
+class JointResultOut(Part):
     """One material from several campaigns."""
 
+    verdict: Verdict = Field(description="whether the result may be used")
+    warnings: list[str] = Field(description="in words; read them first")
+    findings: list[FindingOut] = Field(
+        default_factory=list, description="the update's warnings, each with its id"
+    )
+    parameters: list[ParameterEstimate] = Field(
+        description="the material's constants in its own axes, SI"
+    )
+    posterior: PosteriorOut = Field(description="how the constants correlate")
+    campaigns: list[CampaignPartOut] = Field(description="what each campaign has to do with it")
+    odd_one_out: str | None = Field(
+        description="the campaign in which the first conflict's causes lie; null: none"
+    )
+    conflicts: list[ConflictOut] = Field(
+        default_factory=list, description="data that contradict each other"
+    )
+    damping_models: list[CommonLawOut] = Field(description="damping laws of the material, ranked")
+    reference_temperature_c: float | None = Field(
+        None,
+        description="temperature at which the parameters are given, °C; null: nobody stated one",
+    )
+    curve: Curve | None = Field(
+        None,
+        description="constants and damping over temperature; null where all campaigns are at one",
+    )
+    discrepancy: AnyObject = Field(
+        description="relative: of a frequency, and of a modulus between specimens"
+    )
     provenance: dict[str, Any] = Field(description="the request, versions, host")

@@ -13,12 +13,12 @@ from fecore.body.generators import Piece
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.specimen import LayeredSpecimen, Specimen
 from fecore.body.supports import edges
+from fecore.dynamics.laws import LAWS, Damped
 from fecore.errors import UpdatingError
 from fecore.signal import delay, pulse, shares
 from fecore.updating import campaigns, damping_data, plausibility
 from fecore.updating.findings import MOST_WARNINGS, warnings
 from fecore.updating.inputs import Inputs
-from fecore.updating.laws import FREQUENCY_LAWS
 from fecore.updating.measured_ratios import nearest_positive
 from fecore.updating.result import Finding as Remark
 from fecore.updating.systematic_effects import systematic_effects
@@ -35,13 +35,14 @@ def test_numbers_of_hits_that_have_little_to_say() -> None:
 
 
 def test_remarks_beyond_a_dozen_are_counted() -> None:
-    many = [Remark(text=chr(97 + n) * 3, weight=float(-n)) for n in range(MOST_WARNINGS + 2)]
+    many = [Remark(chr(97 + n) * 3, None, float(-n)) for n in range(MOST_WARNINGS + 2)]
     shown = warnings(many)
     assert (len(shown), shown[-1]) == (MOST_WARNINGS, "3 less important warnings are not listed")
 
 
 def test_a_law_starts_where_no_mode_is_damped_negatively() -> None:
-    law = FREQUENCY_LAWS["rayleigh"]
+    law = LAWS["rayleigh"].make(Damped(()))
+    assert law is not None
     omega, ratio = np.array([100.0, 200.0]), np.array([0.05, 0.01])
     plain = nearest_positive(law, omega, ratio)
     assert np.all(law.basis(omega) @ plain > 0)
@@ -87,9 +88,9 @@ def test_what_campaigns_say_of_one_another() -> None:
         rows=[slice(0, 2), slice(2, 3)],
         pairings=pairings,
         problem=problem,
-        missed=lambda rows: float(problem.residual[rows][0]),
-        away=np.zeros(1),
-        standing=(),
+        rms_residual=lambda rows: float(problem.residual[rows][0]),
+        prior_z_score=np.zeros(1),
+        admissible_rivals=(),
         rivals=(),
         oscillating_modes=(),
     )

@@ -21,7 +21,7 @@ from fecore.trend.explanations import (
     explanations,
     in_words,
 )
-from fecore.updating.result import FrequencyEffects
+from fecore.updating.effects import FrequencyEffects
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter, parametrise

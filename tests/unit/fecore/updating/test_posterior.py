@@ -188,10 +188,10 @@ def test_what_frfs_and_modes_disagree_by_is_added_beyond_noise() -> None:
 def test_findings_alike_are_folded_and_the_same_is_said_once() -> None:
     one, other = "mode 1 (20.00 Hz) is alone", "mode 2 (30.00 Hz) is alone"
     finding = [
-        Finding(text=one, level="with_care", weight=2),
-        Finding(text=one),
-        Finding(text=other),
-        Finding(text="the lid is open", level="do_not_use"),
+        Finding(one, "with_care", 2),
+        Finding(one),
+        Finding(other),
+        Finding("the lid is open", "do_not_use"),
     ]
     assert warnings(finding) == ("the lid is open", f"{one} (likewise: mode 2 (30.00 Hz))")
 
