@@ -135,6 +135,6 @@ def _log_volume(result: CampaignsResult) -> float:
     known = {p.name: p for p in result.parameters}
     sds = [
         known[n].standard_deviation / (known[n].estimate if n != "nu_xy" else 1.0)
-        for n in result.free
+        for n in result.posterior.names
     ]
-    return float(np.linalg.slogdet(result.correlation)[1] / 2 + np.log(sds).sum())
+    return float(np.linalg.slogdet(result.posterior.correlation)[1] / 2 + np.log(sds).sum())

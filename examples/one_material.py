@@ -70,7 +70,7 @@ def show(result: CampaignsResult) -> None:
     for part in result.campaigns:
         alone = part.alone["Ex"]
         print(
-            f"  {part.name}: alone Ex {alone['estimate'] / 1e9:.2f} GPa, z = {alone['z']:+.1f}; p ="
+            f"  {part.name}: alone Ex {alone.estimate / 1e9:.2f} GPa, z = {alone.z:+.1f}; p ="
             f" {part.predictive_p:.2f}"
         )
         for own in part.own:

@@ -51,6 +51,9 @@ Numbers = Annotated[FloatArray, Listed(1)]
 Drawn = Annotated[FloatArray, Listed(1, digits=5)]
 """(n,) array of a result of which only a curve is made."""
 
+Unbounded = Annotated[float, Listed(0)]
+"""A number that may be infinite."""
+
 
 def real_times(real: FloatArray, rows: ComplexArray) -> ComplexArray:
     """(…, n, L) A Z of real (…, n, q) A and complex (q, L) Z, as one real product: half the work of

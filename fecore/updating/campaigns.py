@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.updating.amounts import plus_minus
 from fecore.updating.campaign_layout import (
@@ -46,6 +45,7 @@ from fecore.updating.result import (
     Finding,
     ModeComparison,
     ParameterEstimate,
+    PosteriorSummary,
     Verdict,
 )
 from fecore.updating.temperature import (
@@ -88,51 +88,77 @@ class CampaignsRecipe:
 
 
 @dataclass(frozen=True)
-class CampaignPart:
-    """What one campaign has to do with the result."""
+class CampaignEstimate:
+    """What one campaign says of a constant by itself."""
 
-    # name, specimen: as they came in
-    name: str
-    specimen: str
-    modes: tuple[ModeComparison, ...]  # measured beside updated
-    # its own nuisances and its specimen's: length, the clamp's compliance, width, thickness, density,
-    # fibre_angle, and the specimen's scatter as ratios to the material
-    own: tuple[ParameterEstimate, ...]
-    # the material's constants by this campaign alone: estimate, standard deviation, and z of the
-    # difference from all together, by name
-    alone: Mapping[str, Mapping[str, float]]
-    # of its frequencies, given the other campaigns; None of a single campaign
-    predictive_p: float | None
-    # whether it, or one of its inputs, is the likeliest cause of a conflict (`contradictions`)
-    contradicts: bool
+    estimate: float
+    """SI"""
+    standard_deviation: float
+    """SI"""
+    z: float
+    """difference from all together, in its standard deviations"""
 
 
 @dataclass(frozen=True)
+class CampaignPart:
+    """What one campaign has to do with a joint result; in a document with the ids of what it was
+    made of.
+    """
+
+    name: str
+    """structure and campaign"""
+    specimen: str
+    """campaigns of one specimen share its dimensions"""
+    predictive_p: float | None
+    """of its frequencies, given the other campaigns; null of a single campaign"""
+    contradicts: bool
+    """whether it or one of its inputs is the likeliest cause of a conflict"""
+    alone: Mapping[str, CampaignEstimate]
+    """the constants by this campaign alone"""
+    own: tuple[ParameterEstimate, ...]
+    """its own unknowns and its specimen's; the specimen's scatter as ratios to the material"""
+    modes: tuple[ModeComparison, ...]
+    """measured modes beside the model's"""
+
+
+@dataclass(frozen=True)
+class JointDiscrepancy:
+    """Relative standard deviations of what is not the same in all."""
+
+    frequency: float
+    """error of the model's frequencies"""
+    scatter: float | None
+    """of a modulus between specimens, root of its posterior mean; null where it is not modelled"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class CampaignsResult:
     """One material from several campaigns."""
 
-    verdict: Verdict  # whether it may be used
-    parameters: tuple[ParameterEstimate, ...]  # the material's constants, in its own axes
-    # (q, q) of the free ones' posterior, in their coordinates; names of them in `free`
-    correlation: FloatArray
-    free: tuple[str, ...]  # names of the free parameters
-    campaigns: tuple[CampaignPart, ...]  # each one's part
-    # name of the one campaign in which the likeliest causes of the first conflict lie; None else
+    verdict: Verdict
+    """whether the result may be used"""
+    warnings: tuple[str, ...]
+    """in words; read them first"""
+    findings: tuple[Finding, ...] = ()
+    """the update's warnings, each with its id"""
+    parameters: tuple[ParameterEstimate, ...]
+    """the material's constants in its own axes, SI"""
+    posterior: PosteriorSummary
+    """how the constants correlate"""
+    campaigns: tuple[CampaignPart, ...]
+    """what each campaign has to do with it"""
     odd_one_out: str | None
-    discrepancy: float  # relative model error of a frequency
-    # relative deviation of a modulus between specimens, root of its posterior mean; None where it
-    # is not modelled
-    scatter: float | None
-    warnings: tuple[str, ...]  # what a user must know
-    findings: tuple[Finding, ...] = ()  # the same, each with the id of its row of the table
-    # sources that contradict the others, each with its likeliest cause
+    """the campaign in which the first conflict's causes lie; null: none"""
     conflicts: tuple[Conflict, ...] = ()
-    # laws with one set of coefficients for all campaigns, ranked; none where no mode has a damping
-    # ratio
-    damping: tuple[CommonLaw, ...] = ()
-    # at which all of it is given, °C; None where that is not known
+    """data that contradict each other"""
+    damping_models: tuple[CommonLaw, ...] = ()
+    """damping laws of the material, ranked; none where no mode has a damping ratio"""
     reference_temperature_c: float | None = None
-    curve: Curve | None = None  # over temperature; None where all campaigns are at one
+    """temperature at which the parameters are given, °C; null: nobody stated one"""
+    curve: Curve | None = None
+    """constants and damping over temperature; null where all campaigns are at one"""
+    discrepancy: JointDiscrepancy
+    """relative: of a frequency, and of a modulus between specimens"""
 
 
 def update_campaigns(
@@ -193,16 +219,18 @@ def update_campaigns(
     return CampaignsResult(
         verdict=judge(findings, parameters),
         parameters=parameters,
-        correlation=total / np.outer(sd, sd),
-        free=layout.shared,
+        posterior=PosteriorSummary(
+            "laplace", names=layout.shared, correlation=total / np.outer(sd, sd)
+        ),
         campaigns=parts,
         odd_one_out=_odd_one_out(against, ready),
-        discrepancy=elastic.discrepancy,
-        scatter=elastic.scatter if layout.specimens_scatter else None,
+        discrepancy=JointDiscrepancy(
+            elastic.discrepancy, elastic.scatter if layout.specimens_scatter else None
+        ),
         warnings=warnings(findings),
         findings=ordered(findings),
         conflicts=against,
-        damping=laws,
+        damping_models=laws,
         reference_temperature_c=temperatures[0] if reference is None else reference,
         curve=curve_of(elastic, laws),
     )
@@ -238,10 +266,7 @@ def _part(
         specimen=campaign.specimen,
         modes=elastic.compared_modes(number, campaign.modes),
         own=tuple(own_estimates(elastic, number)),
-        alone={
-            name: {"estimate": value, "standard_deviation": sd, "z": z}
-            for name, value, sd, z in constants
-        },
+        alone={name: CampaignEstimate(value, sd, z) for name, value, sd, z in constants},
         predictive_p=agreement.predictive_p,
         contradicts=not causes.isdisjoint(_owners(campaign)),
     )

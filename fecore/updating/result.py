@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from fecore.arrays import ComplexArray, Drawn, FloatArray, Numbers
+from fecore.arrays import ComplexArray, Drawn, FloatArray, Numbers, Unbounded
 from fecore.body.mesh import Mesh
 from fecore.correlation import Agreement
 from fecore.frf import Dof
@@ -219,7 +219,7 @@ class LawFit:
     coefficients: dict[str, float]
     standard_deviations: dict[str, float]  # of the coefficients
     # Bayesian information criterion on the damping ratios; infinite where the law cannot be had
-    bic: float
+    bic: Unbounded
     preferred: bool  # whether it has the least of all
 
 
@@ -315,6 +315,17 @@ class Prediction:
 
 
 @dataclass(frozen=True)
+class ModelMode:
+    """A mode of the updated model; `motion` and `energy` are shares, as of `ModeComparison`."""
+
+    number: int  # from 1
+    frequency_hz: float
+    kind: str
+    motion: Mapping[str, float]
+    energy: Mapping[str, float]
+
+
+@dataclass(frozen=True)
 class ModeShapes:
     """Shapes at the measured dofs, measured beside those of the updated model."""
 
@@ -324,11 +335,6 @@ class ModeShapes:
     # (n, p) complex shapes of the measured modes at the first p points; (n, 0) where they have none
     measured: ComplexArray
     updated: FloatArray  # (m, P) real shapes of the model
-    # frequency_hz, kinds, shares: (m,) of the model's modes; shares are `motion` and `energy`, as
-    # of `ModeComparison`
-    frequency_hz: FloatArray
-    kinds: tuple[str, ...]
-    shares: tuple[Mapping[str, Mapping[str, float]], ...]
     # number of a measured mode and of its model mode, both from 0
     pairs: tuple[tuple[int, int], ...]
     directions: FloatArray  # (P, 3) unit vectors along which the points' shapes are
@@ -428,36 +434,63 @@ class PosteriorSummary:
 
 
 @dataclass(frozen=True)
+class DampingSearch:
+    """How stage 2 came to its coefficients."""
+
+    starts: int  # from how many it was tried
+    optima: tuple[dict[str, float], ...]  # coefficients that they ended at, by name, SI
+    history: FloatArray  # iterates of the one that is the result
+
+
+@dataclass(frozen=True)
+class UnseenDirections:
+    """Directions that the data do not see, by name of a parameter, in prior standard deviations."""
+
+    null_directions: tuple[dict[str, float], ...]
+
+
+@dataclass(frozen=True)
+class Discrepancy:
+    """Relative standard deviation of what the model cannot say."""
+
+    frequency: float
+    damping: float | None  # of a damping ratio; None where no law was fitted
+
+
+@dataclass(frozen=True, kw_only=True)
 class UpdateResult:
     """Everything an update found. Without FRFs, or where damping failed, what depends on it is
     empty or None.
+
+    Members have the names and places that they have in the document of a result, but for
+    `correlation`, `identification` and `posterior`, which the document summarises; what is kept in
+    arrays beside it comes last.
     """
 
     verdict: Verdict
+    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
     outcomes: tuple[StageOutcome, ...]
     parameters: tuple[ParameterEstimate, ...]
     modes: tuple[ModeComparison, ...]
     correlation: Correlation
     damping_models: tuple[DampingModelFit, ...]
-    damping_starts: int
-    damping_optima: tuple[dict[str, float], ...]
-    damping_history: FloatArray
+    damping_fit: DampingSearch
     convergence: tuple[ConvergenceStep, ...]
     starts: tuple[StartHistory, ...]
     pairing: PairingSummary
-    shapes: ModeShapes | None
-    channel_delay_s: float | None
-    null_directions: tuple[dict[str, float], ...]
-    frequency_discrepancy: float
-    damping_discrepancy: float | None
-    band_hz: tuple[float, float] | None
-    prediction: Prediction | None
-    identification: Identification | None
-    posterior: PosteriorSummary
-    effects: FrequencyEffects
-    warnings: tuple[str, ...]
-    findings: tuple[Finding, ...] = ()
+    model_modes: tuple[ModelMode, ...]
+    identifiability: UnseenDirections
+    discrepancy: Discrepancy
     # at which all of it is given, °C; None where nobody stated one
     reference_temperature_c: float | None = None
     # over temperature, where the reference is not that of the measurement
     curve: Curve | None = None
+    band_hz: tuple[float, float] | None
+    channel_delay_s: float | None
+    identification: Identification | None
+    posterior: PosteriorSummary
+    # shapes, prediction, effects: in arrays beside the document
+    shapes: ModeShapes | None
+    prediction: Prediction | None
+    effects: FrequencyEffects

@@ -41,9 +41,12 @@ from fecore.updating.recipe import Recipe
 from fecore.updating.result import (
     Correlation,
     DampingModelFit,
+    DampingSearch,
+    Discrepancy,
     Finding,
     HeldOut,
     LawCurve,
+    ModelMode,
     ModeShapes,
     PairingSummary,
     ParameterEstimate,
@@ -52,6 +55,7 @@ from fecore.updating.result import (
     Prediction,
     RivalPairing,
     StageOutcome,
+    UnseenDirections,
     UpdateResult,
 )
 from fecore.updating.sampling import Posterior
@@ -122,22 +126,20 @@ class Summary:
                 if self.ranking is None
                 else tuple(self._law(ranked) for ranked in self.ranking.laws)
             ),
-            damping_starts=0 if damping is None else damping.starts,
-            damping_optima=tuple(
-                self._coefficients(point) for point in (() if damping is None else damping.optima)
-            ),
-            damping_history=np.zeros((0, 0)) if damping is None else damping.fit.history,
+            damping_fit=self._damping_search(),
             convergence=elastic.history,
             starts=elastic.starts,
             pairing=self._pairing(),
-            shapes=self._shapes(),
-            channel_delay_s=None if damping is None else damping.reference.delay,
-            null_directions=tuple(
-                by_name(elastic.prior.names, direction) for direction in elastic.null_directions
+            model_modes=self._model_modes(),
+            identifiability=UnseenDirections(
+                tuple(by_name(elastic.prior.names, each) for each in elastic.null_directions)
             ),
-            frequency_discrepancy=elastic.discrepancy,
-            damping_discrepancy=None if damping is None else damping.discrepancy,
+            discrepancy=Discrepancy(
+                elastic.discrepancy, None if damping is None else damping.discrepancy
+            ),
             band_hz=self.band,
+            channel_delay_s=None if damping is None else damping.reference.delay,
+            shapes=self._shapes(),
             prediction=self.prediction,
             identification=self.data.identification,
             posterior=self._posterior(),
@@ -166,6 +168,12 @@ class Summary:
             *self.constants,
             *(at_reference(each, self.elastic.prior.warmth, priors) for each in damping),
         )
+
+    def _damping_search(self) -> DampingSearch:
+        if self.damping is None:
+            return DampingSearch(0, (), np.zeros((0, 0)))
+        optima = tuple(self._coefficients(point) for point in self.damping.optima)
+        return DampingSearch(self.damping.starts, optima, self.damping.fit.history)
 
     def _own_findings(self) -> list[Finding]:
         return [
@@ -379,14 +387,19 @@ class Summary:
                 np.zeros((len(modes), 0), dtype=complex) if modes.shapes is None else modes.shapes
             ),
             updated=state.shapes,
-            frequency_hz=state.frequency_hz,
-            kinds=tuple(state.kinds),
-            shares=tuple(state.shares(mode) for mode in range(state.frequency_hz.size)),
             pairs=self.elastic.pairing.pairs,
             directions=directions_of(forward.dofs, forward.axes),
             mesh=forward.specimen.model.mesh,
             everywhere=forward.specimen.model.at_nodes(state.full_shapes),
         )
+
+    def _model_modes(self) -> tuple[ModelMode, ...]:
+        """None where there are no shapes either."""
+        state = self.elastic.updated
+        if not state.forward.points:
+            return ()
+        modes = enumerate(zip(state.frequency_hz.tolist(), state.kinds, strict=True))
+        return tuple(ModelMode(k + 1, hz, kind, **state.shares(k)) for k, (hz, kind) in modes)
 
     def _negative_damping(self) -> list[Finding]:
         """Where in the band the fitted law, and the preferred one, would feed energy in: between or

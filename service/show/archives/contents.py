@@ -200,7 +200,7 @@ def _write_results(
             "campaign": campaign.name,
             "structure": structure,
         }
-        row["verdict"] = document["verdict"]["level"]
+        row["verdict"] = (document.get("verdict") or {}).get("level")
         for one in document["parameters"]:
             low, high = one["interval_95"] or (None, None)
             row |= {one["name"]: one["estimate"], f"{one['name']}_sd": one["standard_deviation"]}

@@ -9,7 +9,7 @@ the parts asked for. Measured on 33 FRFs of 1,000 lines: 1.1 MB read whole took 
 import io
 import math
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 from uuid import UUID
@@ -25,16 +25,12 @@ from fecore.updating.result import (
     PosteriorSummary,
     UpdateResult,
 )
-from service.compute.identifying import up_to_date as identification_up_to_date
 from service.db.bytea import read_slice
-from service.store.updating.result_schemas import JointResultOut, ResultOut
-
-Document = Mapping[str, Any]
+from service.errors import Conflict
+from service.store.updating.result_schemas import JointResultOut, Part, ResultOut
 
 VERSION = 3
-
-MARKS = ("version", "outcomes")
-"""Members that show the version of a document."""
+"""Of a document's form; those of another are not read."""
 
 LARGE_PARTS = {
     "stabilisation": ("identification", "stabilisation"),
@@ -62,42 +58,16 @@ def describe(
     provenance: dict[str, Any],
 ) -> dict[str, Any]:
     """The document that `GET /update-jobs/{id}/result` answers."""
-    shapes = result.shapes
-    modes = (
-        []
-        if shapes is None
-        else zip(shapes.frequency_hz.tolist(), shapes.kinds, shapes.shares, strict=True)
+    return _written(
+        ResultOut,
+        result,
+        warnings=[*warnings, *result.warnings],
+        correlation=_correlation(result.correlation),
+        identification=identification,
+        posterior=_posterior(result.posterior),
+        provenance=provenance,
+        version=VERSION,
     )
-    members = {
-        **{name: getattr(result, name) for name in _AS_THEY_ARE},
-        "warnings": [*warnings, *result.warnings],
-        "correlation": _correlation(result.correlation),
-        "damping_fit": {
-            "starts": result.damping_starts,
-            "optima": list(result.damping_optima),
-            "history": result.damping_history.tolist(),
-        },
-        "model_modes": [
-            {"number": k, "frequency_hz": hz, "kind": kind, **shares}
-            for k, (hz, kind, shares) in enumerate(modes, start=1)
-        ],
-        "identifiability": {"null_directions": list(result.null_directions)},
-        "discrepancy": {
-            "frequency": result.frequency_discrepancy,
-            "damping": result.damping_discrepancy,
-        },
-        "identification": identification,
-        "posterior": _posterior(result.posterior),
-        "provenance": provenance,
-        "version": VERSION,
-    }
-    return _written(ResultOut.model_validate(members))
-
-
-_AS_THEY_ARE = (
-    *("verdict", "findings", "outcomes", "parameters", "modes", "damping_models", "convergence"),
-    *("starts", "pairing", "band_hz", "channel_delay_s", "reference_temperature_c", "curve"),
-)
 
 
 def describe_joint(
@@ -107,25 +77,28 @@ def describe_joint(
     provenance: dict[str, Any],
 ) -> dict[str, Any]:
     """The document of a joint update, each campaign's part with the ids of what it was made of."""
-    members = {
-        **vars(result),
-        "warnings": [*result.warnings, *warnings],
-        "posterior": {"names": result.free, "correlation": result.correlation},
-        "campaigns": [
+    posterior = result.posterior
+    return _written(
+        JointResultOut,
+        result,
+        warnings=[*result.warnings, *warnings],
+        posterior={"names": posterior.names, "correlation": posterior.correlation},
+        campaigns=[
             {**vars(part), **source} for part, source in zip(result.campaigns, sources, strict=True)
         ],
-        "damping_models": result.damping,
-        "discrepancy": {"frequency": result.discrepancy, "scatter": result.scatter},
-        "provenance": provenance,
-    }
-    for name in ("correlation", "free", "scatter", "damping"):
-        del members[name]
-    return _written(JointResultOut.model_validate(members))
+        provenance=provenance,
+    )
 
 
-def _written(result: ResultOut | JointResultOut) -> dict[str, Any]:
-    """A result as JSON has it: what is not finite is null."""
-    document: dict[str, Any] = _plain(result.model_dump(exclude_unset=True))
+def _written(
+    model: type[Part], result: UpdateResult | CampaignsResult, **others: Any
+) -> dict[str, Any]:
+    """The core's result as JSON, some members in place of the core's or beside them; what is not
+    finite is null.
+    """
+    own = {name: getattr(result, name) for name in model.model_fields if name not in others}
+    made = model.model_validate(own | others)
+    document: dict[str, Any] = _plain(made.model_dump(exclude_unset=True))
     return document
 
 
@@ -179,24 +152,28 @@ def _agreement(agreement: Agreement | None, of: Of = "FRFs") -> dict[str, Any]:
     }
 
 
-_NO_VERDICT = (
-    "modalbase 0.1.0, which computed this result, judged none and left the errors of dimensions,"
-    " mass, support and instruments out of its intervals: they are too narrow; run the update again"
-)
+def is_current(document: Mapping[str, Any]) -> bool:
+    """Whether a stored document, or its `version` and some other members, is of today's form."""
+    return document.get("version") == VERSION
 
 
-def up_to_date(document: Document) -> dict[str, Any]:
-    """A stored document, or some of its members and its `MARKS`, as the present version writes
-    them.
+def require_current(document: dict[str, Any]) -> dict[str, Any]:
+    """A stored document that is of today's form.
+
+    Raises:
+        Conflict: it is of another one; the message says what to do.
     """
-    for step in _STEPS[_version(document) - 1 :]:
-        document = step(document)
+    if not is_current(document):
+        raise Conflict(
+            "this result has a form that this version of modalbase does not read, as another one"
+            " stored it: run the update again"
+        )
     if correlation := document.get("correlation"):
-        document = {**document, "correlation": _with_all_criteria(correlation)}
-    return {**document, "version": VERSION}
+        return {**document, "correlation": _with_all_criteria(correlation)}
+    return document
 
 
-def _with_all_criteria(correlation: Document) -> dict[str, Any]:
+def _with_all_criteria(correlation: Mapping[str, Any]) -> dict[str, Any]:
     """Criteria that came after a result was stored have no value in it."""
     held_out = correlation.get("held_out")
     return {
@@ -208,70 +185,6 @@ def _with_all_criteria(correlation: Document) -> dict[str, Any]:
 
 def _filled(part: Any, of: Of) -> Any:
     return part and {**part, **{n: v for n, v in _agreement(None, of).items() if n not in part}}
-
-
-def _version(document: Document) -> int:
-    return int(document.get("version") or (2 if document.get("outcomes") else 1))
-
-
-def _from_1(document: Document) -> Document:
-    """0.1.0 failed a job unless both stages succeeded, and its only uncertainty was noise and the
-    model's discrepancy.
-    """
-    return {
-        **dict.fromkeys(("verdict", "warnings")),
-        **document,
-        "verdict": {
-            "level": "with_care",
-            "sentence": f"Use with care: {_NO_VERDICT}.",
-            "reasons": [],
-        },
-        "warnings": [_NO_VERDICT, *document.get("warnings", ())],
-        "outcomes": [
-            {"stage": stage, "status": "succeeded", "message": ""}
-            for stage in ("elastic", "damping")
-        ],
-        "parameters": [
-            {
-                **row,
-                "comparable": {
-                    "estimate": row["estimate"],
-                    "standard_deviation": row["noise_standard_deviation"],
-                },
-                "budget": [],
-                "confounded_with": [],
-            }
-            for row in document.get("parameters", ())
-        ],
-        "channel_delay_s": None,
-    }
-
-
-def _from_2(document: Document) -> Document:
-    """What 0.2.0 had not from its beginning is here too: some of its first builds left results
-    behind.
-    """
-    costs = [step["cost"] for step in document.get("convergence", ())]
-    identified = document.get("identification")
-    return {
-        "starts": [{"chosen": True, "failure": None, "cost": costs, "parameters": {}}],
-        "model_modes": [],
-        "pairing": None,
-        "findings": [],
-        "reference_temperature_c": None,
-        "curve": None,
-        **document,
-        "parameters": [{"tied_to": None, **row} for row in document.get("parameters", ())],
-        "modes": [{"measured_damping_sd": None, **row} for row in document.get("modes", ())],
-        "damping_models": [
-            {"standard_deviations": {}, "curve": None, "by_mechanism": False, **row}
-            for row in document.get("damping_models", ())
-        ],
-        "identification": identified and identification_up_to_date(identified),
-    }
-
-
-_STEPS: tuple[Callable[[Document], Document], ...] = (_from_1, _from_2)
 
 
 _BUFFER = 32 * 1024  # bytes that are read at a time: the archive's list of contents fits in

@@ -27,7 +27,7 @@ from service.store.storage import book, require_room
 from service.store.structures.operations import present_structure
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import require_inputs
-from service.store.updating.document import MARKS, StoredArrays, up_to_date
+from service.store.updating.document import StoredArrays, is_current, require_current
 from service.store.updating.document import describe as describe_result
 from service.store.updating.document import describe_joint as describe_joint_result
 from service.store.updating.loading import body_for, load_joint, load_update, recipe_parameters
@@ -276,13 +276,13 @@ def joint_document(session: Session, row: JointUpdate) -> dict[str, Any]:
 
 
 def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
-    """The result of an update, computed by whichever version: the JSON document of
-    `docs/results.md`.
+    """The result of an update: the JSON document of `docs/results.md`.
 
     Raises:
-        Conflict: the job has none, yet or ever; the message says which.
+        Conflict: the job has none, yet or ever, or one that an earlier version stored; the message
+            says which.
     """
-    return up_to_date(_result(session, row).document)
+    return require_current(_result(session, row).document)
 
 
 def result_labels(session: Session, row: UpdateJob) -> Labels:
@@ -330,16 +330,16 @@ def arrays_of(session: Session, key: UUID) -> StoredArrays | None:
 
 
 def result_documents(session: Session, keys: Sequence[UUID]) -> dict[UUID, dict[str, Any]]:
-    """Results by update job; jobs without one are left out."""
+    """Results by update job; jobs without one of today's form are left out."""
     query = select(UpdateResult.id, UpdateResult.document).where(UpdateResult.id.in_(keys))
-    return {key: up_to_date(document) for key, document in session.execute(query)}
+    return {key: document for key, document in session.execute(query) if is_current(document)}
 
 
 def labelled_results(
     session: Session, campaign_id: UUID
 ) -> Iterator[tuple[UUID, dict[str, Any], dict[str, Any]]]:
-    """The results of a campaign, oldest first: key of the update job, document, tags and
-    metadata.
+    """The results of a campaign, oldest first: key of the update job, document as it was stored,
+    tags and metadata.
     """
     query = (
         select(UpdateResult)
@@ -347,22 +347,19 @@ def labelled_results(
         .order_by(UpdateResult.id)
     )
     for row in session.scalars(query):
-        yield row.id, up_to_date(row.document), {"tags": row.tags, "meta": row.meta}
+        yield row.id, row.document, {"tags": row.tags, "meta": row.meta}
 
 
 def result_parts(
     session: Session, keys: Sequence[UUID], parts: Sequence[str]
 ) -> dict[UUID, dict[str, Any]]:
     """Members of results by update job, without reading the rest of the documents; jobs without a
-    result are left out.
+    result of today's form are left out.
     """
-    read = (*MARKS, *parts)
-    columns = [UpdateResult.document[part] for part in read]
+    columns = [UpdateResult.document[part] for part in ("version", *parts)]
     rows = session.execute(select(UpdateResult.id, *columns).where(UpdateResult.id.in_(keys)))
-    documents = {
-        key: up_to_date({n: v for n, v in zip(read, values, strict=True) if v is not None})
-        for key, *values in rows
-    }
     return {
-        key: {part: document.get(part) for part in parts} for key, document in documents.items()
+        key: dict(zip(parts, values, strict=True))
+        for key, version, *values in rows
+        if is_current({"version": version})
     }

@@ -2,10 +2,10 @@
 who reads it elsewhere.
 
 The worker makes a document of the core's dataclasses by these models (`fecore.updating.result`);
-their arrays become lists, and what is not finite null. A stored document is brought up to date when
-it is read (`service.store.updating.document`).
+their arrays become lists, and what is not finite null.
 """
 
+from dataclasses import is_dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -32,9 +32,20 @@ def _listed(values: Any) -> Any:
     return None if isinstance(values, float | np.floating) and not np.isfinite(values) else values
 
 
+def _members(part: Any) -> Any:
+    """Members of a dataclass that has no schema of its own."""
+    if not is_dataclass(part):
+        return part
+    return {
+        name: value.tolist() if isinstance(value, np.ndarray) else value
+        for name, value in vars(part).items()
+    }
+
+
 Number = Annotated[float | None, BeforeValidator(_listed)]
 Numbers = Annotated[list[Number], BeforeValidator(_listed)]
 Table = Annotated[list[Numbers], BeforeValidator(_listed)]
+AnyObject = Annotated[dict[str, Any], BeforeValidator(_members)]
 
 CONSTANTS = {**dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz"), "Pa"), "a0": "1/s", "a1": "s"}
 """Names of the constants by which results are found, with their units."""
@@ -135,7 +146,7 @@ class ResultOut(Part):
     modes: list[ModeComparison] = Field(description="measured modes beside the model's")
     correlation: CorrelationOut = Field(description="agreement of FRFs and shapes")
     damping_models: list[DampingModelFit] = Field(description="damping laws, ranked")
-    damping_fit: dict[str, Any] = Field(description="starts, optima and history of stage 2")
+    damping_fit: AnyObject = Field(description="starts, optima and history of stage 2")
     convergence: list[ConvergenceStep] | None = Field(
         None, description="iterates of stage 1; with `?include=convergence` only"
     )
@@ -145,11 +156,11 @@ class ResultOut(Part):
     pairing: PairingSummary | None = Field(
         None, description="which measured mode is which of the model's, and the rival pairing"
     )
-    model_modes: list[dict[str, Any]] | None = Field(
+    model_modes: list[AnyObject] | None = Field(
         None, description="number, frequency, kind and shares of the model's modes"
     )
-    identifiability: dict[str, Any] = Field(description="directions that the data do not see")
-    discrepancy: dict[str, Any] = Field(
+    identifiability: AnyObject = Field(description="directions that the data do not see")
+    discrepancy: AnyObject = Field(
         description="relative standard deviation of what the model cannot say"
     )
     reference_temperature_c: float | None = Field(
@@ -172,9 +183,7 @@ class ResultOut(Part):
         description="inputs with their SHA-256, recipe, versions, host, durations"
     )
     version: int = Field(
-        description=(
-            "of this document's form; results of earlier versions are shown in the present one"
-        )
+        description=("of this document's form; results of earlier forms are to be computed again")
     )
 
 
@@ -280,7 +289,7 @@ class JointResultOut(Part):
         None,
         description="constants and damping over temperature; null where all campaigns are at one",
     )
-    discrepancy: dict[str, Any] = Field(
+    discrepancy: AnyObject = Field(
         description="relative: of a frequency, and of a modulus between specimens"
     )
     provenance: dict[str, Any] = Field(description="the request, versions, host")

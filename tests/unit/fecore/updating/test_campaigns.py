@@ -92,7 +92,7 @@ def test_strips_and_a_plate_tell_what_none_tells_alone(together: CampaignsResult
     held = [p.interval_95[0] <= TRUTH[name] <= p.interval_95[1] for name, p in found.items()]
     assert sum(held) >= 5
     alone = {part.name: part.alone for part in together.campaigns}
-    assert alone["strip 0"]["Ey"]["standard_deviation"] > 0.9 * found["Ey"].prior_sd  # type: ignore[operator]
+    assert alone["strip 0"]["Ey"].standard_deviation > 0.9 * found["Ey"].prior_sd  # type: ignore[operator]
     assert together.odd_one_out is None
     assert not any(part.contradicts for part in together.campaigns)
     assert together.verdict.level == "usable"
@@ -108,7 +108,7 @@ def test_the_papers_bar_has_one_modulus_in_both_tests() -> None:
     result = update_campaigns(bar, CampaignsRecipe(MATERIAL_PARAMETERS[:5], scatter=0))
     (modulus,) = [p for p in result.parameters if p.name == "Ex"]
     assert modulus.estimate == pytest.approx(32.46e9, rel=0.005)
-    assert all(abs(part.alone["Ex"]["z"]) <= 2 for part in result.campaigns)
+    assert all(abs(part.alone["Ex"].z) <= 2 for part in result.campaigns)
     assert not any(part.contradicts for part in result.campaigns)
     (root,) = [p for p in result.campaigns[0].own if p.name == "clamp_compliance"]
     assert root.interval_95[0] < 0.0117 < root.interval_95[1]
@@ -135,9 +135,9 @@ def test_scatter_between_specimens_widens(
     one_material = update_campaigns(campaigns[:2], CampaignsRecipe(scatter=0))
     scattering = update_campaigns(campaigns[:2], CampaignsRecipe(scatter=0.05))
     firm, loose = ({p.name: p for p in r.parameters}["Ex"] for r in (one_material, scattering))
-    assert one_material.scatter is None
-    assert scattering.scatter is not None
-    assert together.scatter is not None
+    assert one_material.discrepancy.scatter is None
+    assert scattering.discrepancy.scatter is not None
+    assert together.discrepancy.scatter is not None
     assert loose.standard_deviation > 1.2 * firm.standard_deviation
     assert any(entry.source == "scatter between specimens" for entry in loose.budget)
 

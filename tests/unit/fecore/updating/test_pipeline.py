@@ -160,8 +160,8 @@ def test_damping_ratios_take_the_place_of_frfs_that_no_fit_converges_on(
 
 
 def test_a_rayleigh_body_has_one_optimum_and_is_called_adequate(result: UpdateResult) -> None:
-    assert result.damping_starts >= 4
-    assert len(result.damping_optima) == 1
+    assert result.damping_fit.starts >= 4
+    assert len(result.damping_fit.optima) == 1
     laws = {law.name: law for law in result.damping_models}
     assert set(laws) == set(DEFAULT_LAWS)
     assert laws["rayleigh"].preferred

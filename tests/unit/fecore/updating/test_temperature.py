@@ -62,14 +62,14 @@ def test_the_curve_has_every_constant_and_the_damping_between_the_tests(
     np.testing.assert_allclose(
         np.interp(23.0, curve.temperature_c, shear.estimate), estimate.estimate, rtol=1e-3
     )
-    law = next(each for each in together.damping if each.preferred)
+    law = next(each for each in together.damping_models if each.preferred)
     assert {each.name for each in curve.constants if each.law == law.name} == set(
         list(law.coefficients)[: len(law.units)]
     )
 
 
 def test_the_damping_changes_by_kelvin_too(together: CampaignsResult) -> None:
-    rayleigh = next(law for law in together.damping if law.name == "rayleigh")
+    rayleigh = next(law for law in together.damping_models if law.name == "rayleigh")
     true = 0.01 / (1 + 0.3 * 3 / 30)
     for name in ("a0.per_K", "a1.per_K"):
         assert abs(rayleigh.coefficients[name] - true) < 2 * rayleigh.standard_deviations[name]
