@@ -148,7 +148,7 @@ class Spread:
             standard_deviation=slope * self.sd,
             noise_standard_deviation=slope * self.noise_sd,
             interval_95=(low, high),
-            identifiable=self.sd < abs(value) / 2,
+            identifiable=bool(self.sd < abs(value) / 2),
             prior_mean=None,
             prior_sd=None,
             comparable=Comparable(value, slope * self.noise_sd),
@@ -251,7 +251,7 @@ def constant_estimates(
                 initial=mean,
                 # What is known of a constant that may be off its tie by more than the data leave
                 # open is the tie.
-                identifiable=state.identifiable and doubt < own.sd / np.sqrt(2),
+                identifiable=bool(state.identifiable and doubt < own.sd / np.sqrt(2)),
                 prior_mean=mean,
                 prior_sd=float(np.hypot(ratio * prior.prior_sd[column], tie * mean)),
                 comparable=Comparable(
@@ -293,7 +293,9 @@ def own_estimates(elastic: ElasticResult, number: int) -> list[ParameterEstimate
         base = spread.estimate(unknown.name, unit, value, slope=value if log else 1.0, log=log)
         informed = 1 - (spread.sd / float(sds[place])) ** 2
         estimates.append(
-            replace(base, initial=mean, identifiable=informed > 0.5, prior_mean=mean, prior_sd=sd)
+            replace(
+                base, initial=mean, identifiable=bool(informed > 0.5), prior_mean=mean, prior_sd=sd
+            )
         )
     return estimates
 
@@ -374,7 +376,7 @@ def at_reference(
         noise_standard_deviation=ratio * each.noise_standard_deviation,
         interval_95=(value - reach[0], value + reach[1]),
         initial=None if each.initial is None else ratio * each.initial,
-        identifiable=total < abs(value) / 2,
+        identifiable=bool(total < abs(value) / 2),
         comparable=Comparable(
             ratio * each.comparable.estimate, ratio * each.comparable.standard_deviation
         ),
