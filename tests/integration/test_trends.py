@@ -22,6 +22,7 @@ import modalbase
 from modalbase.client.errors import ClientError
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
+from service.store.updating.document import VERSION
 from tests.support.command import modalbase_here
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, ok, session_client
@@ -176,7 +177,7 @@ def aged(api: httpx.Client, service: LocalService, bridge: str) -> str:
             ok(api.post(f"update-jobs/{job}/cancel"))
             row = parameter("flange.E1", 30e9 * factor(month))
             document = {
-                "version": 99,
+                "version": VERSION,
                 "parameters": [row, *([parameter("Ex", 33e9)] if month == MONTHS - 1 else [])],
             }
             constants = {
@@ -271,6 +272,14 @@ def test_a_constant_of_a_set_is_followed_over_results(
         **place,
     )
     assert len((tmp_path / "trend.csv").read_text(encoding="utf-8").splitlines()) == MONTHS + 1
+    earlier = "UPDATE update_results SET document = '{\"version\": 2}' WHERE id = %s"
+    with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
+        connection.execute(earlier, [series["points"][0]["id"]])
+    trend = ok(
+        api.get("search/results/trend", params={"filter": condition, "value": "flange.E1"}), 200
+    )
+    assert len(trend["series"][0]["points"]) == MONTHS - 1
+    assert trend["notes"][1] == "1 left out, as an earlier version stored it: run the update again"
 
 
 def test_a_constant_of_a_set_is_searched(api: httpx.Client, aged: str) -> None:

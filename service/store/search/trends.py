@@ -133,7 +133,9 @@ def trend_of(
             f"{', '.join(sorted(unknown))[:100]} is no covariate; there are"
             f" {', '.join(COVARIATES)}",
         )
-    unit, older, points = (_constants if noun == "results" else _modes)(session, user, query, value)
+    unit, left_out, points = (_constants if noun == "results" else _modes)(
+        session, user, query, value
+    )
     groups: dict[tuple[UUID, str], list[Row]] = {}
     for row in sorted(
         (row for row in points if row["performed_at"] is not None),
@@ -147,10 +149,7 @@ def trend_of(
     undated = sum(row["performed_at"] is None for row in points)
     notes = [
         f"{count} left out, {why}"
-        for count, why in (
-            (undated, "as the campaign has no date"),
-            (older, "as the campaign has a newer one that is found"),
-        )
+        for why, count in {"as the campaign has no date": undated, **left_out}.items()
         if count
     ]
     series = [_series(rows, covariates) for rows in groups.values()]
@@ -159,8 +158,8 @@ def trend_of(
 
 def _constants(
     session: Session, user: User, query: SearchQuery, value: str
-) -> tuple[str | None, int, list[Row]]:
-    """Unit of a constant, how many results are older ones, and a row for each that has it."""
+) -> tuple[str | None, dict[str, int], list[Row]]:
+    """Unit of a constant, how many results are left out by why, and a row for each that has it."""
     rows = _rows(session, user, "result", query, {"id": "id"}, MOST_ROWS)
     newest = {row["campaign_id"]: row for row in rows}
     documents = result_parts(session, [row["id"] for row in newest.values()], ("parameters",))
@@ -175,7 +174,7 @@ def _constants(
         )
     unit, points = None, []
     for row in newest.values():
-        if one := constants[row["id"]].get(value):
+        if one := constants.get(row["id"], {}).get(value):
             own = one["comparable"] or {
                 **one,
                 "standard_deviation": one["noise_standard_deviation"],
@@ -190,13 +189,20 @@ def _constants(
                     "ends": interval,
                 }
             )
-    return unit, len(rows) - len(newest), points
+    left_out = {
+        _NEWER: len(rows) - len(newest),
+        "as an earlier version stored it: run the update again": len(newest) - len(documents),
+    }
+    return unit, left_out, points
+
+
+_NEWER = "as the campaign has a newer one that is found"
 
 
 def _modes(
     session: Session, user: User, query: SearchQuery, value: str
-) -> tuple[str, int, list[Row]]:
-    """Unit of a value of modes, how many mode sets are older ones, and a row for each mode, with
+) -> tuple[str, dict[str, int], list[Row]]:
+    """Unit of a value of modes, how many mode sets are left out by why, and a row for each mode, with
     the name of its track.
     """
     if value not in MODE_VALUES:
@@ -215,7 +221,7 @@ def _modes(
     _name_tracks(session, [row for row in kept if row["performed_at"] is not None])
     return (
         unit,
-        len({row["id"] for row in rows}) - len(newest),
+        {_NEWER: len({row["id"] for row in rows}) - len(newest)},
         [row for row in kept if row["value"] is not None],
     )
 
