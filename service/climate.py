@@ -19,7 +19,7 @@ class Condition:
         label: on pages, without the unit.
         unit: of the number.
         meaning: what it is, in words.
-        shown: what follows the number in a line of text, after the unit where `unit` alone is
+        shown: what follows the number in a line of text: the unit, with a word where it alone is
             unclear.
         stiffness_sd: standard deviation of a relative change of all stiffness over a season by it,
             where a monitor is not given it; 0 where it changes none.

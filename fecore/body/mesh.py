@@ -58,6 +58,11 @@ class Block:
             )
 
     @property
+    def element(self) -> Shell | Beam | None:
+        """What its elements are; None of points."""
+        return ELEMENTS.get(self.kind)
+
+    @property
     def is_shell(self) -> bool:
         """Whether its elements are shells."""
         return self.kind in SHELLS

@@ -16,7 +16,7 @@ import scipy
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.body.facets import bows, find, is_straight, sides_of
-from fecore.body.mesh import BEAMS, ELEMENTS, SHELLS, Block, Mesh
+from fecore.body.mesh import BEAMS, SHELLS, Block, Mesh
 from fecore.body.structure import Structure
 from fecore.body.supports import Link
 
@@ -40,7 +40,7 @@ def refined(body: Structure, *, curved: bool = True) -> Refined:
     """
     mesh = body.mesh
     halve = is_quadratic(mesh) or not any(
-        block.kind in ELEMENTS and ELEMENTS[block.kind].raised for block in mesh.blocks
+        block.element and block.element.raised for block in mesh.blocks
     )
     work = _Work(
         mesh,
@@ -66,9 +66,9 @@ def element_size(mesh: Mesh) -> float:
     """Median length of the sides of elements, m."""
     lengths = []
     for block in mesh.blocks:
-        if block.kind not in ELEMENTS:
+        if block.element is None:
             continue
-        ends = np.array([side[:2] for side in ELEMENTS[block.kind].sides])
+        ends = np.array([side[:2] for side in block.element.sides])
         x = mesh.nodes[block.nodes]
         lengths.append(np.linalg.norm(x[:, ends[:, 1]] - x[:, ends[:, 0]], axis=2).ravel())
     return float(np.median(np.concatenate(lengths)))
@@ -100,13 +100,12 @@ class _Work:
         """A block of linear elements with nodes amid their sides; a quadratic one with its middles
         on the curved surface.
         """
-        sides: list[tuple[int, ...]] = (
-            list(SHELLS[block.kind].sides) if block.is_shell else [(0, 1)]
-        )
-        if block.kind not in ELEMENTS or not ELEMENTS[block.kind].raised:
+        element = block.element
+        if element is None or not element.raised:
             if block.is_shell and len(self._bows):
-                self._bend(block, sides)
+                self._bend(block, SHELLS[block.kind].sides)
             return block
+        sides = element.sides
         ends = block.nodes[:, np.array([side[:2] for side in sides])]
         middles = self._between(ends.reshape(-1, 2)).reshape(ends.shape[:2])
         local = np.vstack(
@@ -117,7 +116,7 @@ class _Work:
         )
         return _of_parts(
             block,
-            ELEMENTS[block.kind].raised,
+            element.raised,
             np.hstack([block.nodes, middles]),
             local,
             [list(range(len(local)))],
@@ -125,10 +124,11 @@ class _Work:
 
     def halved(self, block: Block) -> Block:
         """A block of quadratic elements, each in parts half as large."""
-        if block.kind not in ELEMENTS or (halving := ELEMENTS[block.kind].halving) is None:
+        element = block.element
+        if element is None or (halving := element.halving) is None:
             return block
         count, amid = block.nodes.shape[1], halving.amid
-        natural = list(ELEMENTS[block.kind].corners)
+        natural = list(element.corners)
         for a, b in amid:
             natural.append((natural[a] + natural[b]) / 2)
         at = np.array(natural)
@@ -193,7 +193,7 @@ class _Work:
         there = np.all(self._sides[place] == ends, axis=1)
         return np.where(there[:, None], self._bows[place], 0.0)
 
-    def _bend(self, block: Block, sides: list[tuple[int, ...]]) -> None:
+    def _bend(self, block: Block, sides: tuple[tuple[int, ...], ...]) -> None:
         """Move the middles of straight sides onto the curved surface."""
         places = self._places[0] = np.array(self._places[0])
         for i, j, m in sides:

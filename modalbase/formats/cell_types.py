@@ -54,9 +54,6 @@ class CellType:
         """Places of the nodes in the order of set 2412: around the element, a middle between its
         ends.
         """
-        middles = self.nodes - self.corners
-        if not middles:
-            return list(range(self.nodes))
         ring = [place for k in range(self.corners) for place in (k, self.corners + k)]
         return [place for place in ring if place < self.nodes]
 
@@ -111,7 +108,7 @@ _ALL = (
 CELL_TYPES: Mapping[str, CellType] = {one.name: one for one in _ALL}
 """By name."""
 
-ELEMENTS = ", ".join(one.name for one in _ALL if one.dimension)
+ELEMENT_NAMES = ", ".join(one.name for one in _ALL if one.dimension)
 """Their names, for sentences."""
 
 

@@ -131,16 +131,11 @@ def root_of(path: str) -> str:
     return "../" * (path.count("/") - 1) or "./"
 
 
-def climate_of(campaign: object) -> list[tuple[str, float]]:
-    """The conditions that a campaign states, by name."""
-    return list(stated(campaign).items())
-
-
 @cache
 def _templates() -> Environment:
     made = templates_in(Path(__file__).parent / "templates", Path(tasks.__path__[0]))
     made.filters.update(
-        numbers.FILTERS, bar=bar, page_words=page_words, labelled=labelled, climate=climate_of
+        numbers.FILTERS, bar=bar, page_words=page_words, labelled=labelled, climate=stated
     )
     made.globals.update(
         asset=address,

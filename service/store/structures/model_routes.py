@@ -12,7 +12,7 @@ from fastapi.responses import FileResponse
 from pydantic import Field
 from sqlalchemy.orm import Session
 
-from modalbase.formats.cell_types import ELEMENTS
+from modalbase.formats.cell_types import ELEMENT_NAMES
 from modalbase.formats.meshes import MeshFile, uff_of, write_vtu
 from modalbase.formats.models.questions import plain
 from modalbase.formats.uff.write import encode
@@ -88,7 +88,7 @@ class SetOut(PlacedOut):
 
     name: str = Field(description="in small letters, as parameters have it")
     elements: int = Field(description="number of them")
-    kinds: list[str] = Field(description=ELEMENTS)
+    kinds: list[str] = Field(description=ELEMENT_NAMES)
     materials: list[str] = Field(description="names, from the bottom")
     area_m2: float | None = Field(None, description="of shells; null of beams")
     length_m: float | None = Field(None, description="of beams; null of shells")
@@ -208,7 +208,7 @@ class MeshBlockOut(StrictModel):
     """Elements of one kind and set."""
 
     set: str = Field(description="whose elements they are")
-    kind: str = Field(description=ELEMENTS)
+    kind: str = Field(description=ELEMENT_NAMES)
     corners: int = Field(description="of each: 3 or 4 of shells, 2 ends of beams, 1 of a point")
     numbers: list[int] = Field(description="the deck's")
     nodes: list[list[int]] = Field(

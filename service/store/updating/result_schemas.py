@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
+from fecore.arrays import FloatArray, Listed, Numbers
 from fecore.correlation import CRITERIA, Of
 from fecore.updating.result import (
     ConvergenceStep,
@@ -25,13 +26,6 @@ from fecore.updating.result import (
 )
 
 
-def _listed(values: Any) -> Any:
-    """Numbers of an array of any shape as lists, None for what is not finite."""
-    if isinstance(values, np.ndarray):
-        return [_listed(each) for each in values]
-    return None if isinstance(values, float | np.floating) and not np.isfinite(values) else values
-
-
 def _members(part: Any) -> Any:
     """Members of a dataclass that has no schema of its own."""
     if not is_dataclass(part):
@@ -42,9 +36,8 @@ def _members(part: Any) -> Any:
     }
 
 
-Number = Annotated[float | None, BeforeValidator(_listed)]
-Numbers = Annotated[list[Number], BeforeValidator(_listed)]
-Table = Annotated[list[Numbers], BeforeValidator(_listed)]
+Number = Annotated[float | None, Listed(0)]
+Table = Annotated[FloatArray, Listed(2)]
 AnyObject = Annotated[dict[str, Any], BeforeValidator(_members)]
 
 CONSTANTS = {**dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz"), "Pa"), "a0": "1/s", "a1": "s"}
