@@ -35,19 +35,17 @@ from service.show.results.space import (
     At,
     ResultMeshOut,
     ShapeOut,
-    file_of_result,
+    answer_mesh,
     measured_shape,
-    mesh_of_result,
     model_shape,
 )
 from service.store.frfs.data import require_order
 from service.store.frfs.routes import FILES, MEDIA_TYPES, CutDep, Hertz, Whole, write_frfs
-from service.store.structures.model_routes import MESH_FILES, MeshForm, mesh_answer
+from service.store.structures.model_routes import MESH_FILES, MeshForm
 from service.store.updating.operations import joint_document, joint_update_for, update_job_for
 from service.web import api_router
 from service.web.downloads import spooled
 from service.web.parameters import form_of, not_modified
-from service.web.routing import require_used
 
 router = api_router(tags=["update jobs"])
 
@@ -213,12 +211,7 @@ def get_result_mesh(
     in the structure's frame.
     """
     data = UpdateFigures(session, update_job_for(session, user, job_id))
-    if form == "json":
-        require_used(
-            request, "the mesh as JSON", {"at"}, "it has both; `mesh/shapes` answers its shapes"
-        )
-        return mesh_of_result(data)
-    return mesh_answer(file_of_result(data, at), form, f"update-{job_id}")
+    return answer_mesh(data, request, form, at, f"update-{job_id}")
 
 
 @router.get("/update-jobs/{job_id}/mesh/shapes")

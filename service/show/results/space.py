@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Protocol
 
 import numpy as np
+from fastapi import Request, Response
 from pydantic import Field
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
@@ -22,8 +23,9 @@ from modalbase.formats.uff.content import ModeShape
 from service.errors import Conflict, NotFound
 from service.show.figures.marks import counted
 from service.show.figures.modes import joined_as, turned
-from service.store.structures.model_routes import MeshBlockOut, PlacesOut
+from service.store.structures.model_routes import MeshBlockOut, PlacesOut, mesh_answer
 from service.web import StrictModel
+from service.web.routing import require_used
 
 UNSEEN = 0.03
 """Share of the best seen combination of modes below which the points leave open how much there is
@@ -302,6 +304,30 @@ def _motion(moved: ComplexArray | FloatArray) -> MotionOut:
 
 
 At = Literal["nodes", "points"]
+
+
+def answer_mesh(
+    data: InSpace, request: Request, form: str, at: At, name: str
+) -> ResultMeshOut | Response:
+    """The mesh of what is drawn as JSON, or as a file with all shapes.
+
+    Args:
+        data: what is drawn.
+        request: whose query is looked at.
+        form: `json`, `vtu` or `uff`.
+        at: of a file: shapes at the mesh's nodes, or at the points.
+        name: of the file, without its suffix.
+
+    Raises:
+        Invalid: `at` is stated of JSON, which has both.
+        Conflict: as of `mesh_of_result`.
+    """
+    if form == "json":
+        require_used(
+            request, "the mesh as JSON", {"at"}, "it has both; `mesh/shapes` answers its shapes"
+        )
+        return mesh_of_result(data)
+    return mesh_answer(file_of_result(data, at), form, name)
 
 
 def file_of_result(data: InSpace, at: At) -> MeshFile:

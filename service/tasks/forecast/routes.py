@@ -22,18 +22,16 @@ from service.show.results.space import (
     At,
     ResultMeshOut,
     ShapeOut,
-    file_of_result,
-    mesh_of_result,
+    answer_mesh,
     model_shape,
 )
 from service.store.frfs.data import PredictedTable
 from service.store.frfs.routes import FILES, MEDIA_TYPES, write_frfs
-from service.store.structures.model_routes import MESH_FILES, MeshForm, mesh_answer
+from service.store.structures.model_routes import MESH_FILES, MeshForm
 from service.tasks.forecast.task import forecast_arrays, forecast_for
 from service.web import api_router
 from service.web.downloads import spooled
 from service.web.parameters import form_of
-from service.web.routing import require_used
 
 if TYPE_CHECKING:
     from service.tasks.forecast.task import Forecast
@@ -134,12 +132,7 @@ def get_forecast_mesh(
     in the structure's frame.
     """
     shown = ForecastInSpace(session, forecast_for(session, user, forecast_id))
-    if form == "json":
-        require_used(
-            request, "the mesh as JSON", {"at"}, "it has both; `mesh/shapes` answers its shapes"
-        )
-        return mesh_of_result(shown)
-    return mesh_answer(file_of_result(shown, at), form, f"forecast-{forecast_id}")
+    return answer_mesh(shown, request, form, at, f"forecast-{forecast_id}")
 
 
 @router.get("/forecasts/{forecast_id}/mesh/shapes")
