@@ -41,12 +41,11 @@ from fecore.updating.parameters import Parameter
 from fecore.updating.posterior import SCATTER
 from fecore.updating.result import (
     CommonLaw,
-    Curve,
+    CommonResult,
     Finding,
     ModeComparison,
     ParameterEstimate,
     PosteriorSummary,
-    Verdict,
 )
 from fecore.updating.temperature import (
     TEMPERATURE,
@@ -132,19 +131,9 @@ class JointDiscrepancy:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CampaignsResult:
-    """One material from several campaigns."""
+class CampaignsResult(CommonResult):
+    """One material from several campaigns, in its own axes."""
 
-    verdict: Verdict
-    """whether the result may be used"""
-    warnings: tuple[str, ...]
-    """in words; read them first"""
-    findings: tuple[Finding, ...] = ()
-    """the update's warnings, each with its id"""
-    parameters: tuple[ParameterEstimate, ...]
-    """the material's constants in its own axes, SI"""
-    posterior: PosteriorSummary
-    """how the constants correlate"""
     campaigns: tuple[CampaignPart, ...]
     """what each campaign has to do with it"""
     odd_one_out: str | None
@@ -153,10 +142,6 @@ class CampaignsResult:
     """data that contradict each other"""
     damping_models: tuple[CommonLaw, ...] = ()
     """damping laws of the material, ranked; none where no mode has a damping ratio"""
-    reference_temperature_c: float | None = None
-    """temperature at which the parameters are given, °C; null: nobody stated one"""
-    curve: Curve | None = None
-    """constants and damping over temperature; null where all campaigns are at one"""
     discrepancy: JointDiscrepancy
     """relative: of a frequency, and of a modulus between specimens"""
 

@@ -458,20 +458,32 @@ class Discrepancy:
 
 
 @dataclass(frozen=True, kw_only=True)
-class UpdateResult:
-    """Everything an update found. Without FRFs, or where damping failed, what depends on it is
-    empty or None.
-
-    Members have the names and places that they have in the document of a result, but for
-    `correlation`, `identification` and `posterior`, which the document summarises; what is kept in
-    arrays beside it comes last.
+class CommonResult:
+    """What every update says, of one campaign or of several. Members have the names and places that
+    they have in the document of a result, but for `posterior`, which the document summarises.
     """
 
     verdict: Verdict
     warnings: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
+    parameters: tuple[ParameterEstimate, ...]  # of all campaigns, SI
+    posterior: PosteriorSummary
+    # at which all of it is given, °C; None where nobody stated one
+    reference_temperature_c: float | None = None
+    # over temperature, where the reference is not that of the measurement, or there are several
+    curve: Curve | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class UpdateResult(CommonResult):
+    """Everything an update of one campaign found. Without FRFs, or where damping failed, what
+    depends on it is empty or None.
+
+    The document summarises `correlation` and `identification` too; what is kept in arrays beside it
+    comes last.
+    """
+
     outcomes: tuple[StageOutcome, ...]
-    parameters: tuple[ParameterEstimate, ...]
     modes: tuple[ModeComparison, ...]
     correlation: Correlation
     damping_models: tuple[DampingModelFit, ...]
@@ -482,14 +494,9 @@ class UpdateResult:
     model_modes: tuple[ModelMode, ...]
     identifiability: UnseenDirections
     discrepancy: Discrepancy
-    # at which all of it is given, °C; None where nobody stated one
-    reference_temperature_c: float | None = None
-    # over temperature, where the reference is not that of the measurement
-    curve: Curve | None = None
     band_hz: tuple[float, float] | None
     channel_delay_s: float | None
     identification: Identification | None
-    posterior: PosteriorSummary
     # shapes, prediction, effects: in arrays beside the document
     shapes: ModeShapes | None
     prediction: Prediction | None

@@ -109,6 +109,7 @@ class Lookup(Generic[Row]):
     Attributes:
         table: its rows.
         kind: what a person calls one.
+        among: conditions that tell its rows from others of the table.
     """
 
     def __init__(
@@ -119,6 +120,7 @@ class Lookup(Generic[Row]):
         owner: Lookup[Any] | None = None,
         *,
         deleted_owner: bool = False,
+        among: ColumnElement[bool] | None = None,
     ) -> None:
         """State a kind.
 
@@ -128,9 +130,11 @@ class Lookup(Generic[Row]):
             owner_key: the column that names the row which it belongs to.
             owner: how that is found; None where it is a project.
             deleted_owner: whether it is found though its owner is deleted.
+            among: which rows of the table are of this kind; default: all.
         """
         self.table, self.kind, self.owner_key, self.owner = table, kind, owner_key, owner
         self._deleted_owner = deleted_owner
+        self.among = () if among is None else (among,)
 
     def __call__(
         self,
@@ -189,7 +193,7 @@ class Lookup(Generic[Row]):
         """
         chain = self._chain()
         query = select(*(link.table for link in chain), Project, Member.role).where(
-            _key(self.table) == bindparam("key")
+            _key(self.table) == bindparam("key"), *self.among
         )
         for child, owner in pairwise(chain):
             query = query.join(

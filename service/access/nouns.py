@@ -125,7 +125,8 @@ class NounRoutes(Generic[Row, Out]):
         """
         table: Any = self._find.table
         owner = (self._find.owner or project_for)(session, user, owner_id)
-        query = select(table).where(getattr(table, self._find.owner_key) == owner.id)
+        its = getattr(table, self._find.owner_key) == owner.id
+        query = select(table).where(its, *self._find.among)
         if deleted:
             query = query.where(table.deleted_at.is_not(None))
         elif deleted is not None or not hasattr(table, "deleted_at"):

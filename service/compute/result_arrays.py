@@ -3,6 +3,7 @@ predicted FRFs are made of.
 """
 
 import io
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,8 @@ MOST_SAMPLES = 2000
 _LARGEST_HALF = 60_000.0  # that half precision holds
 
 
-def as_npz(result: UpdateResult) -> bytes:
-    """The arrays of a result.
+def arrays_of(result: UpdateResult) -> dict[str, Any]:
+    """The arrays of a result by name.
 
     Predicted FRFs (in single precision) and how sure they are (in half), criteria of lines and of
     their pairs, shapes at the measured points and on the model's mesh, samples of the posterior,
@@ -35,6 +36,11 @@ def as_npz(result: UpdateResult) -> bytes:
     if samples is not None:
         every = -(-len(samples) // MOST_SAMPLES)
         arrays["samples"] = samples[::every].astype(np.float32)
+    return arrays
+
+
+def as_npz(arrays: Mapping[str, Any]) -> bytes:
+    """Arrays by name as one file, without compression."""
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)
     return buffer.getvalue()

@@ -1,10 +1,8 @@
-"""What an update job and a joint update compute, in the worker's child process: no database, no
-web.
-"""
+"""What an update computes, in the worker's child process: no database, no web."""
 
 import platform
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
@@ -30,7 +28,7 @@ from fecore.updating.systematic_effects import fixed_points
 from service.compute.frame import Frame
 from service.compute.identifying import describe_identification
 from service.compute.processing import ProcessingInputs, ProcessingOutput, process_whole
-from service.compute.result_arrays import as_npz
+from service.compute.result_arrays import arrays_of, as_npz
 from service.jobs.kinds import Reporter
 
 JointBody = OrientedSpecimen | Structure | MatrixBody
@@ -53,26 +51,50 @@ class Hits:
 
 
 @dataclass(frozen=True)
+class LoadedCampaign:
+    """One campaign as it was loaded."""
+
+    # with the material of all campaigns, in its own axes, where there are several; or a body in
+    # space
+    body: Body
+    # measurement, recipe: for the core; the measurement is None where hits become it
+    measurement: Measurement | None
+    recipe: Recipe
+    warnings: tuple[str, ...]  # what was left out while loading
+    provenance: dict[str, Any]  # ids and digests of what it was made of
+    hits: Hits | None = None  # time blocks of a campaign that has no FRFs yet, or None
+    # name, specimen: in a result of several campaigns
+    name: str = ""
+    specimen: str = ""
+
+
+@dataclass(frozen=True)
+class Together:
+    """How several campaigns are updated together."""
+
+    recipe: CampaignsRecipe
+    coupons: tuple[Coupon, ...]
+    warnings: tuple[str, ...]  # of the coupons
+    provenance: dict[str, Any]  # the request
+
+
+@dataclass(frozen=True)
 class UpdateInputs:
     """Everything that an update needs, and where it came from."""
 
-    # measurement, specimen, recipe: for the core; the measurement is None where hits become it
-    measurement: Measurement | None
-    specimen: Body
-    recipe: Recipe
-    warnings: tuple[str, ...]  # what was left out while loading
-    provenance: dict[str, Any]  # ids and digests of the inputs, and the recipe as sent
-    hits: Hits | None = None  # time blocks of a campaign that has no FRFs yet, or None
+    campaigns: tuple[LoadedCampaign, ...]
+    together: Together | None = None  # of several campaigns; None of one
 
 
 @dataclass(frozen=True)
 class UpdateOutput:
     """A result ready to be stored."""
 
-    result: UpdateResult  # of the core, without what is in the arrays
-    prediction: bytes  # arrays as npz: predicted FRFs, shapes, samples
+    result: UpdateResult | CampaignsResult  # of the core, without what is in the arrays
+    prediction: bytes  # arrays as npz: predicted FRFs, shapes, samples; none of several campaigns
     warnings: tuple[str, ...]  # what was left out while loading, and of the hits
     provenance: dict[str, Any]  # where all of it came from
+    sources: tuple[dict[str, Any], ...] = ()  # what each of several campaigns was made of
     # modes that the job found itself, in the specimen's frame; None where it was given a mode set
     identified: MeasuredModes | None = None
     identification: dict[str, Any] | None = None  # how they were found, as JSON
@@ -80,32 +102,82 @@ class UpdateOutput:
 
 
 def compute_update(inputs: UpdateInputs, report: Reporter) -> Iterator[UpdateOutput]:
-    """Run the core."""
-    stages = _Stopwatch(report, 0.0 if inputs.hits is None else _OF_HITS)
-    measurement, recipe, processing, warnings = (
-        inputs.measurement,
-        inputs.recipe,
-        None,
-        inputs.warnings,
-    )
-    if inputs.hits is not None:
+    """Run the core: on one campaign, or on several together."""
+    if inputs.together is None:
+        (campaign,) = inputs.campaigns
+        yield _update_one(campaign, report)
+    else:
+        yield _update_together(inputs.campaigns, inputs.together, report)
+
+
+def _update_one(campaign: LoadedCampaign, report: Reporter) -> UpdateOutput:
+    stages = _Stopwatch(report, 0.0 if campaign.hits is None else _OF_HITS)
+    measurement, recipe, warnings = campaign.measurement, campaign.recipe, campaign.warnings
+    processing = None
+    if campaign.hits is not None:
         processing = process_whole(
-            inputs.hits.records, lambda stage, share: report(stage, _OF_HITS * share)
+            campaign.hits.records, lambda stage, share: report(stage, _OF_HITS * share)
         )
-        measurement = _measured(inputs.hits, processing.processed)
+        measurement = _measured(campaign.hits, processing.processed)
         recipe, band = _within_force(recipe, processing.processed)
         warnings = (*warnings, *processing.processed.warnings, *band)
     assert measurement is not None, "a measurement is loaded, or made of hits"
-    result = update(measurement, inputs.specimen, recipe, stages.progress, report)
+    result = update(measurement, campaign.body, recipe, stages.progress, report)
     identification = result.identification
-    yield UpdateOutput(
+    return UpdateOutput(
         result=replace(result, prediction=None, identification=None),
-        prediction=as_npz(result),
+        prediction=as_npz(arrays_of(result)),
         warnings=warnings,
-        provenance={**inputs.provenance, **origin(), "durations_s": stages.finish()},
+        provenance={**campaign.provenance, **origin(), "durations_s": stages.finish()},
         identified=None if identification is None else identification.modes,
         identification=None if identification is None else describe_identification(identification),
         processing=processing,
+    )
+
+
+def _update_together(
+    loaded: Sequence[LoadedCampaign], together: Together, report: Reporter
+) -> UpdateOutput:
+    """Find each campaign's modes and update all together."""
+    campaigns, warnings = [], list(together.warnings)
+    for number, each in enumerate(loaded):
+        report(f"finding the modes of {each.name}", 0.5 * number / len(loaded))
+        assert each.measurement is not None, "of several campaigns each has FRFs or a mode set"
+        try:
+            data = prepare(each.measurement, each.body, each.recipe)
+        except InputError as error:
+            raise InputError(
+                f"jobs.{number}.{error.field}", f"{error.message} ({each.name})"
+            ) from error
+        assert data.modes is not None, "they are handed in or found, else `prepare` refuses"
+        assert isinstance(each.body, JointBody), "as it is made for several campaigns"
+        points = () if data.frfs is None else fixed_points(*data.frfs.points)
+        campaigns.append(
+            Campaign(
+                name=each.name,
+                specimen=each.specimen,
+                body=each.body,
+                modes=data.modes,
+                points=each.measurement.points,
+                inputs=each.measurement.inputs,
+                fixed_points=() if each.body.masses else points,
+                axes=each.measurement.axes or {},
+                temperature_c=each.measurement.temperature_c,
+            )
+        )
+        warnings += [f"campaign {each.name}: {text}" for text in (*each.warnings, *data.warnings)]
+    result = update_campaigns(
+        campaigns,
+        together.recipe,
+        together.coupons,
+        lambda stage, share: report(stage, 0.5 + 0.5 * share),
+    )
+    return UpdateOutput(
+        result=result,
+        prediction=as_npz({}),
+        warnings=tuple(warnings),
+        provenance={**together.provenance, **origin()},
+        sources=tuple(each.provenance for each in loaded),
     )
 
 
@@ -137,83 +209,6 @@ def _measured(hits: Hits, processed: Processed) -> Measurement:
         )
     axes, warm = hits.frame.point_axes(hits.points), hits.temperature_c
     return Measurement(moved, hits.points, None, hits.roving_mass, inputs, axes, temperature_c=warm)
-
-
-@dataclass(frozen=True)
-class JointCampaign:
-    """One campaign as it was loaded."""
-
-    # name, specimen: in the result
-    name: str
-    specimen: str
-    body: JointBody  # with the material of all campaigns, in its own axes; or a body in space
-    # measurement, recipe: for identification where there is no mode set
-    measurement: Measurement
-    recipe: Recipe
-    provenance: dict[str, Any]  # ids of what it was made of
-    warnings: tuple[str, ...]  # what was left out while loading
-
-
-@dataclass(frozen=True)
-class JointInputs:
-    """Everything that a joint update needs, and where it came from."""
-
-    campaigns: tuple[JointCampaign, ...]
-    recipe: CampaignsRecipe
-    coupons: tuple[Coupon, ...]
-    warnings: tuple[str, ...]
-    provenance: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class JointOutput:
-    """A result ready to be stored: of the core, with warnings of what was left out, and what each
-    campaign was made of.
-    """
-
-    result: CampaignsResult
-    warnings: tuple[str, ...]
-    sources: tuple[dict[str, Any], ...]
-    provenance: dict[str, Any]
-
-
-def compute_joint(inputs: JointInputs, report: Reporter) -> Iterator[JointOutput]:
-    """Find each campaign's modes and update all together."""
-    campaigns, warnings = [], list(inputs.warnings)
-    count = len(inputs.campaigns)
-    for number, each in enumerate(inputs.campaigns):
-        report(f"finding the modes of {each.name}", 0.5 * number / count)
-        try:
-            data = prepare(each.measurement, each.body, each.recipe)
-        except InputError as error:
-            raise InputError(
-                f"jobs.{number}.{error.field}", f"{error.message} ({each.name})"
-            ) from error
-        assert data.modes is not None, "they are handed in or found, else `prepare` refuses"
-        points = () if data.frfs is None else fixed_points(*data.frfs.points)
-        fixed = () if each.body.masses else points
-        campaigns.append(
-            Campaign(
-                name=each.name,
-                specimen=each.specimen,
-                body=each.body,
-                modes=data.modes,
-                points=each.measurement.points,
-                inputs=each.measurement.inputs,
-                fixed_points=fixed,
-                axes=each.measurement.axes or {},
-                temperature_c=each.measurement.temperature_c,
-            )
-        )
-        warnings += [f"campaign {each.name}: {text}" for text in (*each.warnings, *data.warnings)]
-    result = update_campaigns(
-        campaigns,
-        inputs.recipe,
-        inputs.coupons,
-        lambda stage, share: report(stage, 0.5 + 0.5 * share),
-    )
-    sources = tuple(each.provenance for each in inputs.campaigns)
-    yield JointOutput(result, tuple(warnings), sources, {**inputs.provenance, **origin()})
 
 
 class _Stopwatch:

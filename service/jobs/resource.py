@@ -3,6 +3,7 @@ again by the same operations.
 """
 
 from collections.abc import Callable, Iterator
+from copy import copy
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
@@ -88,6 +89,12 @@ class JobNoun(Generic[Row]):
             store=lambda session, key, items: store(session, find.row(session, key), items),
             **limits,
         )
+
+    def seen_at(self, address: str, find: Lookup[Row]) -> "JobNoun[Row]":
+        """The same kind of job, for the rows that another lookup finds, at another address."""
+        other = copy(self)
+        other.find, other.address = find, address
+        return other
 
     def start(
         self,

@@ -13,7 +13,7 @@ from service.store.imports.operations import IMPORTS
 from service.store.modes.operations import IDENTIFICATIONS
 from service.store.records.processings import PROCESSINGS
 from service.store.structures.models import MODELS
-from service.store.updating.operations import JOINT_UPDATES, UPDATES
+from service.store.updating.operations import UPDATES
 from service.tasks.task import Task
 
 TASKS: tuple[Task, ...] = tuple(
@@ -23,6 +23,6 @@ TASKS: tuple[Task, ...] = tuple(
 )
 """Kinds that declare all of themselves in one folder, by the names of the folders."""
 
-_NOUNS = (IMPORTS, MODELS, PROCESSINGS, IDENTIFICATIONS, UPDATES, JOINT_UPDATES)
+_NOUNS = (IMPORTS, MODELS, PROCESSINGS, IDENTIFICATIONS, UPDATES)
 KINDS: tuple[JobKind, ...] = (*(task.noun.kind for task in TASKS), *(n.kind for n in _NOUNS), JUDGE)
 """Every kind of job that a worker can run."""

@@ -49,7 +49,12 @@ def target(new_empty_database: Callable[[], str]) -> Iterator[Engine]:
 def rows_of(engine: Engine) -> dict[str, list[dict[str, Any]]]:
     with engine.connect() as connection:
         return {
-            table.name: [dict(row) for row in connection.execute(select(table)).mappings()]
+            table.name: [
+                dict(row)
+                for row in connection.execute(
+                    select(table).order_by(*table.primary_key.columns)
+                ).mappings()
+            ]
             for table in our_tables(connection)
         }
 

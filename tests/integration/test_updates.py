@@ -187,7 +187,6 @@ def test_no_column_of_the_database_takes_a_number_that_json_lacks(
     ]
     assert {column.table.name for column in columns} >= {
         "update_results",
-        "joint_updates",
         "processings",
         "identifications",
         "mode_sets",
@@ -388,8 +387,11 @@ def test_a_joint_update_without_frfs_says_whose_are_missing(
     ended = finished(api, begun.headers["Location"])
     assert ended["status"] == "failed"
     assert "has no FRFs" in str(ended["error"])
-    for path in ("/result", "/figures", "/figures/campaigns"):
+    for path in ("/result", "/figures/campaigns"):
         ok(api.get(api.base_url.join(begun.headers["Location"] + path)), 409)
+    listed = ok(api.get(api.base_url.join(begun.headers["Location"] + "/figures")), 200)["items"]
+    assert {row["available"] for row in listed} == {False}
+    assert all("has no FRFs" in row["reason"] for row in listed)
     with session_client(api, base=service.url) as browser:
         page = browser.get(f"/ui/joint-updates/{ended['id']}")
     assert page.status_code == 200

@@ -218,7 +218,8 @@ read    viewer  GET /update-jobs/{job_id}/frfs/data, GET /update-jobs/{job_id}/f
 read    viewer  GET /update-jobs/{job_id}/cards, GET /update-jobs/{job_id}/deck, GET /update-jobs/{job_id}/report
 read    viewer  GET /update-jobs/{job_id}/figures/{name}, GET /projects/{project_id}/joint-updates
 read    viewer  GET /update-jobs/{job_id}/mesh, GET /update-jobs/{job_id}/mesh/shapes
-jobs    editor  POST /joint-updates/{joint_id}/cancel, POST /structures/{structure_id}/plans
+jobs    editor  POST /joint-updates/{joint_id}/cancel, POST /joint-updates/{joint_id}/retry
+jobs    editor  POST /structures/{structure_id}/plans
 jobs    editor  POST /structures/{structure_id}/forecasts, POST /forecasts/{forecast_id}/cancel
 read    viewer  GET /joint-updates/{joint_id}, GET /joint-updates/{joint_id}/events, GET /joint-updates/{joint_id}/result
 read    viewer  GET /joint-updates/{joint_id}/figures, GET /joint-updates/{joint_id}/figures/{name}

@@ -9,7 +9,14 @@ from tests.support.member_lab import (
     RECIPE,
 )
 from tests.support.member_rows_of_files import DATA
-from tests.support.member_rows_of_things import LABELS, MONITOR, NEW, cancelled, unless_named
+from tests.support.member_rows_of_things import (
+    LABELS,
+    MONITOR,
+    NEW,
+    cancelled,
+    cancelled_together,
+    unless_named,
+)
 from tests.support.members import Body, Refused, To
 
 
@@ -81,6 +88,7 @@ RESULTS: dict[str, Body] = {
     "POST /update-jobs/{job_id}/cancel": Body(),
     "POST /update-jobs/{job_id}/retry": Body(fresh=cancelled),
     "POST /joint-updates/{joint_id}/cancel": Body(),
+    "POST /joint-updates/{joint_id}/retry": Body(fresh=cancelled_together),
     "POST /forecasts/{forecast_id}/cancel": Body(),
     "POST /identifications/{identification_id}/cancel": Body(),
     "PUT /update-jobs/{job_id}/labels": Body(LABELS, {}),

@@ -52,6 +52,16 @@ def cancelled(lab: Lab) -> dict[str, str]:
     return {"job_id": made["id"]}
 
 
+def cancelled_together(lab: Lab) -> dict[str, str]:
+    """The same of two campaigns."""
+    campaigns = (lab.ids[name] for name in ("campaign_id", "second_campaign_id"))
+    both = {"joint": True, "jobs": [{"campaign_id": each} for each in campaigns]}
+    made = posted(lab.api, "update-jobs", both)["joint"]
+    posted(lab.api, f"joint-updates/{made['id']}/cancel")
+    assert finished(lab.api, f"joint-updates/{made['id']}")["status"] == "cancelled"
+    return {"joint_id": made["id"]}
+
+
 _SECTIONS = (
     '{"1": {"thickness_m": 0.01, "isotropic": {"E_Pa": 7e10, "nu": 0.3, "density_kg_m3": 2700}}}'
 )

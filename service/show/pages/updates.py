@@ -38,7 +38,6 @@ from service.store.structures import routes as structures
 from service.store.structures.operations import structures_of
 from service.store.updating import routes as updating
 from service.store.updating.operations import (
-    joint_document,
     joint_update_for,
     result_document,
     result_parts,
@@ -124,6 +123,28 @@ PRINCIPAL = (
     "posterior",
 )
 """What an engineer chooses first; the rest of a recipe stands below."""
+_FIRST = {"verdict": "Verdict", "parameters": "Parameters", "steps": "What to do"}
+_LAST = {"recipe": "Recipe"}
+PARTS = {
+    **_FIRST,
+    "modes": "Modes",
+    "correlation": "Correlation",
+    "frfs": "FRFs",
+    "damping": "Damping",
+    "convergence": "Convergence",
+    "budget": "Budget",
+    **_LAST,
+    "report": "Report",
+}
+PARTS_OF_SEVERAL = {
+    **_FIRST,
+    "campaigns": "Campaigns",
+    "frequencies": "Frequencies",
+    "budget": "Budget",
+    **_LAST,
+    "report": "Files",
+}
+"""Parts of a result's page, of one campaign and of several: anchor and what its link says."""
 
 
 @router.get("/campaigns/{campaign_id}/update")
@@ -204,26 +225,36 @@ def get_jobs(
 
 @router.get("/update-jobs/{job_id}")
 def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
-    """A job: its progress while it runs, its result when it has one."""
+    """An update: its progress while it runs, its result when it has one."""
     job = updating.single.one(visit.session, visit.user, job_id)
-    common = {"job": job, **visit.in_campaign(job.campaign_id)}
+    within = visit.in_campaign(job.campaign_id)
+    campaign, structure, project = (within[name] for name in ("campaign", "structure", "project"))
+    common = {
+        "job": job,
+        **within,
+        "address": f"update-jobs/{job_id}",
+        "title": campaign.name,
+        "heading": f"Update of {campaign.name}",
+        "trail": [
+            (f"ui/projects/{project.id}", project.name),
+            (f"ui/structures/{structure.id}", structure.name),
+            (f"ui/campaigns/{campaign.id}", campaign.name),
+        ],
+        "names": {},
+    }
     if job.status != "succeeded":
         return visit.show("job.html", **common, ended=job.status in ENDED)
     row = update_job_for(visit.session, visit.user, job_id)
     result = result_document(visit.session, row)
-    figures = shown.list_figures(job_id, visit.session, visit.user).items
-    steps, notes = opening(result)
-    return visit.show(
-        "result.html",
-        **common,
-        result=result,
+    return _result(
+        visit,
+        common,
+        result,
+        PARTS,
+        figures=shown.list_figures(job_id, visit.session, visit.user).items,
         outdated=outdated(visit.session, row, result),
-        viewer=_viewer(visit, common["campaign"], job_id, result),
-        figures=figures,
-        tabs=_tabs(),
+        viewer=_viewer(visit, campaign, job_id, result),
         of_frfs=[each for each in CRITERIA.values() if each.of == "FRFs"],
-        steps=steps,
-        notes=notes,
         recipe=list(
             leaves(job.recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True))
         ),
@@ -232,6 +263,61 @@ def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
             for pair in (result.get("pairing") or {}).get("partners", [])
         },
     )
+
+
+@router.get("/joint-updates/{joint_id}")
+def get_joint(joint_id: UUID, visit: VisitDep) -> HTMLResponse:
+    """An update of several campaigns: the same, with what all say together and where they
+    contradict.
+    """
+    job = updating.joint.one(visit.session, visit.user, joint_id)
+    rows = campaigns_of(visit.session, [each.campaign_id for each in job.campaigns])
+    names = {str(each.campaign_id): "a campaign" for each in job.campaigns}
+    names |= {str(key): row.name for key, row in rows.items()}
+    within = visit.in_project(job.project_id)
+    common = {
+        "job": job,
+        **within,
+        "address": f"joint-updates/{joint_id}",
+        "title": f"{len(names)} campaigns",
+        "heading": f"One material from {len(names)} campaigns",
+        "trail": [
+            ("ui/projects", "Projects"),
+            (f"ui/projects/{job.project_id}", within["project"].name),
+        ],
+        "names": names,
+        "campaign": None,
+    }
+    if job.status != "succeeded":
+        return visit.show("job.html", **common, ended=job.status in ENDED)
+    return _result(
+        visit,
+        common,
+        result_document(visit.session, joint_update_for(visit.session, visit.user, joint_id)),
+        PARTS_OF_SEVERAL,
+        outdated=None,
+        viewer=None,
+        figures=shown.list_joint_figures(joint_id, visit.session, visit.user).items,
+        newest=_newest_single(visit, names),
+        recipe=[
+            (name, names.get(value, value))
+            for name, value in _stated(job.request)
+            if value not in ("", "–")
+        ],
+    )
+
+
+def _result(
+    visit: Visit,
+    common: Mapping[str, Any],
+    result: Mapping[str, Any],
+    parts: Mapping[str, str],
+    **own: Any,
+) -> HTMLResponse:
+    """The page of a result: what opens it, then its parts."""
+    steps, notes = opening(result)
+    opened = {"steps": steps, "notes": notes, "parts_of_page": parts.items(), "tabs": _tabs()}
+    return visit.show("result.html", **common, result=result, **opened, **own)
 
 
 def _tabs() -> dict[str, list[str]]:
@@ -310,31 +396,6 @@ def get_plan(structure_id: UUID, visit: VisitDep) -> HTMLResponse:
         (row, names[row.campaign_id]) for row in mode_set_for.all(visit.session, campaign_id=names)
     ]
     return visit.show("plan.html", **visit.in_structure(structure_id), sets=sets)
-
-
-@router.get("/joint-updates/{joint_id}")
-def get_joint(joint_id: UUID, visit: VisitDep) -> HTMLResponse:
-    """A joint update: its progress while it runs, then what all campaigns say together, and where
-    they contradict.
-    """
-    job = updating.joint.one(visit.session, visit.user, joint_id)
-    rows = campaigns_of(visit.session, [each.campaign_id for each in job.campaigns])
-    names = {str(key): row.name for key, row in rows.items()}
-    common = {"job": job, **visit.in_project(job.project_id), "names": names}
-    if job.status != "succeeded":
-        return visit.show("joint_job.html", **common, ended=job.status in ENDED)
-    return visit.show(
-        "joint_result.html",
-        **common,
-        result=joint_document(visit.session, joint_update_for(visit.session, visit.user, joint_id)),
-        figures=shown.list_joint_figures(joint_id, visit.session, visit.user).items,
-        newest=_newest_single(visit, names),
-        stated=[
-            (name, names.get(value, value))
-            for name, value in _stated(job.request)
-            if value not in ("", "–")
-        ],
-    )
 
 
 def _stated(request: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -100,7 +100,7 @@ def _by_point(data: UpdateFigures, _: FigureQuery) -> Figure:
     return points_figure(PointValues(labels, at[:, 0], at[:, 1], values, held), *data.plan)
 
 
-def criteria_figures() -> Iterator[tuple[str, NamedFigure[UpdateFigures]]]:
+def criteria_figures() -> Iterator[tuple[str, NamedFigure]]:
     """The figure of each criterion; those of FRFs share one, the last."""
     for name, each in CRITERIA.items():
         title = f"{each.label}: {each.says}"

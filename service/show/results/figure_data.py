@@ -4,10 +4,9 @@ ones; which FRF is meant.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 import numpy as np
@@ -28,7 +27,7 @@ from service.store.updating.operations import result_arrays, result_document, re
 
 if TYPE_CHECKING:
     from service.store.frfs.operations import Frf
-    from service.store.updating.tables import JointUpdate, UpdateJob
+    from service.store.updating.tables import UpdateJob
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class UpdateFigures:
     """A job whose figures are drawn; everything is read when a figure asks for it."""
 
     session: Session  # of the request
-    job: UpdateJob  # the update
+    job: UpdateJob  # the update, of one campaign or of several
 
     @cached_property
     def document(self) -> dict[str, Any]:
@@ -137,20 +136,6 @@ class UpdateFigures:
         thin = 0.01 * float(np.max(high - low))
         x, y = ((float(a) - thin, float(b) + thin) for a, b in zip(low[:2], high[:2], strict=True))
         return x, y
-
-
-@dataclass(frozen=True)
-class JointFigures:
-    """A joint update whose figures are drawn, with its result document; it keeps no arrays."""
-
-    job: JointUpdate
-    document: dict[str, Any]
-    arrays: ClassVar[Mapping[str, Any]] = {}
-
-
-AnyFigures = UpdateFigures | JointFigures
-# what the figures of one kind of result are drawn from
-Drawn = TypeVar("Drawn", UpdateFigures, JointFigures)
 
 
 @dataclass(frozen=True)

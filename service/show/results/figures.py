@@ -36,10 +36,7 @@ from service.show.figures.updates import (
 )
 from service.show.results.criteria_figures import LINES, criteria_figures
 from service.show.results.figure_data import (
-    AnyFigures,
-    Drawn,
     FigureQuery,
-    JointFigures,
     UpdateFigures,
     update_frf_figure,
 )
@@ -47,8 +44,8 @@ from service.show.results.named_figure import OLDER, NamedFigure, no_mac
 
 
 def draw_figure(
-    figures: Mapping[str, NamedFigure[Drawn]],
-    data: Drawn,
+    figures: Mapping[str, NamedFigure],
+    data: UpdateFigures,
     name: str,
     query: FigureQuery | None = None,
 ) -> Figure:
@@ -74,11 +71,11 @@ def draw_sheets(data: UpdateFigures, name: str) -> Sequence[Figure]:
     return [figure.draw(data, FigureQuery())] if figure.sheets is None else figure.sheets(data)
 
 
-def _no_result(data: AnyFigures) -> None:
+def _no_result(data: UpdateFigures) -> None:
     assert data.document is not None, "asking for it raises where there is none"
 
 
-def _one_temperature(data: AnyFigures) -> str | None:
+def _one_temperature(data: UpdateFigures) -> str | None:
     if not (curve := data.document.get("curve")):
         return "all of it is at one temperature"
     known = {row["name"] for row in data.document["parameters"] if row["identifiable"]}
@@ -196,17 +193,17 @@ def _updated_title(mode: dict[str, Any]) -> str:
     return f"updated: {mode['updated_hz']:.4g} Hz, {motion_words(mode)}{mac}"
 
 
-def _parameters(title: str) -> Callable[[AnyFigures, FigureQuery], Figure]:
+def _parameters(title: str) -> Callable[[UpdateFigures, FigureQuery], Figure]:
     return lambda data, _: parameters_figure(
         data.document["parameters"], f"{title}: prior and updated, 95 % intervals"
     )
 
 
-def _no_posterior(data: AnyFigures) -> str | None:
+def _no_posterior(data: UpdateFigures) -> str | None:
     return OLDER if data.document["posterior"].get("correlation") is None else None
 
 
-def _posterior(data: AnyFigures, _: FigureQuery) -> Figure:
+def _posterior(data: UpdateFigures, _: FigureQuery) -> Figure:
     described = data.document["posterior"]
     rows = {row["name"]: row for row in data.document["parameters"]}
     places = [i for i, name in enumerate(described["names"]) if name in rows]
@@ -226,14 +223,14 @@ def _sensitivities(data: UpdateFigures, _: FigureQuery) -> Figure:
     return sensitivities_figure(effects, known, _measured_names(data))
 
 
-def _no_budget(data: AnyFigures) -> str | None:
+def _no_budget(data: UpdateFigures) -> str | None:
     known = any(row["budget"] for row in data.document["parameters"])
     return (
         None if known else "this result does not say what the variance of its parameters is made of"
     )
 
 
-def _no_single_estimates(data: JointFigures) -> str | None:
+def _no_single_estimates(data: UpdateFigures) -> str | None:
     known = any(part["alone"] for part in data.document["campaigns"])
     return None if known else "no campaign has an estimate of its own"
 
@@ -278,7 +275,7 @@ def _stabilisation(data: UpdateFigures, _: FigureQuery) -> Figure:
     return stabilisation_figure(data.document["identification"])
 
 
-FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
+FIGURES: dict[str, NamedFigure] = {
     "frf": NamedFigure(
         "FRF: measured, initial and updated",
         update_frf_figure,
@@ -356,7 +353,7 @@ FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
 }
 """Every figure of an update, in the order in which a report shows them."""
 
-JOINT_FIGURES: dict[str, NamedFigure[JointFigures]] = {
+FIGURES_OF_SEVERAL: dict[str, NamedFigure] = {
     "parameters": NamedFigure(
         "Parameters of the material: prior and updated",
         _parameters("One material from all campaigns"),
@@ -374,16 +371,6 @@ JOINT_FIGURES: dict[str, NamedFigure[JointFigures]] = {
         lambda data, _: errors_figure(data.document["campaigns"]),
         _no_result,
     ),
-    "budget": NamedFigure(
-        "What the variance of each parameter is made of",
-        lambda data, _: budget_figure(data.document["parameters"]),
-        _no_budget,
-    ),
-    "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _no_posterior),
-    "temperature": NamedFigure(
-        "Constants and damping over temperature",
-        lambda data, _: temperature_figure(data.document["curve"], data.document["parameters"]),
-        _one_temperature,
-    ),
+    **{name: FIGURES[name] for name in ("budget", "posterior", "temperature")},
 }
-"""Every figure of a joint update, in the order in which its page shows them."""
+"""Every figure of an update of several campaigns, in the order in which its page shows them."""

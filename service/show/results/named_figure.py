@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, Literal
+from typing import Literal
 
 from service.errors import Conflict
 from service.show.figures.marks import Figure
-from service.show.results.figure_data import Drawn, FigureQuery, UpdateFigures
+from service.show.results.figure_data import FigureQuery, UpdateFigures
 
 OLDER = (
     "this result was computed by an earlier version, which kept no data for this figure; run the"
@@ -23,22 +23,22 @@ it, or the same as a table.
 
 
 @dataclass(frozen=True)
-class NamedFigure(Generic[Drawn]):
-    """A figure of an update, or of a joint update."""
+class NamedFigure:
+    """A figure of an update."""
 
     title: str  # what it shows, in one line
-    draw: Callable[[Drawn, FigureQuery], Figure]  # draws it
+    draw: Callable[[UpdateFigures, FigureQuery], Figure]  # draws it
     # says why the result has nothing for it; nothing where it has
-    why_not: Callable[[Drawn], str | None]
+    why_not: Callable[[UpdateFigures], str | None]
     arrays: tuple[str, ...] = ()  # that must be kept, which an earlier version may not have done
     query: tuple[str, ...] = ()  # parameters of the query that it heeds
     # draws it as several figures of which each fits on a page; None where one does
-    sheets: Callable[[Drawn], Sequence[Figure]] | None = None
+    sheets: Callable[[UpdateFigures], Sequence[Figure]] | None = None
     tab: Tab = "more"  # of the result's page
     # on paper, as a share of the text's width; of two that are high 0.8, so that they fit on a page
     width: float = 0.9
 
-    def lacks(self, data: Drawn) -> str | None:
+    def lacks(self, data: UpdateFigures) -> str | None:
         """Why the result has nothing for the figure; None where it has."""
         try:
             why = self.why_not(data)

@@ -26,8 +26,8 @@ from service.show.figures.answers import (
 from service.show.reports.as_html import POLICY, as_html
 from service.show.reports.as_pdf import as_pdf
 from service.show.results.decks import SUFFIXES, Element, Program, deck_order, written_deck
-from service.show.results.figure_data import Drawn, FigureQuery, JointFigures, UpdateFigures
-from service.show.results.figures import FIGURES, JOINT_FIGURES, draw_figure
+from service.show.results.figure_data import FigureQuery, UpdateFigures
+from service.show.results.figures import FIGURES, FIGURES_OF_SEVERAL, draw_figure
 from service.show.results.named_figure import NamedFigure
 from service.show.results.predictions import FrfQuery, Model, predicted_table
 from service.show.results.reporting import report_of
@@ -42,7 +42,7 @@ from service.show.results.space import (
 from service.store.frfs.data import require_order
 from service.store.frfs.routes import FILES, MEDIA_TYPES, CutDep, Hertz, Whole, write_frfs
 from service.store.structures.model_routes import MESH_FILES, MeshForm
-from service.store.updating.operations import joint_document, joint_update_for, update_job_for
+from service.store.updating.operations import joint_update_for, update_job_for
 from service.web import api_router
 from service.web.downloads import spooled
 from service.web.parameters import form_of, not_modified
@@ -264,12 +264,8 @@ def get_report(
 @router.get("/joint-updates/{joint_id}/figures")
 def list_joint_figures(joint_id: UUID, session: SessionDep, user: CurrentUser) -> FiguresOut:
     """Names of the figures of a joint update, and which of them its result can be drawn as."""
-    row = joint_update_for(session, user, joint_id)
-    return FiguresOut(
-        items=_described(
-            JointFigures(row, joint_document(session, row)), JOINT_FIGURES, "joint-updates"
-        )
-    )
+    data = UpdateFigures(session, joint_update_for(session, user, joint_id))
+    return FiguresOut(items=_described(data, FIGURES_OF_SEVERAL, "joint-updates"))
 
 
 @router.get(
@@ -279,7 +275,7 @@ def get_joint_figure(
     joint_id: UUID,
     name: Annotated[
         str,
-        Path(max_length=60, description=f"one of {', '.join(JOINT_FIGURES)}"),
+        Path(max_length=60, description=f"one of {', '.join(FIGURES_OF_SEVERAL)}"),
     ],
     session: SessionDep,
     user: CurrentUser,
@@ -290,15 +286,16 @@ def get_joint_figure(
     `campaigns` shows what each campaign says alone of each constant, beside all of them together:
     where they contradict.
     """
-    row = joint_update_for(session, user, joint_id)
-    require_figure(name, *JOINT_FIGURES)
-    data = JointFigures(row, joint_document(session, row))
+    data = UpdateFigures(session, joint_update_for(session, user, joint_id))
+    require_figure(name, *FIGURES_OF_SEVERAL)
     # a result never changes
-    return request.answer(lambda: draw_figure(JOINT_FIGURES, data, name), name, str(row.id))
+    return request.answer(
+        lambda: draw_figure(FIGURES_OF_SEVERAL, data, name), name, str(data.job.id)
+    )
 
 
 def _described(
-    data: Drawn, figures: Mapping[str, NamedFigure[Drawn]], kind: str
+    data: UpdateFigures, figures: Mapping[str, NamedFigure], kind: str
 ) -> list[FigureOut]:
     """Every figure of a result, and why one of them has nothing to draw."""
     return [

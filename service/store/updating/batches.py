@@ -24,11 +24,12 @@ from service.store.updating.loading import joint_body, parameters_of
 from service.store.updating.operations import (
     JOINT_UPDATES,
     check_mode_set,
+    member_of,
     require_used,
     start_update,
 )
 from service.store.updating.schemas import USUAL, UpdateBatchIn
-from service.store.updating.tables import JointUpdate, UpdateJob
+from service.store.updating.tables import UpdateJob
 
 
 def start_batch(
@@ -98,7 +99,7 @@ _SINGLE_ONLY = (
 """Members of a recipe that a joint update has no use for: they must be left at their defaults."""
 
 
-def start_joint(session: Session, user: User, request: UpdateBatchIn, priority: int) -> JointUpdate:
+def start_joint(session: Session, user: User, request: UpdateBatchIn, priority: int) -> UpdateJob:
     """Queue one update of several campaigns together, in the caller's transaction.
 
     Raises:
@@ -115,9 +116,7 @@ def start_joint(session: Session, user: User, request: UpdateBatchIn, priority: 
             specimens.add(job.specimen or campaign.structure_id)
             temperatures.append(campaign.temperature_c)
             version, structure = present_structure(session, campaign.structure_id)
-            campaigns.append(
-                {"campaign_id": str(campaign.id), "structure_version_id": str(version.id)}
-            )
+            campaigns.append(member_of(campaign.id, version.id))
             bodies.append(joint_body(session, structure, campaign.boundary, common))
     if faults:
         raise Invalid(faults)
@@ -138,8 +137,11 @@ def start_joint(session: Session, user: User, request: UpdateBatchIn, priority: 
     if faults:
         raise Invalid(faults)
     (project_id,) = projects
-    row = JointUpdate(
-        project_id=project_id, request=request.model_dump(mode="json"), campaigns=campaigns
+    row = UpdateJob(
+        project_id=project_id,
+        recipe=common.model_dump(mode="json"),
+        request=request.model_dump(mode="json"),
+        campaigns=campaigns,
     )
     require_room(session, project_id)
     return JOINT_UPDATES.start(session, user, row, priority=priority)

@@ -27,7 +27,7 @@ from fecore.updating.result import (
 )
 from service.db.bytea import read_slice
 from service.errors import Conflict
-from service.store.updating.result_schemas import JointResultOut, Part, ResultOut
+from service.store.updating.result_schemas import CommonOut, JointResultOut, ResultOut
 
 VERSION = 3
 """Of a document's form; those of another are not read."""
@@ -52,54 +52,40 @@ def slim(document: Mapping[str, Any], leave_out: Iterable[str]) -> dict[str, Any
 
 
 def describe(
-    result: UpdateResult,
-    identification: dict[str, Any] | None,
+    result: UpdateResult | CampaignsResult,
     warnings: Iterable[str],
     provenance: dict[str, Any],
+    *,
+    identification: dict[str, Any] | None = None,
+    sources: Sequence[dict[str, Any]] = (),
 ) -> dict[str, Any]:
-    """The document that `GET /update-jobs/{id}/result` answers."""
-    return _written(
-        ResultOut,
-        result,
-        warnings=[*warnings, *result.warnings],
-        correlation=_correlation(result.correlation),
-        identification=identification,
-        posterior=_posterior(result.posterior),
-        provenance=provenance,
-        version=VERSION,
-    )
+    """The document of a result, as `GET /update-jobs/{id}/result` and `/joint-updates/{id}/result`
+    answer it: the core's, some members in place of the core's or beside them; what is not finite is
+    null.
 
-
-def describe_joint(
-    result: CampaignsResult,
-    warnings: Iterable[str],
-    sources: Sequence[dict[str, Any]],
-    provenance: dict[str, Any],
-) -> dict[str, Any]:
-    """The document of a joint update, each campaign's part with the ids of what it was made of."""
-    posterior = result.posterior
-    return _written(
-        JointResultOut,
-        result,
-        warnings=[*result.warnings, *warnings],
-        posterior={"names": posterior.names, "correlation": posterior.correlation},
-        campaigns=[
-            {**vars(part), **source} for part, source in zip(result.campaigns, sources, strict=True)
-        ],
-        provenance=provenance,
-    )
-
-
-def _written(
-    model: type[Part], result: UpdateResult | CampaignsResult, **others: Any
-) -> dict[str, Any]:
-    """The core's result as JSON, some members in place of the core's or beside them; what is not
-    finite is null.
+    Args:
+        result: of the core.
+        warnings: of what was loaded.
+        provenance: where all of it came from.
+        identification: how the modes of one campaign were found, as JSON.
+        sources: of each of several campaigns, the ids of what it was made of.
     """
-    own = {name: getattr(result, name) for name in model.model_fields if name not in others}
-    made = model.model_validate(own | others)
-    document: dict[str, Any] = _plain(made.model_dump(exclude_unset=True))
-    return document
+    others: dict[str, Any] = {
+        "warnings": [*warnings, *result.warnings],
+        "posterior": _posterior(result.posterior),
+    }
+    model: type[CommonOut]
+    if isinstance(result, CampaignsResult):
+        model, parts = JointResultOut, zip(result.campaigns, sources, strict=True)
+        others["campaigns"] = [{**vars(part), **source} for part, source in parts]
+    else:
+        model = ResultOut
+        others["correlation"] = _correlation(result.correlation)
+        others["identification"] = identification
+    last = {"provenance": provenance, "version": VERSION}
+    own = {name: getattr(result, name) for name in model.model_fields.keys() - {*others, *last}}
+    document = _plain(model.model_validate(own | others | last).model_dump(exclude_unset=True))
+    return {**{name: document[name] for name in document if name not in last}, **last}
 
 
 def _plain(value: Any) -> Any:

@@ -22,7 +22,7 @@ from fecore.updating.parameters import Parameter, default_parameters
 from fecore.updating.posterior import SCATTER
 from service.compute.frame import Frame
 from service.compute.processing import ProcessingInputs
-from service.compute.updating import Hits, JointBody, JointCampaign, JointInputs, UpdateInputs
+from service.compute.updating import Hits, JointBody, LoadedCampaign, Together, UpdateInputs
 from service.jobs.child import PURGED
 from service.jobs.process import ChildEnded
 from service.store.campaigns.operations import campaign_of, campaigns_of
@@ -45,7 +45,7 @@ from service.store.updating.bodies import (
     require_no_choice_of_joints,
 )
 from service.store.updating.schemas import USUAL, BatchJobIn, InputsIn, RecipeIn, UpdateBatchIn
-from service.store.updating.tables import JointUpdate, UpdateJob
+from service.store.updating.tables import UpdateJob
 
 
 def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInputs:
@@ -53,8 +53,11 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
 
     Raises:
         InputError: the campaign has neither FRFs nor time blocks, or its contents do not fit
-            together.
+            together; one of several cannot be taken together with the others.
+        ChildEnded: one of several campaigns was purged since.
     """
+    if job.request is not None:
+        return _load_together(session, job, UpdateBatchIn.model_validate(job.request))
     recipe = RecipeIn.model_validate(job.recipe)
     campaign = _as_of(session, job.campaign_id, job.structure_version_id)
     records = None
@@ -70,39 +73,42 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
             )
         campaign = _with_sensor_of(campaign, records)
     used, modes, inputs = _measured(session, campaign, recipe)
-    specimen = body_for(
+    body = body_for(
         session, campaign.structure, campaign.boundary, recipe, carried_masses(campaign)
     )
-    parameters, prior_warnings = recipe_parameters(session, recipe, specimen)
+    parameters, prior_warnings = recipe_parameters(session, recipe, body)
     core = inputs.to_core()
     left_in = used.window_remark if used is not None and core.window_rate is None else []
-    frfs = None if used is None else used.frfs
-    axes = campaign.frame.point_axes(campaign.points)
-    measured = None
-    if records is None:
-        warm = campaign.temperature_c
-        measured = Measurement(
-            frfs, campaign.points, modes, roving_mass(campaign), core, axes, temperature_c=warm
-        )
-    return UpdateInputs(
-        measurement=measured,
-        hits=(
-            None
+    hits = None
+    if records is not None:
+        roving, warm = _roving_over(campaign), campaign.temperature_c
+        hits = Hits(records, campaign.points, campaign.frame, roving, core, warm)
+    loaded = LoadedCampaign(
+        body=body,
+        measurement=(
+            _measurement(campaign, used, modes, inputs, roving_mass(campaign))
             if records is None
-            else Hits(
-                records,
-                campaign.points,
-                campaign.frame,
-                _roving_over(campaign),
-                core,
-                campaign.temperature_c,
-            )
+            else None
         ),
-        specimen=specimen,
+        hits=hits,
         recipe=replace(recipe.to_core(), parameters=parameters),
         warnings=(*campaign.warnings, *_left_out(campaign), *left_in, *prior_warnings),
         provenance=_provenance(job, campaign, used) | {"inputs": inputs.model_dump(mode="json")},
     )
+    return UpdateInputs((loaded,))
+
+
+def _measurement(
+    campaign: MeasuredCampaign,
+    used: MeasuredFrfs | None,
+    modes: MeasuredModes | None,
+    inputs: InputsIn,
+    roving: float = 0.0,
+) -> Measurement:
+    frfs = None if used is None else used.frfs
+    axes, warm = campaign.frame.point_axes(campaign.points), campaign.temperature_c
+    core = inputs.to_core()
+    return Measurement(frfs, campaign.points, modes, roving, core, axes, temperature_c=warm)
 
 
 def body_for(
@@ -121,15 +127,7 @@ def body_for(
     return body_of(structure, boundary, recipe, masses, model)
 
 
-def load_joint(session: Session, row: JointUpdate, _workspace: Path) -> JointInputs:
-    """Everything that a queued joint update needs.
-
-    Raises:
-        InputError: a campaign has nothing to update with, or cannot be taken together with the
-            others.
-        ChildEnded: a campaign was purged since.
-    """
-    request = UpdateBatchIn.model_validate(row.request)
+def _load_together(session: Session, row: UpdateJob, request: UpdateBatchIn) -> UpdateInputs:
     if len(campaigns_of(session, {job.campaign_id for job in request.jobs})) < len(request.jobs):
         raise ChildEnded(PURGED)
     versions = [UUID(each["structure_version_id"]) for each in row.campaigns]
@@ -147,13 +145,9 @@ def load_joint(session: Session, row: JointUpdate, _workspace: Path) -> JointInp
     scatter = SCATTER if request.scatter is None else request.scatter
     parameters = parameters_of(common, campaigns[0].body)
     coupons, warnings = _coupons(session, request, parameters, campaigns[0].body)
-    return JointInputs(
-        campaigns=tuple(campaigns),
-        recipe=CampaignsRecipe(parameters, scatter, common.reference_temperature_c),
-        coupons=coupons,
-        warnings=warnings,
-        provenance={"joint_update": str(row.id), "request": row.request},
-    )
+    recipe = CampaignsRecipe(parameters, scatter, common.reference_temperature_c)
+    provenance = {"joint_update": str(row.id), "request": row.request}
+    return UpdateInputs(tuple(campaigns), Together(recipe, coupons, warnings, provenance))
 
 
 def _as_of(session: Session, campaign_id: UUID, version_id: UUID) -> MeasuredCampaign:
@@ -404,8 +398,8 @@ def _campaign(
     campaign: MeasuredCampaign,
     names: tuple[str, str],
     first: StructureIn,
-) -> JointCampaign:
-    """One campaign of a joint update; `names` are its own and its specimen's, `first` the first
+) -> LoadedCampaign:
+    """One of several campaigns; `names` are its own and its specimen's, `first` the first
     campaign's structure.
     """
     recipe = job.recipe or common
@@ -428,21 +422,11 @@ def _campaign(
         angle_deg=job.angle_deg,
     )
     used, modes, inputs = _measured(session, campaign, recipe)
-    axes = campaign.frame.point_axes(campaign.points)
-    frfs = None if used is None else used.frfs
-    return JointCampaign(
+    return LoadedCampaign(
         name=names[0],
         specimen=job.specimen or names[1],
         body=body,
-        measurement=Measurement(
-            frfs,
-            campaign.points,
-            modes,
-            0.0,
-            inputs.to_core(),
-            axes,
-            temperature_c=campaign.temperature_c,
-        ),
+        measurement=_measurement(campaign, used, modes, inputs),
         recipe=recipe.to_core(),
         provenance={
             "campaign_id": str(campaign.campaign_id),

@@ -14,7 +14,7 @@ from fecore.errors import InputError
 from fecore.updating.curves import check_temperatures
 from service.access import Lookup, User
 from service.access.metadata_schema import require_metadata
-from service.compute.updating import JointOutput, UpdateOutput, compute_joint, compute_update
+from service.compute.updating import UpdateOutput, compute_update
 from service.errors import Invalid
 from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
@@ -29,11 +29,10 @@ from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import require_inputs
 from service.store.updating.document import StoredArrays, is_current, require_current
 from service.store.updating.document import describe as describe_result
-from service.store.updating.document import describe_joint as describe_joint_result
-from service.store.updating.loading import body_for, load_joint, load_update, recipe_parameters
+from service.store.updating.loading import body_for, load_update, recipe_parameters
 from service.store.updating.result_schemas import CONSTANTS
 from service.store.updating.schemas import USUAL, RecipeIn
-from service.store.updating.tables import JointUpdate, UpdateJob, UpdateResult
+from service.store.updating.tables import UpdateJob, UpdateResult
 from service.web import shown_as
 from service.web.bodies import Labels
 
@@ -44,7 +43,11 @@ if TYPE_CHECKING:
 def _store(session: Session, row: UpdateJob, items: Iterator[UpdateOutput]) -> None:
     for output in items:
         document = describe_result(
-            output.result, output.identification, output.warnings, output.provenance
+            output.result,
+            output.warnings,
+            output.provenance,
+            identification=output.identification,
+            sources=output.sources,
         )
         if output.processing is not None and not frf_extents(session, row.campaign_id):
             options = RecipeIn.model_validate(row.recipe).processing
@@ -67,7 +70,10 @@ def _store(session: Session, row: UpdateJob, items: Iterator[UpdateOutput]) -> N
             )
             document["provenance"]["mode_set"] = str(kept.id)
         size = len(output.prediction) + len(json.dumps(document))
-        book(session, campaign_for, campaign_of(session, row.campaign_id), "results", size)
+        if row.request is not None:
+            book(session, joint_update_for, row, "results", size)
+        else:
+            book(session, campaign_for, campaign_of(session, row.campaign_id), "results", size)
         _keep(session, row, document, output.prediction)
 
 
@@ -99,18 +105,12 @@ def _keep(session: Session, job: UpdateJob, document: dict[str, Any], prediction
     session.add(UpdateResult(id=job.id, campaign_id=job.campaign_id, constants=others, **stored))
 
 
-def _store_joint(session: Session, row: JointUpdate, items: Iterator[JointOutput]) -> None:
-    for output in items:
-        document = describe_joint_result(
-            output.result, output.warnings, output.sources, output.provenance
-        )
-        book(session, joint_update_for, row, "results", len(json.dumps(document)))
-        row.document = document
-
-
 update_job_for = Lookup(UpdateJob, "update job", "campaign_id", campaign_for, deleted_owner=True)
 """A job outlives its campaign's deletion."""
-joint_update_for = Lookup(JointUpdate, "joint update", "project_id")
+joint_update_for = Lookup(
+    UpdateJob, "joint update", "project_id", among=UpdateJob.campaign_id.is_(None)
+)
+"""An update of several campaigns, which belongs to their project."""
 UPDATES = JobNoun(
     "update-jobs",
     update_job_for,
@@ -120,14 +120,7 @@ UPDATES = JobNoun(
     "update",
     libraries=CORE_LIBRARIES,
 )
-JOINT_UPDATES = JobNoun(
-    "joint-updates",
-    joint_update_for,
-    load_joint,
-    compute_joint,
-    _store_joint,
-    libraries=CORE_LIBRARIES,
-)
+JOINT_UPDATES = UPDATES.seen_at("joint-updates", joint_update_for)
 
 
 def start_update(
@@ -163,8 +156,14 @@ def start_update(
         campaign_id=campaign.id,
         structure_version_id=version.id,
         recipe=recipe.model_dump(mode="json"),
+        campaigns=[member_of(campaign.id, version.id)],
     )
     return UPDATES.start(session, user, row, priority=priority)
+
+
+def member_of(campaign_id: UUID, structure_version_id: UUID) -> dict[str, str]:
+    """A campaign of an update, with the structure's version that it is computed with."""
+    return {"campaign_id": str(campaign_id), "structure_version_id": str(structure_version_id)}
 
 
 def _check(session: Session, user: User, campaign: Campaign, recipe: RecipeIn) -> None:
@@ -266,17 +265,9 @@ def _check_data(session: Session, recipe: RecipeIn, campaign: Campaign) -> None:
                 raise Invalid("/hold_out/points", "holds out every FRF, so nothing is left to fit")
 
 
-def joint_document(session: Session, row: JointUpdate) -> dict[str, Any]:
-    """The result of a joint update: the JSON document of `docs/campaigns-together.md`.
-
-    Raises:
-        Conflict: the job has none, yet or ever; the message says which.
-    """
-    return JOINT_UPDATES.result(session, row, row.document)
-
-
 def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
-    """The result of an update: the JSON document of `docs/results.md`.
+    """The result of an update: the JSON document of `docs/results.md`, of several campaigns that of
+    `docs/campaigns-together.md`.
 
     Raises:
         Conflict: the job has none, yet or ever, or one that an earlier version stored; the message
@@ -308,7 +299,8 @@ def label_result(session: Session, user: User, row: UpdateJob, labels: Labels) -
 
 
 def _result(session: Session, row: UpdateJob) -> UpdateResult:
-    return UPDATES.result(session, row, session.get(UpdateResult, row.id))
+    noun = UPDATES if row.request is None else JOINT_UPDATES
+    return noun.result(session, row, session.get(UpdateResult, row.id))
 
 
 def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from uuid import UUID
 
-from sqlalchemy import Text, cast, or_, select
+from sqlalchemy import Text, cast, select
 from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep
 from service.errors import Conflict
 from service.jobs.tables import Job
 from service.store.imports.operations import import_for, remove_import
-from service.store.updating.tables import JointUpdate, UpdateJob
+from service.store.updating.tables import UpdateJob
 from service.web import api_router
 
 if TYPE_CHECKING:
@@ -43,19 +43,14 @@ def _require_unused(session: Session, row: Import) -> None:
     brought = row.counts if row.counts and not row.dry_run else {}
     if not (brought.get("frfs") or brought.get("modes")):
         return
-    of_campaign = or_(
-        select(UpdateJob.id)
-        .where(UpdateJob.id == Job.id, UpdateJob.campaign_id == row.campaign_id)
-        .exists(),
-        select(JointUpdate.id)
+    later = (
+        select(Job.id)
+        .join(UpdateJob, UpdateJob.id == Job.id)
         .where(
-            JointUpdate.id == Job.id,
-            cast(JointUpdate.campaigns, Text).contains(str(row.campaign_id)),
+            Job.id > row.id,
+            Job.state.in_(("queued", "running", "succeeded")),
+            cast(UpdateJob.campaigns, Text).contains(str(row.campaign_id)),
         )
-        .exists(),
-    )
-    later = select(Job.id).where(
-        Job.id > row.id, Job.state.in_(("queued", "running", "succeeded")), of_campaign
     )
     if (update := session.scalars(later.order_by(Job.id).limit(1)).first()) is not None:
         raise Conflict(

@@ -126,16 +126,41 @@ class PosteriorOut(Part):
     correlation: Table | None = Field(None, description="of these parameters")
 
 
-class ResultOut(Part):
-    """A result: the verdict and the warnings first."""
+class CommonOut(Part):
+    """A result, of one campaign or of several: the verdict and the warnings first."""
 
     verdict: Verdict = Field(description="whether the result may be used")
     warnings: list[str] = Field(description="in words; read them first")
     findings: list[FindingOut] = Field(
         default_factory=list, description="the update's warnings, each with its id"
     )
+    parameters: list[ParameterEstimate] = Field(
+        description="updated parameters, SI; of several campaigns in the material's own axes"
+    )
+    posterior: PosteriorOut = Field(description="how the posterior was had")
+    reference_temperature_c: float | None = Field(
+        None,
+        description="temperature at which the parameters are given, °C; null: nobody stated one",
+    )
+    curve: Curve | None = Field(
+        None,
+        description=(
+            "constants over temperature, where the reference is not the campaign's own, and of"
+            " several campaigns damping too; null where all are at one"
+        ),
+    )
+    provenance: dict[str, Any] = Field(
+        description="inputs with their SHA-256, recipe or request, versions, host, durations"
+    )
+    version: int = Field(
+        description="of this document's form; results of earlier forms are to be computed again"
+    )
+
+
+class ResultOut(CommonOut):
+    """A result of one campaign."""
+
     outcomes: list[StageOutcome] = Field(description="how each stage ended")
-    parameters: list[ParameterEstimate] = Field(description="updated parameters, SI")
     modes: list[ModeComparison] = Field(description="measured modes beside the model's")
     correlation: CorrelationOut = Field(description="agreement of FRFs and shapes")
     damping_models: list[DampingModelFit] = Field(description="damping laws, ranked")
@@ -156,27 +181,12 @@ class ResultOut(Part):
     discrepancy: AnyObject = Field(
         description="relative standard deviation of what the model cannot say"
     )
-    reference_temperature_c: float | None = Field(
-        None,
-        description="temperature at which the parameters are given, °C; null: nobody stated one",
-    )
-    curve: Curve | None = Field(
-        None,
-        description="constants over temperature, where the reference is not the campaign's own",
-    )
     band_hz: tuple[float, float] | None = Field(description="lines of the damping update, Hz")
     channel_delay_s: Number = Field(description="lag of the response that was found, s")
     identification: dict[str, Any] | None = Field(
         description=(
             "how the modes were found; its `stabilisation` with `?include=stabilisation` only"
         )
-    )
-    posterior: PosteriorOut = Field(description="how the posterior was had")
-    provenance: dict[str, Any] = Field(
-        description="inputs with their SHA-256, recipe, versions, host, durations"
-    )
-    version: int = Field(
-        description=("of this document's form; results of earlier forms are to be computed again")
     )
 
 
@@ -254,18 +264,9 @@ class ConflictOut(Part):
     )
 
 
-class JointResultOut(Part):
+class JointResultOut(CommonOut):
     """One material from several campaigns."""
 
-    verdict: Verdict = Field(description="whether the result may be used")
-    warnings: list[str] = Field(description="in words; read them first")
-    findings: list[FindingOut] = Field(
-        default_factory=list, description="the update's warnings, each with its id"
-    )
-    parameters: list[ParameterEstimate] = Field(
-        description="the material's constants in its own axes, SI"
-    )
-    posterior: PosteriorOut = Field(description="how the constants correlate")
     campaigns: list[CampaignPartOut] = Field(description="what each campaign has to do with it")
     odd_one_out: str | None = Field(
         description="the campaign in which the first conflict's causes lie; null: none"
@@ -274,15 +275,6 @@ class JointResultOut(Part):
         default_factory=list, description="data that contradict each other"
     )
     damping_models: list[CommonLawOut] = Field(description="damping laws of the material, ranked")
-    reference_temperature_c: float | None = Field(
-        None,
-        description="temperature at which the parameters are given, °C; null: nobody stated one",
-    )
-    curve: Curve | None = Field(
-        None,
-        description="constants and damping over temperature; null where all campaigns are at one",
-    )
     discrepancy: AnyObject = Field(
         description="relative: of a frequency, and of a modulus between specimens"
     )
-    provenance: dict[str, Any] = Field(description="the request, versions, host")

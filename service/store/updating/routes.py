@@ -213,6 +213,7 @@ joint.cancelling(
     "cancel_joint_update",
     "Ask for a joint update's end; one that has ended already stays as it is.",
 )
+joint.retrying("retry_joint_update", "Queue a joint update again that failed or was cancelled.")
 joint.watching(
     "watch_joint_update",
     "The job's state now and whenever it changes, as server-sent events of the type `job`; ends"
@@ -227,4 +228,4 @@ joint.watching(
 )
 def get_joint_result(joint_id: UUID, session: SessionDep, user: CurrentUser) -> dict[str, Any]:
     """The material's constants from all campaigns, each campaign's part, and whether they agree."""
-    return operations.joint_document(session, operations.joint_update_for(session, user, joint_id))
+    return operations.result_document(session, operations.joint_update_for(session, user, joint_id))

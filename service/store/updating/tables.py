@@ -5,6 +5,7 @@ from typing import Any
 from uuid import UUID
 
 from sqlalchemy import JSON, Float, ForeignKey, Index, LargeBinary, func
+from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.db.base import Base, Labelled, label_indexes
@@ -12,42 +13,32 @@ from service.store.updating.result_schemas import CONSTANTS
 
 
 class UpdateJob(Base):
-    """One update of a campaign; its key is its job's, and so is its status."""
+    """One update of one campaign or of several; its key is its job's, and so is its status.
 
-    __tablename__ = "update_jobs"
-    __table_args__ = (
-        Index(None, "campaign_id", "id"),
-        Index(None, "project_id", "idempotency_key", unique=True),
-    )
-
-    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
-    project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
-    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
-    structure_version_id: Mapped[UUID] = mapped_column(
-        ForeignKey("structure_versions.id", deferrable=True)
-    )
-    recipe: Mapped[dict[str, Any]]
-    idempotency_key: Mapped[str | None]  # of versions before `idempotency_keys`, which has it too
-
-
-class JointUpdate(Base):
-    """One update of a material from several campaigns, and its result when it has one; its key is
-    its job's.
+    One of several names no single campaign: no lookup that goes by the campaign finds it.
     """
 
-    __tablename__ = "joint_updates"
-    __table_args__ = (Index(None, "project_id", "idempotency_key", unique=True),)
+    __tablename__ = "update_jobs"
+    __table_args__ = (Index(None, "campaign_id", "id"),)
 
     id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
     project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
-    request: Mapped[dict[str, Any]]
-    campaigns: Mapped[list[Any]]
-    idempotency_key: Mapped[str | None]  # as above
-    document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    # campaign_id, structure_version_id: of the only campaign; NULL of several
+    campaign_id: Mapped[UUID] = mapped_column(
+        ForeignKey("campaigns.id", ondelete="CASCADE"), nullable=True
+    )
+    structure_version_id: Mapped[UUID] = mapped_column(
+        ForeignKey("structure_versions.id", deferrable=True), nullable=True
+    )
+    recipe: Mapped[dict[str, Any]]  # of all campaigns
+    # as it was sent, of several; None of one
+    request: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    campaigns: Mapped[list[Any]]  # `campaign_id` and `structure_version_id` of each
 
 
 class UpdateResult(Labelled, Base):
-    """The result of a job, as the contract shows it, and its predicted FRFs as npz.
+    """The result of a job, as the contract shows it, and its predicted FRFs as npz, which is empty
+    of several campaigns.
 
     Results are found by their campaign, which is the job's, by their verdict, and by `CONSTANTS`:
     the estimate of each, such as `ex`, its standard deviation `ex_sd`, and the ends of its 95 %
@@ -61,7 +52,7 @@ class UpdateResult(Labelled, Base):
     id: Mapped[UUID] = mapped_column(
         ForeignKey("update_jobs.id", ondelete="CASCADE"), primary_key=True
     )
-    campaign_id: Mapped[UUID] = mapped_column(
+    campaign_id: Mapped[UUID | None] = mapped_column(
         ForeignKey("campaigns.id", ondelete="CASCADE"), index=True
     )
     created_at: Mapped[datetime] = mapped_column(server_default=func.now())

@@ -30,7 +30,7 @@ from service.compute import reading
 from service.compute.hits import BlockRow
 from service.compute.processing import PointFile, ProcessingInputs, process_records
 from service.compute.spectra import Spectrum, decode, encode, encode_axis
-from service.compute.updating import JointCampaign, JointInputs, compute_joint
+from service.compute.updating import LoadedCampaign, Together, UpdateInputs, compute_update
 from service.errors import Damaged, PayloadTooLarge
 from service.jobs import process, subprocess_read
 from service.jobs.child import Failure, Item
@@ -377,9 +377,10 @@ def test_what_means_no_hit_or_several_is_refused(wrong: OverruleIn, text: str) -
 
 def test_a_joint_update_says_of_which_campaign_something_is_missing() -> None:
     points = {label: place for label, place in measured().points.items() if label != 12}
-    whole, lacking = (JointCampaign(name, "bar", BEAM, data, Recipe(), {}, ()) for name, data in (
-        ("March", measured()), ("April", replace(measured(), points=points))
-    ))  # fmt: skip
-    inputs = JointInputs((lacking, whole), CampaignsRecipe(), (), (), {})
+    whole, lacking = (
+        LoadedCampaign(BEAM, data, Recipe(), (), {}, name=name, specimen="bar")
+        for name, data in (("March", measured()), ("April", replace(measured(), points=points)))
+    )
+    inputs = UpdateInputs((lacking, whole), Together(CampaignsRecipe(), (), (), {}))
     with pytest.raises(InputError, match=r"^jobs\.0\.grid_points: points 12 .*\(April\)$"):
-        list(compute_joint(inputs, lambda *_: None))
+        list(compute_update(inputs, lambda *_: None))
