@@ -105,7 +105,7 @@ class PlannedCoupons:
 
 
 @dataclass(frozen=True)
-class Forecast:
+class TestGain:
     """What a test would bring."""
 
     name: str  # of the test
@@ -125,7 +125,7 @@ class Plan:
     """
 
     known: dict[str, float]
-    forecasts: tuple[Forecast, ...]
+    gains: tuple[TestGain, ...]
 
 
 def plan_tests(
@@ -175,11 +175,11 @@ def plan_tests(
     known = _Known(tuple(campaigns), tuple(parameters), fitted, now)
     prior = simulated[0].prior
     slope = prior.slope(_at(prior, theta))[: len(reported)]
-    forecasts = [_forecast(each, known, slope, count=count, about=about) for each in simulated]
-    forecasts += [_forecast_coupons(each, known, simulated[0], slope, about) for each in coupons]
+    gains = [_gain(each, known, slope, count=count, about=about) for each in simulated]
+    gains += [_gain_of_coupons(each, known, simulated[0], slope, about) for each in coupons]
     return Plan(
         by_name(reported, known.standard_deviations(now) * slope),
-        tuple(sorted(forecasts, key=lambda each: -each.information)),
+        tuple(sorted(gains, key=lambda each: -each.information)),
     )
 
 
@@ -353,9 +353,9 @@ def _information(known: _Known, layout: Layout, about: str | None) -> Callable[[
     return lambda brought: base - volume(layout, brought)
 
 
-def _forecast_coupons(
+def _gain_of_coupons(
     coupons: PlannedCoupons, known: _Known, beside: _Simulated, slope: FloatArray, about: str | None
-) -> Forecast:
+) -> TestGain:
     """What coupons would bring to an update of the campaigns so far, or of a test where there are
     none.
     """
@@ -364,14 +364,14 @@ def _forecast_coupons(
     combinations, _, sds = layout.of_coupons
     brought = combinations.T @ (combinations / sds[:, None] ** 2)
     expected = by_name(layout.shared, known.standard_deviations(layout, brought) * slope)
-    return Forecast(
+    return TestGain(
         coupons.name, _information(known, layout, about)(brought), expected, np.zeros(0), (), 1.0
     )
 
 
-def _forecast(
+def _gain(
     each: _Simulated, known: _Known, slope: FloatArray, *, count: int | None, about: str | None
-) -> Forecast:
+) -> TestGain:
     layout = known.layout(each.campaign)
     campaign = layout.campaigns[-1]
     state = campaign.forward.solve(_at(campaign.prior, each.theta))
@@ -396,7 +396,7 @@ def _forecast(
     chosen = everywhere if count is None else best_points(information, everywhere, count)
     seen = each.noise(chosen) < _FAINT * DISCREPANCY**2
     whole = information(everywhere)
-    return Forecast(
+    return TestGain(
         name=each.test.name,
         information=information(chosen),
         standard_deviations=by_name(

@@ -51,25 +51,25 @@ def _describe(plan: Plan, order: PlanOrder) -> dict[str, Any]:
     could: list[PlannedTest | PlannedCoupons] = [*order.tests, *order.coupons]
     requested = {each.name: (each, sent) for each, sent in zip(could, order.sent, strict=True)}
     items = []
-    for forecast in plan.forecasts:
-        each, sent = requested[forecast.name]
+    for gain in plan.gains:
+        each, sent = requested[gain.name]
         points = (
-            [list(each.points[point]) for point in forecast.points]
+            [list(each.points[point]) for point in gain.points]
             if isinstance(each, PlannedTest)
             else []
         )
         items.append(
             {
-                "name": forecast.name,
+                "name": gain.name,
                 "test" if isinstance(each, PlannedTest) else "coupons": sent,
-                "information_nats": forecast.information,
-                "expected_sd": forecast.standard_deviations,
+                "information_nats": gain.information,
+                "expected_sd": gain.standard_deviations,
                 "shrinks_most": min(
-                    plan.known, key=lambda n: forecast.standard_deviations[n] / plan.known[n]
+                    plan.known, key=lambda n: gain.standard_deviations[n] / plan.known[n]
                 ),
-                "frequencies_hz": forecast.frequencies_hz.tolist(),
+                "frequencies_hz": gain.frequencies_hz.tolist(),
                 "points_m": points,
-                "share_of_all_points": forecast.share,
+                "share_of_all_points": gain.share,
             }
         )
     return {"known_sd": plan.known, "campaigns": [each.name for each in order.made], "items": items}

@@ -37,9 +37,9 @@ def test_what_a_test_will_show_is_foreseen() -> None:
     plan = plan_tests(
         [strip(0, "strip 0"), strip(0, "strip 0", "cantilever"), strip(90, "strip 90")], [first]
     )
-    best = plan.forecasts[0]
+    best = plan.gains[0]
     assert best.name == "strip 90, free"
-    same = {each.name: each for each in plan.forecasts}["strip 0, free"]
+    same = {each.name: each for each in plan.gains}["strip 0, free"]
     assert same.information < 0.25 * best.information
     # the scatter between specimens is a part
     assert best.standard_deviations["Ey"] < 0.2 * plan.known["Ey"]
@@ -62,7 +62,7 @@ def test_what_coupons_will_bring_is_foreseen(angles: tuple[int, ...]) -> None:
     made = [measured(random, f"strip {angle}", STRIP, angle) for angle in angles]
     asked = PlannedCoupons("five", ("Ex", "Gxy"), 0.05, pieces=5)
     plan = plan_tests([strip(0, "strip 0")], made, coupons=[asked])
-    (foreseen,) = (each for each in plan.forecasts if each.name == "five")
+    (foreseen,) = (each for each in plan.gains if each.name == "five")
     result = update_campaigns(
         made, coupons=[Coupon(n, TRUTH[n], 0.05 * TRUTH[n], "five", 5) for n in asked.constants]
     )
@@ -98,5 +98,5 @@ def test_an_added_mass_is_in_the_forecast() -> None:
     heavy = replace(
         plain, name="heavy", body=replace(plain.body, masses=(PointMass(STRIP[0], 0.0, 0.02),))
     )
-    plan = {each.name: each for each in plan_tests([plain, heavy]).forecasts}
+    plan = {each.name: each for each in plan_tests([plain, heavy]).gains}
     assert plan["heavy"].frequencies_hz[0] < 0.9 * plan[plain.name].frequencies_hz[0]
