@@ -36,6 +36,8 @@ class Quantity:
     input: str = ""  # which of a laboratory's inputs it is, as a constant of a body
     # standard deviation of a careful laboratory, and whether it is a share of the value
     tolerance: tuple[float, bool] | None = None
+    # standard deviation of its prior in an update where none is stated, as a share of the mean
+    prior_sd: float = 0.30
     # mean and standard deviation of its relative change, 1/K
     per_k: tuple[float, float] | None = None
 
@@ -178,6 +180,13 @@ def kind_of(constant: str) -> str:
 def quantity_of(constant: str) -> Quantity | None:
     """What a constant of a body measures; None of a name that is free, such as a spring's."""
     return CONSTANTS.get(kind_of(constant))
+
+
+def usual_prior_sd(constant: str, mean: float) -> float:
+    """Standard deviation of a constant's prior where none is stated; that of what has no row, such
+    as a spring, is of a row's default.
+    """
+    return (quantity_of(constant) or Quantity).prior_sd * mean
 
 
 def is_of_stiffness(constant: str) -> bool:

@@ -26,11 +26,8 @@ from fecore.body.matrices import MatrixBody
 from fecore.body.sections import ShellSection
 from fecore.body.structure import CommonPrior, Structure
 from fecore.errors import InputError
-from fecore.quantities import CONSTANTS, is_signed, kind_of
+from fecore.quantities import CONSTANTS, is_signed, kind_of, usual_prior_sd
 from fecore.updating.temperature import PER_K, Warmth, coefficient_of, constant_of, is_of_damping
-
-DEFAULT_RELATIVE_SD = 0.30
-"""Prior standard deviation of a parameter for which none is stated, as a share of its mean."""
 
 _ISOTROPIC, _LARGEST_POISSON = (
     1e-3,
@@ -354,7 +351,7 @@ def parametrise(
         spread[row, [f.name for f in free].index(master)] = ratio
     prior_mean = np.array([mean[p.name] for p in free])
     prior_sd = np.array(
-        [DEFAULT_RELATIVE_SD * mean[p.name] if p.prior_sd is None else p.prior_sd for p in free]
+        [usual_prior_sd(p.name, mean[p.name]) if p.prior_sd is None else p.prior_sd for p in free]
     )
     names = tuple(p.name for p in free)
     unstated = {p.name for p in free if p.prior_sd is None and p.prior_mean is None}
@@ -365,7 +362,9 @@ def parametrise(
         prior_sd[rows] = np.hypot(each.common, each.own) * prior_mean[rows]
     fixed = np.array([base[name] for name in constant_names])
     ties = {
-        p.name: DEFAULT_RELATIVE_SD if p.prior_sd is None else p.prior_sd / abs(mean[p.name])
+        p.name: usual_prior_sd(p.name, 1.0)
+        if p.prior_sd is None
+        else p.prior_sd / abs(mean[p.name])
         for p in parameters
         if p.tied_to is not None
     }

@@ -14,6 +14,7 @@ from sqlalchemy import ColumnElement, func, select, tuple_
 from sqlalchemy.orm import Session, undefer
 
 from fecore import __version__
+from fecore.quantities import quantity_of
 from fecore.updating.parameters import parametrise
 from fecore.updating.temperature import usual_per_k
 from service.access import User, projects_of
@@ -26,7 +27,6 @@ from service.monitoring.notifications.channels import OF_MONITORS
 from service.monitoring.runs import monitor_for
 from service.monitoring.scheduler import next_time, request_check
 from service.monitoring.schemas import (
-    CONSTANT,
     BaselineIn,
     ChartIn,
     MonitorIn,
@@ -154,7 +154,7 @@ def _checked(
     free = parametrise(specimen, parameters).names
     watched = body.watched(free)
     for i, each in enumerate(watched):
-        if CONSTANT.fullmatch(each.name) and each.name not in free:
+        if quantity_of(each.name) is not None and each.name not in free:
             raise Invalid(
                 f"/parameters/{i}/name",
                 f"{each.name} is not updated by the recipe, which updates {', '.join(free)}",

@@ -12,7 +12,7 @@ from croniter import croniter
 from pydantic import BaseModel, ConfigDict, Field, create_model, field_validator, model_validator
 
 from fecore.errors import InputError
-from fecore.quantities import kind_of
+from fecore.quantities import is_of_stiffness, kind_of, quantity_of
 from fecore.trend import Chart, Watch
 from service.climate import CLIMATE
 from service.errors import Invalid
@@ -28,10 +28,6 @@ if TYPE_CHECKING:
 else:
     Covariate = Literal[tuple(CLIMATE)]
 
-CONSTANT = re.compile(
-    r"Ex|Ey|Gxy|Gxz|Gyz|nu_xy|density|thickness|(E1|E2|G12|G13|G23|nu12)(_\d+)?"
-    r"|\w+\.(E|E1|E2|G12|G13|G23|nu12|density|t|factor)"
-)
 COEFFICIENT = re.compile(r"[a-z]\w{0,40}")
 OF_A_MODE = re.compile(r"(frequency|damping_ratio)_([1-9]\d?)")
 
@@ -58,13 +54,9 @@ class WatchedIn(StrictModel):
         """The direction, stated or not."""
         if self.direction is not None:
             return self.direction
-        if self.name.rpartition(".")[2] in ("nu_xy", "nu12", "density", "thickness", "t"):
-            return "both"
-        return (
-            "fall"
-            if CONSTANT.fullmatch(self.name) or self.name.startswith("frequency_")
-            else "rise"
-        )
+        if is_of_stiffness(self.name) or self.name.startswith("frequency_"):
+            return "fall"
+        return "rise" if quantity_of(self.name) is None else "both"
 
 
 class BaselineIn(StrictModel):
@@ -207,7 +199,8 @@ class MonitorIn(StrictModel):
     def _known_once(cls, parameters: list[WatchedIn] | None) -> list[WatchedIn] | None:
         names = [p.name for p in parameters or ()]
         for name in names:
-            if not any(kind.fullmatch(name) for kind in (CONSTANT, OF_A_MODE, COEFFICIENT)):
+            of_damping = any(kind.fullmatch(name) for kind in (OF_A_MODE, COEFFICIENT))
+            if not of_damping and quantity_of(name) is None:
                 raise wrong(f"{name} is no parameter that a result has")
             if names.count(name) > 1:
                 raise wrong(f"{name} is there twice")
