@@ -18,7 +18,7 @@ from fecore.updating.campaign_layout import (
     lay_out,
     yielding,
 )
-from fecore.updating.conflicts import Agreement, Conflict
+from fecore.updating.conflicts import CampaignAgreement, Conflict
 from fecore.updating.contradictions import compare_sources
 from fecore.updating.curves import check_temperatures, curve_of
 from fecore.updating.elastic_findings import (
@@ -252,7 +252,11 @@ def _unknown_temperatures(elastic: ElasticResult, parts: Sequence[CampaignPart])
 
 
 def _part(
-    elastic: ElasticResult, number: int, campaign: Campaign, agreement: Agreement, causes: set[str]
+    elastic: ElasticResult,
+    number: int,
+    campaign: Campaign,
+    agreement: CampaignAgreement,
+    causes: set[str],
 ) -> CampaignPart:
     layout = elastic.layout
     values = layout.material(agreement.own)

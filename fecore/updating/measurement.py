@@ -55,7 +55,7 @@ class Measurement:
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedMeasurement:
     """A measurement ready for updating."""
 
     frfs: FrfSet | None = None  # all usable FRFs; None where there are none
@@ -77,7 +77,7 @@ def prepare(
     report: Callable[[str, float], None] = lambda _stage, _share: None,
     *,
     find_modes: bool = True,
-) -> Prepared:
+) -> PreparedMeasurement:
     """Choose FRFs and find modes.
 
     Args:
@@ -125,7 +125,7 @@ def prepare(
         warnings = (*warnings, *more)
     if modes is not None:
         modes = replace(modes, highest_hz=float(fitted.frequency_hz[-1]))
-    return Prepared(
+    return PreparedMeasurement(
         frfs=frfs,
         fitted=fitted,
         fitted_rows=kept,
@@ -184,14 +184,14 @@ def _moving(frfs: FrfSet, measurement: Measurement, specimen: Body) -> tuple[Frf
     ]
 
 
-def _of_modes_only(measurement: Measurement, model: Model) -> Prepared:
+def _of_modes_only(measurement: Measurement, model: Model) -> PreparedMeasurement:
     """Modes without FRFs, with their shapes at points that have coordinates."""
     assert measurement.modes is not None, "a measurement has FRFs or modes"
     modes = measurement.modes
     warnings: tuple[str, ...] = ()
     if modes.shapes is not None:
         modes, warnings = _seen_shapes(set(measurement.points), modes, measurement, model)
-    return Prepared(modes=modes, warnings=warnings)
+    return PreparedMeasurement(modes=modes, warnings=warnings)
 
 
 def _observable(dofs: Sequence[Dof], measurement: Measurement, model: Model) -> list[bool]:

@@ -29,7 +29,7 @@ from fecore.updating.joint import update_jointly
 from fecore.updating.laws import identifiable_laws, laws_of, rank_laws
 from fecore.updating.layout import Layout
 from fecore.updating.measured_ratios import paired_ratios
-from fecore.updating.measurement import Measurement, Prepared, prepare
+from fecore.updating.measurement import Measurement, PreparedMeasurement, prepare
 from fecore.updating.parameters import Parametrisation, default_parameters, parametrise
 from fecore.updating.plausibility import examine, unstated_window
 from fecore.updating.recipe import Recipe
@@ -121,7 +121,7 @@ def update(
 
 def _prepared(
     measurement: Measurement, specimen: Body, recipe: Recipe, progress: Progress
-) -> Prepared:
+) -> PreparedMeasurement:
     """The measurement ready for updating, a stated window's share of the modes' damping taken
     off.
     """
@@ -159,7 +159,7 @@ def _without_joints(body: Body) -> list[Finding]:
     return [finding("without_joints", percent=100 * body.model_error)]
 
 
-def _highest_hz(data: Prepared) -> float:
+def _highest_hz(data: PreparedMeasurement) -> float:
     """The highest frequency at which the model has to be right: that of the last measured mode, or
     of the last line.
     """
@@ -204,7 +204,7 @@ def _other_method(measurement: Measurement, recipe: Recipe) -> list[Finding]:
 
 def _elastic(
     forward: ForwardModel,
-    data: Prepared,
+    data: PreparedMeasurement,
     recipe: Recipe,
     inputs: Inputs,
     progress: Callable[[float], None],
@@ -241,7 +241,7 @@ def _elastic(
 class _Damping:
     """Stage 2: from the FRFs, or from typed damping ratios alone where there are none."""
 
-    data: Prepared
+    data: PreparedMeasurement
     elastic: ElasticResult
     modes: MeasuredModes
     recipe: Recipe
@@ -396,7 +396,7 @@ def _unasked(requested: DampingLaw, law: DampingLaw, modes: int) -> list[Finding
 
 
 def _forward(
-    parametrisation: Parametrisation, measurement: Measurement, data: Prepared
+    parametrisation: Parametrisation, measurement: Measurement, data: PreparedMeasurement
 ) -> ForwardModel:
     """The forward model at all measured dofs, those of the modes' shapes first and in their
     order.
