@@ -13,6 +13,7 @@ from fecore.body.constants import Body
 from fecore.body.structure import Structure
 from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
 from fecore.errors import FecoreError, InputError, UpdatingError
+from fecore.findings import Finding
 from fecore.frf import Dof, FrfSet
 from fecore.modes import MeasuredModes
 from fecore.updating.curves import check_temperatures
@@ -22,7 +23,7 @@ from fecore.updating.discretisation import DISCRETISATION, Discretisation, meshe
 from fecore.updating.elastic_findings import mesh_on_trust, points_beyond
 from fecore.updating.elastic_result import HOPELESS_MISS, ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
-from fecore.updating.findings import finding, remarks
+from fecore.updating.findings import finding, passed_on
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.joint import update_jointly
@@ -33,7 +34,7 @@ from fecore.updating.measurement import Measurement, PreparedMeasurement, prepar
 from fecore.updating.parameters import Parametrisation, default_parameters, parametrise
 from fecore.updating.plausibility import examine, unstated_window
 from fecore.updating.recipe import Recipe
-from fecore.updating.result import Finding, UpdateResult
+from fecore.updating.result import UpdateResult
 from fecore.updating.sampling import Checkpoint, sample_posterior
 from fecore.updating.summary import DampingOutcome, Summary
 from fecore.updating.systematic_effects import fixed_points
@@ -103,7 +104,7 @@ def update(
         )
     progress("correlating", 0.95)
     findings = [
-        *remarks("measurement", data.warnings),
+        *passed_on("measurement", data.notes),
         *([] if mesh is None else _coarse(mesh)),
         *_without_joints(body),
         *mesh_on_trust(forward),

@@ -18,6 +18,7 @@ from fecore.dynamics.damping_laws import (
     damping_ratio,
     negative_band,
 )
+from fecore.findings import Finding
 from fecore.modes import MeasuredModes
 from fecore.updating.curves import curve_of
 from fecore.updating.damping_stage import DampingResult
@@ -43,7 +44,6 @@ from fecore.updating.result import (
     DampingModelFit,
     DampingSearch,
     Discrepancy,
-    Finding,
     HeldOut,
     LawCurve,
     ModelMode,
