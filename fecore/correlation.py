@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.errors import InputError
+from fecore.findings import Finding, make, remark, texts
 
 # a model's frequency is expected within some 20 % (as ln ratio) of the measured one
 _FREQUENCY_SCALE = 0.2
@@ -260,6 +261,19 @@ def frequency_error(measured_hz: ArrayLike, predicted_hz: ArrayLike) -> FloatArr
     return np.asarray((right - left) / left)
 
 
+REMARKS = {
+    "without_partner": remark(
+        "measured {own} has no partner in the model", subject="measured {own}"
+    ),
+    "not_measured": remark("model {model} was not measured", subject="model {model}"),
+    "fits_two": remark(
+        "measured {own} is paired with model {model}, but model {other} fits nearly as well",
+        subject="measured {own}",
+    ),
+}
+"""What a pairing says of modes, by its id."""
+
+
 @dataclass(frozen=True)
 class Pairing:
     """Which measured mode is which model mode."""
@@ -275,22 +289,24 @@ class Pairing:
     # (measured, model, other model) where the other fits nearly as well, within the margin
     ambiguous: tuple[tuple[int, int, int], ...]
 
+    def notes(self, measured_hz: ArrayLike, model_hz: ArrayLike) -> tuple[Finding, ...]:
+        """What a user must know of modes that are unpaired or ambiguous."""
+        own, model = (
+            [f"mode {i} ({hz:.2f} Hz)" for i, hz in enumerate(np.atleast_1d(each).tolist(), 1)]
+            for each in (measured_hz, model_hz)
+        )
+        return (
+            *(make(REMARKS, "without_partner", own=own[i]) for i in self.unpaired_measured),
+            *(make(REMARKS, "not_measured", model=model[j]) for j in self.unpaired_model),
+            *(
+                make(REMARKS, "fits_two", own=own[i], model=model[j], other=model[k])
+                for i, j, k in self.ambiguous
+            ),
+        )
+
     def messages(self, measured_hz: ArrayLike, model_hz: ArrayLike) -> tuple[str, ...]:
-        """What a user must know of modes that are unpaired or ambiguous, in words."""
-        measured, model = np.asarray(measured_hz, dtype=float), np.asarray(model_hz, dtype=float)
-        lines = [
-            f"measured mode {i + 1} ({measured[i]:.2f} Hz) has no partner in the model"
-            for i in self.unpaired_measured
-        ]
-        lines += [
-            f"model mode {j + 1} ({model[j]:.2f} Hz) was not measured" for j in self.unpaired_model
-        ]
-        lines += [
-            f"measured mode {i + 1} ({measured[i]:.2f} Hz) is paired with model mode {j + 1}"
-            f" ({model[j]:.2f} Hz), but model mode {k + 1} ({model[k]:.2f} Hz) fits nearly as well"
-            for i, j, k in self.ambiguous
-        ]
-        return tuple(lines)
+        """The notes, in words."""
+        return texts(self.notes(measured_hz, model_hz))
 
 
 def pair_modes(

@@ -9,7 +9,7 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.beams import BeamSection, rectangle_torsion
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.named import BEYOND_EDGE, OfStructure
 from fecore.body.structure import Structure
 from fecore.body.supports import Boundary, PointMass, Support, of_boundary
@@ -65,7 +65,9 @@ class BeamSpecimen(OfStructure):
         first = 2 * np.arange(self.elements)
         ends = {"start": np.array([0]), "end": np.array([count - 1])}
         mesh = Mesh(
-            nodes, (Block("beam3", np.column_stack([first, first + 2, first + 1]), "beam"),), ends
+            nodes,
+            (CellBlock("beam3", np.column_stack([first, first + 2, first + 1]), "beam"),),
+            ends,
         )
         modulus = self.modulus / 2 / (1 + self.poisson)
         part = BeamSection.rectangle(

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import CellBlock, Mesh
 from fecore.errors import InputError
 
 ELEMENTS = 6
@@ -181,7 +181,7 @@ def strip(
     ratio = relative_thickness(x, length, thickness, pieces) if pieces else None
     zone = np.searchsorted(np.array(zones), x.mean(axis=1))
     blocks = tuple(
-        Block(
+        CellBlock(
             "quad8",
             block.nodes[own],
             f"strip_{k + 1}" if zones else "strip",
@@ -298,7 +298,7 @@ def _extruded(segments: Sequence[Segment], stations: FloatArray, counts: Sequenc
     nodes = np.column_stack([np.repeat(x, there.sum(axis=1)), section[np.nonzero(there)[1]]])
     first = 2 * np.arange(nx)
     blocks = tuple(
-        Block("quad8", _elements(grid, first, np.array(sides)), name)
+        CellBlock("quad8", _elements(grid, first, np.array(sides)), name)
         for name, sides in rows.items()
     )
     ends = {"start": grid[0], "end": grid[-1]}

@@ -20,7 +20,7 @@ from fecore.body.affine import AffineMatrix, Pattern
 from fecore.body.carried import mass_parts, spring_parts
 from fecore.body.joints import Joints
 from fecore.body.locate import TOLERANCE, Places, Surfaces
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.model import Model, assemble
 from fecore.body.supports import Mass, NodeSpring, Spring, rigid_motions
 from fecore.errors import InputError
@@ -184,7 +184,7 @@ class MatrixBody:
     def surfaces(self) -> Nodes:
         """The nodes, on which points are found."""
         every = np.arange(len(self.nodes))[:, None]
-        mesh = Mesh(self.nodes, (Block("point", every, "nodes"),))
+        mesh = Mesh(self.nodes, (CellBlock("point", every, "nodes"),))
         apart = scipy.spatial.cKDTree(self.nodes).query(self.nodes, k=min(2, len(self.nodes)))[0]
         reach = max(TOLERANCE, float(np.median(apart[..., -1])) / 2)
         return Nodes(mesh, (np.zeros((len(self.nodes), 1, 3)),), (0.0,), (0.0,), (reach,) * 3)

@@ -32,7 +32,7 @@ _NODES = {**{name: len(each.corners) for name, each in ELEMENTS.items()}, "point
 
 
 @dataclass(frozen=True)
-class Block:
+class CellBlock:
     """Elements of one kind and one set."""
 
     # of `SHELLS` or `BEAMS`; `point` for nodes of a body that has no elements
@@ -73,7 +73,7 @@ class Mesh:
     """Nodes and elements of a structure."""
 
     nodes: FloatArray  # (n, 3) coordinates, m
-    blocks: tuple[Block, ...]  # the elements
+    blocks: tuple[CellBlock, ...]  # the elements
     # named nodes, such as the edges of a generated body
     node_sets: Mapping[str, IntArray] = field(default_factory=dict)
 

@@ -14,7 +14,7 @@ from fecore.arrays import FloatArray, IntArray
 from fecore.body.affine import distinct
 from fecore.body.elements.shells import Shell, drilling, surface
 from fecore.body.laminate import AlongNormal
-from fecore.body.mesh import BEAMS, SHELLS, Block
+from fecore.body.mesh import BEAMS, SHELLS, CellBlock
 from fecore.body.sections import ShellSection
 from fecore.body.supports import Link
 
@@ -67,7 +67,7 @@ class Operators:
 
 
 def shell_operators(
-    block: Block,
+    block: CellBlock,
     nodes: FloatArray,
     shift: FloatArray,
     section: ShellSection,

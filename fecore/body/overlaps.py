@@ -15,7 +15,7 @@ import numpy as np
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.body.affine import distinct
 from fecore.body.elements.shells import Rule, Shell
-from fecore.body.mesh import SHELLS, Block
+from fecore.body.mesh import SHELLS, CellBlock
 from fecore.body.operators import Operators
 
 MOST = 0.9
@@ -54,7 +54,7 @@ class Overlap:
 
 
 def overlap_correction(
-    strains: Operators, block: Block, nodes: FloatArray, overlap: Overlap, axis: FloatArray
+    strains: Operators, block: CellBlock, nodes: FloatArray, overlap: Overlap, axis: FloatArray
 ) -> FloatArray:
     """(k, p, 2, n, 6) stretch and curvature along the lines, as far as an overlap goes."""
     shell = SHELLS[block.kind]
@@ -71,7 +71,7 @@ def overlap_correction(
     return np.asarray((roots @ rows.reshape(count, points, -1)).reshape(rows.shape))
 
 
-def kept(motions: Operators, block: Block, overlap: Overlap) -> Operators:
+def kept(motions: Operators, block: CellBlock, overlap: Overlap) -> Operators:
     """The motions of a block's elements, without what overlaps."""
     if not len(overlap.elements):
         return motions

@@ -16,7 +16,7 @@ import scipy
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.body.facets import bows, find, is_straight, sides_of
-from fecore.body.mesh import BEAMS, SHELLS, Block, Mesh
+from fecore.body.mesh import BEAMS, SHELLS, CellBlock, Mesh
 from fecore.body.structure import Structure
 from fecore.body.supports import Link
 
@@ -96,7 +96,7 @@ class _Work:
         self._count = self._old
         self._bows, self._sides = bows, sides
 
-    def raised(self, block: Block) -> Block:
+    def raised(self, block: CellBlock) -> CellBlock:
         """A block of linear elements with nodes amid their sides; a quadratic one with its middles
         on the curved surface.
         """
@@ -122,7 +122,7 @@ class _Work:
             [list(range(len(local)))],
         )
 
-    def halved(self, block: Block) -> Block:
+    def halved(self, block: CellBlock) -> CellBlock:
         """A block of quadratic elements, each in parts half as large."""
         element = block.element
         if element is None or (halving := element.halving) is None:
@@ -193,7 +193,7 @@ class _Work:
         there = np.all(self._sides[place] == ends, axis=1)
         return np.where(there[:, None], self._bows[place], 0.0)
 
-    def _bend(self, block: Block, sides: tuple[tuple[int, ...], ...]) -> None:
+    def _bend(self, block: CellBlock, sides: tuple[tuple[int, ...], ...]) -> None:
         """Move the middles of straight sides onto the curved surface."""
         places = self._places[0] = np.array(self._places[0])
         for i, j, m in sides:
@@ -207,7 +207,7 @@ class _Work:
         """(fine nodes, nodes) weights."""
         return scipy.sparse.vstack(self._weights, format="csr")
 
-    def carried(self, body: Structure, blocks: tuple[Block, ...]) -> Structure:
+    def carried(self, body: Structure, blocks: tuple[CellBlock, ...]) -> Structure:
         """The body with its supports and links on the new nodes too, where both nodes that they lie
         amid have them.
         """
@@ -217,7 +217,7 @@ class _Work:
         links = (*body.links, *self._links(body.links, amid))
         return replace(body, mesh=Mesh(np.vstack(self._places), blocks, sets), links=links)
 
-    def _free_edges(self, blocks: tuple[Block, ...]) -> BoolArray:
+    def _free_edges(self, blocks: tuple[CellBlock, ...]) -> BoolArray:
         """(fine nodes,) whether a node lies on a side of one shell alone."""
         free = np.zeros(self._count, dtype=bool)
         shells = [b for b in blocks if b.is_shell]
@@ -271,7 +271,7 @@ class _Work:
             yield known[number]
 
 
-def _ends_and_middles(block: Block) -> list[list[int]]:
+def _ends_and_middles(block: CellBlock) -> list[list[int]]:
     """Places of the ends and the middle of each side of a quadratic element."""
     if block.kind == "beam3":
         return [[0, 1, 2]]
@@ -288,8 +288,8 @@ def _half(side: tuple[int, ...], count: int) -> FloatArray:
 
 
 def _of_parts(
-    block: Block, kind: str, nodes: IntArray, local: FloatArray, parts: list[list[int]]
-) -> Block:
+    block: CellBlock, kind: str, nodes: IntArray, local: FloatArray, parts: list[list[int]]
+) -> CellBlock:
     """The block's elements in parts, from (e, p) nodes of points with (p, n) weights by the
     element's own nodes.
     """

@@ -20,7 +20,7 @@ from fecore.body.joints import Joints
 from fecore.body.junction_beams import between, joint_prefix, weighed
 from fecore.body.junctions import Junction, encloses, find_junctions
 from fecore.body.locate import TOLERANCE, Surfaces
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.model import Model, Part, assemble, idle, unresisted
 from fecore.body.operators import Operators, beam_operators, shell_operators
 from fecore.body.overlaps import Overlap, kept, overlap_correction
@@ -264,7 +264,9 @@ class Structure:
             )
             yield stiffness, [motion]
 
-    def _corrections(self, strains: Operators, block: Block, overlap: Overlap) -> Iterator[Part]:
+    def _corrections(
+        self, strains: Operators, block: CellBlock, overlap: Overlap
+    ) -> Iterator[Part]:
         """What is taken from the stiffness of a block's elements where other walls are."""
         if not len(overlap.elements):
             return

@@ -10,11 +10,13 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray, IntArray, real_times
 from fecore.errors import IdentificationError, InputError
+from fecore.findings import Finding
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import columns
 from fecore.modal.diagram import diagram_of
 from fecore.modal.evidence import Evidence, evidence_of
+from fecore.modal.findings import finding, not_used
 from fecore.modal.fitting import Fitted, Report, fit_series
 from fecore.modal.growth import gains, pole_price
 from fecore.modal.noise import OUTLYING
@@ -137,16 +139,16 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
     if known.any():
         ratio = float(np.mean(np.abs(fit.residual[known]) ** 2 / arrangement.variance[known]))
     notes = (
-        *prepared.said,
+        *prepared.notes,
         *_of_drift(fitted),
         *_of_phase(evidence),
         *_of_tones(arrangement, toned),
-        *(["the search stopped at most_modes; raise it, or leave it out"] if fitted.full else []),
+        *([finding("most_modes")] if fitted.full else []),
         *parted,
         *remarks(arrangement, fit, kept, shapes, evidence.share[old], doubt),
         *_of_outliers(arrangement, outliers),
         *(_of_noise(ratio) if known.any() and ratio >= 2 else []),
-        *(f"FRF {r.frf} was not used: {r.reason}" for r in prepared.refused),
+        *(not_used(refused.frf, refused.why) for refused in prepared.refused),
     )
     return Identification(
         found=Found(
@@ -162,7 +164,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
         rows=arrangement.source,
         refused=prepared.refused,
         refused_poles=verdict.refused,
-        warnings=notes,
+        notes=notes,
         frequency_hz=arrangement.frequency_hz,
         quantity=arrangement.quantity,
         measured=np.where(arrangement.measured & ~outliers & ~toned, arrangement.values, np.nan),
@@ -228,14 +230,10 @@ def _modes(fitted: Fitted, verdict: _Verdict, shapes: Shapes) -> MeasuredModes:
     return MeasuredModes(f, zeta, shapes.complex, arrangement.roving, covariance, p)
 
 
-def _of_drift(fitted: Fitted) -> list[str]:
+def _of_drift(fitted: Fitted) -> list[Finding]:
     if not fitted.drift.any():
         return []
-    return [
-        "all natural frequencies drift together between the tests, by"
-        f" {100 * fitted.drift.std():.2g} % (1 sd): the tests were aligned; temperature does this,"
-        " or a support that comes loose"
-    ]
+    return [finding("drift", percent=100 * fitted.drift.std())]
 
 
 def _toned(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> BoolArray:
@@ -249,28 +247,18 @@ def _toned(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> BoolArray:
     return np.asarray(np.abs(part) ** 2 > np.maximum(fit.variance, rest))
 
 
-def _of_tones(arrangement: Arrangement, toned: BoolArray) -> list[str]:
+def _of_tones(arrangement: Arrangement, toned: BoolArray) -> list[Finding]:
     lines = lines_in_words(arrangement.frequency_hz[toned.any(axis=0)])
-    return (
-        [f"interference at {lines}: left out there, a tone of no width is no mode"]
-        if toned.any()
-        else []
-    )
+    return [finding("tones", lines=lines)] if toned.any() else []
 
 
-def _of_phase(evidence: Evidence) -> list[str]:
+def _of_phase(evidence: Evidence) -> list[Finding]:
     if evidence.turned:
-        return [
-            "the residues of all strong poles are turned by 90°: another quantity than stated (a"
-            " velocity written as an acceleration?), or a channel that was integrated; check it"
-        ]
+        return [finding("residues_turned")]
     if abs(evidence.delay) < 2e-5:
         return []
-    return [
-        f"the responses come {1e6 * evidence.delay:.0f} µs"
-        f" {'after' if evidence.delay > 0 else 'before'} the forces, by the phases of the strong"
-        " modes: a delay between the channels; the phases were judged without it"
-    ]
+    side = "after" if evidence.delay > 0 else "before"
+    return [finding("channels_delayed", delay=1e6 * evidence.delay, side=side)]
 
 
 def _outliers(fit: Fit) -> BoolArray:
@@ -284,18 +272,15 @@ def _outliers(fit: Fit) -> BoolArray:
     )
 
 
-def _of_outliers(arrangement: Arrangement, outliers: BoolArray) -> list[str]:
+def _of_outliers(arrangement: Arrangement, outliers: BoolArray) -> list[Finding]:
     rows = np.flatnonzero(outliers.any(axis=1))
     words = [lines_in_words(arrangement.frequency_hz[outliers[row]]) for row in rows]
-    said = "left out, far off what the other lines say"
     notes = [
-        f"{arrangement.label(int(row))}: {lines} {said}"
+        finding("outliers", frf=arrangement.label(int(row)), lines=lines)
         for row, lines in zip(rows, words, strict=True)
     ]
     more = len(notes) - 8
-    return (
-        notes if more <= 0 else [*notes[:8], f"outlying values were left out of {more} more FRFs"]
-    )
+    return notes if more <= 0 else [*notes[:8], finding("more_outliers", count=more)]
 
 
 def _model_error(arrangement: Arrangement, fitted: Fitted) -> float:
@@ -308,12 +293,8 @@ def _model_error(arrangement: Arrangement, fitted: Fitted) -> float:
     return float(np.sqrt(max(float(np.sum(excess)), 0.0) / total)) if total > 0 else 0.0
 
 
-def _of_noise(ratio: float) -> list[str]:
-    return [
-        f"the residual is {np.sqrt(ratio):.1f} times the noise that coherence and averages state:"
-        " the model does not explain all of the data (non-linearity, leakage, a moving sensor"
-        " mass); the standard deviations were enlarged by as much"
-    ]
+def _of_noise(ratio: float) -> list[Finding]:
+    return [finding("residual_large", times=np.sqrt(ratio))]
 
 
 def _nothing(arrangement: Arrangement, refused: tuple[RefusedPole, ...], full: bool) -> str:

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
+from fecore.findings import Finding
 from fecore.modal.arrangement import Arrangement
+from fecore.modal.findings import finding
 from fecore.modal.screening import FEWEST_LINES
 
 _DROWNED = 0.3  # square of the jumps from line to line over the power: nothing but noise
@@ -15,7 +17,7 @@ _DROWNED = 0.3  # square of the jumps from line to line over the power: nothing 
 _RAISED = 10.0
 
 
-def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
+def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[Finding]]:
     """Leave out the lines next to 0 Hz in which the FRFs jump from line to line as noise does, and
     rise towards 0 Hz.
 
@@ -41,8 +43,4 @@ def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
         measured=arrangement.measured[:, first:],
         variance=arrangement.variance[:, first:],
     )
-    at = cut.frequency_hz[0]
-    return cut, [
-        f"leakage below {at:g} Hz left out: the FRFs jump from line to line there and rise towards"
-        " 0 Hz"
-    ]
+    return cut, [finding("leakage", hz=cut.frequency_hz[0])]

@@ -20,8 +20,10 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.findings import Finding
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import columns
+from fecore.modal.findings import finding
 from fecore.modal.growth import without_poles
 from fecore.modal.local_pair import Site
 from fecore.modal.refinement import Fit, level_at
@@ -81,11 +83,13 @@ class PartedFit(Fit):
         return np.asarray(covariance)
 
 
-def part(arrangement: Arrangement, fit: Fit, among: IntArray) -> tuple[Fit, IntArray, list[str]]:
+def part(
+    arrangement: Arrangement, fit: Fit, among: IntArray
+) -> tuple[Fit, IntArray, list[Finding]]:
     """The fit with two modes for each pole, of those numbered, whose residues are of rank two.
 
     Returns:
-        the fit; the number of the old pole of each new one; and what was done, in words.
+        the fit; the number of the old pole of each new one; and what was done.
     """
     f, width = fit.terms.frequency_hz, fit.terms.half_bandwidth_hz
     # a pole beside it is the other mode
@@ -98,9 +102,7 @@ def part(arrangement: Arrangement, fit: Fit, among: IntArray) -> tuple[Fit, IntA
     if not parted:
         return fit, at, []
     notes = [
-        f"the modes at {pair.frequency_hz[0]:.3f} and {pair.frequency_hz[1]:.3f} Hz have one pole"
-        " in the fit; they were parted by the references, which see two shapes there. Where their"
-        " intervals overlap the shapes are any two of their plane"
+        finding("parted", first=pair.frequency_hz[0], second=pair.frequency_hz[1])
         for pair in parted
     ]
     return _with(arrangement, fit, parted), at, notes

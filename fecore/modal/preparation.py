@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.findings import Finding
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import FEW, Arrangement
+from fecore.modal.findings import finding
 from fecore.modal.leakage import leakage
 from fecore.modal.noise import excess, scatter_of
 from fecore.modal.screening import Refused, screen
@@ -27,7 +29,7 @@ class Prepared:
     noise: FloatArray
     refused: tuple[Refused, ...]  # FRFs that cannot be used
     # what the screening has to say of all FRFs, and then of the noise and the leakage
-    said: tuple[str, ...]
+    notes: tuple[Finding, ...]
 
 
 def prepare(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None) -> Prepared:
@@ -46,8 +48,8 @@ def prepare(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None
     scatter = scatter_of(arrangement)
     arrangement, doubts = _doubt_variance(arrangement, scatter)
     arrangement = _of_lines(arrangement, scatter)
-    said = (*screened.warnings, *doubts, *left_out)
-    return Prepared(arrangement, _known_or(arrangement, scatter), screened.refused, said)
+    notes = (*screened.notes, *doubts, *left_out)
+    return Prepared(arrangement, _known_or(arrangement, scatter), screened.refused, notes)
 
 
 def noise_of(arrangement: Arrangement) -> FloatArray:
@@ -61,7 +63,9 @@ def _known_or(arrangement: Arrangement, scatter: FloatArray) -> FloatArray:
     return np.where(np.isfinite(arrangement.variance), arrangement.variance, scatter)
 
 
-def _doubt_variance(arrangement: Arrangement, scatter: FloatArray) -> tuple[Arrangement, list[str]]:
+def _doubt_variance(
+    arrangement: Arrangement, scatter: FloatArray
+) -> tuple[Arrangement, list[Finding]]:
     """Enlarge a stated noise that the records themselves contradict by more than a factor 2, and
     say so.
 
@@ -73,10 +77,11 @@ def _doubt_variance(arrangement: Arrangement, scatter: FloatArray) -> tuple[Arra
     if np.all(factor == 1):
         return arrangement, []
     worst = int(np.argmax(factor))
-    note = (
-        f"{int(np.sum(factor > 1))} FRFs scatter more from line to line than the noise that"
-        f" coherence and averages state (most in {arrangement.label(worst)}:"
-        f" {np.sqrt(factor[worst]):.1f} times the noise); the stated noise was enlarged there"
+    note = finding(
+        "noise_understated",
+        count=int(np.sum(factor > 1)),
+        frf=arrangement.label(worst),
+        times=np.sqrt(factor[worst]),
     )
     return replace(arrangement, variance=arrangement.variance * factor[:, None]), [note]
 

@@ -1,9 +1,13 @@
 """What a user should know of the modes that were found, and of what the fit leaves."""
 
+from functools import partial
+
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
+from fecore.findings import Finding
 from fecore.modal.arrangement import Arrangement
+from fecore.modal.findings import finding
 from fecore.modal.refinement import Fit
 from fecore.modal.shapes import Shapes, of_rank_two
 
@@ -20,35 +24,26 @@ def remarks(
     shapes: Shapes,
     share: FloatArray,
     doubt: tuple[str | None, ...],
-) -> list[str]:
+) -> list[Finding]:
     """What a user should know of the poles that were kept, whose reasons for doubt are given."""
     f, zeta = fit.terms.frequency_hz[kept], fit.terms.damping_ratio[kept]
     sd = np.sqrt(np.diag(fit.parameter_covariance))[fit.terms.pairs + kept]
     notes = []
     for k in range(f.size):
-        name = f"mode {k + 1} ({f[k]:.2f} Hz)"
+        of_mode = partial(finding, number=k + 1, hz=f[k])
         if (why := doubt[k]) is not None:
-            notes.append(f"{name} is uncertain: {why}")
+            notes.append(of_mode("mode_uncertain", why=why))
         lines = 2 * zeta[k] * f[k] / max(arrangement.spacing_hz, np.finfo(float).tiny)
         if lines < _FEW_LINES:
-            notes.append(
-                f"{name}: its half-power bandwidth covers {lines:.1f} lines, so its damping rests"
-                " on the window and on leakage; measure with a finer line spacing"
-            )
+            notes.append(of_mode("few_lines_in_peak", lines=lines))
         if share[kept[k]] < _WEAK:
-            notes.append(
-                f"{name}: weak, {100 * share[kept[k]]:.0f} % of the FRFs at its own frequency"
-            )
+            notes.append(of_mode("weak", percent=100 * share[kept[k]]))
         if shapes.collinearity[k] < _COMPLEX:
-            notes.append(
-                f"{name}: complex shape (modal phase collinearity {shapes.collinearity[k]:.2f})"
-            )
+            notes.append(of_mode("complex_shape", collinearity=shapes.collinearity[k]))
         if sd[k] > 0.1 * zeta[k]:
-            notes.append(f"{name}: damping is known to ± {100 * sd[k] / zeta[k]:.0f} % only")
+            notes.append(of_mode("damping_uncertain", percent=100 * sd[k] / zeta[k]))
         if k and (f[k] - f[k - 1]) < _CLOSE * (zeta[k] * f[k] + zeta[k - 1] * f[k - 1]) / 2:
-            notes.append(
-                f"modes {k} and {k + 1} ({f[k - 1]:.2f} and {f[k]:.2f} Hz) overlap: a close pair"
-            )
+            notes.append(finding("close_pair", low=k, high=k + 1, first=f[k - 1], second=f[k]))
     return (
         notes
         + _of_one_record(arrangement, fit, kept)
@@ -57,7 +52,7 @@ def remarks(
     )
 
 
-def _of_one_record(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
+def _of_one_record(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[Finding]:
     """Poles that one of several FRFs shows: a mode and a resonance of that sensor have the same
     phase.
     """
@@ -65,27 +60,29 @@ def _of_one_record(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[s
     if len(size) < 3:
         return []
     return [
-        f"mode {k + 1} ({fit.terms.frequency_hz[kept[k]]:.2f} Hz):"
-        f" {arrangement.label(int(np.argmax(size[:, k])))} alone shows it: a local mode, or a"
-        " resonance of that sensor or hammer"
+        finding(
+            "one_record",
+            number=k + 1,
+            hz=fit.terms.frequency_hz[kept[k]],
+            frf=arrangement.label(int(np.argmax(size[:, k]))),
+        )
         for k in np.flatnonzero(size.max(axis=0) > 0.99 * size.sum(axis=0))
     ]
 
 
-def _rank_two(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
+def _rank_two(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[Finding]:
     """Poles whose residues against several fixed dofs are not one shape, and which the data did not
     part.
     """
     two = of_rank_two(arrangement, fit.residues, fit.residue_variance)
     return [
-        f"mode {number} ({fit.terms.frequency_hz[k]:.2f} Hz): its residues against the fixed dofs"
-        " are of rank two: two modes at one frequency, of which the stronger shape is given"
+        finding("rank_two", number=number, hz=fit.terms.frequency_hz[k])
         for number, k in enumerate(kept, start=1)
         if two[k]
     ]
 
 
-def _driving_points(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
+def _driving_points(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[Finding]:
     """A driving point has positive modal masses; where most come out negative, one of its signs is
     wrong.
     """
@@ -97,9 +94,11 @@ def _driving_points(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[
         modal = masses[row]
         if modal.size and np.sum(modal[modal < 0]) < -0.5 * np.sum(np.abs(modal)):
             notes.append(
-                f"driving point {arrangement.label(row)}: {int(np.sum(modal < 0))} of {modal.size}"
-                " modes have a negative modal mass there, so the sign of hammer or sensor is wrong"
-                " (a hit along -Z entered as +Z?); all shapes of this fixed dof are turned if it"
-                " is the sensor, one entry if it is the hit"
+                finding(
+                    "driving_point",
+                    frf=arrangement.label(row),
+                    negative=int(np.sum(modal < 0)),
+                    count=modal.size,
+                )
             )
     return notes

@@ -8,6 +8,7 @@ import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
+from fecore.findings import Finding, texts
 from fecore.frf import Quantity
 from fecore.modal.basis import Terms
 from fecore.modal.diagram import Stabilisation
@@ -83,7 +84,7 @@ class Identification:
     rows: IntArray  # (N,) their numbers among those handed in
     refused: tuple[Refused, ...]  # the FRFs that were not, with reasons
     refused_poles: tuple[RefusedPole, ...]  # in-band poles that are not modes, with reasons
-    warnings: tuple[str, ...]  # what a user should know, in words
+    notes: tuple[Finding, ...]  # what a user should know
     frequency_hz: FloatArray  # (L,) lines of the fit
     quantity: Quantity  # what kind of FRF `measured` and `predicted` are
     # (N, L) the FRFs as used (signs turned to positive directions), NaN where not measured or
@@ -122,6 +123,11 @@ class Identification:
                 " threshold takes them"
             )
         return self.found.select(which)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The notes, in words."""
+        return texts(self.notes)
 
     @property
     def modes(self) -> MeasuredModes:

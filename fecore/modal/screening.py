@@ -1,6 +1,6 @@
 """Faults of the input: what is left out, mended or only named in a warning.
 
-Nothing is dropped in silence: each finding is a sentence that names the FRF or line, and refused
+Nothing is dropped in silence: each finding names the FRF or line, and refused
 FRFs are listed with their reason. What cannot be seen in FRFs alone is not guessed: the wrong sign
 of one roving channel against one fixed dof turns that entry of every shape and leaves no trace in
 the data.
@@ -14,9 +14,11 @@ import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError, InputError
+from fecore.findings import Finding, listed, texts
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import FEW, Arrangement, arrange
 from fecore.modal.causality import turned_backwards
+from fecore.modal.findings import finding
 
 FEWEST_LINES = 16
 """That an FRF must have in the band."""
@@ -41,7 +43,12 @@ class Refused:
     """An FRF that was left out."""
 
     frf: str  # its label, response first: `33Z/1Z`
-    reason: str  # why, in words
+    why: Finding
+
+    @property
+    def reason(self) -> str:
+        """Why, in words."""
+        return self.why.text
 
 
 @dataclass(frozen=True)
@@ -50,13 +57,18 @@ class Screened:
 
     arrangement: Arrangement  # the usable FRFs
     refused: tuple[Refused, ...]  # the others
-    warnings: tuple[str, ...]  # what a user should know
+    notes: tuple[Finding, ...]  # what a user should know
     # (n,) numbers, among the FRFs handed in, of those that may be used: copies that were averaged
     # too
     kept: IntArray
     measured: BoolArray  # (n, L) which of their values may be used
     # whether the FRFs handed in are conjugates, which `arrangement` holds conjugated back
     conjugated: bool = False
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The notes, in words."""
+        return texts(self.notes)
 
 
 def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None = None) -> Screened:
@@ -78,7 +90,9 @@ def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None 
     notes += gaps
     refused = _unusable(arrangement)
     if len(refused) == len(arrangement.pairs):
-        reasons = "; ".join(f"{arrangement.label(r)} {why}" for r, why in list(refused.items())[:5])
+        reasons = "; ".join(
+            f"{arrangement.label(r)} {why.text}" for r, why in list(refused.items())[:5]
+        )
         raise IdentificationError(f"no FRF is usable: {reasons}")
     out = [Refused(arrangement.label(r), why) for r, why in refused.items()]
     if refused:
@@ -86,11 +100,7 @@ def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None 
     conjugated = turned_backwards(arrangement if band_hz is None else _alive(arrange(sets)))
     if conjugated:  # judged by all lines: a band about an antiresonance alone turns the other way
         arrangement = replace(arrangement, values=arrangement.values.conj())
-        notes.append(
-            "the FRFs are conjugates: from line to line they turn anti-clockwise, as no passive"
-            " structure does with exp(+iωt) (written with exp(-iωt), or the wrong channel of the"
-            " cross spectrum conjugated); they were conjugated back, write them with exp(+iωt)"
-        )
+        notes.append(finding("conjugates"))
     arrangement, spikes = _without_spikes(arrangement)
     merged, drop, notes_on_doubles = _merge_repeated(arrangement)
     out += [fault for fault in drop.values() if fault is not None]
@@ -98,7 +108,7 @@ def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None 
     return Screened(
         arrangement=merged,
         refused=tuple(out),
-        warnings=tuple(notes + spikes + notes_on_doubles),
+        notes=tuple(notes + spikes + notes_on_doubles),
         kept=arrangement.source[kept],
         measured=arrangement.measured[kept],
         conjugated=conjugated,
@@ -113,25 +123,22 @@ def lines_in_words(frequency_hz: FloatArray, most: int = 4) -> str:
     return f"{', '.join(named[:most])} … {named[-1]} Hz ({len(named)} lines)"
 
 
-def _notes_on_axes(sets: list[FrfSet]) -> list[str]:
+def _notes_on_axes(sets: list[FrfSet]) -> list[Finding]:
     notes = []
     if any(s.frequency_hz[0] == 0 for s in sets):
-        notes.append("the line at 0 Hz is left out: it holds no modal information")
+        notes.append(finding("line_at_zero"))
     axes = {
         (s.frequency_hz.size, float(s.frequency_hz[0]), float(s.frequency_hz[-1])) for s in sets
     }
     if len(axes) > 1:
         words = "; ".join(f"{n} lines, {low:g} to {high:g} Hz" for n, low, high in sorted(axes))
-        notes.append(
-            f"the FRFs have {len(axes)} different frequency axes ({words}): each is fitted on its"
-            " own lines"
-        )
+        notes.append(finding("axes_differ", count=len(axes), axes=words))
     if len({s.quantity for s in sets}) > 1:
-        notes.append(f"the FRFs are of different quantities: all were taken as {sets[0].quantity}")
+        notes.append(finding("quantities_differ", quantity=sets[0].quantity))
     return notes
 
 
-def _without_zeros(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
+def _without_zeros(arrangement: Arrangement) -> tuple[Arrangement, list[Finding]]:
     """Values that are exactly zero in a living FRF were not measured; say which lines are
     missing.
     """
@@ -142,9 +149,7 @@ def _without_zeros(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     notes = []
     for row in np.flatnonzero(marked.any(axis=1)):
         words = lines_in_words(arrangement.frequency_hz[marked[row]])
-        notes.append(
-            f"{arrangement.label(int(row))} is exactly zero at {words}: taken as not measured"
-        )
+        notes.append(finding("zero_lines", frf=arrangement.label(int(row)), lines=words))
     return replace(arrangement, measured=measured), notes
 
 
@@ -158,7 +163,7 @@ def _alive(arrangement: Arrangement) -> Arrangement:
     )
 
 
-def _unusable(arrangement: Arrangement) -> dict[int, str]:
+def _unusable(arrangement: Arrangement) -> dict[int, Finding]:
     rms = np.sqrt(
         np.sum(np.abs(arrangement.values) ** 2, axis=1)
         / np.maximum(arrangement.measured.sum(axis=1), 1)
@@ -166,34 +171,30 @@ def _unusable(arrangement: Arrangement) -> dict[int, str]:
     found = {}
     for row, (level, lines) in enumerate(zip(rms, arrangement.measured.sum(axis=1), strict=True)):
         if not np.any(arrangement.values[row]):
-            found[row] = "is zero at all lines: a dead channel; check the cable and measure again"
+            found[row] = finding("dead")
         elif level <= 1e-9 * rms.max():  # no converter has so many digits
             largest, strongest = np.abs(arrangement.values).max(axis=1), int(np.argmax(rms))
-            found[row] = (
-                f"is at most {largest[row]:.2g} where {arrangement.label(strongest)} reaches"
-                f" {largest[strongest]:.2g}: a dead channel, or the scale of one of the two is"
-                " wrong; check cable and scale"
+            found[row] = finding(
+                "faint",
+                largest=largest[row],
+                strongest=arrangement.label(strongest),
+                reached=largest[strongest],
             )
         elif lines < FEWEST_LINES:
-            found[row] = (
-                f"has only {lines} measured lines in the band, at least {FEWEST_LINES} are needed"
-            )
+            found[row] = finding("few_lines", lines=lines, fewest=FEWEST_LINES)
         elif np.ptp(arrangement.values[row, arrangement.measured[row]]) == 0:
-            found[row] = "is the same number at all lines: not a measurement"
+            found[row] = finding("constant")
         elif not np.any(arrangement.values[row].imag) or not np.any(arrangement.values[row].real):
             part, other = (
                 ("imaginary", "real")
                 if not np.any(arrangement.values[row].imag)
                 else ("real", "imaginary")
             )
-            found[row] = (
-                f"has no {part} part at any line: only its {other} part, or a magnitude, was"
-                " exported; export both"
-            )
+            found[row] = finding("one_part", part=part, other=other)
     return found
 
 
-def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
+def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[Finding]]:
     """Leave out single lines that stand out of a smooth record, as an overload or a mains line
     makes them.
     """
@@ -211,18 +212,11 @@ def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     lines = np.flatnonzero(spikes.any(axis=0))
     for line in lines[:8]:
         rows = np.flatnonzero(spikes[:, line])
-        which = (
-            "all FRFs"
-            if rows.size == len(spikes)
-            else ", ".join(arrangement.label(int(r)) for r in rows[:5])
-        )
-        more = f" and {rows.size - 5} more" if 5 < rows.size < len(spikes) else ""
-        notes.append(
-            f"the line at {arrangement.frequency_hz[line]:g} Hz stands alone out of {which}{more}"
-            " (overload or interference): left out there"
-        )
+        kind = "spike_in_all" if rows.size == len(spikes) else "spike"
+        which = listed([arrangement.label(int(r)) for r in rows], 5)
+        notes.append(finding(kind, hz=arrangement.frequency_hz[line], frfs=which))
     if lines.size > 8:
-        notes.append(f"{lines.size - 8} more such lines were left out")
+        notes.append(finding("more_spikes", count=lines.size - 8))
     measured = arrangement.measured & ~spikes
     return (
         replace(arrangement, measured=measured, values=np.where(measured, arrangement.values, 0)),
@@ -262,7 +256,7 @@ def _spikes(record: ComplexArray, measured: BoolArray) -> tuple[BoolArray, BoolA
 
 def _merge_repeated(
     arrangement: Arrangement,
-) -> tuple[Arrangement, dict[int, Refused | None], list[str]]:
+) -> tuple[Arrangement, dict[int, Refused | None], list[Finding]]:
     """Average FRFs measured twice between the same dofs; leave both out where they contradict each
     other.
 
@@ -277,7 +271,7 @@ def _merge_repeated(
         groups.setdefault((a, b) if a <= b else (b, a), []).append(row)
     values, measured = arrangement.values.copy(), arrangement.measured.copy()
     drop: dict[int, Refused | None] = {}
-    notes: list[str] = []
+    notes: list[Finding] = []
     for first, *rest in groups.values():
         for other in rest:
             own, label = arrangement.label(first), arrangement.label(other)
@@ -285,10 +279,7 @@ def _merge_repeated(
             reciprocal = arrangement.pairs[first] != arrangement.pairs[other]
             # a session with a drift and hits of its own
             if reciprocal and _LIKE < likeness < _SAME:
-                notes.append(
-                    f"{own} and {label} should be the same FRF by reciprocity; their correlation is"
-                    f" {likeness:.2f}"
-                )
+                notes.append(finding("not_reciprocal", first=own, other=label, likeness=likeness))
             elif likeness < _SAME:
                 reason = _contradiction(own, label, likeness)
                 drop[first], drop[other] = Refused(own, reason), Refused(label, reason)
@@ -298,9 +289,7 @@ def _merge_repeated(
                 values[first] = (arrangement.values[[first, other]] * share).sum(axis=0)
                 measured[first] = both.any(axis=0)
                 drop[other] = None
-                notes.append(
-                    f"{label} was measured more than once: the copies agree and were averaged"
-                )
+                notes.append(finding("copies_averaged", frf=label))
     merged = replace(arrangement, values=values, measured=measured)
     if drop:
         if len(drop) == len(arrangement.pairs):
@@ -311,17 +300,9 @@ def _merge_repeated(
     return merged, drop, list(dict.fromkeys(notes))
 
 
-def _contradiction(first: str, other: str, likeness: float) -> str:
-    if likeness < -_SAME:
-        return (
-            f"{first} and {other} are the same FRF with opposite signs: a wrong direction or"
-            " polarity in one of them"
-        )
-    return (
-        f"{first} and {other} are stated as the same FRF and differ (correlation {likeness:.2f}):"
-        " correct the points and directions where one of them is another FRF; else measure it"
-        " again"
-    )
+def _contradiction(first: str, other: str, likeness: float) -> Finding:
+    kind = "opposite_copy" if likeness < -_SAME else "unlike_copy"
+    return finding(kind, first=first, other=other, likeness=likeness)
 
 
 def _correlation(arrangement: Arrangement, a: int, b: int) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.errors import InputError
+from fecore.findings import Finding, Level
 from fecore.updating.amounts import plus_minus
 from fecore.updating.campaign_layout import (
     MATERIAL,
@@ -18,7 +19,7 @@ from fecore.updating.campaign_layout import (
     lay_out,
     yielding,
 )
-from fecore.updating.conflicts import Agreement, Conflict
+from fecore.updating.conflicts import CampaignAgreement, Conflict
 from fecore.updating.contradictions import compare_sources
 from fecore.updating.curves import check_temperatures, curve_of
 from fecore.updating.elastic_findings import (
@@ -34,7 +35,6 @@ from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
 from fecore.updating.estimates import constant_estimates, own_estimates
 from fecore.updating.findings import finding, judge, modes_of, ordered, warnings
-from fecore.updating.known_findings import Level
 from fecore.updating.laws import common_damping
 from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter
@@ -42,7 +42,6 @@ from fecore.updating.posterior import SCATTER
 from fecore.updating.result import (
     CommonLaw,
     CommonResult,
-    Finding,
     ModeComparison,
     ParameterEstimate,
     PosteriorSummary,
@@ -237,7 +236,11 @@ def _unknown_temperatures(elastic: ElasticResult, parts: Sequence[CampaignPart])
 
 
 def _part(
-    elastic: ElasticResult, number: int, campaign: Campaign, agreement: Agreement, causes: set[str]
+    elastic: ElasticResult,
+    number: int,
+    campaign: Campaign,
+    agreement: CampaignAgreement,
+    causes: set[str],
 ) -> CampaignPart:
     layout = elastic.layout
     values = layout.material(agreement.own)

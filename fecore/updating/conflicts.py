@@ -61,7 +61,7 @@ class Conflict:
 
 
 @dataclass(frozen=True)
-class Agreement:
+class CampaignAgreement:
     """One campaign beside the others."""
 
     # probability of frequencies further from the others' prediction than measured; None of a single

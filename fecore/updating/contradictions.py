@@ -39,7 +39,7 @@ from fecore.arrays import BoolArray, FloatArray
 from fecore.quantities import CLAMP
 from fecore.updating.additions import Kind
 from fecore.updating.conflicts import (
-    Agreement,
+    CampaignAgreement,
     Check,
     Conflict,
     SourceStatement,
@@ -79,7 +79,9 @@ _ADDED: dict[Kind, str] = {"mass": "mass on", "foot": "foot under", "support": "
 _UNSAID = 1e-9  # of what a source says is left beside the rest, so that matrices can be inverted
 
 
-def compare_sources(elastic: ElasticResult) -> tuple[tuple[Conflict, ...], tuple[Agreement, ...]]:
+def compare_sources(
+    elastic: ElasticResult,
+) -> tuple[tuple[Conflict, ...], tuple[CampaignAgreement, ...]]:
     """Sources that contradict the others, each with its likeliest cause; and each campaign beside
     the others, in its order.
 
@@ -506,7 +508,7 @@ def _beyond(weight: FloatArray, missed: FloatArray, covariance: FloatArray) -> f
     return float(weight @ scipy.special.chdtrc(float(missed.shape[1]), distance))
 
 
-def _agreement(sources: _Sources, number: int) -> Agreement:
+def _agreement(sources: _Sources, number: int) -> CampaignAgreement:
     elastic, problem = sources.elastic, sources.problem
     q = len(elastic.layout.shared)
     p, at = None, elastic.rows[number]
@@ -518,7 +520,7 @@ def _agreement(sources: _Sources, number: int) -> Agreement:
     variance, joint = np.diag(covariance)[:q], np.diag(elastic.inverse)[:q]
     apart = np.sqrt(np.maximum(variance - joint, 1e-12 * variance))
     informed = joint < 0.999 * variance
-    return Agreement(
+    return CampaignAgreement(
         p, elastic.x[:q] + step[:q], np.sqrt(variance), np.where(informed, step[:q] / apart, 0.0)
     )
 

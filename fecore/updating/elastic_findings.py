@@ -10,6 +10,7 @@ from fecore.body.matrices import MatrixBody
 from fecore.body.named import OfStructure
 from fecore.body.specimen import EDGE_ROUNDING
 from fecore.body.structure import Structure
+from fecore.findings import Finding, Level, listed
 from fecore.modes import MeasuredModes
 from fecore.normal import Z_95
 from fecore.updating.additions import MASS
@@ -25,12 +26,11 @@ from fecore.updating.elastic_result import (
     prior_inclusion,
 )
 from fecore.updating.explanations import left_open
-from fecore.updating.findings import finding, listed, modes_of, remarks
+from fecore.updating.findings import finding, modes_of, passed_on
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.known_findings import Level
 from fecore.updating.parameters import Parameter
-from fecore.updating.result import Finding, ParameterEstimate
+from fecore.updating.result import ParameterEstimate
 from fecore.updating.temperature import constant_of
 
 FAR = 2.0  # prior standard deviations from the prior mean that are worth a warning
@@ -55,7 +55,7 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
         unpaired_model=tuple(column for column in pairing.unpaired_model if column not in twinned),
     )
     conflicts = compare_sources(elastic)[0]
-    findings = remarks("pairing", shown.messages(modes.frequency_hz, elastic.updated.frequency_hz))
+    findings = passed_on("pairing", shown.notes(modes.frequency_hz, elastic.updated.frequency_hz))
     if elastic.unlike and pairing.mac is not None:
         findings.append(finding("no_like_mode", mac=np.nanmax(pairing.mac)))
     if unpaired:
@@ -290,6 +290,7 @@ def contradiction(conflict: Conflict) -> Finding:
     return finding(
         "sources_conflict",
         level="do_not_use" if cause.kind == "campaign" or conflict.moved > Z_95 else None,
+        source=cause.name,
         cause=f"{_explained(cause)}{_odds(conflict)}",
         p=cause.p,
         rivals=f"; nearly as likely: {rivals}" if rivals else "",
@@ -489,7 +490,8 @@ def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> 
     if not isinstance(forward.specimen, OfStructure):
         return []
     nominal, (x, y, _) = forward.specimen.nominal, forward.places.T
-    where, findings = f"campaign {campaign}: " if campaign else "", []
+    of = f"campaign {campaign}" if campaign else ""
+    where, findings = f"{of}: " if of else "", []
     for name, out in (
         ("length", np.maximum(-x, x - nominal["length"])),
         ("width", np.abs(y) - nominal["width"] / 2),
@@ -499,5 +501,5 @@ def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> 
         if (rows := np.flatnonzero(out > limit)).size:
             points = listed([forward.points[row] for row in rows], _NAMED)
             values = {"points": points, "name": name, "size": 1e3 * size, "out": 1e3 * out.max()}
-            findings.append(finding("points_beyond", where=where, **values))
+            findings.append(finding("points_beyond", campaign=of, where=where, **values))
     return findings

@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.findings import Finding
 from fecore.normal import Z_95
 from fecore.updating.damping_stage import AGAINST_MODES, OF_LAW, WINDOW, DampingResult
 from fecore.updating.elastic_result import (
@@ -37,7 +38,7 @@ from fecore.updating.findings import finding
 from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.laws import RankedLaw
 from fecore.updating.posterior import Mixture
-from fecore.updating.result import BudgetEntry, Comparable, Finding, ParameterEstimate
+from fecore.updating.result import BudgetEntry, Comparable, ParameterEstimate
 from fecore.updating.sampling import Posterior
 from fecore.updating.systematic_effects import MESH, SystematicEffect
 from fecore.updating.temperature import DAMPING_PER_K, PER_K, Warmth, constant_of

@@ -35,7 +35,7 @@ from fecore.updating.inputs import TOLERANCES
 from fecore.updating.layout import CampaignModel, Layout, Unknown
 from fecore.updating.mode_inclusion import FAR_OFF
 from fecore.updating.posterior import DISCREPANCY, LinearProblem, Mixture
-from fecore.updating.screening import Screened, effect_of, screened
+from fecore.updating.screening import AdditionScreening, effect_of, screened
 from fecore.updating.support_compliance import SupportCompliance, likeness, of_shapes
 
 _STARTS = (3.0, 1.0, -1.0, -3.0, -5.0)  # logarithms of sizes over their medians to start from
@@ -164,7 +164,9 @@ class Search:
         best = max(ones, key=lambda each: each.evidence, default=None)
         return None if best is None else replace(best, evidence=best.evidence - price)
 
-    def of_places(self, additions: Sequence[Addition], hint: Screened) -> Explanation | None:
+    def of_places(
+        self, additions: Sequence[Addition], hint: AdditionScreening
+    ) -> Explanation | None:
         """An addition at the likeliest of some places: those by screening, and those by screening
         again at the best fit.
         """
@@ -199,7 +201,9 @@ class Search:
             tried[best], evidence=evidence, over_places=(there.mean, there.sd) if agrees else None
         )
 
-    def _screened_at(self, additions: Sequence[Addition], result: ElasticResult) -> Screened:
+    def _screened_at(
+        self, additions: Sequence[Addition], result: ElasticResult
+    ) -> AdditionScreening:
         """The additions beside each other, at a fit with one of them."""
         layout, x = self.elastic.layout, result.x[: self.elastic.x.size]
         states, problem = layout.solved(x), result.problem
@@ -322,7 +326,7 @@ class Search:
         return replace(layout, campaigns=tuple(campaigns), unknowns=unknowns)
 
 
-Hints = dict[Kind, tuple[list[Addition], Screened]]
+Hints = dict[Kind, tuple[list[Addition], AdditionScreening]]
 """By kind, what may be added to a body, and what screening makes of it."""
 
 

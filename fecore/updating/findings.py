@@ -1,17 +1,16 @@
 """What a user must know of a result: one table of all that can be found, the verdict that follows,
 and the warnings.
 
-A row of `FINDINGS` has a level (what it means for the use of the result; None: nothing), a weight
-(within a level, more comes first), the sentence, and what to do about it. `finding` makes a finding
-of a row and of its numbers.
+`finding` makes a finding of a row of `FINDINGS` and of its numbers.
 """
 
-import re
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Literal
 
-from fecore.updating.known_findings import FINDINGS, Level
-from fecore.updating.result import Finding, ParameterEstimate, Verdict
+from fecore.findings import Finding, Level, alike, likewise, make
+from fecore.updating.known_findings import FINDINGS, PASSED_ON
+from fecore.updating.result import ParameterEstimate, Verdict
 from fecore.updating.temperature import constant_of
 
 MOST_WARNINGS = 12
@@ -27,22 +26,16 @@ SKEWED = 1.25
 """Ratio of the sides of an interval from which they are written as two: what the second digit of a
 ± would show.
 """
-_NAMED = 4  # of alike warnings, how many are named one by one
+
+finding = partial(make, FINDINGS)
+"""A finding of a row of the table, with its numbers; of a graver or a milder level where one is
+given.
+"""
 
 
-def finding(kind: str, *, level: Level | None = None, **values: object) -> Finding:
-    """A finding of a row of the table, with its numbers; of a graver or a milder level where one is
-    given.
-    """
-    row = FINDINGS[kind]
-    between = "; " if ": " in row.sentence or "; " in row.sentence else ": "
-    text = row.sentence + (between + row.advice if row.advice else "")
-    return Finding(text.format(**values), level or row.level, row.weight, kind)
-
-
-def remarks(kind: str, texts: Iterable[str]) -> list[Finding]:
-    """Findings of a row that is nothing but a text."""
-    return [finding(kind, text=text) for text in texts]
+def passed_on(kind: str, notes: Iterable[Finding]) -> list[Finding]:
+    """Remarks on the data as a result says them, under one kind."""
+    return [note.passed_on(kind, PASSED_ON[kind]) for note in notes]
 
 
 def judge(findings: Sequence[Finding], parameters: Sequence[ParameterEstimate]) -> Verdict:
@@ -66,15 +59,10 @@ def ordered(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def warnings(findings: Sequence[Finding]) -> tuple[str, ...]:
-    """A dozen warnings at most: the gravest first, those that differ in their numbers alone folded
+    """A dozen warnings at most: the gravest first, those of one kind about several things folded
     into one.
     """
-    groups: dict[str, list[str]] = {}
-    for finding in ordered(findings):
-        alike = groups.setdefault(but_numbers(finding.text), [])
-        if finding.text not in alike:
-            alike.append(finding.text)
-    folded = [fold(alike) for alike in groups.values()]
+    folded = [first.text + likewise(others) for first, *others in alike(ordered(findings))]
     if len(folded) <= MOST_WARNINGS:
         return tuple(folded)
     left = len(folded) - MOST_WARNINGS + 1
@@ -84,32 +72,6 @@ def warnings(findings: Sequence[Finding]) -> tuple[str, ...]:
 def modes_of(unpaired: int, count: int) -> str:
     """Some of the measured modes, as the subject of a sentence."""
     return f"{unpaired} of {count} measured modes {'has' if unpaired == 1 else 'have'}"
-
-
-def listed(words: Sequence[object], most: int) -> str:
-    """The first words of a list, and how many more there are."""
-    more = f" and {len(words) - most} more" if len(words) > most else ""
-    return ", ".join(map(str, words[:most])) + more
-
-
-def but_numbers(text: str) -> str:
-    """What warnings that are folded into one have in common: all but their numbers."""
-    return re.sub(r"[-+]?\d[\d.]*", "#", text)
-
-
-def fold(alike: Sequence[str]) -> str:
-    """The first of alike warnings, and what the others are about."""
-    if len(alike) == 1:
-        return alike[0]
-    return f"{alike[0]} (likewise: {listed([_label(text) for text in alike[1:]], _NAMED)})"
-
-
-def _label(text: str) -> str:
-    """What a warning is about: its words up to the first bracket or verb, with their number and its
-    unit.
-    """
-    match = re.match(r"[^:(;,]*?\d[\w./-]*(?: Hz\b)?(?: \([^)]*\))?", text)
-    return match.group(0) if match else text
 
 
 def _in_percent(known: ParameterEstimate) -> str:

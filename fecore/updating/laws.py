@@ -39,6 +39,7 @@ from fecore.body.constants import Body
 from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
 from fecore.dynamics.laws import LAWS, laws_for
 from fecore.errors import InputError
+from fecore.findings import Finding
 from fecore.least_squares import unit_columns
 from fecore.updating.damping_stage import DAMPING_DISCREPANCY
 from fecore.updating.elastic_result import ElasticResult
@@ -46,7 +47,7 @@ from fecore.updating.findings import finding
 from fecore.updating.measured_ratios import MeasuredRatios, paired_ratios
 from fecore.updating.parameters import by_name
 from fecore.updating.recipe import Recipe
-from fecore.updating.result import CommonLaw, Finding
+from fecore.updating.result import CommonLaw
 from fecore.updating.temperature import DAMPING_PER_K, PER_K
 
 STRONG_EVIDENCE = 10.0

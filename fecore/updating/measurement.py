@@ -12,10 +12,12 @@ from fecore.body.constants import Body
 from fecore.body.model import Model, observed_at
 from fecore.correlation import pair_modes
 from fecore.errors import IdentificationError, InputError
+from fecore.findings import Finding, make, remark, texts
 from fecore.frf import Dof, FrfSet
 from fecore.modal import Identification, identify, shapes_at_poles
 from fecore.modal.arrangement import split_sides
-from fecore.modal.screening import Screened, screen
+from fecore.modal.findings import not_used
+from fecore.modal.screening import screen
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
@@ -26,6 +28,19 @@ _SAME_POLE = 1.05
 _STILL = 1e-9  # share of the mesh's deflections that a point on a support takes part in, round-off
 _HELD_OUT_OF = 8  # every eighth roving dof is held out unless the recipe says otherwise
 _FEWEST_TO_HOLD_OUT = 16  # FRFs of which some are held out
+
+REMARKS = {
+    "points_held": remark("{where}: {left} FRFs at them were left out", "is the boundary right?"),
+    "frfs_not_predicted": remark("{left} FRFs are not {along} and were left out"),
+    "shapes_without_damping": remark(
+        "modes were paired by frequency: without damping ratios their shapes cannot be found from"
+        " FRFs"
+    ),
+    "shapes_not_seen": remark(
+        "modes were paired by frequency: their shapes have no {where} at a known point"
+    ),
+}
+"""What is said of a measurement that a model is updated to, by its id."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +70,7 @@ class Measurement:
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedMeasurement:
     """A measurement ready for updating."""
 
     frfs: FrfSet | None = None  # all usable FRFs; None where there are none
@@ -67,7 +82,12 @@ class Prepared:
     modes: MeasuredModes | None = None
     # how the modes were found; None where they were handed in
     identification: Identification | None = None
-    warnings: tuple[str, ...] = ()  # what a user must know
+    notes: tuple[Finding, ...] = ()  # what a user must know
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The notes, in words."""
+        return texts(self.notes)
 
 
 def prepare(
@@ -77,7 +97,7 @@ def prepare(
     report: Callable[[str, float], None] = lambda _stage, _share: None,
     *,
     find_modes: bool = True,
-) -> Prepared:
+) -> PreparedMeasurement:
     """Choose FRFs and find modes.
 
     Args:
@@ -95,37 +115,36 @@ def prepare(
     """
     if measurement.frfs is None:
         return _of_modes_only(measurement, specimen.model)
-    frfs, warnings = _seen(measurement.frfs, measurement, specimen.model)
+    frfs, unseen = _seen(measurement.frfs, measurement, specimen.model)
     frfs, stationary = _moving(frfs, measurement, specimen)
     rows = _split(frfs, recipe.hold_out)
     screened = screen(frfs)
+    left_out = [not_used(each.frf, each.why) for each in screened.refused]
     place = {int(row): number for number, row in enumerate(screened.kept)}
     kept, held_rows = ([place[row] for row in side if row in place] for side in rows)
     if not kept:
         raise IdentificationError(
-            f"no FRF that is to be fitted is usable: {'; '.join(_refusals(screened))}"
+            f"no FRF that is to be fitted is usable: {'; '.join(texts(left_out))}"
         )
     frfs = frfs.select(list(place)).unmeasured_at(~screened.measured)
     frfs = frfs.conjugated() if screened.conjugated else frfs
-    warnings = (*warnings, *stationary, *screened.warnings, *_refusals(screened))
+    notes = (*unseen, *stationary, *screened.notes, *left_out)
     fitted, held = frfs.select(kept), frfs.select(held_rows) if held_rows else None
     modes, identification = None, None
     if find_modes and measurement.modes is None:
         identification = identify(fitted, recipe.identification, report)
         modes = identification.chosen(include_doubtful=recipe.include_doubtful).modes
-        fitted, warnings = (
-            _without_outliers(fitted, identification),
-            (*warnings, *identification.warnings),
-        )
+        fitted = _without_outliers(fitted, identification)
+        notes = (*notes, *identification.notes)
         identification = replace(
             identification, refused=(*screened.refused, *identification.refused)
         )
     elif find_modes and measurement.modes is not None:
         modes, more = _with_shapes(fitted, measurement, specimen.model)
-        warnings = (*warnings, *more)
+        notes = (*notes, *more)
     if modes is not None:
         modes = replace(modes, highest_hz=float(fitted.frequency_hz[-1]))
-    return Prepared(
+    return PreparedMeasurement(
         frfs=frfs,
         fitted=fitted,
         fitted_rows=kept,
@@ -133,12 +152,8 @@ def prepare(
         held_rows=held_rows,
         modes=modes,
         identification=identification,
-        warnings=tuple(dict.fromkeys(warnings)),
+        notes=tuple(dict.fromkeys(notes)),
     )
-
-
-def _refusals(screened: Screened) -> list[str]:
-    return [f"FRF {fault.frf} was not used: {fault.reason}" for fault in screened.refused]
 
 
 def _without_outliers(frfs: FrfSet, identification: Identification) -> FrfSet:
@@ -150,8 +165,8 @@ def _without_outliers(frfs: FrfSet, identification: Identification) -> FrfSet:
     return frfs.unmeasured_at(gaps)
 
 
-def _moving(frfs: FrfSet, measurement: Measurement, specimen: Body) -> tuple[FrfSet, list[str]]:
-    """The FRFs between dofs that the supports let move; what was left out, in words."""
+def _moving(frfs: FrfSet, measurement: Measurement, specimen: Body) -> tuple[FrfSet, list[Finding]]:
+    """The FRFs between dofs that the supports let move; what was left out."""
     dofs = sorted({Dof(dof.point, dof.axis) for dof in (*frfs.responses, *frfs.references)})
     points = [dof.point for dof in dofs]
     places = np.array([measurement.points[point] for point in points])
@@ -179,19 +194,17 @@ def _moving(frfs: FrfSet, measurement: Measurement, specimen: Body) -> tuple[Frf
             f"leaves no FRF: {where}; check the boundary and the coordinates of the points",
         )
     left = len(pairs) - len(moving)
-    return frfs.select(moving), [
-        f"{where}: {left} FRFs at them were left out; is the boundary right?"
-    ]
+    return frfs.select(moving), [make(REMARKS, "points_held", where=where, left=left)]
 
 
-def _of_modes_only(measurement: Measurement, model: Model) -> Prepared:
+def _of_modes_only(measurement: Measurement, model: Model) -> PreparedMeasurement:
     """Modes without FRFs, with their shapes at points that have coordinates."""
     assert measurement.modes is not None, "a measurement has FRFs or modes"
     modes = measurement.modes
-    warnings: tuple[str, ...] = ()
+    notes: tuple[Finding, ...] = ()
     if modes.shapes is not None:
-        modes, warnings = _seen_shapes(set(measurement.points), modes, measurement, model)
-    return Prepared(modes=modes, warnings=warnings)
+        modes, notes = _seen_shapes(set(measurement.points), modes, measurement, model)
+    return PreparedMeasurement(modes=modes, notes=notes)
 
 
 def _observable(dofs: Sequence[Dof], measurement: Measurement, model: Model) -> list[bool]:
@@ -209,9 +222,9 @@ def _predicted(model: Model) -> tuple[str, str]:
     return "out of plane (±Z to ±Z)", "bending model"
 
 
-def _seen(frfs: FrfSet, measurement: Measurement, model: Model) -> tuple[FrfSet, tuple[str, ...]]:
+def _seen(frfs: FrfSet, measurement: Measurement, model: Model) -> tuple[FrfSet, list[Finding]]:
     """The FRFs along directions in which the model moves, without a line at 0 Hz; what was left
-    out, in words.
+    out.
     """
     pairs = list(zip(frfs.responses, frfs.references, strict=True))
     observable = (
@@ -228,11 +241,11 @@ def _seen(frfs: FrfSet, measurement: Measurement, model: Model) -> tuple[FrfSet,
     if not chosen:
         raise InputError("frfs", f"none is {along}, which is what the {name} predicts")
     left = len(pairs) - len(chosen)
-    warnings = (f"{left} FRFs are not {along} and were left out",) if left else ()
+    notes = [make(REMARKS, "frfs_not_predicted", left=left, along=along)] if left else []
     kept = frfs.select(chosen)
     if kept.frequency_hz[0] == 0:
         kept = kept.band(float(np.nextafter(0, 1)), float(kept.frequency_hz[-1]))
-    return kept, warnings
+    return kept, notes
 
 
 def _split(frfs: FrfSet, hold_out: HoldOut) -> tuple[list[int], list[int]]:
@@ -269,7 +282,7 @@ def _split(frfs: FrfSet, hold_out: HoldOut) -> tuple[list[int], list[int]]:
 
 def _with_shapes(
     frfs: FrfSet, measurement: Measurement, model: Model
-) -> tuple[MeasuredModes, tuple[str, ...]]:
+) -> tuple[MeasuredModes, tuple[Finding, ...]]:
     """Modes that were handed in, with shapes: their own, or those that the FRFs have at their
     poles.
 
@@ -297,12 +310,7 @@ def _with_shapes(
         frequency = np.concatenate([frequency, seen.frequency_hz[unmatched]])
         ratio = np.concatenate([ratio, seen.damping_ratio[unmatched]])
     if not np.all(ratio > 0):
-        return modes, (
-            (
-                "modes were paired by frequency: without damping ratios their shapes cannot be"
-                " found from FRFs"
-            ),
-        )
+        return modes, (make(REMARKS, "shapes_without_damping"),)
     order = np.argsort(frequency, kind="stable")
     # With poles beyond the band among them, the full residual series would say the same twice.
     if seen is None:
@@ -316,7 +324,7 @@ def _with_shapes(
 
 def _seen_shapes(
     points: set[int], modes: MeasuredModes, measurement: Measurement, model: Model
-) -> tuple[MeasuredModes, tuple[str, ...]]:
+) -> tuple[MeasuredModes, tuple[Finding, ...]]:
     """The modes with their shapes at known points where the model moves; without such dofs the
     shapes are of no use.
     """
@@ -324,8 +332,8 @@ def _seen_shapes(
     columns = [i for i, dof in enumerate(modes.dofs) if observable[i] and dof.point in points]
     if not columns or modes.shapes is None:
         where = "out-of-plane value" if {0, 1, 2} - set(model.dofs) else "translation"
-        warning = f"modes were paired by frequency: their shapes have no {where} at a known point"
-        return replace(modes, shapes=None, dofs=()), (warning,)
+        note = make(REMARKS, "shapes_not_seen", where=where)
+        return replace(modes, shapes=None, dofs=()), (note,)
     sign = np.array([modes.dofs[i].sign for i in columns])
     dofs = tuple(Dof(modes.dofs[i].point, modes.dofs[i].axis) for i in columns)
     return replace(modes, shapes=modes.shapes[:, columns] * sign, dofs=dofs), ()

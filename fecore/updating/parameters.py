@@ -362,9 +362,7 @@ def parametrise(
         prior_sd[rows] = np.hypot(each.common, each.own) * prior_mean[rows]
     fixed = np.array([base[name] for name in constant_names])
     ties = {
-        p.name: usual_prior_sd(p.name, 1.0)
-        if p.prior_sd is None
-        else p.prior_sd / abs(mean[p.name])
+        p.name: abs((p.prior_sd or usual_prior_sd(p.name, mean[p.name])) / mean[p.name])
         for p in parameters
         if p.tied_to is not None
     }

@@ -13,6 +13,7 @@ from fecore.body.constants import Body
 from fecore.body.structure import Structure
 from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
 from fecore.errors import FecoreError, InputError, UpdatingError
+from fecore.findings import Finding
 from fecore.frf import Dof, FrfSet
 from fecore.modes import MeasuredModes
 from fecore.updating.curves import check_temperatures
@@ -22,18 +23,18 @@ from fecore.updating.discretisation import DISCRETISATION, Discretisation, meshe
 from fecore.updating.elastic_findings import mesh_on_trust, points_beyond
 from fecore.updating.elastic_result import HOPELESS_MISS, ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
-from fecore.updating.findings import finding, remarks
+from fecore.updating.findings import finding, passed_on
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.joint import update_jointly
 from fecore.updating.laws import identifiable_laws, laws_of, rank_laws
 from fecore.updating.layout import Layout
 from fecore.updating.measured_ratios import paired_ratios
-from fecore.updating.measurement import Measurement, Prepared, prepare
+from fecore.updating.measurement import Measurement, PreparedMeasurement, prepare
 from fecore.updating.parameters import Parametrisation, default_parameters, parametrise
 from fecore.updating.plausibility import examine, unstated_window
 from fecore.updating.recipe import Recipe
-from fecore.updating.result import Finding, UpdateResult
+from fecore.updating.result import UpdateResult
 from fecore.updating.sampling import Checkpoint, sample_posterior
 from fecore.updating.summary import DampingOutcome, Summary
 from fecore.updating.systematic_effects import fixed_points
@@ -103,7 +104,7 @@ def update(
         )
     progress("correlating", 0.95)
     findings = [
-        *remarks("measurement", data.warnings),
+        *passed_on("measurement", data.notes),
         *([] if mesh is None else _coarse(mesh)),
         *_without_joints(body),
         *mesh_on_trust(forward),
@@ -121,7 +122,7 @@ def update(
 
 def _prepared(
     measurement: Measurement, specimen: Body, recipe: Recipe, progress: Progress
-) -> Prepared:
+) -> PreparedMeasurement:
     """The measurement ready for updating, a stated window's share of the modes' damping taken
     off.
     """
@@ -159,7 +160,7 @@ def _without_joints(body: Body) -> list[Finding]:
     return [finding("without_joints", percent=100 * body.model_error)]
 
 
-def _highest_hz(data: Prepared) -> float:
+def _highest_hz(data: PreparedMeasurement) -> float:
     """The highest frequency at which the model has to be right: that of the last measured mode, or
     of the last line.
     """
@@ -204,7 +205,7 @@ def _other_method(measurement: Measurement, recipe: Recipe) -> list[Finding]:
 
 def _elastic(
     forward: ForwardModel,
-    data: Prepared,
+    data: PreparedMeasurement,
     recipe: Recipe,
     inputs: Inputs,
     progress: Callable[[float], None],
@@ -241,7 +242,7 @@ def _elastic(
 class _Damping:
     """Stage 2: from the FRFs, or from typed damping ratios alone where there are none."""
 
-    data: Prepared
+    data: PreparedMeasurement
     elastic: ElasticResult
     modes: MeasuredModes
     recipe: Recipe
@@ -396,7 +397,7 @@ def _unasked(requested: DampingLaw, law: DampingLaw, modes: int) -> list[Finding
 
 
 def _forward(
-    parametrisation: Parametrisation, measurement: Measurement, data: Prepared
+    parametrisation: Parametrisation, measurement: Measurement, data: PreparedMeasurement
 ) -> ForwardModel:
     """The forward model at all measured dofs, those of the modes' shapes first and in their
     order.

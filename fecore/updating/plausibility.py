@@ -20,23 +20,22 @@ modes' decay, looks windowed.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import UpdatingError
+from fecore.findings import Finding, Level, listed
 from fecore.frf import FrfSet, Quantity
 from fecore.least_squares import nearest
 from fecore.modal.arrangement import pair_label
 from fecore.updating.amounts import amount
 from fecore.updating.damping_data import DampingData
 from fecore.updating.damping_stage import DampingResult
-from fecore.updating.findings import finding, listed
+from fecore.updating.findings import finding
 from fecore.updating.inputs import GRID_SD, POINT_SD, Inputs
-from fecore.updating.known_findings import Level
 from fecore.updating.parameters import by_name
-from fecore.updating.result import Finding
 
 # by which the FRFs may be larger or smaller than the model's: twice what calibrations are good for
 _COMMON = 0.05
@@ -169,7 +168,7 @@ class Likeness:
         for kind, which in kinds.items():
             if (rows := np.flatnonzero(which & self.loud)).size:
                 of = "model" if sign > 0 else "rest"
-                findings.append(finding(kind, who=self._who(rows, relative), of=of))
+                findings.append(finding(kind, of=of, **self._named(rows, relative)))
         return [*findings, *self._absent()]
 
     def _absent(self) -> list[Finding]:
@@ -193,9 +192,10 @@ class Likeness:
         ]
         return f" (as {close[0]})" if close else ""
 
-    def _who(self, rows: IntArray, relative: FloatArray) -> str:
+    def _named(self, rows: IntArray, relative: FloatArray) -> dict[str, Any]:
         names = listed([f"{self.labels[row]} ({relative[row]:+.2f})" for row in rows], _MOST)
-        return f"FRF {names} has" if rows.size == 1 else f"FRFs {names} have"
+        frf, have = ("FRF", "has") if rows.size == 1 else ("FRFs", "have")
+        return {"frfs": f"{frf} {names}", "have": have}
 
 
 def _placed(data: DampingData) -> float:

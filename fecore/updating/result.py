@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from fecore.arrays import ComplexArray, Drawn, FloatArray, Numbers, Unbounded
 from fecore.body.mesh import Mesh
 from fecore.correlation import Agreement
+from fecore.findings import Finding
 from fecore.frf import Dof
 from fecore.modal import Identification
 from fecore.normal import Z_95
@@ -26,17 +27,6 @@ DESCRIBED: dict[str, Any] = {
     "json_schema_serialization_defaults_required": True,
 }
 """What pydantic reads of a class here."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Something that a user must know."""
-
-    text: str  # in words: what was found and what to do
-    # what it means for the use of the result; None where it means nothing for it
-    level: Literal["with_care", "do_not_use"] | None = None
-    weight: float = 0.0  # within a level, more comes first
-    kind: str = ""  # id of its row in `fecore.updating.known_findings`
 
 
 @dataclass(frozen=True)

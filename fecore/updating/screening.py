@@ -40,7 +40,7 @@ class Effect(Protocol):
 
 
 @dataclass(frozen=True)
-class Screened:
+class AdditionScreening:
     """What the frequencies say of some additions to one body, one at a time, beside none."""
 
     evidence: float  # ln B
@@ -60,7 +60,7 @@ def screened(
     problem: LinearProblem,
     posterior: tuple[Mixture, FloatArray],
     sigma: FloatArray,
-) -> Screened:
+) -> AdditionScreening:
     """Compare each of P additions with none.
 
     Args:
@@ -86,7 +86,7 @@ def screened(
         )
     middle = float(np.sum(share * mean))
     secant = np.where(expansion > 0, change / np.where(expansion > 0, expansion, 1.0), by)
-    return Screened(
+    return AdditionScreening(
         evidence=float(scipy.special.logsumexp(log) - np.log(sigma.shape[0] * here.size)),
         share=here,
         size=size,
@@ -97,7 +97,7 @@ def screened(
 
 
 @dataclass(frozen=True)
-class Modes:
+class ModesWithAdditions:
     """A body's (N,) eigenvalues, 0 of rigid motions, and the (P, N, q) motion of P additions in its
     modes.
     """
@@ -120,7 +120,7 @@ class Modes:
         return (np.log(value / self.value[self.rigid :]) / 2).T, by.T
 
 
-class MassEffect(Modes):
+class MassEffect(ModesWithAdditions):
     """A mass at any of P places."""
 
     def at(self, size: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -138,7 +138,7 @@ class MassEffect(Modes):
         return self.relative(value, vectors, by)
 
 
-class FootEffect(Modes):
+class FootEffect(ModesWithAdditions):
     """A spring to the ground at any of P places; `moved` is (P, N, N) of ΦΦᵀ, since a foot may
     stand under many nodes.
     """

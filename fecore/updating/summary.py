@@ -18,6 +18,7 @@ from fecore.dynamics.damping_laws import (
     damping_ratio,
     negative_band,
 )
+from fecore.findings import Finding
 from fecore.modes import MeasuredModes
 from fecore.updating.curves import curve_of
 from fecore.updating.damping_stage import DampingResult
@@ -35,7 +36,7 @@ from fecore.updating.findings import finding, judge, ordered, warnings
 from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import LawRanking, RankedLaw
-from fecore.updating.measurement import Prepared
+from fecore.updating.measurement import PreparedMeasurement
 from fecore.updating.parameters import by_name, default_parameters
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import (
@@ -43,7 +44,6 @@ from fecore.updating.result import (
     DampingModelFit,
     DampingSearch,
     Discrepancy,
-    Finding,
     HeldOut,
     LawCurve,
     ModelMode,
@@ -88,7 +88,7 @@ class Summary:
     elastic: ElasticResult
     modes: MeasuredModes
     outcome: DampingOutcome
-    data: Prepared
+    data: PreparedMeasurement
     inputs: Inputs
     recipe: Recipe
     sampled: Posterior | None

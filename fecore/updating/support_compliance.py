@@ -23,7 +23,7 @@ from fecore.modes import MeasuredModes
 from fecore.normal import Z_95
 from fecore.updating.additions import Addition, AlteredForward
 from fecore.updating.posterior import DISCREPANCY_DOF, SHAPE_DISCREPANCY, LinearProblem, Mixture
-from fecore.updating.screening import Data, Screened
+from fecore.updating.screening import AdditionScreening, Data
 from fecore.updating.shape_error import real_shape
 from fecore.updating.state import ForwardState
 
@@ -201,7 +201,7 @@ class SupportCompliance:
             log = log + of_shapes(probability, every) - of_shapes(probability, likeness(pairing))
         return cls(ways, change, log)
 
-    def screened(self, sizes: Sequence[float]) -> Screened:
+    def screened(self, sizes: Sequence[float]) -> AdditionScreening:
         """Compared with supports that do not give way, of sizes that are half-normal of so many
         usual ones each.
         """
@@ -216,7 +216,7 @@ class SupportCompliance:
         size = (share @ _FINE) @ self.ways
         best = int(np.argmax(here))
         square = float((share @ _FINE**2) @ self.ways[:, best] ** 2)
-        return Screened(
+        return AdditionScreening(
             evidence=evidence,
             share=here,
             size=size,

@@ -55,7 +55,7 @@ def describe_identification(identification: Identification) -> dict[str, Any]:
         ],
         "doubtful": [{**row, "reason": why} for row, why in chosen if why is not None],
         "used": list(identification.used),
-        "refused": [asdict(frf) for frf in identification.refused],
+        "refused": [{"frf": each.frf, "reason": each.reason} for each in identification.refused],
         "refused_poles": [asdict(pole) for pole in identification.refused_poles],
         "noise_ratio": identification.noise_ratio,
         "model_error": identification.model_error,

@@ -12,7 +12,7 @@ from fecore.body.beam_specimen import BeamSpecimen
 from fecore.body.beams import BeamSection
 from fecore.body.generators import Piece, panel
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.mesh import Block
+from fecore.body.mesh import CellBlock
 from fecore.body.model import Model
 from fecore.body.sections import ShellSection, section
 from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
@@ -67,7 +67,7 @@ def shell(
     wall: ShellSection = WALL, elements: np.ndarray | None = None, name: str = "plate", **wrong: Any
 ) -> Model:
     """The model of four elements with another wall, elements or set, or whose mesh is changed."""
-    block = Block("quad8", QUADS.blocks[0].nodes if elements is None else elements, name)
+    block = CellBlock("quad8", QUADS.blocks[0].nodes if elements is None else elements, name)
     return Structure(replace(QUADS, **{"blocks": (block,), **wrong}), {"plate": wall}).model
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.frf import Dof
@@ -67,7 +67,7 @@ def deck(
         for i, j in _cells(kind, along, across)
     ]
     at = np.array(list(numbers)) / [step * along, step * across]
-    mesh = Mesh(place(kind, at[:, 0], at[:, 1]), (Block(element, np.array(rows), "skin"),))
+    mesh = Mesh(place(kind, at[:, 0], at[:, 1]), (CellBlock(element, np.array(rows), "skin"),))
     c = constants
     material = OrthotropicMaterial(
         c["E1"], c["E2"], c["G12"], c["G13"], c["G23"], c["nu12"], DENSITY

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 from fecore.arrays import FloatArray
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.body.supports import Support
@@ -55,7 +55,7 @@ def grid(
             elements.append([node(*n) for n in nodes])
     st = np.array(list(number)) / (2 * np.array([nx, ny]))
     edges = {f"{'xy'[a]}{v}": np.flatnonzero(st[:, a] == v) for a in (0, 1) for v in (0, 1)}
-    return Mesh(place(st), (Block(kind, np.array(elements), name),), edges)
+    return Mesh(place(st), (CellBlock(kind, np.array(elements), name),), edges)
 
 
 def static(structure: Structure, forces: FloatArray) -> FloatArray:

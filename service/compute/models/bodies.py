@@ -16,7 +16,7 @@ from fecore.arrays import FloatArray
 from fecore.body import beams, sections
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.laminate import Ply as CorePly
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.structure import Structure, axes_of_walls
 from fecore.body.supports import DISPLACEMENTS, Link, Mass, NodeSpring, Support
 from fecore.errors import InputError
@@ -174,14 +174,14 @@ def orthotropic(material: Material) -> OrthotropicMaterial:
     )
 
 
-def _block(elements: Elements, model: FiniteElementModel) -> Block:
+def _block(elements: Elements, model: FiniteElementModel) -> CellBlock:
     section = model.sections[elements.set]
     thickness = elements.thickness
     if thickness is not None and isinstance(section, ShellSection):
         thickness = thickness / sum(ply.thickness for ply in section.plies)
     same = np.allclose(elements.axes, _first_axis(model, elements.set), rtol=0, atol=1e-9)
     axes = None if same else elements.axes
-    return Block(elements.kind, elements.nodes, elements.set, thickness, axes, elements.offsets)
+    return CellBlock(elements.kind, elements.nodes, elements.set, thickness, axes, elements.offsets)
 
 
 def _held_dofs(support: formats.Support) -> tuple[str, ...]:

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from fecore.findings import Finding, Place, alike, likewise
 from fecore.normal import Z_95
-from fecore.updating.findings import but_numbers, fold
-from fecore.updating.known_findings import FINDINGS, Place
+from fecore.updating.known_findings import FINDINGS
 from service.show.pages.forms import page_words
 from service.show.pages.numbers import in_unit
 
@@ -42,42 +42,35 @@ def opening(document: Mapping[str, Any]) -> tuple[list[Step], list[str]]:
     A result of an earlier version has no findings; its reasons and warnings are all notes.
     """
     warnings = [*document["verdict"]["reasons"], *document["warnings"]]
-    findings = document.get("findings") or []
-    chosen: dict[str, tuple[str, Step]] = {}
-    for finding in findings:
-        row = FINDINGS.get(finding["kind"])
-        if row and row.link and finding["kind"] not in chosen and len(chosen) < MOST:
-            common = but_numbers(finding["text"])
-            alike = list(
-                dict.fromkeys(
-                    each["text"] for each in findings if but_numbers(each["text"]) == common
-                )
-            )
-            chosen[finding["kind"]] = (
-                common,
-                _step(finding, fold(alike).removeprefix(finding["text"])),
-            )
-    shown = tuple(common for common, _ in chosen.values())
-    rest = [text for text in dict.fromkeys(warnings) if not but_numbers(text).startswith(shown)]
-    return [step for _, step in chosen.values()], list(map(page_words, rest))
+    chosen: dict[str, list[Finding]] = {}
+    for group in alike(map(_finding, document.get("findings") or [])):
+        if group[0].link and len(chosen) < MOST:
+            chosen.setdefault(group[0].kind, group)
+    shown = {each.text for group in chosen.values() for each in group}
+    shown |= {first.text + likewise(others) for first, *others in chosen.values()}
+    rest = [text for text in dict.fromkeys(warnings) if text not in shown]
+    return [_step(*group) for group in chosen.values()], list(map(page_words, rest))
 
 
-def _step(finding: Mapping[str, Any], alike: str) -> Step:
-    """A finding's sentence without its advice, which stands apart; `alike` says what else it holds
-    of.
+def _finding(stored: Mapping[str, Any]) -> Finding:
+    """A finding as it is stored, with its row's link and whether it folds."""
+    row = FINDINGS.get(stored["kind"])
+    return Finding(
+        **{"sentence": stored["text"], **stored, "link": row and row.link},
+        folds=row is not None and row.folds,
+    )
+
+
+def _step(first: Finding, *others: Finding) -> Step:
+    """A finding's sentence without its advice, which stands apart; in brackets, of what else it
+    holds.
     """
-    row = FINDINGS[finding["kind"]]
-    own, text, advice = row.advice, finding["text"], row.remedy
-    if own and text.endswith(own):
-        text, advice = text.removesuffix(own).rstrip(";: "), advice or own
-    assert row.link is not None, "it leads somewhere"
-    address, link = PLACES[row.link]
+    assert first.link is not None, "it leads somewhere"
     return Step(
-        _sentence(page_words(text + alike)),
-        finding["level"],
-        _sentence(page_words(advice)) if advice else "",
-        address,
-        link,
+        _sentence(page_words(first.sentence + likewise(others))),
+        first.level,
+        _sentence(page_words(first.advice)) if first.advice else "",
+        *PLACES[first.link],
     )
 
 

@@ -21,7 +21,7 @@ from fecore.arrays import IntArray
 from fecore.body import structure as core
 from fecore.body.generators import strip
 from fecore.body.matrices import MatrixBody
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.supports import of_boundary
 from modalbase.formats.meshes import Cells
 from modalbase.formats.models.matrices import MatrixModel
@@ -285,5 +285,5 @@ def _of_model(model: FiniteElementModel | MatrixModel, *, held: bool) -> DrawnMe
     )
 
 
-def _cells(block: Block | Elements, numbers: IntArray) -> Cells:
+def _cells(block: CellBlock | Elements, numbers: IntArray) -> Cells:
     return Cells(block.kind, block.set, numbers, block.nodes)

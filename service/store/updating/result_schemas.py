@@ -13,6 +13,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
 from fecore.arrays import FloatArray, Listed, Numbers
 from fecore.correlation import CRITERIA, Of
+from fecore.findings import Place
 from fecore.updating.result import (
     ConvergenceStep,
     Curve,
@@ -60,6 +61,13 @@ class FindingOut(Part):
         description="what it means for the use of the result"
     )
     text: str = Field(description="what was found and what to do")
+    sentence: str = Field(description="what was found, without what to do")
+    advice: str = Field(description="what to do; empty where there is nothing to do")
+    link: Place | None = Field(description="where that is done")
+    subject: str | None = Field(description="what it is about, such as a mode or a campaign")
+    remark: str | None = Field(
+        description="for `measurement` and `pairing`, the id of the remark that is passed on"
+    )
 
 
 def _criteria(of: Of) -> Any:

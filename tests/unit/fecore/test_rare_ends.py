@@ -15,12 +15,12 @@ from fecore.body.specimen import LayeredSpecimen, Specimen
 from fecore.body.supports import edges
 from fecore.dynamics.laws import LAWS, Damped
 from fecore.errors import UpdatingError
+from fecore.findings import Finding as Remark
 from fecore.signal import delay, pulse, shares
 from fecore.updating import campaigns, damping_data, plausibility
 from fecore.updating.findings import MOST_WARNINGS, warnings
 from fecore.updating.inputs import Inputs
 from fecore.updating.measured_ratios import nearest_positive
-from fecore.updating.result import Finding as Remark
 from fecore.updating.systematic_effects import systematic_effects
 from tests.support.fits import at_prior, forward_model
 
@@ -35,7 +35,7 @@ def test_numbers_of_hits_that_have_little_to_say() -> None:
 
 
 def test_remarks_beyond_a_dozen_are_counted() -> None:
-    many = [Remark(chr(97 + n) * 3, None, float(-n)) for n in range(MOST_WARNINGS + 2)]
+    many = [Remark("", "", chr(97 + n) * 3, weight=float(-n)) for n in range(MOST_WARNINGS + 2)]
     shown = warnings(many)
     assert (len(shown), shown[-1]) == (MOST_WARNINGS, "3 less important warnings are not listed")
 

@@ -16,6 +16,7 @@ from service.show.figures.modes import chains, joined, joined_as
 from service.show.measured import _by_axis
 from service.show.pages.comparing import _told_apart, leaves
 from service.show.pages.findings import MOST, PLACES, bar, opening
+from service.store.updating.result_schemas import FindingOut
 
 GRID = np.array([(0.045 * i, 0.02 * j, 0.0) for i in range(11) for j in range(3)])
 
@@ -103,18 +104,19 @@ def test_names_are_as_long_as_they_must_be() -> None:
 # ------------------------------
 
 
-NOTES = ("measurement", "pairing", "without_joints", "campaign_missed", "campaign_modes_alone")
-"""Kinds that nobody acts on from here: remarks on the processing, and those of joint updates, whose
-page names the campaign.
-"""
+NOTES = ("without_joints", "campaign_missed", "campaign_modes_alone")
+"""Kinds that nobody acts on from here: those of joint updates, whose page names the campaign."""
 
 WINDOW = finding("window_unstated", name="a0", percent=14.0)
 MISSED = finding("frequencies_missed", percent=2.3)
-TURNED = finding("frf_turned", who="FRF 33Z/4Z (-1.00) has", of="model")
+TURNED = finding("frf_turned", frfs="FRF 33Z/4Z (-1.00)", have="has", of="model")
+BEYOND = finding(
+    "points_beyond", where="", campaign="", points="31, 32", name="length", size=500, out=12.0
+)
 
 
 def of_findings(*findings: Any, notes: tuple[str, ...] = ()) -> dict[str, Any]:
-    rows = [{"kind": f.kind, "level": f.level, "text": f.text} for f in findings]
+    rows = [FindingOut.model_validate(finding).model_dump(mode="json") for finding in findings]
     texts = [f.text for f in findings]
     return {"findings": rows, "warnings": [*notes, *texts], "verdict": {"reasons": texts[:2]}}
 
@@ -123,7 +125,7 @@ def test_each_kind_of_finding_says_what_to_do_and_where() -> None:
     assert {kind for kind, row in FINDINGS.items() if row.link is None} == set(NOTES)
     for kind, row in FINDINGS.items():
         if row.link is not None:
-            assert row.remedy or row.advice, f"{kind} says nothing to do"
+            assert row.advice, f"{kind} says nothing to do"
             assert row.link in PLACES
 
 
@@ -137,7 +139,7 @@ def test_a_result_opens_with_three_findings_and_keeps_the_rest_as_notes() -> Non
 
 
 def test_alike_findings_are_one_step_that_names_them() -> None:
-    other = finding("frf_turned", who="FRF 5Z/4Z (-0.98) has", of="model")
+    other = finding("frf_turned", frfs="FRF 5Z/4Z (-0.98)", have="has", of="model")
     (folded,) = warnings((TURNED, other))
     assert folded == f"{TURNED.text} (likewise: FRF 5Z/4Z (-0.98))"
     made = of_findings(TURNED, other) | {
@@ -147,6 +149,27 @@ def test_alike_findings_are_one_step_that_names_them() -> None:
     steps, notes = opening(made)
     assert [step.text for step in steps] == [f"{folded}"]
     assert notes == []
+
+
+def test_advice_with_values_stands_apart_from_the_sentence() -> None:
+    mesh = finding("mesh_moves", size=20.0, finest=5.0, moved="Ex by +3 %", enough=10.0)
+    (beyond, moves), notes = opening(of_findings(BEYOND, mesh))
+    assert beyond.text == "Points 31, 32 lie beyond the length of 500 mm, by up to 12 mm."
+    assert beyond.advice.startswith("The length or the points' coordinates are wrong")
+    assert moves.text.endswith("the constants are those of elements of 5 mm.")
+    assert moves.advice == "Elements of 10 mm would do."
+    assert notes == []
+    (sign,), _ = opening(of_findings(finding("sign_opposite")))
+    assert sign.text.endswith("the damping was fitted to the FRFs with their sign reversed.")
+    assert sign.advice.startswith("Correct the direction or polarity")
+
+
+def test_the_lengths_and_widths_of_campaigns_are_not_said_as_one() -> None:
+    other = finding(
+        "points_beyond", where="", campaign="", points="7", name="width", size=50, out=3.0
+    )
+    assert warnings([BEYOND, other]) == (BEYOND.text, other.text)
+    assert opening(of_findings(BEYOND, other))[1] == [other.text]
 
 
 def test_a_result_without_findings_shows_its_sentences_once() -> None:

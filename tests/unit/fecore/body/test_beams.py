@@ -9,7 +9,7 @@ import scipy
 from fecore.body.beams import BeamSection
 from fecore.body.generators import profile, strip
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.mesh import Block, Box, Mesh
+from fecore.body.mesh import Box, CellBlock, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.body.supports import Link, Mass, Spring, Support, turning
@@ -28,7 +28,7 @@ def line(kind: str, count: int, direction: np.ndarray, length: float = 1.0) -> M
     elements = (
         np.column_stack([i, i + 2, i + 1]) if kind == "beam3" else np.column_stack([i, i + 1])
     )
-    return Mesh(nodes, (Block(kind, elements, "bar"),), {"root": np.array([0])})
+    return Mesh(nodes, (CellBlock(kind, elements, "bar"),), {"root": np.array([0])})
 
 
 def lowest(structure: Structure, count: int) -> np.ndarray:
@@ -91,7 +91,7 @@ def test_a_beam_off_its_nodes_is_a_rib() -> None:
     centre = np.flatnonzero(np.abs(plate.nodes[:, 1]) < 1e-9)
     centre = centre[np.argsort(plate.nodes[centre, 0])]
     i = np.arange(0, len(centre) - 1, 2)
-    beams = Block("beam3", np.column_stack([centre[i], centre[i + 2], centre[i + 1]]), "rib")
+    beams = CellBlock("beam3", np.column_stack([centre[i], centre[i + 2], centre[i + 1]]), "rib")
     E_s, nu = 70e9, 0.3
     rib = replace(
         BeamSection.rectangle(b, height, E_s, E_s / 2 / (1 + nu), 2700.0),

@@ -10,7 +10,7 @@ import pytest
 from fecore.body.beams import BeamSection
 from fecore.body.generators import profile, strip
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.body.supports import Link, NodeSpring, Spring, Support
@@ -28,7 +28,7 @@ def test_two_halves_with_axes_of_their_own_are_not_taken_for_alike() -> None:
     turned = replace(WALL, axis=(0.0, 1.0, 0.0))
     halves = Mesh(
         mesh.nodes,
-        (Block("quad8", block.nodes[left], "a"), Block("quad8", block.nodes[~left], "b")),
+        (CellBlock("quad8", block.nodes[left], "a"), CellBlock("quad8", block.nodes[~left], "b")),
     )
     expected = hz(Structure(halves, {"a": WALL, "b": turned}))
     found = hz(Structure(replace(mesh, blocks=(replace(block, axes=axes),)), {"strip": WALL}))
@@ -40,8 +40,8 @@ def test_a_beams_axes_and_offsets_by_element_are_those_of_its_section() -> None:
     nodes = np.column_stack([np.linspace(0, 1, 11), np.zeros(11), np.zeros(11)])
     ends = np.column_stack([np.arange(10), np.arange(1, 11)])
     whole = replace(section, axis=(0.0, 0.6, 0.8), offset=(0.0, 0.02, -0.01))
-    expected = hz(Structure(Mesh(nodes, (Block("beam2", ends, "b"),)), {"b": whole}))
-    block = Block(
+    expected = hz(Structure(Mesh(nodes, (CellBlock("beam2", ends, "b"),)), {"b": whole}))
+    block = CellBlock(
         "beam2", ends, "b",
         axes=np.tile([0.0, 0.6, 0.8], (10, 1)), offsets=np.broadcast_to([0.0, 0.02, -0.01], (10, 2, 3)).copy(),
     )  # fmt: skip
@@ -134,7 +134,7 @@ def test_points_on_led_walls_move_with_their_leaders(dofs: tuple[int, ...]) -> N
     number[seam] = len(mesh.nodes) + np.arange(seam.size)
     halves = (
         replace(block, nodes=block.nodes[~right]),
-        Block("quad8", number[block.nodes[right]], "strip"),
+        CellBlock("quad8", number[block.nodes[right]], "strip"),
     )
     links = tuple(Link(int(number[n]), (int(n),), dofs) for n in seam)
     turn = np.zeros((seam.size, 2, 6))

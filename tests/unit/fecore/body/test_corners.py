@@ -12,7 +12,7 @@ from fecore.body.corners import Corner
 from fecore.body.generators import Segment, extrude
 from fecore.body.junction_beams import between
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import NAIVE_ERROR, Structure
 from tests.support.bodies import hz, pencil
@@ -217,7 +217,7 @@ def test_walls_on_the_same_nodes_are_one(split: bool) -> None:
     second = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]) if split else quads
     mesh = Mesh(
         plain.nodes[used],
-        (Block("quad4", quads, "a"), Block("tri3" if split else "quad4", second, "b")),
+        (CellBlock("quad4", quads, "a"), CellBlock("tri3" if split else "quad4", second, "b")),
     )
     sections = {name: ShellSection((Ply(GFRP, t),)) for name, t in (("a", 0.003), ("b", 0.001))}
     body = Structure(mesh, sections)

@@ -9,7 +9,7 @@ import scipy
 
 from fecore.body.generators import panel, profile
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from tests.support.bodies import hz, pencil
@@ -158,7 +158,10 @@ def test_junctions_are_found_on_users_meshes(kind) -> None:
         same = np.flatnonzero(np.abs(floor.nodes - place).max(axis=1) < 1e-12)
         if same.size:
             number[len(floor.nodes) + node] = same[0]
-    blocks = (*floor.blocks, Block(kind, number[side.blocks[0].nodes + len(floor.nodes)], "side"))
+    blocks = (
+        *floor.blocks,
+        CellBlock(kind, number[side.blocks[0].nodes + len(floor.nodes)], "side"),
+    )
     mesh = Mesh(np.concatenate([floor.nodes, side.nodes]), blocks)
     structure = Structure(
         mesh, {"floor": isotropic(70e9, 0.3, 0.02), "side": isotropic(70e9, 0.3, 0.01)}

@@ -10,7 +10,7 @@ import pytest
 from fecore.body.beams import BeamSection
 from fecore.body.facets import facet_turn, re_entrant
 from fecore.body.generators import profile
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.refine import element_size, refined
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
@@ -86,13 +86,13 @@ def test_folds_stay_folds_and_triangles_bars_and_thickness_go_along() -> None:
     assert np.abs(frequencies(fine, 6) / frequencies(body, 6) - 1).max() < 0.003
     x = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0]])
     blocks = (
-        Block(
+        CellBlock(
             "tri3",
             np.array([[0, 1, 2], [0, 2, 3]]),
             "a",
             thickness=np.array([[1.0, 1, 3], [1, 3, 1]]),
         ),
-        Block("quad4", np.array([[1, 4, 2, 2]]), "a"),  # a triangle by its nodes
+        CellBlock("quad4", np.array([[1, 4, 2, 2]]), "a"),  # a triangle by its nodes
     )
     skin = Structure(Mesh(x, blocks), {"a": wall})
     raised = refined(skin).body.mesh.blocks[0]
@@ -109,10 +109,12 @@ def test_a_deck_of_all_sorts_stays_one_body() -> None:
     x = np.array([[i, j, 0] for j in (0, 0.5, 1) for i in (0, 1, 1.5, 2)]) * 0.1
     quad8 = np.array([[1, 3, 11, 9, 2, 7, 10, 5]])
     blocks = (
-        Block("quad4", np.array([[0, 1, 5, 4]]), "skin"),  # two small ones beside half a side each
-        Block("tri3", np.array([[4, 5, 9], [4, 9, 8]]), "skin"),
-        Block("quad8", quad8, "skin"),
-        Block("beam2", np.array([[3, 11]]), "bar"),  # past the middle of the side
+        CellBlock(
+            "quad4", np.array([[0, 1, 5, 4]]), "skin"
+        ),  # two small ones beside half a side each
+        CellBlock("tri3", np.array([[4, 5, 9], [4, 9, 8]]), "skin"),
+        CellBlock("quad8", quad8, "skin"),
+        CellBlock("beam2", np.array([[3, 11]]), "bar"),  # past the middle of the side
     )
     node = len(x)
     mesh = Mesh(np.vstack([x, [0.1, 0.05, 0.1]]), blocks)

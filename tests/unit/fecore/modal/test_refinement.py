@@ -91,7 +91,7 @@ def test_leakage_is_left_out_only_where_there_is_some() -> None:
     draw = KINDS["bridge"](5)
     cut, said = leakage(arrange(draw.frfs))
     assert 0.5 < cut.frequency_hz[0] < draw.frequency_hz[0]
-    assert "leakage below" in said[0]
+    assert "leakage below" in said[0].text
     for clean in (paper_frfs(0.05, 1), paper_frfs(0.0)):
         assert leakage(arrange(clean))[1] == []
 

@@ -1,9 +1,12 @@
 """Statistics of an update: the posterior, deviations from a law, and what is found in words."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy
 
+from fecore.findings import Finding
 from fecore.updating.findings import finding, warnings
 from fecore.updating.known_findings import FINDINGS
 from fecore.updating.measured_ratios import (
@@ -19,7 +22,6 @@ from fecore.updating.posterior import (
     root,
     spread_over,
 )
-from fecore.updating.result import Finding
 
 RANDOM = np.random.default_rng(5)
 SQUARE = RANDOM.standard_normal((4, 4))
@@ -187,14 +189,19 @@ def test_what_frfs_and_modes_disagree_by_is_added_beyond_noise() -> None:
 
 
 def test_findings_alike_are_folded_and_the_same_is_said_once() -> None:
-    one, other = "mode 1 (20.00 Hz) is alone", "mode 2 (30.00 Hz) is alone"
-    finding = [
-        Finding(one, "with_care", 2),
-        Finding(one),
-        Finding(other),
-        Finding("the lid is open", "do_not_use"),
-    ]
-    assert warnings(finding) == ("the lid is open", f"{one} (likewise: mode 2 (30.00 Hz))")
+    one, other = (
+        Finding("alone", text, text, subject=text[: -len(" is alone")])
+        for text in ("mode 1 (20.00 Hz) is alone", "mode 2 (30.00 Hz) is alone")
+    )
+    lid = Finding("lid", "the lid is open", "the lid is open", level="do_not_use")
+    said = warnings([replace(one, level="with_care", weight=2), one, other, lid])
+    assert said == (lid.text, f"{one.text} (likewise: {other.subject})")
+    apart = replace(one, folds=False)
+    assert warnings([apart, replace(other, folds=False)]) == (one.text, other.text)
+    passed = one.passed_on("pairing", 1.0)
+    assert (passed.kind, passed.remark, passed.text) == ("pairing", "alone", one.text)
+    unlike = replace(other, kind="another").passed_on("pairing", 1.0)
+    assert warnings([passed, unlike]) == (one.text, other.text)
 
 
 def test_a_row_of_the_table_says_what_was_found_and_what_to_do() -> None:
@@ -203,6 +210,11 @@ def test_a_row_of_the_table_says_what_was_found_and_what_to_do() -> None:
         "none there: the boundary or the geometry is wrong, or modes were paired wrongly"
     )
     assert (said.kind, said.level, said.weight) == ("modes_absent", "do_not_use", 85)
+    assert said.advice == "check boundary and geometry, and the pairs in the table of modes"
+    mesh = {"size": 20, "finest": 5, "moved": "Ex by +3 %", "enough": 10}
+    moved = finding("mesh_moves", **mesh)
+    assert moved.text == f"{moved.sentence}; {moved.advice}"
+    assert moved.advice == "elements of 10 mm would do"
     assert all(row.sentence and not row.sentence.endswith(".") for row in FINDINGS.values())
 
 

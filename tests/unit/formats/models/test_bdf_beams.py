@@ -5,7 +5,7 @@ import pytest
 import scipy
 
 from fecore.body import beams as core
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.structure import Structure
 from fecore.body.supports import Support
 from modalbase.formats.models.bdf import read_bdf
@@ -40,7 +40,7 @@ def test_plane_1_is_that_of_the_orientation_vector() -> None:
         axis=tuple(block.axes[0]),
     )  # fmt: skip
     structure = Structure(
-        Mesh(model.nodes, (Block(block.kind, block.nodes, block.set),), held),
+        Mesh(model.nodes, (CellBlock(block.kind, block.nodes, block.set),), held),
         {block.set: beam},
         supports=(Support("root"),),
     )
