@@ -109,7 +109,7 @@ class Lookup(Generic[Row]):
     Attributes:
         table: its rows.
         kind: what a person calls one.
-        among: conditions that tell its rows from others of the table.
+        among: conditions by which its rows are known among those of the table.
     """
 
     def __init__(
