@@ -264,7 +264,7 @@ class AlteredForward(ForwardModel):
     def altered(self) -> ReducedSystem:
         """The projected model with the terms of the additions."""
         assert self.plain is not None, "an altered model has the one that it alters"
-        system, model = self.plain.without_mesh_error(self.plain.basis.system), self.specimen.model
+        system, model = self.plain.system, self.specimen.model
         loads = [
             each.motion.T
             for each in self.additions

@@ -360,8 +360,6 @@ class Layout:
         these attributes.
         """
         (only,) = self.campaigns
-        known = {"about": None, **of_model}
+        known = {"about": None, "like": only.forward, **of_model}
         forward = replace(only.forward, specimen=prior.body, parametrisation=prior, **known)
-        if prior.body is only.forward.specimen:
-            forward.__dict__["finer"] = only.forward.finer
         return Layout.of_one(forward, only.modes, only.inputs, only.fixed_points)

@@ -39,7 +39,7 @@ from fecore.frf import along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, as_updated, lay_out, yielding
 from fecore.updating.discretisation import meshed
-from fecore.updating.elastic import fit
+from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
@@ -163,7 +163,7 @@ def plan_tests(
                 f"names {', '.join(sorted(unknown))}; expected some of {', '.join(reported)}",
             )
     campaigns = as_updated(campaigns)
-    fitted = fit(lay_out(campaigns, parameters, SCATTER)) if campaigns else None
+    fitted = settled(fit_elastic(lay_out(campaigns, parameters, SCATTER))) if campaigns else None
     theta = (
         {} if fitted is None else by_name(fitted.layout.shared, fitted.layout.material(fitted.x))
     )

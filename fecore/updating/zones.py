@@ -33,7 +33,7 @@ from fecore.body.specimen import LayeredSpecimen, Specimen, divided
 from fecore.body.structure import Structure
 from fecore.quantities import kind_of
 from fecore.updating.damage_intervals import Compliance, DamageIntervals, Partitions
-from fecore.updating.elastic import Misfit, fit
+from fecore.updating.elastic import Misfit, fit_elastic, settled
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.parameters import Parametrisation, default_parameters, parametrise
 from fecore.updating.recipe import Recipe
@@ -126,9 +126,10 @@ def with_sparse_factors(first: ElasticResult, recipe: Recipe) -> ElasticResult:
         sds = prior.prior_sd.copy()
         sds[factors] = updated
         layout = first.layout.with_prior(replace(prior, prior_sd=sds))
-        result = fit(
+        fitted = fit_elastic(
             layout, use_shapes=recipe.use_shapes, start=result.x, fixed_pairing=result.fixed_pairing
         )
+        result = settled(fitted)
     if result is first:
         return first
     starts = tuple(replace(start, chosen=False) for start in first.starts)

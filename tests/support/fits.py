@@ -9,7 +9,7 @@ from fecore.arrays import FloatArray
 from fecore.body.constants import Body
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import fit
+from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.layout import Layout
@@ -56,4 +56,4 @@ def update_elastic(
     use_shapes: bool = False,
 ) -> ElasticResult:
     """`fit` from the prior means of a model, whose first points are those of the modes' shapes."""
-    return fit(Layout.of_one(forward, modes), progress, use_shapes=use_shapes)
+    return settled(fit_elastic(Layout.of_one(forward, modes), progress, use_shapes=use_shapes))

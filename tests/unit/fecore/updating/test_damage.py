@@ -14,7 +14,7 @@ from fecore.arrays import FloatArray
 from fecore.updating.contradictions import Conflict, _Sources, compare_sources
 from fecore.updating.damage import lost_stiffness
 from fecore.updating.damage_effects import DamageEffects
-from fecore.updating.elastic import fit
+from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.elastic_findings import contradiction
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
@@ -35,7 +35,7 @@ def updated(kind: str, *, damaged: bool) -> ElasticResult:
     # The last row is a reference's, at which no shape is known.
     assert modes.shapes is not None
     modes = replace(modes, shapes=modes.shapes[:, :-1], dofs=modes.dofs[:-1])
-    return fit(Layout.of_one(forward, modes, inputs))
+    return settled(fit_elastic(Layout.of_one(forward, modes, inputs)))
 
 
 @cache

@@ -17,7 +17,7 @@ from fecore.correlation import frac
 from fecore.errors import InputError
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import fit
+from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.elastic_findings import elastic_findings
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.estimates import constant_estimates
@@ -47,7 +47,7 @@ def updated(
     forward = ForwardModel.of_dofs(
         prior, along_z(points), points, 1.05 * modes.frequency_hz[-1], len(modes)
     )
-    elastic = fit(Layout.of_one(forward, modes, inputs, sensor))
+    elastic = settled(fit_elastic(Layout.of_one(forward, modes, inputs, sensor)))
     return elastic, {each.name: each for each in constant_estimates(elastic, inputs)}
 
 
