@@ -18,7 +18,6 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.affine import Group
-from fecore.body.matrices import MatrixBody
 from fecore.correlation import most_alike
 from fecore.dynamics.eigen import shifted
 from fecore.dynamics.factor import factorise
@@ -122,7 +121,7 @@ class DamageEffects:
         """
         state, columns = elastic.states[number], _columns(elastic, number)
         if (
-            isinstance(state.forward.specimen, MatrixBody)
+            not state.forward.specimen.has_elements
             or elastic.rms_residual(elastic.rows[number]) > HOPELESS_MISS
         ):
             return None

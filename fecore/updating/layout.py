@@ -23,7 +23,7 @@ import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray
-from fecore.body.structure import OWN_SD, CommonPrior
+from fecore.body.constants import OWN_SD, CommonPrior
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.quantities import CLAMP

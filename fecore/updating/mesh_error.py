@@ -148,10 +148,11 @@ class Finer:
         """Of a body with a mesh of its own that can be made finer; None of strips, of matrices and
         of large ones.
         """
-        if not isinstance(body, Structure):
+        own = body.in_space
+        if own is None:
             return None
-        growth = 4 if is_quadratic(body.mesh) else 3
-        return cls(body) if growth * len(body.mesh.nodes) * len(body.dofs) <= MOST_DOFS else None
+        growth = 4 if is_quadratic(own.mesh) else 3
+        return cls(own) if growth * len(own.mesh.nodes) * len(own.dofs) <= MOST_DOFS else None
 
     @cached_property
     def _flat(self) -> Refined | None:

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fecore.body.constants import Body
-from fecore.body.structure import Structure
 from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
 from fecore.errors import FecoreError, InputError, UpdatingError
 from fecore.findings import Finding, Level
@@ -31,7 +30,7 @@ from fecore.updating.laws import identifiable_laws, laws_of, rank_laws
 from fecore.updating.layout import Layout
 from fecore.updating.measured_ratios import paired_ratios
 from fecore.updating.measurement import Measurement, PreparedMeasurement, prepare
-from fecore.updating.parameters import Parametrisation, default_parameters, parametrise
+from fecore.updating.parameters import Parametrisation, parametrise
 from fecore.updating.plausibility import examine, unstated_window
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
@@ -85,7 +84,7 @@ def update(
     """
     recipe, inputs = recipe or Recipe(), measurement.inputs
     # 1. Parameters and inputs.
-    parameters = default_parameters(specimen) if recipe.parameters is None else recipe.parameters
+    parameters = specimen.default_parameters() if recipe.parameters is None else recipe.parameters
     temperatures, stated = [measurement.temperature_c], recipe.reference_temperature_c
     reference = check_temperatures(parameters, specimen, temperatures, stated)
     known = with_temperature(
@@ -169,7 +168,7 @@ def _coarse(mesh: Discretisation) -> list[Finding]:
 
 def _without_joints(body: Body) -> list[Finding]:
     """That walls meet without a model of their joint."""
-    if not isinstance(body, Structure) or body.with_joints or not body.model_error:
+    if body.with_joints or not body.model_error:
         return []
     return [finding("without_joints", percent=100 * body.model_error)]
 

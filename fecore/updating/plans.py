@@ -31,8 +31,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.specimen import OrientedSpecimen, carrying
-from fecore.body.structure import Structure
+from fecore.body.constants import Body, Parameter
 from fecore.body.supports import PointMass
 from fecore.errors import InputError, within
 from fecore.frf import along_z
@@ -44,7 +43,7 @@ from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Coupon, Layout, Unknown
-from fecore.updating.parameters import Parameter, Parametrisation, by_name, parametrise
+from fecore.updating.parameters import Parametrisation, by_name, parametrise
 from fecore.updating.posterior import DISCREPANCY, SCATTER, prior_of_scatter
 from fecore.updating.theory_error import by_shear_correction
 
@@ -57,7 +56,7 @@ class PlannedTest:
     """A test that could be made."""
 
     name: str  # in the plan
-    body: OrientedSpecimen | Structure  # as it would stand, added masses included
+    body: Body  # as it would stand, added masses included
     highest_hz: float  # of the band
     # (x, y), or (x, y, z) on a body in space, in m of the points that can be hit
     points: tuple[tuple[float, ...], ...]
@@ -278,7 +277,7 @@ class _Simulated:
         body = yielding(test.body, test.inputs)
         if test.sensor_mass:
             x, y, z = (*test.points[test.sensor], 0.0)[:3]
-            body = carrying(body, [PointMass(x, y, test.sensor_mass, z=z)])
+            body = body.carrying([PointMass(x, y, test.sensor_mass, z=z)])
         body, _ = meshed(body, test.highest_hz)
         prior = parametrise(body, parameters)
         forward = ForwardModel.of_dofs(

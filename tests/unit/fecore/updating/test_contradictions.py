@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from fecore.body.constants import Parameter
 from fecore.body.supports import PointMass
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out
 from fecore.updating.conflicts import Conflict
@@ -17,7 +18,6 @@ from fecore.updating.contradictions import SLIPS, _Sources, compare_sources
 from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.layout import Coupon
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import SCATTER
 from fecore.updating.recipe import Recipe

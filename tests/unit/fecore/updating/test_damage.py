@@ -19,7 +19,7 @@ from fecore.updating.elastic_findings import contradiction
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.layout import Layout
-from fecore.updating.parameters import default_parameters, parametrise
+from fecore.updating.parameters import parametrise
 from tests.support.damaged import FACTOR, LENGTH, LOST, PARTS, body, measured
 
 
@@ -28,7 +28,7 @@ def updated(kind: str, *, damaged: bool) -> ElasticResult:
     measurement, structure = measured(kind, damaged=damaged), body(kind)
     inputs, modes = measurement.inputs, measurement.modes
     assert modes is not None
-    prior = parametrise(structure, default_parameters(structure))
+    prior = parametrise(structure, structure.default_parameters())
     prior = prior.with_inputs(inputs.standard_deviations(structure.nominal))
     highest = float(modes.frequency_hz[-1])
     forward = ForwardModel.of_dofs(prior, modes.dofs, measurement.points, highest, modes=len(modes))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fecore.arrays import FloatArray
+from fecore.body.constants import DEFAULT_PARAMETERS
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass, Spring, edges
@@ -17,7 +18,7 @@ from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
-from fecore.updating.parameters import DEFAULT_PARAMETERS, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.screening import effect_of
 from fecore.updating.support_compliance import SupportEffect
 from tests.support import soft_supports
