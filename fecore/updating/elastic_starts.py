@@ -76,14 +76,17 @@ def update_from_several_starts(
     use_shapes: bool = False,
     seed: int = 0,
 ) -> ElasticResult:
-    """`fit_elastic`, from the prior means and, where that is doubtful, from draws that pair the modes
+    """Stage 1 from the prior means and, where that is doubtful, from draws that pair the modes
     otherwise.
 
-    Where no draw has a mode that is like a measured one, the likest are paired, so that a result
-    can show how unlike they are.
-
-    The draws and the fits from them use the reduced basis unverified; the best two with different
-    partners are fitted anew.
+    1. `fit_elastic` from the prior means.
+    2. Where its result is doubtful, and always without shapes: from the best draw of each different
+       pairing, on the reduced basis as it is.
+    3. From where the partners may be exchanged for ones as likely, with these held.
+    4. The best two with different partners are fitted anew, with the basis verified.
+    5. The result is the best supported of those that are verified, with the others as its rivals.
+       Where no start has a mode that is like a measured one, the likest are paired, so that a
+       result can show how unlike they are.
 
     Raises:
         UpdatingError: no start converged.
@@ -104,9 +107,10 @@ def update_from_several_starts(
             fixed_pairing=fixed_pairing,
         )
 
+    # 1. The prior means.
     outcomes = [_first(layout, run)]
-    by_shapes = layout.by_shapes
-    if isinstance(outcomes[0], Unsettled) or is_doubtful(outcomes[0]) or not by_shapes:
+    if isinstance(outcomes[0], Unsettled) or is_doubtful(outcomes[0]) or not layout.by_shapes:
+        # 2. Draws from the prior.
         search_layout = layout.with_unverified_basis()
         starts = _other_starts(search_layout, seed, _most_unpaired(outcomes[0]))
         steps = np.linspace(0.5, 0.8, len(starts) + 1)
@@ -114,8 +118,10 @@ def update_from_several_starts(
             run(search_layout, start, *between)
             for start, between in zip(starts, pairwise(steps), strict=True)
         ]
+        # 3. Partners held.
         to_fix = _to_fix([*outcomes, *searched], layout)
         searched += [run(search_layout, start, 0.8, 0.8, partners) for partners, start in to_fix]
+        # 4. The best on a verified basis.
         worth = _worth_verifying([*outcomes, *searched])
         outcomes += [each for each in searched if not any(each is chosen for chosen in worth)]
         outcomes += [
@@ -123,6 +129,7 @@ def update_from_several_starts(
         ]
         if layout.is_large and not any(map(_is_verified, outcomes)):
             outcomes.append(run(layout, None, 0.9, 1.0))
+    # 5. The best supported, and its rivals.
     verified = [each for each in outcomes if isinstance(each, ElasticResult) and _is_verified(each)]
     if not verified:
         return _best_match(layout, outcomes)
