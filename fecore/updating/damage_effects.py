@@ -310,10 +310,8 @@ def _shares(state: ForwardState, lines: FloatArray, vectors: int) -> Iterator[_S
 def _energies(state: ForwardState, shapes: FloatArray, lines: FloatArray) -> FloatArray:
     """(sets, F, m, m) energies of (dofs, m) shapes between (F + 1,) lines, of all sets."""
     model, m = state.forward.specimen.model, shapes.shape[1]
-    energy, motion = (
-        np.zeros((len(model.mesh.sets), len(lines) - 1, m, m)),
-        model.stiffness.everywhere(shapes),
-    )
+    energy = np.zeros((len(model.mesh.sets), len(lines) - 1, m, m))
+    motion = model.stiffness.everywhere(shapes)
     for each in _shares(state, lines, m):
         strains = each.group.strains(motion)
         for part in np.flatnonzero(each.share.any(axis=1)):

@@ -310,11 +310,9 @@ def fit_damping(
     # 5. What moves the estimate.
     elastic, by_elastic = data.elastic, _by_elastic(data, reference.misfit, best)
     by_coordinates = by_elastic * elastic.prior.slope(elastic.theta)
-    window_sd, effects, sensitivity = (
-        data.window_sd(),
-        elastic.all_systematic_effects,
-        by_coordinates @ elastic.bias_sensitivity,
-    )
+    window_sd = data.window_sd()
+    effects = elastic.all_systematic_effects
+    sensitivity = by_coordinates @ elastic.bias_sensitivity
     if window_sd:
         known = data.inputs.window_known
         effects += (

@@ -64,10 +64,8 @@ def meshed(body: AnyBody, highest_hz: float) -> tuple[AnyBody, Discretisation | 
 
 def nominal_matrices(body: Body) -> tuple[scipy.sparse.csc_array, scipy.sparse.csc_array]:
     """K and M of a body at its nominal constants."""
-    constants, springs = (
-        np.array(list(body.nominal.values())),
-        [spring.stiffness for spring in body.springs],
-    )
+    constants = np.array(list(body.nominal.values()))
+    springs = [spring.stiffness for spring in body.springs]
     stiffness = np.concatenate([body.stiffness_coefficients(constants), springs])
     return body.model.stiffness.at(stiffness), body.model.mass.at(body.mass_coefficients(constants))
 

@@ -305,11 +305,9 @@ class Misfit:
         """The problem that is linear in the step from x."""
         rows = stacked(pairings)
         size, total = x.size, rows[-1].stop
-        residual, noise, sensitivity = (
-            np.zeros(total),
-            np.zeros((total, total)),
-            np.zeros((total, size)),
-        )
+        residual = np.zeros(total)
+        noise = np.zeros((total, total))
+        sensitivity = np.zeros((total, size))
         weight, shear = (
             np.concatenate(
                 [each[[row for row, _ in p.pairs]] for each, p in zip(some, pairings, strict=True)]

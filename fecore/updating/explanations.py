@@ -293,10 +293,8 @@ class Search:
         if misfit.without_partners(states, pairings):
             return -np.inf
         weights = [np.ones(len(each.modes)) for each in layout.campaigns]
-        shapes, by_shear = (
-            misfit.shape_errors(states, pairings, DISCREPANCY),
-            misfit.by_shear(states, pairings),
-        )
+        shapes = misfit.shape_errors(states, pairings, DISCREPANCY)
+        by_shear = misfit.by_shear(states, pairings)
         problem = misfit.linear(x, states, pairings, weights, shapes, by_shear)
         return _log_evidence(layout, pairings, problem, problem.weights)
 

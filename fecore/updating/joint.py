@@ -143,10 +143,8 @@ class _Update:
                 frfs.responses, frfs.references, with_strain=by_strain
             )
             moving = model.omega > 0
-            omega, strain = (
-                model.omega[moving],
-                None if model.strain is None else model.strain[moving],
-            )
+            omega = model.omega[moving]
+            strain = None if model.strain is None else model.strain[moving]
             # A law is linear in its coefficients, so these go with the ratio.
             unit = law.basis(model.omega, model.strain) @ nearest_positive(
                 law, omega, np.ones(omega.size), strain=strain

@@ -227,10 +227,8 @@ class Finer:
             flat = solved(self._flat)[0] - solved(self.level(1))[0]
         sizes = element_size(self.body.mesh), element_size(self.level(number).body.mesh)
         order = 4 if is_quadratic(self.body.mesh) else 2
-        images, left = (
-            model.mass.at(own.mass) @ shapes,
-            _LEFT * (after - before) - _OF_CORNERS * missed,
-        )
+        images = model.mass.at(own.mass) @ shapes
+        left = _LEFT * (after - before) - _OF_CORNERS * missed
         return MeshError(images, after - base - missed, left, flat, self.turn, *sizes, order)
 
     def _next_size(self, number: int) -> int:

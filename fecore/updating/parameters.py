@@ -305,10 +305,8 @@ def parametrise(
 
 
 def _nominal(specimen: Body) -> dict[str, float]:
-    constants, springs = (
-        specimen.nominal,
-        {spring.name: spring.stiffness for spring in specimen.springs},
-    )
+    constants = specimen.nominal
+    springs = {spring.name: spring.stiffness for spring in specimen.springs}
     if set(springs) & set(constants):
         raise InputError(
             "springs",

@@ -212,10 +212,8 @@ class Summary:
         """A law's damping ratios over the range of the measured modes and somewhat
         beyond.
         """
-        low, high = (
-            self.modes.frequency_hz[0] / _BEYOND_MODES,
-            self.modes.frequency_hz[-1] * _BEYOND_MODES,
-        )
+        low = self.modes.frequency_hz[0] / _BEYOND_MODES
+        high = self.modes.frequency_hz[-1] * _BEYOND_MODES
         if law.groups:
             state = self.elastic.updated
             inside = (state.frequency_hz >= low) & (state.frequency_hz <= high)

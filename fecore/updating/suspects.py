@@ -29,10 +29,8 @@ def masses(state: ForwardState) -> list[Addition]:
     model, nodes = state.forward.specimen.model, _sites(state)
     additions = []
     for node in nodes:
-        place, motion = (
-            tuple(model.mesh.nodes[node].tolist()),
-            _moving(model, np.array([node]), np.ones(1)),
-        )
+        place = tuple(model.mesh.nodes[node].tolist())
+        motion = _moving(model, np.array([node]), np.ones(1))
         additions.append(Addition("mass", MASS, "kg", place, TYPICAL * UNSTATED_SENSOR, motion))
     return additions
 

@@ -60,10 +60,8 @@ def with_damage_intervals(first: ElasticResult, recipe: Recipe) -> ElasticResult
         return first
     parts = _Parts.of(prior, recipe)
     layout = first.layout.with_prior(parts.prior, reduced=False)
-    misfit, x = (
-        Misfit(layout, use_shapes=recipe.use_shapes, fixed_pairing=first.fixed_pairing),
-        first.x[parts.column],
-    )
+    misfit = Misfit(layout, use_shapes=recipe.use_shapes, fixed_pairing=first.fixed_pairing)
+    x = first.x[parts.column]
     for _ in range(_ROUNDS):
         states = layout.solved(x)
         pairings = misfit.pair(states)
