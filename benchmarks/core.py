@@ -38,10 +38,9 @@ from fecore.updating.damping_stage import DampingResult, fit_damping, fit_refere
 from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.forward import ForwardModel
 from fecore.updating.layout import Layout
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 from modalbase.formats.decks import Deck, write_shells, write_solids
 from tests.support import calculix

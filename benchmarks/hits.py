@@ -20,9 +20,8 @@ from fecore.modal import Options, identify
 from fecore.signal import Hit, Processing, Windows, by_point, process, remove_window
 from fecore.signal.unstated import SeenRate, seen_rate
 from fecore.updating.inputs import Inputs
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 from tests.support import hammer
 from tests.support.habits import HABITS, HabitBench

@@ -14,10 +14,9 @@ from fecore.body.constants import Parameter
 from fecore.body.structure import Structure
 from fecore.frf import Dof, FrfSet
 from fecore.updating.forward import ForwardModel
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.units import in_si
 from service.compute.models.bodies import AS_MODELLED, body_of_model

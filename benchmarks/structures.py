@@ -18,9 +18,8 @@ from fecore.body.generators import panel
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.units import in_si
 from service.compute.models.bodies import body_of_model

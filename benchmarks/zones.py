@@ -19,9 +19,8 @@ from fecore.body.specimen import Specimen
 from fecore.body.supports import Boundary
 from fecore.dynamics.eigen import normal_modes
 from fecore.updating.inputs import Inputs
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 from tests.support.draws import modes_at, yielding
 

@@ -18,10 +18,9 @@ from examples.paper.published import (
 )
 from fecore.dynamics.damping_laws import ModalDamping
 from fecore.updating.forward import ForwardModel
-from fecore.updating.laws import LawRanking, laws_of, rank_laws
-from fecore.updating.measured_ratios import MeasuredRatios
+from fecore.updating.laws import LawRanking, MeasuredRatios, laws_of, rank_laws
+from fecore.updating.measurement import Recipe
 from fecore.updating.parameters import parametrise
-from fecore.updating.recipe import Recipe
 
 
 def ranked() -> tuple[LawRanking, np.ndarray]:

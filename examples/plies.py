@@ -18,10 +18,9 @@ from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 
 CARBON = OrthotropicMaterial(

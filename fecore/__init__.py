@@ -34,14 +34,14 @@ if TYPE_CHECKING:
     from fecore.modal import Identification, Options, identify
     from fecore.modes import MeasuredModes
     from fecore.updating.forward import ForwardModel
-    from fecore.updating.measurement import Measurement
+    from fecore.updating.measurement import HoldOut, Measurement, Recipe
     from fecore.updating.pipeline import update
-    from fecore.updating.recipe import HoldOut, Recipe
     from fecore.updating.result import UpdateResult
 
 __version__ = "0.2.0"
 
 _HOMES = {
+    "body.constants": ("Parameter",),
     "body.laminate": ("OrthotropicMaterial", "Ply"),
     "body.beam_specimen": ("BeamSpecimen",),
     "body.sections": ("homogenise", "section"),
@@ -53,10 +53,8 @@ _HOMES = {
     "modal": ("Identification", "Options", "identify"),
     "modes": ("MeasuredModes",),
     "updating.forward": ("ForwardModel",),
-    "updating.measurement": ("Measurement",),
-    "updating.parameters": ("Parameter",),
+    "updating.measurement": ("HoldOut", "Measurement", "Recipe"),
     "updating.pipeline": ("update",),
-    "updating.recipe": ("HoldOut", "Recipe"),
     "updating.result": ("UpdateResult",),
 }
 

@@ -88,7 +88,7 @@ CONTRACTS: dict[str, str] = {
     "IgnoredOut": "REST: a schema",
     "SaidOut": "REST: a schema",
     "fecore/updating/campaigns.py:alone": "REST: a campaign of a joint result",
-    "fecore/updating/conflicts.py:said": "REST: a cause in a result",
+    "fecore/updating/result.py:said": "REST: a cause in a result",
     "fecore/updating/contradictions.py:said": "REST: a cause in a result",
     "fecore/updating/elastic_findings.py:said": "REST: a cause in a result",
     "fecore/updating/sampling.py:moves": "emcee: a parameter",

@@ -17,9 +17,8 @@ from examples.paper.published import (
 from examples.paper.synthesis import grid, measured_body, solve
 from fecore.body.constants import Parameter
 from fecore.modes import MeasuredModes
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 
 SEED = 4

@@ -20,9 +20,8 @@ from fecore.dynamics.damping_laws import RAYLEIGH, damping_ratio
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.frf import Dof, FrfSet
 from fecore.updating.forward import ForwardState
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 
 SEED = 5

@@ -12,7 +12,7 @@ as an estimate of it would grow with every contradiction and hide it; that speci
 one of the possible causes. An input speaks of itself, a coupon of its constant, and a campaign of
 the combination of its frequencies that says most about the material, as well as of all of them
 together (posterior predictive χ²). That a body carries, stands on and yields to nothing that was
-not stated is a source too (`screening`), and that no stretch has lost stiffness (`damage`).
+not stated is a source too (`additions`), and that no stretch has lost stiffness (`damage`).
 
 Where a source contradicts, each one is a possible cause. A slip of k stated errors multiplies the
 evidence by the mean of N(y; m, k²σ² + v)/N(y; m, σ² + v) over the sizes k of slips; that of a
@@ -38,7 +38,13 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray
 from fecore.quantities import CLAMP
 from fecore.updating.additions import Kind
-from fecore.updating.conflicts import (
+from fecore.updating.damage import lost_stiffness
+from fecore.updating.damage_effects import DamageEffects
+from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.explanations import Explanation, Hints, Search, hints_of, loosened
+from fecore.updating.layout import Unknown
+from fecore.updating.posterior import LinearProblem, Mixture
+from fecore.updating.result import (
     CampaignAgreement,
     Check,
     Conflict,
@@ -46,12 +52,6 @@ from fecore.updating.conflicts import (
     Statement,
     loosened_by,
 )
-from fecore.updating.damage import lost_stiffness
-from fecore.updating.damage_effects import DamageEffects
-from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.explanations import Explanation, Hints, Search, hints_of, loosened
-from fecore.updating.layout import Unknown
-from fecore.updating.posterior import LinearProblem, Mixture
 
 FALSE_ALARMS = 0.05
 """Probability that any source of an update is said to contradict the others where all are as good

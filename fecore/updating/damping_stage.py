@@ -20,13 +20,19 @@ import numpy as np
 from fecore.arrays import FloatArray, real_times
 from fecore.dynamics.damping_laws import DampingLaw
 from fecore.errors import UpdatingError
+from fecore.findings import Finding
 from fecore.frf import FrfSet, convert
+from fecore.least_squares import nearest
 from fecore.modal.error_model import memory
 from fecore.modal.noise import line_scatter
-from fecore.updating.damping_data import DampingData
+from fecore.updating.damping_data import (
+    DampingData,
+)
 from fecore.updating.forward import ForwardState
+from fecore.updating.inputs import Inputs, SystematicEffect
 from fecore.updating.law_fit import DampingFit, fit_law
-from fecore.updating.measured_ratios import (
+from fecore.updating.laws import (
+    DAMPING_DISCREPANCY,
     MeasuredRatios,
     ScaleMixture,
     disagreement,
@@ -34,23 +40,23 @@ from fecore.updating.measured_ratios import (
     law_ratio,
     scale_of_deviations,
 )
-from fecore.updating.misfit import FrfMisfit
+from fecore.updating.misfit import FrfMisfit, residual_variance
 from fecore.updating.posterior import root
-from fecore.updating.residual_noise import residual_variance
-from fecore.updating.systematic_effects import SystematicEffect
-
-DAMPING_DISCREPANCY = 0.02
-"""Prior standard deviation of a damping ratio about its law, as a share of it: root mean square of
-the prior of s.
-"""
+from fecore.updating.result import finding
 
 _FIRST_NOISE = 1e-3  # of the signal, before it is estimated
+
 _SAME_OPTIMUM = 1e-3  # relative distance of coefficients that counts as one point
+
 _SAME_TO_NOISE = 0.3  # and their distance in standard deviations by noise alone
+
 # difference of negative log posteriors below which a second optimum is worth a warning
 _RIVAL = 10.0
+
 _SPREAD_OF_STARTS = 5.0  # factor between the starts
+
 _FEWEST_LINES = 32  # of which the noise of the lines can be seen beside what lasts over a resonance
+
 # rad, of a delay at the highest line: beyond, the data are turned back and the fit begins anew
 _LARGE_TURN = 0.02
 
@@ -140,8 +146,11 @@ def _covariance(sources: Mapping[str, FloatArray]) -> FloatArray:
 
 
 OF_LAW = "discrepancy of the law"
+
 AGAINST_MODES = "FRFs against modes"
+
 WINDOW = "window"
+
 _OF_FRFS = ("measurement noise of FRFs", OF_LAW, "modes not measured")
 
 
@@ -253,8 +262,8 @@ def fit_damping(
        deviations.
     3. The law is fitted to all FRFs and modes together from each start: the law of the measured
        ratios, it five times as large and as small, and each coefficient alone.
-    4. The best fit is the estimate; what other points the starts came to, and the data do not
-       refute, are told apart.
+    4. The best fit is the estimate; other points that starts came to stand beside it where the
+       data do not refute them.
     5. Errors of stage 1 move the estimate by ∂a/∂θ, and so do a window that nobody stated and the
        other inputs that are believed to be nothing.
     6. The error is made of its own sources, noise, the law's discrepancy, modes that were not
@@ -266,7 +275,7 @@ def fit_damping(
         law: the law.
         progress: called with the share that is done.
         strain: (n, q) shares of the lawful modes' strain energy, where close modes are not mixed as
-            the model's (`fecore.updating.mixing`): else such a pair passes for a law that is off,
+            the model's (`fecore.updating.state`): else such a pair passes for a law that is off,
             and its deviation for all modes'.
 
     Raises:
@@ -478,3 +487,55 @@ def _different(points: list[FloatArray], apart: FloatArray) -> tuple[FloatArray,
         ):
             kept.append(point)
     return tuple(kept)
+
+
+_USUAL = (2.0, 5.0)  # 1/τ of usual windows, over the record's length
+
+_OF_DECAY = 0.5  # share of the slowest mode's decay that a window has where FRFs look windowed
+
+_FEWEST_MODES = 3  # that show a constant part of the decay
+
+_MATTERS = 0.05  # share of a coefficient that an unstated window may take
+
+
+def unstated_window(damping: DampingResult, inputs: Inputs, record_s: float) -> list[Finding]:
+    """What a user must know of a window that nobody stated; nothing where it was, or where it would
+    hardly matter.
+
+    Args:
+        damping: the fitted law.
+        inputs: what the laboratory says of the window.
+        record_s: T, the length of the records that the FRFs' line spacing is of.
+    """
+    if inputs.window_known:
+        return []
+    values, names = damping.fit.coefficients, damping.fit.law.coefficient_names
+    shares = np.abs(damping.window / np.where(values == 0, 1.0, values))
+    worst = int(np.argmax(shares))
+    if shares[worst] < _MATTERS:
+        return []
+    omega, ratio = damping.reference.ratios.omega, damping.reference.ratios.ratio
+    rate = looks_windowed(omega, ratio - (inputs.window_rate or 0.0) / omega, record_s)
+    if rate is None:
+        return [finding("window_unstated", name=names[worst], percent=100 * shares[worst])]
+    return [
+        finding("looks_windowed", rate=rate, record=record_s, end=100 * np.exp(-rate * record_s))
+    ]
+
+
+def looks_windowed(omega: FloatArray, ratio: FloatArray, record_s: float) -> float | None:
+    """The part of the decay that all modes share, 1/s, where it is that of a usual window; else
+    None.
+
+    Args:
+        omega: (n,) circular frequencies, rad/s.
+        ratio: (n,) damping ratios.
+        record_s: T, s.
+    """
+    if omega.size < _FEWEST_MODES:
+        return None
+    decay = ratio * omega
+    basis = np.column_stack([np.ones_like(omega), omega**2]) / decay[:, None]
+    constant = float(nearest(basis, np.ones_like(omega))[0])
+    usual = _USUAL[0] <= constant * record_s <= _USUAL[1]
+    return constant if usual and constant > _OF_DECAY * decay.min() else None

@@ -8,7 +8,7 @@ Marquardt's method on the misfit
 
 with the residuals of all campaigns stacked and coupons y_b, logarithms of their means over the
 prior's. Measured and model modes are paired anew by MAC as constants move modes past each other,
-and weighed by how far they are believed to be modes (`mode_inclusion`). The discrepancy s follows
+and weighed by how far they are believed to be modes (`posterior`). The discrepancy s follows
 from the residuals, the scatter τ between specimens is the root of its posterior mean. The intervals
 are those of the posterior with both marginalised (`posterior`), and reach on to one side where an
 input is believed to be nothing but may be something (`systematic_effects`).
@@ -28,10 +28,8 @@ from fecore.errors import InputError, ModelError, UpdatingError
 from fecore.least_squares import Stopping, minimise
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import ElasticResult, prior_inclusion, stacked
-from fecore.updating.forward import ForwardState
-from fecore.updating.layout import CampaignModel, Layout
-from fecore.updating.mode_inclusion import weights_of
-from fecore.updating.pairing import (
+from fecore.updating.forward import (
+    ForwardState,
     Partners,
     exchanged,
     has_shapes,
@@ -40,10 +38,11 @@ from fecore.updating.pairing import (
     pair_with,
     partners_of,
 )
-from fecore.updating.posterior import DISCREPANCY, LinearProblem
+from fecore.updating.inputs import SHEAR_CORRECTION_SD, by_shear_correction, discrepancy_scale
+from fecore.updating.layout import CampaignModel, Layout
+from fecore.updating.posterior import DISCREPANCY, LinearProblem, weights_of
 from fecore.updating.result import ConvergenceStep
-from fecore.updating.shape_error import ShapeErrors
-from fecore.updating.theory_error import SHEAR_CORRECTION_SD, by_shear_correction, discrepancy_scale
+from fecore.updating.state import ShapeErrors
 
 _OUTER_ITERATIONS, _STEPS = 30, 6  # pairings and discrepancies that are tried, and steps with each
 # iterations after which a fit whose partners change goes round, and steps that gain next to nothing
@@ -259,6 +258,17 @@ class Misfit:
         if self.fixed_pairing is None:
             return pair_with(modes, state)
         return pair_fixed(modes, state, self.fixed_pairing[number])
+
+    def partners(self, states: Sequence[ForwardState]) -> tuple[Pairing, ...]:
+        """The same.
+
+        Raises:
+            UpdatingError: no measured mode of a campaign has a partner.
+        """
+        pairings = self.pair(states)
+        if lost := self.without_partners(states, pairings):
+            raise lost.error
+        return pairings
 
     def without_partners(
         self, states: Sequence[ForwardState], pairings: Sequence[Pairing]

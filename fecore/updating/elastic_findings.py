@@ -12,8 +12,6 @@ from fecore.findings import Finding, Level, listed
 from fecore.modes import MeasuredModes
 from fecore.normal import Z_95
 from fecore.updating.additions import MASS
-from fecore.updating.amounts import amount, plus_minus
-from fecore.updating.conflicts import Check, Conflict, SourceStatement
 from fecore.updating.contradictions import SLIPS, compare_sources
 from fecore.updating.elastic_result import (
     BELIEVED,
@@ -24,11 +22,20 @@ from fecore.updating.elastic_result import (
     prior_inclusion,
 )
 from fecore.updating.explanations import left_open
-from fecore.updating.findings import finding, modes_of, passed_on
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.result import ParameterEstimate
-from fecore.updating.temperature import constant_of
+from fecore.updating.parameters import constant_of
+from fecore.updating.result import (
+    Check,
+    Conflict,
+    ParameterEstimate,
+    SourceStatement,
+    amount,
+    finding,
+    modes_of,
+    passed_on,
+    plus_minus,
+)
 
 FAR = 2.0  # prior standard deviations from the prior mean that are worth a warning
 # of frequencies, root mean square: five times what plate theory misses of a body and its supports

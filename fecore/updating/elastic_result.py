@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,11 +15,15 @@ from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
 from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
-from fecore.updating.forward import ForwardState
+from fecore.updating.forward import ForwardState, Partners, partners_of
+from fecore.updating.inputs import (
+    MESH,
+    SHEAR_CORRECTION,
+    SystematicEffect,
+    by_shear_correction,
+    systematic_effects,
+)
 from fecore.updating.layout import CampaignModel, Layout
-from fecore.updating.mixing import Mixing, mixings
-from fecore.updating.mode_inclusion import over_sets, weights_of
-from fecore.updating.pairing import Partners, partners_of
 from fecore.updating.parameters import Parametrisation
 from fecore.updating.posterior import (
     COMMON,
@@ -29,24 +32,25 @@ from fecore.updating.posterior import (
     Mixture,
     identifiability,
     null_directions,
+    over_sets,
     root,
     spread_over,
+    weights_of,
 )
 from fecore.updating.result import ConvergenceStep, ModeComparison, StartHistory
-from fecore.updating.systematic_effects import MESH, SystematicEffect, systematic_effects
-from fecore.updating.theory_error import SHEAR_CORRECTION, by_shear_correction
-
-if TYPE_CHECKING:
-    from fecore.updating.damage_intervals import DamageIntervals
+from fecore.updating.state import Mixing, mixings
 
 REFUTED = 5.0
 """Log evidence by which a pairing must be behind to be ruled out."""
 
 NOISE = "measurement noise"
+
 DISCREPANCY_OF_MODEL = "model discrepancy"
+
 MODEL_OF_JOINTS = "model of the joints"
 
 _NEGLIGIBLE = 1e-6  # weight of a Gaussian in a budget
+
 _NOTHING = 1e-9  # of a frequency
 
 SAME_SHAPE = 0.8
@@ -66,7 +70,7 @@ def stacked(pairings: Sequence[Pairing]) -> tuple[slice, ...]:
 
 
 def prior_inclusion(layout: Layout, pairings: Sequence[Pairing]) -> tuple[FloatArray, FloatArray]:
-    """(n,) P of the paired modes of all campaigns, and (n,) W (`mode_inclusion`)."""
+    """(n,) P of the paired modes of all campaigns, and (n,) W (`posterior`)."""
     each = [
         (c, [row for row, _ in p.pairs]) for c, p in zip(layout.campaigns, pairings, strict=True)
     ]
@@ -139,7 +143,7 @@ class ElasticResult:
 
     @cached_property
     def mixture(self) -> Mixture:
-        """The same over which of the modes are real (`mode_inclusion`)."""
+        """The same over which of the modes are real (`posterior`)."""
         if self.damage_intervals is not None:
             return self.conditional_posterior
         inclusion = weights_of(
@@ -506,3 +510,38 @@ class ElasticResult:
 
 def _finite(values: FloatArray | None, row: int) -> float | None:
     return float(values[row]) if values is not None and np.isfinite(values[row]) else None
+
+
+@dataclass(frozen=True)
+class DamageIntervals:
+    """Which parts of a body have another stiffness, as far as its modes show."""
+
+    lines: FloatArray  # (F + 1,) x of the lines between parts, m
+    # (m, F) changes of compliance of the parts, by partition; 0 outside its stretches
+    change: FloatArray
+    # the posterior of the reported unknowns about their estimate, one Gaussian a partition
+    mixture: Mixture
+
+    @property
+    def probability(self) -> float:
+        """That any stretch has another stiffness."""
+        return float(self.mixture.weight @ self.change.any(axis=1))
+
+    def extent(self, probability: float = 0.95) -> tuple[float, float, float, float]:
+        """Between which x, m, so much of the change lies, and the least and the greatest length, m,
+        that it may be spread over.
+
+        The length of a partition is (∫|δ| dx)²/∫δ² dx, which of one stretch is its own.
+        """
+        some, long, tail = self.change.any(axis=1), np.diff(self.lines), (1 - probability) / 2
+        weight, size = self.mixture.weight[some], np.abs(self.change[some])
+        length = (size @ long) ** 2 / (size**2 @ long)
+        there = np.concatenate(
+            [[0.0], np.cumsum(long * (weight @ (size / (size @ long)[:, None])))]
+        )
+        begin, end = np.interp([tail, 1 - tail], there / there[-1], self.lines).tolist()
+        order = np.argsort(length)
+        least, most = np.interp(
+            [tail, 1 - tail], np.cumsum(weight[order]) / weight.sum(), length[order]
+        ).tolist()
+        return begin, end, least, most

@@ -15,6 +15,8 @@ evidence is near the best one's then takes part in the intervals
 (`ElasticResult.model_averaged_posterior`).
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -23,11 +25,15 @@ from typing import Protocol
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.quantities import kind_of
 from fecore.updating.elastic import Unsettled, fit_elastic, settled
-from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival, prior_inclusion
-from fecore.updating.layout import Layout
-from fecore.updating.mode_inclusion import spurious_mode_penalty
-from fecore.updating.pairing import (
+from fecore.updating.elastic_result import (
+    REFUTED,
+    ElasticResult,
+    Rival,
+    prior_inclusion,
+)
+from fecore.updating.forward import (
     Partners,
     detection_cost,
     exchanged,
@@ -36,18 +42,27 @@ from fecore.updating.pairing import (
     probability_seen,
     unpaired_cost,
 )
-from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF
+from fecore.updating.layout import Layout
+from fecore.updating.measurement import Recipe
+from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, spurious_mode_penalty
 from fecore.updating.result import StartHistory
 
 _DOUBTFUL = 5.0  # misfit over the discrepancy's prior from which a result is doubted
+
 _FAR = 1.5  # and prior standard deviations that a parameter has moved
+
 _DRAWS, _REACH = 64, 2.0  # from the prior, within so many of its standard deviations
+
 # pairings from which the fit starts anew; results that are fitted anew on a verified basis
 _STARTS, _VERIFIED = 6, 2
+
 _FIXED = 6  # pairings that are held
+
 _MENDED = 3  # times that bases may grow where a fit ended, before each of its points is verified
+
 # relative error of a frequency by a mesh from which how it goes with the constants matters
 _OF_MESH = 0.003
+
 # in log evidence, of a measured mode without a partner, beside another pairing
 _UNPAIRED_PENALTY = 8.0
 
@@ -407,3 +422,56 @@ def even_draws(dimensions: int, count: int, seed: int) -> FloatArray:
 
     points: FloatArray = qmc.Sobol(dimensions, seed=seed).random(count)
     return points
+
+
+LEAST_FACTOR_SD = 0.003  # relative: a factor that is held more firmly is 1
+
+# of γ, so that one round changes a standard deviation by no more than sevenfold its share
+_KNOWN_AT_LEAST = 0.02
+
+_TURNS = 8  # of the priors of factors, at most
+
+_SAME = 0.1  # relative change of every standard deviation that changes nothing
+
+
+def with_sparse_factors(first: ElasticResult, recipe: Recipe) -> ElasticResult:
+    """The elastic update of one campaign with sparse factors of sets; as it is where none is
+    updated.
+
+    Args:
+        first: the update with the recipe's priors.
+        recipe: of the update.
+    """
+    prior = first.prior
+    factors = [c for c, name in enumerate(prior.names) if kind_of(name) == "factor"]
+    if not factors or prior.body.in_space is None:
+        return first
+    largest, result = prior.prior_sd[factors], first
+    for _ in range(_TURNS):
+        now = result.prior.xi_sd[factors]
+        known = np.clip(1 - _variance(result, factors) / now**2, _KNOWN_AT_LEAST, 1.0)
+        updated = np.clip(np.sqrt(result.x[factors] ** 2 / known), LEAST_FACTOR_SD, largest)
+        if np.all(np.abs(np.log(updated / now)) < _SAME):
+            break
+        sds = prior.prior_sd.copy()
+        sds[factors] = updated
+        layout = first.layout.with_prior(replace(prior, prior_sd=sds))
+        fitted = fit_elastic(
+            layout, use_shapes=recipe.use_shapes, start=result.x, fixed_pairing=result.fixed_pairing
+        )
+        result = settled(fitted)
+    if result is first:
+        return first
+    starts = tuple(replace(start, chosen=False) for start in first.starts)
+    return replace(
+        result, starts=starts, rivals=first.rivals, oscillating_modes=first.oscillating_modes
+    )
+
+
+def _variance(result: ElasticResult, factors: list[int]) -> FloatArray:
+    """(z,) posterior variances of the factors' logarithms."""
+    variance: FloatArray = sum(
+        (np.sum(part[factors] ** 2, axis=1) for part in result.sources.values()),
+        np.zeros(len(factors)),
+    )
+    return variance

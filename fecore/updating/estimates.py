@@ -34,14 +34,12 @@ from fecore.updating.elastic_result import (
     NOISE,
     ElasticResult,
 )
-from fecore.updating.findings import finding
-from fecore.updating.inputs import Inputs, tolerance_of
+from fecore.updating.inputs import MESH, Inputs, SystematicEffect, tolerance_of
 from fecore.updating.laws import RankedLaw
+from fecore.updating.parameters import DAMPING_PER_K, PER_K, Warmth, constant_of
 from fecore.updating.posterior import Mixture
-from fecore.updating.result import BudgetEntry, Comparable, ParameterEstimate
+from fecore.updating.result import BudgetEntry, Comparable, ParameterEstimate, finding
 from fecore.updating.sampling import Posterior
-from fecore.updating.systematic_effects import MESH, SystematicEffect
-from fecore.updating.temperature import DAMPING_PER_K, PER_K, Warmth, constant_of
 
 IN_DOUBT = "which modes are real"
 """The budget's source for measured modes that may be none."""

@@ -10,7 +10,7 @@ fit is that of its frequencies,
     ln p(f) = ln ∫ p(f | x, s) p(x) p(s) dx ds + Σ ln P + Σ_none ln (1 - P)/W + Σ_alone ln (πP + 1 -
     P)/W
 
-with the terms of `mode_inclusion` for modes that are none, or have no partner; that of a place is
+with the terms of `posterior` for modes that are none, or have no partner; that of a place is
 shared by all that were tried. Shapes say whether a model is the body's where frequencies hardly do,
 as of a soft root and a mass at the tip (`of_shapes`).
 """
@@ -27,16 +27,22 @@ from fecore.correlation import Pairing, most_alike
 from fecore.errors import ModelError
 from fecore.quantities import CLAMP
 from fecore.updating import suspects
-from fecore.updating.additions import SIZE_SD, Addition, AlteredForward, Kind
+from fecore.updating.additions import (
+    SIZE_SD,
+    Addition,
+    AdditionScreening,
+    AlteredForward,
+    Kind,
+    effect_of,
+    screened,
+)
 from fecore.updating.elastic import Misfit, Unsettled, fit_elastic
 from fecore.updating.elastic_result import ElasticResult, prior_inclusion
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import TOLERANCES
 from fecore.updating.layout import CampaignModel, Layout, Unknown
-from fecore.updating.mode_inclusion import FAR_OFF
-from fecore.updating.posterior import DISCREPANCY, LinearProblem, Mixture
-from fecore.updating.screening import AdditionScreening, effect_of, screened
-from fecore.updating.support_compliance import SupportCompliance, likeness, of_shapes
+from fecore.updating.posterior import DISCREPANCY, FAR_OFF, LinearProblem, Mixture
+from fecore.updating.suspects import SupportCompliance, likeness, of_shapes
 
 _STARTS = (3.0, 1.0, -1.0, -3.0, -5.0)  # logarithms of sizes over their medians to start from
 _SIZES = (3.0, 30.0, 300.0)  # over usual ones, at which places are compared

@@ -30,13 +30,11 @@ from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import even_draws
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.law_fit import DampingFit, fit_law
-from fecore.updating.law_problem import Nuisance
+from fecore.updating.law_fit import DampingFit, Nuisance, fit_law
+from fecore.updating.laws import nearest_positive
 from fecore.updating.layout import Layout
-from fecore.updating.measured_ratios import nearest_positive
-from fecore.updating.misfit import FrfMisfit, Weighting
+from fecore.updating.misfit import FrfMisfit, Weighting, residual_variance
 from fecore.updating.parameters import by_name
-from fecore.updating.residual_noise import residual_variance
 
 _DRAWS = 512  # of the search
 _DRAWN_SD = 1.0  # draws cover so many of the prior's standard deviations to either side

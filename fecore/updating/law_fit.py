@@ -1,4 +1,13 @@
-"""Stage 2: a damping law from complex FRFs, all FRFs and modes of a band together (Eq. 11).
+"""A damping law from complex FRFs: the problem, and its fit.
+
+What stage 2 minimises: the misfit of the FRFs by a law's coefficients, the modes' shifts and
+their own rates.
+
+Every derivative goes through the modes' eigenvalues λ_k and damping rates c_k, of which there are
+few: ∂H_i/∂λ_k = -f A_ik/D_k² and ∂H_i/∂c_k = iω ∂H_i/∂λ_k. So the normal equations are accumulated
+once for (λ, c), and any law is a small matrix on top of them.
+
+Stage 2: a damping law from complex FRFs, all FRFs and modes of a band together (Eq. 11).
 
 The modes and their residues come from the updated elastic model and stay; the law's coefficients a
 and a frequency shift δ_k of each measured mode (a misfit of a natural frequency looks like damping)
@@ -15,19 +24,304 @@ show a damping that nobody measured. Rigid-body modes, and those that move on th
 supports, are damped by what they hang on and not by the law: each has a rate of its own.
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.dynamics.damping_laws import DampingLaw, beyond, damping_rate
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.errors import UpdatingError
 from fecore.frf import Quantity
-from fecore.least_squares import minimise
-from fecore.updating.law_problem import LawPoint, LawProblem, Nuisance
+from fecore.least_squares import Stopping, minimise
 from fecore.updating.misfit import FrfMisfit, NormalEquations
 from fecore.updating.parameters import by_name
+
+# gain, of a value's misfit by noise: the minimum is then within 0.14 standard deviations
+_NEGLIGIBLE = 0.01
+
+_STANDS = 0.1  # standard deviations: a coefficient whose next step is smaller stands
+
+_STEPS = 200  # the rates of modes above the band, which nobody measured, come to their place last
+
+_BEYOND = 1e-9  # of a shift or a logarithm: which side of a bound the descent leads to
+
+_ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
+
+_LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
+
+_LARGEST_BELIEVED_SHIFT = 0.5  # of a mode that was not measured
+
+_LARGEST_LOG_RATE = 25.0  # e²⁵ 1/s is beyond any damping: a step that overshoots must not overflow
+
+# prior standard deviation of the logarithm of a suspended mode's rate: nobody knows it
+_SUSPENSION_SD = 2.0
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """Modes that may lie off the model in frequency, and off the law in damping."""
+
+    modes: IntArray  # (s,) their numbers among the model's
+    first_shift: FloatArray  # (s,) relative shifts to start from
+    # (s,) prior standard deviation of the shifts; infinite where they are free
+    shift_sd: FloatArray
+    # (s,) prior standard deviation of the damping deviation ε; 0 where the law is taken as exact
+    deviation_sd: FloatArray
+    # (r,) numbers of the modes that the law does not damp, with a rate of their own
+    suspension_modes: IntArray = field(default_factory=lambda: np.arange(0))
+    # (r,) about which these are expected, within a factor of some seven, 1/s
+    suspension_rate: FloatArray = field(default_factory=lambda: np.zeros(0))
+    # 2/τ of an exponential window on the data, which every mode's rate has on top, 1/s
+    window_rate: float = 0.0
+    # (n,) numbers of the modes whose rate is known beside the misfit, from fits with residues of
+    # their own
+    ratio_data: IntArray = field(default_factory=lambda: np.arange(0))
+    # (n,) these rates, 1/s, without the window's
+    ratio_data_rate: FloatArray = field(default_factory=lambda: np.zeros(0))
+    # (n,) their standard deviations, relative
+    ratio_data_sd: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @classmethod
+    def of_exact_law(cls, modes: IntArray, first_shift: FloatArray) -> Nuisance:
+        """Free shifts and no deviations: Eq. 11 with the frequencies let go."""
+        return cls(modes, first_shift, np.full(modes.size, np.inf), np.zeros(modes.size))
+
+
+@dataclass(frozen=True)
+class LawPoint:
+    """x with the misfit there, prior included, as `minimise` asks for it; `normal` is that of the
+    data by (λ, c).
+    """
+
+    x: FloatArray
+    coefficients: FloatArray
+    normal: NormalEquations
+    cost: float
+    descent: FloatArray
+    hessian: FloatArray
+
+
+@dataclass(frozen=True)
+class LawProblem:
+    """The map from x = (coefficients a, shifts δ, logarithms ℓ of the modes' own rates) to
+    eigenvalues and rates.
+
+    A mode that may deviate has a rate of its own, exp(ℓ_k), which the data fix and which a prior
+    ties to the law: ε_k = ℓ_k - ln c_k(a). So the valley along which a and ε trade is straight. A
+    suspended mode's is tied to a constant.
+    """
+
+    misfit: FrfMisfit
+    law: DampingLaw
+    nuisance: Nuisance
+    scale: float
+
+    @property
+    def count(self) -> int:
+        """How many coefficients the law has."""
+        return len(self.law.coefficient_names)
+
+    @cached_property
+    def tied(self) -> IntArray:
+        """Numbers of the modes with a rate of their own that is tied to the law."""
+        return self.nuisance.modes[self.nuisance.deviation_sd > 0]
+
+    def basis(self, omega: FloatArray, modes: IntArray | slice = slice(None)) -> FloatArray:
+        """(n, p) the law's basis at the frequencies of some modes, with these modes' strain
+        energy.
+        """
+        strain = self.misfit.model.strain
+        return self.law.basis(omega, None if strain is None else strain[modes])
+
+    def slope(self, omega: FloatArray, modes: IntArray) -> FloatArray:
+        """(n, p) the slope of the basis, likewise."""
+        strain = self.misfit.model.strain
+        return self.law.slope(omega, None if strain is None else strain[modes])
+
+    @cached_property
+    def own(self) -> IntArray:
+        """Numbers of the modes with a rate of their own: the tied, then the suspended ones."""
+        return np.concatenate([self.tied, self.nuisance.suspension_modes])
+
+    def at(self, x: FloatArray) -> LawPoint:
+        """The point at x."""
+        normal = self.misfit.normal(*self.modes(x))
+        hessian, descent = self.system(x, normal)
+        # Along the logarithm of a rate c the misfit bends by c ∂E/∂c too: with its size, down or
+        # up, steps do not creep.
+        own = slice(x.size - self.own.size, None)
+        at = np.arange(x.size)[own]
+        hessian[at, at] += np.abs(
+            normal.gradient[self.misfit.model.omega.size + self.own]
+        ) * np.exp(x[own])
+        # What a bound holds takes no part in a step: it would be cut off, and the fall be less than
+        # was foretold.
+        further = x + np.sign(descent) * _BEYOND
+        held = self.within(further) != further
+        descent = np.where(held, 0.0, descent)
+        hessian = np.where((held[:, None] | held) & ~np.eye(x.size, dtype=bool), 0.0, hessian)
+        return LawPoint(x, x[: self.count], normal, normal.cost + self.penalty(x), descent, hessian)
+
+    def move(self, point: LawPoint, step: FloatArray) -> LawPoint | None:
+        """The point that a step leads to, held to what is believable; None where a mode would be
+        damped negatively.
+        """
+        x = self.within(point.x + step)
+        return self.at(x) if self.is_allowed(x) else None
+
+    def is_at_rest(self, point: LawPoint) -> bool:
+        """Whether what is left to gain is far below the noise, or the step that is left hardly
+        moves the coefficients.
+
+        Steps leave out what little of a delay is left, and rates of modes above the band may creep
+        on for long.
+        """
+        inverse = np.linalg.inv(point.hessian)
+        step = inverse @ point.descent
+        # Where the model misses, one value's misfit is more than the noise's.
+        one_value = max(self.scale, point.normal.cost / float(np.sum(self.misfit.counted)))
+        gain, sd = float(point.descent @ step) / 2, np.sqrt(one_value * np.diag(inverse))
+        return gain < _NEGLIGIBLE * one_value or bool(
+            np.all(np.abs(step / sd)[: self.count] < _STANDS)
+        )
+
+    def stopping(self) -> Stopping:
+        """Converged to the round-off of the weighted signal: noise-free data cannot be fitted
+        better.
+        """
+        return Stopping(absolute=_ROUND_OFF**2 * self.misfit.signal(), steps=_STEPS)
+
+    def first(self, start: FloatArray) -> FloatArray:
+        """X to start from: given coefficients, and own rates as these have them; an error where
+        they damp a mode negatively.
+        """
+        rate = self.basis(self.omega(self.nuisance.first_shift)) @ start
+        if np.any(rate[self.tied] <= 0):
+            best = by_name(self.law.coefficient_names, start)
+            raise UpdatingError(
+                f"the {self.law.name} law cannot start where it damps a mode negatively", best, ()
+            )
+        own = np.log(np.concatenate([rate[self.tied], self.nuisance.suspension_rate]))
+        return np.concatenate([start, self.nuisance.first_shift, own])
+
+    def omega(self, shift: FloatArray) -> FloatArray:
+        """(m,) circular frequencies of the shifted modes among the others."""
+        omega = self.misfit.model.omega.copy()
+        omega[self.nuisance.modes] *= 1 + shift
+        return omega
+
+    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coefficients, shifts, and logarithms of own rates."""
+        ends = (self.count, self.count + self.nuisance.modes.size)
+        return x[: ends[0]], x[ends[0] : ends[1]], x[ends[1] :]
+
+    def modes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Eigenvalues and damping rates of all modes."""
+        a, shift, own = self.split(x)
+        omega = self.omega(shift)
+        rate = self.basis(omega) @ a
+        rate[self.own] = np.exp(own)
+        return omega**2, rate + self.nuisance.window_rate
+
+    def prior(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Prior residuals ρ, in standard deviations, and their Jacobian by x: shifts, deviations,
+        rates known beside.
+        """
+        a, shift, own = self.split(x)
+        omega = self.omega(shift)[self.tied]
+        basis = self.basis(omega, self.tied)
+        law_rate = basis @ a
+        shift_weight = 1 / self.nuisance.shift_sd
+        weight = 1 / self.nuisance.deviation_sd[self.nuisance.deviation_sd > 0]
+        off = own - np.log(np.concatenate([law_rate, self.nuisance.suspension_rate]))
+        off_weight = np.concatenate(
+            [weight, np.full(self.nuisance.suspension_modes.size, 1 / _SUSPENSION_SD)]
+        )
+        residual = np.concatenate([shift * shift_weight, off_weight * off])
+        s, first = shift.size, self.count + shift.size
+        tied = s + np.arange(self.tied.size)
+        jacobian = np.zeros((residual.size, x.size))
+        jacobian[:s, self.count : first] = np.diag(shift_weight)
+        jacobian[tied, : self.count] = -(weight / law_rate)[:, None] * basis
+        moved = self.count + np.flatnonzero(self.nuisance.deviation_sd > 0)
+        base = self.misfit.model.omega[self.tied]
+        jacobian[tied, moved] = -weight / law_rate * (self.slope(omega, self.tied) @ a) * base
+        jacobian[s:, first:] = np.diag(off_weight)
+        known, by_known = self.known(x)
+        return np.concatenate([residual, known]), np.vstack([jacobian, by_known])
+
+    def known(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distance of the rates from those known beside the misfit, in their standard deviations,
+        and the Jacobian.
+        """
+        ratio_data, T, m = self.nuisance.ratio_data, self.chain(x), self.misfit.model.omega.size
+        rate = self.modes(x)[1][ratio_data] - self.nuisance.window_rate
+        weight = 1 / self.nuisance.ratio_data_sd
+        return (
+            weight * np.log(rate / self.nuisance.ratio_data_rate),
+            (weight / rate)[:, None] * T[m + ratio_data],
+        )
+
+    def penalty(self, x: FloatArray) -> float:
+        """The prior's share of the misfit."""
+        residual, _ = self.prior(x)
+        return self.scale * float(residual @ residual) / 2
+
+    def system(self, x: FloatArray, normal: NormalEquations) -> tuple[FloatArray, FloatArray]:
+        """Gauss-Newton hessian and descent gradient by x."""
+        T, (residual, jacobian) = self.chain(x), self.prior(x)
+        hessian = T.T @ normal.hessian @ T + self.scale * jacobian.T @ jacobian
+        return hessian, T.T @ normal.gradient - self.scale * jacobian.T @ residual
+
+    def chain(self, x: FloatArray) -> FloatArray:
+        """(2m, x) ∂(λ, c)/∂x."""
+        a, shift, own = self.split(x)
+        base, omega, m = self.misfit.model.omega, self.omega(shift), self.misfit.model.omega.size
+        T = np.zeros((2 * m, x.size))
+        columns, modes = self.count + np.arange(shift.size), self.nuisance.modes
+        T[m:, : self.count] = self.basis(omega)
+        T[m + modes, columns] = (self.slope(omega[modes], modes) @ a) * base[modes]
+        T[m + self.own] = 0
+        T[modes, columns] = 2 * base[modes] * omega[modes]
+        T[m + self.own, self.count + shift.size + np.arange(own.size)] = np.exp(own)
+        return T
+
+    @cached_property
+    def largest_shift(self) -> FloatArray:
+        """(s,) largest shifts: what a rightly paired mode may be off, or more where the prior says
+        so.
+        """
+        believed = np.where(np.isfinite(self.nuisance.shift_sd), 3 * self.nuisance.shift_sd, 0.0)
+        return np.clip(believed, _LARGEST_SHIFT, _LARGEST_BELIEVED_SHIFT)
+
+    def within(self, x: FloatArray) -> FloatArray:
+        """X with its shifts held to what a rightly paired mode may be off, and its own rates to
+        what is finite.
+        """
+        held = x.copy()
+        shifts = slice(self.count, self.count + self.nuisance.modes.size)
+        held[shifts] = np.clip(held[shifts], -self.largest_shift, self.largest_shift)
+        own = slice(shifts.stop, None)
+        held[own] = np.clip(held[own], -_LARGEST_LOG_RATE, _LARGEST_LOG_RATE)
+        return held
+
+    def is_allowed(self, x: FloatArray) -> bool:
+        """Whether every mode that counts is damped, and every coefficient has a mode that it
+        damps.
+        """
+        a, shift, _ = self.split(x)
+        omega = self.misfit.model.omega
+        needed = (omega > 0) & (omega <= self.misfit.frfs.omega[-1])
+        needed[self.tied] = True
+        needed[self.nuisance.suspension_modes] = False
+        basis = self.basis(self.omega(shift)[needed], np.flatnonzero(needed))
+        # A shift past a border between two knots of a modal law would leave one of its coefficients
+        # without a mode.
+        return bool(np.all(basis @ a > 0) and np.all(basis.any(axis=0)))
 
 
 @dataclass(frozen=True)

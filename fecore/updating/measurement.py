@@ -1,32 +1,78 @@
-"""What was measured, made ready for updating: usable FRFs, what is held out of them, modes with
+"""What was measured and how it is to be used, made ready for updating.
+
+Recipes: how a measurement is to be used. Data only, so the same recipe can be run again years
+later.
+
+What was measured, made ready for updating: usable FRFs, what is held out of them, modes with
 shapes.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.constants import Body
+from fecore.body.constants import Body, Parameter
 from fecore.body.model import Model, observed_at
 from fecore.correlation import pair_modes
+from fecore.dynamics.laws import DEFAULT_LAWS
 from fecore.errors import IdentificationError, InputError
 from fecore.findings import Finding, make, remark, texts
 from fecore.frf import Dof, FrfSet
-from fecore.modal import Identification, identify, shapes_at_poles
+from fecore.modal import Identification, Options, identify, shapes_at_poles
 from fecore.modal.arrangement import split_sides
 from fecore.modal.findings import not_used
 from fecore.modal.screening import screen
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
-from fecore.updating.recipe import HoldOut, Recipe
+from fecore.updating.misfit import Weighting
+
+
+@dataclass(frozen=True)
+class HoldOut:
+    """What is kept from the fits and predicted afterwards."""
+
+    # grid points whose FRFs are held out; None holds out those of every eighth point and direction,
+    # () none
+    points: tuple[int, ...] | None = None
+    # lines that are held out, Hz; lines above the fitted band always are
+    band_hz: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """All choices of one update; the defaults suit a first look."""
+
+    # "two_stage", or "joint": constants and damping together from the FRFs, without modes
+    method: Literal["two_stage", "joint"] = "two_stage"
+    # elastic parameters with their priors; None for `default_parameters` of the body
+    parameters: tuple[Parameter, ...] | None = None
+    use_shapes: bool = False  # fit the mode shapes too, not the frequencies alone
+    # names of the damping laws to rank; the first is reported as parameters
+    damping_models: tuple[str, ...] = DEFAULT_LAWS
+    weighting: Weighting = "noise"  # residual of the damping update
+    # lines for the damping update; by default up to half-way past the highest measured mode
+    band_hz: tuple[float, float] | None = None
+    hold_out: HoldOut = field(default_factory=HoldOut)  # data kept for validation
+    posterior: Literal["laplace", "mcmc"] = "laplace"  # "laplace", or "mcmc" to sample it
+    seed: int = 0  # of everything random
+    # how modes are identified where none are handed in
+    identification: Options = field(default_factory=Options)
+    # temperature at which the constants are asked for, °C; None for that of the measurement
+    reference_temperature_c: float | None = None
+    include_doubtful: bool = True  # use the uncertain poles of the identification too
+
 
 # ratio of frequencies within which a typed mode and an identified one are the same
 _SAME_POLE = 1.05
+
 _STILL = 1e-9  # share of the mesh's deflections that a point on a support takes part in, round-off
+
 _HELD_OUT_OF = 8  # every eighth roving dof is held out unless the recipe says otherwise
+
 _FEWEST_TO_HOLD_OUT = 16  # FRFs of which some are held out
 
 REMARKS = {

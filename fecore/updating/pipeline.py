@@ -15,30 +15,28 @@ from fecore.errors import FecoreError, InputError, UpdatingError
 from fecore.findings import Finding, Level
 from fecore.frf import Dof, FrfSet
 from fecore.modes import MeasuredModes
-from fecore.updating.curves import check_temperatures
-from fecore.updating.damping_data import damping_data
-from fecore.updating.damping_stage import fit_damping, fit_reference
-from fecore.updating.discretisation import DISCRETISATION, Discretisation, meshed
+from fecore.updating.campaigns import check_temperatures
+from fecore.updating.damage import with_damage_intervals
+from fecore.updating.damping_data import damping_data, examine
+from fecore.updating.damping_stage import fit_damping, fit_reference, unstated_window
 from fecore.updating.elastic_findings import mesh_on_trust, points_beyond
 from fecore.updating.elastic_result import HOPELESS_MISS, ElasticResult
-from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
-from fecore.updating.findings import finding, passed_on
+from fecore.updating.elastic_starts import (
+    update_from_several_starts,
+    update_on_finest_mesh,
+    with_sparse_factors,
+)
 from fecore.updating.forward import ForwardModel
-from fecore.updating.inputs import Inputs
+from fecore.updating.inputs import Inputs, fixed_points, with_temperature
 from fecore.updating.joint import update_jointly
-from fecore.updating.laws import identifiable_laws, laws_of, rank_laws
+from fecore.updating.laws import identifiable_laws, laws_of, paired_ratios, rank_laws
 from fecore.updating.layout import Layout
-from fecore.updating.measured_ratios import paired_ratios
-from fecore.updating.measurement import Measurement, PreparedMeasurement, prepare
+from fecore.updating.measurement import Measurement, PreparedMeasurement, Recipe, prepare
+from fecore.updating.mesh import DISCRETISATION, Discretisation, meshed
 from fecore.updating.parameters import Parametrisation, parametrise
-from fecore.updating.plausibility import examine, unstated_window
-from fecore.updating.recipe import Recipe
-from fecore.updating.result import UpdateResult
+from fecore.updating.result import UpdateResult, finding, passed_on
 from fecore.updating.sampling import Checkpoint, sample_posterior
 from fecore.updating.summary import DampingOutcome, Summary
-from fecore.updating.systematic_effects import fixed_points
-from fecore.updating.temperature import with_temperature
-from fecore.updating.zones import with_damage_intervals, with_sparse_factors
 
 Progress = Callable[[str, float], None]
 """Called with the stage in words and the share of the whole job that is done; raise from it to

@@ -37,15 +37,14 @@ from fecore.errors import InputError, within
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, as_updated, lay_out, yielding
-from fecore.updating.discretisation import meshed
 from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
-from fecore.updating.inputs import Inputs
+from fecore.updating.inputs import Inputs, by_shear_correction
 from fecore.updating.layout import Coupon, Layout, Unknown
+from fecore.updating.mesh import meshed
 from fecore.updating.parameters import Parametrisation, by_name, parametrise
 from fecore.updating.posterior import DISCREPANCY, SCATTER, prior_of_scatter
-from fecore.updating.theory_error import by_shear_correction
 
 _FAINT = 1e4  # noise variance of ln f, over the discrepancy's, from which a mode counts as not seen
 _ROUNDS = 5  # of exchanges

@@ -1,25 +1,147 @@
-"""What an update returns: frozen, in SI, with both uncertainties of every estimate.
+"""What an update returns, and what a user must know of it.
+
+Sources of data that contradict each other, and what may be the cause: the values that
+`contradictions` gives.
+
+What an update returns: frozen, in SI, with both uncertainties of every estimate.
 
 These classes are the document of a result, too: their docstrings describe its members to readers of
 the OpenAPI document, and `__pydantic_config__` says so to pydantic, which the core does not import.
+
+Constants and their errors as sentences have them.
+
+What a user must know of a result: one table of all that can be found, the verdict that follows,
+and the warnings.
+
+`finding` makes a finding of a row of `FINDINGS` and of its numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
 
 from fecore.arrays import ComplexArray, Drawn, FloatArray, Numbers, Unbounded
 from fecore.body.mesh import Mesh
 from fecore.correlation import Agreement
-from fecore.findings import Finding
+from fecore.findings import Finding, Level, alike, likewise, make
 from fecore.frf import Dof
 from fecore.modal import Identification
 from fecore.normal import Z_95
+from fecore.quantities import WRITTEN, quantity_of
+from fecore.updating.known_findings import FINDINGS, PASSED_ON
+from fecore.updating.parameters import constant_of
+from fecore.updating.posterior import LinearProblem
 
 if TYPE_CHECKING:
-    from fecore.updating.effects import FrequencyEffects
+    from fecore.updating.forecasts import FrequencyEffects
+
+
+@dataclass(frozen=True)
+class SourceStatement:
+    """What a source says of one constant, and what the rest says of it: values with standard
+    deviations, SI.
+    """
+
+    constant: str
+    stated: float
+    stated_sd: float
+    rest: float
+    rest_sd: float
+
+
+@dataclass(frozen=True)
+class Check:
+    """A source beside all others."""
+
+    # `input`, `coupons`, `campaign`, `scatter` of the specimens, or what a body has: `mass`,
+    # `foot`, `support` that gives way or `stiffness` that is lost
+    kind: str
+    name: str  # of the source, as a sentence names it
+    p: float  # probability of a difference from the rest that is larger than the one found
+    # logarithm of how much likelier the data are where this source is off by a slip
+    evidence: float
+    # the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it
+    owner: str = ""
+    said: tuple[SourceStatement, ...] = ()  # of each constant that it says; nothing of a campaign
+    place: tuple[float, ...] = ()  # m, where a mass, a foot or a support likeliest is
+    # where stiffness is lost, in words: of what, and between which places
+    stretch: tuple[str, ...] = ()
+    level: float = 0.0  # probability at most that it is said to be lost where it is not
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """A source that contradicts the others."""
+
+    cause: Check  # the likeliest
+    # other explanations that the data do not rule out, the likeliest first
+    rivals: tuple[Check, ...]
+    # names of sources that contradict no more once the cause is allowed for
+    cleared: tuple[str, ...]
+    moved: float  # how far a constant then moves at most, in its stated standard deviations
+    # logarithm of how much likelier the cause is than the next explanation, ruled out or not; None
+    # where there is none
+    odds: float | None = None
+
+
+@dataclass(frozen=True)
+class CampaignAgreement:
+    """One campaign beside the others."""
+
+    # probability of frequencies further from the others' prediction than measured; None of a single
+    # campaign
+    predictive_p: float | None
+    # (q,) coordinates' deviations of the material's parameters by this campaign alone
+    own: FloatArray
+    own_sd: FloatArray  # (q,) their standard deviations
+    # (q,) of own against all together, in standard deviations of the difference; 0 where the
+    # campaign says nothing
+    z: FloatArray
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A source that says what k combinations (k, X) of the unknowns are: values, with standard
+    deviations.
+
+    The first unknown of each is that whose value it is about.
+    """
+
+    kind: str
+    name: str
+    owner: str
+    rows: FloatArray
+    values: FloatArray
+    sds: FloatArray
+
+    @property
+    def places(self) -> list[int]:
+        """(k,) unknowns that the values are about."""
+        return [int(place) for place in self.rows.argmax(axis=1)]
+
+
+def loosened_by(problem: LinearProblem, source: Statement, slip: float) -> LinearProblem:
+    """The problem where a source may be off by a slip."""
+    if source.kind == "input":
+        wider = np.where(source.rows[0], slip, 1.0)
+        return replace(
+            problem, prior=lambda scatter: problem.prior(scatter) / np.outer(wider, wider)
+        )
+    less, off = (1 - slip**-2) / source.sds**2, source.values - source.rows @ problem.x
+    return replace(
+        problem,
+        others={
+            **problem.others,
+            "coupons": problem.others["coupons"] - source.rows.T * less @ source.rows,
+        },
+        other_descent=problem.other_descent - source.rows.T @ (less * off),
+        other_cost=problem.other_cost - float(less @ off**2) / 2,
+    )
 
 
 DESCRIBED: dict[str, Any] = {
@@ -491,3 +613,128 @@ class UpdateResult(CommonResult):
     shapes: ModeShapes | None
     prediction: Prediction | None
     effects: FrequencyEffects
+
+
+def amount(name: str, value: float) -> str:
+    """A constant's value as a laboratory writes it, or another number; to three digits.
+
+    >>> amount("Ex", 33.05e9), amount("density", 2012), amount("", 0.16)
+    ('33.1 GPa', '2010 kg/m³', '0.16')
+    """
+    factor, unit = _written(name)
+    # without an exponent where there need be none
+    return f"{float(f'{factor * value:.3g}'):g}{unit}"
+
+
+def plus_minus(name: str, value: float, sd: float) -> str:
+    """A constant's value with its standard deviation, to the digits that this leaves.
+
+    >>> plus_minus("length", 0.2912, 0.0016), plus_minus("nu_xy", 0.3, 0.05)
+    ('291.2 ± 1.6 mm', '0.3 ± 0.05')
+    """
+    factor, unit = _written(name)
+    digits = 1 - int(np.floor(np.log10(factor * sd)))
+    rounded, error = round(factor * value, digits), round(factor * sd, digits)
+    return f"{rounded:.12g} ± {error:.12g}{unit}"
+
+
+def _written(name: str) -> tuple[float, str]:
+    quantity = quantity_of(name)
+    factor, unit = (
+        WRITTEN["1"] if quantity is None else WRITTEN.get(quantity.unit, (1.0, quantity.unit))
+    )
+    return factor, unit if unit in ("", "°") else f" {unit}"
+
+
+MOST_WARNINGS = 12
+"""That a result carries; what weighs less is counted in the last."""
+
+SENTENCES = {
+    "usable": "The result may be used: {numbers}.",
+    "with_care": "Use the result with care: {numbers}.",
+    "do_not_use": "Do not use the result: the model and the measurement do not belong together.",
+}
+
+_DECISIVE = 2  # reasons that a verdict names
+
+SKEWED = 1.25
+"""Ratio of the sides of an interval from which they are written as two: what the second digit of a
+± would show.
+"""
+
+finding = partial(make, FINDINGS)
+"""A finding of a row of the table, with its numbers; of a graver or a milder level where one is
+given.
+"""
+
+
+def passed_on(kind: str, notes: Iterable[Finding]) -> list[Finding]:
+    """Remarks on the data as a result says them, under one kind."""
+    return [note.passed_on(kind, PASSED_ON[kind]) for note in notes]
+
+
+def judge(findings: Sequence[Finding], parameters: Sequence[ParameterEstimate]) -> Verdict:
+    """The worst level of the findings, with the two that weigh most as its reasons."""
+    levels: tuple[Level, ...] = ("do_not_use", "with_care")
+    level: Literal["usable", "with_care", "do_not_use"] = "usable"
+    decisive: list[Finding] = []
+    for worst in levels:
+        decisive = sorted((f for f in findings if f.level == worst), key=lambda f: -f.weight)
+        if decisive:
+            level = worst
+            break
+    reasons = tuple(dict.fromkeys(f.text for f in decisive))[:_DECISIVE]
+    return Verdict(level, SENTENCES[level].format(numbers=_numbers(parameters)), reasons)
+
+
+def ordered(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """The gravest first."""
+    rank = {"do_not_use": 2, "with_care": 1, None: 0}
+    return tuple(sorted(findings, key=lambda f: (-rank[f.level], -f.weight)))
+
+
+def warnings(findings: Sequence[Finding]) -> tuple[str, ...]:
+    """A dozen warnings at most: the gravest first, those of one kind about several things folded
+    into one.
+    """
+    folded = [first.text + likewise(others) for first, *others in alike(ordered(findings))]
+    if len(folded) <= MOST_WARNINGS:
+        return tuple(folded)
+    left = len(folded) - MOST_WARNINGS + 1
+    return (*folded[: MOST_WARNINGS - 1], f"{left} less important warnings are not listed")
+
+
+def modes_of(unpaired: int, count: int) -> str:
+    """Some of the measured modes, as the subject of a sentence."""
+    return f"{unpaired} of {count} measured modes {'has' if unpaired == 1 else 'have'}"
+
+
+def _in_percent(known: ParameterEstimate) -> str:
+    """A standard deviation as a share of the estimate, or one to each side where the interval is
+    not about its middle.
+    """
+    above, below = known.deviations
+    if max(above, below) < SKEWED * min(above, below):
+        return f"{100 * known.standard_deviation / abs(known.estimate):.2g} %"
+    return (
+        " ".join(
+            f"{sign}{100 * each / abs(known.estimate):.2g}"
+            for sign, each in (("+", above), ("−", below))
+        )
+        + " %"
+    )
+
+
+def _numbers(parameters: Sequence[ParameterEstimate]) -> str:
+    """How well each parameter is known, and which the data do not determine; a tied one is
+    neither.
+    """
+    constants = [p for p in parameters if p.tied_to is None and constant_of(p.name) is None]
+    known = [p for p in constants if p.identifiable and p.estimate]
+    unknown = [p.name for p in constants if not p.identifiable]
+    if not known:
+        return "no parameter is identifiable"
+    words = ", ".join(f"{p.name} to {_in_percent(p)}" for p in known)
+    return f"{words} (one standard deviation)" + (
+        f"; not identifiable: {', '.join(unknown)}" if unknown else ""
+    )

@@ -1,14 +1,48 @@
-"""A model solved at one θ: its modes at the measured points, their FRFs, and exact derivatives by
+"""A model solved at one θ, and how far measured shapes may be off its own.
+
+A model solved at one θ: its modes at the measured points, their FRFs, and exact derivatives by
 the parameters.
 
 The system is a pair of matrices, over the dofs or over a reduced basis; either way a state offers
 the same, and all derivatives are exact ones of that system (`fecore.dynamics.sensitivity`).
+
+How far measured mode shapes may be from the model's: scatter at the points, and other modes that
+are mixed in.
+
+A measured shape ψ_k, scaled to a largest entry of 1, is
+
+    ψ_k = a φ_k + Σ_j≠k m_j a φ_j + e,    m_j ~ N(0, h²/((λ_j - λ_k)² + h²)),    h² = 2 s² λ_j λ_k,    e ~ N(0, v),
+
+with the model's shapes φ, eigenvalues λ, and s the discrepancy of a frequency: a stiffness that
+misses λ by 2 s λ on the diagonal has entries of half that variance off it (Mehta, Random Matrices,
+3rd ed., 2), which turn the shapes into one another, two close ones without resistance. The variance
+v of the scatter is estimated for each mode, with a scaled inverse χ² of two degrees of freedom
+about 1 % as its prior, so that a shape which the model does not have says less.
+
+How far two close modes may be mixed, and what that does to their shares of strain energy.
+
+Where two modes veer, what the model misses by a per mille turns their shapes into each other. With
+a perturbation δ of K - λM and h = φ_jᵀδφ_k the modes of the body are the model's, turned by the
+angle α of
+
+    sin 2α = 2h/(λ_k - λ_j),     h ~ N(0, σ_h²),     |α| < 45°, beyond which they would be paired the other way,
+
+with the measured eigenvalues, and they share their energies U_jk = φ_jᵀK_mφ_k/√(λ_jλ_k) in every
+mechanism m:
+
+    U_j' = U_jj cos² α + U_kk sin² α + U_jk sin 2α,     U_k' = U_jj sin² α + U_kk cos² α - U_jk sin 2α.
+
+σ_h has two parts: what the constants' posterior leaves open, gᵀCg with g = φ_jᵀ(∂K - λ∂M)φ_k, and
+the model's discrepancy s of a frequency, √2 s λ: the entries off the diagonal of a symmetric random
+matrix have half the variance of those on it (Mehta, Random Matrices, 3rd ed., 2). Measured shapes ψ
+say more: their mean square off the turned ones is that of a model's shape, 1 % of the largest
+entry, and counts once a mode, as its errors at the points are not independent.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,12 +52,9 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.body.kinds import energy_shares, largest, motion_shares
 from fecore.body.mechanisms import mechanism_weights
+from fecore.correlation import Pairing
 from fecore.dynamics.eigen import NormalModes
-from fecore.dynamics.sensitivity import (
-    eigenvalue_derivatives,
-    mode_forms,
-    mode_shape_derivatives,
-)
+from fecore.dynamics.sensitivity import eigenvalue_derivatives, mode_forms, mode_shape_derivatives
 from fecore.dynamics.synthesis import (
     RESIDUAL_TERMS,
     Matrix,
@@ -32,12 +63,17 @@ from fecore.dynamics.synthesis import (
     residual_series,
 )
 from fecore.frf import Dof
+from fecore.modal import turn_real
+from fecore.modes import MeasuredModes
 from fecore.updating.parameters import Coefficients
+from fecore.updating.posterior import DISCREPANCY_DOF, SHAPE_DISCREPANCY
 
 if TYPE_CHECKING:
     from fecore.updating.forward import ForwardModel
 
+
 _UNSEEN = 0.05  # of the square of the motion at the measured points
+
 # relative, of differences of the parts of the section's coefficients, which are nearly linear
 _SHARE_STEP = 1e-5
 
@@ -380,3 +416,184 @@ class PointPairs:
         series = residual_series(modes, mass, load, RESIDUAL_TERMS)
         seen = np.array([(observation @ each)[self.response, column] for each in series]).T
         return np.asarray(seen * self.sign[:, None])
+
+
+_REACH = np.log([0.01, 100.0])  # of the scatter about its prior scale
+
+_SAME = 0.01  # relative change of a scatter that changes nothing
+
+
+@dataclass(frozen=True)
+class ShapeErrors:
+    """Of the measured modes of one campaign that have a partner, by their rows."""
+
+    # √v, as a share of the shape's largest entry
+    scatter: Mapping[int, float] = field(default_factory=dict)
+    # (p, p) W with WᵀW the inverse of the covariance of the errors at the points
+    whitening: Mapping[int, FloatArray] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, modes: MeasuredModes, state: ForwardState, pairing: Pairing, discrepancy: float
+    ) -> ShapeErrors:
+        """The errors at a solved model.
+
+        Args:
+            modes: the measured modes, with shapes at the first of the model's points.
+            state: the solved model.
+            pairing: measured modes with the model's.
+            discrepancy: s, relative standard deviation of a frequency of the model.
+        """
+        scatter, whitening = dict[int, float](), dict[int, FloatArray]()
+        value, shapes = (2 * np.pi * state.frequency_hz) ** 2, state.shapes[:, : len(modes.dofs)]
+        for row, column in pairing.pairs:
+            measured, model = real_shape(modes, row), shapes[column]
+            size = float(measured @ model / (model @ model))
+            coupling = 2 * discrepancy**2 * value * value[column]
+            share = coupling / ((value - value[column]) ** 2 + coupling)
+            share[column] = 0.0
+            axes, singular, _ = np.linalg.svd(
+                (size * np.sqrt(share)[:, None] * shapes).T, full_matrices=False
+            )
+            scatter[row] = _scatter(measured - size * model, axes, singular**2)
+            relief = 1 - scatter[row] / np.hypot(scatter[row], singular)
+            whitening[row] = (np.eye(len(model)) - (axes * relief) @ axes.T) / scatter[row]
+        return cls(scatter, whitening)
+
+    def are_those_of(self, other: ShapeErrors) -> bool:
+        """Whether they differ by no more than what changes nothing."""
+        pairs = [(self.scatter[row], other.scatter.get(row, np.inf)) for row in self.scatter]
+        return len(self.scatter) == len(other.scatter) and all(
+            abs(a - b) <= _SAME * a for a, b in pairs
+        )
+
+    def residual(
+        self, modes: MeasuredModes, state: ForwardState, pairing: Pairing, root_weight: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Measured less model shapes, each at its best scale, in standard deviations, and -∂/∂θ of
+        them.
+
+        Args:
+            modes: the measured modes.
+            state: the solved model.
+            pairing: measured modes with the model's.
+            root_weight: (n,) root of the weight of each pair.
+
+        Returns:
+            (n p,) and (n p, parameters).
+        """
+        residuals, jacobians, points = [], [], len(modes.dofs)
+        for (row, column), root in zip(pairing.pairs, root_weight, strict=True):
+            whitening = self.whitening.get(row, np.eye(points) / SHAPE_DISCREPANCY)
+            measured = whitening @ real_shape(modes, row)
+            model = whitening @ state.shapes[column, :points]
+            by = state.shape_jacobian[:, state.modes.rigid + column, :points] @ whitening.T
+            scale = measured @ model / (model @ model)
+            # the best scale takes what lies along
+            across = by - np.outer(by @ model, model) / (model @ model)
+            residuals.append(root * (measured - scale * model))
+            jacobians.append(root * scale * across.T)
+        return np.concatenate(residuals), np.vstack(jacobians)
+
+
+def real_shape(modes: MeasuredModes, row: int) -> FloatArray:
+    """(p,) a measured shape turned to be as real as it can be, its largest entry ±1."""
+    assert modes.shapes is not None, "it was looked for"
+    shape = turn_real(modes.shapes[row]).real
+    return np.asarray(shape / np.abs(shape).max())
+
+
+def _scatter(off: FloatArray, axes: FloatArray, variance: FloatArray) -> float:
+    """√v, most probable for (p,) differences of shapes that also scatter by (q,) variances along
+    (p, q) axes.
+    """
+    along = (axes.T @ off) ** 2
+    across, rest = max(float(off @ off - along.sum()), 0.0), len(off) - 1 - len(along)
+    prior = DISCREPANCY_DOF * SHAPE_DISCREPANCY**2
+
+    def cost(log_scatter: float) -> float:
+        v = SHAPE_DISCREPANCY**2 * np.exp(2 * log_scatter)
+        known = np.sum(np.log(v + variance) + along / (v + variance))
+        return float(known + (max(rest, 0) + DISCREPANCY_DOF) * np.log(v) + (across + prior) / v)
+
+    return float(
+        SHAPE_DISCREPANCY
+        * np.exp(scipy.optimize.minimize_scalar(cost, bounds=_REACH, method="bounded").x)
+    )
+
+
+_SINES = np.linspace(-1, 1, 41)  # of 2α
+
+
+@dataclass(frozen=True)
+class Mixing:
+    """Two modes that may be mixed."""
+
+    rows: tuple[int, ...]  # of the measured modes, one or both
+    change: FloatArray  # (a, rows, q) changes of their shares of strain energy, by angle
+    cost: FloatArray  # (a,) of each angle: -2 ln p, 0 of the model's own shapes
+
+
+def mixings(
+    state: ForwardState,
+    columns: Sequence[int],
+    hz: FloatArray,
+    shapes: FloatArray | None,
+    discrepancy: float,
+    covariance: FloatArray,
+) -> tuple[Mixing, ...]:
+    """The pairs of modes that may be mixed by more than the angles' grid resolves.
+
+    Args:
+        state: the updated model.
+        columns: (n,) elastic modes that were measured.
+        hz: (n,) their measured frequencies, Hz.
+        shapes: (n, points) their realised measured shapes, at the first of the model's points.
+        discrepancy: relative standard deviation of a frequency of the model.
+        covariance: (p, p) posterior covariance of θ.
+    """
+    rigid, c = state.modes.rigid, state.coefficients
+    value = (2 * np.pi * state.frequency_hz) ** 2
+    measured = value.copy()
+    measured[list(columns)] = (2 * np.pi * hz) ** 2
+    stiffness = mode_forms(state.modes, state.stiffness, c.stiffness_by)
+    mass = mode_forms(state.modes, state.mass, c.mass_by)
+    mean = (measured[:, None] + measured) / 2
+    by = stiffness[:, rigid:, rigid:] - mean * mass[:, rigid:, rigid:]
+    sd = np.sqrt(np.einsum("pjk,pq,qjk->jk", by, covariance, by) + 2 * (discrepancy * mean) ** 2)
+    with np.errstate(divide="ignore"):
+        spread = 2 * sd / np.abs(measured[:, None] - measured)
+    energy = state.energy_forms[:, rigid:, rigid:] / np.sqrt(value[:, None] * value)
+    pairs = []
+    for number, j in enumerate(columns):
+        for k in range(value.size):
+            if spread[j, k] > _SINES[1] - _SINES[0] and (k > j or (k < j and k not in columns)):
+                rows = (number, columns.index(k)) if k in columns else (number,)
+                cost = (_SINES / spread[j, k]) ** 2
+                if shapes is not None:
+                    cost = cost + _off(state.shapes[[j, k], : shapes.shape[1]], shapes[list(rows)])
+                pairs.append(Mixing(rows, _change(energy, j, k)[:, : len(rows)], cost - cost.min()))
+    return tuple(pairs)
+
+
+def _change(energy: FloatArray, j: int, k: int) -> FloatArray:
+    """(a, 2, q) changes of the shares of two modes, by angle."""
+    sine = _SINES[:, None]
+    moved = (1 - np.sqrt(1 - sine**2)) / 2 * (energy[:, k, k] - energy[:, j, j]) + sine * energy[
+        :, j, k
+    ]
+    return np.stack([moved, -moved], axis=1)
+
+
+def _off(pair: FloatArray, measured: FloatArray) -> FloatArray:
+    """(a,) -2 ln p of one or both of (2, points) shapes, as they were measured, by the angle that
+    turns them.
+    """
+    cosine, sine = np.cos(np.arcsin(_SINES) / 2), np.sin(np.arcsin(_SINES) / 2)
+    turned = np.array([[cosine, sine], [-sine, cosine]]).transpose(2, 0, 1) @ pair
+    turned = turned[:, : len(measured)]
+    unit = measured / np.abs(measured).max(axis=1, keepdims=True)
+    along = np.sum(turned * unit, axis=2) ** 2 / np.sum(turned**2, axis=2)
+    return np.asarray(
+        np.sum(np.sum(unit**2, axis=1) - along, axis=1) / measured.shape[1] / SHAPE_DISCREPANCY**2
+    )

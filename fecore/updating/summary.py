@@ -20,9 +20,8 @@ from fecore.dynamics.damping_laws import (
 )
 from fecore.findings import Finding
 from fecore.modes import MeasuredModes
-from fecore.updating.curves import curve_of
+from fecore.updating.campaigns import curve_of
 from fecore.updating.damping_stage import DampingResult
-from fecore.updating.effects import frequency_effects
 from fecore.updating.elastic_findings import elastic_findings, undetermined
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.estimates import (
@@ -32,13 +31,12 @@ from fecore.updating.estimates import (
     disagreements,
     ratio_estimates,
 )
-from fecore.updating.findings import finding, judge, ordered, warnings
+from fecore.updating.forecasts import frequency_effects
 from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import LawRanking, RankedLaw
-from fecore.updating.measurement import PreparedMeasurement
-from fecore.updating.parameters import by_name
-from fecore.updating.recipe import Recipe
+from fecore.updating.measurement import PreparedMeasurement, Recipe
+from fecore.updating.parameters import by_name, damping_per_k
 from fecore.updating.result import (
     Correlation,
     DampingModelFit,
@@ -57,10 +55,12 @@ from fecore.updating.result import (
     StageOutcome,
     UnseenDirections,
     UpdateResult,
+    finding,
+    judge,
+    ordered,
+    warnings,
 )
-from fecore.updating.sampling import Posterior
-from fecore.updating.temperature import damping_per_k
-from fecore.updating.validation import Predictor, agreement
+from fecore.updating.sampling import Posterior, Predictor, agreement
 
 _CURVE_POINTS, _BEYOND_MODES = 80, 1.5  # of a law's curve: how many, and how far beyond the modes
 _FEWEST_LINES = 10  # of a held-out band that is worth comparing

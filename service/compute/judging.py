@@ -47,7 +47,7 @@ class Observation:
 @dataclass(frozen=True)
 class ModeEffects:
     """What would move the frequencies of one campaign's m modes
-    (`fecore.updating.effects.FrequencyEffects`).
+    (`fecore.updating.forecasts.FrequencyEffects`).
     """
 
     campaign: str  # its id

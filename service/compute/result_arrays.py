@@ -11,7 +11,7 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.body.mesh import Mesh
 from fecore.correlation import CRITERIA
-from fecore.updating.effects import FrequencyEffects
+from fecore.updating.forecasts import FrequencyEffects
 from fecore.updating.result import ModeShapes, Prediction, UpdateResult
 
 MOST_SAMPLES = 2000

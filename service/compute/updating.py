@@ -15,13 +15,11 @@ from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.signal import Processed
 from fecore.updating.campaigns import Campaign, CampaignsRecipe, CampaignsResult, update_campaigns
-from fecore.updating.inputs import Inputs
+from fecore.updating.inputs import Inputs, fixed_points
 from fecore.updating.layout import Coupon
-from fecore.updating.measurement import Measurement, prepare
+from fecore.updating.measurement import Measurement, Recipe, prepare
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
-from fecore.updating.systematic_effects import fixed_points
 from service.compute.frame import Frame
 from service.compute.identifying import describe_identification
 from service.compute.processing import ProcessingInputs, ProcessingOutput, process_whole

@@ -15,8 +15,7 @@ from sqlalchemy.orm import Session, undefer
 
 from fecore import __version__
 from fecore.quantities import quantity_of
-from fecore.updating.parameters import parametrise
-from fecore.updating.temperature import usual_per_k
+from fecore.updating.parameters import parametrise, usual_per_k
 from service.access import User, projects_of
 from service.db.base import transaction_time
 from service.errors import Conflict, Invalid, NotFound

@@ -27,8 +27,7 @@ from fecore import __version__
 from fecore.dynamics.damping_laws import CaugheySeries
 from fecore.errors import FecoreError
 from fecore.quantities import quantity_of
-from fecore.updating.parameters import parametrise
-from fecore.updating.temperature import constant_of
+from fecore.updating.parameters import constant_of, parametrise
 from service.access import Lookup, User
 from service.compute.judging import ModeEffects
 from service.errors import ServiceError

@@ -31,14 +31,14 @@ from fecore.dynamics.dense import largest_eigenpairs
 from fecore.dynamics.eigen import normal_modes
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import Campaign, CampaignsRecipe, update_campaigns
-from fecore.updating.discretisation import discretise
 from fecore.updating.forecasts import ForecastOrder, forecast
 from fecore.updating.laws import laws_of
 from fecore.updating.layout import Coupon
+from fecore.updating.measurement import HoldOut, Recipe
+from fecore.updating.mesh import discretise
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.plans import PlannedTest, plan_tests
-from fecore.updating.recipe import HoldOut, Recipe
 from tests.corpus.updates import BEAM, identified, measured
 from tests.support.plates import PAPER, matrices, paper_section, plate
 from tests.support.shells import grid

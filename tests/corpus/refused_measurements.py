@@ -32,10 +32,9 @@ from fecore.trend.change import ChangePoint, rate_since_onset
 from fecore.trend.series import Series
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.measurement import Measurement, prepare
+from fecore.updating.measurement import Measurement, Recipe, prepare
 from fecore.updating.parameters import parametrise
 from fecore.updating.plans import plan_tests
-from fecore.updating.recipe import Recipe
 from tests.support.beams import PAPER_HZ, PAPER_ZETA, paper_frfs
 from tests.support.fits import update_elastic
 from tests.support.plates import PAPER

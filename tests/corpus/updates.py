@@ -19,10 +19,9 @@ from fecore.modal import set_with_gaps
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.measurement import Measurement, prepare
+from fecore.updating.measurement import HoldOut, Measurement, Recipe, prepare
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import HoldOut, Recipe
 from fecore.updating.result import UpdateResult
 from tests.corpus.outcomes import Case, Updated, deviations, estimates
 from tests.support import draws

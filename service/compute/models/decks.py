@@ -9,7 +9,7 @@ from fecore.arrays import FloatArray
 from fecore.body.structure import SIZES, Structure
 from fecore.dynamics.bodies import body_modes
 from fecore.quantities import kind_of
-from fecore.updating.mesh_error import on_finer_mesh
+from fecore.updating.mesh import on_finer_mesh
 from modalbase.formats.models.model import BeamSection, FiniteElementModel
 from modalbase.formats.models.units import UnitSystem, in_si, unit_of, units_of
 from modalbase.formats.models.write import write_deck

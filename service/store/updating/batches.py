@@ -9,8 +9,7 @@ from sqlalchemy.orm import Session
 
 from fecore.body.constants import Body
 from fecore.errors import FecoreError, InputError
-from fecore.updating.campaigns import check_material
-from fecore.updating.curves import check_temperatures
+from fecore.updating.campaigns import check_material, check_temperatures
 from fecore.updating.parameters import parametrise
 from service.access import User
 from service.errors import Fault, Invalid, NotFound, ServiceError, pointer

@@ -11,7 +11,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
-from fecore.updating.curves import check_temperatures
+from fecore.updating.campaigns import check_temperatures
 from service.access import Lookup, User
 from service.access.metadata_schema import require_metadata
 from service.compute.updating import UpdateOutput, compute_update

@@ -18,7 +18,7 @@ from fecore.body.supports import Edge, Spring
 from fecore.dynamics.laws import DEFAULT_LAWS, LAWS
 from fecore.errors import within
 from fecore.quantities import Quantity, quantity_of
-from fecore.updating import recipe as core
+from fecore.updating import measurement as core
 from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
 from service.jobs.resource import JobOut

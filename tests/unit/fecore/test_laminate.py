@@ -17,9 +17,8 @@ from fecore.body.specimen import LayeredSpecimen
 from fecore.body.supports import edges
 from fecore.errors import InputError
 from fecore.updating.inputs import Inputs
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from tests.support.bodies import hz
 from tests.support.plates import PAPER, coefficients, integrated
 

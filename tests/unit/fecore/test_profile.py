@@ -17,9 +17,8 @@ from fecore.body.supports import PointMass, Spring
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.inputs import Inputs
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 from tests.support.bodies import modes, pencil
 

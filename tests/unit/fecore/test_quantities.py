@@ -5,8 +5,8 @@ import pytest
 from fecore.body.laminate import Ply
 from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
 from fecore.quantities import CONSTANTS, QUANTITIES, SHOWN, WRITTEN, quantity_of
-from fecore.updating.amounts import amount
 from fecore.updating.inputs import Inputs, tolerance_of
+from fecore.updating.result import amount
 from tests.support.cantilever import COUPONS
 
 SIZE = (0.5, 0.04, 0.01)

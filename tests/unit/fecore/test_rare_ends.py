@@ -17,11 +17,10 @@ from fecore.dynamics.laws import LAWS, Damped
 from fecore.errors import UpdatingError
 from fecore.findings import Finding as Remark
 from fecore.signal import delay, pulse, shares
-from fecore.updating import campaigns, damping_data, plausibility
-from fecore.updating.findings import MOST_WARNINGS, warnings
-from fecore.updating.inputs import Inputs
-from fecore.updating.measured_ratios import nearest_positive
-from fecore.updating.systematic_effects import systematic_effects
+from fecore.updating import campaigns, damping_data, damping_stage
+from fecore.updating.inputs import Inputs, systematic_effects
+from fecore.updating.laws import nearest_positive
+from fecore.updating.result import MOST_WARNINGS, warnings
 from tests.support.fits import at_prior, forward_model
 
 
@@ -107,7 +106,7 @@ def test_a_window_that_would_change_nothing_is_not_asked_about() -> None:
     damping: Any = SimpleNamespace(
         fit=SimpleNamespace(coefficients=np.array([1.0, 1e-6]), law=law), window=np.zeros(2)
     )
-    assert plausibility.unstated_window(damping, Inputs(), 1.0) == []
+    assert damping_stage.unstated_window(damping, Inputs(), 1.0) == []
 
 
 FIBRE = OrthotropicMaterial(

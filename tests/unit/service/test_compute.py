@@ -24,8 +24,8 @@ from fecore.frf import Dof
 from fecore.signal import Averages, Processing, Windows
 from fecore.updating.campaigns import CampaignsRecipe
 from fecore.updating.forward import ForwardModel
+from fecore.updating.measurement import Recipe
 from fecore.updating.parameters import parametrise
-from fecore.updating.recipe import Recipe
 from modalbase.formats.uff import DatasetReport, Function, GridPoint
 from service.compute import reading
 from service.compute.hits import BlockRow

@@ -10,8 +10,8 @@ import pytest
 
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from fecore.updating.findings import finding, warnings
 from fecore.updating.known_findings import FINDINGS
+from fecore.updating.result import finding, warnings
 from service.show.figures.modes import chains, joined, joined_as
 from service.show.measured import _by_axis
 from service.show.pages.comparing import _told_apart, leaves

@@ -15,7 +15,7 @@ from fecore.modal.leakage import leakage
 from fecore.modal.lscf import linear_poles
 from fecore.modal.noise import line_scatter
 from fecore.modal.refinement import evaluate, moved
-from fecore.updating.residual_noise import residual_variance
+from fecore.updating.misfit import residual_variance
 from tests.support.beams import ABOVE_HZ, ABOVE_ZETA, PAPER_HZ, PAPER_ZETA, paper_frfs
 
 

@@ -22,12 +22,11 @@ from fecore.trend.explanations import (
     explanations,
     in_words,
 )
-from fecore.updating.effects import FrequencyEffects
+from fecore.updating.forecasts import FrequencyEffects
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from tests.support.strips import NOMINAL, STRIP, TRUTH
 
 MODES, BASELINE, AFTER = 8, 12, 3

@@ -6,8 +6,7 @@ import pytest
 
 from fecore.body.specimen import Specimen
 from fecore.updating.forward import ForwardModel
-from fecore.updating.measurement import Measurement, prepare
-from fecore.updating.recipe import Recipe
+from fecore.updating.measurement import Measurement, Recipe, prepare
 from tests.support.cantilever import COUPONS, PARAMETERS, TABLE_4, grid
 from tests.support.draws import Drawn, beam
 from tests.support.fits import COARSE, forward_model

@@ -13,15 +13,13 @@ import pytest
 from fecore.body.constants import Parameter
 from fecore.body.supports import PointMass
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out
-from fecore.updating.conflicts import Conflict
 from fecore.updating.contradictions import SLIPS, _Sources, compare_sources
 from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.layout import Coupon
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import SCATTER
-from fecore.updating.recipe import Recipe
-from fecore.updating.result import Finding
+from fecore.updating.result import Conflict, Finding
 from tests.support.strips import TRUTH, measured
 
 LONG, SHORT = (0.30, 0.03, 0.005), (0.25, 0.03, 0.005)

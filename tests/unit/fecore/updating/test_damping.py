@@ -7,10 +7,9 @@ from fecore.body.specimen import Specimen
 from fecore.dynamics.damping_laws import RAYLEIGH, damping_rate
 from fecore.errors import InputError, UpdatingError
 from fecore.frf import FrfSet
-from fecore.updating import law_problem
+from fecore.updating import law_fit
 from fecore.updating.forward import ForwardState
-from fecore.updating.law_fit import fit_law
-from fecore.updating.law_problem import LawProblem, Nuisance
+from fecore.updating.law_fit import LawProblem, Nuisance, fit_law
 from fecore.updating.misfit import FrfMisfit, Weighting
 from tests.support.cantilever import grid, hammer_tour
 from tests.support.fits import at_prior, forward_model
@@ -253,7 +252,7 @@ def test_noise_grows_with_what_a_value_is_worth(state: ForwardState, weighting: 
 def test_a_fit_that_is_cut_off_carries_its_best(
     state: ForwardState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(law_problem, "_STEPS", 1)
+    monkeypatch.setattr(law_fit, "_STEPS", 1)
     with pytest.raises(UpdatingError, match="the rayleigh fit did not converge") as error:
         fit_law(
             misfit(state, measured(state, 0.05), "noise"), RAYLEIGH, np.array([400.0, 2e-4]), FREE

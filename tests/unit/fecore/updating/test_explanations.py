@@ -12,15 +12,14 @@ from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass, Spring, edges
 from fecore.frf import along_z
 from fecore.updating import suspects
-from fecore.updating.additions import Addition, AlteredForward
+from fecore.updating.additions import Addition, AlteredForward, effect_of
 from fecore.updating.contradictions import compare_sources
 from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
 from fecore.updating.parameters import parametrise
-from fecore.updating.screening import effect_of
-from fecore.updating.support_compliance import SupportEffect
+from fecore.updating.suspects import SupportEffect
 from tests.support import soft_supports
 
 MATERIAL = OrthotropicMaterial(

@@ -15,15 +15,13 @@ from fecore.body.supports import Spring, edges
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from fecore.updating.discretisation import DISCRETISATION, discretise
+from fecore.updating.damping_stage import looks_windowed
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.inputs import Inputs
-from fecore.updating.measurement import Measurement, prepare
+from fecore.updating.inputs import Inputs, SystematicEffect, systematic_effects
+from fecore.updating.measurement import Measurement, Recipe, prepare
+from fecore.updating.mesh import DISCRETISATION, discretise
 from fecore.updating.pipeline import update
-from fecore.updating.plausibility import looks_windowed
-from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
-from fecore.updating.systematic_effects import SystematicEffect, systematic_effects
 from tests.support.cantilever import MEASURED_HZ, PARAMETERS
 from tests.support.draws import Drawn
 from tests.support.fits import COARSE, at_prior, forward_model, update_elastic

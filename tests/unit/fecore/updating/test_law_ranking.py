@@ -9,8 +9,7 @@ import pytest
 
 from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries
 from fecore.dynamics.mechanism_laws import MechanismDamping
-from fecore.updating.laws import LawRanking, RankedLaw, rank_laws
-from fecore.updating.measured_ratios import MeasuredRatios
+from fecore.updating.laws import LawRanking, MeasuredRatios, RankedLaw, rank_laws
 
 OMEGA = 2 * np.pi * np.array([25.0, 160.0, 400.0, 445.0, 866.0])
 RATIO = (30 / OMEGA + 1e-5 * OMEGA) / 2 * np.array([1.01, 0.98, 1.3, 1.0, 1.0])

@@ -20,14 +20,11 @@ from fecore.errors import InputError
 from fecore.frf import FrfSet
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import Inputs
-from fecore.updating.law_fit import DampingFit, fit_law
-from fecore.updating.law_problem import Nuisance
-from fecore.updating.laws import LawRanking, laws_of, rank_laws
-from fecore.updating.measured_ratios import MeasuredRatios
-from fecore.updating.measurement import Measurement, prepare
+from fecore.updating.law_fit import DampingFit, Nuisance, fit_law
+from fecore.updating.laws import LawRanking, MeasuredRatios, laws_of, rank_laws
+from fecore.updating.measurement import Measurement, Recipe, prepare
 from fecore.updating.misfit import FrfMisfit
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from tests.support.cantilever import grid, hammer_tour
 from tests.support.fits import COARSE, at_prior, forward_model
 

@@ -7,14 +7,13 @@ import pytest
 
 from fecore.body.structure import Structure
 from fecore.frf import Dof
-from fecore.updating import mesh_error
+from fecore.updating import mesh
 from fecore.updating.forecasts import ForecastOrder, forecast
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from tests.support.panels import TRUTH, deck, measured
 from tests.support.stored_solids import frequencies
 
@@ -109,7 +108,7 @@ def test_a_forecast_shows_both_meshes() -> None:
 
 
 def test_a_mesh_beyond_the_limit_is_taken_on_trust(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mesh_error, "MOST_DOFS", 100)
+    monkeypatch.setattr(mesh, "MOST_DOFS", 100)
     modes, points = measured("tapered")
     body = deck("tapered", 12, 8, "quad8")
     found = update(

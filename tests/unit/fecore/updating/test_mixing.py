@@ -17,12 +17,11 @@ from fecore.dynamics.laws import laws_for
 from fecore.frf import Dof, FrfSet, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.measurement import Measurement
-from fecore.updating.mixing import mixings
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
+from fecore.updating.state import mixings
 
 GLASS = OrthotropicMaterial(38e9, 9e9, 4.2e9, 4.0e9, 3.5e9, 0.28, 1900.0)
 BODY = OrientedSpecimen(0.565, 0.05, 0.01, GLASS, divisions=(30, 4))

@@ -9,12 +9,16 @@ import pytest
 import scipy
 
 from fecore.modes import MeasuredModes
-from fecore.updating.measurement import Measurement
-from fecore.updating.mode_inclusion import over_sets, spurious_mode_penalty, weights_of
-from fecore.updating.pairing import unpaired_cost
+from fecore.updating.forward import unpaired_cost
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
-from fecore.updating.posterior import LinearProblem, Mixture
-from fecore.updating.recipe import Recipe
+from fecore.updating.posterior import (
+    LinearProblem,
+    Mixture,
+    over_sets,
+    spurious_mode_penalty,
+    weights_of,
+)
 from fecore.updating.result import UpdateResult
 from tests.support.draws import Drawn
 from tests.support.fits import COARSE

@@ -12,10 +12,9 @@ from fecore.body.specimen import Specimen
 from fecore.frf import Dof, FrfSet, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 from tests.support.strips import NOMINAL
 

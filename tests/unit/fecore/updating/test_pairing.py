@@ -16,17 +16,17 @@ from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from fecore.updating import pairing
-from fecore.updating.forward import ForwardState
-from fecore.updating.inputs import Inputs
-from fecore.updating.measurement import Measurement
-from fecore.updating.pairing import (
+from fecore.updating import forward
+from fecore.updating.forward import (
+    ForwardState,
     detection_cost,
     pair_best_match,
     pair_in_order,
     pair_with,
     probability_seen,
 )
+from fecore.updating.inputs import Inputs
+from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
 from tests.support import draws
 from tests.support.fits import at_prior, forward_model
@@ -68,14 +68,14 @@ def cost(
     columns = [j for _, j in pairs]
     missed = [j for j in range(max(columns, default=-1)) if j not in columns]
     fixed = (
-        pairing._UNPAIRED * (measured.size - len(pairs))
+        forward._UNPAIRED * (measured.size - len(pairs))
         - np.log(1 - seen[missed]).sum()
         - np.log(seen[columns]).sum()
     )
     off = np.array([np.log(measured[i] / model[j]) for i, j in pairs])
-    factors = pairing._FACTORS[:, None]
-    scatter = ((off - factors) ** 2).sum(axis=1) / pairing._SCATTER**2 / 2
-    return float(fixed + (scatter + (factors[:, 0] / pairing._FACTOR_SD) ** 2 / 2).min())
+    factors = forward._FACTORS[:, None]
+    scatter = ((off - factors) ** 2).sum(axis=1) / forward._SCATTER**2 / 2
+    return float(fixed + (scatter + (factors[:, 0] / forward._FACTOR_SD) ** 2 / 2).min())
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,8 @@ from fecore.frf import Dof
 from fecore.modal import set_with_gaps
 from fecore.updating.damping_data import DampingData
 from fecore.updating.damping_stage import ReferenceFit, fit_reference
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import DEFAULT_LAWS, HoldOut, Measurement, Recipe
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import DEFAULT_LAWS, HoldOut, Recipe
 from fecore.updating.result import UpdateResult
 from fecore.updating.sampling import run_chain
 from tests.support.draws import BEAM, Drawn, beam

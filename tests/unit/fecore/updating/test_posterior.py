@@ -7,13 +7,8 @@ import pytest
 import scipy
 
 from fecore.findings import Finding
-from fecore.updating.findings import finding, warnings
 from fecore.updating.known_findings import FINDINGS
-from fecore.updating.measured_ratios import (
-    ScaleMixture,
-    disagreement,
-    scale_of_deviations,
-)
+from fecore.updating.laws import ScaleMixture, disagreement, scale_of_deviations
 from fecore.updating.posterior import (
     LinearProblem,
     Mixture,
@@ -22,6 +17,7 @@ from fecore.updating.posterior import (
     root,
     spread_over,
 )
+from fecore.updating.result import finding, warnings
 
 RANDOM = np.random.default_rng(5)
 SQUARE = RANDOM.standard_normal((4, 4))

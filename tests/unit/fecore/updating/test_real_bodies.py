@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from fecore.modes import MeasuredModes
-from fecore.updating.measurement import Measurement
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from tests.support.draws import LAW, NOMINAL, STATED, Truth, measured
 from tests.support.fits import at_prior, forward_model
 

@@ -23,11 +23,10 @@ from fecore.updating.elastic_starts import (
     update_from_several_starts,
 )
 from fecore.updating.estimates import OTHER_PARTNERS, constant_estimates
-from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.forward import ForwardModel, ForwardState, exchanged, pair_fixed, partners_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
 from fecore.updating.measurement import Measurement
-from fecore.updating.pairing import exchanged, pair_fixed, partners_of
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF
 from fecore.updating.result import ParameterEstimate, UpdateResult

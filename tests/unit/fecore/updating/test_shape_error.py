@@ -12,10 +12,10 @@ import pytest
 from fecore.correlation import Pairing
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
+from fecore.updating.measurement import Recipe
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
-from fecore.updating.shape_error import ShapeErrors
+from fecore.updating.state import ShapeErrors
 from tests.support.frames import bridge, measured
 
 TRUTH = {"chords": 1.12, "diagonals": 0.85, "deck": 0.75, "bearings": 0.6}

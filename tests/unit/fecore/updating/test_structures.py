@@ -18,17 +18,14 @@ from fecore.dynamics.bodies import body_modes
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from fecore.updating.campaign_layout import yielding
 from fecore.updating.campaigns import Campaign, CampaignsRecipe, update_campaigns
 from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.forward import ForwardModel
-from fecore.updating.inputs import Inputs
-from fecore.updating.layout import Layout
-from fecore.updating.measurement import Measurement
+from fecore.updating.inputs import Inputs, systematic_effects
+from fecore.updating.layout import Layout, yielding
+from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
-from fecore.updating.systematic_effects import systematic_effects
 from tests.support.fits import COARSE, at_prior, forward_model
 
 GFRP = OrthotropicMaterial(23e9, 8.5e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)

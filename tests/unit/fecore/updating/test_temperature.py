@@ -14,13 +14,11 @@ from fecore.quantities import CONSTANTS
 from fecore.updating.campaigns import CampaignsRecipe, CampaignsResult, lay_out, update_campaigns
 from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.estimates import own_estimates
-from fecore.updating.laws import rank_laws
-from fecore.updating.measured_ratios import MeasuredRatios
-from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import parametrise
+from fecore.updating.inputs import reference_of, with_temperature
+from fecore.updating.laws import MeasuredRatios, rank_laws
+from fecore.updating.measurement import Measurement, Recipe
+from fecore.updating.parameters import parametrise, prior_per_k, usual_per_k
 from fecore.updating.pipeline import update
-from fecore.updating.recipe import Recipe
-from fecore.updating.temperature import prior_per_k, reference_of, usual_per_k, with_temperature
 from tests.support.warm import campaign, constants, per_k
 
 THREE = (Parameter("Ex"), Parameter("Gxy"), Parameter("Gxz"))

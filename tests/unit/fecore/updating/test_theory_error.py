@@ -12,18 +12,17 @@ from hypothesis import strategies as st
 from fecore.body.constants import DEFAULT_PARAMETERS, Parameter
 from fecore.updating.elastic_findings import undetermined
 from fecore.updating.estimates import Spread
-from fecore.updating.findings import judge
-from fecore.updating.inputs import Inputs
-from fecore.updating.pipeline import update
-from fecore.updating.posterior import DISCREPANCY
-from fecore.updating.result import Comparable, ParameterEstimate, UpdateResult
-from fecore.updating.systematic_effects import SystematicEffect
-from fecore.updating.theory_error import (
+from fecore.updating.inputs import (
     OF_THEORY,
     SHEAR_CORRECTION_SD,
+    Inputs,
+    SystematicEffect,
     by_shear_correction,
     discrepancy_scale,
 )
+from fecore.updating.pipeline import update
+from fecore.updating.posterior import DISCREPANCY
+from fecore.updating.result import Comparable, ParameterEstimate, UpdateResult, judge
 from tests.support.blind_beams import Beam, stored
 from tests.support.draws import solved
 
