@@ -94,7 +94,7 @@ def compute_update(inputs: UpdateInputs, report: Reporter) -> Iterator[UpdateOut
         )
         measurement = _measured(inputs.hits, processing.processed)
         recipe, band = _within_force(recipe, processing.processed)
-        warnings = (*warnings, *processing.processed.warnings, *band)
+        warnings = (*warnings, *processing.document["warnings"], *band)
     assert measurement is not None, "a measurement is loaded, or made of hits"
     result = update(measurement, inputs.specimen, recipe, stages.progress, report)
     identification = result.identification

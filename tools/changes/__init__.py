@@ -27,7 +27,7 @@ GENERATED = (
         "modalbase/client/fields.json",
         "modalbase/client/units.json",
     ),
-    *("docs/reference-rest.md", "docs/reference-cli.md", "docs/database.md"),
+    *("docs/reference-rest.md", "docs/reference-cli.md", "docs/database.md", "docs/findings.md"),
 )
 """What `python -m tools.reference` writes; a test fails where it is stale."""
 
