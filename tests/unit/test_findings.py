@@ -5,7 +5,7 @@ somewhere, and stands in the guide.
 import ast
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from string import Formatter
 
 import pytest
@@ -17,6 +17,8 @@ from fecore.signal.findings import OF_HITS
 from fecore.signal.reasons import REASONS
 from fecore.updating import measurement
 from fecore.updating.known_findings import FINDINGS, PASSED_ON, SECTION_OF, SECTIONS
+from modalbase.formats.models.losses import LOSSES
+from modalbase.formats.models.model import ReadReport, Where, skipped_card
 from service.show.guide.contents import render
 from service.show.pages.findings import PLACES, section
 from tests.support.places import ROOT
@@ -27,7 +29,11 @@ REMARKS = {
 }  # fmt: skip
 ROWS: dict[str, Row] = {**FINDINGS, **REMARKS}
 MAKERS = ("finding", "of_mode", "reason")
-SOURCES = {path: ast.parse(path.read_text()) for path in sorted((ROOT / "fecore").rglob("*.py"))}
+READERS = ROOT / "modalbase/formats/models"
+SOURCES, OF_READERS = (
+    {path: ast.parse(path.read_text()) for path in sorted(folder.rglob("*.py"))}
+    for folder in (ROOT / "fecore", READERS)
+)
 
 
 def named(*templates: str) -> set[str]:
@@ -42,8 +48,8 @@ def strings(module: ast.Module) -> Iterator[str]:
             yield part.value
 
 
-def calls() -> Iterator[ast.Call]:
-    for tree in SOURCES.values():
+def calls(trees: Iterable[ast.Module] = SOURCES.values()) -> Iterator[ast.Call]:
+    for tree in trees:
         for node in ast.walk(tree):
             if isinstance(node, ast.Call):
                 yield node
@@ -114,7 +120,41 @@ def test_each_finding_leads_to_a_page_and_to_a_heading_of_the_guide() -> None:
 
 def test_the_guide_lists_each_finding() -> None:
     listed = re.findall(r"^\| `(\w+)` \|", (ROOT / findings.PAGE).read_text(), re.MULTILINE)
-    assert Counter(listed) == Counter([*FINDINGS, *REMARKS, *REASONS])
+    assert Counter(listed) == Counter([*FINDINGS, *REMARKS, *REASONS, *LOSSES])
+
+
+def test_what_a_reader_of_models_loses_comes_from_rows() -> None:
+    used = set()
+    for path, tree in OF_READERS.items():
+        used |= set(strings(tree)) if path.name != "losses.py" else set()
+        made = {called(node) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+        assert path == READERS / "model.py" or "SkippedCard" not in made, path
+    assert LOSSES.keys() <= used, LOSSES.keys() - used
+    for call in calls(OF_READERS.values()):
+        first = {"skipped_card": 0, "note": 1}.get(called(call), 1 if of_notes(call) else None)
+        if first is None or not isinstance(kind := call.args[first], ast.Constant):
+            continue
+        row, given = LOSSES[str(kind.value)], {keyword.arg for keyword in call.keywords}
+        named_card = called(call) == "note" or len(call.args) > first + 1
+        assert named(row.loss, row.card) - {"card"} == given, kind.value
+        assert named_card or "card" not in named(row.card), kind.value
+
+
+def of_notes(call: ast.Call) -> bool:
+    """Whether it adds to a `ReadReport`."""
+    return isinstance(call.func, ast.Attribute) and ast.unparse(call.func).endswith("notes.add")
+
+
+def test_cards_that_lose_the_same_are_noted_once_with_all_their_lines() -> None:
+    report = ReadReport()
+    for line in (3, 8):
+        report.add(Where(line), "param")
+    report.add(Where(5), "released_end", "CBAR")
+    assert report.skipped == (
+        skipped_card("released_end", "CBAR", [5]),
+        skipped_card("param", "", [3, 8]),
+    )
+    assert report.skipped[0].card == "CBAR PA, PB"
 
 
 def test_an_frf_that_is_not_used_is_told_with_its_reason_and_folded_by_it() -> None:
