@@ -73,12 +73,12 @@ def make(
     return Finding(
         kind,
         sentence,
-        sentence if row.apart or not advice else sentence + between + advice,
-        advice,
-        level or row.level,
-        row.weight,
-        row.link,
-        row.subject.format(**values) or None,
+        text=sentence if row.apart or not advice else sentence + between + advice,
+        advice=advice,
+        level=level or row.level,
+        weight=row.weight,
+        link=row.link,
+        subject=row.subject.format(**values) or None,
         folds=row.folds,
     )
 

@@ -157,11 +157,11 @@ def test_cards_that_lose_the_same_are_noted_once_with_all_their_lines() -> None:
     assert report.skipped[0].card == "CBAR PA, PB"
 
 
-def test_an_frf_that_is_not_used_is_told_with_its_reason_and_folded_by_it() -> None:
+def test_an_frf_that_is_not_used_is_named_with_its_reason_and_folded_by_it() -> None:
     dead, constant = finding("dead"), finding("constant")
-    told = [not_used("3Z/1Z", dead), not_used("4Z/1Z", constant), not_used("5Z/1Z", dead)]
-    assert told[0].text == f"FRF 3Z/1Z was not used: {dead.text}"
-    groups = alike(note.passed_on("measurement", 0.5) for note in told)
+    unused = [not_used("3Z/1Z", dead), not_used("4Z/1Z", constant), not_used("5Z/1Z", dead)]
+    assert unused[0].text == f"FRF 3Z/1Z was not used: {dead.text}"
+    groups = alike(note.passed_on("measurement", 0.5) for note in unused)
     assert [[note.subject for note in group] for group in groups] == [
         ["FRF 3Z/1Z", "FRF 5Z/1Z"],
         ["FRF 4Z/1Z"],
