@@ -20,7 +20,7 @@ from service.app.composition import ROUTERS
 from service.climate import CLIMATE
 from service.web.openapi import describe_problems
 from service.web.routing import include
-from tools import formats
+from tools import findings, formats
 
 METHODS = ("get", "post", "put", "patch", "delete")
 
@@ -202,6 +202,7 @@ MADE: dict[str, Callable[[], str]] = {
     "docs/reference-rest.md": rest_page,
     "docs/reference-cli.md": cli_page,
     formats.PAGE: formats.page,
+    findings.PAGE: findings.page,
 }
 
 
