@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from modalbase.client.files import MESH_FORMATS, save_file, send_file
-from modalbase.client.finding import PROJECT, STRUCTURE
 from modalbase.objects.archives import Imported, import_archive
 from modalbase.objects.campaigns import Campaign
+from modalbase.objects.files import MESH_FORMATS, save_file, send_file
+from modalbase.objects.finding import PROJECT, STRUCTURE
 from modalbase.objects.jobs import UpdateJob, update_jobs
 from modalbase.objects.structures import CouponBatch, Forecast, Model, Monitor
 from modalbase.objects.thing import Editable, Table
@@ -212,12 +212,15 @@ class Structure(Editable):
     @property
     def model(self) -> Model | None:
         """The model that it is, or None."""
-        key = self.fields["model"]
-        return (
-            None
-            if key is None
-            else Model(self.lab, self.lab.connection.get(f"{self.address}/model"))
-        )
+        return None if self.fields["model"] is None else self.sent_model()
+
+    def sent_model(self) -> Model:
+        """The model that it is.
+
+        Raises:
+            ClientError: no model was sent.
+        """
+        return Model(self.lab, self.lab.connection.get(f"{self.address}/model"))
 
     def mesh(self, file: str | Path) -> Path:
         """Write its mesh: `.vtu` for viewers, `.uff` with sets 2411 and 2412, or `.json`.

@@ -9,9 +9,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalbase.client.files import MESH_FORMATS, format_of, save_file
-from modalbase.client.finding import BATCH, MONITOR, Kind
 from modalbase.formats.registry import FRF_SUFFIXES
+from modalbase.objects.files import MESH_FORMATS, format_of, save_file
+from modalbase.objects.finding import BATCH, MONITOR, Kind
 from modalbase.objects.jobs import Job, Stoppable
 from modalbase.objects.thing import Editable, Figure, Table, Thing
 

@@ -8,12 +8,13 @@ from typing import Annotated
 
 import typer
 
-from modalbase.client.exporting import cards, export, figure, import_archive, report
-from modalbase.client.inventory import campaigns, coupons, model, projects, structures
-from modalbase.client.measuring import frfs, hits, import_files, modes, points
-from modalbase.client.options import say_next
-from modalbase.client.searching import search
-from modalbase.client.updating import alarms, jobs, monitors, result, update
+from modalbase import objects
+from modalbase.commands.exporting import cards, export, figure, import_archive, report
+from modalbase.commands.inventory import campaigns, coupons, model, projects, structures
+from modalbase.commands.measuring import frfs, hits, import_files, modes, points
+from modalbase.commands.options import say_next
+from modalbase.commands.searching import search
+from modalbase.commands.updating import alarms, jobs, monitors, result, update
 
 
 def login(
@@ -31,11 +32,10 @@ def login(
     """Keep address and key of a service for this user's commands and scripts, once it has accepted
     them.
     """
-    from modalbase.client.connection import Connection
     from modalbase.client.endpoint import save_profile
 
-    with Connection(url, key) as service:
-        service.get("projects", limit=1)
+    with objects.Laboratory.at(url, key) as lab:
+        lab.check()
     typer.echo(f"saved in {save_profile(url, key)}, which only you can read")
     say_next("projects")
 
