@@ -1,4 +1,4 @@
-"""The client's commands, ready to be added to the application, and `modalbase login`.
+"""The commands that talk to a service, ready to be added to the application, and `modalbase login`.
 
 This much is imported by every process that starts as `modalbase`, a job's child among them; httpx
 and rich are imported by a command when it runs.
@@ -47,7 +47,7 @@ COMMANDS = (
 
 
 def add_commands(app: typer.Typer) -> None:
-    """Add the client's commands to an application."""
+    """Add these commands to an application."""
     app.command("import")(import_files)
     app.command("find")(search)
     for command in COMMANDS:

@@ -302,6 +302,9 @@ def test_the_library_sends_what_it_is_given(lab: Lab) -> None:
         "name": "May", "boundary": "free", "instruments": {"sensor_point": 3}, "inputs": {"window_rate_per_s": 2.0},
         "notes": "wet",
     }  # fmt: skip
+    lab.answers[f"PUT campaigns/{ID}/grid-points"] = items({"label": 1})
+    assert campaign.set_grid_points([(1, 0.1, 0, 0)]).column("label") == [1]
+    assert lab.asked[-1].headers["if-match"] == '"1"'  # that of the points that are replaced
 
 
 def test_shapes_have_a_place_for_each_dof_and_gaps_where_nothing_is_known() -> None:
