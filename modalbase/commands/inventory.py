@@ -25,7 +25,6 @@ from modalbase.commands.options import (
     OfStructure,
     Reuse,
     Url,
-    by_name,
     json_file,
     laboratory_at,
     names_of,
@@ -112,13 +111,12 @@ def structures(
     with laboratory_at(url) as lab:
         if new is not None:
             given = {} if body is None else json_file(body)
-            given.pop("name", None)
             given |= {} if density is None else {"density_kg_m3": density}
             given |= {} if size is None else {"geometry": _geometry(size)}
             given |= {} if moduli is None else {"material": _material(moduli)}
             within = lab.named(objects.Project, project or "latest")
             make = partial(within.structure, create=True) if reuse else within.new_structure
-            made = make(new, confirm=confirm, **by_name("structure", given))
+            made = make(new, confirm=confirm, body=given)
             _made(made, as_json, f'campaigns --new NAME --structure "{new}" --boundary cantilever')
             return
         rows = [
@@ -279,9 +277,9 @@ def coupons(
     with laboratory_at(url) as lab:
         into = _batch(lab, batch, new, constants, reuse)
         for file in files or []:
-            about_it = by_name("coupon", {**known, **specimens.get(file.stem, {})})
+            coupon = {**known, **specimens.get(file.stem, {})}
             try:
-                into.add_curve(file, confirm=confirm, **about_it)
+                into.add_curve(file, confirm=confirm, body=coupon)
             except ClientError as error:
                 raise ClientError(f"{file}: {error}", error.code) from error
         listed, summary = into.coupons().rows, into.summary()

@@ -79,17 +79,6 @@ OfStructure = Annotated[
 OfJob = Annotated[str, typer.Argument(help="Id of the update job, or latest")]
 
 
-def by_name(what: str, fields: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Fields of a file, for a method that takes them by name.
-
-    Raises:
-        ClientError: one is called as what the command itself hands on.
-    """
-    if own := sorted({"self", "file", "name", "which", "create", "confirm"} & fields.keys()):
-        raise ClientError(f"a {what} has no member {', '.join(own)} in a file", Exit.USAGE)
-    return fields
-
-
 def show(
     content: Any,
     columns: Sequence[str] | Mapping[str, str],

@@ -212,7 +212,7 @@ def find_or_create(
         TypeError: something is stated of it without `create`.
     """
     if create:
-        return find_or_make(service, kind, {"name": which, **body}, within, **query)
+        return find_or_make(service, kind, {**body, "name": which}, within, **query)
     if body or query:
         raise TypeError(f"{', '.join([*body, *query])} of a {kind.word} is stated with create=True")
     return find(service, kind, which, within=within)
