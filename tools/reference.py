@@ -14,7 +14,7 @@ import typer
 from fastapi import FastAPI
 
 from fecore.quantities import SHOWN
-from modalbase.client.options import NAMED
+from modalbase.commands.options import NAMED
 from service.app.application import PREFIX
 from service.app.composition import ROUTERS
 from service.climate import CLIMATE

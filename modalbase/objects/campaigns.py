@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import save_file, send_file
-from modalbase.client.finding import CAMPAIGN, Kind
 from modalbase.client.rest import require_known
 from modalbase.formats.registry import FRF_SUFFIXES
+from modalbase.objects.files import save_file, send_file
+from modalbase.objects.finding import CAMPAIGN, Kind
 from modalbase.objects.jobs import (
     Identification,
     Import,
@@ -101,16 +101,37 @@ class Campaign(Editable):
         """Its grid points: `label`, `x_m`, `y_m`, `z_m`."""
         return Table(self.lab.connection.get(f"{self.address}/grid-points")["items"], key="label")
 
-    def set_grid_points(self, points: Iterable[Mapping[str, Any] | Sequence[float]]) -> None:
-        """State the grid points, in place of those that are there.
+    def set_grid_points(self, points: Iterable[Mapping[str, Any] | Sequence[float]]) -> Table:
+        """State the grid points, in place of those that are there; returns them as stored.
 
         Args:
             points: each as `{"label": 1, "x_m": 0.1, "y_m": 0, "z_m": 0}` or as `(1, 0.1, 0, 0)`.
+
+        Raises:
+            ClientError: the service refuses them, or somebody else states others at this moment.
         """
         items = [
             dict(p) if isinstance(p, Mapping) else dict(zip(POINT, p, strict=True)) for p in points
         ]
-        self.lab.connection.call("PUT", f"{self.address}/grid-points", json={"items": items})
+        address = f"{self.address}/grid-points"
+        headers = {"If-Match": self.lab.connection.request("GET", address).headers["etag"]}
+        stored = self.lab.connection.call("PUT", address, json={"items": items}, headers=headers)
+        return Table(stored["items"], key="label")
+
+    def save_grid_points(self, file: str | Path, file_format: str | None = None) -> Path:
+        """Write its grid points to a file in the format that is stated or that its name says:
+        `.csv` or `.json`; `-` is standard output.
+
+        Raises:
+            ClientError: the name says no format, or the service has no grid points in it.
+        """
+        return save_file(
+            self.lab.connection,
+            f"{self.address}/grid-points",
+            file,
+            FRF_SUFFIXES,
+            format=file_format,
+        )
 
     def alignment(self) -> Table:
         """How its points lie on the structure: distance, set and normal of each, and whether an
@@ -145,10 +166,11 @@ class Campaign(Editable):
         self.change(frame=alignment["frames"][0]["frame"])
         return alignment
 
-    def list_frfs(self, **filters: Any) -> Table:
+    def list_frfs(self, most: int | None = None, **filters: Any) -> Table:
         """What its FRFs are, without their spectra.
 
         Args:
+            most: how many at most; None for all.
             filters: `point`, `direction`, `reference`, `quantity`, `import_id`, `fmin`, `fmax`.
 
         Raises:
@@ -156,7 +178,7 @@ class Campaign(Editable):
         """
         require_known("list_frfs", filters)
         return Table(
-            list(self.lab.connection.pages(f"{self.address}/frfs", **filters)), key="label"
+            list(self.lab.connection.pages(f"{self.address}/frfs", most, **filters)), key="label"
         )
 
     def frfs(self, **filters: Any) -> Frfs:
@@ -297,8 +319,7 @@ class Campaign(Editable):
         """
         if "items" in answer:
             return answer
-        sent = Import(self.lab, answer).wait().check()
-        return self.lab.connection.get(f"{sent.address}/records")
+        return Import(self.lab, answer).wait().check().records()
 
     def records(self, **filters: Any) -> list[Record]:
         """Its time blocks, without their samples.
@@ -401,7 +422,12 @@ class Campaign(Editable):
         return job.wait().mode_set()
 
     def update(
-        self, recipe: Mapping[str, Any] | None = None, *, confirm: bool = False, **more: Any
+        self,
+        recipe: Mapping[str, Any] | None = None,
+        *,
+        confirm: bool = False,
+        idempotency_key: str | None = None,
+        **more: Any,
     ) -> UpdateJob:
         """Queue an update of the structure's model to this campaign; the job's `wait()` or
         `result()` waits for it.
@@ -409,6 +435,8 @@ class Campaign(Editable):
         Args:
             recipe: the recipe as a dictionary; without it the defaults.
             confirm: take unusual numbers of its priors as they are.
+            idempotency_key: of printable ASCII; the same key again gives the same job, no second
+                one.
             more: fields of the recipe by name, such as `seed=7` or `mode_set=modes`. Things stand
                 for their ids.
 
@@ -420,7 +448,8 @@ class Campaign(Editable):
             for name, value in more.items()
         }
         whole = {**(recipe or {}), **body}
-        return self._make(UpdateJob, whole, confirm)
+        headers = None if idempotency_key is None else {"Idempotency-Key": idempotency_key}
+        return self._make(UpdateJob, whole, confirm, headers)
 
     def jobs(self) -> list[UpdateJob]:
         """Its update jobs, newest first."""
@@ -432,7 +461,8 @@ class Campaign(Editable):
         return runs
 
     def export(self, file: str | Path, file_format: str | None = None, **filters: Any) -> Path:
-        """Write its FRFs to a file: `.uff`, `.npz`, `.csv`, `.json` or `.arrow`, as its name says.
+        """Write its FRFs to a file: `.uff`, `.npz`, `.csv`, `.json` or `.arrow`, as its name says;
+        `-` is standard output.
 
         Raises:
             ClientError: the name says none of these, nothing matches, or there is no such filter.

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
+from urllib.parse import quote
 
-from modalbase.client.files import MESH_FORMATS, REPORTS, SOLVERS, save_file
-from modalbase.client.finding import MODE_SET, Kind
-from modalbase.client.jobs import ENDED, Watch, reason_of, require_success, wait_for
+from modalbase.client.display import stages
+from modalbase.client.errors import ClientError, Exit, JobFailed
 from modalbase.client.results import (
     beside_lines,
     mode_cells,
@@ -18,11 +19,21 @@ from modalbase.client.results import (
     parameter_cells,
     verdict_lines,
 )
+from modalbase.formats.registry import FRF_SUFFIXES
+from modalbase.objects.files import MESH_FORMATS, REPORTS, SOLVERS, save_file
+from modalbase.objects.finding import MODE_SET, Kind, find_job, uuid_of
 from modalbase.objects.thing import Access, Figure, Table, Thing
 
 if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
     from modalbase.objects.frfs import Frfs
 
+
+ENDED = ("succeeded", "failed", "cancelled")
+FIRST_PAUSE, LONGEST_PAUSE, GROWTH = 0.05, 1.0, 1.3  # s
+
+Watch = Callable[[str, float], None]
+"""Called with a job's stage and the share that is done."""
 
 COLUMNS = (
     "number",
@@ -63,6 +74,15 @@ class ModeSet(Thing):
     def warnings(self) -> list[str]:
         """What to know of an identification before one uses it; none of a set from elsewhere."""
         return list(self.fields["details"].get("warnings", ()))
+
+    def export(self, file: str | Path, file_format: str | None = None) -> Path:
+        """Write it to a file in the format that is stated or that its name says: `.uff` with sets
+        15 and 55, `.json`; `-` is standard output.
+
+        Raises:
+            ClientError: the name says no format, or the service has no modes in it.
+        """
+        return save_file(self.lab.connection, self.address, file, FRF_SUFFIXES, format=file_format)
 
     def plot(self) -> Figure:
         """Its shapes at the measured points, shown in a notebook."""
@@ -244,11 +264,11 @@ class Result:
             name: such as `frf` or `mac`.
             options: `point` and `reference` of the FRF, `fmin`, `fmax`, `theme` (`light`, `dark`).
         """
-        return Figure(self.lab, f"update-jobs/{self.job}/figures/{name}", options)
+        return UpdateJob(self.lab, {"id": self.job}).figure(name, **options)
 
     def figures(self) -> Table:
         """The figures, and which of them this result can be drawn as."""
-        return Table(self.lab.connection.get(f"update-jobs/{self.job}/figures")["items"])
+        return UpdateJob(self.lab, {"id": self.job}).figures()
 
 
 class Job(Thing):
@@ -260,7 +280,7 @@ class Job(Thing):
     @property
     def ended(self) -> bool:
         """Whether it has ended, in whatever way, when it was last fetched."""
-        return self.fields["status"] in ENDED
+        return self.fields.get("status") in ENDED
 
     @property
     def succeeded(self) -> bool:
@@ -271,24 +291,54 @@ class Job(Thing):
         """Wait until it has ended, in whatever way, with a bar in a terminal and in a notebook;
         returns itself.
 
+        It is asked for at growing intervals, from 50 ms to a second.
+
         Args:
             watch: called with the stage and the share that is done, for a bar of one's own.
 
         Raises:
             ClientError: the service does not answer.
         """
-        if not self.ended:
-            self.fields = wait_for(self.lab.connection, self.address, self.noun.word, watch)
-        return self
+        if self.ended:
+            return self
+        pause = FIRST_PAUSE
+        with stages(self._title) as show:
+            while True:
+                show(self.refresh().fields)
+                if watch is not None:
+                    watch(
+                        self.fields["stage"] or self.fields["status"],
+                        self.fields["progress"] or 0.0,
+                    )
+                if self.fields["status"] in ENDED:
+                    return self
+                time.sleep(pause)
+                pause = min(pause * GROWTH, LONGEST_PAUSE)
 
-    def check(self) -> Self:
+    @property
+    def _title(self) -> str:
+        """What stands beside its bar."""
+        return self.noun.word
+
+    def check(self, what: str | None = None) -> Self:
         """Itself, where it has succeeded.
+
+        Args:
+            what: begins the error; by default its noun and its id.
 
         Raises:
             JobFailed: with the reason that it states.
         """
-        require_success(self.fields, f"{self.noun.word} {self.fields['id']}")
+        if not self.succeeded:
+            name = what or f"{self.noun.word} {self.fields['id']}"
+            raise JobFailed(f"{name} {self.fields['status']}: {self._reason}", self.fields)
         return self
+
+    @property
+    def _reason(self) -> str:
+        """Why it did not succeed, in the service's words."""
+        error = self.fields["error"] or {}
+        return str(error.get("detail") or self.fields["message"] or "no reason given")
 
     @property
     def _document(self) -> dict[str, Any]:
@@ -299,7 +349,7 @@ class Job(Thing):
     def summary(self) -> str:
         """How it stands, in words."""
         if self.ended and not self.succeeded:
-            return f"{self.noun.word} {self.fields['status']}: {reason_of(self.fields)}"
+            return f"{self.noun.word} {self.fields['status']}: {self._reason}"
         return f"{self.noun.word}: {self.fields['stage'] or self.fields['status']}"
 
 
@@ -307,6 +357,26 @@ class Import(Job):
     """The reading of a file."""
 
     noun = Kind("import", "imports/{}", "campaigns/{}/imports")
+
+    @classmethod
+    def _id_of(cls, _service: Connection, which: str, _within: str | None, /) -> str:
+        if (id_ := uuid_of(which)) is None:
+            raise ClientError(
+                f"{which!r} is no id of an import; `modalbase import` prints them", Exit.USAGE
+            )
+        return id_
+
+    @property
+    def _title(self) -> str:
+        return str(self.fields["filename"])
+
+    def records(self) -> dict[str, Any]:
+        """What it read of hits: `items`, the time blocks, and `hits`, the judgement of each hit."""
+        return self.lab.connection.get(f"{self.address}/records")
+
+    def save(self, file: str | Path) -> Path:
+        """Write the file as it was sent; `-` is standard output."""
+        return save_file(self.lab.connection, f"{self.address}/original", file)
 
     def summary(self) -> str:
         """What was read, what was refused and why."""
@@ -360,16 +430,33 @@ class UpdateJob(Stoppable):
 
     noun = Kind("update", "update-jobs/{}", "campaigns/{}/update-jobs")
 
-    def result(self) -> Result:
-        """The result; waits for it.
+    @classmethod
+    def _id_of(cls, service: Connection, which: str, _within: str | None, /) -> str:
+        return find_job(service, which)
+
+    def result(self, *, wait: bool = True) -> Result:
+        """The result.
+
+        Args:
+            wait: for it; else the service says why there is none yet.
 
         Raises:
             JobFailed: the job did not succeed; the text is the reason that it states.
+            ClientError: there is no result, which is not waited for.
         """
-        self.wait().check()
+        if wait:
+            self.wait().check()
         return Result(
             self.lab, self.fields["id"], self.lab.connection.get(f"{self.address}/result")
         )
+
+    def figure(self, name: str, **options: Any) -> Figure:
+        """A figure of its result, as `Result.figure`."""
+        return Figure(self.lab, f"{self.address}/figures/{quote(name, safe='')}", options)
+
+    def figures(self) -> Table:
+        """The figures, and which of them its result can be drawn as."""
+        return Table(self.lab.connection.get(f"{self.address}/figures")["items"])
 
     def report(self, file: str | Path) -> Path:
         """Write its report: two pages for a customer, the rest as annex.
@@ -437,20 +524,50 @@ class UpdateJob(Stoppable):
         )
         return Frfs.from_npz(content)
 
-    def save_cards(self, file: str | Path, solver: str | None = None) -> Path:
+    def save_predicted(
+        self, file: str | Path, file_format: str | None = None, **filters: Any
+    ) -> Path:
+        """Write the FRFs that the model predicts to a file, as `Campaign.export` does.
+
+        Args:
+            file: what to write; `-` is standard output.
+            file_format: where the file's name does not say it.
+            filters: as for `predicted`.
+
+        Raises:
+            ClientError: the name says no format, or the job has no result.
+        """
+        return save_file(
+            self.lab.connection,
+            f"{self.address}/frfs/data",
+            file,
+            FRF_SUFFIXES,
+            format=file_format,
+            **filters,
+        )
+
+    def save_cards(
+        self, file: str | Path, solver: str | None = None, element: str | None = None
+    ) -> Path:
         """Write the updated model as a deck that a finite element program runs.
 
         Args:
             file: what to write; `.inp` is CalculiX's and Abaqus', `.bdf`, `.dat` and `.nas`
                 Nastran's.
             solver: `calculix`, `abaqus` or `nastran`, where the file's name does not say.
+            element: `solid` or `shell`; by default the service chooses.
 
         Raises:
             ClientError: the name does not say which, or the job has no result.
         """
-        advice = "state the program: "
         return save_file(
-            self.lab.connection, f"{self.address}/cards", file, SOLVERS, advice, format=solver
+            self.lab.connection,
+            f"{self.address}/cards",
+            file,
+            SOLVERS,
+            "state the program: ",
+            format=solver,
+            element=element,
         )
 
 

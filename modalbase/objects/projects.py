@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from modalbase.client.files import MESH_FORMATS, save_file, send_file
-from modalbase.client.finding import PROJECT, STRUCTURE
 from modalbase.objects.archives import Imported, import_archive
 from modalbase.objects.campaigns import Campaign
+from modalbase.objects.files import MESH_FORMATS, save_file, send_file
+from modalbase.objects.finding import PROJECT, STRUCTURE
 from modalbase.objects.jobs import UpdateJob, update_jobs
 from modalbase.objects.structures import CouponBatch, Forecast, Model, Monitor
 from modalbase.objects.thing import Editable, Table
@@ -41,11 +41,19 @@ class Project(Editable):
 
     noun = PROJECT
 
-    def new_structure(self, name: str, *, confirm: bool = False, **properties: Any) -> Structure:
+    def new_structure(
+        self,
+        name: str,
+        *,
+        confirm: bool = False,
+        body: Mapping[str, Any] | None = None,
+        **properties: Any,
+    ) -> Structure:
         """Make a structure.
 
         Args:
             name: of it.
+            body: as REST has it, to which the properties are added.
             confirm: take numbers that are unusual in SI, such as a modulus of 33 Pa, as they are.
             properties: nominal values, SI: `length_m`, `width_m`, `thickness_m`, `density_kg_m3`,
                 and either `Ex_Pa`, `Ey_Pa`, `Gxy_Pa`, `Gxz_Pa`, `Gyz_Pa`, `nu_xy`, or `plies`; or
@@ -61,15 +69,21 @@ class Project(Editable):
         Raises:
             ClientError: the service refuses them.
         """
-        body = {"name": name, **_nested(properties)}
-        return self._make(Structure, body, confirm)
+        stated = {**(body or {}), "name": name, **_nested(properties)}
+        return self._make(Structure, stated, confirm)
 
     def structures(self) -> list[Structure]:
         """Its structures."""
         return self._list(Structure)
 
     def structure(
-        self, which: str, *, create: bool = False, confirm: bool = False, **properties: Any
+        self,
+        which: str,
+        *,
+        create: bool = False,
+        confirm: bool = False,
+        body: Mapping[str, Any] | None = None,
+        **properties: Any,
     ) -> Structure:
         """One of its structures by name or id.
 
@@ -77,6 +91,7 @@ class Project(Editable):
             which: of them.
             create: make one of this name where there is none, so that a script can be run twice.
             confirm: with `create`, take unusual numbers as they are.
+            body: with `create`, as `new_structure` takes it.
             properties: with `create`, as `new_structure` takes them; the one that is there must be
                 as stated.
 
@@ -84,7 +99,8 @@ class Project(Editable):
             ClientError: there is none, several have the name, or the one that has it is not as
                 stated.
         """
-        return self._one(Structure, which, create, _nested(properties), confirm)
+        stated = {**(body or {}), **_nested(properties)}
+        return self._one(Structure, which, create, stated, confirm)
 
     def archive(self, file: str | Path) -> Path:
         """Write all of it, instruments, structures and campaigns, to a zip that others read without
@@ -212,12 +228,15 @@ class Structure(Editable):
     @property
     def model(self) -> Model | None:
         """The model that it is, or None."""
-        key = self.fields["model"]
-        return (
-            None
-            if key is None
-            else Model(self.lab, self.lab.connection.get(f"{self.address}/model"))
-        )
+        return None if self.fields["model"] is None else self.sent_model()
+
+    def sent_model(self) -> Model:
+        """The model that it is.
+
+        Raises:
+            ClientError: no model was sent.
+        """
+        return Model(self.lab, self.lab.connection.get(f"{self.address}/model"))
 
     def mesh(self, file: str | Path) -> Path:
         """Write its mesh: `.vtu` for viewers, `.uff` with sets 2411 and 2412, or `.json`.

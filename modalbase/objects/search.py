@@ -7,12 +7,12 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Mapping
 from itertools import islice
+from math import floor, log10
 from pathlib import Path
 from typing import Any
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import save_file
-from modalbase.client.searching import rate_rows
+from modalbase.objects.files import ROWS, TRENDS, format_of, save_file
 from modalbase.objects.thing import Access, Figure, Table, library
 
 SHOWN = 10
@@ -85,6 +85,14 @@ class SearchResults:
             ClientError: polars is not installed, or there are more rows than a file has.
         """
         return library("polars").read_ipc_stream(self._file("arrow"))
+
+    def save(self, file: str | Path) -> Path:
+        """Write all rows to a file: `.csv`, `.jsonl` or `.arrows`.
+
+        Raises:
+            ClientError: the name says none of these, or there are more rows than a file has.
+        """
+        return save_file(self.lab.connection, self.address, file, ROWS, **self.query)
 
     def archive(self, file: str | Path) -> Path:
         """Write all campaigns that were found, with structures, modes and results, to a zip that
@@ -213,7 +221,7 @@ class Trend:
         """A row for each series: campaigns, change a year as a share of the mean, alone and with
         the covariates.
         """
-        return Table(rate_rows(self.fields), key="series")
+        return Table(_rate_rows(self.fields), key="series")
 
     def to_pandas(self) -> Any:
         """All points as a `pandas.DataFrame`, SI in full, with the value corrected for the
@@ -231,5 +239,56 @@ class Trend:
         """Values over time and over temperature, with intervals and lines."""
         return Figure(self.lab, f"{self.address}/figure", self.query)
 
+    def save(self, file: str | Path) -> Path:
+        """Write its points to a `.csv`, or its figure: `.svg`, `.png`, `.pdf`, or `.json` for
+        Plotly.
+
+        Raises:
+            ClientError: the name says none of these.
+        """
+        if format_of(Path(file), TRENDS) != "csv":
+            return self.figure().save(file)
+        return save_file(self.lab.connection, self.address, file, TRENDS, **self.query)
+
+    @property
+    def notes(self) -> list[str]:
+        """What to know of it and of its series, once each."""
+        each = [self.fields, *self.series]
+        return list(dict.fromkeys(note for one in each for note in one["notes"]))
+
     def __repr__(self) -> str:
         return "\n".join([str(self.table()), *self.fields["notes"]])
+
+
+def _rate_rows(trend: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A row for each series of a trend: the change a year in per cent of the mean, by time alone
+    and beside the covariates.
+    """
+    headings = dict.fromkeys(
+        _rate_heading(line) for one in trend["series"] for line in one["lines"]
+    )
+    return [
+        {
+            "structure": one["structure_name"],
+            "series": one["name"],
+            "campaigns": len(one["points"]),
+            **dict.fromkeys(headings, "–"),
+            **{_rate_heading(line): _rate(line) for line in one["lines"]},
+        }
+        for one in trend["series"]
+    ]
+
+
+def _rate_heading(line: Mapping[str, Any]) -> str:
+    beside = ", ".join(name.split("_")[0] for name in line["covariates"])
+    return "% a year" + (f" beside {beside}" if beside else "")
+
+
+def _rate(line: Mapping[str, Any]) -> str:
+    """A change a year with its interval, to the second digit of the interval's length."""
+    low, high = line["relative_interval_95"]
+    places = min(6, max(0, 1 - floor(log10(100 * (high - low))))) if high > low else 2
+    middle, low, high = (
+        f"{100 * value:+.{places}f}" for value in (line["relative_per_year"], low, high)
+    )
+    return f"{middle} ({low} to {high})"

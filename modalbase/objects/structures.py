@@ -5,13 +5,14 @@ monitors with their alarms.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalbase.client.files import MESH_FORMATS, format_of, save_file
-from modalbase.client.finding import BATCH, MONITOR, Kind
 from modalbase.formats.registry import FRF_SUFFIXES
+from modalbase.objects.files import MESH_FORMATS, format_of, save_file
+from modalbase.objects.finding import BATCH, MONITOR, Kind
 from modalbase.objects.jobs import Job, Stoppable
 from modalbase.objects.thing import Editable, Figure, Table, Thing
 
@@ -24,12 +25,20 @@ class CouponBatch(Thing):
 
     noun = BATCH
 
-    def add_curve(self, file: str | Path, *, confirm: bool = False, **about: Any) -> dict[str, Any]:
+    def add_curve(
+        self,
+        file: str | Path,
+        *,
+        confirm: bool = False,
+        body: Mapping[str, Any] | None = None,
+        **about: Any,
+    ) -> dict[str, Any]:
         """Add a specimen from a testing machine's file.
 
         Args:
             file: CSV of the machine.
             confirm: take unusual dimensions and results as they are.
+            body: as REST has it, to which `about` is added.
             about: `dimensions`, `columns`, and where needed `standard`, `specimen` (by default the
                 file's name) and the others of `POST /coupon-batches/{id}/coupons`.
 
@@ -37,7 +46,7 @@ class CouponBatch(Thing):
             ClientError: the file cannot be read so; the text says what is missing.
         """
         path = Path(file)
-        coupon = {"specimen": path.stem, **about}
+        coupon = {"specimen": path.stem, **(body or {}), **about}
         fields = {"coupon": json.dumps(coupon)}
         answer = self.lab.connection.submit(
             f"{self.address}/coupons", path, fields, confirm=confirm or None

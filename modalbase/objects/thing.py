@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from modalbase.client.display import PLAIN_WIDTH, cell, print_table
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import FIGURES, format_of
-from modalbase.client.finding import Kind, find, find_or_make
 from modalbase.client.rest import Rest
+from modalbase.objects.files import FIGURES, save_file
+from modalbase.objects.finding import Kind, all_of, find, find_id, find_or_make
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
@@ -45,6 +45,25 @@ class Access:
     def __init__(self, connection: Connection) -> None:
         self.connection = connection
         self.rest = Rest(connection)
+
+    def named(self, of: type[T], which: str, within: Thing | None = None) -> T:
+        """A thing of which nothing but its id is known, for calls that need no more.
+
+        Args:
+            of: its class, such as `Campaign`.
+            which: id, name, names from the project down, or `latest`. An id is taken as it is: the
+                service judges it at the next call.
+            within: the one above, where only what belongs to that is meant.
+
+        Raises:
+            ClientError: nothing has that name, or several things have.
+        """
+        above = None if within is None else within.fields["id"]
+        return of(self, {"id": of._id_of(self.connection, which, above)})
+
+    def names(self, noun: Kind) -> list[str]:
+        """The names of all things of a noun that one may see."""
+        return [str(one["name"]) for one in all_of(self.connection, noun)]
 
 
 class Thing:
@@ -81,6 +100,11 @@ class Thing:
     def __hash__(self) -> int:
         return hash(self.fields["id"])
 
+    @classmethod
+    def _id_of(cls, service: Connection, which: str, within: str | None, /) -> str:
+        """The id of the one that is meant, as `Access.named`."""
+        return find_id(service, cls.noun, which, within)
+
     @property
     def address(self) -> str:
         """Its path below `/api/v1/`."""
@@ -100,10 +124,16 @@ class Thing:
         path = of.noun.below.format(self.fields["id"])
         return [of(self.lab, fields) for fields in self.lab.connection.pages(path, **narrowed)]
 
-    def _make(self, of: type[T], body: Mapping[str, Any], confirm: bool = False) -> T:
+    def _make(
+        self,
+        of: type[T],
+        body: Mapping[str, Any],
+        confirm: bool = False,
+        headers: dict[str, str] | None = None,
+    ) -> T:
         """A new thing of a kind below it."""
         path = of.noun.below.format(self.fields["id"])
-        return of(self.lab, self.lab.connection.post(path, body, confirm=confirm or None))
+        return of(self.lab, self.lab.connection.post(path, body, headers, confirm=confirm or None))
 
     def _one(
         self, of: type[T], which: str, create: bool, body: dict[str, Any], confirm: bool = False
@@ -182,7 +212,7 @@ def find_or_create(
         TypeError: something is stated of it without `create`.
     """
     if create:
-        return find_or_make(service, kind, {"name": which, **body}, within, **query)
+        return find_or_make(service, kind, {**body, "name": which}, within, **query)
     if body or query:
         raise TypeError(f"{', '.join([*body, *query])} of a {kind.word} is stated with create=True")
     return find(service, kind, which, within=within)
@@ -242,13 +272,13 @@ class Table(Sequence[Mapping[str, Any]]):
         from rich.console import Console
 
         text = StringIO()
-        print_table("", *self._cells(), Console(file=text, width=PLAIN_WIDTH))
+        print_table("", *self.cells(), Console(file=text, width=PLAIN_WIDTH))
         return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
 
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        columns, rows = self._cells()
+        columns, rows = self.cells()
         head = "".join(f"<th>{escape(name)}</th>" for name in columns)
         body = "".join(
             f"<tr>{''.join(f'<td>{escape(cell(value))}</td>' for value in row)}</tr>"
@@ -256,7 +286,8 @@ class Table(Sequence[Mapping[str, Any]]):
         )
         return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
-    def _cells(self) -> tuple[Sequence[str], Sequence[Sequence[Any]]]:
+    def cells(self) -> tuple[Sequence[str], Sequence[Sequence[Any]]]:
+        """Headings and rows as printing shows them."""
         if self._shown is not None:
             return self._shown
         columns = list(dict.fromkeys(name for row in self.rows for name in row))
@@ -294,12 +325,7 @@ class Figure:
         Raises:
             ClientError: the file's name says none of these.
         """
-        path = Path(file)
-        chosen = format_of(path, FIGURES)
-        self.lab.connection.download(
-            self.address, path, lambda _done, _size: None, **{**self.query, "format": chosen}
-        )
-        return path
+        return save_file(self.lab.connection, self.address, file, FIGURES, **self.query)
 
     def plotly(self) -> dict[str, Any]:
         """The figure as Plotly has it: `plotly.graph_objects.Figure(figure.plotly())`."""
