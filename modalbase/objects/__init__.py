@@ -9,6 +9,7 @@ laboratory    the way in, and what one may see
 people        users and API keys
 projects      projects and structures
 archives      what an archive has, read into a project
+archive_file  an archive on this machine's disk, checked
 campaigns     campaigns and their records
 structures    coupon tests, models, forecasts, monitors and alarms of a structure
 jobs          what a worker does, and what it finds: mode sets and results

@@ -366,3 +366,20 @@ def test_the_service_starts_without_what_only_some_jobs_need() -> None:
         [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == ["[]", "[]"]
+
+
+def test_a_package_names_its_modules_in_the_order_of_the_data() -> None:
+    """The docstring of each package of some size is a map of it."""
+    unnamed = []
+    for package in ("fecore", "modalbase"):
+        for init in sorted((ROOT / package).rglob("__init__.py")):
+            rooms = {
+                path.stem if path.is_file() else path.name
+                for path in init.parent.iterdir()
+                if (path.suffix == ".py" and not path.stem.startswith("__"))
+                or (path / "__init__.py").exists()
+            }
+            said = set(re.findall(r"\w+", ast.get_docstring(ast.parse(init.read_text())) or ""))
+            if len(rooms) > 3 and init.parent.name != "updating":
+                unnamed += [f"{init.relative_to(ROOT)}: {name}" for name in sorted(rooms - said)]
+    assert unnamed == []
