@@ -82,11 +82,8 @@ def projects(
             _made(made, as_json, f'structures --new NAME --project "{new}" …')
             return
         rows = [one.fields for one in lab.projects()]
-    show(
-        rows,
-        {"id": "id", "name": "name", "description": "description", "made": "created_at"},
-        as_json,
-    )
+    columns = {"id": "id", "name": "name", "description": "description", "made": "created_at"}
+    show(rows, columns, as_json)
     if not rows and not as_json:
         say_next("projects --new NAME")
 
@@ -122,14 +119,8 @@ def structures(
         rows = [
             {**one.fields, "project_name": above.name} for above, one in _structures(lab, project)
         ]
-    columns = {
-        "id": "id",
-        "project": "project_name",
-        "name": "name",
-        "version": "version",
-        "made": "created_at",
-    }
-    show(rows, columns, as_json)
+    named = {"id": "id", "project": "project_name", "name": "name", "version": "version"}
+    show(rows, {**named, "made": "created_at"}, as_json)
 
 
 @with_climate
@@ -173,16 +164,13 @@ def campaigns(
             made = make(new, confirm=confirm, **given)
             _made(made, as_json, f'import FILE.uff --campaign "{new}"')
             return
-        structures = (
+        bodies = (
             [one for _, one in _structures(lab, project)]
             if structure is None
             else [lab.structure(structure)]
         )
-        rows = [
-            {**one.fields, "structure_name": above.name}
-            for above in structures
-            for one in above.campaigns()
-        ]
+        pairs = [(above, one) for above in bodies for one in above.campaigns()]
+        rows = [{**one.fields, "structure_name": above.name} for above, one in pairs]
     columns = {
         "id": "id", "structure": "structure_name", "name": "name", "boundary": "boundary", "performed": "performed_at",
         "°C": "temperature_c",

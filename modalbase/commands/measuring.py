@@ -14,7 +14,7 @@ import typer
 from modalbase import objects
 from modalbase.client.display import Written, print_json, print_table
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.results import beside_lines, mode_set_cells
+from modalbase.client.results import beside_lines
 from modalbase.commands.options import (
     AsJson,
     OfCampaign,
@@ -191,15 +191,10 @@ def frfs(
     url: Url = None,
 ) -> None:
     """List the FRFs of a campaign; `modalbase export` fetches their values."""
+    chosen = {"point": point, "direction": direction, "reference": reference, "quantity": quantity}
     with laboratory_at(url) as lab:
-        listed = (
-            lab.named(objects.Campaign, campaign)
-            .list_frfs(
-                limit, point=point, direction=direction, reference=reference, quantity=quantity
-            )
-            .rows
-        )
-    columns = (
+        listed = lab.named(objects.Campaign, campaign).list_frfs(limit, **chosen).rows
+    columns = [
         "id",
         "label",
         "response",
@@ -209,14 +204,12 @@ def frfs(
         "start_hz",
         "end_hz",
         "averages",
-    )
+    ]
+    places = [{side: _dof(frf, side) for side in ("response", "reference")} for frf in listed]
     rows = [
-        [
-            f["id"], f["label"], _dof(f, "response"), _dof(f, "reference"), f["quantity"],
-            f["lines"], f["start_hz"], f["end_hz"], f["averages"],
-        ]
-        for f in listed
-    ]  # fmt: skip
+        [{**frf, **place}[name] for name in columns]
+        for frf, place in zip(listed, places, strict=True)
+    ]
     show(listed, columns, as_json, rows, f"{len(listed)} FRFs")
 
 
@@ -334,9 +327,7 @@ def modes(
     if as_json:
         print_json(shown.fields)
         return
-    print_table(
-        f"{shown.name} ({shown.origin}), {shown.id}", *mode_set_cells(shown.fields["modes"])
-    )
+    print_table(f"{shown.name} ({shown.origin}), {shown.id}", *shown.modes.cells())
     for line in beside_lines(shown.details):
         typer.echo(line, err=True)
     say_next(f'update "{campaign}" --mode-set {shown.id} --wait')

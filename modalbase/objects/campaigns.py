@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from modalbase.client.errors import ClientError, Exit
 from modalbase.client.rest import require_known
 from modalbase.formats.registry import FRF_SUFFIXES
-from modalbase.objects.files import save_file, send_file
 from modalbase.objects.finding import CAMPAIGN, Kind
 from modalbase.objects.jobs import (
     Identification,
@@ -89,7 +88,7 @@ class Campaign(Editable):
             options["dry_run"] = bool(options["dry_run"])
         sent = Import(
             self.lab,
-            send_file(self.lab.connection, f"{self.address}/imports", Path(file), **options),
+            self._send("imports", file, **options),
         )
         return sent.wait().check() if wait else sent
 
@@ -99,7 +98,7 @@ class Campaign(Editable):
 
     def grid_points(self) -> Table:
         """Its grid points: `label`, `x_m`, `y_m`, `z_m`."""
-        return Table(self.lab.connection.get(f"{self.address}/grid-points")["items"], key="label")
+        return Table(self._get("grid-points")["items"], key="label")
 
     def set_grid_points(self, points: Iterable[Mapping[str, Any] | Sequence[float]]) -> Table:
         """State the grid points, in place of those that are there; returns them as stored.
@@ -113,9 +112,7 @@ class Campaign(Editable):
         items = [
             dict(p) if isinstance(p, Mapping) else dict(zip(POINT, p, strict=True)) for p in points
         ]
-        address = f"{self.address}/grid-points"
-        headers = {"If-Match": self.lab.connection.request("GET", address).headers["etag"]}
-        stored = self.lab.connection.call("PUT", address, json={"items": items}, headers=headers)
+        stored = self._call("PUT", "grid-points", json={"items": items}, replaced=True)
         return Table(stored["items"], key="label")
 
     def save_grid_points(self, file: str | Path, file_format: str | None = None) -> Path:
@@ -125,13 +122,7 @@ class Campaign(Editable):
         Raises:
             ClientError: the name says no format, or the service has no grid points in it.
         """
-        return save_file(
-            self.lab.connection,
-            f"{self.address}/grid-points",
-            file,
-            FRF_SUFFIXES,
-            format=file_format,
-        )
+        return self._save("grid-points", file, FRF_SUFFIXES, format=file_format)
 
     def alignment(self) -> Table:
         """How its points lie on the structure: distance, set and normal of each, and whether an
@@ -177,9 +168,7 @@ class Campaign(Editable):
             ClientError: there is no such filter.
         """
         require_known("list_frfs", filters)
-        return Table(
-            list(self.lab.connection.pages(f"{self.address}/frfs", most, **filters)), key="label"
-        )
+        return Table(self._pages("frfs", most, **filters), key="label")
 
     def frfs(self, **filters: Any) -> Frfs:
         """Its FRFs with their spectra, as numpy arrays. They must have one axis and one quantity.
@@ -193,9 +182,7 @@ class Campaign(Editable):
         """
         from modalbase.objects.frfs import Frfs
 
-        return Frfs.from_npz(
-            self.lab.connection.call("GET", f"{self.address}/frfs/data", params=_npz(filters))
-        )
+        return Frfs.from_npz(self._call("GET", "frfs/data", params=_npz(filters)))
 
     def figure(self, name: str, **options: Any) -> Figure:
         """A figure, shown in a notebook: `frf` or `hits`.
@@ -209,13 +196,13 @@ class Campaign(Editable):
             ClientError: there is no such option.
         """
         require_known("get_campaign_figure", options)
-        return Figure(self.lab, f"{self.address}/figures/{name}", options)
+        return Figure(self.lab, self._at(f"figures/{name}"), options)
 
     def archive(self, file: str | Path) -> Path:
         """Write it, with its structure and instruments, to a zip that others read without this
         service.
         """
-        return save_file(self.lab.connection, f"{self.address}/archive", file)
+        return self._save("archive", file)
 
     def label_frfs(
         self, *, tags: Sequence[str] = (), meta: Mapping[str, Any] | None = None, **which: Any
@@ -233,10 +220,7 @@ class Campaign(Editable):
         """
         require_known("label_frfs", which)
         body = {"tags": list(tags), "meta": dict(meta or {})}
-        answer = self.lab.connection.call(
-            "PUT", f"{self.address}/frfs/labels", params=which, json=body
-        )
-        return int(answer["count"])
+        return int(self._call("PUT", "frfs/labels", params=which, json=body)["count"])
 
     def add_frfs(self, frfs: Frfs) -> Table:
         """Store FRFs that a script has; `modalbase.Frfs` takes arrays, pyuff datasets and xarray.
@@ -263,10 +247,7 @@ class Campaign(Editable):
         Returns:
             `items`, the stored blocks, and `hits`, the judgement of each hit.
         """
-        answer = send_file(
-            self.lab.connection, f"{self.address}/records", Path(file), mapping=mapping
-        )
-        return self._judged(answer)
+        return self._judged(self._send("records", file, mapping=mapping))
 
     def add_sep005(
         self,
@@ -368,7 +349,7 @@ class Campaign(Editable):
         """What was decided of its hits by hand, newest first: `good`, `why`, `by` and `created_at`
         of each.
         """
-        return list(self.lab.connection.pages(f"{self.address}/hit-decisions"))
+        return self._pages("hit-decisions")
 
     def process(self, *, wait: bool = True, **options: Any) -> Processing:
         """Make FRFs of the good hits.
@@ -468,14 +449,7 @@ class Campaign(Editable):
             ClientError: the name says none of these, nothing matches, or there is no such filter.
         """
         require_known("get_campaign_data", filters)
-        return save_file(
-            self.lab.connection,
-            f"{self.address}/frfs/data",
-            file,
-            FRF_SUFFIXES,
-            format=file_format,
-            **filters,
-        )
+        return self._save("frfs/data", file, FRF_SUFFIXES, format=file_format, **filters)
 
 
 def _npz(filters: Mapping[str, Any]) -> dict[str, Any]:

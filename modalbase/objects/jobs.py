@@ -20,9 +20,9 @@ from modalbase.client.results import (
     verdict_lines,
 )
 from modalbase.formats.registry import FRF_SUFFIXES
-from modalbase.objects.files import MESH_FORMATS, REPORTS, SOLVERS, save_file
+from modalbase.objects.files import MESH_FORMATS, REPORTS, SOLVERS
 from modalbase.objects.finding import MODE_SET, Kind, find_job, uuid_of
-from modalbase.objects.thing import Access, Figure, Table, Thing
+from modalbase.objects.thing import Access, Addressed, Figure, Table, Thing
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
@@ -82,7 +82,7 @@ class ModeSet(Thing):
         Raises:
             ClientError: the name says no format, or the service has no modes in it.
         """
-        return save_file(self.lab.connection, self.address, file, FRF_SUFFIXES, format=file_format)
+        return self._save("", file, FRF_SUFFIXES, format=file_format)
 
     def plot(self) -> Figure:
         """Its shapes at the measured points, shown in a notebook."""
@@ -117,12 +117,7 @@ class ModeSet(Thing):
             for which, poles in both
             for hz, why in poles.items()
         ]
-        return ModeSet(
-            self.lab,
-            self.lab.connection.post(
-                f"{self.address}/edits", {"name": name, "decisions": decisions}
-            ),
-        )
+        return ModeSet(self.lab, self._post("edits", {"name": name, "decisions": decisions}))
 
     @property
     def frequency_hz(self) -> Any:
@@ -161,7 +156,24 @@ class ModeSet(Thing):
         return dofs, values
 
 
-class Result:
+class Drawn(Addressed):
+    """What has the figures of an update's result."""
+
+    def figure(self, name: str, **options: Any) -> Figure:
+        """A figure, shown in a notebook; `figures()` lists the names.
+
+        Args:
+            name: such as `frf` or `mac`.
+            options: `point` and `reference` of the FRF, `fmin`, `fmax`, `theme` (`light`, `dark`).
+        """
+        return Figure(self.lab, self._at(f"figures/{quote(name, safe='')}"), options)
+
+    def figures(self) -> Table:
+        """The figures, and which of them this result can be drawn as."""
+        return Table(self._get("figures")["items"])
+
+
+class Result(Drawn):
     """The result of an update job; printing it shows the verdict, the warnings and the parameters.
 
     Attributes:
@@ -172,6 +184,11 @@ class Result:
 
     def __init__(self, lab: Access, job: str, document: Mapping[str, Any]) -> None:
         self.lab, self.job, self.document = lab, job, document
+
+    @property
+    def address(self) -> str:
+        """Path of its job below `/api/v1/`."""
+        return f"update-jobs/{self.job}"
 
     def __getitem__(self, name: str) -> Any:
         return self.document[name]
@@ -239,7 +256,7 @@ class Result:
             ClientError: the structure is no model that was sent, or the result has no elastic
                 constants.
         """
-        return save_file(self.lab.connection, f"update-jobs/{self.job}/deck", file)
+        return self._save("deck", file)
 
     def shapes(self, file: str | Path, *, at: str = "nodes") -> Path:
         """Write the mesh with the mode shapes of the updated model and the measured ones, for other
@@ -253,22 +270,7 @@ class Result:
         Raises:
             ClientError: the name says no format, or the result keeps no shapes.
         """
-        return save_file(
-            self.lab.connection, f"update-jobs/{self.job}/mesh", file, MESH_FORMATS, at=at
-        )
-
-    def figure(self, name: str, **options: Any) -> Figure:
-        """A figure, shown in a notebook; `figures()` lists the names.
-
-        Args:
-            name: such as `frf` or `mac`.
-            options: `point` and `reference` of the FRF, `fmin`, `fmax`, `theme` (`light`, `dark`).
-        """
-        return UpdateJob(self.lab, {"id": self.job}).figure(name, **options)
-
-    def figures(self) -> Table:
-        """The figures, and which of them this result can be drawn as."""
-        return UpdateJob(self.lab, {"id": self.job}).figures()
+        return self._save("mesh", file, MESH_FORMATS, at=at)
 
 
 class Job(Thing):
@@ -372,11 +374,11 @@ class Import(Job):
 
     def records(self) -> dict[str, Any]:
         """What it read of hits: `items`, the time blocks, and `hits`, the judgement of each hit."""
-        return self.lab.connection.get(f"{self.address}/records")
+        return self._get("records")
 
     def save(self, file: str | Path) -> Path:
         """Write the file as it was sent; `-` is standard output."""
-        return save_file(self.lab.connection, f"{self.address}/original", file)
+        return self._save("original", file)
 
     def summary(self) -> str:
         """What was read, what was refused and why."""
@@ -406,7 +408,7 @@ class Stoppable(Job):
 
     def cancel(self) -> Self:
         """Ask for its end."""
-        self.fields = self.lab.connection.call("POST", f"{self.address}/cancel")
+        self.fields = self._call("POST", "cancel")
         return self
 
 
@@ -425,7 +427,7 @@ class Identification(Stoppable):
         return ModeSet(self.lab, self.lab.connection.get(ModeSet.noun.path.format(id_)))
 
 
-class UpdateJob(Stoppable):
+class UpdateJob(Drawn, Stoppable):
     """The updating of a structure's model to a campaign."""
 
     noun = Kind("update", "update-jobs/{}", "campaigns/{}/update-jobs")
@@ -446,17 +448,7 @@ class UpdateJob(Stoppable):
         """
         if wait:
             self.wait().check()
-        return Result(
-            self.lab, self.fields["id"], self.lab.connection.get(f"{self.address}/result")
-        )
-
-    def figure(self, name: str, **options: Any) -> Figure:
-        """A figure of its result, as `Result.figure`."""
-        return Figure(self.lab, f"{self.address}/figures/{quote(name, safe='')}", options)
-
-    def figures(self) -> Table:
-        """The figures, and which of them its result can be drawn as."""
-        return Table(self.lab.connection.get(f"{self.address}/figures")["items"])
+        return Result(self.lab, self.fields["id"], self._get("result"))
 
     def report(self, file: str | Path) -> Path:
         """Write its report: two pages for a customer, the rest as annex.
@@ -467,7 +459,7 @@ class UpdateJob(Stoppable):
         Raises:
             ClientError: the name says neither, or the job has no result.
         """
-        return save_file(self.lab.connection, f"{self.address}/report", file, REPORTS)
+        return self._save("report", file, REPORTS)
 
     def summary(self) -> str:
         """Verdict, warnings and parameters of a job that has succeeded, the reason of one that
@@ -487,7 +479,7 @@ class UpdateJob(Stoppable):
         Raises:
             ClientError: there is no result.
         """
-        return self.lab.connection.get(f"{self.address}/labels")
+        return self._get("labels")
 
     def label(
         self, *, tags: Sequence[str] = (), meta: Mapping[str, Any] | None = None
@@ -497,16 +489,13 @@ class UpdateJob(Stoppable):
         Raises:
             ClientError: there is no result, or the project demands other metadata.
         """
-        tag = self.lab.connection.request("GET", f"{self.address}/labels").headers["etag"]
-        body, headers = {"tags": list(tags), "meta": dict(meta or {})}, {"If-Match": tag}
-        kept: dict[str, Any] = self.lab.connection.call(
-            "PUT", f"{self.address}/labels", json=body, headers=headers
-        )
+        body = {"tags": list(tags), "meta": dict(meta or {})}
+        kept: dict[str, Any] = self._call("PUT", "labels", json=body, replaced=True)
         return kept
 
     def events(self) -> Iterator[dict[str, Any]]:
         """Its states as they change, until it has ended."""
-        for line in self.lab.connection.lines(f"{self.address}/events"):
+        for line in self.lab.connection.lines(self._at("events")):
             if line.startswith("data:"):
                 yield json.loads(line.removeprefix("data:"))
 
@@ -537,14 +526,7 @@ class UpdateJob(Stoppable):
         Raises:
             ClientError: the name says no format, or the job has no result.
         """
-        return save_file(
-            self.lab.connection,
-            f"{self.address}/frfs/data",
-            file,
-            FRF_SUFFIXES,
-            format=file_format,
-            **filters,
-        )
+        return self._save("frfs/data", file, FRF_SUFFIXES, format=file_format, **filters)
 
     def save_cards(
         self, file: str | Path, solver: str | None = None, element: str | None = None
@@ -560,15 +542,8 @@ class UpdateJob(Stoppable):
         Raises:
             ClientError: the name does not say which, or the job has no result.
         """
-        return save_file(
-            self.lab.connection,
-            f"{self.address}/cards",
-            file,
-            SOLVERS,
-            "state the program: ",
-            format=solver,
-            element=element,
-        )
+        advice = "state the program: "
+        return self._save("cards", file, SOLVERS, advice, format=solver, element=element)
 
 
 def update_jobs(lab: Access, most: int | None = None, **narrowed: Any) -> list[UpdateJob]:

@@ -6,20 +6,19 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Mapping
-from itertools import islice
 from math import floor, log10
 from pathlib import Path
 from typing import Any
 
 from modalbase.client.errors import ClientError, Exit
 from modalbase.objects.files import ROWS, TRENDS, format_of, save_file
-from modalbase.objects.thing import Access, Figure, Table, library
+from modalbase.objects.thing import Access, Addressed, Figure, Table, library
 
 SHOWN = 10
 """Rows that printing shows."""
 
 
-class SearchResults:
+class SearchResults(Addressed):
     """Rows of one noun that a search found; nothing is fetched before it is asked for.
 
         hot = lab.find("campaigns", "temperature_c > 25 AND structure.name LIKE 'bridge%'")
@@ -65,10 +64,7 @@ class SearchResults:
 
     def head(self, most: int = SHOWN) -> Table:
         """The first rows as a table."""
-        return Table(
-            list(islice(self.lab.connection.pages(self.address, most, **self.query), most)),
-            key="id",
-        )
+        return Table(self._pages("", most, **self.query)[:most], key="id")
 
     def to_pandas(self) -> Any:
         """All rows as a `pandas.DataFrame`, SI in full, times as times.
@@ -92,7 +88,7 @@ class SearchResults:
         Raises:
             ClientError: the name says none of these, or there are more rows than a file has.
         """
-        return save_file(self.lab.connection, self.address, file, ROWS, **self.query)
+        return self._save("", file, ROWS, **self.query)
 
     def archive(self, file: str | Path) -> Path:
         """Write all campaigns that were found, with structures, modes and results, to a zip that
@@ -107,7 +103,7 @@ class SearchResults:
                 f"an archive is of campaigns; search for those whose {self.noun} are meant",
                 Exit.USAGE,
             )
-        return save_file(self.lab.connection, f"{self.address}/archive", file, **self._what())
+        return self._save("archive", file, **self._what())
 
     def arrays(self, **cut: Any) -> dict[str, Any]:
         """The spectra of all FRFs found, as arrays by name, in one stream: `values` is (N, lines),
@@ -148,9 +144,7 @@ class SearchResults:
         """
         self._require("trend", "results", "modes")
         query = {**self._what(), "value": value, "covariates": covariates}
-        return Trend(
-            self.lab, f"{self.address}/trend", {k: v for k, v in query.items() if v is not None}
-        )
+        return Trend(self.lab, self._at("trend"), {k: v for k, v in query.items() if v is not None})
 
     def figure(self) -> Figure:
         """The results found beside one another, with 95 % intervals.
@@ -160,7 +154,7 @@ class SearchResults:
         """
         self._require("figure", "results")
         sort = {"sort": self.query["sort"]} if "sort" in self.query else {}
-        return Figure(self.lab, f"{self.address}/figure", {**self._what(), **sort})
+        return Figure(self.lab, self._at("figure"), {**self._what(), **sort})
 
     def _require(self, what: str, *nouns: str) -> None:
         if self.noun not in nouns:
@@ -182,7 +176,7 @@ class SearchResults:
 
     def _head(self) -> dict[str, Any]:
         if self._first is None:
-            self._first = self.lab.connection.get(self.address, limit=SHOWN, **self.query)
+            self._first = self._get(limit=SHOWN, **self.query)
         return self._first
 
     def _times(self) -> list[str]:
@@ -190,9 +184,7 @@ class SearchResults:
         return [name for name in row if name.rpartition(".")[2].endswith(("_at", "_since"))]
 
     def _file(self, form: str) -> bytes:
-        content: bytes = self.lab.connection.call(
-            "GET", self.address, params={**self.query, "format": form}
-        )
+        content: bytes = self._call("GET", params={**self.query, "format": form})
         return content
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 from modalbase.client.display import PLAIN_WIDTH, cell, print_table
 from modalbase.client.errors import ClientError, Exit
 from modalbase.client.rest import Rest
-from modalbase.objects.files import FIGURES, save_file
+from modalbase.objects.files import FIGURES, save_file, send_file
 from modalbase.objects.finding import Kind, all_of, find, find_id, find_or_make
 
 if TYPE_CHECKING:
@@ -66,7 +66,59 @@ class Access:
         return [str(one["name"]) for one in all_of(self.connection, noun)]
 
 
-class Thing:
+class Addressed:
+    """What is at an address of a service.
+
+    Attributes:
+        lab: where it is of.
+    """
+
+    lab: Access
+
+    @property
+    def address(self) -> str:
+        """Its path below `/api/v1/`."""
+        raise NotImplementedError
+
+    def _at(self, part: str) -> str:
+        return f"{self.address}/{part}" if part else self.address
+
+    def _get(self, part: str = "", **query: Any) -> dict[str, Any]:
+        """The JSON of a part of it, or of itself."""
+        return self.lab.connection.get(self._at(part), **query)
+
+    def _pages(self, part: str = "", most: int | None = None, **query: Any) -> list[dict[str, Any]]:
+        """The items of a list below it."""
+        return list(self.lab.connection.pages(self._at(part), most, **query))
+
+    def _post(self, part: str, body: Any, confirm: bool = False) -> dict[str, Any]:
+        """The JSON that answers a body."""
+        return self.lab.connection.post(self._at(part), body, confirm=confirm or None)
+
+    def _call(self, method: str, part: str = "", *, replaced: bool = False, **how: Any) -> Any:
+        """What answers any call; `replaced` names the version that is there now, as replaced."""
+        if replaced:
+            there = self.lab.connection.request("GET", self._at(part))
+            how["headers"] = {"If-Match": there.headers["etag"]}
+        return self.lab.connection.call(method, self._at(part), **how)
+
+    def _send(self, part: str, file: str | Path, **how: Any) -> dict[str, Any]:
+        """The JSON that answers a file, as `send_file`."""
+        return send_file(self.lab.connection, self._at(part), Path(file), **how)
+
+    def _save(
+        self,
+        part: str,
+        file: str | Path,
+        formats: Mapping[str, str] | None = None,
+        advice: str = "",
+        **query: Any,
+    ) -> Path:
+        """Write a part of it to a file, as `save_file`."""
+        return save_file(self.lab.connection, self._at(part), file, formats, advice, **query)
+
+
+class Thing(Addressed):
     """One thing that the service stores.
 
     Attributes:
@@ -116,7 +168,7 @@ class Thing:
         Raises:
             ClientError: it is gone, or the service does not answer.
         """
-        self.fields = self.lab.connection.get(self.address)
+        self.fields = self._get()
         return self
 
     def _list(self, of: type[T], **narrowed: Any) -> list[T]:
@@ -173,9 +225,7 @@ class Editable(Thing):
         tag = answer.headers.get("etag") if same else None
         headers = {"If-Match": tag or '"changed-since"'}
         query = {"confirm": confirm or None}
-        self.fields = self.lab.connection.call(
-            "PATCH", self.address, params=query, json=fields, headers=headers
-        )
+        self.fields = self._call("PATCH", params=query, json=fields, headers=headers)
         return self
 
     def delete(self) -> None:
@@ -184,7 +234,7 @@ class Editable(Thing):
         Raises:
             ClientError: the service refuses.
         """
-        self.lab.connection.call("DELETE", self.address, headers={"If-Match": "*"})
+        self._call("DELETE", headers={"If-Match": "*"})
 
 
 def find_or_create(
