@@ -35,7 +35,6 @@ if TYPE_CHECKING:
         require_match,
         require_usual,
     )
-    from service.web.routing import api_router
 
 __all__ = [
     "IF_MATCH",
@@ -49,7 +48,6 @@ __all__ = [
     "Text",
     "Time",
     "UnlessNamed",
-    "api_router",
     "etag_of",
     "example",
     "not_null",
@@ -65,7 +63,6 @@ _LATER = {
         *("IF_MATCH", "Confirm", "Cursor", "Limit", "UnlessNamed"),
         *("etag_of", "paged", "require_match", "require_usual"),
     ),
-    "routing": ("api_router",),
 }
 
 

@@ -17,6 +17,7 @@ from service.access import (
     SessionDep,
     SettingsDep,
     User,
+    api_router,
     project_for,
     projects_of,
 )
@@ -25,7 +26,7 @@ from service.monitoring.notifications.addresses import AddressError, parse_url
 from service.monitoring.notifications.channels.webhook import WEBHOOK, new_secret
 from service.monitoring.notifications.messages import EVENTS, Event, trial_message
 from service.monitoring.notifications.tables import Delivery, Webhook
-from service.web import Cursor, Limit, Page, StrictModel, Text, api_router, example, paged, wrong
+from service.web import Cursor, Limit, Page, StrictModel, Text, example, paged, wrong
 from service.web.bodies import SOME_ID
 
 router = api_router(tags=["webhooks"])

@@ -17,11 +17,11 @@ from sqlalchemy import ForeignKey, UniqueConstraint, func
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from service.access import Lookup, User, project_for
+from service.access import Lookup, User, api_router, project_for
 from service.access.nouns import NounRoutes
 from service.db.base import Base, Identified
 from service.errors import Conflict
-from service.web import Name, StrictModel, Text, api_router, example, not_null, shown_as, wrong
+from service.web import Name, StrictModel, Text, example, not_null, shown_as, wrong
 
 router = api_router(tags=["instruments"])
 Kind = Literal["hammer", "sensor", "analyser"]

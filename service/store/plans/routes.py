@@ -19,7 +19,7 @@ from fecore.errors import OffSpecimenError, within
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign
 from fecore.updating.parameters import default_parameters
 from fecore.updating.plans import PlannedCoupons, PlannedTest
-from service.access import CurrentUser, SessionDep, User
+from service.access import CurrentUser, SessionDep, User, api_router
 from service.compute.models.bodies import AS_MODELLED
 from service.compute.planning import PlanOrder, compute_plan
 from service.errors import Invalid
@@ -35,7 +35,7 @@ from service.store.updating.bodies import coupon_constants
 from service.store.updating.loading import carried_masses, joint_body, modes_in_frame
 from service.store.updating.operations import check_mode_set
 from service.store.updating.schemas import USUAL, InputsIn
-from service.web import Name, StrictModel, api_router, example
+from service.web import Name, StrictModel, example
 
 router = api_router(tags=["update jobs"])
 

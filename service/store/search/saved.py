@@ -11,7 +11,15 @@ from sqlalchemy import ForeignKey, UniqueConstraint, select
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from service.access import CurrentUser, Lookup, SessionDep, User, project_for, projects_of
+from service.access import (
+    CurrentUser,
+    Lookup,
+    SessionDep,
+    User,
+    api_router,
+    project_for,
+    projects_of,
+)
 from service.db.base import Base, Identified
 from service.errors import Conflict, Fault, Invalid, NotFound
 from service.store.search.nouns import SEARCHED
@@ -24,7 +32,6 @@ from service.web import (
     Page,
     StrictModel,
     Text,
-    api_router,
     example,
     paged,
     shown_as,

@@ -9,7 +9,7 @@ from anyio import from_thread
 from pydantic import Field
 
 from fecore.body.align import Motion
-from service.access import CurrentUser, SessionDep
+from service.access import CurrentUser, SessionDep, api_router
 from service.compute.models.alignment import Distances, distances, motions_of
 from service.errors import Invalid
 from service.jobs.subprocess_read import read_in_subprocess
@@ -19,7 +19,7 @@ from service.store.frfs.data import specimen_points
 from service.store.structures.operations import present_structure
 from service.store.updating.loading import body_for
 from service.store.updating.schemas import USUAL
-from service.web import StrictModel, api_router, example
+from service.web import StrictModel, example
 
 router = api_router(tags=["campaigns"])
 
