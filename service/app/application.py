@@ -31,7 +31,7 @@ from service.tasks.routes import HEADINGS
 from service.web.middleware import KnownHosts, RequestMiddleware
 from service.web.openapi import RESPONSES, add_documentation, describe_problems
 from service.web.problems import add_problem_handlers
-from service.web.routing import API, PAGES, serve
+from service.web.routing import API, UI, serve
 
 log = structlog.stdlib.get_logger("modalbase.http")
 
@@ -126,7 +126,7 @@ def create_app(settings: Settings) -> FastAPI:
 def _add_middleware(app: FastAPI, settings: Settings) -> None:
     """What each request passes; the last one added is the first."""
     paths = Paths(app.routes, API, FINDERS)
-    prefixes = (API, PAGES) if settings.pages else (API,)
+    prefixes = (API, UI) if settings.pages else (API,)
     app.add_middleware(
         Authentication,
         settings=settings,

@@ -11,9 +11,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from service.web.bodies import (
+    Day,
+    Id,
     Int64,
+    LongList,
     Name,
     Page,
+    RequestModel,
     StrictModel,
     Text,
     Time,
@@ -40,10 +44,14 @@ __all__ = [
     "IF_MATCH",
     "Confirm",
     "Cursor",
+    "Day",
+    "Id",
     "Int64",
     "Limit",
+    "LongList",
     "Name",
     "Page",
+    "RequestModel",
     "StrictModel",
     "Text",
     "Time",

@@ -19,7 +19,7 @@ from service.web.json_body import MOST_VALUES, parse_json
 from service.web.negotiation import content_type, is_json
 from service.web.uploads import too_large
 
-API, PAGES = "/api/v1", "/ui"
+API, UI = "/api/v1", "/ui"
 """Prefixes of the paths of the contract, and of pages."""
 
 
@@ -138,19 +138,19 @@ def _require_json(headers: Headers) -> None:
 
 
 class PageRoute(APIRoute):
-    """A route of a page below `PAGES`."""
+    """A route of a page below `UI`."""
 
     @property
     def label(self) -> str:
-        """The path below `PAGES`, by which metrics know the route."""
-        return self.path.removeprefix(PAGES)
+        """The path below `UI`, by which metrics know the route."""
+        return self.path.removeprefix(UI)
 
 
 def page_router(prefix: str = "") -> APIRouter:
     """A router of pages, which the OpenAPI document leaves out.
 
     Args:
-        prefix: of their paths: `PAGES`, or none.
+        prefix: of their paths: `UI`, or none.
     """
     kind = PageRoute if prefix else APIRoute
     return APIRouter(prefix=prefix, route_class=kind, include_in_schema=False)

@@ -41,7 +41,7 @@ from service.store.campaigns.operations import campaign_for, describe
 from service.store.structures import routes as structures
 from service.web.negotiation import choose_format
 from service.web.parameters import not_modified
-from service.web.routing import PAGES, page_router
+from service.web.routing import UI, page_router
 from service.web.templates import templates_in
 
 if TYPE_CHECKING:
@@ -234,7 +234,7 @@ class PageErrors:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI entry."""
         if scope["type"] != "http" or not (
-            scope["path"].startswith(f"{PAGES}/") or _is_navigation(scope)
+            scope["path"].startswith(f"{UI}/") or _is_navigation(scope)
         ):
             await self.app(scope, receive, send)
             return

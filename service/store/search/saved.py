@@ -27,11 +27,12 @@ from service.store.search.operations import Search, SearchQuery, names_in
 from service.store.search.translate import LONGEST
 from service.web import (
     Cursor,
+    Id,
     Limit,
     Name,
     Page,
+    RequestModel,
     StrictModel,
-    Text,
     example,
     paged,
     shown_as,
@@ -54,7 +55,7 @@ class SavedSearch(Identified, Base):
     query: Mapped[dict[str, Any]]
 
 
-class SearchIn(StrictModel):
+class SearchIn(RequestModel):
     """A search to keep, as `GET /search/{noun}` takes it."""
 
     model_config = example(
@@ -64,13 +65,13 @@ class SearchIn(StrictModel):
         filter="Ex < 30e9",
     )
 
-    project: UUID = Field(description="whose members see it")
+    project: Id = Field(description="whose members see it")
     name: Name
     noun: str = Field(json_schema_extra={"enum": list(SEARCHED)})
-    filter: Text = Field("", max_length=LONGEST)
-    q: Text = Field("", max_length=200)
-    sort: Text = Field("", max_length=100)
-    fields: Text = Field("", max_length=LONGEST)
+    filter: str = Field("", max_length=LONGEST)
+    q: str = Field("", max_length=200)
+    sort: str = Field("", max_length=100)
+    fields: str = Field("", max_length=LONGEST)
 
     @field_validator("noun")
     @classmethod
