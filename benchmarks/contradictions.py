@@ -22,6 +22,7 @@ import numpy as np
 
 from benchmarks.tables import Table, beside
 from fecore.arrays import FloatArray
+from fecore.body.constants import Parameter
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.supports import PointMass
@@ -32,7 +33,7 @@ from fecore.updating.campaigns import Campaign, CampaignsResult, update_campaign
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Coupon
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from tests.support.draws import modes_at
 
 SOLIDS = Path(__file__).parents[2] / "shared" / "blind-open"

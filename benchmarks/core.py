@@ -35,7 +35,7 @@ from fecore.frf import Dof, along_z
 from fecore.modal import identify
 from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import DampingResult, fit_damping, fit_reference
-from fecore.updating.elastic import fit
+from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.forward import ForwardModel
 from fecore.updating.layout import Layout
 from fecore.updating.measurement import Measurement
@@ -280,7 +280,7 @@ def _against_least_squares(data: Measurement) -> None:
         given = damping_data(data.frfs, elastic, modes, "noise")
         return fit_damping(given, fit_reference(given), RAYLEIGH)
 
-    elastic, first = least(lambda: fit(Layout.of_one(replace(model), modes)))
+    elastic, first = least(lambda: settled(fit_elastic(Layout.of_one(replace(model), modes))))
     damping, after = least(second)
     nuisance = damping_data(data.frfs, elastic, modes, "noise").nuisance(damping.discrepancy)
     # The peer knows of no common gain, nor of what a driving point has for itself, so neither does

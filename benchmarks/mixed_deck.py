@@ -10,11 +10,12 @@ import numpy as np
 
 from benchmarks.tables import print_beside
 from fecore.arrays import FloatArray
+from fecore.body.constants import Parameter
 from fecore.body.structure import Structure
 from fecore.frf import Dof, FrfSet
 from fecore.updating.forward import ForwardModel
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from modalbase.formats.models.bdf import read_bdf

@@ -20,7 +20,6 @@ from fecore.body.supports import Boundary
 from fecore.dynamics.eigen import normal_modes
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import default_parameters
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
@@ -119,7 +118,7 @@ def _updated(case: Case, random: np.random.Generator) -> tuple[UpdateResult, dic
     constants = {**body.nominal, **moduli, "Gyz": moduli["Gxz"], **own}
     constants |= {f"zone_{k}": factor for k, factor in enumerate(factors, start=1)}
     measurement = _measured(body, constants, case, random)
-    shown = tuple(p for p in default_parameters(stated) if p.name not in ("Ey", "Gyz"))
+    shown = tuple(p for p in stated.default_parameters() if p.name not in ("Ey", "Gyz"))
     recipe = Recipe(
         parameters=shown, damping_models=("rayleigh",), use_shapes=case.boundary == "free"
     )

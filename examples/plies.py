@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fecore.body.constants import PLY_PARAMETERS, Parameter
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.specimen import LayeredSpecimen
 from fecore.frf import Dof, along_z
@@ -18,7 +19,7 @@ from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import PLY_PARAMETERS, Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fecore.body.beam_specimen import BeamSpecimen
+    from fecore.body.constants import Parameter
     from fecore.body.laminate import OrthotropicMaterial, Ply
     from fecore.body.sections import homogenise, section
     from fecore.body.specimen import Specimen
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
     from fecore.modes import MeasuredModes
     from fecore.updating.forward import ForwardModel
     from fecore.updating.measurement import Measurement
-    from fecore.updating.parameters import Parameter
     from fecore.updating.pipeline import update
     from fecore.updating.recipe import HoldOut, Recipe
     from fecore.updating.result import UpdateResult

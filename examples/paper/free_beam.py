@@ -15,9 +15,9 @@ from examples.paper.published import (
     free_beam,
 )
 from examples.paper.synthesis import grid, measured_body, solve
+from fecore.body.constants import Parameter
 from fecore.modes import MeasuredModes
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult

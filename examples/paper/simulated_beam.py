@@ -15,12 +15,12 @@ from examples.paper.published import (
 )
 from examples.paper.synthesis import rayleigh_body, solve
 from examples.paper.trials import Trials, run
+from fecore.body.constants import Parameter
 from fecore.dynamics.damping_laws import RAYLEIGH, damping_ratio
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.frf import Dof, FrfSet
 from fecore.updating.forward import ForwardState
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult

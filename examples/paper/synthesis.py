@@ -9,11 +9,12 @@ follows from frequencies and damping is the paper's, and what depends on shapes 
 import numpy as np
 
 from fecore.body.beam_specimen import BeamSpecimen
+from fecore.body.constants import Parameter
 from fecore.body.specimen import Specimen
 from fecore.dynamics.damping_laws import RAYLEIGH, ModalDamping, beyond, damping_rate
 from fecore.frf import Dof, FrfSet, along_z
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 
 Points = dict[int, tuple[float, float, float]]
 

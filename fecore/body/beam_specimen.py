@@ -9,6 +9,7 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.beams import BeamSection, rectangle_torsion
+from fecore.body.clamps import Root
 from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.named import BEYOND_EDGE, OfStructure
 from fecore.body.structure import Structure
@@ -90,6 +91,13 @@ class BeamSpecimen(OfStructure):
         if constant == "J":
             return np.asarray(rectangle_torsion(shear, shear, b, t) / shear)
         return made.get(constant, own.get(constant))
+
+    def root(self, constants: FloatArray) -> Root | None:
+        """The clamped end at some constants; None where there is none."""
+        own = dict(zip(self.nominal, constants, strict=True))
+        b, t = float(own["width"]), float(own["thickness"])
+        root = Root(float(own["E"]) * b * t**3 / 12, float(own["length"]), b, t)
+        return root if self.boundary == "cantilever" else None
 
     def are_physical(self, constants: FloatArray) -> BoolArray:
         """(…) all but ν positive, and -1 < ν < ½."""

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
+from fecore.body.constants import Parameter, of_beams
 from fecore.errors import InputError
 
 
@@ -61,6 +62,10 @@ class BeamSection:
         torsion = float(rectangle_torsion(one, one, width * one, height * one))
         inertia = (width * height**3 / 12, height * width**3 / 12, 0.0)
         return cls(E, G, density, width * height, inertia, torsion)
+
+    def default_parameters(self) -> tuple[Parameter, ...]:
+        """What is updated of it: its E, which G follows where both are of one material."""
+        return of_beams(self.nominal)
 
     @property
     def nominal(self) -> dict[str, float]:

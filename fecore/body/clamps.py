@@ -2,18 +2,31 @@
 bed.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.body.sections import ShellSection
-from fecore.body.structure import Structure
 from fecore.body.supports import Clamp, Link, NodeSpring
 from fecore.quantities import CLAMP
 
-AnyStructure = TypeVar("AnyStructure", bound=Structure)
+if TYPE_CHECKING:
+    from fecore.body.structure import Structure
+
+
+@dataclass(frozen=True)
+class Root:
+    """The clamped end x = 0 of a strip."""
+
+    bending_stiffness: float  # EI there, N·m²
+    # of the strip, m
+    length: float
+    width: float
+    thickness: float
 
 
 @dataclass(frozen=True)
@@ -58,7 +71,7 @@ def bed_of(body: Structure) -> Bed | None:
     )
 
 
-def on_bed(body: AnyStructure, bed: Bed, compliance: float, stiffness: float) -> AnyStructure:
+def on_bed(body: Structure, bed: Bed, compliance: float, stiffness: float) -> Structure:
     """The body with its clamp on the bed, as the constant `CLAMP`.
 
     Args:

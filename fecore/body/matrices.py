@@ -8,9 +8,10 @@ penalty alone.)
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 import scipy
@@ -18,12 +19,14 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.body.affine import AffineMatrix, Pattern
 from fecore.body.carried import mass_parts, spring_parts
+from fecore.body.constants import Body, Parameter
 from fecore.body.joints import Joints
 from fecore.body.locate import TOLERANCE, Places, Surfaces
 from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.model import Model, assemble
-from fecore.body.supports import Mass, NodeSpring, Spring, rigid_motions
+from fecore.body.supports import Mass, NodeSpring, PointMass, Spring, rigid_motions
 from fecore.errors import InputError
+from fecore.quantities import kind_of
 
 UNSCALED = "0"
 """Name of the matrix that no factor scales."""
@@ -79,7 +82,7 @@ class Nodes(Surfaces):
 
 
 @dataclass(frozen=True)
-class MatrixBody:
+class MatrixBody(Body):
     """Matrices with a table of nodes."""
 
     nodes: FloatArray  # (n, 3) m
@@ -96,6 +99,19 @@ class MatrixBody:
         """The factors, `skin.factor` of a stiffness and `skin.mass_factor` of a mass."""
         factors = {f"{name}.factor": 1.0 for name in self.stiffness if name != UNSCALED}
         return factors | {f"{name}.mass_factor": 1.0 for name in self.mass if name != UNSCALED}
+
+    @property
+    def has_elements(self) -> bool:
+        """None."""
+        return False
+
+    def carrying(self, masses: Sequence[PointMass]) -> Self:
+        """The body with more masses."""
+        return replace(self, masses=(*self.masses, *(mass.on_surface() for mass in masses)))
+
+    def default_parameters(self) -> tuple[Parameter, ...]:
+        """The factors of its stiffness."""
+        return tuple(Parameter(name) for name in self.nominal if kind_of(name) == "factor")
 
     @property
     def model_error(self) -> float:

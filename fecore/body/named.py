@@ -3,6 +3,7 @@
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
+from fecore.body.constants import Body
 from fecore.body.model import Model
 from fecore.body.structure import Structure
 from fecore.body.supports import Spring
@@ -13,17 +14,12 @@ from callipers.
 """
 
 
-class OfStructure:
+class OfStructure(Body):
     """A body that is a structure by other names of its constants: `row` gives each of the
     structure's from one's own.
     """
 
     springs: tuple[Spring, ...]
-
-    @property
-    def nominal(self) -> dict[str, float]:
-        """Constants that can be parameters, by name, SI."""
-        raise NotImplementedError
 
     @property
     def structure(self) -> Structure:
@@ -33,6 +29,16 @@ class OfStructure:
     def row(self, name: str, own: dict[str, FloatArray]) -> FloatArray | float | None:
         """A constant of the structure by its name; None where it is nominal."""
         raise NotImplementedError
+
+    @property
+    def as_structure(self) -> Structure:
+        """The structure at nominal constants."""
+        return self.structure
+
+    @property
+    def outline(self) -> tuple[str, ...]:
+        """Its length and width."""
+        return ("length", "width")
 
     @property
     def model_error(self) -> float:

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
+from fecore.body.constants import Parameter, of_plies
 from fecore.body.laminate import (
     SHEAR_CORRECTION,
     AlongNormal,
@@ -78,6 +79,10 @@ class ShellSection:
     def thickness(self) -> float:
         """Nominal thickness, m."""
         return sum(ply.thickness for ply in self.plies)
+
+    def default_parameters(self) -> tuple[Parameter, ...]:
+        """What is updated of it: of an isotropic material its E, which the others follow."""
+        return of_plies(self.nominal)
 
     @cached_property
     def materials(self) -> tuple[OrthotropicMaterial, ...]:

@@ -5,19 +5,21 @@ A specimen names its constants as coupons do (`Ex`, `thickness`); `strip.E1` and
 structure follow from them.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Self, TypeVar
+from typing import Self
 
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
+from fecore.body.clamps import Root
 from fecore.body.generators import Piece, relative_thickness, strip
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.matrices import MatrixBody
 from fecore.body.named import BEYOND_EDGE, OfStructure
 from fecore.body.sections import PLY_CONSTANTS, Section, ShellSection, section
 from fecore.body.structure import Structure
@@ -124,9 +126,52 @@ class FlatBody(OfStructure):
         """Parts of equal length that each zone is divided into."""
         return max(1, len(self.profile) // (len(self.zones) + 1))
 
-    def yielding(self, compliance: float) -> Self:  # noqa: ARG002
-        """The body with a clamp of that EI/kL, 0 for a rigid one; as it is where none is modelled."""
-        return self
+    @property
+    def section(self) -> Section:
+        """The nominal section."""
+        raise NotImplementedError
+
+    @property
+    def even_thickness(self) -> float:
+        """Its thickness, m."""
+        return self.thickness
+
+    @property
+    def unmeshed(self) -> Self | None:
+        """The body, rigidly clamped, where nobody has chosen its elements."""
+        return self.yielding(0.0) if self.divisions is None else None
+
+    def with_mesh(self, divisions: tuple[int, int]) -> Self:
+        """The body with so many elements along and across."""
+        return replace(self, divisions=divisions)  # type: ignore[type-var]
+
+    def carrying(self, masses: Sequence[PointMass]) -> Self:
+        """The body with more masses."""
+        return replace(self, masses=(*self.masses, *masses))  # type: ignore[type-var]
+
+    def divided(self, parts: int) -> Self:
+        """The body with each of its zones in so many equal ones."""
+        zones = divided(self.zones, self.length, parts)
+        return replace(self, zones=zones)  # type: ignore[type-var]
+
+    def turned(self, angle: float) -> Self:
+        """The body with its fibres turned about z by an angle, rad."""
+        return replace(self, fibre_angle=self.fibre_angle + angle)  # type: ignore[type-var]
+
+    def root(self, constants: FloatArray) -> Root | None:
+        """The clamped end at some constants; None where there is none, springs hold it too, or its
+        compliance is a parameter.
+        """
+        clamped = self.boundary == "cantilever" and self.supports is None and not self.springs
+        if not clamped or CLAMP in self.nominal:
+            return None
+        own = dict(zip(self.nominal, constants, strict=False))
+        EI = self.bending_stiffness(constants) * self.root_thickness**3
+        return Root(EI, *(float(own[name]) for name in ("length", "width", "thickness")))
+
+    def bending_stiffness(self, constants: FloatArray) -> float:
+        """EI along x at the own thickness and some constants, N·m²."""
+        raise NotImplementedError
 
     @property
     def root_thickness(self) -> float:
@@ -216,6 +261,22 @@ class Specimen(FlatBody):
             Ply(replace(self.material, density=density), thickness) for thickness, density in rows
         )
 
+    def bending_stiffness(self, constants: FloatArray) -> float:
+        """EI = Ex b t³/12 along x at some constants, N·m²."""
+        own = dict(zip(self.nominal, constants, strict=False))
+        return float(own["Ex"] * own["width"] * own["thickness"] ** 3 / 12)
+
+    @property
+    def one_layer(self) -> Specimen | None:
+        """Itself where it is one homogenised layer of one thickness."""
+        return None if self.pieces or self.layers else self
+
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether it and its supports are alike on both sides of its middle line."""
+        plain = not self.fibre_angle and not self.springs and self.supports is None
+        return plain and all(mass.y == 0 for mass in self.masses)
+
     @property
     def nominal(self) -> dict[str, float]:
         """The material's constants and the dimensions."""
@@ -277,8 +338,17 @@ class OrientedSpecimen(Specimen):
         clamps = (Clamp(self.clamp_compliance, Spring(CLAMP, per_metre, 5, edge="start")),)
         return self._structure(self._plies, _BENDING, clamps)
 
+    @property
+    def shares_material(self) -> bool:
+        """Yes."""
+        return True
+
     def yielding(self, compliance: float) -> Self:
-        """The specimen with a clamp of that EI/kL; 0 for a rigid one."""
+        """The specimen with a clamp of that EI/kL, 0 for a rigid one; as it is where it is not
+        clamped, or yields already.
+        """
+        if self.boundary != "cantilever" or (compliance and self.clamp_compliance):
+            return self
         return replace(self, clamp_compliance=compliance)
 
     @property
@@ -369,7 +439,7 @@ class LayeredSpecimen(FlatBody):
         """EI = b / d11 of the strip along x in N·m², free to twist and to bend across; d = (D - B
         A⁻¹ B)⁻¹.
         """
-        own = dict(zip(self.nominal, constants, strict=True))
+        own = dict(zip(self.nominal, constants, strict=False))
         stack = ShellSection(self.plies, turning=True)
         of = {
             name: value if (row := self.row(name, own)) is None else row
@@ -377,16 +447,6 @@ class LayeredSpecimen(FlatBody):
         }
         A, B, D, _ = stack.stiffness({name: np.asarray(value) for name, value in of.items()})
         return float(own["width"] / np.linalg.inv(D - B @ np.linalg.inv(A) @ B)[0, 0])
-
-
-Loaded = TypeVar("Loaded", bound=Specimen | LayeredSpecimen | Structure | MatrixBody)
-
-
-def carrying(body: Loaded, masses: Sequence[PointMass]) -> Loaded:
-    """The body with more masses."""
-    if isinstance(body, Structure | MatrixBody):
-        return replace(body, masses=(*body.masses, *(mass.on_surface() for mass in masses)))
-    return replace(body, masses=(*body.masses, *masses))
 
 
 def check_zones(zones: tuple[float, ...], length: float) -> None:

@@ -6,9 +6,12 @@ them to the coefficients c(q) and m(q) of its affine model (`fecore.body.constan
 share a material have a common prior.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -16,7 +19,9 @@ from fecore.arrays import BoolArray, FloatArray
 from fecore.body.affine import distinct
 from fecore.body.beams import BeamSection
 from fecore.body.carried import KNOWN, mass_parts, spring_parts
-from fecore.body.joints import Joints
+from fecore.body.clamps import Bed, bed_of
+from fecore.body.constants import Body, CommonPrior, Parameter, common_priors
+from fecore.body.joints import NAIVE_ERROR, Joints
 from fecore.body.junction_beams import between, joint_prefix, weighed
 from fecore.body.junctions import Junction, encloses, find_junctions
 from fecore.body.locate import TOLERANCE, Surfaces
@@ -36,6 +41,7 @@ from fecore.body.supports import (
     Link,
     Mass,
     NodeSpring,
+    PointMass,
     Spring,
     Support,
     free_dofs,
@@ -44,28 +50,9 @@ from fecore.body.supports import (
 from fecore.errors import InputError
 from fecore.quantities import is_signed, kind_of
 
-COMMON_SD, OWN_SD = 0.30, 0.15
-"""Relative prior of a material, and scatter of the sets that are made of it."""
-
-JOINTS_ERROR, HARD_JOINTS_ERROR, NAIVE_ERROR, UNLIKE_WALLS = 0.003, 0.0045, 0.016, 1.5
-"""Relative errors of a frequency by joints, as `Structure.model_error`, and from which ratio of
-thicknesses they are hard.
-"""
-
 
 @dataclass(frozen=True)
-class CommonPrior:
-    """Constants of sets that are made of one material: one unknown in common, and a scatter of
-    each.
-    """
-
-    constants: tuple[str, ...]  # such as `flange.E1` and `web.E1`
-    common: float = COMMON_SD  # relative sd of what they share
-    own: float = OWN_SD  # relative sd of each about it; 0 ties them
-
-
-@dataclass(frozen=True)
-class Structure:
+class Structure(Body):
     """A mesh with what makes it a body."""
 
     mesh: Mesh
@@ -119,10 +106,8 @@ class Structure:
         """Relative error of a natural frequency by the model of joints, independent from mode to
         mode; 0 without any.
 
-        Fixed beforehand, by solids of another code: .3 %, and .45 % where walls enclose a cell or
-        their thicknesses differ by more than half. Where walls meet at their middle surfaces
-        instead it is 1.6 %. Of lines at which two walls turn by less than a right angle it is as
-        much less as what is modelled, and of sharp edges as much more; with 1.6 % of what is not.
+        Where walls meet at their middle surfaces it is 1.6 %, of lines at which two walls turn by
+        less than a right angle as much less as they turn less.
         """
         if not self.with_joints:
             lines = find_junctions(self.mesh, self._thickness) if len(self.dofs) == 6 else ()
@@ -132,13 +117,7 @@ class Structure:
             )
         if not (junctions := self.junctions):
             return 0.0
-        hard = encloses(self.mesh, junctions)
-        errors = []
-        for whole, modelled in self.model.joints.corners:
-            unlike = whole.thickness.max() > UNLIKE_WALLS * whole.thickness.min()
-            own = HARD_JOINTS_ERROR if hard or unlike else JOINTS_ERROR
-            errors.append(own * modelled.size + NAIVE_ERROR * whole.left(modelled))
-        return max(errors)
+        return self.model.joints.frequency_error(hard=encloses(self.mesh, junctions))
 
     @property
     def _thickness(self) -> dict[str, float]:
@@ -148,21 +127,38 @@ class Structure:
             if isinstance(part, ShellSection)
         }
 
+    @property
+    def in_space(self) -> Structure:
+        """Itself."""
+        return self
+
+    @property
+    def bed(self) -> Bed | None:
+        """The bed of its clamp; None where anything but one clamp holds it."""
+        return bed_of(self)
+
+    def carrying(self, masses: Sequence[PointMass]) -> Self:
+        """The body with more masses."""
+        return replace(self, masses=(*self.masses, *(mass.on_surface() for mass in masses)))
+
+    def default_parameters(self) -> tuple[Parameter, ...]:
+        """Moduli of each set, those of an isotropic material as one."""
+        return tuple(
+            each.of_set(name)
+            for name in self.mesh.sets
+            for each in self.sections[name].default_parameters()
+        )
+
     def common_priors(self) -> tuple[CommonPrior, ...]:
         """Moduli of sets whose first materials are nominally alike, as constants of one
         material.
         """
-        sets: dict[object, list[str]] = {}
-        for name in self.mesh.sets:
-            section = self.sections[name]
-            if isinstance(section, ShellSection):
-                sets.setdefault(section.materials[0], []).append(name)
-        return tuple(
-            CommonPrior(tuple(f"{name}.{constant}" for name in names))
-            for names in sets.values()
-            if len(names) > 1
-            for constant in ("E1", "E2", "G12", "G13", "G23", "nu12")
-        )
+        shells = {
+            name: section.materials[0]
+            for name in self.mesh.sets
+            if isinstance(section := self.sections[name], ShellSection)
+        }
+        return common_priors(shells)
 
     @cached_property
     def model(self) -> Model:

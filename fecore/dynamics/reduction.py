@@ -19,11 +19,12 @@ Nouy, Adv. Comput. Math. 45, 2019), with a factor of safety. Where the error is 
 model is solved and its modes join the basis.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import chain
 
 import numpy as np
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.body.affine import AffineMatrix
@@ -56,7 +57,7 @@ _GROWTH = 3
 _CLOSE = 0.1  # relative distance in μ below which modes are pooled
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReducedSystem:
     """An affine model projected on a basis."""
 
@@ -157,6 +158,7 @@ class ReducedModel:
             (np.diag(_REACH * stiffness), np.diag(_REACH * mass)) if changes is None else changes
         )
         self._loads = np.zeros((model.stiffness.size, 0)) if loads is None else loads
+        self._covered: frozenset[int] = frozenset()
         self.full_solves = 0
         self._begin(stiffness, mass)
 
@@ -168,7 +170,6 @@ class ReducedModel:
         modes = self._solve_full(stiffness, mass, like)  # where this fails all stays as it was
         self._start = stiffness, mass
         self._known: ReducedSystem | None = None  # what is projected already: the basis only grows
-        self.__dict__.pop("system", None)
         self._ratio = (
             CoefficientRatio(model.stiffness, stiffness),
             CoefficientRatio(model.mass, mass),
@@ -193,10 +194,17 @@ class ReducedModel:
         """(dofs, r) V."""
         return self.system.basis
 
-    @cached_property
+    @property
     def system(self) -> ReducedSystem:
         """The projected model on the basis as it is now."""
-        V, model, known = np.hstack([part for part, _ in self._parts]), self._model, self._known
+        known, size = self._known, sum(part.shape[1] for part, _ in self._parts)
+        if known is None or known.basis.shape[1] < size:
+            known = self._known = self._projected(known)
+        return known
+
+    def _projected(self, known: ReducedSystem | None) -> ReducedSystem:
+        """The projected model, of whose basis the first vectors may be known already."""
+        V, model = np.hstack([part for part, _ in self._parts]), self._model
         first = 0 if known is None else known.basis.shape[1]
         with_probe, fresh = np.hstack([V, self._probe]), slice(first, V.shape[1])
         stiffness, stiffness_sketch = np.split(
@@ -207,7 +215,7 @@ class ReducedModel:
             stiffness, mass = bordered(known.stiffness, stiffness), bordered(known.mass, mass)
             stiffness_sketch = np.concatenate([known.stiffness_sketch, stiffness_sketch], axis=2)
             mass_sketch = np.concatenate([known.mass_sketch, mass_sketch], axis=2)
-        system = ReducedSystem(
+        return ReducedSystem(
             basis=V,
             rigid=self._rigid,
             shift=self._shift,
@@ -216,8 +224,6 @@ class ReducedModel:
             stiffness_sketch=stiffness_sketch,
             mass_sketch=mass_sketch,
         )
-        self._known = system
-        return system
 
     def modes(self, stiffness: FloatArray, mass: FloatArray) -> NormalModes:
         """Modes at (k,) and (j,) coefficients, enriched first where the error estimate asks for it.
@@ -274,11 +280,20 @@ class ReducedModel:
         alpha = self._ratio[0].smallest(stiffness)
         return min(alpha, self._ratio[1].smallest(mass)) if self._shift else alpha
 
-    def cover(self, loads: FloatArray, stiffness: FloatArray, mass: FloatArray) -> None:
-        """Take the static deflections at given coefficients under (dofs, l) more unit forces into
-        the basis.
+    def cover(
+        self,
+        observation: scipy.sparse.csr_array,
+        rows: Iterable[int],
+        stiffness: FloatArray,
+        mass: FloatArray,
+    ) -> None:
+        """Take the static deflections at given coefficients under unit forces along some rows of an
+        (r, dofs) observation into the basis, where it does not hold them yet.
         """
-        self._loads = np.hstack([self._loads, loads])
+        if not (missing := sorted(set(rows) - self._covered)):
+            return
+        loads = observation[missing].T.toarray()
+        self._loads, self._covered = np.hstack([self._loads, loads]), self._covered.union(missing)
         K, M = self._model.stiffness.at(stiffness), self._model.mass.at(mass)
         modes = self.system.modes(stiffness, mass, self._count)
         factor = factorise(K - self._shift * M, self._factor)
@@ -351,7 +366,6 @@ class ReducedModel:
         images = self._metric @ fresh
         upright = np.linalg.inv(np.linalg.cholesky(fresh.T @ images)).T
         self._parts.append((fresh @ upright, images @ upright))
-        self.__dict__.pop("system", None)
 
     def _outside(self, vectors: FloatArray) -> FloatArray:
         """What lies outside the basis."""

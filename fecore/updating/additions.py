@@ -33,7 +33,8 @@ from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.parameters import Parametrisation
 
 if TYPE_CHECKING:
-    from fecore.body.supports import NodeSpring, Spring
+    from fecore.body.structure import Structure
+from fecore.body.supports import NodeSpring, Spring
 
 SIZE_SD = 2.0
 """Standard deviation of the logarithm of a size: from 1/50 to 50 times its median."""
@@ -198,6 +199,11 @@ class AlteredBody(Body):
         return self.body.springs
 
     @property
+    def as_structure(self) -> Structure | None:
+        """The structure that the body is."""
+        return self.body.as_structure
+
+    @property
     def model_error(self) -> float:
         """The body's."""
         return self.body.model_error
@@ -236,6 +242,7 @@ class AlteredForward(ForwardModel):
     """The modes of a body with additions, on the reduced basis of the body without."""
 
     plain: ForwardModel | None = None  # the body's own
+    additions: tuple[Addition, ...] = ()  # what was added
 
     @classmethod
     def of(cls, forward: ForwardModel, additions: Sequence[Addition]) -> AlteredForward:
@@ -252,19 +259,21 @@ class AlteredForward(ForwardModel):
             for name in ("dofs", "places", "roving_mass", "axes", "held_hz")
         }
         count = plain.count + len(everything)
-        return cls(prior.body, prior, count=count, verified=False, plain=plain, **fields)
-
-    @property
-    def additions(self) -> tuple[Addition, ...]:
-        """What was added."""
-        assert isinstance(self.specimen, AlteredBody), "it is what is modelled"
-        return self.specimen.additions
+        return cls(
+            prior.body,
+            prior,
+            count=count,
+            verified=False,
+            plain=plain,
+            additions=everything,
+            **fields,
+        )
 
     @cached_property
     def altered(self) -> ReducedSystem:
         """The projected model with the terms of the additions."""
         assert self.plain is not None, "an altered model has the one that it alters"
-        system, model = self.plain.without_mesh_error(self.plain.basis.system), self.specimen.model
+        system, model = self.plain.system, self.specimen.model
         loads = [
             each.motion.T
             for each in self.additions

@@ -6,16 +6,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.clamps import AnyStructure, bed_of, on_bed
-from fecore.body.constants import Body
-from fecore.body.specimen import OrientedSpecimen
-from fecore.body.structure import OWN_SD, Structure
+from fecore.body.clamps import Bed, on_bed
+from fecore.body.constants import OWN_SD, Body, Parameter
+from fecore.body.structure import Structure
 from fecore.dynamics.bodies import body_modes
 from fecore.errors import InputError
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
 from fecore.quantities import CLAMP, kind_of
-from fecore.updating.discretisation import AnyBody, meshed
+from fecore.updating.discretisation import meshed
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import (
@@ -26,7 +25,7 @@ from fecore.updating.layout import (
     Layout,
     Unknown,
 )
-from fecore.updating.parameters import Parameter, Parametrisation, parametrise
+from fecore.updating.parameters import Parametrisation, parametrise
 from fecore.updating.temperature import constant_of, is_of_damping, reference_of, with_temperature
 
 MATERIAL = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
@@ -39,6 +38,12 @@ MATERIAL_PARAMETERS = (
 """What several campaigns update together by default: all constants of the material, each by
 itself.
 """
+
+
+def usual_parameters(body: Body) -> tuple[Parameter, ...]:
+    """What several campaigns of a body, or of its material, update together by default."""
+    return MATERIAL_PARAMETERS if body.shares_material else body.default_parameters()
+
 
 # of a clamp's compliance: its logarithm covers a half-normal's mass from a tenth to five scales
 _CLAMP_LOG_SD = 1.2
@@ -160,31 +165,24 @@ def as_updated(campaigns: Sequence[Campaign]) -> list[Campaign]:
     ]
 
 
-def yielding(body: AnyBody, inputs: Inputs) -> AnyBody:
+def yielding(body: Body, inputs: Inputs) -> Body:
     """The body with a clamp that may yield as far as the inputs say; as it is where none is
     modelled.
     """
     compliance = _HALF_NORMAL_MEDIAN * inputs.standard_deviation(CLAMP)
-    if isinstance(body, Structure) and compliance:
-        return _on_bed(body, compliance)
-    if (
-        not isinstance(body, OrientedSpecimen)
-        or body.boundary != "cantilever"
-        or CLAMP in body.nominal
-        or not compliance
-    ):
+    if not compliance:
         return body
-    return body.yielding(compliance)
+    held, bed = body.in_space, body.bed
+    if held is None or bed is None:
+        return body.yielding(compliance)
+    # beams alone: nothing says how wide the clamp is
+    return body if np.linalg.matrix_rank(bed.inertia) < 3 else _on_bed(held, bed, compliance)
 
 
-def _on_bed(body: AnyStructure, compliance: float) -> AnyStructure:
+def _on_bed(body: Structure, bed: Bed, compliance: float) -> Structure:
     """A body in space whose clamp yields so that a compliance of C lowers its first frequency by 2
     C, as a strip's does.
     """
-    bed = bed_of(body)
-    # beams alone: nothing says how wide the clamp is
-    if bed is None or np.linalg.matrix_rank(bed.inertia) < 3:
-        return body
     model, constants = body.model, np.array(list(body.nominal.values()))
     mass = model.mass.at(body.mass_coefficients(constants))
     first = body_modes(model, model.stiffness.at(body.stiffness_coefficients(constants)), mass, 1)
@@ -202,7 +200,7 @@ def _check(campaigns: Sequence[Campaign], parameters: Sequence[Parameter]) -> No
     check_material(campaigns[0].body, parameters)
     known: dict[tuple[str, str], Campaign] = {}
     for campaign in campaigns:
-        for name in SPECIMENS_OWN if isinstance(campaign.body, OrientedSpecimen) else ():
+        for name in SPECIMENS_OWN if campaign.body.shares_material else ():
             first = known.setdefault((campaign.specimen, name), campaign)
             here, there = campaign.body.nominal[name], first.body.nominal[name]
             if not np.isclose(here, there, rtol=_ALIKE, atol=_ALIKE):
@@ -220,7 +218,7 @@ def check_material(body: Body, parameters: Sequence[Parameter]) -> None:
     Raises:
         InputError: one is not.
     """
-    if not isinstance(body, OrientedSpecimen):
+    if not body.shares_material:
         return
     for index, parameter in enumerate(parameters):
         if (constant_of(parameter.name) or parameter.name) not in MATERIAL and not is_of_damping(
@@ -260,7 +258,7 @@ def _forward(
 def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametrisation:
     """The parameters, and the body's own constants as far as they are not known exactly."""
     body, nominal = campaign.body, campaign.body.nominal
-    own = (*SPECIMENS_OWN, CAMPAIGNS_OWN[0]) if isinstance(body, OrientedSpecimen) else nominal
+    own = (*SPECIMENS_OWN, CAMPAIGNS_OWN[0]) if body.shares_material else nominal
     sds = campaign.inputs.standard_deviations({name: nominal[name] for name in own})
     if CLAMP in nominal:
         sds[CLAMP] = nominal[CLAMP] * float(np.sqrt(np.expm1(_CLAMP_LOG_SD**2)))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fecore.body.constants import Parameter
 from fecore.errors import InputError
 from fecore.findings import Finding, Level
 from fecore.updating.amounts import plus_minus
@@ -17,6 +18,7 @@ from fecore.updating.campaign_layout import (
     as_updated,
     check_material,
     lay_out,
+    usual_parameters,
     yielding,
 )
 from fecore.updating.conflicts import CampaignAgreement, Conflict
@@ -37,7 +39,6 @@ from fecore.updating.estimates import constant_estimates, own_estimates
 from fecore.updating.findings import finding, judge, modes_of, ordered, warnings
 from fecore.updating.laws import common_damping
 from fecore.updating.layout import Coupon
-from fecore.updating.parameters import Parameter
 from fecore.updating.posterior import SCATTER
 from fecore.updating.result import (
     CommonLaw,
@@ -64,6 +65,7 @@ __all__ = [
     "check_material",
     "lay_out",
     "update_campaigns",
+    "usual_parameters",
     "yielding",
 ]
 

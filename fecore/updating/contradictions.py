@@ -176,10 +176,8 @@ class _Sources:
         it may be off by a slip; where none does, what contradicts most. And the log odds of the
         first to the next of all.
         """
-        explanations, names = (
-            list[tuple[Check, _Sources]](),
-            {each.name for each in self.contradicting},
-        )
+        explanations = list[tuple[Check, _Sources]]()
+        names = {each.name for each in self.contradicting}
         ranked = sorted(self._candidates, key=lambda each: -each[0].evidence)
         for check, slipped in ranked:
             if check.evidence <= (explanations[0][0].evidence - RIVAL if explanations else 0.0):

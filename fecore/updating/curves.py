@@ -13,14 +13,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.constants import Body
+from fecore.body.constants import Body, Parameter
 from fecore.errors import InputError
 from fecore.normal import Z_95
 from fecore.temperatures import temperatures_between
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.estimates import spread_along
 from fecore.updating.laws import common_laws
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.result import CommonLaw, Curve, CurveOf
 from fecore.updating.temperature import (
     AT_ONE_TEMPERATURE,

@@ -159,10 +159,8 @@ class _Given:
         """What they say of some losses."""
         change = np.zeros((LOSSES.size, len(effects.intervals), self.problem.residual.size))
         change[..., self.elastic.rows[self.number]] = effects.change
-        scatter, both = (
-            self.elastic.layout.scatter,
-            [(), effects.shapes] if effects.shapes else [()],
-        )
+        scatter = self.elastic.layout.scatter
+        both = [(), effects.shapes] if effects.shapes else [()]
         prior = effects.log_prior - np.log(_FINE.size)
         logs = [_likelier(self.problem, scatter, each, change) + prior for each in both]
         return _Compared(effects, change, logs[-1], float(scipy.special.logsumexp(logs[0])))
@@ -243,10 +241,8 @@ def _given(
     H, g = S.T @ W @ S + precision, S.T @ W @ r + problem.other_descent - precision @ problem.x
     H = np.sum([H, *problem.others.values()], axis=0)
     pulled, across = change @ W, change @ (W @ S)
-    cost, gain = (
-        r @ W @ r + np.linalg.slogdet(variance)[1],
-        pulled @ r - np.sum(pulled * change, axis=2) / 2,
-    )
+    cost = r @ W @ r + np.linalg.slogdet(variance)[1]
+    gain = pulled @ r - np.sum(pulled * change, axis=2) / 2
     if shapes is not None:
         H, g, cost = H + shapes.hessian, g + shapes.descent, cost + shapes.cost
         across, gain = across + shapes.across, gain + shapes.along

@@ -18,7 +18,6 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.affine import Group
-from fecore.body.matrices import MatrixBody
 from fecore.correlation import most_alike
 from fecore.dynamics.eigen import shifted
 from fecore.dynamics.factor import factorise
@@ -122,7 +121,7 @@ class DamageEffects:
         """
         state, columns = elastic.states[number], _columns(elastic, number)
         if (
-            isinstance(state.forward.specimen, MatrixBody)
+            not state.forward.specimen.has_elements
             or elastic.rms_residual(elastic.rows[number]) > HOPELESS_MISS
         ):
             return None
@@ -311,10 +310,8 @@ def _shares(state: ForwardState, lines: FloatArray, vectors: int) -> Iterator[_S
 def _energies(state: ForwardState, shapes: FloatArray, lines: FloatArray) -> FloatArray:
     """(sets, F, m, m) energies of (dofs, m) shapes between (F + 1,) lines, of all sets."""
     model, m = state.forward.specimen.model, shapes.shape[1]
-    energy, motion = (
-        np.zeros((len(model.mesh.sets), len(lines) - 1, m, m)),
-        model.stiffness.everywhere(shapes),
-    )
+    energy = np.zeros((len(model.mesh.sets), len(lines) - 1, m, m))
+    motion = model.stiffness.everywhere(shapes)
     for each in _shares(state, lines, m):
         strains = each.group.strains(motion)
         for part in np.flatnonzero(each.share.any(axis=1)):

@@ -227,11 +227,9 @@ class _AtDiscrepancy:
     def moments(self, inside: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
         """(X,) mean and (X, X) covariance of y, given stretches."""
         count = self.cells.size + self.rest.size
-        by, mean, covariance = (
-            np.empty((count, inside.shape[1])),
-            np.zeros(count),
-            np.zeros((count, count)),
-        )
+        by = np.empty((count, inside.shape[1]))
+        mean = np.zeros(count)
+        covariance = np.zeros((count, count))
         by[self.cells], by[self.rest] = inside, -self.across @ inside
         mean[self.rest], covariance[np.ix_(self.rest, self.rest)] = self.mean, self.inverse
         inverse = np.linalg.inv(inside.T @ self.A @ inside + size**-2 * np.eye(inside.shape[1]))

@@ -245,7 +245,20 @@ def fit_damping(
     progress: Callable[[float], None] = lambda _: None,
     strain: FloatArray | None = None,
 ) -> DampingResult:
-    """Fit a law from several starts that lie far apart.
+    """Stage 2: a damping law from complex FRFs (Eq. 11), from several starts that lie far apart.
+
+    1. Where close modes are mixed otherwise than the model's, they take the shares of strain energy
+       that suit the law.
+    2. How far damping ratios are off the law is learnt from the measured ones: the scale s of their
+       deviations.
+    3. The law is fitted to all FRFs and modes together from each start: the law of the measured
+       ratios, it five times as large and as small, and each coefficient alone.
+    4. The best fit is the estimate; what other points the starts came to, and the data do not
+       refute, are told apart.
+    5. Errors of stage 1 move the estimate by ∂a/∂θ, and so do a window that nobody stated and the
+       other inputs that are believed to be nothing.
+    6. The error is made of its own sources, noise, the law's discrepancy, modes that were not
+       measured, FRFs against modes, and of those that stage 1 hands on.
 
     Args:
         data: as the reference was fitted to them.
@@ -259,12 +272,14 @@ def fit_damping(
     Raises:
         UpdatingError: no start converged.
     """
+    # 1. Mixed modes.
     data = data.mixed(strain)
     reference = replace(
         reference,
         misfit=replace(reference.misfit, model=data.model),
         ratios=replace(reference.ratios, strain=data.law_mode_strain),
     )
+    # 2. The scale of deviations from the law.
     start, ratios = data.start(law), reference.ratios
     scale = scale_of_deviations(
         np.log(law_ratio(law, ratios) / ratios.ratio),
@@ -273,6 +288,7 @@ def fit_damping(
         DAMPING_DISCREPANCY,
     )
     spread = scale.rms
+    # 3. Fits from all starts.
     starts = _starts(law, start, ratios)
     nuisance = data.nuisance(spread, reference.variance_inflation)
     fits: list[DampingFit] = []
@@ -283,26 +299,27 @@ def fit_damping(
         except UpdatingError:
             if not fits and done == len(starts) - 1:
                 raise
+    # 4. The best, and other optima.
     fits.sort(key=lambda fit: fit.objective)
     best = fits[0]
+    rivals = [
+        fit.coefficients
+        for fit in fits
+        if fit.objective - best.objective < _RIVAL * reference.scale
+    ]
+    # 5. What moves the estimate.
     elastic, by_elastic = data.elastic, _by_elastic(data, reference.misfit, best)
     by_coordinates = by_elastic * elastic.prior.slope(elastic.theta)
-    window_sd, effects, sensitivity = (
-        data.window_sd(),
-        elastic.all_systematic_effects,
-        by_coordinates @ elastic.bias_sensitivity,
-    )
+    window_sd = data.window_sd()
+    effects = elastic.all_systematic_effects
+    sensitivity = by_coordinates @ elastic.bias_sensitivity
     if window_sd:
         known = data.inputs.window_known
         effects += (
             SystematicEffect(WINDOW, np.zeros(0), "both" if known else "one-sided", known, ""),
         )
         sensitivity = np.column_stack([sensitivity, -law_of_window(law, ratios) * window_sd])
-    rivals = [
-        fit.coefficients
-        for fit in fits
-        if fit.objective - best.objective < _RIVAL * reference.scale
-    ]
+    # 6. The error and its sources.
     return DampingResult(
         fit=best,
         start=start,

@@ -11,7 +11,7 @@ modes in the band is below the tolerance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -19,7 +19,7 @@ import scipy
 
 from fecore.arrays import FloatArray
 from fecore.body.constants import Body
-from fecore.body.specimen import LayeredSpecimen, Specimen
+from fecore.body.specimen import FlatBody
 from fecore.dynamics.bodies import body_modes
 from fecore.dynamics.eigen import modes_below
 from fecore.errors import InputError
@@ -55,23 +55,22 @@ def meshed(body: AnyBody, highest_hz: float) -> tuple[AnyBody, Discretisation | 
     """The body with a mesh for its modes up to a frequency, and what that misses; as it is where it
     has one of its own.
     """
-    if not isinstance(body, Specimen | LayeredSpecimen) or body.divisions is not None:
+    strip = body.unmeshed
+    if strip is None:
         return body, None
-    mesh = discretise(body.yielding(0.0), highest_hz)
-    return replace(body, divisions=mesh.divisions), mesh
+    mesh = discretise(strip, highest_hz)
+    return body.with_mesh(mesh.divisions), mesh
 
 
 def nominal_matrices(body: Body) -> tuple[scipy.sparse.csc_array, scipy.sparse.csc_array]:
     """K and M of a body at its nominal constants."""
-    constants, springs = (
-        np.array(list(body.nominal.values())),
-        [spring.stiffness for spring in body.springs],
-    )
+    constants = np.array(list(body.nominal.values()))
+    springs = [spring.stiffness for spring in body.springs]
     stiffness = np.concatenate([body.stiffness_coefficients(constants), springs])
     return body.model.stiffness.at(stiffness), body.model.mass.at(body.mass_coefficients(constants))
 
 
-def discretise(specimen: Specimen | LayeredSpecimen, highest_hz: float) -> Discretisation:
+def discretise(specimen: FlatBody, highest_hz: float) -> Discretisation:
     """Choose a specimen's mesh for its modes up to a frequency, at its nominal constants.
 
     Where the tolerance would take more elements than `_MOST`, the finest mesh allowed stands with
@@ -103,9 +102,7 @@ def discretise(specimen: Specimen | LayeredSpecimen, highest_hz: float) -> Discr
     return estimated
 
 
-def _estimate(
-    specimen: Specimen | LayeredSpecimen, divisions: tuple[int, int], highest_hz: float
-) -> Discretisation:
+def _estimate(specimen: FlatBody, divisions: tuple[int, int], highest_hz: float) -> Discretisation:
     """What a mesh misses, by meshes half as fine along one side each."""
     fine = _frequencies(specimen, divisions, highest_hz)
     errors = []
@@ -123,7 +120,7 @@ def _within(divisions: tuple[int, int]) -> tuple[int, int]:
     return max(2, int(divisions[0] * share)), max(2, int(divisions[1] * share))
 
 
-def _first(specimen: Specimen | LayeredSpecimen, highest_hz: float) -> tuple[int, int]:
+def _first(specimen: FlatBody, highest_hz: float) -> tuple[int, int]:
     """By the length of bending waves at the highest frequency, k⁴ = ρtω²/D, along x and across."""
     section = specimen.section
     mass, omega = section.inertia[0], 2 * np.pi * highest_hz
@@ -135,13 +132,13 @@ def _first(specimen: Specimen | LayeredSpecimen, highest_hz: float) -> tuple[int
 
 
 def _frequencies(
-    specimen: Specimen | LayeredSpecimen,
+    specimen: FlatBody,
     divisions: tuple[int, int],
     highest_hz: float,
     count: int = 0,
 ) -> FloatArray:
     """(n,) elastic natural frequencies up to the highest, or as many as are asked for, Hz."""
-    meshed = replace(specimen, divisions=divisions)
+    meshed = specimen.with_mesh(divisions)
     model, (K, M) = meshed.model, nominal_matrices(meshed)
     rigid = model.rigid_modes.shape[1]
     number = count or max(modes_below(K, M, (2 * np.pi * highest_hz) ** 2) - rigid, 1)

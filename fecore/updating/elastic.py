@@ -16,7 +16,7 @@ input is believed to be nothing but may be something (`systematic_effects`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -26,9 +26,10 @@ from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
 from fecore.errors import InputError, ModelError, UpdatingError
 from fecore.least_squares import Stopping, minimise
+from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import ElasticResult, prior_inclusion, stacked
 from fecore.updating.forward import ForwardState
-from fecore.updating.layout import Layout
+from fecore.updating.layout import CampaignModel, Layout
 from fecore.updating.mode_inclusion import weights_of
 from fecore.updating.pairing import (
     Partners,
@@ -56,20 +57,38 @@ _SAME = 0.01  # relative change of discrepancy and scatter that changes nothing
 _THERE = 0.01  # posterior standard deviations within which an iteration ends where another did
 
 
-class NoPartnersError(UpdatingError):
-    """No measured mode is like any mode of the model."""
+@dataclass(frozen=True)
+class Unsettled:
+    """A fit that gave no result: why, and where it ended."""
 
-
-class PairingCycleError(UpdatingError):
-    """The partners of modes change to and fro for ever."""
-
-    # campaigns and measured modes whose partners change
+    message: str
+    best: Mapping[str, float]  # parameters of the best iterate, SI
+    history: tuple[float, ...] = ()  # the misfit of each iterate
+    # no measured mode of a campaign is like any mode of its model
+    without_partners: bool = False
+    # campaigns and measured modes whose partners change to and fro for ever
     oscillating_modes: tuple[tuple[int, int], ...] = ()
-    # the partners in every campaign, each with the x that they were found at
+    # the partners in every campaign that they change between, each with the x they were found at
     between: tuple[tuple[tuple[Partners, ...], FloatArray], ...] = ()
 
+    @property
+    def error(self) -> UpdatingError:
+        """What an update that ends with it raises."""
+        return UpdatingError(self.message, self.best, self.history)
 
-def fit(
+
+def settled(outcome: ElasticResult | Unsettled) -> ElasticResult:
+    """The result of a fit.
+
+    Raises:
+        UpdatingError: it gave none; it carries the best iterate.
+    """
+    if isinstance(outcome, Unsettled):
+        raise outcome.error
+    return outcome
+
+
+def fit_elastic(
     layout: Layout,
     progress: Callable[[float], None] = lambda _: None,
     *,
@@ -77,8 +96,21 @@ def fit(
     start: FloatArray | None = None,
     force_best_match: bool = False,
     fixed_pairing: tuple[Partners, ...] | None = None,
-) -> ElasticResult:
-    """Find the most probable unknowns from measured modes.
+) -> ElasticResult | Unsettled:
+    """Stage 1 from one start: the most probable unknowns by measured modes (Eqs. 12-14, Fig. 1).
+
+    1. Solve the model at the prior means and at the start, and pair the measured modes with its
+       own. The discrepancy s is that of the prior, and every measured mode is believed to be one.
+    2. With pairs and scales held, go down the misfit E(x) by at most six of Levenberg and
+       Marquardt's steps, each with the model solved and its derivatives ∂ln f/∂x.
+    3. Pair the modes anew where these steps end.
+    4. Estimate the scales anew there: s from the residuals, the scatter τ between specimens, which
+       modes are believed to be modes, and the errors by shear and of shapes. In the final phase all
+       but s and τ stay, so that the fit comes to rest.
+    5. Where neither pairs nor scales have changed and no step gains anything, this is the estimate.
+    6. Else go on from step 2 with the new pairs and scales. Where the final phase ends an iteration
+       at a point at which it has ended one before, partners go to and fro and the fit has no
+       result, nor has it after the last iteration.
 
     Args:
         layout: the unknowns, and the campaigns with their models and modes.
@@ -90,51 +122,54 @@ def fit(
         fixed_pairing: partners to keep, of each campaign; by default the modes are paired anew in
             every outer iteration.
 
+    Returns:
+        The result, or where the fit ended without one.
+
     Raises:
         InputError: shapes are asked for and there are none, or a coupon's constant is not updated.
-        NoPartnersError: no mode of a campaign could be paired.
-        PairingCycleError: the partners of modes change to and fro.
-        UpdatingError: the iteration did not converge; it carries the best iterate.
         ModelError: the eigenproblem could not be solved.
     """
     if use_shapes and any(campaign.modes.shapes is None for campaign in layout.campaigns):
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
     misfit = Misfit(layout, use_shapes, force_best_match, fixed_pairing)
-    origin: FloatArray = np.zeros(len(layout.unknowns))
-    weights = tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns)
-    no_shear = tuple(np.zeros(each.size) for each in weights)
-    first_scales = _Scales(
-        DISCREPANCY, layout.scatter, weights, no_shear, tuple(ShapeErrors() for _ in weights)
-    )
-    initial = misfit.paired(origin, first_scales)
-    point = initial if start is None else misfit.paired(start, first_scales)
+    # 1. Models and pairs at the prior means and at the start.
+    scales = _Scales.at_first(layout)
+    initial = misfit.paired(np.zeros(len(layout.unknowns)), scales)
+    if isinstance(initial, Unsettled):
+        return initial
+    point = initial if start is None else misfit.paired(start, scales)
+    if isinstance(point, Unsettled):
+        return point
     path = _Path(layout, progress)
     stopping = Stopping(relative=0.0, absolute=_REST**2 / 2, steps=_STEPS)
     for iteration in range(_OUTER_ITERATIONS):
         path.final_phase = iteration >= _FINAL_PHASE
+        # 2. Down the misfit.
         minimum, first = minimise(point, misfit.move, stopping, path.visit), point
-        point = misfit.at(
-            minimum.point.x, minimum.point.states, misfit.pair(minimum.point.states), first.scales
-        )
+        end = minimum.point
+        # 3. The modes paired anew.
+        pairings = misfit.pair(end.states)
+        if lost := misfit.without_partners(end.states, pairings):
+            return lost
+        point = misfit.at(end.x, end.states, pairings, first.scales)
         path.note_partners(point)
+        # 4. The scales anew.
         fresh = misfit.fresh_scales(point, final_phase=path.final_phase)
-        same = fresh.are_those_of(point.scales)
-        same &= all(
-            a.pairs == b.pairs for a, b in zip(minimum.point.pairings, point.pairings, strict=True)
+        # 5. At rest. Steps may zigzag about the minimum, as where modes veer; without shapes a fit
+        # creeps to a crossing.
+        same = fresh.are_those_of(point.scales) and all(
+            a.pairs == b.pairs for a, b in zip(end.pairings, point.pairings, strict=True)
         )
-        # Steps may zigzag about the minimum, as where modes veer; without shapes a fit creeps to a
-        # crossing.
-        stalled = (
-            path.final_phase and layout.by_shapes and first.cost - minimum.point.cost < _STALLED
-        )
-        converged = stalled or minimum.outcome in ("converged", "stuck")
-        if same and converged:
+        gained = first.cost - end.cost
+        stalled = path.final_phase and layout.by_shapes and gained < _STALLED
+        if same and (stalled or minimum.outcome in ("converged", "stuck")):
             progress(1.0)
             return misfit.result(point, initial, tuple(path.history))
+        # 6. On from here, unless it goes round.
         point = misfit.at(point.x, point.states, point.pairings, fresh)
         if path.final_phase and path.recurs(point):
             break
-    raise path.nonconvergence(point)
+    return path.unsettled(point)
 
 
 @dataclass(frozen=True)
@@ -150,6 +185,14 @@ class _Scales:
     weights: tuple[FloatArray, ...]
     by_shear: tuple[FloatArray, ...]
     shapes: tuple[ShapeErrors, ...]  # none where shapes are not fitted
+
+    @classmethod
+    def at_first(cls, layout: Layout) -> _Scales:
+        """Those of the prior: every mode is one, and no error is known yet."""
+        weights = tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns)
+        no_shear = tuple(np.zeros(each.size) for each in weights)
+        shapes = tuple(ShapeErrors() for _ in weights)
+        return cls(DISCREPANCY, layout.scatter, weights, no_shear, shapes)
 
     def are_those_of(self, other: _Scales) -> bool:
         """Whether they differ by no more than what changes nothing."""
@@ -195,28 +238,38 @@ class Misfit:
     force_best_match: bool = False
     fixed_pairing: tuple[Partners, ...] | None = None
 
-    def paired(self, x: FloatArray, scales: _Scales) -> _Point:
+    def paired(self, x: FloatArray, scales: _Scales) -> _Point | Unsettled:
         """The misfit at x, the modes paired there."""
         states = self.layout.solved(x)
-        return self.at(x, states, self.pair(states), scales)
+        pairings = self.pair(states)
+        return self.without_partners(states, pairings) or self.at(x, states, pairings, scales)
 
     def pair(self, states: Sequence[ForwardState]) -> tuple[Pairing, ...]:
         """The pairing of each campaign's modes with those of its solved model."""
-        pairings = []
-        for number, (campaign, state) in enumerate(zip(self.layout.campaigns, states, strict=True)):
-            modes = campaign.modes
-            if self.force_best_match:
-                pairing = replace(self._best_match[number], mac=pair_best_match(modes, state).mac)
-            else:
-                pairing = (
-                    pair_with(modes, state)
-                    if self.fixed_pairing is None
-                    else pair_fixed(modes, state, self.fixed_pairing[number])
-                )
+        return tuple(
+            self._pair(number, campaign.modes, state)
+            for number, (campaign, state) in enumerate(
+                zip(self.layout.campaigns, states, strict=True)
+            )
+        )
+
+    def _pair(self, number: int, modes: MeasuredModes, state: ForwardState) -> Pairing:
+        if self.force_best_match:
+            return replace(self._best_match[number], mac=pair_best_match(modes, state).mac)
+        if self.fixed_pairing is None:
+            return pair_with(modes, state)
+        return pair_fixed(modes, state, self.fixed_pairing[number])
+
+    def without_partners(
+        self, states: Sequence[ForwardState], pairings: Sequence[Pairing]
+    ) -> Unsettled | None:
+        """The end of a fit in which no measured mode of a campaign has a partner; None where each
+        has one.
+        """
+        for campaign, state, pairing in zip(self.layout.campaigns, states, pairings, strict=True):
             if not pairing.pairs:
-                raise _without_partners(self.layout, number, state)
-            pairings.append(pairing)
-        return tuple(pairings)
+                return _without_partners(self.layout, campaign, state)
+        return None
 
     @cached_property
     def _best_match(self) -> tuple[Pairing, ...]:
@@ -252,11 +305,9 @@ class Misfit:
         """The problem that is linear in the step from x."""
         rows = stacked(pairings)
         size, total = x.size, rows[-1].stop
-        residual, noise, sensitivity = (
-            np.zeros(total),
-            np.zeros((total, total)),
-            np.zeros((total, size)),
-        )
+        residual = np.zeros(total)
+        noise = np.zeros((total, total))
+        sensitivity = np.zeros((total, size))
         weight, shear = (
             np.concatenate(
                 [each[[row for row, _ in p.pairs]] for each, p in zip(some, pairings, strict=True)]
@@ -435,38 +486,33 @@ class _Path:
         self._ends.append((point.partners, point.x))
         return any(there) and not there[-1]
 
-    def nonconvergence(self, point: _Point) -> UpdatingError:
-        """The error of a fit that goes on for ever."""
+    def unsettled(self, point: _Point) -> Unsettled:
+        """The end of a fit that goes on for ever."""
+        between = dict(self.between)
         for number, campaign in enumerate(self.layout.campaigns):
             # At a crossing a fit creeps along the lower of two modes, and pairs with that one
             # alone.
             if not has_shapes(campaign.modes):
                 for other in exchanged(point.pairings[number], point.states[number].kinds):
-                    self.between[*point.partners[:number], other, *point.partners[number + 1 :]] = (
+                    between[*point.partners[:number], other, *point.partners[number + 1 :]] = (
                         point.x
                     )
         seen = [
-            {(c, *each) for c, own in enumerate(partners) for each in own}
-            for partners in self.between
+            {(c, *each) for c, own in enumerate(partners) for each in own} for partners in between
         ]
         everywhere = seen[0].intersection(*seen)
         oscillating = {(c, row) for one in seen for c, row, *_ in one - everywhere}
-        error = (PairingCycleError if oscillating else UpdatingError)(
+        return Unsettled(
             _nonconvergence_message(self.layout, oscillating),
             best=self.layout.parameters(point.x),
             history=tuple(iterate.cost for iterate in self.history),
+            oscillating_modes=tuple(sorted(oscillating)),
+            between=tuple(between.items()) if oscillating else (),
         )
-        if isinstance(error, PairingCycleError):
-            error.oscillating_modes = tuple(sorted(oscillating))
-            error.between = tuple(self.between.items())
-        return error
 
 
-def _without_partners(layout: Layout, number: int, state: ForwardState) -> NoPartnersError:
-    """The error of a campaign, solved at some parameters, of which no measured mode has a
-    partner.
-    """
-    campaign = layout.campaigns[number]
+def _without_partners(layout: Layout, campaign: CampaignModel, state: ForwardState) -> Unsettled:
+    """The end of a fit at parameters at which no measured mode of a campaign has a partner."""
     message = (
         "no measured mode is like any mode of the model; check the boundary, the grid points and"
         " the frame"
@@ -477,9 +523,8 @@ def _without_partners(layout: Layout, number: int, state: ForwardState) -> NoPar
             " boundary, angle, grid points and frame"
         )
     names = layout.shared if campaign.name else campaign.prior.names
-    return NoPartnersError(
-        message, best=dict(zip(names, map(float, state.theta), strict=False)), history=()
-    )
+    best = dict(zip(names, map(float, state.theta), strict=False))
+    return Unsettled(message, best, without_partners=True)
 
 
 def _nonconvergence_message(layout: Layout, oscillating: set[tuple[int, int]]) -> str:

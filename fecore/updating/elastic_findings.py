@@ -5,11 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from fecore.body.constants import Parameter
 from fecore.body.locate import place_in_words
-from fecore.body.matrices import MatrixBody
-from fecore.body.named import OfStructure
 from fecore.body.specimen import EDGE_ROUNDING
-from fecore.body.structure import Structure
 from fecore.findings import Finding, Level, listed
 from fecore.modes import MeasuredModes
 from fecore.normal import Z_95
@@ -29,7 +27,6 @@ from fecore.updating.explanations import left_open
 from fecore.updating.findings import finding, modes_of, passed_on
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.parameters import Parameter
 from fecore.updating.result import ParameterEstimate
 from fecore.updating.temperature import constant_of
 
@@ -271,15 +268,12 @@ def _is_lost(elastic: ElasticResult, number: int) -> bool:
 def mesh_on_trust(forward: ForwardModel) -> list[Finding]:
     """That nobody knows what a body's mesh misses."""
     body = forward.specimen
-    if isinstance(body, MatrixBody):
+    if not body.has_elements:
         return [finding("mesh_on_trust", why="matrices have no elements that could be refined")]
-    if isinstance(body, Structure) and forward.finer is None:
-        return [
-            finding(
-                "mesh_on_trust", why=f"it is too large to be refined ({len(body.mesh.nodes)} nodes)"
-            )
-        ]
-    return []
+    if body.in_space is None or forward.finer is not None:
+        return []
+    nodes = len(body.in_space.mesh.nodes)
+    return [finding("mesh_on_trust", why=f"it is too large to be refined ({nodes} nodes)")]
 
 
 def contradiction(conflict: Conflict) -> Finding:
@@ -487,16 +481,12 @@ def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> 
     little further out on its edge (`fecore.body.specimen.BEYOND_EDGE`). Beyond what the dimension
     is known to, the dimension or the point is wrong.
     """
-    if not isinstance(forward.specimen, OfStructure):
-        return []
     nominal, (x, y, _) = forward.specimen.nominal, forward.places.T
     of = f"campaign {campaign}" if campaign else ""
     where, findings = f"{of}: " if of else "", []
-    for name, out in (
-        ("length", np.maximum(-x, x - nominal["length"])),
-        ("width", np.abs(y) - nominal["width"] / 2),
-    ):
+    for name in forward.specimen.outline:
         size = nominal[name]
+        out = np.maximum(-x, x - size) if name == "length" else np.abs(y) - size / 2
         limit = max(_DOUBTED * inputs.standard_deviation(name, size), EDGE_ROUNDING * size)
         if (rows := np.flatnonzero(out > limit)).size:
             points = listed([forward.points[row] for row in rows], _NAMED)

@@ -42,11 +42,9 @@ if TYPE_CHECKING:
 REFUTED = 5.0
 """Log evidence by which a pairing must be behind to be ruled out."""
 
-NOISE, DISCREPANCY_OF_MODEL, MODEL_OF_JOINTS = (
-    "measurement noise",
-    "model discrepancy",
-    "model of the joints",
-)
+NOISE = "measurement noise"
+DISCREPANCY_OF_MODEL = "model discrepancy"
+MODEL_OF_JOINTS = "model of the joints"
 
 _NEGLIGIBLE = 1e-6  # weight of a Gaussian in a budget
 _NOTHING = 1e-9  # of a frequency
@@ -183,10 +181,8 @@ class ElasticResult:
         The estimate is linear in data and prior means, so its error is Gε + Gδ + H⁻¹P(x₀ - x); the
         variances of these parts, the noise's, the discrepancy's and each prior's, add up to H⁻¹.
         """
-        gain, inverse = (
-            self.problem.gain(discrepancy, scatter),
-            self.problem.solve(discrepancy, scatter)[1],
-        )
+        gain = self.problem.gain(discrepancy, scatter)
+        inverse = self.problem.solve(discrepancy, scatter)[1]
         of_data, of_others = self._roots
         parts = {name: [gain @ each] for name, each in of_data.items()}
         parts[DISCREPANCY_OF_MODEL] = [np.asarray(gain * discrepancy)]

@@ -23,8 +23,7 @@ from typing import Protocol
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.errors import UpdatingError
-from fecore.updating.elastic import NoPartnersError, PairingCycleError, fit
+from fecore.updating.elastic import Unsettled, fit_elastic, settled
 from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival, prior_inclusion
 from fecore.updating.layout import Layout
 from fecore.updating.mode_inclusion import spurious_mode_penalty
@@ -52,7 +51,7 @@ _OF_MESH = 0.003
 # in log evidence, of a measured mode without a partner, beside another pairing
 _UNPAIRED_PENALTY = 8.0
 
-Outcome = ElasticResult | UpdatingError
+Outcome = ElasticResult | Unsettled
 
 
 class _Run(Protocol):
@@ -77,14 +76,17 @@ def update_from_several_starts(
     use_shapes: bool = False,
     seed: int = 0,
 ) -> ElasticResult:
-    """`fit`, from the prior means and, where that is doubtful, from draws that pair the modes
+    """Stage 1 from the prior means and, where that is doubtful, from draws that pair the modes
     otherwise.
 
-    Where no draw has a mode that is like a measured one, the likest are paired, so that a result
-    can show how unlike they are.
-
-    The draws and the fits from them use the reduced basis unverified; the best two with different
-    partners are fitted anew.
+    1. `fit_elastic` from the prior means.
+    2. Where its result is doubtful, and always without shapes: from the best draw of each different
+       pairing, on the reduced basis as it is.
+    3. From where the partners may be exchanged for ones as likely, with these held.
+    4. The best two with different partners are fitted anew, with the basis verified.
+    5. The result is the best supported of those that are verified, with the others as its rivals.
+       Where no start has a mode that is like a measured one, the likest are paired, so that a
+       result can show how unlike they are.
 
     Raises:
         UpdatingError: no start converged.
@@ -97,20 +99,18 @@ def update_from_several_starts(
         last: float,
         fixed_pairing: tuple[Partners, ...] | None = None,
     ) -> Outcome:
-        try:
-            return fit(
-                place,
-                lambda share: progress(first + (last - first) * share),
-                use_shapes=use_shapes,
-                start=start,
-                fixed_pairing=fixed_pairing,
-            )
-        except UpdatingError as error:
-            return error
+        return fit_elastic(
+            place,
+            lambda share: progress(first + (last - first) * share),
+            use_shapes=use_shapes,
+            start=start,
+            fixed_pairing=fixed_pairing,
+        )
 
+    # 1. The prior means.
     outcomes = [_first(layout, run)]
-    by_shapes = layout.by_shapes
-    if isinstance(outcomes[0], UpdatingError) or is_doubtful(outcomes[0]) or not by_shapes:
+    if isinstance(outcomes[0], Unsettled) or is_doubtful(outcomes[0]) or not layout.by_shapes:
+        # 2. Draws from the prior.
         search_layout = layout.with_unverified_basis()
         starts = _other_starts(search_layout, seed, _most_unpaired(outcomes[0]))
         steps = np.linspace(0.5, 0.8, len(starts) + 1)
@@ -118,8 +118,10 @@ def update_from_several_starts(
             run(search_layout, start, *between)
             for start, between in zip(starts, pairwise(steps), strict=True)
         ]
+        # 3. Partners held.
         to_fix = _to_fix([*outcomes, *searched], layout)
         searched += [run(search_layout, start, 0.8, 0.8, partners) for partners, start in to_fix]
+        # 4. The best on a verified basis.
         worth = _worth_verifying([*outcomes, *searched])
         outcomes += [each for each in searched if not any(each is chosen for chosen in worth)]
         outcomes += [
@@ -127,14 +129,13 @@ def update_from_several_starts(
         ]
         if layout.is_large and not any(map(_is_verified, outcomes)):
             outcomes.append(run(layout, None, 0.9, 1.0))
+    # 5. The best supported, and its rivals.
     verified = [each for each in outcomes if isinstance(each, ElasticResult) and _is_verified(each)]
     if not verified:
         return _best_match(layout, outcomes)
     progress(1.0)
     best = min(verified, key=evidence)
-    oscillating = (
-        outcomes[0].oscillating_modes if isinstance(outcomes[0], PairingCycleError) else ()
-    )
+    oscillating = outcomes[0].oscillating_modes if isinstance(outcomes[0], Unsettled) else ()
     starts_tried = tuple(_as_start(each, layout, chosen=each is best) for each in outcomes)
     return replace(
         best, starts=starts_tried, rivals=_rivals(best, outcomes), oscillating_modes=oscillating
@@ -175,7 +176,7 @@ def _verified(outcome: Outcome, layout: Layout, run: _Run, share: float) -> Outc
     them.
     """
     for _ in range(_MENDED):
-        if isinstance(outcome, UpdatingError):
+        if isinstance(outcome, Unsettled):
             return outcome
         states = layout.solved(outcome.x)
         if all(was.basis is now.basis for was, now in zip(outcome.states, states, strict=True)):
@@ -185,12 +186,12 @@ def _verified(outcome: Outcome, layout: Layout, run: _Run, share: float) -> Outc
         )
         outcome = (
             fresh
-            if isinstance(fresh, UpdatingError)
+            if isinstance(fresh, Unsettled)
             else replace(fresh, history=(*outcome.history, *fresh.history))
         )
     return (
         outcome
-        if isinstance(outcome, UpdatingError)
+        if isinstance(outcome, Unsettled)
         else run(layout, outcome.x, share, share + 0.1, outcome.fixed_pairing)
     )
 
@@ -199,7 +200,7 @@ def _most_unpaired(outcome: Outcome) -> float:
     """How many modes may stay alone at a start that is fitted: fewer than in a result that only
     this makes doubtful.
     """
-    if isinstance(outcome, UpdatingError) or not outcome.layout.by_shapes or _is_far(outcome):
+    if isinstance(outcome, Unsettled) or not outcome.layout.by_shapes or _is_far(outcome):
         return np.inf
     return sum(len(pairing.unpaired_measured) for pairing in outcome.pairings) - 1
 
@@ -208,13 +209,11 @@ def _best_match(layout: Layout, outcomes: Sequence[Outcome]) -> ElasticResult:
     """The likest modes in pairs, where no start found one that is like a measured one; else the
     first start's error.
     """
-    first = next(each for each in outcomes if isinstance(each, UpdatingError))
-    if not all(isinstance(each, NoPartnersError) for each in outcomes) or not layout.by_shapes:
-        raise first
-    try:
-        return fit(layout, force_best_match=True)
-    except UpdatingError as error:
-        raise first from error
+    ends = [each for each in outcomes if isinstance(each, Unsettled)]
+    if layout.by_shapes and len(ends) == len(outcomes) and all(e.without_partners for e in ends):
+        forced = fit_elastic(layout, force_best_match=True)
+        return settled(ends[0] if isinstance(forced, Unsettled) else forced)
+    raise ends[0].error
 
 
 def _is_verified(outcome: Outcome) -> bool:
@@ -236,9 +235,7 @@ def _to_fix(
     Where shapes distinguish the modes, these are the ones that a fit went to and fro between.
     """
     results = _ranked(outcomes)
-    candidates = [
-        pair for each in outcomes if isinstance(each, PairingCycleError) for pair in each.between
-    ]
+    candidates = [pair for each in outcomes if isinstance(each, Unsettled) for pair in each.between]
     if not layout.by_shapes:
         origin: FloatArray = np.zeros(len(layout.unknowns))
         seen = zip(layout.campaigns, layout.solved(origin), strict=True)

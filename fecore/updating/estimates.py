@@ -106,11 +106,9 @@ class Spread:
         """With parts that lie on one side of the interval; reaches of independent parts add as
         squares.
         """
-        squares, whole, total = (
-            np.array([self.below**2, self.above**2]),
-            dict(self.variance),
-            self.sd**2,
-        )
+        squares = np.array([self.below**2, self.above**2])
+        whole = dict(self.variance)
+        total = self.sd**2
         for each, sensitivity in zip(effects, sensitivities, strict=True):
             part = float(each.rms * sensitivity) ** 2
             total += part
@@ -275,21 +273,17 @@ def own_estimates(elastic: ElasticResult, number: int) -> list[ParameterEstimate
         if place < len(layout.shared):
             continue
         unknown, spread = layout.unknowns[place], coordinate_spread(elastic, place)
-        unit, value, mean, sd, log = (
-            "1",
-            float(np.exp(elastic.x[place])),
-            1.0,
-            float(sds[place]),
-            True,
-        )
+        unit = "1"
+        value = float(np.exp(elastic.x[place]))
+        mean = 1.0
+        sd = float(sds[place])
+        log = True
         if not unknown.is_scatter:
             row = prior.names.index(unknown.name)
             unit = prior.unit_of(unknown.name)
-            value, mean, sd = (
-                float(theta[row]),
-                float(prior.prior_mean[row]),
-                float(prior.prior_sd[row]),
-            )
+            value = float(theta[row])
+            mean = float(prior.prior_mean[row])
+            sd = float(prior.prior_sd[row])
             log = bool(prior.logarithmic[row])
         base = spread.estimate(unknown.name, unit, value, slope=value if log else 1.0, log=log)
         informed = 1 - (spread.sd / float(sds[place])) ** 2

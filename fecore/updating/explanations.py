@@ -24,11 +24,11 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.correlation import Pairing, most_alike
-from fecore.errors import ModelError, UpdatingError
+from fecore.errors import ModelError
 from fecore.quantities import CLAMP
 from fecore.updating import suspects
 from fecore.updating.additions import SIZE_SD, Addition, AlteredForward, Kind
-from fecore.updating.elastic import Misfit, fit
+from fecore.updating.elastic import Misfit, Unsettled, fit_elastic
 from fecore.updating.elastic_result import ElasticResult, prior_inclusion
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import TOLERANCES
@@ -253,10 +253,8 @@ class Search:
         results = []
         for promise, x in ranked[:most]:
             if np.isfinite(promise):
-                try:
-                    results.append(fit(layout, use_shapes=self.use_shapes, start=x))
-                except (UpdatingError, ModelError):
-                    continue
+                fitted = _fitted(layout, start=x, use_shapes=self.use_shapes)
+                results += [] if fitted is None else [fitted]
         if not results:
             return None
         gain, best = max(
@@ -289,14 +287,14 @@ class Search:
             states = tuple(
                 map(self._solved, layout.campaigns, [each.theta(x) for each in layout.campaigns])
             )
-            pairings = misfit.pair(states)
-        except (UpdatingError, ModelError):
+        except ModelError:
+            return -np.inf
+        pairings = misfit.pair(states)
+        if misfit.without_partners(states, pairings):
             return -np.inf
         weights = [np.ones(len(each.modes)) for each in layout.campaigns]
-        shapes, by_shear = (
-            misfit.shape_errors(states, pairings, DISCREPANCY),
-            misfit.by_shear(states, pairings),
-        )
+        shapes = misfit.shape_errors(states, pairings, DISCREPANCY)
+        by_shear = misfit.by_shear(states, pairings)
         problem = misfit.linear(x, states, pairings, weights, shapes, by_shear)
         return _log_evidence(layout, pairings, problem, problem.weights)
 
@@ -428,8 +426,15 @@ def loosened(elastic: ElasticResult, place: int, slip: float) -> tuple[float, El
     unknowns = list(elastic.layout.unknowns)
     unknowns[place] = replace(unknowns[place], sd=slip * unknowns[place].sd)
     layout = replace(elastic.layout, unknowns=tuple(unknowns)).with_unverified_basis()
+    use_shapes = "mode shapes" in elastic.problem.others
+    fitted = _fitted(layout, start=elastic.x, use_shapes=use_shapes)
+    return None if fitted is None else (log_evidence(fitted) - log_evidence(elastic), fitted)
+
+
+def _fitted(layout: Layout, *, start: FloatArray, use_shapes: bool) -> ElasticResult | None:
+    """A fit that need not succeed; None where it does not."""
     try:
-        loosened = fit(layout, use_shapes="mode shapes" in elastic.problem.others, start=elastic.x)
-    except (UpdatingError, ModelError):
+        outcome = fit_elastic(layout, use_shapes=use_shapes, start=start)
+    except ModelError:
         return None
-    return log_evidence(loosened) - log_evidence(elastic), loosened
+    return None if isinstance(outcome, Unsettled) else outcome

@@ -218,10 +218,8 @@ class _Nominal:
 
     def on_finer_mesh(self, modes: NormalModes) -> FloatArray | None:
         """(n,) frequencies of the elastic modes on a finer mesh, Hz; None where there is none."""
-        constants, springs = (
-            np.array(list(self.body.nominal.values())),
-            [each.stiffness for each in self.body.springs],
-        )
+        constants = np.array(list(self.body.nominal.values()))
+        springs = [each.stiffness for each in self.body.springs]
         return on_finer_mesh(self.body, modes, constants, np.array(springs))
 
     def _modes(self, elastic: int) -> NormalModes:

@@ -7,9 +7,9 @@ must, or from the full model; `state` has what a solved model offers.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy
@@ -62,6 +62,8 @@ class ForwardModel:
     held_hz: float = np.inf
     # (p,) parameters about which the error of the body's own mesh is known; None: the prior means
     about: FloatArray | None = None
+    # the model that this one was made from: what they have in common is made once
+    like: ForwardModel | None = None
 
     def __post_init__(self) -> None:
         if self.places.shape[1] == 2:
@@ -132,6 +134,8 @@ class ForwardModel:
         Where the model itself is known to miss frequencies by more, the basis need not meet them as
         closely.
         """
+        if self._same is not None:
+            return self._same.basis
         prior = self.parametrisation
         start = prior.coefficients(prior.prior_mean)
         reach = np.minimum(
@@ -152,28 +156,25 @@ class ForwardModel:
 
     def with_unverified_basis(self) -> ForwardModel:
         """The same on the basis as it is now, for a search that is verified afterwards."""
-        model = replace(self, verified=False)
-        if self.reduced:
-            self._hand_on(model)
-        return model
+        return replace(self, verified=False, like=self if self.reduced else None)
+
+    @property
+    def _same(self) -> ForwardModel | None:
+        """The model of the same parameters that this one was made from."""
+        same = self.like is not None and self.like.parametrisation is self.parametrisation
+        return self.like if same else None
 
     def with_mesh_error_about(self, theta: FloatArray) -> ForwardModel:
         """The same with the error of the body's own mesh as it is at parameters θ."""
-        other = replace(self, about=theta)
-        self._hand_on(other)
-        return other
-
-    def _hand_on(self, other: ForwardModel) -> None:
-        """The cached properties: the basis, what it holds, and the error of the mesh."""
-        other.__dict__.update(basis=self.basis, _covered=self._covered, finer=self.finer)
-        if other.about is self.about:
-            other.__dict__.update(mesh_error=self.mesh_error, _on_finest=self._on_finest)
+        return replace(self, about=theta, like=self)
 
     @cached_property
     def finer(self) -> Finer | None:
         """Finer meshes by which the error of the body's own is known and taken out; None where that
         is taken on trust.
         """
+        if self.like is not None and self.like.specimen is self.specimen:
+            return self.like.finer
         return Finer.of(self.specimen)
 
     @cached_property
@@ -181,6 +182,8 @@ class ForwardModel:
         """What the body's own mesh misses, about the prior means or where it was asked for."""
         if self.finer is None or not self.reduced:
             return None
+        if self._same is not None and self._same.about is self.about:
+            return self._same.mesh_error
         prior = self.parametrisation
         theta = prior.prior_mean if self.about is None else self.about
         c = prior.coefficients(theta)
@@ -189,29 +192,24 @@ class ForwardModel:
         whole = replace(modes, shapes=self.basis.basis @ modes.shapes)
         return self.finer.error(whole, *prior.split(prior.constants(theta)), held)
 
-    @cached_property
-    def _on_finest(self) -> list[tuple[ReducedSystem, ReducedSystem]]:
-        """The basis's last system, and the same with the finest mesh's matrices of the modes."""
-        return []
-
-    def without_mesh_error(self, system: ReducedSystem) -> ReducedSystem:
-        """A system on the basis with the finest mesh's matrices, where what the body's own misses
-        is known.
+    @property
+    def system(self) -> ReducedSystem:
+        """The model on the basis as it is now, with the finest mesh's matrices of the modes where
+        what the body's own misses is known.
         """
-        if self.mesh_error is None:
-            return system
-        if not self._on_finest or self._on_finest[0][0] is not system:
-            self._on_finest[:] = [(system, self.mesh_error.corrected(system))]
-        return self._on_finest[0][1]
+        return self.basis.system if self.mesh_error is None else self._corrected(self.basis.system)
+
+    @cached_property
+    def _corrected(self) -> Callable[[ReducedSystem], ReducedSystem]:
+        """From the basis's last system to the one without the error of the mesh."""
+        if self._same is not None and self._same.about is self.about:
+            return self._same._corrected
+        assert self.mesh_error is not None, "what the mesh misses is known"
+        return lru_cache(maxsize=1)(self.mesh_error.corrected)
 
     def on_basis(self) -> ForwardModel:
         """The same on a reduced basis; itself where it has one."""
         return self if self.reduced else replace(self, reduced=True)
-
-    @cached_property
-    def _covered(self) -> set[int]:
-        """Rows under whose forces the basis holds the static deflections."""
-        return set()
 
     def rows(self, dofs: Sequence[Dof]) -> tuple[IntArray, FloatArray]:
         """(N,) numbers of the rows of some dofs, and (N,) +1 or -1 where a dof has the opposite
@@ -242,7 +240,7 @@ class ForwardModel:
         model, c = self.specimen.model, self.parametrisation.coefficients(theta)
         if self.reduced:
             modes = self.basis.modes(c.stiffness, c.mass) if self.verified else None
-            reduced = self.without_mesh_error(self.basis.system)  # as it has grown
+            reduced = self.system  # as it has grown
             if modes is None or reduced is not self.basis.system:
                 modes = reduced.modes(c.stiffness, c.mass, self.count)
             return self.state_of(reduced, c, modes, theta)
@@ -272,14 +270,11 @@ class ForwardModel:
         """The same state on a basis that holds the static deflections under forces along the given
         rows.
         """
-        missing = sorted(set(rows.tolist()) - self._covered)
-        if state.basis is not None and missing:
-            loads = self.observation[missing].T.toarray()
-            self.basis.cover(loads, state.coefficients.stiffness, state.coefficients.mass)
-            self._covered.update(missing)
-        if state.basis is None or state.basis is self.basis.system.basis:
+        if state.basis is None:
             return state
-        return self.solve(state.theta)
+        c = state.coefficients
+        self.basis.cover(self.observation, rows.tolist(), c.stiffness, c.mass)
+        return state if state.basis is self.basis.system.basis else self.solve(state.theta)
 
 
 def directions_of(dofs: Sequence[Dof], axes: Mapping[int, FloatArray]) -> FloatArray:

@@ -25,7 +25,7 @@ from fecore.dynamics.damping_laws import DampingLaw
 from fecore.errors import UpdatingError
 from fecore.frf import FrfSet
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import fit as fit_elastic
+from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import even_draws
 from fecore.updating.forward import ForwardModel
@@ -143,10 +143,8 @@ class _Update:
                 frfs.responses, frfs.references, with_strain=by_strain
             )
             moving = model.omega > 0
-            omega, strain = (
-                model.omega[moving],
-                None if model.strain is None else model.strain[moving],
-            )
+            omega = model.omega[moving]
+            strain = None if model.strain is None else model.strain[moving]
             # A law is linear in its coefficients, so these go with the ratio.
             unit = law.basis(model.omega, model.strain) @ nearest_positive(
                 law, omega, np.ones(omega.size), strain=strain
@@ -173,16 +171,15 @@ class _Update:
         start: FloatArray | None = None
         for _ in range(_TURNS):
             modes, fit, misfit = self._modes_through(theta, start, ratio, weighting, variance)
-            elastic = fit_elastic(
-                Layout.of_one(self.forward, modes, self.inputs, self.fixed_points)
-            )
+            layout = Layout.of_one(self.forward, modes, self.inputs, self.fixed_points)
+            elastic = settled(fit_elastic(layout))
             predicted = misfit.predict(fit.eigenvalue, fit.rate)
             residual = np.where(measured, frfs.values - predicted, 0)
             variance = residual_variance(residual, predicted, measured)
             moved = np.abs(elastic.theta - theta) / np.sqrt(np.diag(elastic.covariance))
-            settled = weighting == "noise" and moved.max() < _STILL
+            at_rest = weighting == "noise" and moved.max() < _STILL
             theta, start, weighting = elastic.theta, fit.coefficients, "noise"
-            if settled:
+            if at_rest:
                 left = float(
                     np.sum(np.abs(residual) ** 2) / np.sum(np.abs(frfs.values[measured]) ** 2)
                 )

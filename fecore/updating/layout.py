@@ -23,7 +23,7 @@ import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray
-from fecore.body.structure import OWN_SD, CommonPrior
+from fecore.body.constants import OWN_SD, CommonPrior
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.quantities import CLAMP
@@ -360,8 +360,6 @@ class Layout:
         these attributes.
         """
         (only,) = self.campaigns
-        known = {"about": None, **of_model}
+        known = {"about": None, "like": only.forward, **of_model}
         forward = replace(only.forward, specimen=prior.body, parametrisation=prior, **known)
-        if prior.body is only.forward.specimen:
-            forward.__dict__["finer"] = only.forward.finer
         return Layout.of_one(forward, only.modes, only.inputs, only.fixed_points)

@@ -148,10 +148,11 @@ class Finer:
         """Of a body with a mesh of its own that can be made finer; None of strips, of matrices and
         of large ones.
         """
-        if not isinstance(body, Structure):
+        own = body.in_space
+        if own is None:
             return None
-        growth = 4 if is_quadratic(body.mesh) else 3
-        return cls(body) if growth * len(body.mesh.nodes) * len(body.dofs) <= MOST_DOFS else None
+        growth = 4 if is_quadratic(own.mesh) else 3
+        return cls(own) if growth * len(own.mesh.nodes) * len(own.dofs) <= MOST_DOFS else None
 
     @cached_property
     def _flat(self) -> Refined | None:
@@ -226,10 +227,8 @@ class Finer:
             flat = solved(self._flat)[0] - solved(self.level(1))[0]
         sizes = element_size(self.body.mesh), element_size(self.level(number).body.mesh)
         order = 4 if is_quadratic(self.body.mesh) else 2
-        images, left = (
-            model.mass.at(own.mass) @ shapes,
-            _LEFT * (after - before) - _OF_CORNERS * missed,
-        )
+        images = model.mass.at(own.mass) @ shapes
+        left = _LEFT * (after - before) - _OF_CORNERS * missed
         return MeshError(images, after - base - missed, left, flat, self.turn, *sizes, order)
 
     def _next_size(self, number: int) -> int:

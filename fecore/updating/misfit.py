@@ -352,10 +352,8 @@ class FrfJacobian:
         # Im x*y = Re (ix)*y
         powers = 2 * (1j ** (number % 2))[:, None] * self.misfit.frfs.omega ** number[:, None]
         S, parts = np.zeros((count, len(d), len(d))), (d.real.copy(), d.imag.copy())
-        first, sign = (
-            np.searchsorted(self.misfit.pairs[0], np.arange(len(d) + 1)),
-            (-1.0) ** number[:, None],
-        )
+        first = np.searchsorted(self.misfit.pairs[0], np.arange(len(d) + 1))
+        sign = (-1.0) ** number[:, None]
         for k in range(len(d)):  # one by one, so that what is summed stays in the processor's cache
             own, lines = coupling[first[k] : first[k + 1]], d[k] * powers
             if np.iscomplexobj(own):

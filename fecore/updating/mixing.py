@@ -62,10 +62,8 @@ def mixings(
     value = (2 * np.pi * state.frequency_hz) ** 2
     measured = value.copy()
     measured[list(columns)] = (2 * np.pi * hz) ** 2
-    stiffness, mass = (
-        mode_forms(state.modes, state.stiffness, c.stiffness_by),
-        mode_forms(state.modes, state.mass, c.mass_by),
-    )
+    stiffness = mode_forms(state.modes, state.stiffness, c.stiffness_by)
+    mass = mode_forms(state.modes, state.mass, c.mass_by)
     mean = (measured[:, None] + measured) / 2
     by = stiffness[:, rigid:, rigid:] - mean * mass[:, rigid:, rigid:]
     sd = np.sqrt(np.einsum("pjk,pq,qjk->jk", by, covariance, by) + 2 * (discrepancy * mean) ** 2)

@@ -20,57 +20,14 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
-from fecore.body.beams import BeamSection
-from fecore.body.constants import Body
-from fecore.body.matrices import MatrixBody
-from fecore.body.sections import ShellSection
-from fecore.body.structure import CommonPrior, Structure
+from fecore.body.constants import DEFAULT_PARAMETERS, Body, CommonPrior, Parameter
 from fecore.errors import InputError
 from fecore.quantities import CONSTANTS, is_signed, kind_of, usual_prior_sd
 from fecore.updating.temperature import PER_K, Warmth, coefficient_of, constant_of, is_of_damping
 
-_ISOTROPIC, _LARGEST_POISSON = (
-    1e-3,
-    0.5,
-)  # to which share constants of one isotropic material agree; ν of a beam's E and G
-
 _STEP = 1e-30  # of a constant: a complex step may be as small as that
 # from its prior mean, in either direction: no parameter is believed beyond
 _FARTHEST = np.log(1000.0)
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One constant in a recipe."""
-
-    # one of the specimen's constants, or of its springs; `Ex.per_K` is Ex's coefficient of
-    # temperature
-    name: str
-    prior_mean: float | None = None  # SI; the specimen's nominal value where None
-    # SI; 30 % of the mean where None. Of a tied constant, how far it may be off its tie.
-    prior_sd: float | None = None
-    fixed: bool = False  # keep the constant at its prior mean
-    # name of a parameter that this constant follows in the ratio of the nominal values
-    tied_to: str | None = None
-
-
-DEFAULT_PARAMETERS = (
-    Parameter("Ex"),
-    Parameter("Ey"),
-    Parameter("Gxy"),
-    Parameter("Gxz"),
-    Parameter("Gyz", tied_to="Gxz"),
-)
-"""What is updated when a recipe names nothing: the contract's default."""
-
-PLY_PARAMETERS = (
-    Parameter("E1"),
-    Parameter("E2"),
-    Parameter("G12"),
-    Parameter("G13"),
-    Parameter("G23", tied_to="G13"),
-)
-"""What is updated of a specimen of plies when a recipe names nothing."""
 
 
 @dataclass(frozen=True)
@@ -277,44 +234,6 @@ class Coefficients:
         return self.parametrisation.split(self.parametrisation.constants(self.theta))
 
 
-def default_parameters(body: Body) -> tuple[Parameter, ...]:
-    """What is updated of a body when a recipe names nothing."""
-    if isinstance(body, Structure):
-        return tuple(
-            replace(
-                each, name=f"{name}.{each.name}", tied_to=each.tied_to and f"{name}.{each.tied_to}"
-            )
-            for name in body.mesh.sets
-            for each in _of_section(body.sections[name])
-        )
-    if isinstance(body, MatrixBody):
-        return tuple(Parameter(name) for name in body.nominal if kind_of(name) == "factor")
-    own = PLY_PARAMETERS if "E1" in body.nominal else DEFAULT_PARAMETERS
-    return (*own, *(Parameter(name) for name in body.nominal if kind_of(name) == "zone"))
-
-
-def _of_section(section: ShellSection | BeamSection) -> tuple[Parameter, ...]:
-    """What is updated of a set: of an isotropic material its E, which the others follow."""
-    nominal = section.nominal
-    if isinstance(section, BeamSection):
-        poisson = section.E / (2 * section.G) - 1
-        return (
-            _following("E", ["G"], nominal)
-            if 0 <= poisson <= _LARGEST_POISSON
-            else (Parameter("E"), Parameter("G"))
-        )
-    E, nu = nominal["E1"], nominal["nu12"]
-    alike = np.allclose([nominal["E2"], 2 * (1 + nu) * nominal["G12"]], E, rtol=_ISOTROPIC)
-    return _following("E1", ["E2", "G12", "G13", "G23"], nominal) if alike else PLY_PARAMETERS
-
-
-def _following(
-    first: str, others: Sequence[str], nominal: Mapping[str, float]
-) -> tuple[Parameter, ...]:
-    tied = (Parameter(name, prior_sd=_ISOTROPIC * nominal[name], tied_to=first) for name in others)
-    return (Parameter(first), *tied)
-
-
 def parametrise(
     specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAMETERS
 ) -> Parametrisation:
@@ -355,8 +274,7 @@ def parametrise(
     )
     names = tuple(p.name for p in free)
     unstated = {p.name for p in free if p.prior_sd is None and p.prior_mean is None}
-    priors = specimen.common_priors() if isinstance(specimen, Structure) else []
-    common = [c for c in priors if set(c.constants) <= unstated]
+    common = [c for c in specimen.common_priors() if set(c.constants) <= unstated]
     for each in common:
         rows = [names.index(name) for name in each.constants]
         prior_sd[rows] = np.hypot(each.common, each.own) * prior_mean[rows]
@@ -387,10 +305,8 @@ def parametrise(
 
 
 def _nominal(specimen: Body) -> dict[str, float]:
-    constants, springs = (
-        specimen.nominal,
-        {spring.name: spring.stiffness for spring in specimen.springs},
-    )
+    constants = specimen.nominal
+    springs = {spring.name: spring.stiffness for spring in specimen.springs}
     if set(springs) & set(constants):
         raise InputError(
             "springs",

@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fecore.body.constants import Body
-from fecore.body.structure import Structure
 from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
 from fecore.errors import FecoreError, InputError, UpdatingError
-from fecore.findings import Finding
+from fecore.findings import Finding, Level
 from fecore.frf import Dof, FrfSet
 from fecore.modes import MeasuredModes
 from fecore.updating.curves import check_temperatures
@@ -31,7 +30,7 @@ from fecore.updating.laws import identifiable_laws, laws_of, rank_laws
 from fecore.updating.layout import Layout
 from fecore.updating.measured_ratios import paired_ratios
 from fecore.updating.measurement import Measurement, PreparedMeasurement, prepare
-from fecore.updating.parameters import Parametrisation, default_parameters, parametrise
+from fecore.updating.parameters import Parametrisation, parametrise
 from fecore.updating.plausibility import examine, unstated_window
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
@@ -46,7 +45,7 @@ Progress = Callable[[str, float], None]
 cancel.
 """
 
-_ELASTIC = "updating the elastic constants"
+_ELASTIC, _DAMPING = "updating the elastic constants", "updating the damping"
 
 
 def update(
@@ -58,8 +57,18 @@ def update(
 ) -> UpdateResult:
     """Update a specimen's elastic constants and damping from a measurement.
 
-    A stage fails alone: where damping cannot be had, the elastic constants stand, and the result's
-    outcomes say why.
+    1. The constants that the recipe names are the parameters θ, with their priors, at the
+       temperature of the measurement; the laboratory's inputs are let go about their values.
+    2. The measurement is made ready: its modes, identified from the FRFs where none are given, with
+       shapes where FRFs show them.
+    3. The specimen has a mesh for the band, and a model whose modes are seen at the measured points
+       along the measured directions.
+    4. Stage 1: the elastic constants from natural frequencies and mode shapes (Eqs. 12-14), the
+       modes paired with the model's.
+    5. Stage 2: the damping law from the FRFs of the updated model (Eq. 11). It fails alone: where
+       damping cannot be had, the elastic constants stand, and the result's outcomes say why.
+    6. The posterior of both is sampled where the recipe asks for it.
+    7. What was found on the way is put together once: the verdict, the warnings and the result.
 
     Args:
         measurement: what was measured: FRFs, modes, or both.
@@ -74,25 +83,30 @@ def update(
         UpdatingError: the elastic constants did not converge; it carries the best iterate.
     """
     recipe, inputs = recipe or Recipe(), measurement.inputs
-    parameters = default_parameters(specimen) if recipe.parameters is None else recipe.parameters
+    # 1. Parameters and inputs.
+    parameters = specimen.default_parameters() if recipe.parameters is None else recipe.parameters
     temperatures, stated = [measurement.temperature_c], recipe.reference_temperature_c
     reference = check_temperatures(parameters, specimen, temperatures, stated)
     known = with_temperature(
         parametrise(specimen, parameters), reference, measurement.temperature_c, reported=False
     )
     parametrisation = known.with_inputs(inputs.standard_deviations(specimen.nominal))
+    # 2. Measurement.
     data = _prepared(measurement, specimen, recipe, progress)
+    # 3. Mesh and model.
     body, mesh = meshed(specimen, _highest_hz(data))
     forward = _forward(replace(parametrisation, body=body), measurement, data)
+    # 4. Stage 1.
     progress(_ELASTIC, 0.4)
     elastic, modes = _elastic(
         forward, data, recipe, inputs, lambda share: progress(_ELASTIC, min(0.4 + 0.2 * share, 0.6))
     )
-
-    def shown(share: float) -> None:
-        progress("updating the damping", 0.6 + 0.1 * share)
-
-    damping = _Damping(data, elastic, modes, recipe, inputs, shown).outcome()
+    # 5. Stage 2.
+    stage = _Damping(
+        data, elastic, modes, recipe, inputs, lambda share: progress(_DAMPING, 0.6 + 0.1 * share)
+    )
+    damping = stage.outcome()
+    # 6. Samples.
     sampled = None
     if damping.result is not None and recipe.posterior == "mcmc":
         sampled = sample_posterior(
@@ -102,6 +116,7 @@ def update(
             progress=lambda share: progress("sampling the posterior", 0.7 + 0.25 * share),
             checkpoint=checkpoint,
         )
+    # 7. Findings and result.
     progress("correlating", 0.95)
     findings = [
         *passed_on("measurement", data.notes),
@@ -111,11 +126,9 @@ def update(
         *points_beyond(forward, inputs),
         *_other_method(measurement, recipe),
     ]
-    given_at = (
-        recipe.reference_temperature_c if reference is not None else measurement.temperature_c
-    )
     summary = Summary(elastic, modes, damping, data, inputs=inputs, recipe=recipe, sampled=sampled)
-    result = replace(summary.result(findings), reference_temperature_c=given_at)
+    at_c = recipe.reference_temperature_c if reference is not None else measurement.temperature_c
+    result = replace(summary.result(findings), reference_temperature_c=at_c)
     progress("done", 1.0)
     return result
 
@@ -155,7 +168,7 @@ def _coarse(mesh: Discretisation) -> list[Finding]:
 
 def _without_joints(body: Body) -> list[Finding]:
     """That walls meet without a model of their joint."""
-    if not isinstance(body, Structure) or body.with_joints or not body.model_error:
+    if body.with_joints or not body.model_error:
         return []
     return [finding("without_joints", percent=100 * body.model_error)]
 
@@ -239,6 +252,26 @@ def _elastic(
 
 
 @dataclass(frozen=True)
+class _Failed:
+    """A fit to FRFs that gave no law."""
+
+    error: FecoreError
+    findings: tuple[Finding, ...]  # what is worth saying all the same
+
+    @property
+    def message(self) -> str:
+        """Why, in words."""
+        return self.error.message if isinstance(self.error, UpdatingError) else str(self.error)
+
+    @property
+    def was_sought(self) -> bool:
+        """Whether a fit began and did not converge: another may. Where the data allow none there is
+        nothing to be repeated.
+        """
+        return isinstance(self.error, UpdatingError) and bool(self.error.best)
+
+
+@dataclass(frozen=True)
 class _Damping:
     """Stage 2: from the FRFs, or from typed damping ratios alone where there are none."""
 
@@ -250,74 +283,62 @@ class _Damping:
     progress: Callable[[float], None]
 
     def outcome(self) -> DampingOutcome:
-        """The laws of the whole band, or of the widest that a fit converges in."""
+        """The laws of the whole band, or of the widest that a fit converges in.
+
+        Raises:
+            InputError: the recipe's band is wrong, or has no lines.
+        """
         if self.data.fitted is None:
             return self._of_ratios()
         band = self._band(self.data.fitted)
-        first: FecoreError | None = None
-        before: list[Finding] = []
-        for tried in self._bands(band):
-            findings: list[Finding] = []
-            try:
-                done = self._of_frfs(self.data.fitted, tried, findings)
-            except FecoreError as error:
-                if first is None:
-                    if isinstance(error, InputError):
-                        raise
-                    first, before = error, findings
-                if not _was_sought(first):
-                    break
-            else:
-                if first is not None:
-                    findings.append(
-                        finding(
-                            "damping_narrowed", low=tried[0], high=tried[1], text=_message(first)
-                        )
-                    )
-                return replace(done, findings=tuple(findings))
-        assert first is not None, "the whole band is tried"
-        return self._without_fit(band, first, before)
+        first = self._of_frfs(self.data.fitted, band)
+        if isinstance(first, DampingOutcome):
+            return first
+        if isinstance(first.error, InputError):
+            raise first.error
+        for low, high in self._narrower(band) if first.was_sought else ():
+            done = self._of_frfs(self.data.fitted, (low, high))
+            if isinstance(done, DampingOutcome):
+                narrowed = finding("damping_narrowed", low=low, high=high, text=first.message)
+                return replace(done, findings=(*done.findings, narrowed))
+        return self._without_fit(band, first)
 
-    def _without_fit(
-        self, band: tuple[float, float], error: FecoreError, findings: list[Finding]
-    ) -> DampingOutcome:
+    def _without_fit(self, band: tuple[float, float], failed: _Failed) -> DampingOutcome:
         """Where no fit to FRFs ends: laws from the modes' damping ratios, if a fit was sought; else
         why there is no damping.
         """
-        message, hopeless = _message(error), self.elastic.misfit > HOPELESS_MISS
-        if _was_sought(error) and not hopeless:
+        message, hopeless = failed.message, self.elastic.misfit > HOPELESS_MISS
+        if failed.was_sought and not hopeless:
             done = self._of_ratios()
             if done.ranking is not None:
                 of_ratios = finding("damping_of_ratios", text=message)
                 why = f"from the modes' damping ratios, since {message}"
-                every = (*findings, *done.findings, of_ratios)
+                every = (*failed.findings, *done.findings, of_ratios)
                 return replace(done, message=why, band=band, findings=every)
-        failed = finding("damping_failed", level="do_not_use" if hopeless else None, text=message)
-        return DampingOutcome("failed", message, band, findings=(*findings, failed))
+        level: Level | None = "do_not_use" if hopeless else None
+        notes = (*failed.findings, finding("damping_failed", level=level, text=message))
+        return DampingOutcome("failed", message, band, findings=notes)
 
-    def _of_frfs(
-        self, frfs: FrfSet, band: tuple[float, float], findings: list[Finding]
-    ) -> DampingOutcome:
-        """Laws fitted to the FRFs of a band; what is worth saying goes to `findings`, also where
-        the fit fails.
-
-        Raises:
-            UpdatingError: a fit did not converge.
-        """
-        inside = _inside(frfs, band, self.recipe)
-        stage = damping_data(inside, self.elastic, self.modes, self.recipe.weighting, self.inputs)
-        requested = self._laws(stage.modal_law)
-        # where there is none, the fit says so
-        laws = identifiable_laws(len(stage.rows), requested) or requested
-        stage, odd = examine(stage)
-        findings += [*_unasked(requested[0], laws[0], len(stage.rows)), *odd]
-        reference = fit_reference(stage)
-        ranking = rank_laws(reference.ratios, stage.rows, laws)
-        result = fit_damping(stage, reference, laws[0], self.progress, ranking.laws[0].strain)
-        findings += unstated_window(
-            result, self.inputs, 1 / float(np.median(np.diff(inside.frequency_hz)))
-        )
-        return DampingOutcome("succeeded", "", band, ranking, result)
+    def _of_frfs(self, frfs: FrfSet, band: tuple[float, float]) -> DampingOutcome | _Failed:
+        """Laws fitted to the FRFs of a band."""
+        findings: tuple[Finding, ...] = ()
+        try:
+            inside = _inside(frfs, band, self.recipe)
+            weighting = self.recipe.weighting
+            stage = damping_data(inside, self.elastic, self.modes, weighting, self.inputs)
+            requested = self._laws(stage.modal_law)
+            # where there is none, the fit says so
+            laws = identifiable_laws(len(stage.rows), requested) or requested
+            stage, odd = examine(stage)
+            findings = (*_unasked(requested[0], laws[0], len(stage.rows)), *odd)
+            reference = fit_reference(stage)
+            ranking = rank_laws(reference.ratios, stage.rows, laws)
+            result = fit_damping(stage, reference, laws[0], self.progress, ranking.laws[0].strain)
+        except FecoreError as error:
+            return _Failed(error, findings)
+        step = float(np.median(np.diff(inside.frequency_hz)))
+        findings += tuple(unstated_window(result, self.inputs, 1 / step))
+        return DampingOutcome("succeeded", "", band, ranking, result, findings)
 
     def _of_ratios(self) -> DampingOutcome:
         """Laws from the damping ratios of the paired modes, without FRFs."""
@@ -360,11 +381,10 @@ class _Damping:
             high = min(high, float(np.sqrt(frequencies[last] * frequencies[last + 1])))
         return low, high
 
-    def _bands(self, band: tuple[float, float]) -> Iterator[tuple[float, float]]:
-        """The band of stage 2, and, for a fit that does not converge, narrower ones: without the
-        highest of its modes, two, three ... while two are left, and without the lowest.
+    def _narrower(self, band: tuple[float, float]) -> Iterator[tuple[float, float]]:
+        """For a fit that does not converge in the band of stage 2: without the highest of its
+        modes, two, three ... while two are left, and without the lowest.
         """
-        yield band
         columns = [column for _, column in self.elastic.pairing.pairs]
         frequencies = np.sort(self.elastic.updated.frequency_hz[columns])
         inside = frequencies[(frequencies > band[0]) & (frequencies < band[1])]
@@ -372,17 +392,6 @@ class _Damping:
         yield from ((band[0], float(high)) for high in between[:0:-1])
         if between.size > 1:
             yield float(between[0]), band[1]
-
-
-def _was_sought(error: FecoreError) -> bool:
-    """Whether a fit began and did not converge: another may. Where the data allow none there is
-    nothing to be repeated.
-    """
-    return isinstance(error, UpdatingError) and bool(error.best)
-
-
-def _message(error: FecoreError) -> str:
-    return error.message if isinstance(error, UpdatingError) else str(error)
 
 
 def _unasked(requested: DampingLaw, law: DampingLaw, modes: int) -> list[Finding]:

@@ -31,20 +31,19 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.specimen import OrientedSpecimen, carrying
-from fecore.body.structure import Structure
+from fecore.body.constants import Body, Parameter
 from fecore.body.supports import PointMass
 from fecore.errors import InputError, within
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, as_updated, lay_out, yielding
 from fecore.updating.discretisation import meshed
-from fecore.updating.elastic import fit
+from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Coupon, Layout, Unknown
-from fecore.updating.parameters import Parameter, Parametrisation, by_name, parametrise
+from fecore.updating.parameters import Parametrisation, by_name, parametrise
 from fecore.updating.posterior import DISCREPANCY, SCATTER, prior_of_scatter
 from fecore.updating.theory_error import by_shear_correction
 
@@ -57,7 +56,7 @@ class PlannedTest:
     """A test that could be made."""
 
     name: str  # in the plan
-    body: OrientedSpecimen | Structure  # as it would stand, added masses included
+    body: Body  # as it would stand, added masses included
     highest_hz: float  # of the band
     # (x, y), or (x, y, z) on a body in space, in m of the points that can be hit
     points: tuple[tuple[float, ...], ...]
@@ -163,7 +162,7 @@ def plan_tests(
                 f"names {', '.join(sorted(unknown))}; expected some of {', '.join(reported)}",
             )
     campaigns = as_updated(campaigns)
-    fitted = fit(lay_out(campaigns, parameters, SCATTER)) if campaigns else None
+    fitted = settled(fit_elastic(lay_out(campaigns, parameters, SCATTER))) if campaigns else None
     theta = (
         {} if fitted is None else by_name(fitted.layout.shared, fitted.layout.material(fitted.x))
     )
@@ -278,7 +277,7 @@ class _Simulated:
         body = yielding(test.body, test.inputs)
         if test.sensor_mass:
             x, y, z = (*test.points[test.sensor], 0.0)[:3]
-            body = carrying(body, [PointMass(x, y, test.sensor_mass, z=z)])
+            body = body.carrying([PointMass(x, y, test.sensor_mass, z=z)])
         body, _ = meshed(body, test.highest_hz)
         prior = parametrise(body, parameters)
         forward = ForwardModel.of_dofs(

@@ -176,10 +176,8 @@ class Likeness:
         hz = self.unmeasured_hz[self.expected * abs(self.common) > _ABSENT]
         if not hz.size:
             return []
-        which, modes = (
-            listed([f"{each:.2f} Hz" for each in hz], _MOST),
-            "a mode" if hz.size == 1 else "modes",
-        )
+        which = listed([f"{each:.2f} Hz" for each in hz], _MOST)
+        modes = "a mode" if hz.size == 1 else "modes"
         level: Level | None = "do_not_use" if hz.min() < self.lowest_hz else None
         return [finding("modes_absent", level=level, modes=modes, which=which)]
 

@@ -5,10 +5,10 @@ later.
 from dataclasses import dataclass, field
 from typing import Literal
 
+from fecore.body.constants import Parameter
 from fecore.dynamics.laws import DEFAULT_LAWS
 from fecore.modal import Options
 from fecore.updating.misfit import Weighting
-from fecore.updating.parameters import Parameter
 
 
 @dataclass(frozen=True)

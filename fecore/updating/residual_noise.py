@@ -61,10 +61,8 @@ def _regress(
     known = determinant > 1e-12 * s0 * s2  # levels that differ
     safe = np.where(known, determinant, 1.0)
     constant, slope = (s2 * r0 - s1 * r1) / safe, (s0 * r1 - s1 * r0) / safe
-    only_constant, only_slope = (
-        r0 / np.maximum(s0, 1e-300),
-        np.where(s2 > 0, r1 / np.where(s2 > 0, s2, 1.0), 0.0),
-    )
+    only_constant = r0 / np.maximum(s0, 1e-300)
+    only_slope = np.where(s2 > 0, r1 / np.where(s2 > 0, s2, 1.0), 0.0)
     flat = ~known | (slope < 0)
     constant, slope = (
         np.where(flat, only_constant, np.where(constant < 0, 0.0, constant)),

@@ -251,11 +251,9 @@ def _with_inputs(elastic: ElasticResult, xi: FloatArray, random: np.random.Gener
     """(n, p) all coordinates: (n, q) samples of the parameters, and the inputs drawn from their
     Gaussian given these.
     """
-    free, joint, centre = (
-        xi.shape[1],
-        elastic.conditional_posterior.total,
-        elastic.prior.xi(elastic.theta),
-    )
+    free = xi.shape[1]
+    joint = elastic.conditional_posterior.total
+    centre = elastic.prior.xi(elastic.theta)
     if free == len(joint):  # all inputs are known exactly
         return xi
     slope = np.linalg.solve(joint[:free, :free], joint[:free, free:])

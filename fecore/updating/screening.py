@@ -80,10 +80,8 @@ def screened(
         log, mean, variance = data.likelier(change - by * size, by, sigma)
         share = scipy.special.softmax(log)
         here = share.sum(axis=(0, 1))
-        expansion, size = (
-            size,
-            np.maximum(np.sum(share * mean, axis=(0, 1)) / np.maximum(here, 1e-300), 0.0),
-        )
+        expansion = size
+        size = np.maximum(np.sum(share * mean, axis=(0, 1)) / np.maximum(here, 1e-300), 0.0)
     middle = float(np.sum(share * mean))
     secant = np.where(expansion > 0, change / np.where(expansion > 0, expansion, 1.0), by)
     return AdditionScreening(

@@ -93,10 +93,8 @@ class ShapeErrors:
         residuals, jacobians, points = [], [], len(modes.dofs)
         for (row, column), root in zip(pairing.pairs, root_weight, strict=True):
             whitening = self.whitening.get(row, np.eye(points) / SHAPE_DISCREPANCY)
-            measured, model = (
-                whitening @ real_shape(modes, row),
-                whitening @ state.shapes[column, :points],
-            )
+            measured = whitening @ real_shape(modes, row)
+            model = whitening @ state.shapes[column, :points]
             by = state.shape_jacobian[:, state.modes.rigid + column, :points] @ whitening.T
             scale = measured @ model / (model @ model)
             # the best scale takes what lies along

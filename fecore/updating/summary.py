@@ -37,7 +37,7 @@ from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import LawRanking, RankedLaw
 from fecore.updating.measurement import PreparedMeasurement
-from fecore.updating.parameters import by_name, default_parameters
+from fecore.updating.parameters import by_name
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import (
     Correlation,
@@ -179,7 +179,7 @@ class Summary:
         return [
             *elastic_findings(self.elastic, self.modes),
             *undetermined(
-                self.constants, self.recipe.parameters, default_parameters(self.elastic.prior.body)
+                self.constants, self.recipe.parameters, self.elastic.prior.body.default_parameters()
             ),
             *disagreements(self.elastic, self.sampled),
             *([] if self.ranking is None else self.ranking.findings()),
@@ -212,10 +212,8 @@ class Summary:
         """A law's damping ratios over the range of the measured modes and somewhat
         beyond.
         """
-        low, high = (
-            self.modes.frequency_hz[0] / _BEYOND_MODES,
-            self.modes.frequency_hz[-1] * _BEYOND_MODES,
-        )
+        low = self.modes.frequency_hz[0] / _BEYOND_MODES
+        high = self.modes.frequency_hz[-1] * _BEYOND_MODES
         if law.groups:
             state = self.elastic.updated
             inside = (state.frequency_hz >= low) & (state.frequency_hz <= high)

@@ -127,10 +127,8 @@ def _resisted(state: ForwardState, additions: Sequence[Addition]) -> tuple[Float
     supports resist them.
     """
     system = AlteredForward.of(state.forward, additions).altered
-    count, own = (
-        len(additions),
-        len(system.stiffness) - len(additions) - len(state.forward.specimen.springs),
-    )
+    count = len(additions)
+    own = len(system.stiffness) - len(additions) - len(state.forward.specimen.springs)
     terms = np.delete(system.stiffness, slice(own, own + count), axis=0)
     K = np.tensordot(state.coefficients.stiffness, terms, 1)
     within = np.vstack([-np.linalg.solve(K[:-count, :-count], K[:-count, -count:]), np.eye(count)])
@@ -177,10 +175,8 @@ class SupportCompliance:
         rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
         usual = np.array([each.usual for each in supports])
         ways = np.vstack([np.diag(usual), usual] if len(supports) > 1 else [usual])
-        effect, count = (
-            SupportEffect.of(state, supports).first(max(columns) + 1 + _ABOVE),
-            len(ways),
-        )
+        effect = SupportEffect.of(state, supports).first(max(columns) + 1 + _ABOVE)
+        count = len(ways)
         solved = [effect.at(ways * size) for size in _SIZES]
         grids = np.log(_SIZES), np.log(_FINE)
         change = np.zeros((problem.residual.size, count, _FINE.size))

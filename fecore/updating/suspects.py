@@ -10,8 +10,6 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.body.locate import evenly_spread
 from fecore.body.model import Model
-from fecore.body.named import OfStructure
-from fecore.body.structure import Structure
 from fecore.body.supports import DISPLACEMENTS, Support, rigid_motions
 from fecore.quantities import CLAMP
 from fecore.updating.additions import MASS, TYPICAL, Addition
@@ -31,10 +29,8 @@ def masses(state: ForwardState) -> list[Addition]:
     model, nodes = state.forward.specimen.model, _sites(state)
     additions = []
     for node in nodes:
-        place, motion = (
-            tuple(model.mesh.nodes[node].tolist()),
-            _moving(model, np.array([node]), np.ones(1)),
-        )
+        place = tuple(model.mesh.nodes[node].tolist())
+        motion = _moving(model, np.array([node]), np.ones(1))
         additions.append(Addition("mass", MASS, "kg", place, TYPICAL * UNSTATED_SENSOR, motion))
     return additions
 
@@ -68,9 +64,8 @@ def supports(state: ForwardState, highest: int) -> list[Addition]:
     none of a body that moves.
     """
     body, model = state.forward.specimen, state.forward.specimen.model
-    inner = getattr(body, "body", body)
-    structure = inner.structure if isinstance(inner, OfStructure) else inner
-    if not isinstance(structure, Structure) or state.modes.rigid:
+    structure = body.as_structure
+    if structure is None or state.modes.rigid:
         return []
     several = len(structure.supports) > 1
     held = np.zeros((len(structure.supports), *model.free.shape), dtype=bool)

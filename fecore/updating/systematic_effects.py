@@ -35,10 +35,6 @@ import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray
-from fecore.body.beam_specimen import BeamSpecimen
-from fecore.body.clamps import bed_of
-from fecore.body.specimen import FlatBody, LayeredSpecimen, Specimen
-from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
 from fecore.correlation import most_alike
 from fecore.normal import Z_95
@@ -144,65 +140,31 @@ def systematic_effects(
 
 
 def _clamp(state: ForwardState, inputs: Inputs) -> list[SystematicEffect]:
-    """Rotation of the clamp, and its translation and roll: EI/kL and (t/L)² of it."""
-    body = state.forward.specimen
-    sd = inputs.standard_deviation(CLAMP)
-    if isinstance(body, Structure) and sd:
-        return _block(state, body, sd, stated=inputs.is_stated(CLAMP))
-    if (
-        not isinstance(body, FlatBody | BeamSpecimen)
-        or body.boundary != "cantilever"
-        or body.springs
-        or CLAMP in body.nominal  # it is a parameter, and no excursion
-        or not sd
-    ):
+    """Rotation of the clamp, and its translation and roll: EI/kL and (t/L)² of it; of a body in
+    space those of a block on an even bed.
+    """
+    body, model = state.forward.specimen, state.forward.specimen.model
+    sd, stated = inputs.standard_deviation(CLAMP), inputs.is_stated(CLAMP)
+    if not sd:
         return []
-    if isinstance(body, FlatBody) and body.supports is not None:
-        return []
-    constants = dict(
-        zip(state.forward.parametrisation.constant_names, state.constants, strict=True)
-    )
-    t, L, b = constants["thickness"], constants["length"], constants["width"]
-    if isinstance(body, LayeredSpecimen):
-        EI = body.bending_stiffness(state.constants)
-    else:
-        EI = constants["Ex" if "Ex" in constants else "E"] * b * t**3 / 12
-    if isinstance(body, FlatBody):
-        EI *= body.root_thickness**3
-    heave, roll, pitch = state.participation(body.model.motions[:, 2:5])
-    pitch = pitch - body.model.mesh.nodes[:, 0].mean() * heave  # about the edge x = 0
     value = state.modes.eigenvalue[state.modes.rigid :]
+    amount = f"EI/kL = {sd:.3g}"
+    if (bed := body.bed) is not None:
+        yields = bed.yields(state.participation(model.motions)) * value
+        lowered = -2 * sd * yields / yields[0]
+        return [SystematicEffect("clamp", lowered, "one-sided", stated, amount)]
+    if (root := body.root(state.constants)) is None:
+        return []
+    EI, L, b, t = root.bending_stiffness, root.length, root.width, root.thickness
+    heave, roll, pitch = state.participation(model.motions[:, 2:5])
+    pitch = pitch - model.mesh.nodes[:, 0].mean() * heave  # about the edge x = 0
     across = sd * (t / L) ** 2 * L**3 / EI
     rotation = -value * pitch**2 * sd * L / EI / 2
     translation = -value * (heave**2 + 12 / b**2 * roll**2) * across / 2
-    stated = inputs.is_stated(CLAMP)
+    of_translation = f"EI/kL³ = {sd * (t / L) ** 2:.2g}"
     return [
-        SystematicEffect("clamp_rotation", rotation, "one-sided", stated, f"EI/kL = {sd:.3g}"),
-        SystematicEffect(
-            "clamp_translation",
-            translation,
-            "one-sided",
-            stated,
-            f"EI/kL³ = {sd * (t / L) ** 2:.2g}",
-        ),
-    ]
-
-
-def _block(
-    state: ForwardState, body: Structure, sd: float, *, stated: bool
-) -> list[SystematicEffect]:
-    """The one clamp of a body in space, as a block on an even bed."""
-    bed = bed_of(body)
-    if bed is None:
-        return []
-    yields = (
-        bed.yields(state.participation(body.model.motions))
-        * state.modes.eigenvalue[state.modes.rigid :]
-    )
-    return [
-        SystematicEffect(
-            "clamp", -2 * sd * yields / yields[0], "one-sided", stated, f"EI/kL = {sd:.3g}"
-        )
+        SystematicEffect("clamp_rotation", rotation, "one-sided", stated, amount),
+        SystematicEffect("clamp_translation", translation, "one-sided", stated, of_translation),
     ]
 
 
@@ -211,10 +173,7 @@ def _sensor(
 ) -> list[SystematicEffect]:
     """The stated sensor's mass, or that of one that nobody stated."""
     forward, body = state.forward, state.forward.specimen
-    carried = [
-        each.on_surface() if isinstance(each, PointMass) else each
-        for each in getattr(body, "masses", ())
-    ]
+    carried = [each.on_surface() if isinstance(each, PointMass) else each for each in body.masses]
     masses = [each for each in carried if isinstance(each.where, tuple) and not each.weighed]
     stated = inputs.is_stated("sensor_mass")
     kind: Literal["both", "one-sided"] = "both"
@@ -253,7 +212,7 @@ def _fibres(state: ForwardState, inputs: Inputs) -> list[SystematicEffect]:
     """
     forward, body, prior = state.forward, state.forward.specimen, state.forward.parametrisation
     sd = inputs.standard_deviation("fibre_angle")
-    if not isinstance(body, Specimen | LayeredSpecimen) or not sd:
+    if not sd or body.turned(sd) is None:
         return []
     stated, amount = inputs.is_stated("fibre_angle"), f"{np.degrees(sd):.2g}°"
     if "fibre_angle" in prior.names:
@@ -265,11 +224,11 @@ def _fibres(state: ForwardState, inputs: Inputs) -> list[SystematicEffect]:
             )
         ]
     shifts: list[FloatArray] = []
-    for angle in (body.fibre_angle + sd, body.fibre_angle - sd):
-        if shifts and _mirrored(body):  # turned to the other side it is its own mirror image
+    for side in filter(None, (body.turned(sd), body.turned(-sd))):
+        if shifts and body.is_mirrored:  # turned to the other side it is its own mirror image
             shifts.append(shifts[0])
             continue
-        turned = replace(prior, body=replace(body, fibre_angle=angle))
+        turned = replace(prior, body=side)
         shifts.append(forward.frequencies_at(turned, state.theta) / state.frequency_hz - 1)
     even, odd = (shifts[0] + shifts[1]) / 2, (shifts[0] - shifts[1]) / 2
     return [
@@ -296,17 +255,6 @@ def _mesh(state: ForwardState) -> list[SystematicEffect]:
         SystematicEffect(MESH, missed, "both", False, words),
         SystematicEffect(MESH, flat, "one-sided", False, words),
     ]
-
-
-def _mirrored(body: Specimen | LayeredSpecimen) -> bool:
-    """Whether a body and its supports are alike on both sides of its middle line."""
-    plain = (
-        isinstance(body, Specimen)
-        and not body.fibre_angle
-        and not body.springs
-        and body.supports is None
-    )
-    return plain and all(mass.y == 0 for mass in body.masses)
 
 
 def fixed_points(responses: Sequence[int], references: Sequence[int]) -> tuple[int, ...]:

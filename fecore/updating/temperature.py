@@ -25,7 +25,8 @@ from fecore.errors import InputError
 from fecore.quantities import EITHER_PER_K, FIBRES_PER_K, MATRIX_PER_K, kind_of, quantity_of
 
 if TYPE_CHECKING:
-    from fecore.updating.parameters import Parameter, Parametrisation
+    from fecore.body.constants import Parameter
+    from fecore.updating.parameters import Parametrisation
 
 PER_K = ".per_K"
 """What the name of a coefficient has after that of its constant."""

@@ -28,8 +28,6 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.constants import Body
-from fecore.body.matrices import MatrixBody
-from fecore.body.specimen import FlatBody
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import TOLERANCES, Inputs
 from fecore.updating.posterior import DISCREPANCY
@@ -51,7 +49,7 @@ def by_shear_correction(state: ForwardState) -> FloatArray:
     """(n,) relative change of the elastic frequencies by one standard deviation of κ of the body's
     shells; 0 without.
     """
-    if isinstance(state.forward.specimen, MatrixBody):
+    if not state.forward.specimen.has_elements:
         return np.zeros(state.frequency_hz.size)
     return SHEAR_CORRECTION_SD / 2 * state.shear
 
@@ -60,10 +58,8 @@ def discrepancy_scale(body: Body, inputs: Inputs) -> float:
     """Prior scale s₀ of the model's independent errors in natural frequencies, as shares of
     them.
     """
-    if not isinstance(body, FlatBody):
+    if (thickness := body.even_thickness) is None:
         return DISCREPANCY
     usual, _ = TOLERANCES["thickness"]
-    uneven = min(
-        inputs.standard_deviation("thickness", body.thickness) / (usual * body.thickness), 1.0
-    )
+    uneven = min(inputs.standard_deviation("thickness", thickness) / (usual * thickness), 1.0)
     return float(np.hypot(OF_THEORY, uneven * np.sqrt(DISCREPANCY**2 - OF_THEORY**2)))

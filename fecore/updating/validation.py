@@ -63,10 +63,8 @@ class Predictor:
         """(N, L) predicted FRFs, and (q, N, L) their change by one standard deviation of each of q
         independent causes.
         """
-        model, fit = (
-            self.elastic.updated.frf_model(frfs.responses, frfs.references),
-            self.damping.fit,
-        )
+        model = self.elastic.updated.frf_model(frfs.responses, frfs.references)
+        fit = self.damping.fit
         return fit.synthesise(model, frfs.frequency_hz, frfs.quantity), self._changes(
             frfs, model, fit.rates(model)
         )

@@ -29,13 +29,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
-from fecore.body.specimen import LayeredSpecimen, Specimen, divided
-from fecore.body.structure import Structure
 from fecore.quantities import kind_of
 from fecore.updating.damage_intervals import Compliance, DamageIntervals, Partitions
-from fecore.updating.elastic import Misfit, fit
+from fecore.updating.elastic import Misfit, fit_elastic, settled
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.parameters import Parametrisation, default_parameters, parametrise
+from fecore.updating.parameters import Parametrisation, parametrise
 from fecore.updating.recipe import Recipe
 from fecore.updating.temperature import with_temperature
 
@@ -62,10 +60,8 @@ def with_damage_intervals(first: ElasticResult, recipe: Recipe) -> ElasticResult
         return first
     parts = _Parts.of(prior, recipe)
     layout = first.layout.with_prior(parts.prior, reduced=False)
-    misfit, x = (
-        Misfit(layout, use_shapes=recipe.use_shapes, fixed_pairing=first.fixed_pairing),
-        first.x[parts.column],
-    )
+    misfit = Misfit(layout, use_shapes=recipe.use_shapes, fixed_pairing=first.fixed_pairing)
+    x = first.x[parts.column]
     for _ in range(_ROUNDS):
         states = layout.solved(x)
         pairings = misfit.pair(states)
@@ -114,7 +110,7 @@ def with_sparse_factors(first: ElasticResult, recipe: Recipe) -> ElasticResult:
     """
     prior = first.prior
     factors = [c for c, name in enumerate(prior.names) if kind_of(name) == "factor"]
-    if not factors or not isinstance(prior.body, Structure):
+    if not factors or prior.body.in_space is None:
         return first
     largest, result = prior.prior_sd[factors], first
     for _ in range(_ROUNDS):
@@ -126,9 +122,10 @@ def with_sparse_factors(first: ElasticResult, recipe: Recipe) -> ElasticResult:
         sds = prior.prior_sd.copy()
         sds[factors] = updated
         layout = first.layout.with_prior(replace(prior, prior_sd=sds))
-        result = fit(
+        fitted = fit_elastic(
             layout, use_shapes=recipe.use_shapes, start=result.x, fixed_pairing=result.fixed_pairing
         )
+        result = settled(fitted)
     if result is first:
         return first
     starts = tuple(replace(start, chosen=False) for start in first.starts)
@@ -159,9 +156,8 @@ class _Parts:
     def of(cls, coarse: Parametrisation, recipe: Recipe) -> _Parts:
         """Divide the zones of a strip by its parameters with zones, which a recipe has."""
         body = coarse.body
-        assert isinstance(body, Specimen | LayeredSpecimen), "no other body has zones"
         count = max(_FEWEST, round(_PARTS / (len(body.zones) + 1)))
-        lines = divided(body.zones, body.length, count)
+        finer = body.divided(count)
 
         def part(name: str, which: int) -> str:
             return (
@@ -174,10 +170,10 @@ class _Parts:
                 name=part(each.name, which),
                 tied_to=each.tied_to and part(each.tied_to, which),
             )
-            for each in recipe.parameters or default_parameters(body)
+            for each in recipe.parameters or body.default_parameters()
             for which in range(1, count + 1 if kind_of(each.name) == "zone" else 2)
         ]
-        prior = parametrise(replace(body, zones=lines), parameters)
+        prior = parametrise(finer, parameters)
         if coarse.warmth is not None:
             prior = with_temperature(
                 prior, coarse.warmth.reference, coarse.warmth.temperature, reported=False
@@ -194,7 +190,7 @@ class _Parts:
             for k, n in zip(number, prior.names, strict=True)
         ]
         column = np.array([coarse.names.index(name) for name in owner])
-        return cls(prior, number, column, np.array([0.0, *lines, body.length]))
+        return cls(prior, number, column, np.array([0.0, *finer.zones, body.nominal["length"]]))
 
     @property
     def compliance(self) -> Compliance:

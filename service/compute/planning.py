@@ -3,10 +3,10 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
+from fecore.body.constants import Parameter
 from fecore.errors import within
 from fecore.updating.campaigns import Campaign
 from fecore.updating.measurement import Measurement, prepare
-from fecore.updating.parameters import Parameter
 from fecore.updating.plans import Plan, PlannedCoupons, PlannedTest, plan_tests
 from fecore.updating.recipe import Recipe
 

@@ -11,9 +11,6 @@ import numpy as np
 
 import fecore
 from fecore.body.constants import Body
-from fecore.body.matrices import MatrixBody
-from fecore.body.specimen import OrientedSpecimen
-from fecore.body.structure import Structure
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.signal import Processed
@@ -31,7 +28,6 @@ from service.compute.processing import ProcessingInputs, ProcessingOutput, proce
 from service.compute.result_arrays import arrays_of, as_npz
 from service.jobs.kinds import Reporter
 
-JointBody = OrientedSpecimen | Structure | MatrixBody
 """What several campaigns may be of: specimens of one material, or one body in space."""
 
 _OF_HITS = 0.05  # share of an update's progress that its hits take
@@ -150,7 +146,6 @@ def _update_together(
                 f"jobs.{number}.{error.field}", f"{error.message} ({each.name})"
             ) from error
         assert data.modes is not None, "they are handed in or found, else `prepare` refuses"
-        assert isinstance(each.body, JointBody), "as it is made for several campaigns"
         points = () if data.frfs is None else fixed_points(*data.frfs.points)
         campaigns.append(
             Campaign(

@@ -10,6 +10,7 @@ import numpy as np
 
 from fecore.body.beam_specimen import BeamSpecimen
 from fecore.body.beams import BeamSection
+from fecore.body.constants import Parameter
 from fecore.body.generators import Piece, panel
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.mesh import CellBlock
@@ -34,7 +35,7 @@ from fecore.updating.discretisation import discretise
 from fecore.updating.forecasts import ForecastOrder, forecast
 from fecore.updating.laws import laws_of
 from fecore.updating.layout import Coupon
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.plans import PlannedTest, plan_tests
 from fecore.updating.recipe import HoldOut, Recipe

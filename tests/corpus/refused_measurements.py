@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.body.constants import Parameter
 from fecore.body.generators import Piece
 from fecore.body.laminate import Ply
 from fecore.body.model import observed_at
@@ -32,7 +33,7 @@ from fecore.trend.series import Series
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, prepare
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.plans import plan_tests
 from fecore.updating.recipe import Recipe
 from tests.support.beams import PAPER_HZ, PAPER_ZETA, paper_frfs

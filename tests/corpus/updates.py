@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks.updates import Found, judge
+from fecore.body.constants import Parameter
 from fecore.body.supports import Boundary
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
 from fecore.errors import UpdatingError
@@ -19,7 +20,7 @@ from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, prepare
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import HoldOut, Recipe
 from fecore.updating.result import UpdateResult

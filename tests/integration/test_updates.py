@@ -13,13 +13,14 @@ from sqlalchemy import JSON, Engine, update
 
 import service.app.composition  # noqa: F401  imports every table
 from examples.plies import CARBON
+from fecore.body.constants import Parameter
 from fecore.body.generators import Piece
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass
 from fecore.updating.campaigns import Campaign
 from fecore.updating.forward import ForwardModel
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.base import Base

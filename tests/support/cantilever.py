@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from fecore.body.constants import Parameter
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.frf import Dof
-from fecore.updating.parameters import Parameter
 
 COUPONS = OrthotropicMaterial(
     Ex=33.05e9, Ey=31.80e9, Gxy=5.73e9, Gxz=4.5e9, Gyz=4.5e9, nu_xy=0.15, density=2012.0

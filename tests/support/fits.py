@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.constants import Body
+from fecore.body.constants import DEFAULT_PARAMETERS, Body, Parameter
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import fit
+from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.layout import Layout
-from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from tests.support.draws import BEAM
 
 COARSE = replace(BEAM, divisions=(20, 2))
@@ -56,4 +56,4 @@ def update_elastic(
     use_shapes: bool = False,
 ) -> ElasticResult:
     """`fit` from the prior means of a model, whose first points are those of the modes' shapes."""
-    return fit(Layout.of_one(forward, modes), progress, use_shapes=use_shapes)
+    return settled(fit_elastic(Layout.of_one(forward, modes), progress, use_shapes=use_shapes))

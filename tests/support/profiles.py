@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
+from fecore.body.constants import Parameter
 from fecore.body.structure import Structure
 from fecore.frf import Dof
 from fecore.updating.forward import ForwardModel
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from modalbase.formats.uff import Frf, GridPoint
 from modalbase.formats.uff.content import Axis
 from modalbase.formats.uff.write import encode

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fecore.body.constants import Parameter
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.supports import PointMass
@@ -17,7 +18,7 @@ from fecore.frf import along_z
 from fecore.updating.campaigns import Campaign
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from tests.support.draws import modes_at
 
 NOMINAL = OrthotropicMaterial(

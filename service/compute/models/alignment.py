@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.align import Motion, by_closest, by_pairs
 from fecore.body.constants import Body
-from fecore.body.matrices import MatrixBody
-from fecore.body.structure import Structure
 
 
 @dataclass(frozen=True)
@@ -21,7 +19,7 @@ class Distances:
 
 def distances(body: Body, points: FloatArray) -> Distances:
     """How far (p, 3) points in the body's frame lie from it, m."""
-    surfaces = body.surfaces if isinstance(body, Structure | MatrixBody) else body.model.surfaces
+    surfaces = body.surfaces
     closest = surfaces.nearest(points)
     sets = tuple(surfaces.mesh.blocks[number].set for number in closest.block.tolist())
     return Distances(closest.distance, sets, closest.normal, surfaces.are_off(points, closest))

@@ -14,7 +14,6 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from fecore import __version__
-from fecore.body.specimen import LayeredSpecimen, Specimen
 from fecore.dynamics.laws import LAWS
 from fecore.updating.parameters import parametrise
 from modalbase.formats.decks import Deck, Mass, write_nastran, write_shells, write_solids
@@ -108,9 +107,8 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
         )
     if structure.shape is not None:
         raise Conflict(NO_DECK_OF_A_SHAPE)
-    specimen = body_of(structure, campaign.boundary, recipe)
-    assert isinstance(specimen, Specimen | LayeredSpecimen)  # what is in space has a shape or model
-    if isinstance(specimen, LayeredSpecimen) or specimen.pieces or specimen.layers:
+    specimen = body_of(structure, campaign.boundary, recipe).one_layer
+    if specimen is None:
         raise Conflict(
             "a deck describes one homogenised layer of one thickness; this structure has constants"
             " of plies, plies of unlike density, or pieces"

@@ -1,5 +1,6 @@
 """Plans: where to hit next. What a client may ask, how it is made of stored rows, and its route."""
 
+from collections.abc import Mapping
 from itertools import product
 from typing import Annotated
 from uuid import UUID
@@ -10,14 +11,11 @@ from pydantic import Field
 from sqlalchemy.orm import Session
 
 from fecore.arrays import FloatArray
-from fecore.body.matrices import MatrixBody
-from fecore.body.specimen import OrientedSpecimen
-from fecore.body.structure import Structure
+from fecore.body.constants import Body
 from fecore.body.supports import PointMass
 from fecore.coupons.batch import Statistics, prior
 from fecore.errors import OffSpecimenError, within
-from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign
-from fecore.updating.parameters import default_parameters
+from fecore.updating.campaigns import Campaign, usual_parameters
 from fecore.updating.plans import PlannedCoupons, PlannedTest
 from service.access import CurrentUser, SessionDep, User, api_router
 from service.compute.models.bodies import AS_MODELLED
@@ -187,13 +185,12 @@ def order_of(session: Session, user: User, structure_id: UUID, body: PlanIn) -> 
     for number, each in enumerate(body.made):
         with within(f"made.{number}"):
             made.append(_made(session, user, number, each, own))
-    parameters = default_parameters(first) if isinstance(first, Structure) else MATERIAL_PARAMETERS
     return PlanOrder(
         tests=tuple(tests),
         coupons=tuple(coupons),
         sent=tuple(sent),
         made=tuple(made),
-        parameters=parameters,
+        parameters=usual_parameters(first),
         count=body.points_to_hit,
         about=body.about,
     )
@@ -208,10 +205,11 @@ def _proposed(session: Session, structure: StructureIn) -> list[PlannedTestIn]:
         ]
     boundaries = ("cantilever", "free", "simply_supported")
     plain = joint_body(session, structure, "free", USUAL)
-    if not isinstance(plain, OrientedSpecimen):
+    if not plain.shares_material:
         return [PlannedTestIn.model_validate({"boundary": boundary}) for boundary in boundaries]
-    mass = _ADDED * plain.material.density * plain.length * plain.width * plain.thickness
-    added = {"x_m": plain.length, "y_m": 0.0, "mass_kg": mass}
+    own = plain.nominal
+    mass = _ADDED * own["density"] * own["length"] * own["width"] * own["thickness"]
+    added = {"x_m": own["length"], "y_m": 0.0, "mass_kg": mass}
     pairs = [(boundary, masses) for boundary, masses in product(boundaries, ([], [added]))]
     # its end does not move
     allowed = [pair for pair in pairs if pair[0] != "simply_supported" or not pair[1]]
@@ -235,7 +233,7 @@ def _test(
         for m in planned.added_masses
     )
     body = joint_body(session, structure, planned.boundary, USUAL, masses=masses, first=first)
-    if isinstance(body, MatrixBody):
+    if not body.has_elements:
         raise Invalid(
             f"{at}/structure_id",
             "is a model of matrices, whose nodes have no walls to hit; a forecast proposes points",
@@ -269,13 +267,14 @@ def _name(number: int, planned: PlannedTestIn, structure: StructureIn) -> str:
 
 
 def _points(
-    planned: PlannedTestIn, body: OrientedSpecimen | Structure, at: str
+    planned: PlannedTestIn, body: Body, at: str
 ) -> tuple[tuple[tuple[float, ...], ...], dict[int, FloatArray]]:
     """The points that can be hit; of a body in space with its walls' normals as their third
     directions.
     """
-    if isinstance(body, OrientedSpecimen):
-        return tuple(_grid(body) if planned.points_m is None else planned.points_m), {}
+    if body.shares_material:
+        grid = _grid(body.nominal, planned.boundary)
+        return tuple(grid if planned.points_m is None else planned.points_m), {}
     surfaces = body.model.surfaces
     if planned.points_m is None:
         places, normals = surfaces.spread(_ALONG * _ACROSS)
@@ -293,19 +292,17 @@ def _points(
     return tuple(tuple(map(float, place)) for place in places), axes
 
 
-def _grid(body: OrientedSpecimen) -> list[tuple[float, float]]:
-    first = 0 if body.boundary == "free" else 1
-    along = body.length * np.arange(first, first + _ALONG) / (_ALONG - 1 + first)
-    if body.boundary == "simply_supported":
-        along = body.length * np.arange(1, _ALONG + 1) / (_ALONG + 1)
-    across = body.width * (np.arange(_ACROSS) / (_ACROSS - 1) - 0.5)
+def _grid(nominal: Mapping[str, float], boundary: str) -> list[tuple[float, float]]:
+    first = 0 if boundary == "free" else 1
+    along = nominal["length"] * np.arange(first, first + _ALONG) / (_ALONG - 1 + first)
+    if boundary == "simply_supported":
+        along = nominal["length"] * np.arange(1, _ALONG + 1) / (_ALONG + 1)
+    across = nominal["width"] * (np.arange(_ACROSS) / (_ACROSS - 1) - 0.5)
     return [(float(x), float(y)) for x in along for y in across]
 
 
-def _coupons(
-    number: int, planned: PlannedCouponsIn, body: OrientedSpecimen | Structure
-) -> PlannedCoupons:
-    sets = body.mesh.sets if isinstance(body, Structure) else ()
+def _coupons(number: int, planned: PlannedCouponsIn, body: Body) -> PlannedCoupons:
+    sets = () if body.in_space is None else body.in_space.mesh.sets
     if missing := set(planned.sets).difference(sets):
         has = ", ".join(sets) or "none"
         raise Invalid(

@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from sqlalchemy.orm import Session
 
 from fecore.body.constants import Body
-from fecore.body.specimen import OrientedSpecimen
 from fecore.errors import FecoreError, InputError
 from fecore.updating.campaigns import check_material
 from fecore.updating.curves import check_temperatures
@@ -212,7 +211,7 @@ def _faults_of_bodies(
         if number and not faults:
             with pointing(faults, f"/jobs/{number}/campaign_id"):
                 parametrise(body, parameters)
-        if not isinstance(body, OrientedSpecimen) and request.jobs[number].angle_deg is not None:
+        if not body.shares_material and request.jobs[number].angle_deg is not None:
             faults.append(
                 Fault(
                     f"/jobs/{number}/angle_deg",

@@ -10,7 +10,7 @@ from fecore.body.constants import Body
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.matrices import MatrixBody
 from fecore.body.sections import PLY_CONSTANTS, ShellSection, homogenise, section
-from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen, carrying
+from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass, of_boundary
 from fecore.errors import InputError
@@ -57,15 +57,14 @@ def body_of(
                 spring.edge is not None for spring in recipe.springs
             ):
                 raise InputError("recipe", "names junctions or an edge, and matrices have neither")
-            return carrying(replace(body_of_matrices(model, boundary), springs=springs), masses)
+            return replace(body_of_matrices(model, boundary), springs=springs).carrying(masses)
         body = (
             nominal_body(structure, boundary) if model is None else body_of_model(model, boundary)
         )
         _require_edges(recipe, body)
         joined = recipe.junctions == "on"
-        return carrying(
-            replace(body, springs=(*body.springs, *springs), with_joints=joined), masses
-        )
+        held = (*body.springs, *springs)
+        return replace(body, springs=held, with_joints=joined).carrying(masses)
     require_no_choice_of_joints(recipe)
     return replace(
         _named(structure, boundary, recipe, masses), springs=springs, zones=tuple(recipe.zones_m)
@@ -94,7 +93,7 @@ def require_inputs(inputs: InputsIn, body: Body) -> None:
         InputError: the first such one.
     """
     used = {tolerance_of(name) for name in body.nominal}
-    if isinstance(body, Specimen | LayeredSpecimen):
+    if body.turned(0.0) is not None:
         used.add("fibre_angle")
     for member, tolerance in OF_CONSTANTS.items():
         if getattr(inputs, member) is not None and tolerance not in used:
@@ -116,18 +115,19 @@ def coupon_constants(body: Body, sets: Sequence[str]) -> dict[str, list[str]]:
     Raises:
         InputError: the body lacks one of the sets.
     """
-    if isinstance(body, MatrixBody):
+    if not body.has_elements:
         raise InputError("coupons", "give constants of materials, and matrices have factors alone")
-    if not isinstance(body, Structure):
+    held = body.in_space
+    if held is None:
         return {name: [name] for name in _OF_SHELL}
     names: dict[str, list[str]] = {}
-    for name in sets or body.mesh.sets:
-        section = body.sections.get(name)
+    for name in sets or held.mesh.sets:
+        section = held.sections.get(name)
         if section is None:
             raise InputError(
                 "coupons",
                 f"are of the set {name}, which this body has not; it has"
-                f" {', '.join(body.mesh.sets)}",
+                f" {', '.join(held.mesh.sets)}",
             )
         if isinstance(section, ShellSection) and len(section.materials) > 1 and not sets:
             continue

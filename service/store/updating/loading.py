@@ -9,20 +9,16 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
-from fecore.body.constants import Body
-from fecore.body.matrices import MatrixBody
-from fecore.body.specimen import OrientedSpecimen
-from fecore.body.structure import Structure
+from fecore.body.constants import Body, Parameter
 from fecore.body.supports import PointMass
 from fecore.errors import InputError, within
 from fecore.modes import MeasuredModes
-from fecore.updating.campaigns import MATERIAL_PARAMETERS, CampaignsRecipe, Coupon
+from fecore.updating.campaigns import CampaignsRecipe, Coupon, usual_parameters
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter, default_parameters
 from fecore.updating.posterior import SCATTER
 from service.compute.frame import Frame
 from service.compute.processing import ProcessingInputs
-from service.compute.updating import Hits, JointBody, LoadedCampaign, Together, UpdateInputs
+from service.compute.updating import Hits, LoadedCampaign, Together, UpdateInputs
 from service.jobs.child import PURGED
 from service.jobs.process import ChildEnded
 from service.store.campaigns.operations import campaign_of, campaigns_of
@@ -323,8 +319,7 @@ def parameters_of(recipe: RecipeIn, body: Body) -> tuple[Parameter, ...]:
     """The parameters of a joint update: the recipe's, or all constants of the material, of the
     sets, or factors.
     """
-    usual = MATERIAL_PARAMETERS if isinstance(body, OrientedSpecimen) else default_parameters(body)
-    return recipe.to_core().parameters or usual
+    return recipe.to_core().parameters or usual_parameters(body)
 
 
 def joint_body(
@@ -336,7 +331,7 @@ def joint_body(
     masses: tuple[PointMass, ...] = (),
     first: StructureIn | None = None,
     angle_deg: float | None = None,
-) -> JointBody:
+) -> Body:
     """What a joint update, or a plan for one, makes of a structure.
 
     Args:
@@ -354,9 +349,7 @@ def joint_body(
     """
     if is_in_space(structure):
         model = None if structure.model is None else load_model(session, structure.model)
-        body = body_of(structure, boundary, recipe, masses, model)
-        assert isinstance(body, Structure | MatrixBody), "a structure in space is one"
-        return body
+        return body_of(structure, boundary, recipe, masses, model)
     require_no_choice_of_joints(recipe)
     plain = replace(
         nominal_specimen(of_its_material(structure), boundary, masses), layers=layers_of(structure)
@@ -433,7 +426,7 @@ def _campaign(
             "structure_version_id": str(campaign.structure_version_id),
             "mode_set": None if recipe.mode_set is None else str(recipe.mode_set),
             "angle_deg": (
-                math.degrees(body.fibre_angle) if isinstance(body, OrientedSpecimen) else None
+                math.degrees(body.nominal["fibre_angle"]) if body.shares_material else None
             ),
             "inputs": inputs.model_dump(mode="json"),
         },

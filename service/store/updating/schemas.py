@@ -11,7 +11,7 @@ from uuid import UUID
 
 from pydantic import Field
 
-from fecore.body.constants import Body
+from fecore.body.constants import Body, Parameter
 from fecore.body.sections import PLY_CONSTANTS
 from fecore.body.specimen import CONSTANTS
 from fecore.body.supports import Edge, Spring
@@ -21,7 +21,6 @@ from fecore.quantities import Quantity, quantity_of
 from fecore.updating import recipe as core
 from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
-from fecore.updating.parameters import Parameter, default_parameters
 from service.jobs.resource import JobOut
 from service.store.campaigns.schemas import CampaignInputs
 from service.store.modes.schemas import Band, PolesIn
@@ -282,7 +281,7 @@ class RecipeIn(RequestModel):
 
     def parameters_of(self, body: Body) -> tuple[Parameter, ...]:
         """The recipe's parameters, or what is updated of such a body when a recipe names none."""
-        return self.to_core().parameters or default_parameters(body)
+        return self.to_core().parameters or body.default_parameters()
 
     def to_core(self) -> core.Recipe:
         """The recipe as the core takes it; priors of a coupon batch are put in by who loads the

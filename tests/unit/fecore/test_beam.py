@@ -7,11 +7,12 @@ import pytest
 
 from fecore.body.beam_specimen import BEAM_CONSTANTS, BeamSpecimen
 from fecore.body.beams import BeamSection, rectangle_torsion
+from fecore.body.constants import Parameter
 from fecore.body.kinds import mode_kinds
 from fecore.body.supports import PointMass, of_boundary
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from tests.support.bodies import modes
 from tests.support.cantilever import grid
 from tests.support.fits import forward_model, update_elastic

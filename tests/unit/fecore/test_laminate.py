@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from examples.plies import CARBON, TRUTH, plate, recovered, simulated
+from fecore.body.constants import Parameter
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.sections import homogenise, section
 from fecore.body.specimen import LayeredSpecimen
@@ -17,7 +18,6 @@ from fecore.body.supports import edges
 from fecore.errors import InputError
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from tests.support.bodies import hz

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
+from fecore.body.constants import Parameter
 from fecore.body.laminate import Ply
 from fecore.body.sections import section
 from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass, Spring, edges, of_boundary
 from fecore.modes import MeasuredModes
-from fecore.updating.parameters import Parameter
 from tests.support.fits import forward_model, update_elastic
 from tests.support.plates import PAPER, matrices, paper_section, plate, solve
 

@@ -18,7 +18,6 @@ from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import default_parameters
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
@@ -172,7 +171,7 @@ def updated_in_zones(damaged: tuple[float, float], factor: float) -> UpdateResul
         hz, np.full(8, 0.01), shapes + 0j, tuple(Dof(n, 3) for n in points), covariance
     )
     recipe = Recipe(
-        parameters=tuple(p for p in default_parameters(body) if p.name not in ("Ey", "Gyz")),
+        parameters=tuple(p for p in body.default_parameters() if p.name not in ("Ey", "Gyz")),
         damping_models=("rayleigh",),
     )
     return update(Measurement(None, points, measured, 0.0, Inputs.exact()), body, recipe)

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
+from fecore.body.constants import Parameter
 from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass
 from fecore.dynamics.eigen import normal_modes
 from fecore.dynamics.reduction import FREQUENCY_TOLERANCE, ReducedModel
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from tests.support.fits import forward_model
 from tests.support.plates import PAPER
 

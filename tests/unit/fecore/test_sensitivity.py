@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from fecore.body.constants import Parameter
 from fecore.body.specimen import CONSTANTS, Specimen
 from fecore.body.supports import PointMass
 from fecore.dynamics.dense import DenseFactor
@@ -22,7 +23,7 @@ from fecore.dynamics.sensitivity import (
 from fecore.dynamics.synthesis import residual_series
 from fecore.frf import Dof, along_z
 from fecore.updating.forward import ForwardModel
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from tests.support.plates import PAPER
 
 STEP = 1e-20

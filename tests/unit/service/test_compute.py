@@ -17,13 +17,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from starlette.requests import Request
 
+from fecore.body.constants import Parameter
 from fecore.body.laminate import SHEAR_CORRECTION
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.signal import Averages, Processing, Windows
 from fecore.updating.campaigns import CampaignsRecipe
 from fecore.updating.forward import ForwardModel
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.recipe import Recipe
 from modalbase.formats.uff import DatasetReport, Function, GridPoint
 from service.compute import reading

@@ -11,7 +11,6 @@ from fecore.arrays import FloatArray
 from fecore.body.structure import Structure
 from fecore.dynamics.eigen import normal_modes
 from fecore.errors import InputError, ModelError
-from fecore.updating.parameters import default_parameters
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.model import Spring, Support, Where
@@ -98,7 +97,7 @@ def test_length_width_and_height_are_constants_where_all_walls_lie_along_x() -> 
 
 def test_sets_of_an_isotropic_material_have_one_free_modulus() -> None:
     body = body_of_model(read_inp(STEEL))
-    free = [each.name for each in default_parameters(body) if each.tied_to is None]
+    free = [each.name for each in body.default_parameters() if each.tied_to is None]
     assert free == ["plate.E1", "bar.E"]
 
 

@@ -10,11 +10,12 @@ import pytest
 
 from fecore.body.corners import Corner
 from fecore.body.generators import Segment, extrude
+from fecore.body.joints import NAIVE_ERROR
 from fecore.body.junction_beams import between
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.sections import ShellSection
-from fecore.body.structure import NAIVE_ERROR, Structure
+from fecore.body.structure import Structure
 from tests.support.bodies import hz, pencil
 from tests.support.shells import grid
 

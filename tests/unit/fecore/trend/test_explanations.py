@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from fecore.body.constants import Parameter
 from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass
 from fecore.frf import Dof, along_z
@@ -24,7 +25,7 @@ from fecore.trend.explanations import (
 from fecore.updating.effects import FrequencyEffects
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from tests.support.strips import NOMINAL, STRIP, TRUTH

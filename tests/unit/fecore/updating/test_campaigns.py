@@ -17,7 +17,7 @@ from fecore.updating.campaigns import (
     lay_out,
     update_campaigns,
 )
-from fecore.updating.elastic import fit
+from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.laws import common_damping
 from fecore.updating.posterior import SCATTER
 from tests.support.fits import at_prior, forward_model
@@ -147,7 +147,7 @@ def test_one_damping_law_of_the_material_explains_all_campaigns(campaigns: list[
     against Rayleigh's law.
     """
     eta_E, eta_G, a0, random = 0.012, 0.035, 4.0, np.random.default_rng(5)
-    fitted = fit(lay_out(campaigns[1:3], MATERIAL_PARAMETERS, 0.0))
+    fitted = settled(fit_elastic(lay_out(campaigns[1:3], MATERIAL_PARAMETERS, 0.0)))
     damped = []
     for campaign, state, pairing in zip(
         fitted.layout.campaigns, fitted.states, fitted.pairings, strict=True

@@ -10,14 +10,14 @@ from functools import cache
 import numpy as np
 import pytest
 
+from fecore.body.constants import Parameter
 from fecore.body.supports import PointMass
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out
 from fecore.updating.conflicts import Conflict
 from fecore.updating.contradictions import SLIPS, _Sources, compare_sources
-from fecore.updating.elastic import fit
+from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.layout import Coupon
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import SCATTER
 from fecore.updating.recipe import Recipe
@@ -39,7 +39,7 @@ def coupons(factor: float = 1.0, error: float = 0.05 / 5**0.5) -> list[Coupon]:
 
 
 def found(campaigns: Sequence[Campaign], batch: list[Coupon]) -> tuple[Conflict, ...]:
-    elastic = fit(lay_out(campaigns, MATERIAL_PARAMETERS, SCATTER, batch))
+    elastic = settled(fit_elastic(lay_out(campaigns, MATERIAL_PARAMETERS, SCATTER, batch)))
     return compare_sources(elastic)[0]
 
 
@@ -59,7 +59,7 @@ def test_sources_that_agree_are_not_said_to_conflict_and_bodies_not_to_carry_som
     """The evidence is a mean ratio of likelihoods, which without a mass exceeds 1/p with
     probability p at most.
     """
-    elastic = fit(lay_out(strips(seed), MATERIAL_PARAMETERS, SCATTER, coupons()))
+    elastic = settled(fit_elastic(lay_out(strips(seed), MATERIAL_PARAMETERS, SCATTER, coupons())))
     assert compare_sources(elastic)[0] == ()
     masses = [check for check, _ in _Sources.of(elastic).checks if check.kind == "mass"]
     assert [each.name for each in masses] == ["mass on campaign a", "mass on campaign b"]
@@ -82,7 +82,7 @@ def test_a_batch_that_is_off_unseen_does_not_rule_alone() -> None:
     """
     layout = lay_out(strips(0), MATERIAL_PARAMETERS, SCATTER, coupons(1.06, 0.008))
     assert {"scatter of Ex of coupons", "scatter of Gxy of coupons"} <= set(layout.labels)
-    elastic = fit(layout)
+    elastic = settled(fit_elastic(layout))
     sd = np.sqrt(np.diag(elastic.mixture.total))
     for name in ("Ex", "Gxy"):
         place = layout.shared.index(name)
@@ -131,8 +131,8 @@ def test_a_check_agrees_with_a_fit_without_its_source() -> None:
     """
     campaigns = strips(0)
     layout = lay_out(campaigns, MATERIAL_PARAMETERS, 0.0, coupons(1.15))
-    (conflict,) = compare_sources(fit(layout))[0]
-    without = fit(replace(layout, coupons=()))
+    (conflict,) = compare_sources(settled(fit_elastic(layout)))[0]
+    without = settled(fit_elastic(replace(layout, coupons=())))
     for said in conflict.cause.said:
         place = layout.shared.index(said.constant)
         sd = np.sqrt(without.mixture.total[place, place]) * said.rest
@@ -178,7 +178,7 @@ def test_the_evidence_of_a_slip_is_that_of_all_data_with_it(by: float) -> None:
     """
     first, other = strips(1)
     campaigns = [first, shortened(other, by)]
-    elastic = fit(lay_out(campaigns, MATERIAL_PARAMETERS, SCATTER, coupons()))
+    elastic = settled(fit_elastic(lay_out(campaigns, MATERIAL_PARAMETERS, SCATTER, coupons())))
     problem, checked = elastic.problem, 0
     for check, _ in _Sources.of(elastic).checks:
         if check.name in elastic.layout.labels and check.evidence > 0:

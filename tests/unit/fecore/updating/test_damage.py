@@ -14,12 +14,12 @@ from fecore.arrays import FloatArray
 from fecore.updating.contradictions import Conflict, _Sources, compare_sources
 from fecore.updating.damage import lost_stiffness
 from fecore.updating.damage_effects import DamageEffects
-from fecore.updating.elastic import fit
+from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.elastic_findings import contradiction
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.layout import Layout
-from fecore.updating.parameters import default_parameters, parametrise
+from fecore.updating.parameters import parametrise
 from tests.support.damaged import FACTOR, LENGTH, LOST, PARTS, body, measured
 
 
@@ -28,14 +28,14 @@ def updated(kind: str, *, damaged: bool) -> ElasticResult:
     measurement, structure = measured(kind, damaged=damaged), body(kind)
     inputs, modes = measurement.inputs, measurement.modes
     assert modes is not None
-    prior = parametrise(structure, default_parameters(structure))
+    prior = parametrise(structure, structure.default_parameters())
     prior = prior.with_inputs(inputs.standard_deviations(structure.nominal))
     highest = float(modes.frequency_hz[-1])
     forward = ForwardModel.of_dofs(prior, modes.dofs, measurement.points, highest, modes=len(modes))
     # The last row is a reference's, at which no shape is known.
     assert modes.shapes is not None
     modes = replace(modes, shapes=modes.shapes[:, :-1], dofs=modes.dofs[:-1])
-    return fit(Layout.of_one(forward, modes, inputs))
+    return settled(fit_elastic(Layout.of_one(forward, modes, inputs)))
 
 
 @cache

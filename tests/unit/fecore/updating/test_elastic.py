@@ -3,13 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fecore.body.constants import Parameter
 from fecore.body.specimen import Specimen
 from fecore.errors import UpdatingError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import NOISE
 from fecore.updating.forward import ForwardModel
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from tests.support.cantilever import MEASURED_HZ
 from tests.support.fits import update_elastic
 

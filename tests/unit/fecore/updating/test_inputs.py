@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fecore.body.beam_specimen import BeamSpecimen
+from fecore.body.constants import Parameter
 from fecore.body.specimen import Specimen
 from fecore.body.supports import Spring, edges
 from fecore.errors import InputError
@@ -18,7 +19,6 @@ from fecore.updating.discretisation import DISCRETISATION, discretise
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, prepare
-from fecore.updating.parameters import Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.plausibility import looks_windowed
 from fecore.updating.recipe import Recipe

@@ -12,7 +12,7 @@ from fecore.updating.forecasts import ForecastOrder, forecast
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import default_parameters, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from tests.support.panels import TRUTH, deck, measured
@@ -20,7 +20,7 @@ from tests.support.stored_solids import frequencies
 
 
 def _forward(body: Structure, highest_hz: float) -> ForwardModel:
-    prior = parametrise(body, default_parameters(body))
+    prior = parametrise(body, body.default_parameters())
     return ForwardModel.of_dofs(prior, [Dof(1, 3)], {1: tuple(body.mesh.nodes[0])}, highest_hz)
 
 

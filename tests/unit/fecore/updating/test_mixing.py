@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fecore.arrays import FloatArray
+from fecore.body.constants import Parameter
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.mechanisms import mechanism_weights
 from fecore.body.specimen import OrientedSpecimen
@@ -18,7 +19,7 @@ from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.measurement import Measurement
 from fecore.updating.mixing import mixings
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fecore.body.constants import Parameter
 from fecore.body.specimen import Specimen
 from fecore.frf import Dof, FrfSet, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult

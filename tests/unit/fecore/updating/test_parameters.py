@@ -3,17 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fecore.body.constants import DEFAULT_PARAMETERS, PLY_PARAMETERS, Parameter
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.specimen import CONSTANTS, LayeredSpecimen, Specimen
 from fecore.body.supports import Spring
 from fecore.errors import InputError
-from fecore.updating.parameters import (
-    DEFAULT_PARAMETERS,
-    PLY_PARAMETERS,
-    Parameter,
-    default_parameters,
-    parametrise,
-)
+from fecore.updating.parameters import parametrise
 from tests.support.plates import coefficients as of_laminate
 
 EVERYTHING = tuple(Parameter(name) for name in CONSTANTS)
@@ -69,9 +64,9 @@ def test_without_a_recipe_a_layer_s_constants_a_laminate_s_plies_and_every_zone_
 ) -> None:
     ply = Ply(OrthotropicMaterial(30e9, 10e9, 5e9, 4e9, 4e9, 0.2, 1600.0), 0.001)
     plies = LayeredSpecimen(0.3, 0.1, 0.002, (ply, ply), 1600.0)
-    assert default_parameters(nominal) == DEFAULT_PARAMETERS
-    assert default_parameters(plies) == PLY_PARAMETERS
-    names = [one.name for one in default_parameters(replace(nominal, zones=(0.1, 0.2)))]
+    assert nominal.default_parameters() == DEFAULT_PARAMETERS
+    assert plies.default_parameters() == PLY_PARAMETERS
+    names = [one.name for one in replace(nominal, zones=(0.1, 0.2)).default_parameters()]
     assert names == [*(one.name for one in DEFAULT_PARAMETERS), "zone_1", "zone_2", "zone_3"]
 
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fecore.body.constants import Parameter
 from fecore.errors import InputError, UpdatingError
 from fecore.frf import Dof
 from fecore.modal import set_with_gaps
 from fecore.updating.damping_data import DampingData
 from fecore.updating.damping_stage import ReferenceFit, fit_reference
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import DEFAULT_LAWS, HoldOut, Recipe
 from fecore.updating.result import UpdateResult

@@ -14,7 +14,7 @@ from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import PairingCycleError, fit
+from fecore.updating.elastic import Unsettled, fit_elastic
 from fecore.updating.elastic_result import REFUTED, ElasticResult
 from fecore.updating.elastic_starts import (
     _behind,
@@ -205,17 +205,17 @@ def test_close_modes_that_exchange_their_partners_for_ever_are_fitted_with_each_
     dofs = tuple(Dof(point, 3) for point in forward.points)
     measured = MeasuredModes(solved.frequency_hz[:5], np.full(5, 0.01), shapes, dofs)
     layout = Layout.of_one(forward, measured)
-    with pytest.raises(PairingCycleError) as swings:
-        fit(layout)
-    assert set(swings.value.oscillating_modes) >= {(0, 2), (0, 3)}
-    assert len(swings.value.history) < 50  # it ends where it has come round once; 30 turns have 77
+    swings = fit_elastic(layout)
+    assert isinstance(swings, Unsettled)
+    assert set(swings.oscillating_modes) >= {(0, 2), (0, 3)}
+    assert len(swings.history) < 50  # it ends where it has come round once; 30 turns have 77
     result = update_from_several_starts(layout)
-    assert result.oscillating_modes == swings.value.oscillating_modes
+    assert result.oscillating_modes == swings.oscillating_modes
     assert result.fixed_pairing is not None
     assert result.pairing.mac is not None
     # All orders were fitted, and the frequencies decide.
     fitted = {result.partners, *(rival.other.partners for rival in result.rivals)}
-    assert fitted == {partners for partners, _ in swings.value.between}
+    assert fitted == {partners for partners, _ in swings.between}
     assert result.rivals[0].evidence > REFUTED
     assert result.admissible_rivals == ()
     np.testing.assert_allclose(result.theta[[0, 2]], truth[[0, 2]], rtol=2e-3)

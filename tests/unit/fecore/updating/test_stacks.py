@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 
 from fecore.body.sections import homogenise, section
-from fecore.body.specimen import LayeredSpecimen, Specimen, carrying
+from fecore.body.specimen import LayeredSpecimen, Specimen
 from fecore.body.supports import PointMass
 from fecore.correlation import frac
 from fecore.errors import InputError
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import fit
+from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.elastic_findings import elastic_findings
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.estimates import constant_estimates
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
-from fecore.updating.parameters import default_parameters, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.result import ParameterEstimate
 from tests.support import stacks
 from tests.support.draws import modes_at, solved
@@ -41,13 +41,13 @@ def updated(
     inputs: Inputs,
     sensor: tuple[int, ...] = (),
 ) -> tuple[ElasticResult, Estimates]:
-    prior = parametrise(body, default_parameters(body)).with_inputs(
+    prior = parametrise(body, body.default_parameters()).with_inputs(
         inputs.standard_deviations(body.nominal)
     )
     forward = ForwardModel.of_dofs(
         prior, along_z(points), points, 1.05 * modes.frequency_hz[-1], len(modes)
     )
-    elastic = fit(Layout.of_one(forward, modes, inputs, sensor))
+    elastic = settled(fit_elastic(Layout.of_one(forward, modes, inputs, sensor)))
     return elastic, {each.name: each for each in constant_estimates(elastic, inputs)}
 
 
@@ -119,7 +119,7 @@ def test_frfs_of_a_coupled_laminate_keep_the_third_residual_term(reduced: bool) 
     plies = stacks.plies("unsymmetric")
     body = LayeredSpecimen(0.5, 0.03, 0.0015, plies, 1580.0, "cantilever", divisions=(30, 2))
     points = {1: (0.2, 0.015, 0.0), 2: (0.35, 0.0, 0.0), 3: (0.5, 0.015, 0.0)}
-    prior, dofs = parametrise(body, default_parameters(body)), along_z(points)
+    prior, dofs = parametrise(body, body.default_parameters()), along_z(points)
     lines, synthesised = np.linspace(2.0, 1700.0, 300), []
     for count, on_basis in ((26, reduced), (60, False)):
         forward = ForwardModel(body, prior, dofs, np.array(list(points.values())), count, on_basis)
@@ -145,8 +145,8 @@ def coupon(mass: float) -> tuple[ElasticResult, Estimates]:
         )
         for factor in (0.95, 1.0)
     )
-    true = carrying(true, (PointMass(0.2, 0.0125, mass),))
-    prior = parametrise(true, default_parameters(true))
+    true = true.carrying((PointMass(0.2, 0.0125, mass),))
+    prior = parametrise(true, true.default_parameters())
     places = np.array(list(points.values()))
     state = ForwardModel(true, prior, along_z(points), places, 12, reduced=False).solve(
         prior.prior_mean

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fecore.arrays import FloatArray
+from fecore.body.constants import Parameter
 from fecore.body.generators import profile
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.sections import ShellSection
@@ -24,7 +25,7 @@ from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter, default_parameters, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.systematic_effects import systematic_effects
@@ -82,7 +83,7 @@ def test_constants_of_each_wall_come_back_from_rows_along_any_direction() -> Non
 
 def test_a_basis_is_verified_where_a_fit_ends() -> None:
     modes, points = measured({"flange.E1": 31e9, "web.E1": 17e9, "web.G12": 4e9}, np.zeros((0, 3)))
-    prior = parametrise(BEAM, default_parameters(BEAM))
+    prior = parametrise(BEAM, BEAM.default_parameters())
     forward = ForwardModel.of_dofs(prior, modes.dofs, points, float(modes.frequency_hz[-1]), MODES)
     assert forward.basis.full_solves == 1
     found = update_from_several_starts(Layout.of_one(forward, modes))
@@ -112,7 +113,7 @@ def test_modes_have_shares_of_their_motion_and_of_the_energy_of_each_set() -> No
 
 
 def test_sets_of_one_material_have_what_they_share_and_their_own() -> None:
-    names = [each.name for each in default_parameters(BEAM)]
+    names = [each.name for each in BEAM.default_parameters()]
     assert names == [
         f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")
     ]

@@ -5,18 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fecore.body.constants import Parameter
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import OrientedSpecimen
 from fecore.dynamics.damping_laws import RAYLEIGH
 from fecore.errors import InputError
 from fecore.quantities import CONSTANTS
 from fecore.updating.campaigns import CampaignsRecipe, CampaignsResult, lay_out, update_campaigns
-from fecore.updating.elastic import fit
+from fecore.updating.elastic import fit_elastic, settled
 from fecore.updating.estimates import own_estimates
 from fecore.updating.laws import rank_laws
 from fecore.updating.measured_ratios import MeasuredRatios
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.temperature import prior_per_k, reference_of, usual_per_k, with_temperature
@@ -83,7 +84,7 @@ def test_a_campaign_without_a_temperature_among_others_finds_its_own() -> None:
         for name in ("Ex", "Gxy", "Gxz")
     ]
     rows = [campaign(20.0, random, stated=20.0, modes=4), campaign(50.0, random, modes=4)]
-    elastic = fit(lay_out(rows, (*THREE, *known), 0.0, reference_c=20.0))
+    elastic = settled(fit_elastic(lay_out(rows, (*THREE, *known), 0.0, reference_c=20.0)))
     (own,) = [each for each in own_estimates(elastic, 1) if each.name == "temperature"]
     assert (own.initial, own.prior_sd, own.unit) == (20.0, 10.0, "°C")
     assert abs(own.estimate - 50) < 2 * own.standard_deviation

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fecore.body.constants import DEFAULT_PARAMETERS, Parameter
 from fecore.updating.elastic_findings import undetermined
 from fecore.updating.estimates import Spread
 from fecore.updating.findings import judge
 from fecore.updating.inputs import Inputs
-from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import DISCREPANCY
 from fecore.updating.result import Comparable, ParameterEstimate, UpdateResult
