@@ -19,6 +19,8 @@ Nouy, Adv. Comput. Math. 45, 2019), with a factor of safety. Where the error is 
 model is solved and its modes join the basis.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import chain

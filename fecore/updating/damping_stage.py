@@ -254,7 +254,7 @@ def fit_damping(
     3. The law is fitted to all FRFs and modes together from each start: the law of the measured
        ratios, it five times as large and as small, and each coefficient alone.
     4. The best fit is the estimate; what other points the starts came to, and the data do not
-       refute, are told apart.
+       refute, are distinguished.
     5. Errors of stage 1 move the estimate by ∂a/∂θ, and so do a window that nobody stated and the
        other inputs that are believed to be nothing.
     6. The error is made of its own sources, noise, the law's discrepancy, modes that were not
