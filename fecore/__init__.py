@@ -1,6 +1,18 @@
 """Finite element model updating of fibre reinforced plastic beams: pure numpy and scipy, usable
 alone in a notebook.
 
+frf, modes           FRFs and measured modes, as all rooms hand them on
+signal               hits to FRFs
+modal                FRFs to modes
+body, dynamics       a body to its matrices; these to modes and FRFs
+correlation          the table of criteria, and pairs of modes
+updating             measurement and body to parameters with their uncertainty
+coupons              tensile tests to moduli
+trend, temperatures  many campaigns over time; over temperature
+quantities           the table of quantities
+findings, errors     what a user has to know; what is refused
+arrays, normal, least_squares  of numbers
+
 What a notebook needs is exported here; it stands in the order in which data flows::
 
     specimen = Specimen(0.5, 0.04, 0.01, OrthotropicMaterial(...), "cantilever")

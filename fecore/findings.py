@@ -73,8 +73,8 @@ def make(
     return Finding(
         kind,
         sentence,
-        sentence if row.apart or not advice else sentence + between + advice,
-        advice,
+        text=sentence if row.apart or not advice else sentence + between + advice,
+        advice=advice,
         level=level or row.level,
         weight=row.weight,
         link=row.link,

@@ -3,8 +3,9 @@ measurement files.
 
 No database and no server is needed for it. `modalbase.connect()` gives the service's projects,
 structures, campaigns and jobs; `modalbase.read_uff(path)` yields what is in a Universal File Format
-file. `modalbase.formats` has all the formats, `modalbase.client` the connection and the commands
-below.
+file. `modalbase.formats` has all the formats, `modalbase.objects` the nouns of a service,
+`modalbase.commands` the commands that are written on them, `modalbase.client` HTTP beneath,
+`modalbase.archive` the name of an archive's form.
 """
 
 from __future__ import annotations

@@ -14,13 +14,12 @@ import typer
 from fastapi import FastAPI
 
 from fecore.quantities import SHOWN
-from modalbase.client.options import NAMED
-from service.app.application import PREFIX
+from modalbase.commands.options import NAMED
 from service.app.composition import ROUTERS
 from service.climate import CLIMATE
 from service.web.openapi import describe_problems
-from service.web.routing import include
-from tools import formats
+from service.web.routing import API, serve
+from tools import findings, formats
 
 METHODS = ("get", "post", "put", "patch", "delete")
 
@@ -43,7 +42,7 @@ def document() -> dict[str, Any]:
     """The OpenAPI document of everything under the prefix; no database is needed for it."""
     api = FastAPI()
     for router in ROUTERS:
-        include(api, router, PREFIX)
+        serve(api, router)
     describe_problems(api)
     return api.openapi()
 
@@ -55,7 +54,7 @@ def described(openapi: dict[str, Any]) -> list[Described]:
     ]
     routes = []
     for whole, method, operation in found:
-        path = whole.removeprefix(PREFIX).lstrip("/")
+        path = whole.removeprefix(API).lstrip("/")
         query = tuple(
             one["name"] for one in operation.get("parameters", ()) if one["in"] == "query"
         )
@@ -202,6 +201,7 @@ MADE: dict[str, Callable[[], str]] = {
     "docs/reference-rest.md": rest_page,
     "docs/reference-cli.md": cli_page,
     formats.PAGE: formats.page,
+    findings.PAGE: findings.page,
 }
 
 

@@ -4,7 +4,8 @@ probability.
 `identify` does it all; `shapes_at_poles` finds shapes at poles that a user has typed in. The files
 in the order of the data: arrangement, screening, leakage, causality, noise, preparation,
 compression, lscf, diagram, basis, linear, refinement, error_model, growth, drift, evidence,
-weights, probability, fitting, shapes, residues, remarks, result, identify.
+local_pair, weights, probability, fitting, parting, shapes, residues, findings, remarks, result,
+identify.
 """
 
 from fecore.modal.arrangement import set_with_gaps

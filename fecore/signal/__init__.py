@@ -1,5 +1,18 @@
-"""Time blocks of hammer hits to FRFs with variance: blocks, pulse, hit features, comparison,
-judgement, windows, estimators, points, process.
+"""Time blocks of hammer hits to FRFs with variance, in the order of the data.
+
+blocks, recording               hits as time blocks; a long recording, cut into them
+pulse, windows, unstated        the force's pulse; windows that are stated, and one that is not
+spectra, estimators             blocks to spectra; spectra to FRFs with variance
+hit_features                    what each hit's own blocks show
+shares, slopes, hit_location    its shares of the resonances, and by them where it landed
+comparison                      each hit beside the others of its point
+delay, coupling                 a delay between channels; the tail of an AC coupled one
+weights, judgement              how probably each hit is good, calibrated
+findings, reasons               what is said of hits
+frf_scale                       whether FRFs fit the mass and stiffness of a strip
+points                          hits as a person beside the hammer sees them
+document                        what a processing is asked, and what it answers
+process                         all of it, point by point
 """
 
 from fecore.signal.blocks import Block, ChannelQuantity, Hit

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.errors import InputError
+from fecore.findings import Finding, texts
 from fecore.frf import Dof, FrfSet
 from fecore.signal.coupling import Coupling
 from fecore.signal.delay import Delay
@@ -105,7 +106,7 @@ class Findings(Carried):
         delay: how much later the response is than the force, where resonances show it.
         excited_hz: highest frequency at which the hammer still has a tenth of its amplitude.
         strong_hz: the same for half of its amplitude.
-        warnings: what a user should know, in words.
+        notes: what a user should know.
     """
 
     verdicts: tuple[HitVerdict, ...]
@@ -114,7 +115,12 @@ class Findings(Carried):
     delay: Delay | None
     excited_hz: float
     strong_hz: float
-    warnings: tuple[str, ...]
+    notes: tuple[Finding, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The notes, in words."""
+        return texts(self.notes)
 
 
 @dataclass(frozen=True)

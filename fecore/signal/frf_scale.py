@@ -22,7 +22,9 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
+from fecore.findings import Finding
 from fecore.frf import Dof, FrfSet, convert
+from fecore.signal.findings import finding
 
 _USUAL = 2.2
 """Geometric mean of a strip's mobility over that of the infinite strip."""
@@ -39,10 +41,6 @@ of per cent.
 _FEWEST = 4  # points that have a median
 _FEWEST_LINES = 16  # that a level is the mean of
 _LOWEST_HZ = 8.0  # above soft suspensions
-_WRONG = (
-    "a sensitivity or a unit of the force or of the response is probably wrong, or the structure's"
-    " density or geometry"
-)
 
 Pair = tuple[Dof, Dof]
 """Response and force of an FRF."""
@@ -96,8 +94,8 @@ class FrfScale:
         self._responses += frfs.responses
         self._references += frfs.references
 
-    def wrong(self, strip: Strip | None, damped: str | None = None) -> list[str]:
-        """A sentence for every height that cannot be right.
+    def wrong(self, strip: Strip | None, damped: str | None = None) -> list[Finding]:
+        """What is said of every height that cannot be right.
 
         Args:
             strip: the body, where it is a strip; what is measured across it (z) bends it. None
@@ -117,14 +115,8 @@ class FrfScale:
             usual = np.mean(np.log(strip.mobility(2 * np.pi * self._frequency[self._band])))
             ratio = float(np.exp(np.mean(level[across] - usual))) / _USUAL
             if not 1 / _WHOLE <= ratio <= _WHOLE:
-                faults.append(
-                    f"the FRFs are {_times(ratio)} what a strip of this mass and stiffness shows: "
-                    + (
-                        _WRONG
-                        if damped is None or ratio > 1
-                        else f"{damped} takes their resonances; try a weaker one"
-                    )
-                )
+                kind = "strip_height" if damped is None or ratio > 1 else "strip_damped"
+                faults.append(finding(kind, times=_times(ratio), window=damped))
         return faults
 
 
@@ -132,7 +124,7 @@ def _times(ratio: float) -> str:
     return f"{ratio:.2g} times as high as" if ratio > 1 else f"{1 / ratio:.2g} times lower than"
 
 
-def _one_way(pairs: Sequence[Pair], level: FloatArray) -> list[str]:
+def _one_way(pairs: Sequence[Pair], level: FloatArray) -> list[Finding]:
     """Pairs of points that were measured both ways, with unlike heights."""
     known = {(force, response): i for i, (response, force) in enumerate(pairs)}
     faults = []
@@ -143,14 +135,17 @@ def _one_way(pairs: Sequence[Pair], level: FloatArray) -> list[str]:
         ratio = float(np.exp(level[i] - level[back]))
         if not 1 / _RECIPROCAL <= ratio <= _RECIPROCAL:
             faults.append(
-                f"the FRF of point {response.point} hit at point {force.point} is {_times(ratio)}"
-                " that of the opposite way, but a body answers alike both ways: one of the"
-                " sensitivities is probably wrong"
+                finding(
+                    "one_way",
+                    response=response.point,
+                    force=force.point,
+                    times=_times(ratio),
+                )
             )
     return faults
 
 
-def _above_the_rest(pairs: Sequence[Pair], level: FloatArray) -> list[str]:
+def _above_the_rest(pairs: Sequence[Pair], level: FloatArray) -> list[Finding]:
     """Points that are far higher than the median of the points of the same sensor."""
     faults = []
     by_sensor: dict[Dof, list[int]] = {}
@@ -166,8 +161,5 @@ def _above_the_rest(pairs: Sequence[Pair], level: FloatArray) -> list[str]:
                 ", ".join(str(point) for point, _ in high),
                 max(ratio for _, ratio in high),
             )
-            faults.append(
-                f"the FRFs of the hits at point {places} are {most:.2g} times as high as the median"
-                " of all points: a sensitivity or range was probably changed there"
-            )
+            faults.append(finding("above_the_rest", points=places, times=most))
     return faults

@@ -32,7 +32,7 @@ from fecore.frf import Dof
 from fecore.signal.comparison import Point, compare, usual_of
 from fecore.signal.hit_features import OWN, HitFeatures
 from fecore.signal.hit_location import Position, locate
-from fecore.signal.reasons import Criterion, HitFinding, finding
+from fecore.signal.reasons import Criterion, HitFinding, finding, reason
 from fecore.signal.weights import ALONE, CONSTANT, LEAST, WEIGHTS, Weight
 
 if TYPE_CHECKING:
@@ -283,10 +283,7 @@ def _verdict(
     findings: dict[Criterion, HitFinding] = {}
     share, name = features.overload
     if share >= _FULL_SCALE:
-        sentence = (
-            f"The {name} reaches {share:.1%} of its full scale; {_FULL_SCALE:.1%} is an overload."
-        )
-        findings["overload"] = HitFinding("overload", share, _FULL_SCALE, True, sentence)
+        findings["overload"] = reason("full_scale", share, _FULL_SCALE, True, cut=name)
     for k in np.argsort(-parts, kind="stable"):
         if np.isfinite(numbers[k]):
             failed = probability < level and bool(parts[k] >= least)

@@ -16,12 +16,14 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
+from fecore.findings import Finding
 from fecore.frf import FrfSet
 from fecore.signal.blocks import FRF_QUANTITY
 from fecore.signal.comparison import Point
 from fecore.signal.delay import Delay, DelaySearch
 from fecore.signal.document import Averages, Findings, Processed, Processing
 from fecore.signal.estimators import Estimate
+from fecore.signal.findings import finding
 from fecore.signal.frf_scale import FrfScale
 from fecore.signal.judgement import HitVerdict, judge
 from fecore.signal.points import Preliminary, frfs_of, preliminary
@@ -119,9 +121,9 @@ def process_in_parts(
         delay=delay,
         excited_hz=excited,
         strong_hz=strong,
-        warnings=(
-            *([window.sentence] if window is not None and window.rate_per_s else []),
-            *_warnings(points, verdicts, delay, excited, float(spectra.frequency[-1])),
+        notes=(
+            *([window.finding] if window is not None and window.rate_per_s else []),
+            *_notes(points, verdicts, delay, excited, float(spectra.frequency[-1])),
             *(_unlocated(points, verdicts) if spectra.processing.positions else []),
             *scale_check.wrong(spectra.processing.strip, spectra.strong_window()),
         ),
@@ -212,14 +214,14 @@ def _averages(
     )
 
 
-def _warnings(
+def _notes(
     points: Sequence[Point],
     verdicts: Sequence[Sequence[HitVerdict]],
     delay: Delay | None,
     excited: float,
     top: float,
-) -> tuple[str, ...]:
-    warnings = []
+) -> list[Finding]:
+    notes = []
     names = _names(points)
     lost = [
         name
@@ -227,35 +229,28 @@ def _warnings(
         if not any(v.accepted for v in judged)
     ]
     if lost:
-        warnings.append(
-            f"no hit of point {', '.join(lost)} is good, so there is no FRF; see the verdicts, and"
-            " overrule where you know better"
-        )
+        notes.append(finding("no_good_hit", points=", ".join(lost)))
     single = [
         name
         for name, judged in zip(names, verdicts, strict=True)
         if sum(v.accepted for v in judged) == 1
     ]
     if single:
-        warnings.append(f"a single good hit at point {', '.join(single)}: the FRF has no variance")
+        notes.append(finding("single_hit", points=", ".join(single)))
     if delay is not None and abs(delay.seconds) > max(4 * delay.sd, 2e-6):
-        warnings.append(
-            f"the response seems to come {delay.seconds * 1e6:.1f} ± {delay.sd * 1e6:.1f} µs after"
-            " the force, which a fit takes for damping; state it as delay_s to take it out"
-        )
+        notes.append(finding("response_late", delay=delay.seconds * 1e6, sd=delay.sd * 1e6))
     if excited < 0.95 * top:
-        warnings.append(
-            f"the hammer excites the body up to {excited:.0f} Hz; above that the FRFs are mostly"
-            " noise"
-        )
-    return tuple(warnings)
+        notes.append(finding("weak_excitation", hz=excited))
+    return notes
 
 
-def _unlocated(points: Sequence[Point], verdicts: Sequence[Sequence[HitVerdict]]) -> Iterator[str]:
+def _unlocated(
+    points: Sequence[Point], verdicts: Sequence[Sequence[HitVerdict]]
+) -> Iterator[Finding]:
     """Points beside which a hit may lie without being seen: places are known by how FRFs change
     between points.
     """
-    for directions, how in ((0, "does not show"), (1, "shows along one direction only")):
+    for directions, kind in enumerate(("hits_not_located", "hits_located_one_way")):
         every = zip(_names(points), verdicts, strict=True)
         blind = [
             name
@@ -263,10 +258,7 @@ def _unlocated(points: Sequence[Point], verdicts: Sequence[Sequence[HitVerdict]]
             if max(verdict.directions for verdict in judged) == directions
         ]
         if blind:
-            yield (
-                f"where the hits of point {', '.join(blind)} landed {how}: one beside its mark is"
-                " refused there only where its FRF is unlike the others'"
-            )
+            yield finding(kind, points=", ".join(blind))
 
 
 def _names(points: Sequence[Point]) -> list[str]:

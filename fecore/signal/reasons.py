@@ -3,7 +3,7 @@ it.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -23,84 +23,109 @@ Criterion = Literal[
     "swapped",
 ]
 
-_SAYS: dict[str, tuple[Criterion, str, str]] = {
-    "lost": ("late", "The block holds the pulse and what follows it.", ""),
-    "second": ("double", "A second pulse has {n:.1%} of the first; the limit is {l:.1%}.", ""),
-    "swing": (
+
+class Reason(NamedTuple):
+    """A row of the table: a sentence without its stop, with names for values in braces."""
+
+    criterion: Criterion
+    sentence: str
+    limit: str = ""  # the limit, where the sentence has one
+    advice: str = ""  # what to think of it where it failed
+
+
+_HEIGHT = "The peak force is {n:.3g} N"
+_ALIKE = "Hit about as hard as in the other hits."
+
+REASONS = {
+    "lost": Reason("late", "The block holds the pulse and what follows it"),
+    "no_pulse": Reason(
+        "late", "The force block holds no pulse above its noise: the hit lies outside the block"
+    ),
+    "pulse_late": Reason(
+        "late", "The pulse lies at {share:.0%} of the block; most of the response is lost"
+    ),
+    "pulse_early": Reason(
+        "late", "{start} samples lie before the pulse, too few: its beginning is lost"
+    ),
+    "second": Reason(
+        "double",
+        "A second pulse has {n:.1%} of the first",
+        "{l:.1%}",
+        "It stands {apart:.3g} ms {side} it.",
+    ),
+    "swing": Reason(
         "swapped",
-        "The force swings back by {n:.0%} of its pulse; the limit is {l:.0%}.",
+        "The force swings back by {n:.0%} of its pulse",
+        "{l:.0%}",
         "The channels seem swapped.",
     ),
-    "turned": ("polarity", "The pulse points the way of most hits.", ""),
-    "flat": (
+    "turned": Reason("polarity", "The pulse points the way of most hits"),
+    "turned_away": Reason(
+        "polarity",
+        "The pulse points the other way than those of the other hits; the direction was probably"
+        " turned",
+    ),
+    "full_scale": Reason(
+        "overload", "The {cut} reaches {n:.1%} of its full scale; {l:.1%} is an overload"
+    ),
+    "flat": Reason(
         "overload",
-        (
-            "The {cut} has {n:.2g} samples more at its largest value than a round top; the limit is"
-            " {l:.2g}."
-        ),
+        "The {cut} has {n:.2g} samples more at its largest value than a round top",
+        "{l:.2g}",
         "It was cut off.",
     ),
-    "beyond": (
+    "beyond": Reason(
         "overload",
-        (
-            "The {cut} has {n:.1%} of its largest value above the anti-alias filter's cut; the"
-            " limit is {l:.1%}."
-        ),
+        "The {cut} has {n:.1%} of its largest value above the anti-alias filter's cut",
+        "{l:.1%}",
         "Its top was cut off behind the filter.",
     ),
-    "height": (
-        "hard",
-        "The peak force is {n:.3g} N; the limit is {l:.3g} N.",
-        "Hit about as hard as in the other hits.",
-    ),
-    "early": (
+    "height": Reason("hard", _HEIGHT, "{l:.3g} N", _ALIKE),
+    "quiet": Reason("quiet", _HEIGHT, "{l:.3g} N", _ALIKE),
+    "early": Reason(
         "early",
-        (
-            "Before the pulse the response is {n:.2g} times as loud as its quietest part; the limit"
-            " is {l:.2g}."
-        ),
+        "Before the pulse the response is {n:.2g} times as loud as its quietest part",
+        "{l:.2g}",
         "The body still rings from the hit before.",
     ),
-    "jump": (
+    "jump": Reason(
         "cut",
-        "The response jumps {n:.2g} times as far as beside; the limit is {l:.2g}.",
+        "The response jumps {n:.2g} times as far as beside",
+        "{l:.2g}",
         "A cable was loose, or the record ends early.",
     ),
-    "floor": (
+    "floor": Reason(
         "cut",
-        "The quietest part of the response has {n:.2g} of its largest value; the limit is {l:.2g}.",
+        "The quietest part of the response has {n:.2g} of its largest value",
+        "{l:.2g}",
         "The channel lost its signal, or holds noise alone.",
     ),
-    "distance": (
+    "distance": Reason(
         "place",
-        (
-            "The FRF lies {n:.2g} typical distances from those of the point's other hits; the limit"
-            " is {l:.2g}."
-        ),
+        "The FRF lies {n:.2g} typical distances from those of the point's other hits",
+        "{l:.2g}",
         "It was probably hit at another place.",
     ),
-    "offset": (
+    "offset": Reason(
         "place",
-        "The hit landed {n:.1f} mm from where most hits of the point did; the limit is {l:.1f} mm.",
+        "The hit landed {n:.1f} mm from where most hits of the point did",
+        "{l:.1f} mm",
         "Hit again, at the mark.",
     ),
-    "unlike": (
+    "unlike": Reason(
         "polarity",
-        (
-            "The FRF differs in sign from those of the point's other hits by {n:.2g} of 2; the"
-            " limit is {l:.2g}."
-        ),
+        "The FRF differs in sign from those of the point's other hits by {n:.2g} of 2",
+        "{l:.2g}",
         "It has the opposite sign.",
     ),
-    "gain": (
+    "gain": Reason(
         "height",
-        (
-            "All bands of the FRF share a factor of {n:.2g} to those of the point's other hits; the"
-            " limit is {l:.2g}."
-        ),
+        "All bands of the FRF share a factor of {n:.2g} to those of the point's other hits",
+        "{l:.2g}",
         "A sensitivity or range was probably another for this hit.",
     ),
 }
+"""All that can be said of one hit, by its id."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +139,7 @@ class HitFinding:
     limit: float
     failed: bool
     sentence: str
+    kind: str  # id of its row in `REASONS`
 
 
 def finding(
@@ -128,34 +154,32 @@ def finding(
         limit: the number that alone would refuse it.
         failed: whether it is a reason to refuse the hit.
     """
-    criterion, text, advice = _SAYS[name]
-    if not 0 < limit < np.inf:
-        text = text.partition("; the limit")[0].rstrip(".") + "."
-    sentence = text.format(n=number, l=limit, cut=features.cut)
+    pulse, after = features.pulse, features.second_s
+    kind = name
     if name == "height" and number < limit:
-        criterion = "quiet"
-    if not failed:
-        return HitFinding(criterion, number, limit, False, sentence)
-    if name == "lost":
-        sentence = _lost(features)
-    elif name == "turned":
-        sentence = (
-            "The pulse points the other way than those of the other hits; the direction was"
-            " probably turned."
-        )
-    elif name == "second":
-        after = 1e3 * features.second_s
-        advice = f"It stands {abs(after):.3g} ms {'after' if after > 0 else 'before'} it."
-    return HitFinding(criterion, number, limit, True, f"{sentence} {advice}".strip())
+        kind = "quiet"
+    elif name == "turned" and failed:
+        kind = "turned_away"
+    elif name == "lost" and failed:
+        late = pulse.peak > 0.5 * features.samples
+        kind = "no_pulse" if not features.clear else "pulse_late" if late else "pulse_early"
+    return reason(
+        kind,
+        number,
+        limit,
+        failed,
+        cut=features.cut,
+        start=pulse.start,
+        share=pulse.peak / features.samples,
+        apart=1e3 * abs(after),
+        side="after" if after > 0 else "before",
+    )
 
 
-def _lost(features: HitFeatures) -> str:
-    pulse = features.pulse
-    if not features.clear:
-        return "The force block holds no pulse above its noise: the hit lies outside the block."
-    if pulse.peak > 0.5 * features.samples:
-        return (
-            f"The pulse lies at {pulse.peak / features.samples:.0%} of the block; most of the"
-            " response is lost."
-        )
-    return f"{pulse.start} samples lie before the pulse, too few: its beginning is lost."
+def reason(kind: str, number: float, limit: float, failed: bool, **values: object) -> HitFinding:
+    """A finding of a row, with its number and limit and what else the row names."""
+    row = REASONS[kind]
+    bound = f"; the limit is {row.limit}" if row.limit and 0 < limit < np.inf else ""
+    advice = f" {row.advice}" if failed and row.advice else ""
+    sentence = f"{row.sentence}{bound}.{advice}".format(n=number, l=limit, **values)
+    return HitFinding(row.criterion, number, limit, failed, sentence, kind)

@@ -27,7 +27,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.findings import Finding
 from fecore.signal.blocks import Hit, smallest_step
+from fecore.signal.findings import finding
 from fecore.signal.pulse import REACH, find_pulse, ringing
 from fecore.signal.spectra import Source
 
@@ -56,13 +58,9 @@ class SeenRate:
     sd: float | None
 
     @property
-    def sentence(self) -> str:
+    def finding(self) -> Finding:
         """What a user should know of a rate that was seen."""
-        return (
-            f"the force's noise decays by {self.rate_per_s:.3g} ± {self.sd:.1g} per second in all"
-            " hits: an exponential window that is not stated, and that is taken out like a"
-            " stated one"
-        )
+        return finding("window_seen", rate=self.rate_per_s, sd=self.sd)
 
 
 class UnderWindow:

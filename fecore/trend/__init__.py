@@ -3,7 +3,7 @@ rate.
 
 `assess` is the entry point of monitors: series of dated estimates and a `Watch` in, an `Assessment`
 out. The rooms in the order in which data flows: series, charts, autocorrelation, baseline, states,
-change, common_factor, assessment, document. `tracking` says which modes of several campaigns are
+change, common_factor, assessment, explanations, document. `tracking` says which modes of several campaigns are
 the same, so that they make a series.
 """
 

@@ -402,7 +402,7 @@ SECTIONS = {
     "The model and its mesh": MODEL,
     "The modes and their partners": MODES,
     "The constants": CONSTANTS,
-    "FRFs beside the model's": _FRFS,
+    "FRFs beside those of the model": _FRFS,
     "The damping": _DAMPING,
     "Several campaigns": _CAMPAIGNS,
 }
@@ -410,6 +410,9 @@ SECTIONS = {
 
 FINDINGS = {kind: row for rows in SECTIONS.values() for kind, row in rows.items()}
 """All that can be found of a result, by its id."""
+
+SECTION_OF = {kind: title for title, rows in SECTIONS.items() for kind in rows}
+"""The title of the guide's section that lists a finding, by its id."""
 
 PASSED_ON = {"measurement": 0.5, "pairing": 1.0}
 """Kinds under which a result passes on remarks on the data and on the modes' partners, with their

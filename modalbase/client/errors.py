@@ -6,7 +6,7 @@ from typing import Any
 
 
 class Exit(IntEnum):
-    """Exit codes of the client's commands."""
+    """Exit codes of the commands that talk to a service."""
 
     REFUSED = 1  # the service said no; the message has its reason
     USAGE = 2  # the command line, a file of it or the environment is wrong; nothing was sent

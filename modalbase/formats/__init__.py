@@ -1,8 +1,17 @@
 """Measurement files: bytes to frozen dataclasses and back. Pure: no database, no web, no finite
 element core.
 
-registry      the table of formats of measured data
-uff           Universal File Format, in and out
-frfs          FRFs as npz and CSV, in and out, and as Arrow, out
-machine_csv   text files of testing machines, in
+registry                        the table of formats of measured data
+recognise                       a file's format, by its content
+units, coordinates, dof_names   units by name; curved axes; points and directions in names
+types, constants, errors        what all of them share
+tables                          tables of text, whatever program wrote them
+npy                             the arrays of an npz, each read no further than its entry says
+uff                             Universal File Format, in and out
+frfs                            FRFs of one quantity on one axis, in and out
+records                         time blocks and recordings, in
+points, machine_csv             grid points; text files of testing machines
+models                          decks, matrices and meshes to a neutral model, and back
+cell_types                      the table of elements: nodes, borders, names in every format
+meshes, decks                   a mesh with shapes as a file; a model as the deck of a solver
 """

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from modalbase.client.errors import ClientError
-from modalbase.client.finding import OK
 from modalbase.objects.archive_file import ArchiveFile, broken
+from modalbase.objects.finding import OK
 from modalbase.objects.jobs import Import
 from modalbase.objects.search import SearchResults
 

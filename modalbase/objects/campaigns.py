@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import save_file, send_file
-from modalbase.client.finding import CAMPAIGN, Kind
 from modalbase.client.rest import require_known
 from modalbase.formats.registry import FRF_SUFFIXES
+from modalbase.objects.finding import CAMPAIGN, Kind
 from modalbase.objects.jobs import (
     Identification,
     Import,
@@ -89,7 +88,7 @@ class Campaign(Editable):
             options["dry_run"] = bool(options["dry_run"])
         sent = Import(
             self.lab,
-            send_file(self.lab.connection, f"{self.address}/imports", Path(file), **options),
+            self._send("imports", file, **options),
         )
         return sent.wait().check() if wait else sent
 
@@ -99,18 +98,31 @@ class Campaign(Editable):
 
     def grid_points(self) -> Table:
         """Its grid points: `label`, `x_m`, `y_m`, `z_m`."""
-        return Table(self.lab.connection.get(f"{self.address}/grid-points")["items"], key="label")
+        return Table(self._get("grid-points")["items"], key="label")
 
-    def set_grid_points(self, points: Iterable[Mapping[str, Any] | Sequence[float]]) -> None:
-        """State the grid points, in place of those that are there.
+    def set_grid_points(self, points: Iterable[Mapping[str, Any] | Sequence[float]]) -> Table:
+        """State the grid points, in place of those that are there; returns them as stored.
 
         Args:
             points: each as `{"label": 1, "x_m": 0.1, "y_m": 0, "z_m": 0}` or as `(1, 0.1, 0, 0)`.
+
+        Raises:
+            ClientError: the service refuses them, or somebody else states others at this moment.
         """
         items = [
             dict(p) if isinstance(p, Mapping) else dict(zip(POINT, p, strict=True)) for p in points
         ]
-        self.lab.connection.call("PUT", f"{self.address}/grid-points", json={"items": items})
+        stored = self._call("PUT", "grid-points", json={"items": items}, replaced=True)
+        return Table(stored["items"], key="label")
+
+    def save_grid_points(self, file: str | Path, file_format: str | None = None) -> Path:
+        """Write its grid points to a file in the format that is stated or that its name says:
+        `.csv` or `.json`; `-` is standard output.
+
+        Raises:
+            ClientError: the name says no format, or the service has no grid points in it.
+        """
+        return self._save("grid-points", file, FRF_SUFFIXES, format=file_format)
 
     def alignment(self) -> Table:
         """How its points lie on the structure: distance, set and normal of each, and whether an
@@ -145,19 +157,18 @@ class Campaign(Editable):
         self.change(frame=alignment["frames"][0]["frame"])
         return alignment
 
-    def list_frfs(self, **filters: Any) -> Table:
+    def list_frfs(self, most: int | None = None, **filters: Any) -> Table:
         """What its FRFs are, without their spectra.
 
         Args:
+            most: how many at most; None for all.
             filters: `point`, `direction`, `reference`, `quantity`, `import_id`, `fmin`, `fmax`.
 
         Raises:
             ClientError: there is no such filter.
         """
         require_known("list_frfs", filters)
-        return Table(
-            list(self.lab.connection.pages(f"{self.address}/frfs", **filters)), key="label"
-        )
+        return Table(self._pages("frfs", most, **filters), key="label")
 
     def frfs(self, **filters: Any) -> Frfs:
         """Its FRFs with their spectra, as numpy arrays. They must have one axis and one quantity.
@@ -171,9 +182,7 @@ class Campaign(Editable):
         """
         from modalbase.objects.frfs import Frfs
 
-        return Frfs.from_npz(
-            self.lab.connection.call("GET", f"{self.address}/frfs/data", params=_npz(filters))
-        )
+        return Frfs.from_npz(self._call("GET", "frfs/data", params=_npz(filters)))
 
     def figure(self, name: str, **options: Any) -> Figure:
         """A figure, shown in a notebook: `frf` or `hits`.
@@ -187,13 +196,13 @@ class Campaign(Editable):
             ClientError: there is no such option.
         """
         require_known("get_campaign_figure", options)
-        return Figure(self.lab, f"{self.address}/figures/{name}", options)
+        return Figure(self.lab, self._at(f"figures/{name}"), options)
 
     def archive(self, file: str | Path) -> Path:
         """Write it, with its structure and instruments, to a zip that others read without this
         service.
         """
-        return save_file(self.lab.connection, f"{self.address}/archive", file)
+        return self._save("archive", file)
 
     def label_frfs(
         self, *, tags: Sequence[str] = (), meta: Mapping[str, Any] | None = None, **which: Any
@@ -211,10 +220,7 @@ class Campaign(Editable):
         """
         require_known("label_frfs", which)
         body = {"tags": list(tags), "meta": dict(meta or {})}
-        answer = self.lab.connection.call(
-            "PUT", f"{self.address}/frfs/labels", params=which, json=body
-        )
-        return int(answer["count"])
+        return int(self._call("PUT", "frfs/labels", params=which, json=body)["count"])
 
     def add_frfs(self, frfs: Frfs) -> Table:
         """Store FRFs that a script has; `modalbase.Frfs` takes arrays, pyuff datasets and xarray.
@@ -241,10 +247,7 @@ class Campaign(Editable):
         Returns:
             `items`, the stored blocks, and `hits`, the judgement of each hit.
         """
-        answer = send_file(
-            self.lab.connection, f"{self.address}/records", Path(file), mapping=mapping
-        )
-        return self._judged(answer)
+        return self._judged(self._send("records", file, mapping=mapping))
 
     def add_sep005(
         self,
@@ -297,8 +300,7 @@ class Campaign(Editable):
         """
         if "items" in answer:
             return answer
-        sent = Import(self.lab, answer).wait().check()
-        return self.lab.connection.get(f"{sent.address}/records")
+        return Import(self.lab, answer).wait().check().records()
 
     def records(self, **filters: Any) -> list[Record]:
         """Its time blocks, without their samples.
@@ -347,7 +349,7 @@ class Campaign(Editable):
         """What was decided of its hits by hand, newest first: `good`, `why`, `by` and `created_at`
         of each.
         """
-        return list(self.lab.connection.pages(f"{self.address}/hit-decisions"))
+        return self._pages("hit-decisions")
 
     def process(self, *, wait: bool = True, **options: Any) -> Processing:
         """Make FRFs of the good hits.
@@ -401,7 +403,12 @@ class Campaign(Editable):
         return job.wait().mode_set()
 
     def update(
-        self, recipe: Mapping[str, Any] | None = None, *, confirm: bool = False, **more: Any
+        self,
+        recipe: Mapping[str, Any] | None = None,
+        *,
+        confirm: bool = False,
+        idempotency_key: str | None = None,
+        **more: Any,
     ) -> UpdateJob:
         """Queue an update of the structure's model to this campaign; the job's `wait()` or
         `result()` waits for it.
@@ -409,6 +416,8 @@ class Campaign(Editable):
         Args:
             recipe: the recipe as a dictionary; without it the defaults.
             confirm: take unusual numbers of its priors as they are.
+            idempotency_key: of printable ASCII; the same key again gives the same job, no second
+                one.
             more: fields of the recipe by name, such as `seed=7` or `mode_set=modes`. Things stand
                 for their ids.
 
@@ -420,7 +429,8 @@ class Campaign(Editable):
             for name, value in more.items()
         }
         whole = {**(recipe or {}), **body}
-        return self._make(UpdateJob, whole, confirm)
+        headers = None if idempotency_key is None else {"Idempotency-Key": idempotency_key}
+        return self._make(UpdateJob, whole, confirm, headers)
 
     def jobs(self) -> list[UpdateJob]:
         """Its update jobs, newest first."""
@@ -432,20 +442,14 @@ class Campaign(Editable):
         return runs
 
     def export(self, file: str | Path, file_format: str | None = None, **filters: Any) -> Path:
-        """Write its FRFs to a file: `.uff`, `.npz`, `.csv`, `.json` or `.arrow`, as its name says.
+        """Write its FRFs to a file: `.uff`, `.npz`, `.csv`, `.json` or `.arrow`, as its name says;
+        `-` is standard output.
 
         Raises:
             ClientError: the name says none of these, nothing matches, or there is no such filter.
         """
         require_known("get_campaign_data", filters)
-        return save_file(
-            self.lab.connection,
-            f"{self.address}/frfs/data",
-            file,
-            FRF_SUFFIXES,
-            format=file_format,
-            **filters,
-        )
+        return self._save("frfs/data", file, FRF_SUFFIXES, format=file_format, **filters)
 
 
 def _npz(filters: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
+from urllib.parse import quote
 
-from modalbase.client.files import MESH_FORMATS, REPORTS, SOLVERS, save_file
-from modalbase.client.finding import MODE_SET, Kind
-from modalbase.client.jobs import ENDED, Watch, reason_of, require_success, wait_for
+from modalbase.client.display import stages
+from modalbase.client.errors import ClientError, Exit, JobFailed
 from modalbase.client.results import (
     beside_lines,
     mode_cells,
@@ -18,11 +19,21 @@ from modalbase.client.results import (
     parameter_cells,
     verdict_lines,
 )
-from modalbase.objects.thing import Access, Figure, Table, Thing
+from modalbase.formats.registry import FRF_SUFFIXES
+from modalbase.objects.files import MESH_FORMATS, REPORTS, SOLVERS
+from modalbase.objects.finding import MODE_SET, Kind, find_job, uuid_of
+from modalbase.objects.thing import Access, Addressed, Figure, Table, Thing
 
 if TYPE_CHECKING:
+    from modalbase.client.connection import Connection
     from modalbase.objects.frfs import Frfs
 
+
+ENDED = ("succeeded", "failed", "cancelled")
+FIRST_PAUSE, LONGEST_PAUSE, GROWTH = 0.05, 1.0, 1.3  # s
+
+Watch = Callable[[str, float], None]
+"""Called with a job's stage and the share that is done."""
 
 COLUMNS = (
     "number",
@@ -64,6 +75,15 @@ class ModeSet(Thing):
         """What to know of an identification before one uses it; none of a set from elsewhere."""
         return list(self.fields["details"].get("warnings", ()))
 
+    def export(self, file: str | Path, file_format: str | None = None) -> Path:
+        """Write it to a file in the format that is stated or that its name says: `.uff` with sets
+        15 and 55, `.json`; `-` is standard output.
+
+        Raises:
+            ClientError: the name says no format, or the service has no modes in it.
+        """
+        return self._save("", file, FRF_SUFFIXES, format=file_format)
+
     def plot(self) -> Figure:
         """Its shapes at the measured points, shown in a notebook."""
         return Figure(self.lab, f"{self.address}/figures/shapes", {})
@@ -97,12 +117,7 @@ class ModeSet(Thing):
             for which, poles in both
             for hz, why in poles.items()
         ]
-        return ModeSet(
-            self.lab,
-            self.lab.connection.post(
-                f"{self.address}/edits", {"name": name, "decisions": decisions}
-            ),
-        )
+        return ModeSet(self.lab, self._post("edits", {"name": name, "decisions": decisions}))
 
     @property
     def frequency_hz(self) -> Any:
@@ -141,7 +156,24 @@ class ModeSet(Thing):
         return dofs, values
 
 
-class Result:
+class Drawn(Addressed):
+    """What has the figures of an update's result."""
+
+    def figure(self, name: str, **options: Any) -> Figure:
+        """A figure, shown in a notebook; `figures()` lists the names.
+
+        Args:
+            name: such as `frf` or `mac`.
+            options: `point` and `reference` of the FRF, `fmin`, `fmax`, `theme` (`light`, `dark`).
+        """
+        return Figure(self.lab, self._at(f"figures/{quote(name, safe='')}"), options)
+
+    def figures(self) -> Table:
+        """The figures, and which of them this result can be drawn as."""
+        return Table(self._get("figures")["items"])
+
+
+class Result(Drawn):
     """The result of an update job; printing it shows the verdict, the warnings and the parameters.
 
     Attributes:
@@ -152,6 +184,11 @@ class Result:
 
     def __init__(self, lab: Access, job: str, document: Mapping[str, Any]) -> None:
         self.lab, self.job, self.document = lab, job, document
+
+    @property
+    def address(self) -> str:
+        """Path of its job below `/api/v1/`."""
+        return f"update-jobs/{self.job}"
 
     def __getitem__(self, name: str) -> Any:
         return self.document[name]
@@ -219,7 +256,7 @@ class Result:
             ClientError: the structure is no model that was sent, or the result has no elastic
                 constants.
         """
-        return save_file(self.lab.connection, f"update-jobs/{self.job}/deck", file)
+        return self._save("deck", file)
 
     def shapes(self, file: str | Path, *, at: str = "nodes") -> Path:
         """Write the mesh with the mode shapes of the updated model and the measured ones, for other
@@ -233,22 +270,7 @@ class Result:
         Raises:
             ClientError: the name says no format, or the result keeps no shapes.
         """
-        return save_file(
-            self.lab.connection, f"update-jobs/{self.job}/mesh", file, MESH_FORMATS, at=at
-        )
-
-    def figure(self, name: str, **options: Any) -> Figure:
-        """A figure, shown in a notebook; `figures()` lists the names.
-
-        Args:
-            name: such as `frf` or `mac`.
-            options: `point` and `reference` of the FRF, `fmin`, `fmax`, `theme` (`light`, `dark`).
-        """
-        return Figure(self.lab, f"update-jobs/{self.job}/figures/{name}", options)
-
-    def figures(self) -> Table:
-        """The figures, and which of them this result can be drawn as."""
-        return Table(self.lab.connection.get(f"update-jobs/{self.job}/figures")["items"])
+        return self._save("mesh", file, MESH_FORMATS, at=at)
 
 
 class Job(Thing):
@@ -260,7 +282,7 @@ class Job(Thing):
     @property
     def ended(self) -> bool:
         """Whether it has ended, in whatever way, when it was last fetched."""
-        return self.fields["status"] in ENDED
+        return self.fields.get("status") in ENDED
 
     @property
     def succeeded(self) -> bool:
@@ -271,24 +293,54 @@ class Job(Thing):
         """Wait until it has ended, in whatever way, with a bar in a terminal and in a notebook;
         returns itself.
 
+        It is asked for at growing intervals, from 50 ms to a second.
+
         Args:
             watch: called with the stage and the share that is done, for a bar of one's own.
 
         Raises:
             ClientError: the service does not answer.
         """
-        if not self.ended:
-            self.fields = wait_for(self.lab.connection, self.address, self.noun.word, watch)
-        return self
+        if self.ended:
+            return self
+        pause = FIRST_PAUSE
+        with stages(self._title) as show:
+            while True:
+                show(self.refresh().fields)
+                if watch is not None:
+                    watch(
+                        self.fields["stage"] or self.fields["status"],
+                        self.fields["progress"] or 0.0,
+                    )
+                if self.fields["status"] in ENDED:
+                    return self
+                time.sleep(pause)
+                pause = min(pause * GROWTH, LONGEST_PAUSE)
 
-    def check(self) -> Self:
+    @property
+    def _title(self) -> str:
+        """What stands beside its bar."""
+        return self.noun.word
+
+    def check(self, what: str | None = None) -> Self:
         """Itself, where it has succeeded.
+
+        Args:
+            what: begins the error; by default its noun and its id.
 
         Raises:
             JobFailed: with the reason that it states.
         """
-        require_success(self.fields, f"{self.noun.word} {self.fields['id']}")
+        if not self.succeeded:
+            name = what or f"{self.noun.word} {self.fields['id']}"
+            raise JobFailed(f"{name} {self.fields['status']}: {self._reason}", self.fields)
         return self
+
+    @property
+    def _reason(self) -> str:
+        """Why it did not succeed, in the service's words."""
+        error = self.fields["error"] or {}
+        return str(error.get("detail") or self.fields["message"] or "no reason given")
 
     @property
     def _document(self) -> dict[str, Any]:
@@ -299,7 +351,7 @@ class Job(Thing):
     def summary(self) -> str:
         """How it stands, in words."""
         if self.ended and not self.succeeded:
-            return f"{self.noun.word} {self.fields['status']}: {reason_of(self.fields)}"
+            return f"{self.noun.word} {self.fields['status']}: {self._reason}"
         return f"{self.noun.word}: {self.fields['stage'] or self.fields['status']}"
 
 
@@ -307,6 +359,26 @@ class Import(Job):
     """The reading of a file."""
 
     noun = Kind("import", "imports/{}", "campaigns/{}/imports")
+
+    @classmethod
+    def _id_of(cls, _service: Connection, which: str, _within: str | None, /) -> str:
+        if (id_ := uuid_of(which)) is None:
+            raise ClientError(
+                f"{which!r} is no id of an import; `modalbase import` prints them", Exit.USAGE
+            )
+        return id_
+
+    @property
+    def _title(self) -> str:
+        return str(self.fields["filename"])
+
+    def records(self) -> dict[str, Any]:
+        """What it read of hits: `items`, the time blocks, and `hits`, the judgement of each hit."""
+        return self._get("records")
+
+    def save(self, file: str | Path) -> Path:
+        """Write the file as it was sent; `-` is standard output."""
+        return self._save("original", file)
 
     def summary(self) -> str:
         """What was read, what was refused and why."""
@@ -336,7 +408,7 @@ class Stoppable(Job):
 
     def cancel(self) -> Self:
         """Ask for its end."""
-        self.fields = self.lab.connection.call("POST", f"{self.address}/cancel")
+        self.fields = self._call("POST", "cancel")
         return self
 
 
@@ -355,21 +427,28 @@ class Identification(Stoppable):
         return ModeSet(self.lab, self.lab.connection.get(ModeSet.noun.path.format(id_)))
 
 
-class UpdateJob(Stoppable):
+class UpdateJob(Drawn, Stoppable):
     """The updating of a structure's model to a campaign."""
 
     noun = Kind("update", "update-jobs/{}", "campaigns/{}/update-jobs")
 
-    def result(self) -> Result:
-        """The result; waits for it.
+    @classmethod
+    def _id_of(cls, service: Connection, which: str, _within: str | None, /) -> str:
+        return find_job(service, which)
+
+    def result(self, *, wait: bool = True) -> Result:
+        """The result.
+
+        Args:
+            wait: for it; else the service says why there is none yet.
 
         Raises:
             JobFailed: the job did not succeed; the text is the reason that it states.
+            ClientError: there is no result, which is not waited for.
         """
-        self.wait().check()
-        return Result(
-            self.lab, self.fields["id"], self.lab.connection.get(f"{self.address}/result")
-        )
+        if wait:
+            self.wait().check()
+        return Result(self.lab, self.fields["id"], self._get("result"))
 
     def report(self, file: str | Path) -> Path:
         """Write its report: two pages for a customer, the rest as annex.
@@ -380,7 +459,7 @@ class UpdateJob(Stoppable):
         Raises:
             ClientError: the name says neither, or the job has no result.
         """
-        return save_file(self.lab.connection, f"{self.address}/report", file, REPORTS)
+        return self._save("report", file, REPORTS)
 
     def summary(self) -> str:
         """Verdict, warnings and parameters of a job that has succeeded, the reason of one that
@@ -400,7 +479,7 @@ class UpdateJob(Stoppable):
         Raises:
             ClientError: there is no result.
         """
-        return self.lab.connection.get(f"{self.address}/labels")
+        return self._get("labels")
 
     def label(
         self, *, tags: Sequence[str] = (), meta: Mapping[str, Any] | None = None
@@ -410,16 +489,13 @@ class UpdateJob(Stoppable):
         Raises:
             ClientError: there is no result, or the project demands other metadata.
         """
-        tag = self.lab.connection.request("GET", f"{self.address}/labels").headers["etag"]
-        body, headers = {"tags": list(tags), "meta": dict(meta or {})}, {"If-Match": tag}
-        kept: dict[str, Any] = self.lab.connection.call(
-            "PUT", f"{self.address}/labels", json=body, headers=headers
-        )
+        body = {"tags": list(tags), "meta": dict(meta or {})}
+        kept: dict[str, Any] = self._call("PUT", "labels", json=body, replaced=True)
         return kept
 
     def events(self) -> Iterator[dict[str, Any]]:
         """Its states as they change, until it has ended."""
-        for line in self.lab.connection.lines(f"{self.address}/events"):
+        for line in self.lab.connection.lines(self._at("events")):
             if line.startswith("data:"):
                 yield json.loads(line.removeprefix("data:"))
 
@@ -437,21 +513,37 @@ class UpdateJob(Stoppable):
         )
         return Frfs.from_npz(content)
 
-    def save_cards(self, file: str | Path, solver: str | None = None) -> Path:
+    def save_predicted(
+        self, file: str | Path, file_format: str | None = None, **filters: Any
+    ) -> Path:
+        """Write the FRFs that the model predicts to a file, as `Campaign.export` does.
+
+        Args:
+            file: what to write; `-` is standard output.
+            file_format: where the file's name does not say it.
+            filters: as for `predicted`.
+
+        Raises:
+            ClientError: the name says no format, or the job has no result.
+        """
+        return self._save("frfs/data", file, FRF_SUFFIXES, format=file_format, **filters)
+
+    def save_cards(
+        self, file: str | Path, solver: str | None = None, element: str | None = None
+    ) -> Path:
         """Write the updated model as a deck that a finite element program runs.
 
         Args:
             file: what to write; `.inp` is CalculiX's and Abaqus', `.bdf`, `.dat` and `.nas`
                 Nastran's.
             solver: `calculix`, `abaqus` or `nastran`, where the file's name does not say.
+            element: `solid` or `shell`; by default the service chooses.
 
         Raises:
             ClientError: the name does not say which, or the job has no result.
         """
         advice = "state the program: "
-        return save_file(
-            self.lab.connection, f"{self.address}/cards", file, SOLVERS, advice, format=solver
-        )
+        return self._save("cards", file, SOLVERS, advice, format=solver, element=element)
 
 
 def update_jobs(lab: Access, most: int | None = None, **narrowed: Any) -> list[UpdateJob]:

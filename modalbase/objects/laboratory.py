@@ -5,19 +5,22 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
-from modalbase.client.connection import Connection
 from modalbase.client.display import Written
 from modalbase.client.endpoint import find_endpoint
-from modalbase.client.finding import CAMPAIGN, MONITOR, PROJECT, STRUCTURE, find, find_job
 from modalbase.client.results import parameter_cells
 from modalbase.objects.campaigns import Campaign
+from modalbase.objects.finding import CAMPAIGN, MONITOR, PROJECT, STRUCTURE, find
 from modalbase.objects.jobs import Result, UpdateJob, update_jobs
+from modalbase.objects.people import People
 from modalbase.objects.projects import Project, Structure
 from modalbase.objects.search import SearchResults
 from modalbase.objects.structures import Alarm, Monitor
-from modalbase.objects.thing import Access, Table, find_or_create
+from modalbase.objects.thing import Table, find_or_create
+
+if TYPE_CHECKING:
+    import httpx
 
 TOGETHER = 8
 """Results that are fetched at a time."""
@@ -40,16 +43,16 @@ def connect(url: str | None = None, key: str | None = None) -> Laboratory:
         ClientError: none is found, the service does not answer, or it refuses the key.
     """
     place = find_endpoint(url, key)
-    connection = Connection(place.url, place.key)
+    lab = Laboratory.at(place.url, place.key)
     try:
-        connection.get("projects", limit=1)
+        lab.check()
     except BaseException:
-        connection.close()
+        lab.connection.close()
         raise
-    return Laboratory(connection)
+    return lab
 
 
-class Laboratory(Access):
+class Laboratory(People):
     """What a key may see of a service; a context manager that closes its connections.
 
     Things are found by id, by name, by names from the project down (`"bridge/beam/March"`), or as
@@ -60,6 +63,35 @@ class Laboratory(Access):
         rest: every call of the REST contract as a method, for what the objects do not have.
     """
 
+    @classmethod
+    def at(cls, url: str, key: str) -> Self:
+        """That of a service and a key, whatever profile there is. Nothing is sent; `check` asks
+        whether the service takes the key.
+
+        Raises:
+            ClientError: the URL or the key can be none.
+        """
+        from modalbase.client.connection import Connection
+
+        return cls(Connection(url, key))
+
+    @classmethod
+    def over(cls, http: httpx.Client) -> Self:
+        """That of an httpx client with trust, key and base URL of its own; who made the client
+        closes it.
+        """
+        from modalbase.client.connection import Connection
+
+        return cls(Connection.over(http))
+
+    def check(self) -> None:
+        """Ask the service.
+
+        Raises:
+            ClientError: it does not answer, or it refuses the key.
+        """
+        self.connection.get("projects", limit=1)
+
     def __repr__(self) -> str:
         return f"<Laboratory {self.connection.url}>"
 
@@ -69,17 +101,22 @@ class Laboratory(Access):
     def __exit__(self, *_: object) -> None:
         self.connection.close()
 
-    def new_project(self, name: str, description: str = "") -> Project:
+    def new_project(self, name: str, description: str = "", *, again: bool = False) -> Project:
         """Make a project; you are its owner.
+
+        Args:
+            name: of it.
+            description: of it.
+            again: another one of that name is meant, and needs no warning.
 
         Warns:
             UserWarning: you are in one of that name already, so that the name alone no longer says
             which is meant.
         """
-        if any(one["name"] == name for one in self.connection.pages("projects")):
-            again = f"lab.project({name!r}, create=True)"
+        if not again and any(one.name == name for one in self.projects()):
+            there = f"lab.project({name!r}, create=True)"
             warnings.warn(
-                f"there is a project {name!r} already; {again} gives that one", stacklevel=2
+                f"there is a project {name!r} already; {there} gives that one", stacklevel=2
             )
         return Project(
             self, self.connection.post("projects", {"name": name, "description": description})
@@ -115,10 +152,13 @@ class Laboratory(Access):
         """A monitor by id, name, `project/structure/monitor` or `latest`."""
         return Monitor(self, find(self.connection, MONITOR, which))
 
+    def monitors(self) -> list[Monitor]:
+        """The monitors of all structures that you may see."""
+        return [Monitor(self, fields) for fields in self.connection.pages("monitors")]
+
     def job(self, which: str = "latest") -> UpdateJob:
         """An update job by id, or the one that was queued last."""
-        id_ = find_job(self.connection, which)
-        return UpdateJob(self, self.connection.get(f"update-jobs/{id_}"))
+        return self.named(UpdateJob, which).refresh()
 
     def jobs(self, most: int | None = None, **narrowed: Any) -> list[UpdateJob]:
         """Update jobs, newest first.

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from modalbase.client.files import MESH_FORMATS, save_file, send_file
-from modalbase.client.finding import PROJECT, STRUCTURE
 from modalbase.objects.archives import Imported, import_archive
 from modalbase.objects.campaigns import Campaign
+from modalbase.objects.files import MESH_FORMATS
+from modalbase.objects.finding import PROJECT, STRUCTURE
 from modalbase.objects.jobs import UpdateJob, update_jobs
 from modalbase.objects.structures import CouponBatch, Forecast, Model, Monitor
 from modalbase.objects.thing import Editable, Table
@@ -41,11 +41,19 @@ class Project(Editable):
 
     noun = PROJECT
 
-    def new_structure(self, name: str, *, confirm: bool = False, **properties: Any) -> Structure:
+    def new_structure(
+        self,
+        name: str,
+        *,
+        confirm: bool = False,
+        body: Mapping[str, Any] | None = None,
+        **properties: Any,
+    ) -> Structure:
         """Make a structure.
 
         Args:
             name: of it.
+            body: as REST has it, to which the properties are added.
             confirm: take numbers that are unusual in SI, such as a modulus of 33 Pa, as they are.
             properties: nominal values, SI: `length_m`, `width_m`, `thickness_m`, `density_kg_m3`,
                 and either `Ex_Pa`, `Ey_Pa`, `Gxy_Pa`, `Gxz_Pa`, `Gyz_Pa`, `nu_xy`, or `plies`; or
@@ -61,15 +69,21 @@ class Project(Editable):
         Raises:
             ClientError: the service refuses them.
         """
-        body = {"name": name, **_nested(properties)}
-        return self._make(Structure, body, confirm)
+        stated = {**(body or {}), "name": name, **_nested(properties)}
+        return self._make(Structure, stated, confirm)
 
     def structures(self) -> list[Structure]:
         """Its structures."""
         return self._list(Structure)
 
     def structure(
-        self, which: str, *, create: bool = False, confirm: bool = False, **properties: Any
+        self,
+        which: str,
+        *,
+        create: bool = False,
+        confirm: bool = False,
+        body: Mapping[str, Any] | None = None,
+        **properties: Any,
     ) -> Structure:
         """One of its structures by name or id.
 
@@ -77,6 +91,7 @@ class Project(Editable):
             which: of them.
             create: make one of this name where there is none, so that a script can be run twice.
             confirm: with `create`, take unusual numbers as they are.
+            body: with `create`, as `new_structure` takes it.
             properties: with `create`, as `new_structure` takes them; the one that is there must be
                 as stated.
 
@@ -84,13 +99,14 @@ class Project(Editable):
             ClientError: there is none, several have the name, or the one that has it is not as
                 stated.
         """
-        return self._one(Structure, which, create, _nested(properties), confirm)
+        stated = {**(body or {}), **_nested(properties)}
+        return self._one(Structure, which, create, stated, confirm)
 
     def archive(self, file: str | Path) -> Path:
         """Write all of it, instruments, structures and campaigns, to a zip that others read without
         this service.
         """
-        return save_file(self.lab.connection, f"{self.address}/archive", file)
+        return self._save("archive", file)
 
     def import_archive(self, file: str | Path, *, again: bool = False) -> Imported:
         """Read an archive that a service wrote, with new ids: all but results, which stay in it,
@@ -114,7 +130,7 @@ class Project(Editable):
         """Its hammers, sensors and analysers with their calibrations; campaigns name them by kind
         and serial number.
         """
-        return Table(list(self.lab.connection.pages(f"{self.address}/instruments")), key="serial")
+        return Table(self._pages("instruments"), key="serial")
 
     def add_instrument(self, kind: str, serial: str, **fields: Any) -> dict[str, Any]:
         """Register a `hammer`, `sensor` or `analyser`.
@@ -128,8 +144,7 @@ class Project(Editable):
         Raises:
             ClientError: the project has it already, or the service refuses it.
         """
-        body = {"kind": kind, "serial": serial, **fields}
-        return self.lab.connection.post(f"{self.address}/instruments", body)
+        return self._post("instruments", {"kind": kind, "serial": serial, **fields})
 
     def change_instrument(self, instrument_id: str, **fields: Any) -> dict[str, Any]:
         """Change an instrument's `serial`, `model`, `notes`, or with `calibrations` its whole
@@ -147,7 +162,7 @@ class Project(Editable):
 
     def members(self) -> list[dict[str, Any]]:
         """Who is in it, and in which role."""
-        return list(self.lab.connection.pages(f"{self.address}/members"))
+        return self._pages("members")
 
     def add_member(self, user: str, role: str = "viewer") -> None:
         """Give a user, by name or id, the role `viewer`, `editor` or `owner`."""
@@ -189,21 +204,8 @@ class Structure(Editable):
             JobFailed: it could not be read; says line and card.
             ClientError: the service refuses it.
         """
-        stated: dict[str, Any] = {
-            "units": units,
-            "accept": list(accept),
-            "confirm": confirm or None,
-        }
-        sent = Model(
-            self.lab,
-            send_file(
-                self.lab.connection,
-                f"{self.address}/model",
-                Path(file),
-                sections=sections,
-                **stated,
-            ),
-        )
+        stated = {"units": units, "accept": list(accept), "confirm": confirm or None}
+        sent = Model(self.lab, self._send("model", file, sections=sections, **stated))
         if wait:
             sent.wait().check()
             self.refresh()
@@ -212,12 +214,15 @@ class Structure(Editable):
     @property
     def model(self) -> Model | None:
         """The model that it is, or None."""
-        key = self.fields["model"]
-        return (
-            None
-            if key is None
-            else Model(self.lab, self.lab.connection.get(f"{self.address}/model"))
-        )
+        return None if self.fields["model"] is None else self.sent_model()
+
+    def sent_model(self) -> Model:
+        """The model that it is.
+
+        Raises:
+            ClientError: no model was sent.
+        """
+        return Model(self.lab, self._get("model"))
 
     def mesh(self, file: str | Path) -> Path:
         """Write its mesh: `.vtu` for viewers, `.uff` with sets 2411 and 2412, or `.json`.
@@ -226,7 +231,7 @@ class Structure(Editable):
             ClientError: the name says no format, or nothing is said of the structure that has a
                 mesh.
         """
-        return save_file(self.lab.connection, f"{self.address}/model/mesh", file, MESH_FORMATS)
+        return self._save("model/mesh", file, MESH_FORMATS)
 
     def forecast(self, **request: Any) -> Forecast:
         """Solve its nominal model, before anything is measured: modes, where to hit, and FRFs where
@@ -239,7 +244,7 @@ class Structure(Editable):
         Raises:
             ClientError: the structure lacks what a model needs.
         """
-        return Forecast(self.lab, self.lab.connection.post(f"{self.address}/forecasts", request))
+        return self._make(Forecast, request)
 
     def forecasts(self) -> list[Forecast]:
         """Its forecasts, newest first."""
@@ -258,7 +263,7 @@ class Structure(Editable):
             ClientError: the structure lacks what a model needs.
         """
         body = {**request, **({"tests": list(tests)} if tests else {})}
-        return Table(self.lab.connection.post(f"{self.address}/plans", body)["items"])
+        return Table(self._post("plans", body)["items"])
 
     def new_campaign(
         self, name: str, boundary: str, *, confirm: bool = False, **fields: Any

@@ -6,20 +6,19 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Mapping
-from itertools import islice
+from math import floor, log10
 from pathlib import Path
 from typing import Any
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import save_file
-from modalbase.client.searching import rate_rows
-from modalbase.objects.thing import Access, Figure, Table, library
+from modalbase.objects.files import ROWS, TRENDS, format_of, save_file
+from modalbase.objects.thing import Access, Addressed, Figure, Table, library
 
 SHOWN = 10
 """Rows that printing shows."""
 
 
-class SearchResults:
+class SearchResults(Addressed):
     """Rows of one noun that a search found; nothing is fetched before it is asked for.
 
         hot = lab.find("campaigns", "temperature_c > 25 AND structure.name LIKE 'bridge%'")
@@ -65,10 +64,7 @@ class SearchResults:
 
     def head(self, most: int = SHOWN) -> Table:
         """The first rows as a table."""
-        return Table(
-            list(islice(self.lab.connection.pages(self.address, most, **self.query), most)),
-            key="id",
-        )
+        return Table(self._pages("", most, **self.query)[:most], key="id")
 
     def to_pandas(self) -> Any:
         """All rows as a `pandas.DataFrame`, SI in full, times as times.
@@ -86,6 +82,14 @@ class SearchResults:
         """
         return library("polars").read_ipc_stream(self._file("arrow"))
 
+    def save(self, file: str | Path) -> Path:
+        """Write all rows to a file: `.csv`, `.jsonl` or `.arrows`.
+
+        Raises:
+            ClientError: the name says none of these, or there are more rows than a file has.
+        """
+        return self._save("", file, ROWS, **self.query)
+
     def archive(self, file: str | Path) -> Path:
         """Write all campaigns that were found, with structures, modes and results, to a zip that
         others read.
@@ -99,7 +103,7 @@ class SearchResults:
                 f"an archive is of campaigns; search for those whose {self.noun} are meant",
                 Exit.USAGE,
             )
-        return save_file(self.lab.connection, f"{self.address}/archive", file, **self._what())
+        return self._save("archive", file, **self._what())
 
     def arrays(self, **cut: Any) -> dict[str, Any]:
         """The spectra of all FRFs found, as arrays by name, in one stream: `values` is (N, lines),
@@ -140,9 +144,7 @@ class SearchResults:
         """
         self._require("trend", "results", "modes")
         query = {**self._what(), "value": value, "covariates": covariates}
-        return Trend(
-            self.lab, f"{self.address}/trend", {k: v for k, v in query.items() if v is not None}
-        )
+        return Trend(self.lab, self._at("trend"), {k: v for k, v in query.items() if v is not None})
 
     def figure(self) -> Figure:
         """The results found beside one another, with 95 % intervals.
@@ -152,7 +154,7 @@ class SearchResults:
         """
         self._require("figure", "results")
         sort = {"sort": self.query["sort"]} if "sort" in self.query else {}
-        return Figure(self.lab, f"{self.address}/figure", {**self._what(), **sort})
+        return Figure(self.lab, self._at("figure"), {**self._what(), **sort})
 
     def _require(self, what: str, *nouns: str) -> None:
         if self.noun not in nouns:
@@ -174,7 +176,7 @@ class SearchResults:
 
     def _head(self) -> dict[str, Any]:
         if self._first is None:
-            self._first = self.lab.connection.get(self.address, limit=SHOWN, **self.query)
+            self._first = self._get(limit=SHOWN, **self.query)
         return self._first
 
     def _times(self) -> list[str]:
@@ -182,9 +184,7 @@ class SearchResults:
         return [name for name in row if name.rpartition(".")[2].endswith(("_at", "_since"))]
 
     def _file(self, form: str) -> bytes:
-        content: bytes = self.lab.connection.call(
-            "GET", self.address, params={**self.query, "format": form}
-        )
+        content: bytes = self._call("GET", params={**self.query, "format": form})
         return content
 
 
@@ -213,7 +213,7 @@ class Trend:
         """A row for each series: campaigns, change a year as a share of the mean, alone and with
         the covariates.
         """
-        return Table(rate_rows(self.fields), key="series")
+        return Table(_rate_rows(self.fields), key="series")
 
     def to_pandas(self) -> Any:
         """All points as a `pandas.DataFrame`, SI in full, with the value corrected for the
@@ -231,5 +231,56 @@ class Trend:
         """Values over time and over temperature, with intervals and lines."""
         return Figure(self.lab, f"{self.address}/figure", self.query)
 
+    def save(self, file: str | Path) -> Path:
+        """Write its points to a `.csv`, or its figure: `.svg`, `.png`, `.pdf`, or `.json` for
+        Plotly.
+
+        Raises:
+            ClientError: the name says none of these.
+        """
+        if format_of(Path(file), TRENDS) != "csv":
+            return self.figure().save(file)
+        return save_file(self.lab.connection, self.address, file, TRENDS, **self.query)
+
+    @property
+    def notes(self) -> list[str]:
+        """What to know of it and of its series, once each."""
+        each = [self.fields, *self.series]
+        return list(dict.fromkeys(note for one in each for note in one["notes"]))
+
     def __repr__(self) -> str:
         return "\n".join([str(self.table()), *self.fields["notes"]])
+
+
+def _rate_rows(trend: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A row for each series of a trend: the change a year in per cent of the mean, by time alone
+    and beside the covariates.
+    """
+    headings = dict.fromkeys(
+        _rate_heading(line) for one in trend["series"] for line in one["lines"]
+    )
+    return [
+        {
+            "structure": one["structure_name"],
+            "series": one["name"],
+            "campaigns": len(one["points"]),
+            **dict.fromkeys(headings, "–"),
+            **{_rate_heading(line): _rate(line) for line in one["lines"]},
+        }
+        for one in trend["series"]
+    ]
+
+
+def _rate_heading(line: Mapping[str, Any]) -> str:
+    beside = ", ".join(name.split("_")[0] for name in line["covariates"])
+    return "% a year" + (f" beside {beside}" if beside else "")
+
+
+def _rate(line: Mapping[str, Any]) -> str:
+    """A change a year with its interval, to the second digit of the interval's length."""
+    low, high = line["relative_interval_95"]
+    places = min(6, max(0, 1 - floor(log10(100 * (high - low))))) if high > low else 2
+    middle, low, high = (
+        f"{100 * value:+.{places}f}" for value in (line["relative_per_year"], low, high)
+    )
+    return f"{middle} ({low} to {high})"

@@ -5,13 +5,14 @@ monitors with their alarms.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalbase.client.files import MESH_FORMATS, format_of, save_file
-from modalbase.client.finding import BATCH, MONITOR, Kind
 from modalbase.formats.registry import FRF_SUFFIXES
+from modalbase.objects.files import MESH_FORMATS, format_of, save_file
+from modalbase.objects.finding import BATCH, MONITOR, Kind
 from modalbase.objects.jobs import Job, Stoppable
 from modalbase.objects.thing import Editable, Figure, Table, Thing
 
@@ -24,12 +25,20 @@ class CouponBatch(Thing):
 
     noun = BATCH
 
-    def add_curve(self, file: str | Path, *, confirm: bool = False, **about: Any) -> dict[str, Any]:
+    def add_curve(
+        self,
+        file: str | Path,
+        *,
+        confirm: bool = False,
+        body: Mapping[str, Any] | None = None,
+        **about: Any,
+    ) -> dict[str, Any]:
         """Add a specimen from a testing machine's file.
 
         Args:
             file: CSV of the machine.
             confirm: take unusual dimensions and results as they are.
+            body: as REST has it, to which `about` is added.
             about: `dimensions`, `columns`, and where needed `standard`, `specimen` (by default the
                 file's name) and the others of `POST /coupon-batches/{id}/coupons`.
 
@@ -37,7 +46,7 @@ class CouponBatch(Thing):
             ClientError: the file cannot be read so; the text says what is missing.
         """
         path = Path(file)
-        coupon = {"specimen": path.stem, **about}
+        coupon = {"specimen": path.stem, **(body or {}), **about}
         fields = {"coupon": json.dumps(coupon)}
         answer = self.lab.connection.submit(
             f"{self.address}/coupons", path, fields, confirm=confirm or None
@@ -50,17 +59,16 @@ class CouponBatch(Thing):
         and so on; with `confirm` unusual ones too.
         """
         body = {"specimen": specimen, **results}
-        answer = self.lab.connection.post(f"{self.address}/coupons", body, confirm=confirm or None)
-        made: dict[str, Any] = answer["items"][0]
+        made: dict[str, Any] = self._post("coupons", body, confirm)["items"][0]
         return made
 
     def coupons(self) -> Table:
         """Its specimens with their results, SI."""
-        return Table(list(self.lab.connection.pages(f"{self.address}/coupons")), key="specimen")
+        return Table(self._pages("coupons"), key="specimen")
 
     def summary(self) -> dict[str, Any]:
         """Statistics of the batch, the priors that follow, and warnings."""
-        return self.lab.connection.get(f"{self.address}/summary")
+        return self._get("summary")
 
     @property
     def statistics(self) -> Table:
@@ -178,7 +186,7 @@ class Forecast(Stoppable):
     def _written(self, part: str, file: str | Path, formats: dict[str, str], **query: Any) -> Path:
         format_of(Path(file), formats)  # before one waits
         self.wait().check()
-        return save_file(self.lab.connection, f"{self.address}/{part}", file, formats, **query)
+        return self._save(part, file, formats, **query)
 
     def summary(self) -> str:
         """Where to hit, and the modes; or why there are none."""
@@ -201,24 +209,21 @@ class Monitor(Editable):
             campaign: on this one; by default on all that are complete and not yet in the series.
             how: `rerun`, `reason`.
         """
-        body = {
-            **({} if campaign is None else {"campaign": getattr(campaign, "id", campaign)}),
-            **how,
-        }
-        runs: list[dict[str, Any]] = self.lab.connection.post(f"{self.address}/runs", body)["items"]
+        on = {} if campaign is None else {"campaign": getattr(campaign, "id", campaign)}
+        runs: list[dict[str, Any]] = self._post("runs", {**on, **how})["items"]
         return runs
 
     def runs(self) -> Table:
         """What became of each run."""
-        return Table(list(self.lab.connection.pages(f"{self.address}/runs")), key="id")
+        return Table(self._pages("runs"), key="id")
 
     def series(self, number: int | None = None) -> dict[str, Any]:
         """Values with their uncertainty, baseline, limits, alarms and campaigns."""
-        return self.lab.connection.get(f"{self.address}/series", series=number)
+        return self._get("series", series=number)
 
     def figure(self, parameter: str | None = None) -> Figure:
         """The control chart of a parameter; by default of the first one that is watched."""
-        return Figure(self.lab, f"{self.address}/series/figure", {"parameter": parameter})
+        return Figure(self.lab, self._at("series/figure"), {"parameter": parameter})
 
     def alarms(self) -> list[Alarm]:
         """Its alarms, newest first."""

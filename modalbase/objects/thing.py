@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from modalbase.client.display import PLAIN_WIDTH, cell, print_table
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import FIGURES, format_of
-from modalbase.client.finding import Kind, find, find_or_make
 from modalbase.client.rest import Rest
+from modalbase.objects.files import FIGURES, save_file, send_file
+from modalbase.objects.finding import Kind, all_of, find, find_id, find_or_make
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
@@ -46,8 +46,79 @@ class Access:
         self.connection = connection
         self.rest = Rest(connection)
 
+    def named(self, of: type[T], which: str, within: Thing | None = None) -> T:
+        """A thing of which nothing but its id is known, for calls that need no more.
 
-class Thing:
+        Args:
+            of: its class, such as `Campaign`.
+            which: id, name, names from the project down, or `latest`. An id is taken as it is: the
+                service judges it at the next call.
+            within: the one above, where only what belongs to that is meant.
+
+        Raises:
+            ClientError: nothing has that name, or several things have.
+        """
+        above = None if within is None else within.fields["id"]
+        return of(self, {"id": of._id_of(self.connection, which, above)})
+
+    def names(self, noun: Kind) -> list[str]:
+        """The names of all things of a noun that one may see."""
+        return [str(one["name"]) for one in all_of(self.connection, noun)]
+
+
+class Addressed:
+    """What is at an address of a service.
+
+    Attributes:
+        lab: where it is of.
+    """
+
+    lab: Access
+
+    @property
+    def address(self) -> str:
+        """Its path below `/api/v1/`."""
+        raise NotImplementedError
+
+    def _at(self, part: str) -> str:
+        return f"{self.address}/{part}" if part else self.address
+
+    def _get(self, part: str = "", **query: Any) -> dict[str, Any]:
+        """The JSON of a part of it, or of itself."""
+        return self.lab.connection.get(self._at(part), **query)
+
+    def _pages(self, part: str = "", most: int | None = None, **query: Any) -> list[dict[str, Any]]:
+        """The items of a list below it."""
+        return list(self.lab.connection.pages(self._at(part), most, **query))
+
+    def _post(self, part: str, body: Any, confirm: bool = False) -> dict[str, Any]:
+        """The JSON that answers a body."""
+        return self.lab.connection.post(self._at(part), body, confirm=confirm or None)
+
+    def _call(self, method: str, part: str = "", *, replaced: bool = False, **how: Any) -> Any:
+        """What answers any call; `replaced` names the version that is there now, as replaced."""
+        if replaced:
+            there = self.lab.connection.request("GET", self._at(part))
+            how["headers"] = {"If-Match": there.headers["etag"]}
+        return self.lab.connection.call(method, self._at(part), **how)
+
+    def _send(self, part: str, file: str | Path, **how: Any) -> dict[str, Any]:
+        """The JSON that answers a file, as `send_file`."""
+        return send_file(self.lab.connection, self._at(part), Path(file), **how)
+
+    def _save(
+        self,
+        part: str,
+        file: str | Path,
+        formats: Mapping[str, str] | None = None,
+        advice: str = "",
+        **query: Any,
+    ) -> Path:
+        """Write a part of it to a file, as `save_file`."""
+        return save_file(self.lab.connection, self._at(part), file, formats, advice, **query)
+
+
+class Thing(Addressed):
     """One thing that the service stores.
 
     Attributes:
@@ -81,6 +152,11 @@ class Thing:
     def __hash__(self) -> int:
         return hash(self.fields["id"])
 
+    @classmethod
+    def _id_of(cls, service: Connection, which: str, within: str | None, /) -> str:
+        """The id of the one that is meant, as `Access.named`."""
+        return find_id(service, cls.noun, which, within)
+
     @property
     def address(self) -> str:
         """Its path below `/api/v1/`."""
@@ -92,7 +168,7 @@ class Thing:
         Raises:
             ClientError: it is gone, or the service does not answer.
         """
-        self.fields = self.lab.connection.get(self.address)
+        self.fields = self._get()
         return self
 
     def _list(self, of: type[T], **narrowed: Any) -> list[T]:
@@ -100,10 +176,16 @@ class Thing:
         path = of.noun.below.format(self.fields["id"])
         return [of(self.lab, fields) for fields in self.lab.connection.pages(path, **narrowed)]
 
-    def _make(self, of: type[T], body: Mapping[str, Any], confirm: bool = False) -> T:
+    def _make(
+        self,
+        of: type[T],
+        body: Mapping[str, Any],
+        confirm: bool = False,
+        headers: dict[str, str] | None = None,
+    ) -> T:
         """A new thing of a kind below it."""
         path = of.noun.below.format(self.fields["id"])
-        return of(self.lab, self.lab.connection.post(path, body, confirm=confirm or None))
+        return of(self.lab, self.lab.connection.post(path, body, headers, confirm=confirm or None))
 
     def _one(
         self, of: type[T], which: str, create: bool, body: dict[str, Any], confirm: bool = False
@@ -143,9 +225,7 @@ class Editable(Thing):
         tag = answer.headers.get("etag") if same else None
         headers = {"If-Match": tag or '"changed-since"'}
         query = {"confirm": confirm or None}
-        self.fields = self.lab.connection.call(
-            "PATCH", self.address, params=query, json=fields, headers=headers
-        )
+        self.fields = self._call("PATCH", params=query, json=fields, headers=headers)
         return self
 
     def delete(self) -> None:
@@ -154,7 +234,7 @@ class Editable(Thing):
         Raises:
             ClientError: the service refuses.
         """
-        self.lab.connection.call("DELETE", self.address, headers={"If-Match": "*"})
+        self._call("DELETE", headers={"If-Match": "*"})
 
 
 def find_or_create(
@@ -182,7 +262,7 @@ def find_or_create(
         TypeError: something is stated of it without `create`.
     """
     if create:
-        return find_or_make(service, kind, {"name": which, **body}, within, **query)
+        return find_or_make(service, kind, {**body, "name": which}, within, **query)
     if body or query:
         raise TypeError(f"{', '.join([*body, *query])} of a {kind.word} is stated with create=True")
     return find(service, kind, which, within=within)
@@ -242,13 +322,13 @@ class Table(Sequence[Mapping[str, Any]]):
         from rich.console import Console
 
         text = StringIO()
-        print_table("", *self._cells(), Console(file=text, width=PLAIN_WIDTH))
+        print_table("", *self.cells(), Console(file=text, width=PLAIN_WIDTH))
         return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
 
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        columns, rows = self._cells()
+        columns, rows = self.cells()
         head = "".join(f"<th>{escape(name)}</th>" for name in columns)
         body = "".join(
             f"<tr>{''.join(f'<td>{escape(cell(value))}</td>' for value in row)}</tr>"
@@ -256,7 +336,8 @@ class Table(Sequence[Mapping[str, Any]]):
         )
         return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
-    def _cells(self) -> tuple[Sequence[str], Sequence[Sequence[Any]]]:
+    def cells(self) -> tuple[Sequence[str], Sequence[Sequence[Any]]]:
+        """Headings and rows as printing shows them."""
         if self._shown is not None:
             return self._shown
         columns = list(dict.fromkeys(name for row in self.rows for name in row))
@@ -294,12 +375,7 @@ class Figure:
         Raises:
             ClientError: the file's name says none of these.
         """
-        path = Path(file)
-        chosen = format_of(path, FIGURES)
-        self.lab.connection.download(
-            self.address, path, lambda _done, _size: None, **{**self.query, "format": chosen}
-        )
-        return path
+        return save_file(self.lab.connection, self.address, file, FIGURES, **self.query)
 
     def plotly(self) -> dict[str, Any]:
         """The figure as Plotly has it: `plotly.graph_objects.Figure(figure.plotly())`."""

@@ -2,7 +2,9 @@
 
 What a feature needs of it::
 
-    from service.access import CurrentUser, SessionDep, audit, project_for
+    from service.access import CurrentUser, SessionDep, api_router, project_for
+
+    router = api_router(tags=["structures"])
 
     @router.post("/projects/{project_id}/structures", status_code=201)
     def create(project_id: UUID, body: StructureIn, session: SessionDep, user: CurrentUser) ->
@@ -28,6 +30,7 @@ from service.access.users import audit
 
 if TYPE_CHECKING:
     from service.access.dependencies import CurrentUser, SessionDep, SettingsDep
+    from service.access.routing import api_router
 
 __all__ = [
     "ApiKey",
@@ -40,6 +43,7 @@ __all__ = [
     "SessionDep",
     "SettingsDep",
     "User",
+    "api_router",
     "audit",
     "present",
     "project_for",
@@ -53,8 +57,8 @@ def __getattr__(name: str) -> Any:
     """What routes need brings FastAPI with it, half of the time that a command takes to start:
     imported when asked for.
     """
-    if name not in ("CurrentUser", "SessionDep", "SettingsDep"):
+    if name not in ("CurrentUser", "SessionDep", "SettingsDep", "api_router"):
         raise AttributeError(name)
-    from service.access import dependencies
+    from service.access import dependencies, routing
 
-    return getattr(dependencies, name)
+    return getattr(routing if name == "api_router" else dependencies, name)

@@ -3,7 +3,7 @@
 One row a user, operation and key holds the SHA-256 of the request and its answer, in the
 transaction of what the request
 made: after a rollback there is neither. `answered_once` gives an operation that creates the header
-and this behaviour; the composition of the API applies it to all of them. An answer that shows a
+and this behaviour; the routers of `api_router` apply it to all of them. An answer that shows a
 secret (`Cache-Control: no-store`) is kept sealed with the API key of its request, which is stored
 nowhere, so that it opens to that key alone.
 """

@@ -26,6 +26,7 @@ from service.access.keys import (
     revoke_key,
 )
 from service.access.lookup import project_for, projects, projects_of
+from service.access.routing import api_router
 from service.access.schemas import (
     AuditEventOut,
     KeyEnd,
@@ -53,7 +54,7 @@ from service.access.users import (
 )
 from service.db.base import transaction_time
 from service.errors import Conflict, Invalid, NotFound, not_found_as
-from service.web import IF_MATCH, Page, api_router, etag_of, require_match, shown_as
+from service.web import IF_MATCH, Page, etag_of, require_match, shown_as
 from service.web.bodies import Name
 from service.web.parameters import Cursor, Limit, UnlessNamed, paged, there
 

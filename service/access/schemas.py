@@ -9,14 +9,24 @@ from pydantic import ConfigDict, Field
 from service.access.keys import Scope
 from service.access.lookup import Role
 from service.access.metadata_schema import Schemas
-from service.web.bodies import Meta, Name, StrictModel, Tags, Text, Time, example, not_null
+from service.web.bodies import (
+    Meta,
+    Name,
+    RequestModel,
+    StrictModel,
+    Tags,
+    Text,
+    Time,
+    example,
+    not_null,
+)
 
 
 class _Out(StrictModel):
     model_config = ConfigDict(from_attributes=True, extra="ignore")
 
 
-class ProjectIn(StrictModel):
+class ProjectIn(RequestModel):
     """A new project."""
 
     model_config = example(name="bridge deck")
@@ -27,7 +37,7 @@ class ProjectIn(StrictModel):
     meta: Meta = Field({})
 
 
-class ProjectPatch(StrictModel):
+class ProjectPatch(RequestModel):
     """Members to change; what is in an archived project can be read and not changed."""
 
     model_config = example(description="spans 1 to 4")
@@ -59,7 +69,7 @@ class ProjectOut(_Out):
     deleted_at: datetime | None
 
 
-class MemberIn(StrictModel):
+class MemberIn(RequestModel):
     """A member's role: viewers read, editors also write and start jobs, owners also manage
     members.
     """
@@ -78,7 +88,7 @@ class MemberOut(_Out):
     role: Role
 
 
-class KeyIn(StrictModel):
+class KeyIn(RequestModel):
     """A new key of one's own, with no more rights than the one that makes it."""
 
     model_config = example(
@@ -105,7 +115,7 @@ class KeyOut(_Out):
     revoked_at: datetime | None
 
 
-class KeyEnd(StrictModel):
+class KeyEnd(RequestModel):
     """When a key is to expire."""
 
     model_config = example(expires_at="2027-01-01T00:00:00Z")

@@ -16,7 +16,6 @@ from starlette.concurrency import run_in_threadpool
 
 from fecore import __version__
 from service.access.authentication import Authentication, Paths, SessionCookie
-from service.access.once import answered_once
 from service.app.composition import FINDERS, ROUTERS
 from service.db.engine import for_reading, make_engine, make_sessions
 from service.db.schema import SchemaError, require_head
@@ -26,18 +25,16 @@ from service.jobs.metrics import JobMetrics
 from service.monitoring.live import look_at_monitors
 from service.settings import Settings
 from service.show.guide.routes import router as guide
-from service.show.pages import PREFIX as PAGES
 from service.show.pages import PageErrors, add_pages
 from service.show.pages.look import files as assets
 from service.tasks.routes import HEADINGS
 from service.web.middleware import KnownHosts, RequestMiddleware
 from service.web.openapi import RESPONSES, add_documentation, describe_problems
 from service.web.problems import add_problem_handlers
-from service.web.routing import include
+from service.web.routing import API, UI, serve
 
 log = structlog.stdlib.get_logger("modalbase.http")
 
-PREFIX = "/api/v1"
 # connections that no request holds: one for /readyz and /metrics, one for streams of events
 ASIDE = 2
 # for blocks of files on their way to or from clients; who has a slot has one of the others
@@ -108,16 +105,16 @@ def create_app(settings: Settings) -> FastAPI:
         settings.database_url, app.state.reading, settings.event_streams, LOOKS
     )
     for router in ROUTERS:
-        include(app, router, PREFIX, creating=answered_once)
+        serve(app, router)
     _add_health(app)
 
     if settings.docs:
         add_documentation(app)
-        include(app, guide)
+        serve(app, guide)
     if settings.pages:
         add_pages(app)
     if settings.docs or settings.pages:
-        include(app, assets)
+        serve(app, assets)
     if settings.metrics:
         _add_metrics(app)
     add_problem_handlers(app)
@@ -128,8 +125,8 @@ def create_app(settings: Settings) -> FastAPI:
 
 def _add_middleware(app: FastAPI, settings: Settings) -> None:
     """What each request passes; the last one added is the first."""
-    paths = Paths(app.routes, PREFIX, FINDERS)
-    prefixes = (PREFIX, PAGES) if settings.pages else (PREFIX,)
+    paths = Paths(app.routes, API, FINDERS)
+    prefixes = (API, UI) if settings.pages else (API,)
     app.add_middleware(
         Authentication,
         settings=settings,

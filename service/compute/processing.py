@@ -4,7 +4,7 @@ import json
 import os
 import pickle
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -121,9 +121,7 @@ def process_whole(inputs: ProcessingInputs, report: Report) -> ProcessingOutput:
     """The same with all FRFs in memory, for who works on with them."""
     averages = process(_Source(inputs.points), inputs.processing, _progress(report))
     document = _document(averages, _frfs(averages, _ids(inputs.points)), inputs.left_out)
-    return ProcessingOutput(
-        replace(averages, warnings=(*inputs.left_out, *averages.warnings)), document
-    )
+    return ProcessingOutput(averages, document)
 
 
 def _progress(report: Report) -> Callable[[float], None]:

@@ -114,7 +114,7 @@ def _update_one(campaign: LoadedCampaign, report: Reporter) -> UpdateOutput:
         )
         measurement = _measured(campaign.hits, processing.processed)
         recipe, band = _within_force(recipe, processing.processed)
-        warnings = (*warnings, *processing.processed.warnings, *band)
+        warnings = (*warnings, *processing.document["warnings"], *band)
     assert measurement is not None, "a measurement is loaded, or made of hits"
     result = update(measurement, campaign.body, recipe, stages.progress, report)
     identification = result.identification

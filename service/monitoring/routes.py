@@ -7,7 +7,14 @@ from uuid import UUID
 from fastapi import Query, Request, Response
 from sqlalchemy import select
 
-from service.access import CurrentUser, SessionDep, SettingsDep, project_for, projects_of
+from service.access import (
+    CurrentUser,
+    SessionDep,
+    SettingsDep,
+    api_router,
+    project_for,
+    projects_of,
+)
 from service.access.nouns import NounRoutes
 from service.errors import Invalid
 from service.monitoring import monitors
@@ -38,7 +45,6 @@ from service.web import (
     Limit,
     Page,
     UnlessNamed,
-    api_router,
     etag_of,
     paged,
     require_match,

@@ -19,7 +19,7 @@ from service.errors import Invalid
 from service.monitoring.notifications.channels import OF_MONITORS
 from service.store.campaigns.schemas import Boundary
 from service.store.updating.schemas import RecipeIn
-from service.web import Name, StrictModel, Text, Time, example, not_null, wrong
+from service.web import Id, Name, RequestModel, StrictModel, Text, Time, example, not_null, wrong
 
 Direction = Literal["fall", "rise", "both"]
 State = Literal["no data", "normal", "pending", "alarm", "acknowledged"]
@@ -32,7 +32,7 @@ COEFFICIENT = re.compile(r"[a-z]\w{0,40}")
 OF_A_MODE = re.compile(r"(frequency|damping_ratio)_([1-9]\d?)")
 
 
-class WatchedIn(StrictModel):
+class WatchedIn(RequestModel):
     """A parameter to watch, and where it must not go."""
 
     name: str = Field(
@@ -59,7 +59,7 @@ class WatchedIn(StrictModel):
         return "rise" if quantity_of(self.name) is None else "both"
 
 
-class BaselineIn(StrictModel):
+class BaselineIn(RequestModel):
     """What later campaigns are held against: the first campaigns, from a date on if one is
     stated.
     """
@@ -72,7 +72,7 @@ class BaselineIn(StrictModel):
     )
 
 
-class ChartIn(StrictModel):
+class ChartIn(RequestModel):
     """The control chart."""
 
     kind: Literal["ewma", "cusum", "shewhart"] = "ewma"
@@ -127,7 +127,7 @@ def with_receivers(kind: Any, **limits: Any) -> Callable[[type[Model]], type[Mod
 
 
 @with_receivers(list[Text], default_factory=list, max_length=20)
-class MonitorIn(StrictModel):
+class MonitorIn(RequestModel):
     """A monitor; everything but its name has a default."""
 
     model_config = example(
@@ -189,7 +189,7 @@ class MonitorIn(StrictModel):
             "when campaigns are run: each when it is complete, at the schedule's times, or by hand"
         ),
     )
-    schedule: Text | None = Field(
+    schedule: str | None = Field(
         None, max_length=100, description="five cron fields, UTC, such as `0 3 * * 1`"
     )
     active: bool = Field(True, description="whether it runs and judges by itself, or is at rest")
@@ -266,7 +266,7 @@ class MonitorIn(StrictModel):
 
 
 @with_receivers(list[Text] | None, default=None, max_length=20)
-class MonitorPatch(StrictModel):
+class MonitorPatch(RequestModel):
     """Members to change. What decides about the series is frozen: for another recipe or baseline
     make another monitor.
     """
@@ -322,16 +322,16 @@ class MonitorOut(StrictModel):
     open_alarms: int
 
 
-class RunsIn(StrictModel):
+class RunsIn(RequestModel):
     """What to run. `{}`: every campaign that has not been run as it is now, in time order."""
 
     model_config = example()
 
-    campaign: UUID | None = Field(
+    campaign: Id | None = Field(
         None, description="this one, complete or not; one that failed is tried again"
     )
     rerun: bool = Field(False, description="all campaigns anew, as the next version of the series")
-    reason: Text = Field("", max_length=1000, description="why it is rerun")
+    reason: str = Field("", max_length=1000, description="why it is rerun")
 
     @model_validator(mode="after")
     def _one_wish(self) -> Self:
@@ -355,12 +355,12 @@ class RunOut(StrictModel):
     finished_at: datetime | None
 
 
-class AcknowledgementIn(StrictModel):
+class AcknowledgementIn(RequestModel):
     """Somebody has seen the alarm."""
 
     model_config = example(note="joint 3 retightened")
 
-    note: Annotated[Text, Field(min_length=1, max_length=2000)]
+    note: Annotated[str, Field(min_length=1, max_length=2000)]
 
 
 class AlarmEventOut(StrictModel):

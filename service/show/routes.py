@@ -9,7 +9,7 @@ from uuid import UUID
 
 from fastapi import Query, Response
 
-from service.access import CurrentUser, SessionDep
+from service.access import CurrentUser, SessionDep, api_router
 from service.compute.identifying import up_to_date
 from service.errors import Invalid
 from service.monitoring.monitors import series_for
@@ -41,7 +41,6 @@ from service.store.search.nouns import NOUNS
 from service.store.search.operations import Search, SearchQuery, bounded
 from service.store.search.routes import ModeTrend, OrderedDep, ResultTrend
 from service.store.updating.result_schemas import CONSTANTS
-from service.web import api_router
 
 Seconds = Annotated[float | None, Query(ge=0, le=1e9, allow_inf_nan=False)]
 

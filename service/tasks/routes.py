@@ -7,10 +7,10 @@ from typing import Any
 
 from fastapi import APIRouter
 
+from service.access import api_router
 from service.jobs.routes import JobRoutes
 from service.tasks.kinds import TASKS
 from service.tasks.task import Task
-from service.web import api_router
 
 
 def _routes_of(task: Task, router: APIRouter) -> JobRoutes[Any, Any]:

@@ -11,9 +11,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from service.web.bodies import (
+    Day,
+    Id,
     Int64,
+    LongList,
     Name,
     Page,
+    RequestModel,
     StrictModel,
     Text,
     Time,
@@ -35,21 +39,23 @@ if TYPE_CHECKING:
         require_match,
         require_usual,
     )
-    from service.web.routing import api_router
 
 __all__ = [
     "IF_MATCH",
     "Confirm",
     "Cursor",
+    "Day",
+    "Id",
     "Int64",
     "Limit",
+    "LongList",
     "Name",
     "Page",
+    "RequestModel",
     "StrictModel",
     "Text",
     "Time",
     "UnlessNamed",
-    "api_router",
     "etag_of",
     "example",
     "not_null",
@@ -65,7 +71,6 @@ _LATER = {
         *("IF_MATCH", "Confirm", "Cursor", "Limit", "UnlessNamed"),
         *("etag_of", "paged", "require_match", "require_usual"),
     ),
-    "routing": ("api_router",),
 }
 
 

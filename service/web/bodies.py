@@ -2,7 +2,9 @@
 
 import json
 import re
+from datetime import date
 from typing import Annotated, Any, Generic, TypeVar
+from uuid import UUID
 
 from pydantic import (
     AfterValidator,
@@ -11,41 +13,20 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    GetCoreSchemaHandler,
     JsonValue,
-    ValidationInfo,
     field_validator,
 )
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic_core import PydanticCustomError
 
 from service.web.json_body import refuse_unstorable_text
 
 Item = TypeVar("Item")
 Shown = TypeVar("Shown", bound=BaseModel)
 INT64_MAX = 2**63 - 1
-LONG = 1000  # items of a list beyond which its faults are not listed one by one
 
 
-class _Storable:
-    """Of a text: that PostgreSQL can store it, and its usual limit, where a member states none of
-    its own.
-
-    A `Field(max_length=10_000)` in its place would win over the member's own limit.
-    """
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        """The text's schema, whose limits a member has set by now, with what was not set."""
-        text = dict(handler(source))
-        text.setdefault("max_length", 10_000)
-        return core_schema.no_info_after_validator_function(refuse_unstorable_text, text)
-
-
-Text = Annotated[str, _Storable()]
-"""A text of at most 10,000 characters, if a member says no less, that PostgreSQL can store: no NUL,
-no lone surrogate.
-"""
+Text = Annotated[str, Field(max_length=10_000), AfterValidator(refuse_unstorable_text)]
+"""A text of at most 10,000 characters that PostgreSQL can store: no NUL, no lone surrogate."""
 
 Name = Annotated[
     str, Field(min_length=1, max_length=200, pattern=r"\S"), AfterValidator(refuse_unstorable_text)
@@ -71,75 +52,56 @@ def _written_out(value: object) -> object:
     return value
 
 
-Time = Annotated[AwareDatetime, BeforeValidator(_written_out)]
+Time = Annotated[AwareDatetime, Field(strict=False), BeforeValidator(_written_out)]
 """A moment, written as ISO 8601 with its time zone."""
 
-Int64 = Annotated[int, Field(ge=-INT64_MAX - 1, le=INT64_MAX)]
+Day = Annotated[date, Field(strict=False)]
+"""A day, written as ISO 8601."""
+
+Id = Annotated[UUID, Field(strict=False)]
+"""Of a thing in the database, written as text."""
+
+LongList = Annotated[list[Item], Field(fail_fast=True)]
+"""A list that may be long: the first wrong item says enough, and a million faults would fill the
+memory.
+"""
+
+
+def whole(value: object) -> object:
+    """3.0 may stand for the integer 3. That a zero is negative no integer says."""
+    if not (isinstance(value, float) and value.is_integer() and abs(value) < INT64_MAX):
+        return value
+    return value if str(value) == "-0.0" else int(value)
+
+
+Int64 = Annotated[int, Field(ge=-INT64_MAX - 1, le=INT64_MAX), BeforeValidator(whole)]
 """An integer that fits a bigint."""
 
 
-def _as_written(schema: Any, model: Any) -> None:
-    """Have every number in a schema of pydantic's core refuse text and truth values, and every
-    truth value all but true and
-    false: "no" and "off" are texts. 3.0 may stand for the integer 3.
-
-    A list that may be long stops at its first wrong item. Strict models within this one have been
-    through here already.
-    """
-    if isinstance(schema, list | tuple):
-        for part in schema:
-            _as_written(part, model)
-    elif isinstance(schema, dict) and not _has_check(schema) and not _is_another(schema, model):
-        for part in schema.values():
-            _as_written(part, model)
-        if schema.get("type") == "list" and schema.get("max_length", LONG + 1) > LONG:
-            # the first wrong item says enough, and a million faults would fill the memory
-            schema["fail_fast"] = True
-        if schema.get("type") == "bool":
-            schema["strict"] = True
-        if schema.get("type") in ("float", "int"):
-            inner = core_schema.with_info_before_validator_function(_number, dict(schema))
-            schema.clear()
-            schema.update(inner)
-
-
-def _is_another(schema: dict[str, Any], model: Any) -> bool:
-    """Whether a schema is that of another strict model."""
-    declared = schema.get("cls") if schema.get("type") == "model" else None
-    return declared is not None and declared is not model and issubclass(declared, StrictModel)
-
-
-def _has_check(schema: dict[str, Any]) -> bool:
-    """Whether a number is checked already, as those of a model within a model are."""
-    function = schema.get("function")
-    return isinstance(function, dict) and function.get("function") is _number
-
-
-def _number(value: object, info: ValidationInfo) -> object:
-    # in the cells of a table all is text
-    if isinstance(value, str | bool) and info.mode in ("python", "json"):
-        raise wrong("Input should be a number")
-    return value
-
-
 class StrictModel(BaseModel):
-    """A body of a request. Unknown fields, NaN, infinity, numbers given as text or as true and
-    false, and truth values given as text or numbers are refused, each with its pointer, so that a
+    """A body. Unknown fields, NaN and infinity are refused, each with its pointer, so that a
     misspelt field is not ignored.
     """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, str_strip_whitespace=False)
 
+
+class RequestModel(StrictModel):
+    """A body of a request. Numbers given as text or as true and false, and truth values given as
+    text or numbers are refused too.
+
+    What JSON cannot say otherwise than in text or as a list has a type that is not strict: `Id`,
+    `Time`, `Day`, pairs.
+    """
+
+    model_config = ConfigDict(strict=True)
+
+    _whole = field_validator("*", mode="before")(whole)
+
+    @field_validator("*")
     @classmethod
-    def __get_pydantic_core_schema__(
-        cls, source: Any, handler: GetCoreSchemaHandler, /
-    ) -> CoreSchema:
-        """Pydantic's own strictness would also refuse what JSON cannot say otherwise, such as
-        dates.
-        """
-        schema = handler(source)
-        _as_written(schema, cls)
-        return schema
+    def _storable(cls, value: object) -> object:
+        return refuse_unstorable_text(value) if isinstance(value, str) else value
 
 
 def _short(value: dict[str, JsonValue]) -> dict[str, JsonValue]:
@@ -163,7 +125,7 @@ Details = Annotated[
 ]
 Tag = Annotated[str, Field(max_length=100, pattern=r"^[^\s,]([^,\x00-\x1f]*[^\s,])?$")]
 Tags = Annotated[
-    list[Tag],
+    LongList[Tag],
     AfterValidator(_once),
     Field(max_length=50, description="words to find it by, no commas"),
 ]
@@ -196,7 +158,7 @@ def example(**fields: Any) -> ConfigDict:
     return ConfigDict(json_schema_extra={"examples": [fields]})
 
 
-class Labels(StrictModel):
+class Labels(RequestModel):
     """Tags and free metadata of a thing, by which a search finds it."""
 
     model_config = example(tags=["winter"], meta={"client": "ACME", "hammer_tip": "steel"})

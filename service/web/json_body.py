@@ -32,6 +32,8 @@ def wording(fault: Mapping[str, Any], kind: Any, steps: Sequence[Any]) -> str:
     """
     if fault["type"] == "extra_forbidden":
         return _unknown(kind, steps)
+    if fault["type"] in ("float_type", "int_type"):
+        return _no_number(fault["input"], fault["msg"])
     context = fault.get("ctx", {})
     if isinstance(fault["input"], str) and "max_length" in context:
         return f"has {len(fault['input'])} characters, expected at most {context['max_length']}"
@@ -43,6 +45,12 @@ def wording(fault: Mapping[str, Any], kind: Any, steps: Sequence[Any]) -> str:
     value = fault["input"]
     shown = in_words(value, unit) if isinstance(value, int | float) else str(value)[:40]
     return f"is {shown}, expected {_LIMITS[limit]} {in_words(context[limit], unit)}"
+
+
+def _no_number(value: object, usual: str) -> str:
+    if isinstance(value, float) and not value.is_integer():
+        return f"{usual}, got a number with a fractional part"
+    return "Input should be a number" if isinstance(value, str | bool) else usual
 
 
 def _unknown(kind: Any, steps: Sequence[Any]) -> str:

@@ -18,7 +18,6 @@ from pydantic import BaseModel
 from starlette.responses import HTMLResponse
 
 from service.web.middleware import NOTHING
-from service.web.routing import LazyOpenApi
 from service.web.terms import OPEN, headings, term
 
 Node = dict[str, Any]
@@ -232,7 +231,7 @@ def schemas_of(model: type[BaseModel]) -> dict[str, Node]:
 _REF = "#/components/schemas/{model}"
 
 
-def reads(content: Mapping[str, Any], **more: Any) -> LazyOpenApi:
+def reads(content: Mapping[str, Any], **more: Any) -> dict[str, Any]:
     """What a route says to OpenAPI that reads its body itself.
 
     Args:
@@ -254,11 +253,8 @@ def reads(content: Mapping[str, Any], **more: Any) -> LazyOpenApi:
             return {key: filled(value) for key, value in node.items()}
         return [filled(item) for item in node] if isinstance(node, list) else node
 
-    def made() -> dict[str, Any]:
-        by_type = {kind: {"schema": filled(schema)} for kind, schema in content.items()}
-        return {**more, MODELS: named, "requestBody": {"required": True, "content": by_type}}
-
-    return LazyOpenApi(made)
+    by_type = {kind: {"schema": filled(schema)} for kind, schema in content.items()}
+    return {**more, MODELS: named, "requestBody": {"required": True, "content": by_type}}
 
 
 TEXT, BINARY = {"type": "string"}, {"type": "string", "format": "binary"}

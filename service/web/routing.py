@@ -1,4 +1,4 @@
-"""Routes that are put together when they are first asked for, and that read JSON bodies strictly.
+"""Routes that read JSON bodies strictly.
 
 They refuse names in a query that they do not know: a mistyped filter would answer with more than
 was asked for.
@@ -6,7 +6,6 @@ was asked for.
 
 from collections.abc import Callable, Coroutine, Iterable, Set
 from functools import partial
-from threading import RLock
 from typing import Any
 
 from fastapi import APIRouter, FastAPI, Request, Response
@@ -14,12 +13,14 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
 from starlette.datastructures import Headers
-from starlette.routing import compile_path
 
 from service.errors import Fault, Invalid, PayloadTooLarge, UnsupportedMediaType
-from service.web.json_body import BULK_VALUES, MOST_VALUES, parse_json
+from service.web.json_body import MOST_VALUES, parse_json
 from service.web.negotiation import content_type, is_json
 from service.web.uploads import too_large
+
+API, UI = "/api/v1", "/ui"
+"""Prefixes of the paths of the contract, and of pages."""
 
 
 def query_names(dependant: Dependant) -> frozenset[str]:
@@ -64,8 +65,6 @@ def require_used(request: Request, variant: str, unused: Set[str], instead: str)
 
 
 LARGE = 65536  # bytes beyond which parsing would hold up other requests
-_MATCHING = ("path_regex", "path_format", "param_convertors")
-_assembly = RLock()
 
 
 class StrictRequest(Request):
@@ -78,64 +77,7 @@ class StrictRequest(Request):
         return self.strict_json
 
 
-class LazyOpenApi(dict[str, Any]):
-    """What a route says of itself to OpenAPI, made when the route is put together.
-
-    Attributes:
-        make: makes it.
-    """
-
-    def __init__(self, make: Callable[[], dict[str, Any]]) -> None:
-        super().__init__()
-        self.make = make
-
-
-class LateRoute(APIRoute):
-    """A route that FastAPI puts together when it is first asked for, with what its router was
-    given.
-
-    To read the parameters of 150 functions and to make models of what they answer takes a third of
-    the time in which the API starts, and most of these functions are not called for hours.
-
-    Attributes:
-        label: the path in its own router, by which log and metrics know it.
-        given: what else its router was given for it.
-    """
-
-    _begun = True  # of a copy that no `__init__` has filled
-
-    def __init__(
-        self,
-        path: str,
-        endpoint: Callable[..., Any],
-        *,
-        name: str | None = None,
-        methods: set[str] | list[str] | None = None,
-        **given: Any,
-    ) -> None:
-        self.path, self.label, self.endpoint, self.given = path, path, endpoint, given
-        self.name = endpoint.__name__ if name is None else name
-        self.methods = {method.upper() for method in methods or ("GET",)}
-        self._begun = False
-
-    def __getattr__(self, name: str) -> Any:
-        """What is not there yet."""
-        with _assembly:
-            if name in _MATCHING:
-                self.path_regex, self.path_format, self.param_convertors = compile_path(self.path)
-            elif not self._begun:
-                self._begun = True
-                if isinstance(extra := self.given.get("openapi_extra"), LazyOpenApi):
-                    extra.update(extra.make())
-                super().__init__(
-                    self.path, self.endpoint, name=self.name, methods=self.methods, **self.given
-                )
-            if name not in self.__dict__:
-                raise AttributeError(f"a route has no {name}")
-            return self.__dict__[name]
-
-
-class StrictRoute(LateRoute):
+class StrictRoute(APIRoute):
     """A route that refuses parameters of the query that it does not know, and a body that cannot be
     stored before anything else looks at it.
 
@@ -147,6 +89,11 @@ class StrictRoute(LateRoute):
     """
 
     most_bytes, most_values = 1024 * 1024, MOST_VALUES
+
+    @property
+    def label(self) -> str:
+        """The path below `API`, by which the log, metrics and kept answers know the route."""
+        return self.path.removeprefix(API)
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """FastAPI's handler behind the strict reading."""
@@ -190,65 +137,27 @@ def _require_json(headers: Headers) -> None:
         )
 
 
-class BulkRoute(StrictRoute):
-    """A route whose body carries measured values."""
+class PageRoute(APIRoute):
+    """A route of a page below `UI`."""
 
-    most_bytes, most_values = 2**62, BULK_VALUES  # the operator's limit on JSON is smaller
-
-
-def api_router(*, tags: list[str], bulk: bool = False) -> APIRouter:
-    """A router for one feature, to be listed in `service.app.composition`; paths are relative to
-    `/api/v1`.
-
-    Args:
-        tags: headings on the documentation page.
-        bulk: bodies carry measured values, and may be large.
-    """
-    return APIRouter(route_class=BulkRoute if bulk else StrictRoute, tags=list(tags))
+    @property
+    def label(self) -> str:
+        """The path below `UI`, by which metrics know the route."""
+        return self.path.removeprefix(UI)
 
 
-def page_router() -> APIRouter:
-    """A router of pages, which the OpenAPI document leaves out."""
-    return APIRouter(route_class=LateRoute, include_in_schema=False)
-
-
-def creates(route: LateRoute) -> bool:
-    """Whether a route creates something: a POST that answers 201, or 202 while a job makes it."""
-    return "POST" in (route.methods or ()) and route.given.get("status_code") in (201, 202)
-
-
-def include(
-    app: FastAPI,
-    router: APIRouter,
-    prefix: str = "",
-    creating: Callable[[Callable[..., Any]], Callable[..., Any]] | None = None,
-) -> None:
-    """Give an app the routes of a router. FastAPI's own `include_router` puts all of them together,
-    once more, at the first request.
+def page_router(prefix: str = "") -> APIRouter:
+    """A router of pages, which the OpenAPI document leaves out.
 
     Args:
-        app: takes the routes.
-        router: has them.
-        prefix: of their paths.
-        creating: what the operations become that create something.
+        prefix: of their paths: `UI`, or none.
     """
-    for route in router.routes:
-        assert isinstance(route, LateRoute)
-        given = {
-            name: value
-            for name, value in route.given.items()
-            if name not in ("dependency_overrides_provider", "operation_id")
-        }
-        kind = type(route)
-        app.router.add_api_route(
-            prefix + route.path,
-            creating(route.endpoint) if creating is not None and creates(route) else route.endpoint,
-            name=route.name,
-            methods=route.methods,
-            operation_id=route.name,
-            route_class_override=kind,
-            **given,
-        )
-        added = app.router.routes[-1]
-        assert isinstance(added, LateRoute)
-        added.label = route.label
+    kind = PageRoute if prefix else APIRoute
+    return APIRouter(prefix=prefix, route_class=kind, include_in_schema=False)
+
+
+def serve(app: FastAPI, router: APIRouter) -> None:
+    """Give an app the routes of a router as they are. FastAPI's own `include_router` would make
+    each of them anew at the first request.
+    """
+    app.router.routes.extend(router.routes)

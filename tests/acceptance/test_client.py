@@ -358,22 +358,3 @@ def test_an_update_that_fails_says_why(run: Run, campaign: str) -> None:
     queued = run("update", campaign, "--idempotency-key", "k1").stdout.strip()
     assert run("update", campaign, "--idempotency-key", "k1").stdout.strip() == queued
     assert "has no FRFs" in one_line(run("update", campaign, "--wait", code=FAILED))
-
-
-def test_the_client_starts_without_the_database_and_the_core() -> None:
-    code = (
-        "import sys, service.app.cli.command, modalbase.client.connection,"
-        " modalbase.client.results; print(*sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    loaded = set(done.stdout.split())
-    assert not loaded & {
-        "numpy",
-        "scipy",
-        "sqlalchemy",
-        "psycopg",
-        "fastapi",
-        "pydantic",
-        "fecore",
-        "service.settings",
-    }

@@ -316,7 +316,7 @@ POISON = """import os
 open(os.environ["POISONED"], "a").write(__name__ + "\\n")
 raise ImportError("this is a laboratory's own file")
 """
-LIGHT = {"httpx", "numpy", "platformdirs", "pyuff", "rich", "typer"}
+LIGHT = {"httpx", "numpy", "platformdirs", "rich", "typer"}
 
 
 def test_the_wheel_has_four_packages_and_nothing_else(built: tuple[Path, Path]) -> None:

@@ -16,9 +16,9 @@ from typer.testing import CliRunner
 import modalbase
 from modalbase.client.connection import Connection
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.measuring import read_points
-from modalbase.client.options import json_file
 from modalbase.client.rest import Rest
+from modalbase.commands.measuring import read_points
+from modalbase.commands.options import json_file
 from modalbase.objects.projects import Structure
 from modalbase.objects.thing import Table
 from service.app.cli.command import app

@@ -147,7 +147,8 @@ def test_the_exported_members_are_these(package: ModuleType, names: str) -> None
 def test_an_import_brings_no_more_than_it_needs() -> None:
     """One after the other, as each brings what the ones before it did."""
     without = {
-        "numpy": "modalbase, modalbase.client, modalbase.objects", "fecore": "modalbase.formats", "scipy": "fecore",
+        "numpy": "modalbase, modalbase.client.connection, modalbase.objects.laboratory", "fecore": "modalbase.formats",
+        "scipy": "fecore",
     }  # fmt: skip
     code = "".join(
         f"import {packages}; print({heavy!r} in sys.modules)\n"
@@ -157,6 +158,43 @@ def test_an_import_brings_no_more_than_it_needs() -> None:
         [sys.executable, "-c", f"import sys\n{code}"], capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == ["False"] * len(without)
+
+
+HEAVY = {"numpy", "scipy", "httpx", "sqlalchemy", "psycopg", "fastapi", "pydantic", "fecore"}
+
+
+def test_help_loads_neither_numbers_nor_the_service() -> None:
+    """Of the command, as a person calls it, and of every command below it in one process."""
+    words = [sys.executable, "-X", "importtime", "-m", "modalbase", "--help"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+    loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
+    assert "modalbase.commands.app" in loaded
+    assert not loaded & HEAVY
+    script = (
+        "import sys; from click.testing import CliRunner; from typer.main import get_command\n"
+        "from service.app.cli.command import app\n"
+        "root = get_command(app)\n"
+        "for name in root.commands:\n"
+        "    assert CliRunner().invoke(root, [name, '--help']).exit_code == 0, name\n"
+        "print(*sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert not set(done.stdout.split()) & HEAVY
+
+
+def test_commands_ask_objects_and_not_the_connection_beneath_them() -> None:
+    beneath = {"connection", "rest"}
+    calls_rest = [
+        f"{path}:{node.lineno}"
+        for path, tree in (*parsed("modalbase/commands"), *parsed("service/app"))
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute)
+        and node.attr in beneath
+        and ast.unparse(node.value).endswith("lab")
+    ]
+    assert calls_rest == []
 
 
 # --- what is made from code is what the code makes now
@@ -273,8 +311,13 @@ FAULTS = (
     ("service/monitoring/runs.py", "from service.store.modes.operations import ModeSet", "tables: only"),
     ("service/store/frfs/data.py", "from service.store.structures.operations import Structure", "tables: only"),
     ("service/store/campaigns/schemas.py", "import service.store.frfs.schemas", "service.store: a noun needs only"),
-    ("modalbase/client/jobs.py", "import service.settings", "modalbase: what a user imports"),
-    ("modalbase/client/jobs.py", "import numpy", "modalbase.client: HTTP alone"),
+    ("modalbase/client/endpoint.py", "import service.settings", "modalbase: what a user imports"),
+    ("modalbase/client/endpoint.py", "import numpy", "modalbase.client: HTTP alone"),
+    ("modalbase/client/endpoint.py", "import modalbase.objects.files", "modalbase: commands on objects"),
+    ("modalbase/objects/thing.py", "import modalbase.commands.app", "modalbase: commands on objects"),
+    ("modalbase/formats/uff/scan.py", "import modalbase.client.display", "modalbase: commands on objects"),
+    ("modalbase/commands/updating.py", "import modalbase.client.connection", "REST: nothing but"),
+    ("service/app/cli/people.py", "import modalbase.client.rest", "REST: nothing but"),
     ("modalbase/formats/uff/scan.py", "import fecore.errors", "modalbase: what a user imports"),
     ("modalbase/formats/uff/scan.py", "import httpx", "modalbase.formats: bytes to dataclasses"),
     ("fecore/mesh.py", "import modalbase", "fecore: pure"),
@@ -323,3 +366,20 @@ def test_the_service_starts_without_what_only_some_jobs_need() -> None:
         [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == ["[]", "[]"]
+
+
+def test_a_package_names_its_modules_in_the_order_of_the_data() -> None:
+    """The docstring of each package of some size is a map of it."""
+    unnamed = []
+    for package in ("fecore", "modalbase"):
+        for init in sorted((ROOT / package).rglob("__init__.py")):
+            rooms = {
+                path.stem if path.is_file() else path.name
+                for path in init.parent.iterdir()
+                if (path.suffix == ".py" and not path.stem.startswith("__"))
+                or (path / "__init__.py").exists()
+            }
+            said = set(re.findall(r"\w+", ast.get_docstring(ast.parse(init.read_text())) or ""))
+            if len(rooms) > 3:
+                unnamed += [f"{init.relative_to(ROOT)}: {name}" for name in sorted(rooms - said)]
+    assert unnamed == []

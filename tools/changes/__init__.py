@@ -27,7 +27,7 @@ GENERATED = (
         "modalbase/client/fields.json",
         "modalbase/client/units.json",
     ),
-    *("docs/reference-rest.md", "docs/reference-cli.md", "docs/database.md"),
+    *("docs/reference-rest.md", "docs/reference-cli.md", "docs/database.md", "docs/findings.md"),
 )
 """What `python -m tools.reference` writes; a test fails where it is stale."""
 
@@ -82,7 +82,8 @@ CHANGES: tuple[Change, ...] = (
         "a finding of an update",
         "a row in `fecore/updating/known_findings.py`: level, sentence, advice, where it is mended;"
         " `finding(…)` where the condition is looked at",
-        "`tests/unit/service/test_pictures.py`: a row that says nothing to do, or leads nowhere",
+        "`tests/unit/test_findings.py`: a row that is not used, lacks a value, or leads nowhere; its line"
+        " in [all findings](docs/findings.md), which is made",
     ),
     Change(
         "criterion",

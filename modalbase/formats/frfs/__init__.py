@@ -1,5 +1,9 @@
 """FRFs of one quantity on one frequency axis: the files that the service takes and gives, for scripts
 that make or use them without it. `modalbase.formats.registry` has the table of formats.
+
+parts     real columns: real and imaginary parts, or magnitude and phase
+proposal  a mapping for arrays that do not say what they are
+npz, csv, json, arrow, mat, uff
 """
 
 from modalbase.formats.frfs.csv import read_csv, write_csv

@@ -1,7 +1,9 @@
 """Finite element models that users send: a deck, matrices or a mesh to one neutral model, and a
 deck back with its updates.
 
-model      what a deck says, whoever wrote it, and what is lost of it
+model      what a deck says, whoever wrote it
+losses     all that a reader may say is lost of it
+questions  what is unusual in a model, or would be left out: asked, and answered by `accept`
 shapes     cross sections of beams from their walls, and by name and dimensions
 check      areas, normals, and what a model must satisfy before it is solved
 units      units by name, guessed and checked

@@ -8,14 +8,15 @@ table, and by their number to the user.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.models.losses import LOSSES
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -206,6 +207,7 @@ class Support:
 class SkippedCard:
     """Cards that were not used."""
 
+    kind: str  # id of its row in `modalbase.formats.models.losses`
     card: str  # name, such as `*CONTACT PAIR` or `PLOAD4`
     lines: tuple[int, ...]  # where they stand in `file`
     loss: str  # what is lost by that, in a sentence
@@ -213,6 +215,15 @@ class SkippedCard:
     # by name
     changes: bool = False
     file: str = ""  # of an INCLUDE, empty for the deck itself
+
+
+def skipped_card(
+    kind: str, card: str, lines: Sequence[int], file: str = "", **values: object
+) -> SkippedCard:
+    """Cards that were not used, with what is lost by a row of `LOSSES`."""
+    row = LOSSES[kind]
+    name, loss = (each.format(card=card, **values) for each in (row.card, row.loss))
+    return SkippedCard(kind, name, tuple(lines), loss, row.changes, file)
 
 
 @dataclass(frozen=True)
@@ -272,18 +283,15 @@ class ReadReport:
     """Cards that were not used, or not as their solver would."""
 
     def __init__(self) -> None:
-        self._noted: defaultdict[tuple[str, str, bool, str], list[int]] = defaultdict(list)
+        self._noted: defaultdict[SkippedCard, list[int]] = defaultdict(list)
 
-    def add(self, of: Placed | Where, card: str, loss: str, changes: bool = False) -> None:
-        """Note a card, or a line of one, under a name."""
+    def add(self, of: Placed | Where, kind: str, card: str = "", **values: object) -> None:
+        """Note a card, or a line of one, with what is lost by its row of `LOSSES`."""
         where = of if isinstance(of, Where) else of.where
-        self._noted[card, loss, changes, where.file].append(where.line)
+        self._noted[skipped_card(kind, card, (), where.file, **values)].append(where.line)
 
     @property
     def skipped(self) -> tuple[SkippedCard, ...]:
         """All of it, what changes modes first."""
-        every = [
-            SkippedCard(card, tuple(lines), loss, changes, file)
-            for (card, loss, changes, file), lines in self._noted.items()
-        ]
+        every = [replace(each, lines=tuple(lines)) for each, lines in self._noted.items()]
         return tuple(sorted(every, key=lambda each: not each.changes))

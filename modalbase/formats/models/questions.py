@@ -10,7 +10,13 @@ from dataclasses import dataclass, replace
 from math import sqrt
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.model import FiniteElementModel, Material, SkippedCard, Where
+from modalbase.formats.models.model import (
+    FiniteElementModel,
+    Material,
+    SkippedCard,
+    Where,
+    skipped_card,
+)
 from modalbase.formats.models.units import (
     SIZES,
     UnitSystem,
@@ -146,8 +152,8 @@ def massless(model: FiniteElementModel) -> Iterator[SkippedCard]:
         )
     for material in model.materials.values():
         if not material.constants.get("density"):
-            loss = f"{material.name} has none: its elements weigh nothing"
-            yield SkippedCard("density", (material.where.line,), loss, file=material.where.file)
+            at = material.where
+            yield skipped_card("massless", "", [at.line], at.file, material=material.name)
 
 
 def _unusual(material: Material, u: UnitSystem) -> Iterator[tuple[str, str]]:

@@ -1,5 +1,12 @@
 """Time blocks of hammer tests: arrays of npz, .mat, CSV and wav files, a mapping that says what
 they are, blocks in SI.
+
+variables, text     arrays of a file by name: npz, .mat, CSV, wav; tables of text
+arrays              such arrays with their sampling rate, and time blocks
+tdms, wav, uff, sep005
+mapping, proposal   which variable is what, stated or proposed
+recording           one long record of many hits
+scale               sensitivities and units to SI
 """
 
 from modalbase.formats.records.arrays import TimeBlock, Variables, described

@@ -284,9 +284,6 @@ class Limits:
 
     # largest dataset, bytes; memory follows the largest dataset
     dataset_bytes: int = 124 * 1024 * 1024
-    # of each dataset type, the first so many bytes are read by pyuff as well and the two readings
-    # compared; 0 for none
-    cross_check_bytes: int = 4 * 1024 * 1024
     datasets: int = 200_000  # number of datasets in a file
     line_bytes: int = 4096  # longest text line, bytes
     blank_bytes: int = 1024 * 1024  # bytes of white space between datasets

@@ -51,11 +51,6 @@ class RawFunction:
     ordinate_type: int
     notes: tuple[str, ...]
     names: tuple[str, str]  # of the response and the reference in record 6
-    has_gap: bool  # its line at 0 Hz is no number, and was left out
-    unstated_reference: bool  # its reference point is -1, which stands for none
-    # its rows are not in the standard columns, or its abscissa is of another precision than its
-    # ordinates
-    free_form: bool
 
     @property
     def dofs(self) -> tuple[int, int, int, int]:
@@ -130,9 +125,6 @@ def read_58(frame: Frame, body: bytes) -> RawFunction:
         shape.ordinate_type,
         (*notes, *([f"{gap}: this line is left out"] if gap else []), *filter(None, [note]), *more),
         names,
-        bool(gap),
-        _NO_REFERENCE in notes,
-        bool(note),
     )
 
 

@@ -34,15 +34,10 @@ _ORTHONORMAL = 1e-3
 
 @dataclass
 class Parsed:
-    """What a dataset came to: its contents, notes, and what pyuff must find in it too (None: not
-    asked).
-    """
+    """What a dataset came to: its contents, and notes."""
 
     contents: Sequence[Content]
     notes: list[str] = field(default_factory=list)
-    claims: dict[str, object] | None = None
-    free_form: bool = False
-    """Read in a way that pyuff does not know, so that it is not asked to agree."""
 
 
 @dataclass(frozen=True)
@@ -221,12 +216,7 @@ def grid_points(
             f"{len(rows) - len(points)} grid points are given twice with the same coordinates"
         )
     known.update(points)
-    claims: dict[str, object] = {
-        "node_nums": [row.label for row in rows],
-        "disp_cs": [row.displacement_system for row in rows],
-        **{axis: [row.coordinates[i] for row in rows] for i, axis in enumerate("xyz")},
-    }
-    return Parsed(tuple(points.values()), notes, claims)
+    return Parsed(tuple(points.values()), notes)
 
 
 def _is_local(label: int, geometry: Geometry) -> bool:
@@ -260,7 +250,6 @@ def read_18(
     """Set 18: origin, a point on +x and a point in the +xz plane of each system."""
     cursor = Cursor(body)
     defined: list[CoordinateSystem] = []
-    claims: dict[str, list[float]] = {"cs_num": [], "cs_type": [], "ref_cs_num": []}
     while cursor:
         row = cursor.next("a coordinate system")
         label, kind, reference, _, method = cursor.integers(
@@ -293,9 +282,7 @@ def read_18(
         defined.append(
             CoordinateSystem(dataset, label, name, _KINDS[kind], _metres(origin, units), axes)
         )
-        for key, value in (("cs_num", label), ("cs_type", kind), ("ref_cs_num", reference)):
-            claims[key].append(value)
-    return _systems(defined, dict(claims))
+    return _systems(defined)
 
 
 def read_2420(body: bytes, dataset: int, units: Units | None) -> Parsed:
@@ -320,7 +307,7 @@ def read_2420(body: bytes, dataset: int, units: Units | None) -> Parsed:
         systems.append(
             CoordinateSystem(dataset, label, name, _KINDS[kind], _metres(matrix[3], units), axes)
         )
-    return _systems(systems, {"CS_sys_labels": [s.label for s in systems]})
+    return _systems(systems)
 
 
 def _metres(origin: FloatArray, units: Units | None) -> FloatArray:
@@ -328,14 +315,14 @@ def _metres(origin: FloatArray, units: Units | None) -> FloatArray:
     return origin if units is None else origin / units.length
 
 
-def _systems(systems: list[CoordinateSystem], claims: dict[str, object]) -> Parsed:
+def _systems(systems: list[CoordinateSystem]) -> Parsed:
     """The systems of a dataset, each label once."""
     labels = [system.label for system in systems]
     if not systems or len(set(labels)) < len(labels):
         raise Refusal(
             "holds no coordinate system" if not systems else "defines a coordinate system twice"
         )
-    return Parsed(systems, [], claims)
+    return Parsed(systems)
 
 
 BEAMS = (11, 21, 22, 23, 24)
@@ -366,8 +353,7 @@ def read_82(body: bytes, dataset: int) -> Parsed:
     if held > count:
         note = f"declares {count} points and holds {held}; all {held} were kept"
         return Parsed([TraceLine(dataset, number, label, tuple(points[:held]))], [note])
-    claims: dict[str, object] = {"trace_num": number, "n_nodes": count, "nodes": points}
-    return Parsed([TraceLine(dataset, number, label, tuple(points[:count]))], [], claims)
+    return Parsed([TraceLine(dataset, number, label, tuple(points[:count]))])
 
 
 def read_2412(body: bytes) -> Parsed:
@@ -404,5 +390,4 @@ def read_151(body: bytes, dataset: int) -> Parsed:
     lines = [decoded(cursor.next("the header lines")) for _ in range(7)]
     if len(cursor.rows) > 8:
         raise Refusal(f"holds {len(cursor.rows) - 1} lines, expected 7", 7)
-    claims: dict[str, object] = {"model_name": lines[0], "description": lines[1]}
-    return Parsed([FileHeader(dataset, lines[0], lines[1], lines[5], lines[6])], [], claims)
+    return Parsed([FileHeader(dataset, lines[0], lines[1], lines[5], lines[6])])

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from modalbase.formats.types import ComplexArray, FloatArray, IntArray
+from modalbase.formats.types import ComplexArray, IntArray
 from modalbase.formats.uff.content import ModeShape
 from modalbase.formats.uff.geometry import Parsed
 from modalbase.formats.uff.text import Cursor, Refusal, SkippedDataset, decoded, shown
@@ -54,18 +54,11 @@ def read_55(body: bytes, dataset: int) -> Parsed:
         frequency, damping, notes = _normal_mode(numbers[0], viscous, hysteretic)
     else:
         frequency, damping, notes = _complex_mode(numbers[0], numbers[1])
-    points, values, flat = _nodes(cursor, components, values_are_complex)
-    claims: dict[str, object] | None = None
-    if not (values_are_complex and components == 6):
-        claims = {"node_nums": points, "analysis_type": analysis, "n_data_per_node": components}
-        claims |= {
-            f"r{i + 1}": values[:, i] if values_are_complex else flat[:, i]
-            for i in range(components)
-        }
+    points, values = _nodes(cursor, components, values_are_complex)
     shape = ModeShape(
         dataset, ids[0], mode, frequency, damping, points, values=values, kind=_KINDS[analysis]
     )
-    return Parsed([shape], notes, claims)
+    return Parsed([shape], notes)
 
 
 def read_2414(body: bytes, dataset: int) -> Parsed:
@@ -95,14 +88,11 @@ def read_2414(body: bytes, dataset: int) -> Parsed:
         frequency, damping, notes = _normal_mode(frequency, viscous, hysteretic)
     else:
         frequency, damping, notes = _complex_mode(*eigenvalue)
-    points, values, flat = _nodes(cursor, components, values_are_complex)
-    claims: dict[str, object] | None = None
-    if flat.shape[1] <= _PER_ROW:
-        claims = {"node_nums": points, "analysis_type": analysis, "data_at_node": flat}
+    points, values = _nodes(cursor, components, values_are_complex)
     shape = ModeShape(
         dataset, label, mode, frequency, damping, points, values=values, kind=_KINDS[analysis]
     )
-    return Parsed([shape], notes, claims)
+    return Parsed([shape], notes)
 
 
 def _definition(cursor: Cursor, dataset_type: str) -> tuple[int, int, bool]:
@@ -172,8 +162,8 @@ def _complex_mode(real_part: float, imaginary_part: float) -> tuple[float, float
 
 def _nodes(
     cursor: Cursor, components: int, values_are_complex: bool
-) -> tuple[IntArray, ComplexArray, FloatArray]:
-    """Node labels, complex values (p, components), and the reals (p, n) as the file lists them."""
+) -> tuple[IntArray, ComplexArray]:
+    """Node labels, and complex values (p, components)."""
     count = components * (2 if values_are_complex else 1)
     points: list[int] = []
     numbers: list[list[float]] = []
@@ -192,4 +182,4 @@ def _nodes(
         raise Refusal("gives a node twice")
     flat = np.array(numbers)
     values = flat.view(np.complex128) if values_are_complex else flat.astype(np.complex128)
-    return np.array(points, np.int64), values, flat
+    return np.array(points, np.int64), values

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from modalbase.client.app import add_commands
+from modalbase.commands.app import add_commands
 from service.app.cli import care, people, running
 from service.app.cli.ending import ending
 

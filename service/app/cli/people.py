@@ -7,11 +7,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from modalbase.client.errors import ClientError
 from service.app.cli.ending import stop_with
 from service.app.cli.options import Data, settings_of_running
 
@@ -20,10 +19,8 @@ if TYPE_CHECKING:
 
     from sqlalchemy.orm import Session
 
-    from modalbase.client.connection import Connection
+    from modalbase.objects.laboratory import Laboratory
     from service.access import User
-
-FORBIDDEN = 403
 
 Remote = Annotated[
     bool,
@@ -37,72 +34,17 @@ Url = Annotated[
 ]
 
 
-def remote_service(remote: bool, url: str | None) -> Connection | None:
-    """The service that a command is for; None where it works on the database here.
+def remote_laboratory(remote: bool, url: str | None) -> Laboratory | None:
+    """The laboratory that a command is for; None where it works on the database here.
 
     Raises:
         ClientError: no service or no key is found.
     """
     if not (remote or url):
         return None
-    from modalbase.client.options import service_at
+    from modalbase.commands.options import laboratory_at
 
-    return service_at(url)
-
-
-def new_key_at(
-    service: Connection, name: str, scopes: list[str] | None, expires_at: datetime | None
-) -> str:
-    """Another key of the user whose key the connection has."""
-    body: dict[str, Any] = {"name": name}
-    if scopes:
-        body["scopes"] = scopes
-    if expires_at is not None:
-        body["expires_at"] = expires_at.isoformat()
-    return str(service.post("api-keys", body)["key"])
-
-
-def keys_at(service: Connection) -> Iterator[tuple[dict[str, Any], dict[str, Any] | None]]:
-    """Every key with its user, for an administrator; one's own, without one, for anybody else."""
-    try:
-        users = list(service.pages("users"))
-    except ClientError as error:
-        if error.status != FORBIDDEN:
-            raise
-        yield from ((key, None) for key in service.pages("api-keys"))
-        return
-    for user in users:
-        yield from ((key, user) for key in service.pages(f"users/{user['id']}/api-keys"))
-
-
-def revoke_at(service: Connection, prefix: str) -> None:
-    """Revoke the key of a prefix.
-
-    Raises:
-        ClientError: one sees no such key.
-    """
-    for key, user in keys_at(service):
-        if key["prefix"] == prefix:
-            service.call(
-                "DELETE",
-                f"users/{user['id']}/api-keys/{key['id']}" if user else f"api-keys/{key['id']}",
-            )
-            return
-    raise ClientError(
-        f"no key that one may see has the prefix {prefix}; `modalbase keys list` shows all"
-    )
-
-
-def set_disabled_at(service: Connection, name: str, *, disabled: bool) -> None:
-    """Disable a user, or enable one again.
-
-    Raises:
-        ClientError: there is no such user, or the key is no administrator's.
-    """
-    users = list(service.pages("users", name=name))
-    if not users:
-        raise ClientError(f"there is no user {name!r}; `modalbase users list` shows all")
-    service.call("POST", f"users/{users[0]['id']}/{'disable' if disabled else 'enable'}")
+    return laboratory_at(url)
 
 
 keys = typer.Typer(help="API keys.", no_args_is_help=True)
@@ -163,9 +105,9 @@ def create(
     if unknown := set(scopes) - set(SCOPES):
         stop_with(f"--scope {' '.join(sorted(unknown))}: there is {', '.join(SCOPES)}", 2)
     expires_at = None if days is None else datetime.now(UTC) + timedelta(days=days)
-    if (service := remote_service(remote, url)) is not None:
-        with service:
-            typer.echo(new_key_at(service, name, scope, expires_at))
+    if (lab := remote_laboratory(remote, url)) is not None:
+        with lab:
+            typer.echo(lab.new_api_key(name, scope or (), expires_at))
         return
     with _transaction(data) as session:
         row, key = create_key(session, user_named(session, name), name, scopes, expires_at)
@@ -182,9 +124,9 @@ def list_keys(data: Data = None, remote: Remote = False, url: Url = None) -> Non
 
     from service.access import ApiKey, User
 
-    if (service := remote_service(remote, url)) is not None:
-        with service:
-            for one, owner in keys_at(service):
+    if (lab := remote_laboratory(remote, url)) is not None:
+        with lab:
+            for one, owner in lab.api_keys():
                 ends, disabled = (
                     one["expires_at"],
                     owner is not None and owner["disabled_at"] is not None,
@@ -234,9 +176,9 @@ def revoke(
 
     from service.access import ApiKey, audit
 
-    if (service := remote_service(remote, url)) is not None:
-        with service:
-            revoke_at(service, prefix)
+    if (lab := remote_laboratory(remote, url)) is not None:
+        with lab:
+            lab.revoke_api_key(prefix)
         return
     with _transaction(data) as session:
         key = session.scalars(select(ApiKey).where(ApiKey.prefix == prefix)).one_or_none()
@@ -256,9 +198,9 @@ def list_users(data: Data = None, remote: Remote = False, url: Url = None) -> No
 
     from service.access import User
 
-    if (service := remote_service(remote, url)) is not None:
-        with service:
-            for one in sorted(service.pages("users"), key=lambda user: str(user["name"])):
+    if (lab := remote_laboratory(remote, url)) is not None:
+        with lab:
+            for one in sorted(lab.users(), key=lambda user: str(user["name"])):
                 _say_user(one["name"], one["disabled_at"], one["administrator"])
         return
     with _transaction(data) as session:
@@ -274,13 +216,13 @@ def _say_user(name: str, disabled_at: object, administrator: bool) -> None:
 @users.command("disable")
 def disable(name: str, data: Data = None, remote: Remote = False, url: Url = None) -> None:
     """Disable a user: their keys open nothing until they are enabled again."""
-    _set_disabled(name, data, remote_service(remote, url), disabled=True)
+    _set_disabled(name, data, remote_laboratory(remote, url), disabled=True)
 
 
 @users.command("enable")
 def enable(name: str, data: Data = None, remote: Remote = False, url: Url = None) -> None:
     """Enable a user who was disabled."""
-    _set_disabled(name, data, remote_service(remote, url), disabled=False)
+    _set_disabled(name, data, remote_laboratory(remote, url), disabled=False)
 
 
 @users.command("promote")
@@ -306,16 +248,14 @@ def _set_administrator(name: str, data: Path | None, *, administrator: bool) -> 
         audit(session, None, "user.promote" if administrator else "user.demote", "user", user.id)
 
 
-def _set_disabled(
-    name: str, data: Path | None, service: Connection | None, *, disabled: bool
-) -> None:
+def _set_disabled(name: str, data: Path | None, lab: Laboratory | None, *, disabled: bool) -> None:
     from sqlalchemy import func
 
     from service.access import audit
 
-    if service is not None:
-        with service:
-            set_disabled_at(service, name, disabled=disabled)
+    if lab is not None:
+        with lab:
+            lab.set_disabled(name, disabled)
         return
     with _transaction(data) as session:
         user = _user(session, name)

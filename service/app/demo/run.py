@@ -16,10 +16,9 @@ import httpx
 import typer
 from rich.console import Console
 
-from modalbase.client.connection import Connection
-from modalbase.client.jobs import Watch
 from modalbase.client.results import print_result
 from modalbase.objects import laboratory
+from modalbase.objects.jobs import UpdateJob, Watch
 from service.app.demo import paper
 from service.app.demo.paper import UPDATED
 from service.app.supervisor import LocalService
@@ -42,7 +41,7 @@ class Laboratory:
         Raises:
             ClientError: a call was refused, or a job failed.
         """
-        lab = laboratory.Laboratory(Connection.over(self.client))
+        lab = laboratory.Laboratory.over(self.client)
         with self._step("project, structure, campaign"):
             structure = lab.new_project("demonstration").new_structure(**paper.STRUCTURE)
             campaign = structure.new_campaign(**paper.CAMPAIGN)
@@ -132,13 +131,11 @@ def run_demo(*, as_json: bool, keep: bool) -> None:
 
 def _report(client: httpx.Client, job: str) -> Path:
     """Leave the result's report behind, in a file of its own among the temporary ones."""
-    answer = client.get(f"/api/v1/update-jobs/{job}/report", params={"format": "pdf"})
-    answer.raise_for_status()
     with tempfile.NamedTemporaryFile(
         prefix="modalbase-demo-report-", suffix=".pdf", delete=False
     ) as file:
-        file.write(answer.content)
-    return Path(file.name)
+        lab = laboratory.Laboratory.over(client)
+        return lab.named(UpdateJob, job).report(file.name)
 
 
 def _settings(folder: Path) -> Settings:

@@ -17,6 +17,7 @@ from service.access import (
     SessionDep,
     SettingsDep,
     User,
+    api_router,
     project_for,
     projects_of,
 )
@@ -25,22 +26,33 @@ from service.monitoring.notifications.addresses import AddressError, parse_url
 from service.monitoring.notifications.channels.webhook import WEBHOOK, new_secret
 from service.monitoring.notifications.messages import EVENTS, Event, trial_message
 from service.monitoring.notifications.tables import Delivery, Webhook
-from service.web import Cursor, Limit, Page, StrictModel, Text, api_router, example, paged, wrong
+from service.web import (
+    Cursor,
+    Id,
+    Limit,
+    LongList,
+    Page,
+    RequestModel,
+    StrictModel,
+    example,
+    paged,
+    wrong,
+)
 from service.web.bodies import SOME_ID
 
 router = api_router(tags=["webhooks"])
 
 
-class WebhookIn(StrictModel):
+class WebhookIn(RequestModel):
     """Where to post a project's events."""
 
     model_config = example(
         project=SOME_ID, url="https://lab.example.org/hooks/modalbase", events=["alarm.raised"]
     )
 
-    project: UUID
-    url: Text = Field(max_length=2000, description="http:// or https://")
-    events: list[Event] = Field(
+    project: Id
+    url: str = Field(max_length=2000, description="http:// or https://")
+    events: LongList[Event] = Field(
         default_factory=lambda: list(EVENTS), min_length=1, description="default: all of them"
     )
 

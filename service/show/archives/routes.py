@@ -8,7 +8,7 @@ from uuid import UUID
 from fastapi.responses import FileResponse
 from sqlalchemy.orm import Session
 
-from service.access import CurrentUser, SessionDep, User, project_for
+from service.access import CurrentUser, SessionDep, User, api_router, project_for
 from service.errors import Invalid, NotFound
 from service.show.archives.contents import write_archive
 from service.store.campaigns.operations import campaign_for, present_campaigns
@@ -16,7 +16,6 @@ from service.store.search.nouns import NOUNS
 from service.store.search.operations import Search, bounded
 from service.store.search.routes import FilterDep
 from service.store.structures.operations import structures_in
-from service.web import api_router
 from service.web.downloads import spooled
 
 router = api_router(tags=["archives"])

@@ -17,14 +17,14 @@ from service.show.pages import (
     tasks,
     updates,
 )
-from service.show.pages.look import PREFIX, PageErrors
-from service.web.routing import include
+from service.show.pages.look import PageErrors
+from service.web.routing import serve
 
-__all__ = ["PREFIX", "PageErrors", "add_pages"]
+__all__ = ["PageErrors", "add_pages"]
 
 
 def add_pages(app: FastAPI) -> None:
     """All pages; `/` leads to the first of them."""
-    include(app, start.open_router)
+    serve(app, start.open_router)
     for module in (start, search, measurements, updates, comparing, quantities, jobs, tasks):
-        include(app, module.router, PREFIX)
+        serve(app, module.router)

@@ -27,12 +27,12 @@ from service.store.coupons import routes as coupons
 from service.store.modes.operations import mode_set_for
 from service.store.structures.operations import describe_version, structures_of, version_of
 from service.store.updating import routes as updating
-from service.web.routing import page_router
+from service.web.routing import UI, page_router
 
 if TYPE_CHECKING:
     from service.store.modes.operations import ModeSet
 
-router = page_router()
+router = page_router(UI)
 MOST = 50  # columns of a table that somebody may still read
 MOST_BY_SHAPE = 6  # sides whose shapes are compared, which takes reading all of them
 PARTS = ("verdict", "parameters", "modes", "correlation", "provenance")

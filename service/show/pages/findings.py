@@ -8,7 +8,7 @@ from typing import Any
 
 from fecore.findings import Finding, Place, alike, likewise
 from fecore.normal import Z_95
-from fecore.updating.known_findings import FINDINGS
+from fecore.updating.known_findings import FINDINGS, SECTION_OF
 from service.show.pages.forms import page_words
 from service.show.pages.numbers import in_unit
 
@@ -33,6 +33,7 @@ class Step:
     advice: str  # what to do
     place: str  # address of where it is done, to be filled in with ids
     link: str  # words of the link there
+    guide: str  # address within the guide, of the section that lists it
 
 
 def opening(document: Mapping[str, Any]) -> tuple[list[Step], list[str]]:
@@ -71,7 +72,13 @@ def _step(first: Finding, *others: Finding) -> Step:
         first.level,
         _sentence(page_words(first.advice)) if first.advice else "",
         *PLACES[first.link],
+        guide=section(first.kind),
     )
+
+
+def section(kind: str) -> str:
+    """Address within the guide of the section that lists a finding."""
+    return f"findings.html#{SECTION_OF[kind].lower().replace(' ', '-')}"
 
 
 def _sentence(text: str) -> str:

@@ -11,9 +11,9 @@ from service.errors import NotFound
 from service.jobs.events import Events, look_at_jobs
 from service.jobs.tables import Job
 from service.monitoring.live import look_at_monitors, monitors_among
-from service.web.routing import page_router
+from service.web.routing import UI, page_router
 
-router = page_router()
+router = page_router(UI)
 MOST = 200  # that a page watches
 
 

@@ -41,7 +41,7 @@ from service.store.campaigns.operations import campaign_for, describe
 from service.store.structures import routes as structures
 from service.web.negotiation import choose_format
 from service.web.parameters import not_modified
-from service.web.routing import page_router
+from service.web.routing import UI, page_router
 from service.web.templates import templates_in
 
 if TYPE_CHECKING:
@@ -109,7 +109,6 @@ def get_asset(digest: str, name: str, request: Request) -> Response:
     return Response(asset.content, media_type=asset.media_type, headers=headers)
 
 
-PREFIX = "/ui"
 EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
 """An empty style element, which Plotly makes and fills by the object model; a policy allows it by
 this digest of nothing.
@@ -235,7 +234,7 @@ class PageErrors:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI entry."""
         if scope["type"] != "http" or not (
-            scope["path"].startswith(f"{PREFIX}/") or _is_navigation(scope)
+            scope["path"].startswith(f"{UI}/") or _is_navigation(scope)
         ):
             await self.app(scope, receive, send)
             return

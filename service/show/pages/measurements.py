@@ -34,9 +34,9 @@ from service.store.records import routes as records
 from service.store.records.schemas import HitDecisionOut, Proposal, RecordOut
 from service.store.structures import model_routes as models
 from service.store.updating import routes as updating
-from service.web.routing import page_router
+from service.web.routing import UI, page_router
 
-router = page_router()
+router = page_router(UI)
 MOST, MOST_WATCHED = 500, 200  # rows of a list on a page; of monitors and alarms
 Cursor = Annotated[str | None, Query(max_length=100)]
 

@@ -16,9 +16,9 @@ from service.errors import Fault, Invalid
 from service.monitoring.runs import unit_of
 from service.web import StrictModel, typed
 from service.web.quantities import UNITS
-from service.web.routing import page_router
+from service.web.routing import UI, page_router
 
-router = page_router()
+router = page_router(UI)
 SENT = {**UNITS, "_c": "°C", "_percent": "%", "_days": "days"}
 """Unit in which REST has a member, by the end of its name."""
 LONGEST = 1_000_000  # characters of a table of points

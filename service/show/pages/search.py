@@ -24,9 +24,9 @@ from service.store.search.routes import as_text
 from service.store.search.saved import list_saved
 from service.store.search.trends import COVARIATES, FOLLOWED, MODE_VALUES, trend_of
 from service.store.updating.result_schemas import CONSTANTS
-from service.web.routing import page_router
+from service.web.routing import UI, page_router
 
-router = page_router()
+router = page_router(UI)
 ROWS = 50
 FILTER = re.compile(r"[=<>(]|\b(?:LIKE|BETWEEN|IN|IS|AND|OR|NOT)\b", re.IGNORECASE)
 """What a filter has and words have not."""

@@ -25,10 +25,10 @@ from service.store.storage import routes as storage
 from service.store.structures import routes as structures
 from service.store.structures.operations import structures_to_choose
 from service.store.updating import routes as updating
-from service.web.routing import page_router
+from service.web.routing import UI, page_router
 
 open_router = page_router()
-router = page_router()
+router = page_router(UI)
 MOST = 200  # rows of a list on a page
 Cursor = Annotated[str | None, Query(max_length=100)]
 

@@ -11,9 +11,9 @@ from fastapi.responses import RedirectResponse, Response
 from service.show.pages.look import Visit, VisitDep
 from service.tasks.routes import ROUTES
 from service.tasks.task import Task
-from service.web.routing import page_router
+from service.web.routing import UI, page_router
 
-router = page_router()
+router = page_router(UI)
 
 
 @dataclass(frozen=True)

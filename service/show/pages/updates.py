@@ -46,7 +46,7 @@ from service.store.updating.operations import (
 from service.store.updating.outdated import outdated
 from service.store.updating.schemas import JointUpdateOut, RecipeIn, UpdateJobOut
 from service.web.parameters import Cursor
-from service.web.routing import page_router
+from service.web.routing import UI, page_router
 from service.web.typed import in_words
 
 
@@ -112,7 +112,7 @@ def over_time(
     return sorted(rows, key=lambda row: str(row["at"]))
 
 
-router = page_router()
+router = page_router(UI)
 MOST = 100  # rows of a list on a page
 PRINCIPAL = (
     "mode_set",

@@ -12,7 +12,7 @@ from fastapi import Path, Query, Request, Response
 from fastapi.responses import FileResponse, PlainTextResponse
 
 from modalbase.formats.registry import WRITERS
-from service.access import CurrentUser, SessionDep, SettingsDep
+from service.access import CurrentUser, SessionDep, SettingsDep, api_router
 from service.compute.models.decks import updated_deck
 from service.errors import Invalid
 from service.jobs.subprocess_read import read_in_subprocess
@@ -43,7 +43,6 @@ from service.store.frfs.data import require_order
 from service.store.frfs.routes import FILES, MEDIA_TYPES, CutDep, Hertz, Whole, write_frfs
 from service.store.structures.model_routes import MESH_FILES, MeshForm
 from service.store.updating.operations import joint_update_for, update_job_for
-from service.web import api_router
 from service.web.downloads import spooled
 from service.web.parameters import form_of, not_modified
 

@@ -250,7 +250,7 @@ def from_csv(body: bytes) -> GridPoints:
             if len(faults) > MOST_FAULTS:
                 break
             try:
-                points.append(GridPoint.model_validate_strings(point))
+                points.append(GridPoint.model_validate_strings(point, strict=False))
             except ValidationError as error:
                 faults += [Fault(f"line {line}, {e['loc'][-1]}", e["msg"]) for e in error.errors()]
     except FormatError as error:

@@ -5,7 +5,7 @@ from uuid import UUID
 
 from fastapi import Query, Request, Response
 
-from service.access import CurrentUser, SessionDep, SettingsDep
+from service.access import CurrentUser, SessionDep, SettingsDep, api_router
 from service.access.nouns import NounRoutes
 from service.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
 from service.store.campaigns import operations
@@ -16,7 +16,7 @@ from service.store.campaigns.schemas import (
     GridPoints,
     GridPointsPage,
 )
-from service.web import IF_MATCH, Cursor, api_router, etag_of, require_match
+from service.web import IF_MATCH, Cursor, etag_of, require_match
 from service.web.json_body import BULK_VALUES, checked, parse_json
 from service.web.openapi import TEXT, reads
 from service.web.parameters import form_of

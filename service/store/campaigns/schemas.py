@@ -4,24 +4,38 @@ from datetime import datetime
 from typing import Annotated, Any, Literal, Self, TypeVar
 from uuid import UUID
 
-from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from fecore.errors import InputError
 from fecore.updating.inputs import SOFTEST_CLAMP
 from service.climate import Climate
 from service.compute.frame import make_frame
 from service.store.structures.schemas import Deviation
-from service.web import Name, StrictModel, Text, Time, example, not_null, wrong
-from service.web.bodies import Details, Meta, Tags
+from service.web import (
+    LongList,
+    Name,
+    RequestModel,
+    StrictModel,
+    Text,
+    Time,
+    example,
+    not_null,
+    wrong,
+)
+from service.web.bodies import Details, Meta, Tags, whole
 from service.web.quantities import SENSOR_MASS
 
 Boundary = Literal["cantilever", "free", "simply_supported", "as_modelled"]
-Point = Annotated[int, Field(ge=1, le=9_999_999_999, description="label of a grid point")]
+Point = Annotated[
+    int,
+    Field(ge=1, le=9_999_999_999, description="label of a grid point"),
+    BeforeValidator(whole),
+]
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6, description="m")]
-Vector = tuple[Coordinate, Coordinate, Coordinate]
+Vector = Annotated[tuple[Coordinate, Coordinate, Coordinate], Field(strict=False)]
 
 
-class FrameIn(StrictModel):
+class FrameIn(RequestModel):
     """Where the file's coordinates put the specimen: origin and unit axes of the specimen, in the
     file's coordinates.
     """
@@ -39,7 +53,7 @@ class FrameIn(StrictModel):
         return self
 
 
-class AddedMass(StrictModel):
+class AddedMass(RequestModel):
     """A mass that was put on the specimen to be known, such as a nut glued to its tip."""
 
     x_m: Coordinate = Field(description="m, on the specimen, from its end x = 0")
@@ -54,17 +68,17 @@ class AddedMass(StrictModel):
     )
 
 
-class SensorAt(StrictModel):
+class SensorAt(RequestModel):
     """A sensor that stood at some of the grid points."""
 
-    model: Text = Field("", max_length=200)
-    serial: Text = Field("", max_length=200)
-    points: list[Point] = Field(
+    model: str = Field("", max_length=200)
+    serial: str = Field("", max_length=200)
+    points: LongList[Point] = Field(
         min_length=1, max_length=10_000, description="where it measured responses"
     )
 
 
-class Instruments(StrictModel):
+class Instruments(RequestModel):
     """What was measured with. A sensor of a mass but no point stood where all responses are, or
     moved with them.
     """
@@ -129,7 +143,7 @@ class CampaignInputs(StrictModel):
         return self
 
 
-class StatedInputs(CampaignInputs):
+class StatedInputs(CampaignInputs, RequestModel):
     """The same as a client states it; earlier versions took a clamp that is none."""
 
     clamp_compliance_sd: float | None = Field(
@@ -143,7 +157,7 @@ class _Performed(StrictModel):
     performed_at: Time | None = None
 
 
-class CampaignIn(Climate, _Performed):
+class CampaignIn(Climate, _Performed, RequestModel):
     """A campaign as a client describes it."""
 
     model_config = example(
@@ -155,7 +169,7 @@ class CampaignIn(Climate, _Performed):
     inputs: StatedInputs | None = Field(
         None, description="window, and how well clamp, sensor and channels are known"
     )
-    notes: Text = Field("", max_length=10_000)
+    notes: Text = ""
     tags: Tags = Field([])
     meta: Meta = Field({})
 
@@ -166,7 +180,7 @@ class _PerformedPatch(StrictModel):
     performed_at: Time | None = None
 
 
-class CampaignPatch(Climate, _PerformedPatch):
+class CampaignPatch(Climate, _PerformedPatch, RequestModel):
     """Members to change; a member that may be unknown is cleared with null."""
 
     model_config = example(temperature_c=20.5)
@@ -174,7 +188,7 @@ class CampaignPatch(Climate, _PerformedPatch):
     instruments: Instruments | None = None
     frame: FrameIn | None = None
     inputs: StatedInputs | None = None
-    notes: Text | None = Field(None, max_length=10_000)
+    notes: Text | None = None
     tags: Tags | None = None
     meta: Meta | None = None
 
@@ -205,7 +219,7 @@ class CampaignOut(Climate, _PerformedOut):
     deleted_at: datetime | None
 
 
-class GridPoint(StrictModel):
+class GridPoint(RequestModel):
     """A measurement point in the file's coordinates."""
 
     label: Point
@@ -231,7 +245,7 @@ def labels_once(points: list[Labelled]) -> list[Labelled]:
     return points
 
 
-class GridPoints(StrictModel):
+class GridPoints(RequestModel):
     """All points of a campaign."""
 
     model_config = example(
@@ -242,7 +256,7 @@ class GridPoints(StrictModel):
         ]
     )
 
-    items: Annotated[list[GridPoint], AfterValidator(labels_once)] = Field(max_length=1_000_000)
+    items: Annotated[LongList[GridPoint], AfterValidator(labels_once)] = Field(max_length=1_000_000)
 
 
 class GridPointsPage(GridPoints):

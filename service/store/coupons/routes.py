@@ -17,7 +17,7 @@ from fastapi import Depends, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import JSONResponse
 
-from service.access import CurrentUser, SessionDep, SettingsDep
+from service.access import CurrentUser, SessionDep, SettingsDep, api_router
 from service.access.nouns import NounRoutes
 from service.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
 from service.jobs.subprocess_read import read_in_subprocess
@@ -33,7 +33,7 @@ from service.store.coupons.schemas import (
     ExclusionIn,
     Summary,
 )
-from service.web import IF_MATCH, Confirm, Page, api_router, etag_of, require_match, require_usual
+from service.web import IF_MATCH, Confirm, Page, etag_of, require_match, require_usual
 from service.web.admission import without_slot
 from service.web.json_body import checked, parse_json
 from service.web.negotiation import content_type, is_json

@@ -14,7 +14,7 @@ from fecore.coupons.curves import Ends
 from fecore.errors import InputError
 from fecore.quantities import Quantity
 from modalbase.formats.machine_csv import factor
-from service.web import Name, StrictModel, Text, example, wrong
+from service.web import Name, RequestModel, StrictModel, Text, example, wrong
 from service.web.quantities import (
     COUPON_SIZE,
     MODULUS,
@@ -44,7 +44,7 @@ FailureCode = Annotated[
 
 class _Excludable(StrictModel):
     excluded: bool = False
-    exclusion_reason: Text | None = Field(None, min_length=1, max_length=1000)
+    exclusion_reason: str | None = Field(None, min_length=1, max_length=1000)
 
     @model_validator(mode="after")
     def _with_a_reason(self) -> Self:
@@ -55,7 +55,7 @@ class _Excludable(StrictModel):
         return self
 
 
-class PublishedMean(StrictModel):
+class PublishedMean(RequestModel):
     """A mean that is known without its specimens, from a paper or a data sheet."""
 
     mean: float = Field(description="Pa; a Poisson's ratio has no unit")
@@ -65,7 +65,7 @@ class PublishedMean(StrictModel):
     n: int | None = Field(None, ge=1, le=1_000_000, description="how many specimens it stands for")
 
 
-class BatchIn(StrictModel):
+class BatchIn(RequestModel):
     """A batch: which constants of the structure it gives, and a published mean of each that has no
     specimens here.
     """
@@ -137,7 +137,7 @@ class BatchOut(StrictModel):
     created_at: datetime
 
 
-class CouponIn(_Excludable):
+class CouponIn(_Excludable, RequestModel):
     """Results of one specimen."""
 
     model_config = example(specimen="A1", E_Pa=33.1e9, nu=0.16, failure_code="AGM")
@@ -165,7 +165,7 @@ class CouponIn(_Excludable):
         return self
 
 
-class ExclusionIn(_Excludable):
+class ExclusionIn(_Excludable, RequestModel):
     """Whether a recorded specimen counts."""
 
     model_config = example(excluded=True, exclusion_reason="slipped in the grip")
@@ -248,7 +248,7 @@ Reading = Annotated[float, Field(gt=0, lt=1e6)]
 Strain = Annotated[float, Field(ge=0, lt=1)]
 
 
-class ColumnIn(StrictModel):
+class ColumnIn(RequestModel):
     """Where a series stands in the machine's file."""
 
     header: Name | Annotated[int, Field(ge=1, le=1000)] = Field(
@@ -257,7 +257,7 @@ class ColumnIn(StrictModel):
             " header"
         )
     )
-    unit: Annotated[Text, Field(max_length=20)] | None = Field(
+    unit: Annotated[str, Field(max_length=20)] | None = Field(
         None, description="such as kN, %, µε; needed where the file does not state it"
     )
 
@@ -272,7 +272,7 @@ def _as_column(value: Any) -> Any:
 Column = Annotated[ColumnIn, BeforeValidator(_as_column)]
 
 
-class Dimensions(StrictModel):
+class Dimensions(RequestModel):
     """Readings of width and thickness along the gauge section; three each by the standard."""
 
     unit: LengthUnit
@@ -301,7 +301,7 @@ class Dimensions(StrictModel):
             yield name, metres * (getattr(self, name) or 0.0), COUPON_SIZE
 
 
-class CurveCouponIn(_Excludable):
+class CurveCouponIn(_Excludable, RequestModel):
     """A specimen as it was tested: its dimensions, and how its raw curve is to be read and
     reduced.
     """
@@ -338,7 +338,7 @@ class CurveCouponIn(_Excludable):
     ends: Ends = Field(
         "nearest", description="ends of the chord: nearest measured points, or interpolated"
     )
-    chord_range: tuple[Strain, Strain] | None = Field(
+    chord_range: Annotated[tuple[Strain, Strain], Field(strict=False)] | None = Field(
         None,
         description="D3039, m/m; default 1000 to 3000 µε, or 25 to 50 % of a low ultimate strain",
     )

@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
 from modalbase.formats.registry import WRITERS
-from service.access import CurrentUser, SessionDep, present
+from service.access import CurrentUser, SessionDep, api_router, present
 from service.errors import Invalid, NotFound
 from service.store.campaigns.operations import campaign_for, stored_points
 from service.store.frfs import operations
@@ -33,7 +33,7 @@ from service.store.frfs.data import (
 )
 from service.store.frfs.operations import Frf
 from service.store.frfs.schemas import FrfOut, LabelledFrfs
-from service.web import Cursor, Limit, Page, api_router, paged
+from service.web import Cursor, Limit, Page, paged
 from service.web.bodies import Labels
 from service.web.downloads import fits_memory, in_memory, spooled
 from service.web.parameters import form_of, not_modified

@@ -19,7 +19,7 @@ from modalbase.formats.frfs.table import DOFS
 from service.compute.frf_rows import COLUMNS, encoded
 from service.errors import Invalid
 from service.store.campaigns.schemas import Point
-from service.web import StrictModel, Text, example, wrong
+from service.web import LongList, RequestModel, StrictModel, example, wrong
 from service.web.json_body import BULK_VALUES, checked, parse_json
 
 Direction = Annotated[
@@ -77,18 +77,18 @@ class LabelledFrfs(StrictModel):
     count: int = Field(description="FRFs that have the labels now")
 
 
-class FrfIn(StrictModel):
+class FrfIn(RequestModel):
     """One FRF of a script."""
 
     response_point: Point
     response_direction: Direction
     reference_point: Point
     reference_direction: Direction
-    real: list[float]
-    imag: list[float]
-    coherence: list[float] | None = Field(None, description="at each frequency, 0 to 1")
+    real: LongList[float]
+    imag: LongList[float]
+    coherence: LongList[float] | None = Field(None, description="at each frequency, 0 to 1")
     averages: int | None = Field(None, ge=1, le=1_000_000)
-    label: Text = Field("", max_length=200)
+    label: str = Field("", max_length=200)
 
     @model_validator(mode="after")
     def _as_long(self) -> Self:
@@ -97,7 +97,7 @@ class FrfIn(StrictModel):
         return self
 
 
-class FrfsIn(StrictModel):
+class FrfsIn(RequestModel):
     """FRFs of a script, on one frequency axis."""
 
     model_config = example(
@@ -116,8 +116,8 @@ class FrfsIn(StrictModel):
     )
 
     quantity: Quantity
-    frequency_hz: list[float] = Field(min_length=1)
-    frfs: list[FrfIn] = Field(min_length=1, max_length=10_000)
+    frequency_hz: LongList[float] = Field(min_length=1)
+    frfs: LongList[FrfIn] = Field(min_length=1, max_length=10_000)
 
 
 def write_rows(body: Path, target: Path) -> int:

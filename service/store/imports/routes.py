@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
 from modalbase.formats.registry import FORMATS, Kind, either, looked_at, titles
-from service.access import CurrentUser, Lookup, SessionDep, User, project_for
+from service.access import CurrentUser, Lookup, SessionDep, User, api_router, project_for
 from service.access.lookup import projects
 from service.errors import Invalid
 from service.jobs.queue import cancel_purged
@@ -29,7 +29,7 @@ from service.store.records.schemas import Proposal, StoredRecords
 from service.store.storage.originals import copy_original, forget_originals, original_sizes
 from service.store.structures.models import models_files
 from service.store.structures.operations import structure_for
-from service.web import Name, StrictModel, api_router
+from service.web import Name, StrictModel
 from service.web.downloads import spooled
 from service.web.json_body import parse_parameter
 from service.web.openapi import reads, upload

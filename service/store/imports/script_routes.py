@@ -20,7 +20,7 @@ from sqlalchemy.orm import Session
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import Variables
 from modalbase.formats.registry import FORMATS, JSON, MEMBERS, Format, Kind, of_bodies
-from service.access import CurrentUser, SessionDep, SettingsDep, User
+from service.access import CurrentUser, SessionDep, SettingsDep, User, api_router
 from service.access.dependencies import Beforehand
 from service.access.once import KeyHeader, digest_of, keep, made_before
 from service.compute.arrays_of_files import hits_of
@@ -52,7 +52,7 @@ from service.store.imports.routes import (
 from service.store.records import operations as records
 from service.store.records.processings import judged
 from service.store.records.schemas import Proposal, StoredRecords, from_json
-from service.web import Name, Page, api_router, shown_as
+from service.web import Name, Page, shown_as
 from service.web.admission import without_slot
 from service.web.openapi import BINARY, TEXT, reads
 from service.web.uploads import Spooled, UploadDep

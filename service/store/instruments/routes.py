@@ -8,7 +8,7 @@ the last one before it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from datetime import date, datetime
+from datetime import datetime
 from typing import Any, Literal
 from uuid import UUID
 
@@ -17,11 +17,11 @@ from sqlalchemy import ForeignKey, UniqueConstraint, func
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from service.access import Lookup, User, project_for
+from service.access import Lookup, User, api_router, project_for
 from service.access.nouns import NounRoutes
 from service.db.base import Base, Identified
 from service.errors import Conflict
-from service.web import Name, StrictModel, Text, api_router, example, not_null, shown_as, wrong
+from service.web import Day, Name, RequestModel, Text, example, not_null, shown_as, wrong
 
 router = api_router(tags=["instruments"])
 Kind = Literal["hammer", "sensor", "analyser"]
@@ -43,16 +43,16 @@ class Instrument(Identified, Base):
     deleted_at: Mapped[datetime | None]
 
 
-class Calibration(StrictModel):
+class Calibration(RequestModel):
     """One calibration."""
 
-    performed_on: date
-    valid_until: date | None = Field(
+    performed_on: Day
+    valid_until: Day | None = Field(
         None, description="last day on which it counts; null where none is stated"
     )
     sensitivity: float | None = Field(None, description="in `unit`; null where it is not stated")
-    unit: Text = Field("", max_length=50, description="of the sensitivity, such as mV/N")
-    certificate: Text = Field("", max_length=200, description="its number, or where it lies")
+    unit: str = Field("", max_length=50, description="of the sensitivity, such as mV/N")
+    certificate: str = Field("", max_length=200, description="its number, or where it lies")
 
     @field_validator("sensitivity")
     @classmethod
@@ -68,7 +68,7 @@ class Calibration(StrictModel):
         return self
 
 
-class InstrumentIn(StrictModel):
+class InstrumentIn(RequestModel):
     """An instrument as a client describes it."""
 
     model_config = example(
@@ -80,19 +80,19 @@ class InstrumentIn(StrictModel):
 
     kind: Kind
     serial: Name
-    model: Text = Field("", max_length=200)
-    notes: Text = Field("", max_length=10_000)
+    model: str = Field("", max_length=200)
+    notes: Text = ""
     calibrations: list[Calibration] = Field([], max_length=200)
 
 
-class InstrumentPatch(StrictModel):
+class InstrumentPatch(RequestModel):
     """Members to change; `calibrations` replaces the history, which the audit trail keeps."""
 
     model_config = example(notes="dropped in May")
 
     serial: Name | None = None
-    model: Text | None = Field(None, max_length=200)
-    notes: Text | None = Field(None, max_length=10_000)
+    model: str | None = Field(None, max_length=200)
+    notes: Text | None = None
     calibrations: list[Calibration] | None = Field(None, max_length=200)
 
     _never_null = not_null("serial", "model", "notes", "calibrations")

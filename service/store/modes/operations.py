@@ -30,7 +30,7 @@ from service.store.campaigns.operations import campaign_for, campaign_of, frame_
 from service.store.frfs.data import load_measured_campaign
 from service.store.modes.schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, PolesIn, ShapeValue
 from service.store.storage import book, require_room
-from service.web import Name, example, shown_as
+from service.web import Name, RequestModel, example, shown_as
 
 
 class ModeSet(Identified, Base):
@@ -348,7 +348,7 @@ def newest_stated(
     return {campaign: (key, at) for campaign, key, at in session.execute(query)}
 
 
-class IdentificationIn(PolesIn):
+class IdentificationIn(PolesIn, RequestModel):
     """How to identify; `{}` will do."""
 
     model_config = example()

@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 from fecore.errors import InputError
 from modalbase.formats import uff
 from modalbase.formats.uff.write import encode
-from service.access import CurrentUser, SessionDep, User
+from service.access import CurrentUser, SessionDep, User, api_router
 from service.access.nouns import NounRoutes
 from service.compute.identifying import up_to_date
 from service.errors import Conflict
@@ -40,7 +40,6 @@ from service.store.modes.operations import (
 )
 from service.store.modes.schemas import DecisionIn, EditIn, ModeSetIn, ModeSetOut
 from service.store.storage import book
-from service.web import api_router
 from service.web.downloads import spooled
 from service.web.parameters import form_of
 

@@ -9,12 +9,12 @@ from pydantic import Field, field_validator
 from fecore.errors import InputError
 from fecore.modal import Options
 from service.store.campaigns.schemas import Point
-from service.web import Name, StrictModel, example, wrong
+from service.web import LongList, Name, RequestModel, StrictModel, example, wrong
 
 Origin = Literal["typed", "file", "identified", "edited"]
 
 
-class ShapeValue(StrictModel):
+class ShapeValue(RequestModel):
     """Displacement of a mode at a point, in a signed direction of the file's coordinates,
     arbitrarily scaled.
     """
@@ -32,7 +32,7 @@ class ShapeValue(StrictModel):
         return direction
 
 
-class ModeIn(StrictModel):
+class ModeIn(RequestModel):
     """One mode as a client knows it; standard deviations where it knows them too."""
 
     frequency_hz: float = Field(gt=0, le=1e9, description="undamped natural frequency")
@@ -41,7 +41,7 @@ class ModeIn(StrictModel):
     )
     frequency_sd_hz: float | None = Field(None, gt=0, le=1e9)
     damping_sd: float | None = Field(None, gt=0, lt=1)
-    shape: list[ShapeValue] | None = Field(None, min_length=1, max_length=1_000_000)
+    shape: LongList[ShapeValue] | None = Field(None, min_length=1, max_length=1_000_000)
 
     @field_validator("shape")
     @classmethod
@@ -57,7 +57,7 @@ class ModeIn(StrictModel):
         return shape
 
 
-class ModeSetIn(StrictModel):
+class ModeSetIn(RequestModel):
     """Modes of a campaign, in any order."""
 
     model_config = example(
@@ -69,11 +69,11 @@ class ModeSetIn(StrictModel):
     )
 
     name: Name
-    modes: list[ModeIn] = Field(min_length=1, max_length=10_000)
+    modes: LongList[ModeIn] = Field(min_length=1, max_length=10_000)
 
 
 Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
-Band = tuple[Frequency, Frequency]
+Band = Annotated[tuple[Frequency, Frequency], Field(strict=False)]
 
 
 class PolesIn(StrictModel):
@@ -128,7 +128,7 @@ class ModeOut(StrictModel):
     features: list[FeatureOut] = Field(description="the reasons for and against it that weigh most")
 
 
-class DecisionIn(StrictModel):
+class DecisionIn(RequestModel):
     """What a person decides of one pole."""
 
     frequency_hz: float = Field(
@@ -142,7 +142,7 @@ class DecisionIn(StrictModel):
     )
 
 
-class EditIn(StrictModel):
+class EditIn(RequestModel):
     """Which poles of a mode set are kept and dropped; all others stay as they are."""
 
     model_config = example(
@@ -157,7 +157,7 @@ class EditIn(StrictModel):
     )
 
     name: Name
-    decisions: list[DecisionIn] = Field(
+    decisions: LongList[DecisionIn] = Field(
         min_length=1, max_length=10_000, description="one for each pole in question"
     )
 

@@ -17,7 +17,7 @@ from fecore.coupons.batch import Statistics, prior
 from fecore.errors import OffSpecimenError, within
 from fecore.updating.campaigns import Campaign, usual_parameters
 from fecore.updating.plans import PlannedCoupons, PlannedTest
-from service.access import CurrentUser, SessionDep, User
+from service.access import CurrentUser, SessionDep, User, api_router
 from service.compute.models.bodies import AS_MODELLED
 from service.compute.planning import PlanOrder, compute_plan
 from service.errors import Invalid
@@ -33,21 +33,24 @@ from service.store.updating.bodies import coupon_constants
 from service.store.updating.loading import carried_masses, joint_body, modes_in_frame
 from service.store.updating.operations import check_mode_set
 from service.store.updating.schemas import USUAL, InputsIn
-from service.web import Name, StrictModel, api_router, example
+from service.web import Id, Name, RequestModel, StrictModel, example
 
 router = api_router(tags=["update jobs"])
 
 Hertz = Annotated[float, Field(gt=0, le=1e6)]
-Place = tuple[float, float] | tuple[float, float, float]
+Place = (
+    Annotated[tuple[float, float], Field(strict=False)]
+    | Annotated[tuple[float, float, float], Field(strict=False)]
+)
 _ALONG, _ACROSS = 11, 3
 _ADDED = 0.05  # of the specimen's mass, at its end: the added mass of the tests that are proposed
 
 
-class PlannedTestIn(StrictModel):
+class PlannedTestIn(RequestModel):
     """A test that could be made."""
 
     boundary: Boundary
-    structure_id: UUID | None = Field(
+    structure_id: Id | None = Field(
         None, description="another structure of the same material; default: this one"
     )
     highest_hz: Hertz = Field(1000.0, description="of the band")
@@ -72,7 +75,7 @@ class PlannedTestIn(StrictModel):
     line_spacing_hz: float = Field(0.5, ge=1e-6, le=1e6)
 
 
-class PlannedCouponsIn(StrictModel):
+class PlannedCouponsIn(RequestModel):
     """Coupons that could be tested; the body is one more piece of their material."""
 
     constants: list[Constant] = Field(
@@ -89,14 +92,14 @@ class PlannedCouponsIn(StrictModel):
     )
 
 
-class MadeTestIn(StrictModel):
+class MadeTestIn(RequestModel):
     """A campaign that was made, and its modes."""
 
-    campaign_id: UUID
-    mode_set: UUID
+    campaign_id: Id
+    mode_set: Id
 
 
-class PlanIn(StrictModel):
+class PlanIn(RequestModel):
     """What to compare; `{}` compares the boundaries of this structure, and of a strip or plate a
     mass at its end too.
     """

@@ -9,7 +9,7 @@ import numpy as np
 from fastapi import Query, Response
 from fastapi.responses import JSONResponse
 
-from service.access import CurrentUser, SessionDep
+from service.access import CurrentUser, SessionDep, api_router
 from service.jobs.routes import JobRoutes
 from service.store.campaigns.operations import campaign_for
 from service.store.records import operations
@@ -22,7 +22,7 @@ from service.store.records.schemas import (
     ProcessingOut,
     RecordOut,
 )
-from service.web import Cursor, Limit, Page, api_router, paged, shown_as
+from service.web import Cursor, Limit, Page, paged, shown_as
 
 router = api_router(tags=["records"])
 

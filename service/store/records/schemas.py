@@ -14,7 +14,7 @@ from service.errors import Invalid, pointer
 from service.jobs.resource import JobOut
 from service.store.campaigns.schemas import Point
 from service.store.frfs.schemas import Direction
-from service.web import StrictModel, example
+from service.web import LongList, RequestModel, StrictModel, example
 from service.web.json_body import parse_json
 
 ChannelQuantity = Literal["force", "acceleration", "velocity", "displacement"]
@@ -96,7 +96,7 @@ class Proposal(StrictModel):
     )
 
 
-class WindowsIn(StrictModel):
+class WindowsIn(RequestModel):
     """Windows; both are chosen from the hits where no object is sent, and `{}` is neither of
     them.
     """
@@ -122,13 +122,13 @@ class HitNamed(StrictModel):
     hit: int = Field(ge=1, le=9_999_999_999)
 
 
-class OverruleIn(HitNamed):
+class OverruleIn(HitNamed, RequestModel):
     """A user's decision about one hit."""
 
     use: bool
 
 
-class HitDecisionIn(HitNamed):
+class HitDecisionIn(HitNamed, RequestModel):
     """What a person decides of a hit, for every later processing."""
 
     model_config = example(point=8, hit=3, good=False, why="a cable was touched")
@@ -182,7 +182,7 @@ class StoredRecords(StrictModel):
     )
 
 
-class ProcessingIn(StrictModel):
+class ProcessingIn(RequestModel):
     """How records become FRFs; `{}` will do."""
 
     model_config = example()
@@ -196,7 +196,11 @@ class ProcessingIn(StrictModel):
         ),
     )
     band_hz: (
-        tuple[Annotated[float, Field(ge=0, le=1e7)], Annotated[float, Field(gt=0, le=1e7)]] | None
+        Annotated[
+            tuple[Annotated[float, Field(ge=0, le=1e7)], Annotated[float, Field(gt=0, le=1e7)]],
+            Field(strict=False),
+        ]
+        | None
     ) = None
     delay_s: float = Field(
         0.0, gt=-1, lt=1, description="lag of the response, to be taken out; at most half a block"
@@ -207,7 +211,7 @@ class ProcessingIn(StrictModel):
         le=0.9,
         description="a hit is refused where its probability of being good is below",
     )
-    overrules: list[OverruleIn] = Field(default_factory=list, max_length=100_000)
+    overrules: LongList[OverruleIn] = Field(default_factory=list, max_length=100_000)
 
     def processing(self) -> Processing:
         """The core's choices, but for the overrules, for which the hits must be known.

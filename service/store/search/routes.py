@@ -19,7 +19,7 @@ from nanoarrow.ipc import StreamWriter
 from pydantic import BaseModel, Field
 from sqlalchemy.orm import Session
 
-from service.access import CurrentUser, SessionDep
+from service.access import CurrentUser, SessionDep, api_router
 from service.errors import Invalid, NotFound
 from service.store.frfs.data import BY_FILTER
 from service.store.frfs.operations import frfs_of
@@ -44,7 +44,7 @@ from service.store.search.trends import (
     flat,
     trend_of,
 )
-from service.web import Limit, api_router
+from service.web import Limit
 from service.web.downloads import spooled
 from service.web.parameters import form_of
 from service.web.routing import require_used

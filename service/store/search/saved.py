@@ -11,7 +11,15 @@ from sqlalchemy import ForeignKey, UniqueConstraint, select
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from service.access import CurrentUser, Lookup, SessionDep, User, project_for, projects_of
+from service.access import (
+    CurrentUser,
+    Lookup,
+    SessionDep,
+    User,
+    api_router,
+    project_for,
+    projects_of,
+)
 from service.db.base import Base, Identified
 from service.errors import Conflict, Fault, Invalid, NotFound
 from service.store.search.nouns import SEARCHED
@@ -19,12 +27,12 @@ from service.store.search.operations import Search, SearchQuery, names_in
 from service.store.search.translate import LONGEST
 from service.web import (
     Cursor,
+    Id,
     Limit,
     Name,
     Page,
+    RequestModel,
     StrictModel,
-    Text,
-    api_router,
     example,
     paged,
     shown_as,
@@ -47,7 +55,7 @@ class SavedSearch(Identified, Base):
     query: Mapped[dict[str, Any]]
 
 
-class SearchIn(StrictModel):
+class SearchIn(RequestModel):
     """A search to keep, as `GET /search/{noun}` takes it."""
 
     model_config = example(
@@ -57,13 +65,13 @@ class SearchIn(StrictModel):
         filter="Ex < 30e9",
     )
 
-    project: UUID = Field(description="whose members see it")
+    project: Id = Field(description="whose members see it")
     name: Name
     noun: str = Field(json_schema_extra={"enum": list(SEARCHED)})
-    filter: Text = Field("", max_length=LONGEST)
-    q: Text = Field("", max_length=200)
-    sort: Text = Field("", max_length=100)
-    fields: Text = Field("", max_length=LONGEST)
+    filter: str = Field("", max_length=LONGEST)
+    q: str = Field("", max_length=200)
+    sort: str = Field("", max_length=100)
+    fields: str = Field("", max_length=LONGEST)
 
     @field_validator("noun")
     @classmethod

@@ -4,9 +4,8 @@ from uuid import UUID
 
 from pydantic import Field
 
-from service.access import CurrentUser, SessionDep, SettingsDep, project_for
+from service.access import CurrentUser, SessionDep, SettingsDep, api_router, project_for
 from service.store.storage.operations import used_bytes
-from service.web import api_router
 from service.web.bodies import StrictModel
 
 

@@ -16,7 +16,7 @@ from modalbase.formats.cell_types import ELEMENT_NAMES
 from modalbase.formats.meshes import MeshFile, uff_of, write_vtu
 from modalbase.formats.models.questions import plain
 from modalbase.formats.uff.write import encode
-from service.access import CurrentUser, SessionDep
+from service.access import CurrentUser, SessionDep, api_router
 from service.compute.models.meshes import is_of_sections, kind_of_member
 from service.errors import Invalid, Unusual
 from service.jobs.resource import JobOut
@@ -26,7 +26,7 @@ from service.store.structures import models
 from service.store.structures.models import mesh_of
 from service.store.structures.operations import StructureModel, current_version, structure_for
 from service.store.structures.shapes import Section
-from service.web import Confirm, Name, StrictModel, api_router
+from service.web import Confirm, Name, StrictModel
 from service.web.downloads import fits_memory, in_memory, spooled
 from service.web.json_body import checked, parse_parameter
 from service.web.openapi import reads, upload

@@ -4,13 +4,12 @@ from uuid import UUID
 
 from sqlalchemy import select
 
-from service.access import CurrentUser, SessionDep
+from service.access import CurrentUser, SessionDep, api_router
 from service.access.nouns import NounRoutes
 from service.errors import NotFound
 from service.store.structures import operations
 from service.store.structures.operations import StructureVersion
 from service.store.structures.schemas import StructureIn, StructureOut, StructurePatch
-from service.web import api_router
 
 router = api_router(tags=["structures"])
 nouns = NounRoutes(

@@ -13,7 +13,7 @@ from fecore.body import generators as core
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.errors import InputError
 from service.store.structures.shapes import Ply, Poisson, Shape, check_poisson
-from service.web import Name, StrictModel, example, wrong
+from service.web import Id, Name, RequestModel, StrictModel, example, wrong
 from service.web.bodies import Meta, Tags
 from service.web.quantities import (
     DENSITY_SD,
@@ -36,7 +36,7 @@ thickness.
 """
 
 
-class Geometry(StrictModel):
+class Geometry(RequestModel):
     """A strip: x along the length, y across the width, z through the thickness."""
 
     length_m: Annotated[Length, LENGTH]
@@ -52,7 +52,7 @@ class Geometry(StrictModel):
         return thickness
 
 
-class Material(StrictModel):
+class Material(RequestModel):
     """A homogenised orthotropic material in the specimen's axes, nominal values."""
 
     Ex_Pa: Modulus
@@ -73,13 +73,13 @@ class Material(StrictModel):
         return OrthotropicMaterial(**constants, density=density)
 
 
-class Laminate(StrictModel):
+class Laminate(RequestModel):
     """Plies from the bottom (z = -t/2) to the top."""
 
     plies: list[Ply] = Field(min_length=1, max_length=1000)
 
 
-class Piece(StrictModel):
+class Piece(RequestModel):
     """A stretch along x where the strip is thicker or thinner than the geometry says, on both faces
     alike.
     """
@@ -109,7 +109,7 @@ Pieces = Annotated[
 ]
 
 
-class StructureInputs(StrictModel):
+class StructureInputs(RequestModel):
     """How well a structure's own values are known: standard deviations. null: a careful
     laboratory's; 0: exactly known.
     """
@@ -131,7 +131,7 @@ class StructureInputs(StrictModel):
     )
 
 
-class StructureIn(StrictModel):
+class StructureIn(RequestModel):
     """A structure as a client describes it.
 
     A name is enough to measure and identify it. An update needs the geometry and the density of a
@@ -167,7 +167,7 @@ class StructureIn(StrictModel):
         None, description="a profile, a panel or a strip by its dimensions; instead of a geometry"
     )
 
-    model: UUID | None = Field(
+    model: Id | None = Field(
         None,
         description=(
             "id of a model that was sent to the structure: the body that it is; instead of a"
@@ -216,7 +216,7 @@ class StructureIn(StrictModel):
         return self
 
 
-class StructurePatch(StrictModel):
+class StructurePatch(RequestModel):
     """Members to change; null is not a value here. A laminate takes the place of a material, and a
     geometry, a shape or a model that of the other two, with all that was stated of them.
     """
@@ -233,7 +233,7 @@ class StructurePatch(StrictModel):
     )
     pieces: Pieces | None = None
     shape: Shape | None = None
-    model: UUID | None = Field(
+    model: Id | None = Field(
         None, description="an earlier model of the structure, to go back to it"
     )
     tags: Tags | None = None

@@ -13,7 +13,7 @@ from fecore.body.laminate import Ply as CorePly
 from fecore.body.mesh import Mesh
 from fecore.body.sections import ShellSection
 from fecore.errors import InputError
-from service.web import StrictModel, example, wrong
+from service.web import RequestModel, StrictModel, example, wrong
 from service.web.quantities import LENGTH, PLY_THICKNESS, THICKNESS, WIDTH, Density, Length, Modulus
 
 Poisson = Annotated[float, Field(gt=-10, lt=10)]
@@ -41,7 +41,7 @@ def check_poisson(nu: float, along: float | None, across: float | None) -> float
     return nu
 
 
-class PlyMaterial(StrictModel):
+class PlyMaterial(RequestModel):
     """The material of a ply in its own axes, nominal values; 1 is the fibre direction."""
 
     E1_Pa: Modulus
@@ -150,7 +150,7 @@ class Section(StrictModel):
         return self
 
 
-class Wall(StrictModel):
+class Wall(RequestModel):
     """A wall of a shape: a thickness of one material, or plies."""
 
     thickness_m: Annotated[Length, THICKNESS] | None = Field(
@@ -171,7 +171,7 @@ class Wall(StrictModel):
         return self.thickness_m or sum(ply.thickness_m for ply in self.plies or ())
 
 
-class Shape(StrictModel):
+class Shape(RequestModel):
     """A body extruded along x: y and z from the middle of the outer dimensions, z up.
 
     A flange or a plate lies on top (of an angle below, with its web on the left); webs and ribs

@@ -9,7 +9,7 @@ from anyio import from_thread
 from pydantic import Field
 
 from fecore.body.align import Motion
-from service.access import CurrentUser, SessionDep
+from service.access import CurrentUser, SessionDep, api_router
 from service.compute.models.alignment import Distances, distances, motions_of
 from service.errors import Invalid
 from service.jobs.subprocess_read import read_in_subprocess
@@ -19,7 +19,7 @@ from service.store.frfs.data import specimen_points
 from service.store.structures.operations import present_structure
 from service.store.updating.loading import body_for
 from service.store.updating.schemas import USUAL
-from service.web import StrictModel, api_router, example
+from service.web import LongList, RequestModel, StrictModel, example
 
 router = api_router(tags=["campaigns"])
 
@@ -83,7 +83,7 @@ def get_alignment(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> 
     return AlignmentOut(rms_m=rms, off=[item.label for item in items if item.off], items=items)
 
 
-class PairIn(StrictModel):
+class PairIn(RequestModel):
     """A grid point, and where it is on the structure."""
 
     label: int = Field(description="of the grid point")
@@ -92,12 +92,12 @@ class PairIn(StrictModel):
     z_m: Coordinate = Field(description="in the structure's frame, m")
 
 
-class AlignIn(StrictModel):
+class AlignIn(RequestModel):
     """How to find a campaign's frame; `{}` takes the closest points."""
 
     model_config = example()
 
-    pairs: list[PairIn] | None = Field(
+    pairs: LongList[PairIn] | None = Field(
         None,
         min_length=3,
         max_length=10_000,

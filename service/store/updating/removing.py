@@ -8,12 +8,11 @@ from uuid import UUID
 from sqlalchemy import Text, cast, select
 from sqlalchemy.orm import Session
 
-from service.access import CurrentUser, SessionDep
+from service.access import CurrentUser, SessionDep, api_router
 from service.errors import Conflict
 from service.jobs.tables import Job
 from service.store.imports.operations import import_for, remove_import
 from service.store.updating.tables import UpdateJob
-from service.web import api_router
 
 if TYPE_CHECKING:
     from service.store.imports.operations import Import

@@ -9,7 +9,7 @@ from fastapi import Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.access import CurrentUser, SessionDep, project_for, projects_of
+from service.access import CurrentUser, SessionDep, api_router, project_for, projects_of
 from service.errors import Invalid
 from service.jobs.resource import JobState
 from service.jobs.routes import JobRoutes
@@ -35,7 +35,6 @@ from service.web import (
     Cursor,
     Limit,
     Page,
-    api_router,
     etag_of,
     paged,
     require_match,

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 from uuid import UUID
 
 from pydantic import Field
@@ -26,7 +26,7 @@ from service.store.campaigns.schemas import CampaignInputs
 from service.store.modes.schemas import Band, PolesIn
 from service.store.records.schemas import ProcessingIn
 from service.store.structures.schemas import StructureInputs
-from service.web import Int64, Name, StrictModel, example
+from service.web import Id, Int64, LongList, Name, RequestModel, StrictModel, example
 from service.web.bodies import SOME_ID
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ else:
     DampingModel = Literal[tuple(LAWS)]
 
 
-class ParameterIn(StrictModel):
+class ParameterIn(RequestModel):
     """A constant to update; SI. Without a mean the structure's nominal value, without a spread 30 %
     of the mean.
     """
@@ -66,7 +66,7 @@ class ParameterIn(StrictModel):
             yield "prior_sd", self.prior_sd or 0.0, quantity.sd
 
 
-class SpringIn(StrictModel):
+class SpringIn(RequestModel):
     """An elastic support, which a parameter of the same name updates; it adds to the campaign's
     boundary.
     """
@@ -77,7 +77,9 @@ class SpringIn(StrictModel):
     )
     direction: int = Field(ge=1, le=6, description="1, 2, 3 along x, y, z; 4, 5, 6 about them")
     edge: Edge | None = None
-    point_m: tuple[float, float] | None = Field(None, description="x and y on the specimen")
+    point_m: Annotated[tuple[float, float], Field(strict=False)] | None = Field(
+        None, description="x and y on the specimen"
+    )
 
     def to_core(self) -> Spring:
         """The core's spring.
@@ -88,10 +90,10 @@ class SpringIn(StrictModel):
         return Spring(self.name, self.stiffness, self.direction, self.edge, self.point_m)
 
 
-class HoldOutIn(StrictModel):
+class HoldOutIn(RequestModel):
     """What the fits do not see and the result is checked against."""
 
-    points: list[Int64] | None = Field(
+    points: LongList[Int64] | None = Field(
         None,
         max_length=10_000,
         description="grid points whose FRFs are held out; default: every eighth FRF; []: none",
@@ -173,7 +175,7 @@ OF_CONSTANTS = {
 _WINDOWS = {"window_rate_per_s", "window_time_constant_s"}
 
 
-class IdentificationRecipeIn(PolesIn):
+class IdentificationRecipeIn(PolesIn, RequestModel):
     """How an update identifies modes where it is given none; `{}` will do."""
 
     include_doubtful: bool = Field(
@@ -185,7 +187,7 @@ class IdentificationRecipeIn(PolesIn):
     )
 
 
-class RecipeIn(StrictModel):
+class RecipeIn(RequestModel):
     """How to use a campaign; `{}` will do for a first look."""
 
     model_config = example()
@@ -194,7 +196,7 @@ class RecipeIn(StrictModel):
         "two_stage",
         description="joint: constants and damping together from the FRFs, without modes",
     )
-    mode_set: UUID | None = Field(
+    mode_set: Id | None = Field(
         None, description="measured modes; without it they are identified from the FRFs"
     )
     identification: IdentificationRecipeIn = IdentificationRecipeIn(
@@ -228,7 +230,7 @@ class RecipeIn(StrictModel):
             " to G13"
         ),
     )
-    prior_from_coupon_batch: UUID | None = Field(
+    prior_from_coupon_batch: Id | None = Field(
         None,
         description=(
             "means and spreads of the constants that the batch gives, where the recipe states none"
@@ -327,10 +329,10 @@ class UpdateJobOut(JobOut):
     priority: int
 
 
-class BatchJobIn(StrictModel):
+class BatchJobIn(RequestModel):
     """One update of a batch."""
 
-    campaign_id: UUID
+    campaign_id: Id
     recipe: RecipeIn | None = Field(None, description="default: the batch's recipe")
     specimen: Name | None = Field(
         None,
@@ -350,7 +352,7 @@ class BatchJobIn(StrictModel):
     )
 
 
-class UpdateBatchIn(StrictModel):
+class UpdateBatchIn(RequestModel):
     """Updates to queue together, or one joint update of campaigns of one material."""
 
     model_config = example(
@@ -378,7 +380,7 @@ class UpdateBatchIn(StrictModel):
             " none"
         ),
     )
-    coupon_batches: list[UUID] = Field(
+    coupon_batches: list[Id] = Field(
         default_factory=list,
         max_length=20,
         description="of a joint update: coupons of the same material, as data",

@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 
 from modalbase.formats.frfs import FrfRow
 from modalbase.formats.registry import WRITERS
-from service.access import CurrentUser, SessionDep
+from service.access import CurrentUser, SessionDep, api_router
 from service.errors import Conflict
 from service.show.results.space import (
     At,
@@ -29,7 +29,6 @@ from service.store.frfs.data import PredictedTable
 from service.store.frfs.routes import FILES, MEDIA_TYPES, write_frfs
 from service.store.structures.model_routes import MESH_FILES, MeshForm
 from service.tasks.forecast.task import forecast_arrays, forecast_for
-from service.web import api_router
 from service.web.downloads import spooled
 from service.web.parameters import form_of
 

@@ -33,7 +33,7 @@ from service.store.updating.loading import body_for
 from service.store.updating.schemas import USUAL
 from service.tasks.forecast.compute import ForecastInputs, ForecastOutput, compute_forecast
 from service.tasks.task import Card, Ordered, Task
-from service.web import StrictModel, example
+from service.web import LongList, RequestModel, StrictModel, example
 
 Hertz = Annotated[float, Field(gt=0, le=1e6, description="Hz")]
 
@@ -49,7 +49,7 @@ class ForecastPointIn(GridPoint):
     )
 
 
-class ForecastIn(StrictModel):
+class ForecastIn(RequestModel):
     """What to solve; `{}` gives the ten lowest modes and twelve points that show them."""
 
     model_config = example(damping_ratio=0.01)
@@ -73,7 +73,7 @@ class ForecastIn(StrictModel):
     highest_hz: Hertz | None = Field(
         None, description="of the band; all modes in it are solved for, so `modes` is left out"
     )
-    points: Annotated[list[ForecastPointIn], AfterValidator(labels_once)] | None = Field(
+    points: Annotated[LongList[ForecastPointIn], AfterValidator(labels_once)] | None = Field(
         None,
         min_length=1,
         max_length=2000,

@@ -28,7 +28,6 @@ def stated(model: type[BaseModel]) -> dict[str, int]:
     for name, field in model.model_fields.items():
         text = repr((field.metadata, field.annotation))
         limits = [int(one) for one in re.findall(r"max_length=(\d+)", text)]
-        limits += [10_000] if "_Storable" in text else []
         if limits and "list" not in repr(field.annotation) and "dict" not in repr(field.annotation):
             limits_by_name[name] = min(limits)
     return limits_by_name

@@ -19,7 +19,7 @@ from starlette.datastructures import Headers
 from fecore.errors import InputError, UpdatingError
 from modalbase.client.errors import ClientError, Exit
 from modalbase.formats.records import TimeBlock
-from service.app.cli import people
+from modalbase.objects.people import FORBIDDEN, People
 from service.errors import Invalid, NotFound, UnsupportedMediaType
 from service.jobs.worker import _clear_if_dead, run_to_end
 from service.monitoring.schemas import WatchedIn
@@ -197,7 +197,7 @@ def test_the_password_of_a_file_goes_into_the_url() -> None:
     assert urls == [url, "postgresql://ada:a%2Fb@host/lab", None, "no url"]
 
 
-@pytest.mark.parametrize("status", [people.FORBIDDEN, 500])
+@pytest.mark.parametrize("status", [FORBIDDEN, 500])
 def test_who_may_not_list_users_lists_keys_alone(status: int) -> None:
     class Answers:
         def pages(self, path: str) -> Iterator[Any]:
@@ -207,7 +207,7 @@ def test_who_may_not_list_users_lists_keys_alone(status: int) -> None:
 
     service: Any = Answers()
     with pytest.raises(ClientError) if status == 500 else nullcontext():
-        assert list(people.keys_at(service)) == [({"id": 1}, None)]
+        assert list(People(service).api_keys()) == [({"id": 1}, None)]
 
 
 def a_mode(number: int) -> dict[str, Any]:

@@ -1,26 +1,17 @@
-"""The front of the service, without the rest: admission, bodies as they come, routes that are made
-late, formats of answers.
-"""
+"""The front of the service, without the rest: admission, bodies as they come, formats of answers."""
 
 import asyncio
 import hashlib
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
-from threading import Barrier
 from typing import Any
 
-import httpx
 import pytest
-from fastapi import APIRouter, FastAPI
-from fastapi.routing import APIRoute
-from pydantic import BaseModel
 from starlette.types import Receive
 
 from service.errors import Invalid, NotAcceptable, TooManyRequests, TooSlow, Unavailable
 from service.web import uploads
 from service.web.admission import SLOT, AdmissionControl, Buckets, Slot, without_slot
 from service.web.negotiation import choose_format
-from service.web.routing import LateRoute, StrictRoute, include
 from tests.support.waiting import awaited, settle
 
 
@@ -240,89 +231,6 @@ def test_silence_or_a_trickle_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(uploads, "SLOWEST", 1e12)
     with pytest.raises(TooSlow, match="comes too slowly"):
         received(client([b"x"] * 1000))
-
-
-# --- routes that are put together when they are first asked for
-# ---------------------------------------------------------
-
-
-class Specimen(BaseModel):
-    name: str
-    layers: int = 8
-
-
-def _with_routes(kind: type[APIRoute]) -> APIRouter:
-    router = APIRouter(route_class=kind, tags=["specimens"])
-
-    @router.get("/specimens/{number}")
-    def get_specimen(number: int, unit: str | None = None) -> Specimen:
-        """One of them."""
-        return Specimen(name=f"{number}{unit or ''}")
-
-    @router.post(
-        "/specimens", status_code=201, responses={409: {"description": "There is one of that name"}}
-    )
-    def make_specimen(body: Specimen) -> Specimen:
-        return body
-
-    @router.api_route(
-        "/specimens/{number}/picture", methods=["GET", "HEAD"], include_in_schema=False
-    )
-    def get_picture(number: int) -> bytes:
-        return b"." * number
-
-    return router
-
-
-def _app(kind: type[APIRoute]) -> FastAPI:
-    app = FastAPI(responses={"5XX": {"description": "Not now"}})
-    include(app, _with_routes(kind), "/api")
-    return app
-
-
-def test_the_document_is_that_of_fastapis_own_routes() -> None:
-    ordinary = FastAPI(
-        responses={"5XX": {"description": "Not now"}},
-        generate_unique_id_function=lambda route: route.name,
-    )
-    ordinary.include_router(_with_routes(APIRoute), prefix="/api")
-    assert _app(LateRoute).openapi() == ordinary.openapi()
-
-
-def test_only_what_is_asked_for_is_put_together() -> None:
-    app = _app(StrictRoute)
-    routes = [route for route in app.routes if isinstance(route, LateRoute)]
-
-    async def ask() -> None:
-        async with httpx.AsyncClient(
-            transport=httpx.ASGITransport(app), base_url="http://test/api/"
-        ) as client:
-            answer = await client.get("specimens/4", params={"unit": "b"})
-            assert answer.json() == {"name": "4b", "layers": 8}
-            assert (await client.get("specimens/four")).status_code == 422
-            assert (await client.put("specimens/4")).status_code == 405
-
-    asyncio.run(ask())
-    assert ["dependant" in vars(route) for route in routes] == [True, False, False]
-    assert [route.label for route in routes] == [
-        "/specimens/{number}",
-        "/specimens",
-        "/specimens/{number}/picture",
-    ]
-
-
-def test_threads_that_ask_at_once_have_the_same_route() -> None:
-    route = next(route for route in _app(LateRoute).routes if isinstance(route, LateRoute))
-    together = Barrier(8)
-
-    def ask(_: int) -> object:
-        together.wait()
-        return route.dependant
-
-    with ThreadPoolExecutor(8) as threads:
-        assert len({id(made) for made in threads.map(ask, range(8))}) == 1
-    with pytest.raises(AttributeError, match="a route has no colour"):
-        _ = route.colour
 
 
 # --- which format an answer has, by the parameter `format` and by Accept with its q values (RFC

@@ -121,11 +121,7 @@ class BeamSections:
         first, second, mixed = section.inertia
         if first > 0 and second > 0 and section.torsion > 0:
             return section
-        self._deck.notes.add(
-            card,
-            f"{card.name} without I or J",
-            f"it resists there with {_LEAST:g} of a round bar of its area, not with none",
-        )
+        self._deck.notes.add(card, "beam_without_inertia", card.name, least=_LEAST)
         inertia = (first or _LEAST * round_bar, second or _LEAST * round_bar, mixed)
         return replace(section, inertia=inertia, torsion=section.torsion or 2 * _LEAST * round_bar)
 
@@ -134,11 +130,7 @@ class BeamSections:
         if first > 0 and second > 0:
             return first, second
         if first > 0 or second > 0:
-            self._deck.notes.add(
-                card,
-                f"{card.name} K1, K2",
-                "one of both is rigid in shear; here neither is flexible",
-            )
+            self._deck.notes.add(card, "beam_shear", card.name)
         return None
 
     def _prod(self, card: Card) -> BeamSection:
@@ -158,9 +150,7 @@ class BeamSections:
         if not 0 < wall <= outer / 2:
             raise card.wrong(3, "T", "a wall of at most half the diameter OD")
         if card.text(5) and card.real(5, "OD2") != outer:
-            self._deck.notes.add(
-                card, "PTUBE OD2", "the tube is read with the diameter of its first end", True
-            )
+            self._deck.notes.add(card, "tube_tapers")
         inner = outer - 2 * wall
         area, torsion = pi * (outer**2 - inner**2) / 4, pi * (outer**4 - inner**4) / 32
         return self._section(card, [area, 0.0, 0.0, 0.0, torsion, card.real(4, "NSM", 0.0)])
@@ -218,20 +208,12 @@ class BeamSections:
                 card.real(at + 2 + k, f"DIM{k + 1}", value) for k, value in enumerate(dimensions)
             ]
             if own != dimensions:
-                self._deck.notes.add(
-                    card, "PBEAML that tapers", "it is read with the section of its end A", True
-                )
+                self._deck.notes.add(card, "pbeaml_tapers")
                 return
             at += 3 + len(dimensions)
 
     def _note_centre(self, card: Card) -> None:
-        self._deck.notes.add(
-            card,
-            f"{card.name} with its shear centre aside",
-            "the neutral axis lies where it does; that the section turns about another line is"
-            " lost",
-            True,
-        )
+        self._deck.notes.add(card, "shear_centre", card.name)
 
     def _pbeam(self, card: Card) -> tuple[BeamSection, tuple[float, float]]:
         """End A, and where the section varies the mean over the stations' lengths."""
@@ -250,17 +232,13 @@ class BeamSections:
             at += 16 if card.text(at) == "YES" else 8
         values = _mean(stations) if any(own != start for _, own in stations) else start
         if values is not start:
-            self._deck.notes.add(
-                card, "PBEAM that tapers", "it is read with its mean section", True
-            )
+            self._deck.notes.add(card, "pbeam_tapers")
         shear = self._shears(card, card.real(at, "K1", 1.0), card.real(at + 1, "K2", 1.0))
         centroid = card.real(at + 12, "N1(A)", 0.0), card.real(at + 13, "N2(A)", 0.0)
         if centroid != (0.0, 0.0):
             self._note_centre(card)
         if any(card.text(at + 8 + k) and card.real(at + 8 + k, "M1(A)") for k in range(4)):
-            self._deck.notes.add(
-                card, "PBEAM M1, M2", "non-structural mass stands on the neutral axis", True
-            )
+            self._deck.notes.add(card, "mass_off_axis")
         section = self._section(card, values, shear)
         fields = (("area", 2), ("I2", 3), ("I1", 4), ("J", 6)) if values is start else ()
         places = {name: card.place(index) for name, index in fields if card.text(index)}
@@ -358,9 +336,7 @@ class Beams:
                 )
                 arms[end] = np.array(stated[3 * end : 3 * end + 3]) @ frame
         if any(card.text(index) not in ("", "0") for index in (8, 9)):
-            self._deck.notes.add(
-                card, f"{card.name} PA, PB", "a released end is not released here", True
-            )
+            self._deck.notes.add(card, "released_end", card.name)
         return axis, _straight(card, own.centroid, along + arms[1] - arms[0], axis, arms)
 
     def _orientation(self, card: Card, source: Card, a: int, frame: Floats) -> Floats:

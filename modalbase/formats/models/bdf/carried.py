@@ -108,12 +108,7 @@ class _Springs:
             if not np.allclose(axis, apart, atol=1e-9) and {row, other} & set(
                 self.grids.displacement
             ):
-                self.notes.add(
-                    card,
-                    f"{card.name} askew",
-                    "its second end acts along the first one's direction",
-                    True,
-                )
+                self.notes.add(card, "spring_askew", card.name)
         if np.allclose(axis, np.eye(3)[dof % 3], atol=1e-12):
             return Spring(row, dof, stiffness, card.where, other, other_dof)
         far = None if other_dof is None else 3 * (other_dof // 3)
@@ -225,14 +220,11 @@ def nonstructural_masses(deck: BdfDeck) -> Mapping[tuple[str, int], float]:
     selected = _selected(joining, deck.case)
     for card in cards:
         if deck.case.is_stated and card.integer(0, "SID") not in selected:
-            loss = "non-structural mass that the deck does not select is not used"
-            deck.notes.add(card, f"{card.name} of another set", loss)
+            deck.notes.add(card, "mass_not_selected", card.name)
             continue
         kind = card.text(1)
         if card.name.startswith("NSML") or kind not in (*PLATES, *PROFILES):
-            deck.notes.add(
-                card, card.name, f"non-structural mass by {kind or 'nothing'} is not used", True
-            )
+            deck.notes.add(card, "mass_by_kind", card.name, what=kind or "nothing")
             continue
         plates = {number for number, plate in deck.plates.items() if plate.name == kind}
         for number, value in _values(card, plates if kind in PLATES else set(deck.profiles[kind])):

@@ -101,10 +101,10 @@ def note_unused(deck: BdfDeck) -> None:
 
 def _note(deck: BdfDeck, names: Iterable[str]) -> None:
     for name in names:
-        loss, changes = _loss(name)
+        kind, what = _loss(name)
         for card in deck.take(name):
-            if loss:
-                deck.notes.add(card, name, loss, changes)
+            if what is not None:
+                deck.notes.add(card, kind, name, what=what)
 
 
 def refuse_solids(cards: Mapping[str, Sequence[Card]]) -> None:
@@ -122,11 +122,12 @@ def refuse_solids(cards: Mapping[str, Sequence[Card]]) -> None:
         )
 
 
-def _loss(name: str) -> tuple[str, bool]:
-    for pattern, loss, changes in _TABLE:
+def _loss(name: str) -> tuple[str, str | None]:
+    """Kind of loss of a card that is not used, and what it states; None where nothing is lost."""
+    for pattern, what, changes in _TABLE:
         if pattern.fullmatch(name):
-            return f"not used: {loss}" if loss else "", changes
-    return "not used: a card that is not known here", True
+            return "card_left_out" if changes else "card_not_used", what or None
+    return "card_unknown", ""
 
 
 def note_params(cards: Iterable[Card], notes: ReadReport) -> None:
@@ -134,14 +135,9 @@ def note_params(cards: Iterable[Card], notes: ReadReport) -> None:
     for card in cards:
         name = card.text(0)
         if name == "K6ROT" and card.text(1) and card.real(1, "V1") > _STIFFENED_DRILLING:
-            notes.add(
-                card,
-                "PARAM K6ROT",
-                "the stiffness against rotation about the normal is ours, 0.01 G t",
-                True,
-            )
+            notes.add(card, "k6rot")
         elif name not in ("WTMASS", ""):
-            notes.add(card, "PARAM", "settings of the solver are not used")
+            notes.add(card, "param")
 
 
 _ORDER = re.compile(r"\s*([A-Z0-9]+)\s*(?:\([^)]*\))?\s*=\s*(.*?)\s*$")
@@ -303,11 +299,7 @@ class BdfDeck:
         split = split_deck(content, included)
         self.labels, self.notes = Labels(), ReadReport()
         if split.unended:
-            self.notes.add(
-                split.unended,
-                "ENDDATA",
-                "the deck ends without it, as MSC Nastran allows; is it whole?",
-            )
+            self.notes.add(split.unended, "without_end")
         self.cards: dict[str, list[Card]] = defaultdict(list)
         for one in cards_of(split.bulk):
             if isinstance(one, Card):

@@ -90,9 +90,7 @@ def _rbar(card: Card, deck: BdfDeck) -> Iterator[Link]:
                 axes=_turned(grids, ends[dependent], dofs),
             )
             return
-    deck.notes.add(
-        card, "RBAR led by both ends", "a rigid bar that both ends lead in part is not used", True
-    )
+    deck.notes.add(card, "rbar")
 
 
 def _rbe3(card: Card, deck: BdfDeck) -> Iterator[Link]:
@@ -113,16 +111,9 @@ def _rbe3(card: Card, deck: BdfDeck) -> Iterator[Link]:
             components = card.dofs(index, "C")
             expects = "grid"
             if not {0, 1, 2} <= set(components):
-                deck.notes.add(
-                    card,
-                    "RBE3 without C = 123",
-                    "leaders are read with all three displacements",
-                    True,
-                )
+                deck.notes.add(card, "rbe3_components")
             elif len(components) > 3:
-                deck.notes.add(
-                    card, "RBE3 with C = 123456", "leaders are read without their rotations"
-                )
+                deck.notes.add(card, "rbe3_rotations")
         else:
             rows, taken = _span(card, fields[at - 1 : at + 2], grids, "G")
             at += taken - 1
@@ -147,11 +138,7 @@ def read_supports(deck: BdfDeck) -> list[Support]:
     rows: dict[tuple[Where, tuple[int, ...]], list[int]] = {}
     for card in cards:
         if card.integer(0, "SID") not in holding:
-            deck.notes.add(
-                card,
-                f"{card.name} of another set",
-                "constraints of sets that the deck does not select are not used",
-            )
+            deck.notes.add(card, "set_not_selected", card.name)
         elif card.name == "SPC":
             for at in (1, 4):
                 if at == 1 or card.text(at):
@@ -195,8 +182,8 @@ def _holding(deck: BdfDeck, cards: list[Card], joining: list[Card]) -> set[int]:
         joined[card.integer(0, "SID")].append(card)
     stated = {card.integer(0, "SID") for card in cards}
     for value, where in case.others.get("SPC", ()):
-        loss = f"the modes are read with SPC = {case.selected.get('SPC', 'none')}, not {value}"
-        notes.add(where, "SPC of another subcase", loss)
+        known = case.selected.get("SPC", "none")
+        notes.add(where, "spc_of_subcase", selected=known, other=value)
     selected = case.number("SPC")
     if selected is None:
         if case.is_stated or not stated:
@@ -207,17 +194,11 @@ def _holding(deck: BdfDeck, cards: list[Card], joining: list[Card]) -> set[int]:
             return stated
         else:
             names = ", ".join(map(str, sorted(stated)))
-            notes.add(
-                cards[0],
-                "SPC",
-                f"nothing selects one of the sets {names}; all of them hold here",
-                True,
-            )
+            notes.add(cards[0], "spc_not_selected", sets=names)
             return stated
     by = {whole(text) or 0: card for card in joined[selected] for _, text in card.words(1)}
     holding = set(by) or {selected}
     for missing in sorted(holding - stated):
         who = f"{by[missing].title} joins" if by else "the case control selects"
-        loss = f"{who} SPC = {missing}, which is not in the deck; nothing is held by it"
-        notes.add(by.get(missing, Where(1)), "SPC", loss, True)
+        notes.add(by.get(missing, Where(1)), "spc_missing", who=who, missing=missing)
     return holding

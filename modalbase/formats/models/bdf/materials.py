@@ -81,11 +81,7 @@ def _orthotropic(card: Card, notes: ReadReport) -> dict[str, float]:
         raise card.wrong(3, "NU12", f"below √(E1/E2) = {(E1 / E2) ** 0.5:.3g}")
     G13, G23 = card.real(5, "G1Z", 0.0), card.real(6, "G2Z", 0.0)
     if not G13 > 0 or not G23 > 0:
-        notes.add(
-            card,
-            "MAT8 without G1Z, G2Z",
-            "the deck has it rigid in transverse shear; here it shears with G12 there",
-        )
+        notes.add(card, "mat8_without_shear")
     return {"E1": E1, "E2": E2, "nu12": nu, "G12": G12, "G13": G13 or G12, "G23": G23 or G12}
 
 
@@ -97,12 +93,7 @@ def _anisotropic(card: Card, notes: ReadReport) -> dict[str, float]:
     if not (g11 > 0 and g22 > 0 and g33 > 0 and g12**2 < g11 * g22):
         raise card.error("G11, G22 and G33 must be above zero, and G12² below G11 G22", 1)
     if max(abs(g13), abs(g23)) > _COUPLING * max(g11, g22):
-        notes.add(
-            card,
-            "MAT2 with G13, G23",
-            "the coupling of stretch and shear is lost; use MAT8 with an angle",
-            True,
-        )
+        notes.add(card, "mat2_coupling")
     constants = {"E1": g11 - g12**2 / g22, "E2": g22 - g12**2 / g11, "nu12": g12 / g22, "G12": g33}
     return {**constants, "G13": g33, "G23": g33}
 

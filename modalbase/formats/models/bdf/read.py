@@ -64,22 +64,13 @@ def _model(deck: BdfDeck) -> FiniteElementModel:
 def _note_rest(deck: BdfDeck) -> None:
     """Note what was not read, or not as Nastran would."""
     for card in deck.grids.repeated:
-        deck.notes.add(card, "GRID twice", "it says what another has said, as MSC Nastran allows")
+        deck.notes.add(card, "grid_twice")
     for card in deck.grids.superelements:
-        deck.notes.add(card, "GRID SEID", "superelements are read as one model")
-    matrices = [name for name in _DIRECT if deck.case.selected.get(name)]
+        deck.notes.add(card, "superelement")
+    matrices = any(deck.case.selected.get(name) for name in _DIRECT)
     for card in deck.take("DMIG"):
-        loss = (
-            "stiffness and mass by matrices"
-            if matrices
-            else "matrices that the deck does not select"
-        )
-        deck.notes.add(card, "DMIG", f"{loss} are not used", bool(matrices))
+        deck.notes.add(card, "dmig" if matrices else "dmig_not_selected")
     note_unused(deck)
     for card in deck.all:
         if card.integers_for_reals:
-            deck.notes.add(
-                card,
-                "integers for reals",
-                "read as the same number; Nastran asks for a decimal point",
-            )
+            deck.notes.add(card, "integers_for_reals")

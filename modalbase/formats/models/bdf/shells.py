@@ -158,37 +158,22 @@ class Shells:
         thickness = card.positive(2, "T") if card.text(2) else 0.0
         notes = self._deck.notes
         if bending_only:
-            notes.add(
-                card,
-                "PSHELL without MID1",
-                "it bends alone in the deck; here it stretches too",
-                True,
-            )
+            notes.add(card, "pshell_without_mid1")
         elif not card.text(3):
-            notes.add(
-                card, "PSHELL without MID2", "it is a membrane in the deck; here it bends too", True
-            )
+            notes.add(card, "pshell_without_mid2")
         elif card.text(3) not in (card.text(1), "-1") or card.text(10):
-            notes.add(
-                card, "PSHELL with MID2, MID4", "bending by a material of its own is lost", True
-            )
+            notes.add(card, "pshell_with_mid2")
         if card.text(3) == "-1":
-            notes.add(card, "PSHELL with MID2 = -1", "plane strain; here it is plane stress", True)
+            notes.add(card, "pshell_of_plane_strain")
         if abs(card.real(4, "12I/T**3", 1.0) - _BENDING[0]) > _BENDING[1]:
-            notes.add(card, "PSHELL 12I/T**3", "it bends as a plate of its thickness here", True)
+            notes.add(card, "pshell_inertia")
         if card.text(3) and not card.text(5):
-            notes.add(
-                card,
-                "PSHELL without MID3",
-                "the deck has it rigid in transverse shear; here it shears",
-            )
+            notes.add(card, "pshell_without_mid3")
         elif card.text(5) and (
             abs(card.real(6, "TS/T", _SHEAR[0]) - _SHEAR[0]) > _SHEAR[1]
             or card.text(5) != card.text(1)
         ):
-            notes.add(
-                card, "PSHELL MID3, TS/T", "it shears as a plate of MID1 with TS/T = 5/6 here", True
-            )
+            notes.add(card, "pshell_shear")
         ply = Ply(material.name, thickness, place=card.place(2))
         return _Property(
             card,
@@ -226,12 +211,7 @@ class Shells:
         if lamina == "SYM":
             plies += plies[::-1]
         elif lamina and lamina not in ("BLANK", "NO"):
-            self._deck.notes.add(
-                card,
-                f"{card.name} LAM={lamina}",
-                "the laminate is read with all of its stiffness",
-                True,
-            )
+            self._deck.notes.add(card, "laminate_option", card.name, lamina=lamina)
         total = sum(ply.thickness for ply in plies)
         offset = card.real(1, "Z0", -total / 2) + total / 2
         return _Property(card, name, tuple(plies), offset, self._mass(card, 2), isotropic)

@@ -83,7 +83,7 @@ class Carried:
         self, card: Keyword, part: Part, elements: list[InpElement], axes: dict[int, Floats]
     ) -> None:
         if "NONLINEAR" in card.parameters:
-            self._report.note(card, "a spring that is not linear")
+            self._report.note(card, "spring_not_linear")
             return
         system = part.system(card.get("ORIENTATION"), card)
         for element in elements:
@@ -177,9 +177,7 @@ def add_nonstructural_mass(
         "TOTALMASS": len(beams) == 1,
     }
     if not whole or not fits.get(units, False):
-        report.note(
-            card, "spread mass on part of a set, on shells and beams at once, or in other units"
-        )
+        report.note(card, "spread_mass")
         return
     if units == "TOTALMASS":
         places = np.array(parts[0].mesh.places)

@@ -85,7 +85,7 @@ class Constraints:
         for row in card.rows:
             kind, names = row.name_and_rest
             if kind.upper() not in ("BEAM", "TIE", "PIN") or len(names) != 2:
-                self._report.note(row, f"a constraint of type {kind[:12].upper()} between nodes")
+                self._report.note(row, "constraint_of_type", type=kind[:12].upper())
                 continue
             dependent, independent = (part.nodes(name, row) for name in names)
             if len(independent) != 1:
@@ -94,14 +94,14 @@ class Constraints:
             dofs = ALL[:3] if kind.upper() == "PIN" else ALL
             apart = np.linalg.norm(self._places[dependent] - self._places[reference], axis=1)
             if kind.upper() != "BEAM" and np.any(apart > self._near):
-                self._report.note(row, f"{kind.upper()} between nodes that are apart")
+                self._report.note(row, "nodes_apart", type=kind.upper())
                 continue
             self._rigid(dependent, reference, dofs, row.where)
 
     def _rigid_body(self, card: Keyword, part: Part) -> None:
         reference = self._one(card.needs("REF NODE"), part, card)
         if card.get("ROT NODE"):
-            self._report.note(card, "the ROT NODE: supports and masses that act on it")
+            self._report.note(card, "rot_node")
         for parameter, dofs in (
             ("ELSET", ALL),
             ("NSET", ALL),
@@ -144,7 +144,7 @@ class Constraints:
             self._rigid(nodes, reference, dofs, coupling.where, system)
             return
         if card.get("WEIGHTING METHOD").upper() not in ("", "UNIFORM"):
-            self._report.note(card, "weights that fall with the distance: all are taken alike")
+            self._report.note(card, "weights_by_distance")
         axes = None if system is None or dofs == ALL else system.at(self._places[[reference]])[0]
         self.links.append(Link(reference, tuple(nodes.tolist()), dofs, coupling.where, axes=axes))
 
@@ -226,9 +226,7 @@ class Constraints:
             ):
                 self.links.append(Link(int(a[0]), (int(b[0]),), (dofs[0],), row.where))
                 return
-        self._report.note(
-            row, "an equation between dofs, other than that nodes at one place move alike"
-        )
+        self._report.note(row, "equation")
 
     def _tie(self, card: Keyword, part: Part) -> None:
         """Nodes of the first surface that lie on nodes of the second depend on them."""
@@ -241,9 +239,7 @@ class Constraints:
             for node, other in pairs:
                 self.links.append(Link(node, (other,), ALL, row.where))
             if unmatched := len(set(dependent.tolist()) - set(independent.tolist())) - len(pairs):
-                self._report.note(
-                    row, f"a tie of {unmatched} node(s) that lie on no node of the other surface"
-                )
+                self._report.note(row, "tie", count=unmatched)
 
     def _coincident(self, dependent: Integers, independent: Integers) -> list[tuple[int, int]]:
         """Pairs of nodes at one place, each dependent one once; a node that is in both surfaces does not
@@ -347,7 +343,7 @@ def _of_card(
     card: Keyword, part: Part, axes: dict[int, Floats], report: InpReport
 ) -> list[Support]:
     if "SUBMODEL" in card.parameters:
-        report.note(card, "motion that another model prescribes")
+        report.note(card, "driven_motion")
         return []
     held: list[Support] = []
     for row in card.rows:
@@ -380,7 +376,7 @@ def _dofs(fields: list[str], row: DataLine, report: InpReport) -> tuple[int, ...
         )
     first = row.whole(fields[0], "the first dof")
     if first > 6:
-        report.note(row, "dofs above 6, such as temperature", changes=False)
+        report.note(row, "dofs_above_6")
         return ()
     return tuple(dof_range(fields, row))
 
@@ -403,10 +399,6 @@ def note_prestress(steps: list[list[Keyword]], report: InpReport) -> None:
             and names & _LOADS
             and (nonlinear or ("PERTURBATION" in steps[modes][0].parameters and not plain))
         ):
-            report.note(step[0], "a state of stress before the modes, which stiffens or softens")
+            report.note(step[0], "prestress")
     for card in (card for step in steps[modes + 1 :] for card in step if card.name == "FREQUENCY"):
-        report.note(
-            card,
-            "modes of a later step: what the first with *FREQUENCY holds is taken",
-            changes=False,
-        )
+        report.note(card, "later_step")

@@ -383,15 +383,20 @@ _KNOWN |= {name: (loss, True) for loss, names in _CHANGES.items() for name in na
 class InpReport(model.ReadReport):
     """Cards that were not used, under the names that the user wrote."""
 
-    def note(self, where: Keyword | DataLine, loss: str, *, changes: bool = True) -> None:
-        """Note a card, or a line of one; most change modes."""
+    def note(self, where: Keyword | DataLine, kind: str, **values: object) -> None:
+        """Note a card, or a line of one, with what is lost by its row of `LOSSES`."""
         label = where.label if isinstance(where, Keyword) else where.card
-        self.add(where, label.upper(), loss, changes)
+        self.add(where, kind, label.upper(), **values)
+
+    def lost(self, where: Keyword | DataLine, what: str, changes: bool) -> None:
+        """Note a card, or a line of one, that a table has as not used."""
+        self.note(where, "keyword_left_out" if changes else "keyword_not_used", what=what)
 
     def unused(self, card: Keyword) -> None:
         """Note a card by what is known of it; one that is unknown may change modes."""
-        unknown = "unknown to this reader; it may be a stiffness, a mass or a constraint", True
-        loss, changes = _KNOWN.get(card.name, unknown)
         if card.name == "INITIALCONDITIONS" and card.get("TYPE").upper() == "STRESS":
-            loss, changes = "stresses, which stiffen", True
-        self.note(card, loss, changes=changes)
+            self.note(card, "initial_stress")
+        elif card.name in _KNOWN:
+            self.lost(card, *_KNOWN[card.name])
+        else:
+            self.note(card, "keyword_unknown")

@@ -180,9 +180,7 @@ class _InpReading:
         self._report, self._materials = InpReport(), InpMaterials()
         self._materials.read([card for part in parts for card in part.cards])
         for card in self._materials.hot:
-            self._report.note(
-                card, "constants at other temperatures: those of the first line are taken"
-            )
+            self._report.note(card, "other_temperatures")
         self._sections = Sections(mesh, self._materials)
         self._carried = Carried(mesh, self._report)
 
@@ -200,7 +198,7 @@ class _InpReading:
         self._carried.complete()
         for element in mesh.elements:
             if element.type.loss:
-                report.note(element.row, element.type.loss, changes=element.type.changes)
+                report.lost(element.row, element.type.loss, element.type.changes)
         # by card, which the instances of a part share
         nonstructural: dict[int, tuple[Keyword, list[Part]]] = {}
         for part in self._parts:
@@ -261,13 +259,9 @@ class _InpReading:
         """Note what a section says beyond what is read, or in two ways."""
         for parameter in ("DENSITY", "BENDING ONLY", "MEMBRANE ONLY", "STIFFNESS MODIFIER"):
             if card.name in SHELLS and squeezed(parameter) in card.parameters:
-                self._report.note(card, f"the parameter {parameter} of a section")
+                self._report.note(card, "section_parameter", parameter=parameter)
         if card.get("SECTION").upper() == "CIRC" and len(card.first.fields) == 1 and not part.scope:
-            loss = (
-                "whether CIRC states a radius, as Abaqus has it and is taken, or a diameter, as"
-                " CalculiX does"
-            )
-            self._report.note(card, loss)
+            self._report.note(card, "circ")
 
     def _thickness(self, part: Part) -> dict[int, float]:
         """Of the nodes that *NODAL THICKNESS names, by row."""

@@ -5,6 +5,7 @@ gmsh    `.msh` of gmsh
 vtk     points, connectivity and cell data of VTK to elements; its legacy files
 vtu     VTK's unstructured grids in XML
 uff     sets 2411, 2412 and 2420
+groups  sets of elements that a Universal File names
 body    a mesh and what is stated of its sets, to the neutral model
 """
 

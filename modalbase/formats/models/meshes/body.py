@@ -27,6 +27,7 @@ from modalbase.formats.models.model import (
     SkippedCard,
     Support,
     Where,
+    skipped_card,
 )
 
 
@@ -221,8 +222,7 @@ def _lines_left(every: Iterable[Cells], held: Collection[str]) -> Iterable[Skipp
     for cells in every:
         if cells.kind.startswith("beam") and cells.set not in held:
             lines = () if cells.lines is None else tuple(cells.lines.tolist())
-            loss = f"{len(cells.numbers)} lines; beams of a mesh are not read, edges are no loss"
-            yield SkippedCard(cells.set, lines, loss, changes=True)
+            yield skipped_card("lines_of_mesh", cells.set, lines, count=len(cells.numbers))
 
 
 def _require_one_layer(model: FiniteElementModel) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fecore.findings import Finding
 from fecore.frf import Dof, FrfSet
 from fecore.signal import Hit, Processing, Strip, Windows, by_point, process
 from fecore.signal.frf_scale import FrfScale
@@ -67,7 +68,7 @@ def test_two_hits_of_five_under_another_range_are_named_and_left_out(factor: flo
     assert "sensitivity" in fault.sentence
 
 
-def _wrong(frfs: FrfSet) -> list[str]:
+def _wrong(frfs: FrfSet) -> list[Finding]:
     heights = FrfScale(frfs.frequency_hz, 500.0)
     heights.add(frfs)
     return heights.wrong(None)
@@ -80,7 +81,7 @@ def test_a_point_whose_sensitivity_was_changed_is_named() -> None:
     points = tuple(Dof(n, 3) for n in range(1, 6))
     frfs = FrfSet(f, heights[:, None] * one, (Dof(33, 3),) * 5, points, "accelerance")
     (said,) = _wrong(frfs)
-    assert "at point 4 are 14 times as high" in said
+    assert "at point 4 are 14 times as high" in said.text
     assert _wrong(replace(frfs, values=np.minimum(heights, 2.0)[:, None] * one)) == []
 
 
@@ -90,5 +91,5 @@ def test_a_pair_measured_both_ways_with_unlike_heights_is_named() -> None:
     places = (Dof(1, 3), Dof(2, 3))
     frfs = FrfSet(f, np.array([one, 10 * one]), places, places[::-1], "accelerance")
     (said,) = _wrong(frfs)
-    assert "point 1 hit at point 2 is 10 times lower than that of the opposite way" in said
+    assert "point 1 hit at point 2 is 10 times lower than that of the opposite way" in said.text
     assert _wrong(replace(frfs, values=np.array([one, 1.2 * one]))) == []

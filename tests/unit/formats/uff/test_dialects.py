@@ -66,7 +66,7 @@ TAKEN: dict[str, tuple[bytes, Callable[[Reading], object], object, str]] = {
     "singles beyond their range": (set_58("  1.00000e-42  2.00000e+00  3.00000e+00  4.00000e+00", kind=5), of_frf,
         [1e-42 + 2j, 3 + 4j], "kept as doubles"),
     "coordinates that run together": (
-        dataset("15", RUN_TOGETHER), lambda reading: reading.of(GridPoint)[0].xyz_m, (-1e-101, -2.0, -0.3), "pyuff"),
+        dataset("15", RUN_TOGETHER), lambda reading: reading.of(GridPoint)[0].xyz_m, (-1e-101, -2.0, -0.3), ""),
     "coordinates without units": (
         POINTS, lambda reading: reading.of(GridPoint)[0].xyz_m, (1.0, 2.0, 3.0), "no set 164: coordinates taken as metres"),
     "an abscissa of an unknown unit": (set_58(ONE, points=1, start="5.00000e+00", abscissa=axis(18, "bins")),

@@ -27,6 +27,8 @@ from modalbase.formats.uff import (
     Units,
     read_file,
 )
+from modalbase.formats.uff.function import read_58
+from modalbase.formats.uff.scan import scan
 from modalbase.formats.uff.text import Refusal, real_block
 from tests.support import uff_damage
 from tests.support.places import shared_file
@@ -146,23 +148,6 @@ def test_a_file_that_is_cut_while_it_is_read_is_refused(tmp_path: Path) -> None:
     assert str(pickle.loads(pickle.dumps(refused.value))) == str(refused.value)
 
 
-def test_what_pyuff_reads_otherwise_is_refused(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The guard against a dialect that file and reader share: it objects to another number and to
-    one that is lost.
-    """
-    theirs = pyuff.UFF.read_sets
-    monkeypatch.setattr(
-        pyuff.UFF, "read_sets", lambda self: {**theirs(self), "node_nums": np.array([2])}
-    )
-    assert "pyuff reads another 'node_nums' from it than its columns hold" in read(POINTS).reasons
-    monkeypatch.setattr(pyuff.UFF, "read_sets", lambda _: {})
-    assert "pyuff finds no" in read(POINTS).reasons
-    monkeypatch.setattr(pyuff.UFF, "read_sets", lambda self: [theirs(self)])
-    reading = read(POINTS)
-    assert reading.outcomes == ["read"]
-    assert "pyuff cannot read this dataset; it was read by its columns alone" in reading.notes
-
-
 def test_a_refused_row_is_named_by_its_line() -> None:
     good = b"1.0 2.0 \n3.0 4.0 \n"
     for body, count, line in (
@@ -248,6 +233,22 @@ def test_whatever_else_the_corpus_holds_is_read_or_refused_with_a_reason(uff_cor
             assert all(report.reason for report in reading.reports if report.outcome != "read"), (
                 path
             )
+
+
+def test_functions_of_other_programs_hold_what_pyuff_reads(uff_corpus: Path) -> None:
+    """A guard against a dialect that our reader understands otherwise than others do."""
+    compared = 0
+    for path in sorted(uff_corpus.glob("pyuff/*58*")):
+        theirs = pyuff.UFF(str(path)).read_sets()
+        frames = [frame for frame in scan(path, Limits()) if frame.type in ("58", "58b")]
+        sets = [each for each in np.atleast_1d(theirs) if each["type"] == 58]
+        for frame, other in zip(frames, sets, strict=True):
+            ours = read_58(frame, path.read_bytes()[frame.start : frame.end])
+            np.testing.assert_array_equal(ours.values, other["data"].astype(ours.values.dtype))
+            np.testing.assert_array_equal(ours.axis.points(), other["x"])
+            assert ours.response_point == other["rsp_node"]
+            compared += 1
+    assert compared >= 3
 
 
 def test_text_and_binary_of_one_measurement_read_alike() -> None:
@@ -363,9 +364,7 @@ def test_the_verdict_knows_a_silent_change(tmp_path: Path) -> None:
 
 
 def test_floods_stay_within_bounds(tmp_path: Path) -> None:
-    """Of 20 to 40 MB each; a tenth of the datasets that are taken, and so of the memory: pyuff
-    takes 1,800 MiB.
-    """
+    """Of 20 to 40 MB each; a tenth of the datasets that are taken, and so of the memory."""
     assert Limits().datasets == 200_000
     files = {kind: flood() for kind, flood in uff_damage.FLOODS.items()}
     for kind, (memory, outcome) in uff_damage.flood(files, tmp_path, most=20_000).items():

@@ -5,45 +5,31 @@ an archive into a project.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
-from urllib.parse import quote
+from typing import Annotated, Literal
 
 import typer
 
-from modalbase.client.display import print_json, transfer
+from modalbase import objects
+from modalbase.client.display import print_json
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import FIGURES, REPORTS, SOLVERS, fetch_file, format_of
-from modalbase.client.finding import CAMPAIGN, MODE_SET, find_id, find_job, uuid_of
-from modalbase.client.options import AsJson, Job, Url, service_at, show
+from modalbase.commands.options import AsJson, OfJob, Url, laboratory_at, show
 from modalbase.formats.registry import FRF_SUFFIXES, WRITERS
-
-if TYPE_CHECKING:
-    from modalbase.client.connection import Connection
-
+from modalbase.objects.files import FIGURES, REPORTS, format_of
 
 What = Literal["frfs", "grid-points", "modes", "predicted", "original"]
 """What to fetch: of a campaign, of a campaign, of a mode set, of an update job, of an import."""
 
-PATHS: dict[What, str] = {
-    "frfs": "campaigns/{}/frfs/data",
-    "grid-points": "campaigns/{}/grid-points",
-    "modes": "mode-sets/{}",
-    "predicted": "update-jobs/{}/frfs/data",
-    "original": "imports/{}/original",
-}
 
-
-def _fetch(service: Connection, path: str, file: Path, as_json: bool, **query: Any) -> None:
-    """Write what is at a path to a file, and say so."""
-    size = fetch_file(service, path, file, **query)
+def _say(file: Path, as_json: bool) -> None:
+    """Say that a file is written."""
     if as_json:
-        print_json({"file": str(file), "bytes": size})
+        print_json({"file": str(file), "bytes": file.stat().st_size})
     else:
         typer.echo(file)
 
 
 def cards(
-    job: Job = "latest",
+    job: OfJob = "latest",
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .inp, .bdf")] = Path(
         "updated.inp"
     ),
@@ -58,23 +44,8 @@ def cards(
     url: Url = None,
 ) -> None:
     """Write the updated model as a deck that CalculiX, Abaqus or Nastran runs."""
-    with service_at(url) as service:
-        path = f"update-jobs/{find_job(service, job)}/cards"
-        chosen = program or format_of(out, SOLVERS, "state the program: ")
-        _fetch(service, path, out, as_json, format=chosen, element=element)
-
-
-def _id(service: Connection, what: What, text: str) -> str:
-    """The id of what a text names."""
-    if what == "predicted":
-        return find_job(service, text)
-    if what == "original":
-        if (id_ := uuid_of(text)) is None:
-            raise ClientError(
-                f"{text!r} is no id of an import; `modalbase import` prints them", Exit.USAGE
-            )
-        return id_
-    return find_id(service, MODE_SET if what == "modes" else CAMPAIGN, text)
+    with laboratory_at(url) as lab:
+        _say(lab.named(objects.UpdateJob, job).save_cards(out, program or None, element), as_json)
 
 
 def export(
@@ -99,25 +70,33 @@ def export(
     url: Url = None,
 ) -> None:
     """Fetch FRFs, grid points, modes, predictions or an original file."""
-    target = None if str(out) == "-" else out
     if what != "original" and file_format is None:
         file_format = format_of(out, FRF_SUFFIXES, "state --format: ")
     chosen = {"point": point, "reference": reference, "fmin": fmin, "fmax": fmax, "stride": stride}
     stated = [f"--{name}" for name, value in chosen.items() if value is not None]
     if stated and what not in ("frfs", "predicted"):
         raise ClientError(f"{', '.join(stated)} choose FRFs, not {what}", Exit.USAGE)
-    with service_at(url) as service, transfer(out.name) as watch:
-        path = PATHS[what].format(_id(service, what, id_))
-        size = service.download(path, target, watch, format=file_format, **chosen)
-    if as_json and target is not None:
-        print_json({"file": str(target), "bytes": size})
+    with laboratory_at(url) as lab:
+        match what:
+            case "frfs":
+                lab.named(objects.Campaign, id_).export(out, file_format, **chosen)
+            case "grid-points":
+                lab.named(objects.Campaign, id_).save_grid_points(out, file_format)
+            case "modes":
+                lab.named(objects.ModeSet, id_).export(out, file_format)
+            case "predicted":
+                lab.named(objects.UpdateJob, id_).save_predicted(out, file_format, **chosen)
+            case "original":
+                lab.named(objects.Import, id_).save(out)
+    if as_json and str(out) != "-":
+        _say(out, as_json)
 
 
 def figure(
     name: Annotated[
         str, typer.Argument(help="frf, mac, parameters; `modalbase figure list` names all")
     ],
-    job: Job = "latest",
+    job: OfJob = "latest",
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="File to write: .svg .png .pdf, or .json for Plotly"),
@@ -127,21 +106,18 @@ def figure(
     url: Url = None,
 ) -> None:
     """Write a figure of a result to a file."""
-    with service_at(url) as service:
-        path = f"update-jobs/{find_job(service, job)}/figures"
+    with laboratory_at(url) as lab:
+        of = lab.named(objects.UpdateJob, job)
         if name == "list":
-            figures = service.get(path)["items"]
-            show(figures, ("name", "title", "available", "reason"), as_json)
+            show(of.figures().rows, ("name", "title", "available", "reason"), as_json)
             return
         target = out or Path(f"{name}.svg")
-        chosen = format_of(target, FIGURES, "--out ")
-        _fetch(
-            service, f"{path}/{quote(name, safe='')}", target, as_json, format=chosen, point=point
-        )
+        format_of(target, FIGURES, "--out ")
+        _say(of.figure(name, point=point).save(target), as_json)
 
 
 def report(
-    job: Job = "latest",
+    job: OfJob = "latest",
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .pdf or .html")] = Path(
         "report.pdf"
     ),
@@ -149,9 +125,9 @@ def report(
     url: Url = None,
 ) -> None:
     """Write the report of an update: two pages for a customer, the rest as annex."""
-    chosen = format_of(out, REPORTS, "--out ")
-    with service_at(url) as service:
-        _fetch(service, f"update-jobs/{find_job(service, job)}/report", out, as_json, format=chosen)
+    format_of(out, REPORTS, "--out ")
+    with laboratory_at(url) as lab:
+        _say(lab.named(objects.UpdateJob, job).report(out), as_json)
 
 
 def import_archive(
@@ -173,12 +149,8 @@ def import_archive(
     """Read an archive into a project: all but results, with new ids. Results stay in the
     archive.
     """
-    # it reads files, which no other command needs
-    from modalbase.objects.laboratory import Laboratory
-
-    with service_at(url) as service:
-        lab = Laboratory(service)
-        there = any(one["name"] == project for one in service.pages("projects"))
+    with laboratory_at(url) as lab:
+        there = any(one.name == project for one in lab.projects())
         into = lab.project(project, create=True)
         try:
             done = into.import_archive(file, again=again)

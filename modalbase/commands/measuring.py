@@ -5,33 +5,27 @@ modes.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
+from modalbase import objects
 from modalbase.client.display import Written, print_json, print_table
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import send_file
-from modalbase.client.finding import CAMPAIGN, MODE_SET, find, find_id
-from modalbase.client.jobs import require_success, wait_for
-from modalbase.client.options import (
-    NAMED,
+from modalbase.client.results import beside_lines
+from modalbase.commands.options import (
     AsJson,
-    Campaign,
+    OfCampaign,
+    ToCampaign,
     Url,
     json_file,
-    names_of,
+    laboratory_at,
     say_next,
-    service_at,
     show,
 )
-from modalbase.client.results import beside_lines, mode_set_cells
 from modalbase.formats.registry import FORMATS, either, titles
-
-if TYPE_CHECKING:
-    from modalbase.client.connection import Connection
-
 
 AXES = ("x", "y", "z")
 TIME_BLOCKS = [row for row in FORMATS.values() if row.looked_at and "hits" in row.takes]
@@ -39,7 +33,7 @@ HEADER = "label,x_mm,y_mm,z_mm, or with _m for metres; z may be left out"
 
 
 def points(
-    campaign: Campaign,
+    campaign: OfCampaign,
     file: Annotated[
         Path | None,
         typer.Argument(
@@ -53,19 +47,14 @@ def points(
 ) -> None:
     """Show the grid points of a campaign; state them from a CSV file, where no UFF file does."""
     stated = None if file is None else read_points(file)
-    with service_at(url) as service:
-        path = f"campaigns/{find_id(service, CAMPAIGN, campaign)}/grid-points"
-        there = service.request("GET", path)
-        table = there.json()
-        if stated is not None:
-            replaced = {"If-Match": there.headers["etag"]}  # by whoever looked last
-            table = service.call("PUT", path, json={"items": stated}, headers=replaced)
+    with laboratory_at(url) as lab:
+        there = lab.named(objects.Campaign, campaign)
+        table = there.grid_points() if stated is None else there.set_grid_points(stated)
     if as_json:
-        print_json(table)
+        print_json({"items": table.rows})
         return
     rows = [
-        [p["label"], *(Written(f"{1000 * p[f'{axis}_m']:.6g}") for axis in AXES)]
-        for p in table["items"]
+        [p["label"], *(Written(f"{1000 * p[f'{axis}_m']:.6g}") for axis in AXES)] for p in table
     ]
     print_table(f"{len(rows)} grid points", ("label", "x mm", "y mm", "z mm"), rows)
     if not rows:
@@ -105,12 +94,7 @@ def import_files(
         list[Path],
         typer.Argument(help=titles(last=""), exists=True, dir_okay=False),
     ],
-    campaign: Annotated[
-        str,
-        typer.Option(
-            "--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of(CAMPAIGN)
-        ),
-    ] = "latest",
+    campaign: ToCampaign = "latest",
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only report what the files hold")
     ] = False,
@@ -140,9 +124,9 @@ def import_files(
         "kind": kind,
         "mapping": None if mapping is None else json_file(mapping),
     }
-    with service_at(url) as service:
-        id_ = find_id(service, CAMPAIGN, campaign)
-        done = [_import(service, id_, file, wait, dry_run=dry_run, **stated) for file in files]
+    with laboratory_at(url) as lab:
+        into = lab.named(objects.Campaign, campaign)
+        done = [_import(into, file, wait, dry_run=dry_run, **stated).fields for file in files]
     if as_json:
         print_json(done)
     else:
@@ -165,15 +149,15 @@ def import_files(
 
 
 def _import(
-    service: Connection, campaign: str, file: Path, wait: bool = True, **stated: Any
-) -> dict[str, Any]:
+    campaign: objects.Campaign, file: Path, wait: bool = True, **stated: Any
+) -> objects.Import:
     """The import of a file that is sent to a campaign, read where that is waited for."""
-    job = send_file(service, f"campaigns/{campaign}/imports", file, **stated)
-    if job["already_imported"]:
+    job = campaign.import_file(file, wait=False, **stated)
+    if job.already_imported:
         typer.echo(
             f"{file.name}: the campaign has this file already; it is not read again", err=True
         )
-    return wait_for(service, f"imports/{job['id']}", file.name) if wait else job
+    return job.wait() if wait else job
 
 
 def _print_report(job: dict[str, Any]) -> None:
@@ -195,7 +179,7 @@ def _print_report(job: dict[str, Any]) -> None:
 
 
 def frfs(
-    campaign: Campaign,
+    campaign: OfCampaign,
     point: Annotated[int | None, typer.Option(help="Response point")] = None,
     direction: Annotated[int | None, typer.Option(help="Signed response direction")] = None,
     reference: Annotated[int | None, typer.Option(help="Reference point")] = None,
@@ -207,19 +191,10 @@ def frfs(
     url: Url = None,
 ) -> None:
     """List the FRFs of a campaign; `modalbase export` fetches their values."""
-    with service_at(url) as service:
-        filters = {
-            "point": point,
-            "direction": direction,
-            "reference": reference,
-            "quantity": quantity,
-        }
-        listed = list(
-            service.pages(
-                f"campaigns/{find_id(service, CAMPAIGN, campaign)}/frfs", limit, **filters
-            )
-        )
-    columns = (
+    chosen = {"point": point, "direction": direction, "reference": reference, "quantity": quantity}
+    with laboratory_at(url) as lab:
+        listed = lab.named(objects.Campaign, campaign).list_frfs(limit, **chosen).rows
+    columns = [
         "id",
         "label",
         "response",
@@ -229,18 +204,16 @@ def frfs(
         "start_hz",
         "end_hz",
         "averages",
-    )
+    ]
+    places = [{side: _dof(frf, side) for side in ("response", "reference")} for frf in listed]
     rows = [
-        [
-            f["id"], f["label"], _dof(f, "response"), _dof(f, "reference"), f["quantity"],
-            f["lines"], f["start_hz"], f["end_hz"], f["averages"],
-        ]
-        for f in listed
-    ]  # fmt: skip
+        [{**frf, **place}[name] for name in columns]
+        for frf, place in zip(listed, places, strict=True)
+    ]
     show(listed, columns, as_json, rows, f"{len(listed)} FRFs")
 
 
-def _dof(frf: dict[str, Any], side: str) -> str:
+def _dof(frf: Mapping[str, Any], side: str) -> str:
     direction = frf[f"{side}_direction"]
     axis = "?" if direction == 0 else ("X", "Y", "Z", "RX", "RY", "RZ")[abs(direction) - 1]
     return f"{frf[f'{side}_point']}{'-' if direction < 0 else '+'}{axis}"
@@ -253,12 +226,7 @@ def hits(
             help=f"Time blocks: {titles(TIME_BLOCKS, last='')}", exists=True, dir_okay=False
         ),
     ],
-    campaign: Annotated[
-        str,
-        typer.Option(
-            "--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of(CAMPAIGN)
-        ),
-    ] = "latest",
+    campaign: ToCampaign = "latest",
     mapping: Annotated[
         Path | None,
         typer.Option(
@@ -278,25 +246,23 @@ def hits(
     """Send time blocks of hits, see how each hit is judged, and make FRFs of the good ones."""
     stated = None if mapping is None else json_file(mapping)
     judged: list[dict[str, Any]] = []
-    with service_at(url) as service:
-        path = f"campaigns/{(id_ := find_id(service, CAMPAIGN, campaign))}"
+    with laboratory_at(url) as lab:
+        into = lab.named(objects.Campaign, campaign)
         for file in files:
-            sent = _import(service, id_, file, dry_run=stated is None, kind="hits", mapping=stated)
-            require_success(sent, file.name)
+            sent = _import(into, file, dry_run=stated is None, kind="hits", mapping=stated)
+            sent.check(file.name)
             if stated is None:
-                print_json(sent["found"])
+                print_json(sent.fields["found"])
                 raise ClientError(
                     "nothing is stored: save `mapping` of this, corrected, and state it with"
                     " --mapping",
                     Exit.USAGE,
                 )
-            judged += service.get(f"imports/{sent['id']}/records")["hits"]
-        placed = bool(service.get(f"{path}/grid-points")["items"])
+            judged += sent.records()["hits"]
+        placed = bool(into.grid_points())
         if process:
             options = {} if false_discovery is None else {"false_discovery": false_discovery}
-            made = service.post(f"{path}/processings", options)
-            job = wait_for(service, f"processings/{made['id']}", "processing")
-            require_success(job, "processing")
+            into.process(wait=False, **options).wait().check("processing")
     if as_json:
         print_json(judged)
         return
@@ -319,7 +285,7 @@ def _failures(hit: dict[str, Any]) -> str | None:
 
 
 def modes(
-    campaign: Campaign = "latest",
+    campaign: OfCampaign = "latest",
     identify: Annotated[
         bool, typer.Option("--identify", help="Find modes in the FRFs first, and wait for them")
     ] = False,
@@ -344,53 +310,27 @@ def modes(
 
     --keep and --drop make a new mode set; the old one stays as it is.
     """
-    decided = _decided(keep or [], drop or [], why)
-    with service_at(url) as service:
-        id_ = find_id(service, CAMPAIGN, campaign)
-        document = (
-            _identified(service, id_, band, threshold)
-            if identify
-            else find(service, MODE_SET, mode_set, within=id_)
-        )
-        if decided:
-            document = _edited(service, document, decided)
-    if as_json:
-        print_json(document)
-        return
-    print_table(
-        f"{document['name']} ({document['origin']}), {document['id']}",
-        *mode_set_cells(document["modes"]),
-    )
-    for line in beside_lines(document["details"]):
-        typer.echo(line, err=True)
-    say_next(f'update "{campaign}" --mode-set {document["id"]} --wait')
-
-
-def _decided(keep: list[float], drop: list[float], why: str | None) -> list[dict[str, Any]]:
-    """What is decided of poles, as the service takes it; asked before anything is computed."""
-    poles = [*((hz, True) for hz in keep), *((hz, False) for hz in drop)]
-    if poles and why is None:
+    if (keep or drop) and why is None:
         raise ClientError("--keep and --drop need a reason: --why TEXT", Exit.USAGE)
-    return [{"frequency_hz": hz, "keep": kept, "reason": why} for hz, kept in poles]
-
-
-def _edited(
-    service: Connection, document: dict[str, Any], decisions: list[dict[str, Any]]
-) -> dict[str, Any]:
-    body = {"name": f"{document['name']}, edited", "decisions": decisions}
-    return service.post(f"mode-sets/{document['id']}/edits", body)
-
-
-def _identified(
-    service: Connection, campaign: str, band: str | None, threshold: float | None
-) -> dict[str, Any]:
-    options: dict[str, Any] = {} if band is None else {"band_hz": _band(band)}
-    if threshold is not None:
-        options["threshold"] = threshold
-    job = service.post(f"campaigns/{campaign}/identifications", options)
-    ended = wait_for(service, f"identifications/{job['id']}", "identification")
-    require_success(ended, f"identification {job['id']}")
-    return service.get(f"mode-sets/{ended['mode_set']}")
+    kept, dropped = (dict.fromkeys(poles or (), str(why)) for poles in (keep, drop))
+    with laboratory_at(url) as lab:
+        of = lab.named(objects.Campaign, campaign)
+        if identify:
+            options: dict[str, Any] = {} if band is None else {"band_hz": _band(band)}
+            shown = of.identify(
+                **options, **({} if threshold is None else {"threshold": threshold})
+            )
+        else:
+            shown = of.mode_set(mode_set)
+        if keep or drop:
+            shown = shown.edit(keep=kept, drop=dropped, name=f"{shown.name}, edited")
+    if as_json:
+        print_json(shown.fields)
+        return
+    print_table(f"{shown.name} ({shown.origin}), {shown.id}", *shown.modes.cells())
+    for line in beside_lines(shown.details):
+        typer.echo(line, err=True)
+    say_next(f'update "{campaign}" --mode-set {shown.id} --wait')
 
 
 def _band(text: str) -> list[float]:

@@ -6,28 +6,18 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from modalbase import objects
 from modalbase.client.display import Written, print_json, print_table, with_digits
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import send_file
-from modalbase.client.finding import (
-    BATCH,
-    CAMPAIGN,
-    PROJECT,
-    STRUCTURE,
-    Kind,
-    all_of,
-    find,
-    find_id,
-)
-from modalbase.client.jobs import require_success, wait_for
-from modalbase.client.options import (
+from modalbase.commands.options import (
     NAMED,
     AsJson,
     Confirm,
@@ -36,15 +26,12 @@ from modalbase.client.options import (
     Reuse,
     Url,
     json_file,
-    make,
+    laboratory_at,
     names_of,
     say_next,
-    service_at,
     show,
 )
-
-if TYPE_CHECKING:
-    from modalbase.client.connection import Connection
+from modalbase.objects.finding import BATCH
 
 
 def with_climate(command: Callable[..., None]) -> Callable[..., None]:
@@ -89,17 +76,14 @@ def projects(
     url: Url = None,
 ) -> None:
     """List projects, or make one."""
-    with service_at(url) as service:
+    with laboratory_at(url) as lab:
         if new is not None:
-            made = make(service, PROJECT, {"name": new}, None, reuse)
+            made = lab.project(new, create=True) if reuse else lab.new_project(new, again=True)
             _made(made, as_json, f'structures --new NAME --project "{new}" …')
             return
-        rows = list(service.pages("projects"))
-    show(
-        rows,
-        {"id": "id", "name": "name", "description": "description", "made": "created_at"},
-        as_json,
-    )
+        rows = [one.fields for one in lab.projects()]
+    columns = {"id": "id", "name": "name", "description": "description", "made": "created_at"}
+    show(rows, columns, as_json)
     if not rows and not as_json:
         say_next("projects --new NAME")
 
@@ -121,31 +105,22 @@ def structures(
     url: Url = None,
 ) -> None:  # fmt: skip
     """List structures, or make one."""
-    with service_at(url) as service:
+    with laboratory_at(url) as lab:
         if new is not None:
-            given: dict[str, Any] = {} if body is None else json_file(body)
-            given |= {"name": new} | ({} if density is None else {"density_kg_m3": density})
+            given = {} if body is None else json_file(body)
+            given |= {} if density is None else {"density_kg_m3": density}
             given |= {} if size is None else {"geometry": _geometry(size)}
             given |= {} if moduli is None else {"material": _material(moduli)}
-            made = make(
-                service,
-                STRUCTURE,
-                given,
-                find_id(service, PROJECT, project or "latest"),
-                reuse,
-                confirm,
-            )
+            within = lab.named(objects.Project, project or "latest")
+            make = partial(within.structure, create=True) if reuse else within.new_structure
+            made = make(new, confirm=confirm, body=given)
             _made(made, as_json, f'campaigns --new NAME --structure "{new}" --boundary cantilever')
             return
-        rows = _below(service, STRUCTURE, project)
-    columns = {
-        "id": "id",
-        "project": "project_name",
-        "name": "name",
-        "version": "version",
-        "made": "created_at",
-    }
-    show(rows, columns, as_json)
+        rows = [
+            {**one.fields, "project_name": above.name} for above, one in _structures(lab, project)
+        ]
+    named = {"id": "id", "project": "project_name", "name": "name", "version": "version"}
+    show(rows, {**named, "made": "created_at"}, as_json)
 
 
 @with_climate
@@ -169,31 +144,33 @@ def campaigns(
         raise ClientError(
             "state --project or --structure: a structure is in one project", Exit.USAGE
         )
-    with service_at(url) as service:
+    with laboratory_at(url) as lab:
         if new is not None:
             if boundary is None:
                 raise ClientError(
                     "--new needs --boundary: cantilever, free or simply_supported", Exit.USAGE
                 )
-            mass = None if sensor_mass is None else sensor_mass / 1000
-            instruments = _stated(sensor_mass_kg=mass, sensor_point=sensor_point)
-            given = {"name": new, "boundary": boundary, "instruments": instruments}
-            given |= _stated(
+            stated: dict[str, Any] = {
+                "boundary": boundary,
+                "sensor_mass_kg": None if sensor_mass is None else sensor_mass / 1000,
+                "sensor_point": sensor_point,
                 **climate,
-                performed_at=performed_at,
-                notes=notes,
-            )
-            made = make(
-                service,
-                CAMPAIGN,
-                given,
-                find_id(service, STRUCTURE, structure or "latest"),
-                reuse,
-                confirm,
-            )
+                "performed_at": performed_at,
+                "notes": notes,
+            }
+            given = {name: value for name, value in stated.items() if value is not None}
+            within = lab.named(objects.Structure, structure or "latest")
+            make = partial(within.campaign, create=True) if reuse else within.new_campaign
+            made = make(new, confirm=confirm, **given)
             _made(made, as_json, f'import FILE.uff --campaign "{new}"')
             return
-        rows = _below(service, CAMPAIGN, structure, project)
+        bodies = (
+            [one for _, one in _structures(lab, project)]
+            if structure is None
+            else [lab.structure(structure)]
+        )
+        pairs = [(above, one) for above in bodies for one in above.campaigns()]
+        rows = [{**one.fields, "structure_name": above.name} for above, one in pairs]
     columns = {
         "id": "id", "structure": "structure_name", "name": "name", "boundary": "boundary", "performed": "performed_at",
         "°C": "temperature_c",
@@ -201,33 +178,20 @@ def campaigns(
     show(rows, columns, as_json)
 
 
-def _below(
-    service: Connection, kind: Kind, above: str | None, project: str | None = None
-) -> list[dict[str, Any]]:
-    """Things of a kind with the name of the one above each; of one of those, or of a project, where
-    it is stated.
-    """
-    assert kind.above is not None
-    if above is not None:
-        within = find(service, kind.above, above)
-        pairs = [(one, within) for one in service.pages(kind.below.format(within["id"]))]
-    else:
-        project_id = None if project is None else find(service, PROJECT, project)["id"]
-        pairs = [(one, one.pop("above")) for one in all_of(service, kind)]
-        pairs = [(one, up) for one, up in pairs if project_id in (None, up.get("project_id"))]
-    return [{**one, f"{kind.above.word}_name": up["name"]} for one, up in pairs]
+def _structures(
+    lab: objects.Laboratory, project: str | None
+) -> list[tuple[objects.Project, objects.Structure]]:
+    """The structures of all projects or of one, each with its project."""
+    projects = lab.projects() if project is None else [lab.project(project)]
+    return [(above, one) for above in projects for one in above.structures()]
 
 
-def _stated(**values: Any) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if value is not None}
-
-
-def _made(thing: dict[str, Any], as_json: bool, following: str) -> None:
+def _made(thing: objects.Thing, as_json: bool, following: str) -> None:
     """What was made: its id alone, or its JSON."""
     if as_json:
-        print_json(thing)
+        print_json(thing.fields)
     else:
-        typer.echo(thing["id"])
+        typer.echo(thing.id)
         say_next(following)
 
 
@@ -298,17 +262,15 @@ def coupons(
         raise ClientError(
             f'{about}: specimens is no object such as {{"A3": {{"excluded": true}}}}', Exit.USAGE
         )
-    with service_at(url) as service:
-        path = f"coupon-batches/{_batch(service, batch, new, constants, reuse)}"
+    with laboratory_at(url) as lab:
+        into = _batch(lab, batch, new, constants, reuse)
         for file in files or []:
-            coupon = {"specimen": file.stem, **known, **specimens.get(file.stem, {})}
+            coupon = {**known, **specimens.get(file.stem, {})}
             try:
-                service.submit(
-                    f"{path}/coupons", file, {"coupon": json.dumps(coupon)}, confirm=confirm or None
-                )
+                into.add_curve(file, confirm=confirm, body=coupon)
             except ClientError as error:
                 raise ClientError(f"{file}: {error}", error.code) from error
-        listed, summary = list(service.pages(f"{path}/coupons")), service.get(f"{path}/summary")
+        listed, summary = into.coupons().rows, into.summary()
     if as_json:
         print_json({"coupons": listed, "summary": summary})
         return
@@ -332,7 +294,7 @@ COLUMNS = {
 """Member of a specimen by heading, and the factor to the heading's unit; None of a text."""
 
 
-def _cells(coupon: dict[str, Any]) -> list[Any]:
+def _cells(coupon: Mapping[str, Any]) -> list[Any]:
     values = [(coupon[name], factor) for name, factor in COLUMNS.values()]
     return [
         v if v is None or factor is None else Written(f"{v * factor:.4g}") for v, factor in values
@@ -350,13 +312,15 @@ def _statistics(of: dict[str, Any]) -> list[Any]:
 
 
 def _batch(
-    service: Connection, batch: str, structure: str | None, constants: str, reuse: bool
-) -> str:
-    """The id of the batch, which is made where a structure is stated."""
+    lab: objects.Laboratory, batch: str, structure: str | None, constants: str, reuse: bool
+) -> objects.CouponBatch:
+    """The batch, which is made where a structure is stated."""
     if structure is None:
-        return find_id(service, BATCH, batch)
-    body = {"name": batch, "constants": constants.split(",")}
-    return str(make(service, BATCH, body, find_id(service, STRUCTURE, structure), reuse)["id"])
+        return lab.named(objects.CouponBatch, batch)
+    measured, within = constants.split(","), lab.named(objects.Structure, structure)
+    if reuse:
+        return within.coupon_batch(batch, create=True, constants=measured)
+    return within.new_coupon_batch(batch, measured)
 
 
 def model(
@@ -388,37 +352,33 @@ def model(
     url: Url = None,
 ) -> None:
     """Send a deck, which the structure then is; or show the model that a structure is."""
-    with service_at(url) as service:
-        address = f"structures/{find_id(service, STRUCTURE, structure or 'latest')}/model"
+    with laboratory_at(url) as lab:
+        of = lab.named(objects.Structure, structure or "latest")
         if file is None:
-            document = service.get(address)
+            sent = of.sent_model()
         else:
             stated = None if sections is None else json_file(sections)
-            options: dict[str, Any] = {
-                "units": units,
-                "accept": accept or [],
-                "confirm": confirm or None,
-            }
-            sent = send_file(service, address, file, sections=stated, **options)
-            document = wait_for(service, f"models/{sent['id']}", "model")
-            require_success(document, f"model {sent['id']}")
+            sent = of.import_model(
+                file, units, accept=accept or (), sections=stated, confirm=confirm, wait=False
+            )
+            sent.wait().check()
     if as_json:
-        print_json(document)
+        print_json(sent.fields)
         return
-    _show(document)
+    _show(sent)
     say_next("campaigns --new NAME --boundary free")
 
 
-def _show(document: dict[str, Any]) -> None:
+def _show(model: objects.Model) -> None:
     """Sets, junctions and what was not used."""
-    read = document["found"]
+    read = model.fields["found"]
     rows = [
         [s["name"], s["elements"], ", ".join(s["materials"]), s["thickness_m"], s["mass_kg"]]
         for s in read["sets"]
     ]
     title = (
-        f"{document['filename']}: {read['counts']['nodes']} nodes, {read['mass_kg']:.4g} kg,"
-        f" {document['units']}"
+        f"{model.filename}: {read['counts']['nodes']} nodes, {read['mass_kg']:.4g} kg,"
+        f" {model.units}"
     )
     print_table(title, ("set", "elements", "materials", "thickness m", "mass kg"), rows)
     for line in read["junctions"]:

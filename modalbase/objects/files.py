@@ -20,6 +20,10 @@ MESH_FORMATS = {".vtu": "vtu", ".uff": "uff", ".unv": "uff", ".json": "json"}
 
 FIGURES = {".svg": "svg", ".png": "png", ".pdf": "pdf", ".json": "plotly"}
 REPORTS = {".html": "html", ".htm": "html", ".pdf": "pdf"}
+ROWS = {".csv": "csv", ".jsonl": "jsonl", ".arrows": "arrow"}
+"""Formats of a file of rows, by the end of its name."""
+TRENDS = {**FIGURES, ".csv": "csv"}
+"""Formats of a trend's figure and of its points, by the end of a file's name."""
 _LONG = 10_000  # characters of a mapping that an address still has room for, escaped
 SOLVERS = {".inp": "calculix", ".bdf": "nastran", ".dat": "nastran", ".nas": "nastran"}
 """The program whose deck a file's name says."""
@@ -75,8 +79,8 @@ def save_file(
     advice: str = "",
     **query: Any,
 ) -> Path:
-    """Write what is at a path to a file, in the format that its name says where there are several;
-    returns its path.
+    """Write what is at a path to a file, whole or not at all, in the format that its name says
+    where there are several; returns its path. `-` is standard output.
 
     Raises:
         ClientError: the name says no format, or the service refuses.
@@ -84,11 +88,6 @@ def save_file(
     target = Path(file)
     if formats is not None and query.get("format") is None:
         query["format"] = format_of(target, formats, advice)
-    fetch_file(service, path, target, **query)
+    with transfer(target.name) as watch:
+        service.download(path, None if str(file) == "-" else target, watch, **query)
     return target
-
-
-def fetch_file(service: Connection, path: str, file: Path, **query: Any) -> int:
-    """Write what is at a path to a file, whole or not at all; returns its bytes."""
-    with transfer(file.name) as watch:
-        return service.download(path, file, watch, **query)

@@ -1,4 +1,4 @@
-"""What the commands have in common: the service's address, JSON out, names and JSON files in."""
+"""What the commands have in common: the laboratory, JSON out, names and JSON files in."""
 
 from __future__ import annotations
 
@@ -6,16 +6,14 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from modalbase import objects
 from modalbase.client.display import print_json, print_table
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.finding import CAMPAIGN, PROJECT, STRUCTURE, Kind, all_of, find_or_make
-
-if TYPE_CHECKING:
-    from modalbase.client.connection import Connection
+from modalbase.objects.finding import CAMPAIGN, LATEST, PROJECT, STRUCTURE, Kind
 
 Url = Annotated[
     str | None,
@@ -33,26 +31,25 @@ Confirm = Annotated[bool, typer.Option("--confirm", help="Take unusual numbers a
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON alone on standard output")]
 
 
-def service_at(url: str | None) -> Connection:
-    """A connection to the service that is stated or found.
+def laboratory_at(url: str | None) -> objects.Laboratory:
+    """The laboratory of the service that is stated or found.
 
     Raises:
         ClientError: no service or no key is found.
     """
-    from modalbase.client.connection import Connection
     from modalbase.client.endpoint import find_endpoint
 
     place = find_endpoint(url)
-    return Connection(place.url, place.key)
+    return objects.Laboratory.at(place.url, place.key)
 
 
-def names_of(kind: Kind) -> Callable[[str], list[str]]:
+def names_of(noun: Kind) -> Callable[[str], list[str]]:
     """Completes names in a shell, where a service answers."""
 
     def complete(incomplete: str) -> list[str]:
         try:
-            with service_at(os.environ.get("MODALBASE_URL")) as service:
-                names = ["latest", *(str(one["name"]) for one in all_of(service, kind))]
+            with laboratory_at(os.environ.get("MODALBASE_URL")) as lab:
+                names = [LATEST, *lab.names(noun)]
         except ClientError:
             return []  # a shell that completes has no place for a message
         return [name for name in dict.fromkeys(names) if name.startswith(incomplete)]
@@ -61,11 +58,15 @@ def names_of(kind: Kind) -> Callable[[str], list[str]]:
 
 
 NAMED = "id, name, names from the project down with / between, or latest"
-Campaign = Annotated[
+OfCampaign = Annotated[
     str,
     typer.Argument(
         help=f"Campaign: {NAMED}", show_default=False, autocompletion=names_of(CAMPAIGN)
     ),
+]
+ToCampaign = Annotated[
+    str,
+    typer.Option("--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of(CAMPAIGN)),
 ]
 OfProject = Annotated[
     str | None,
@@ -75,23 +76,7 @@ OfStructure = Annotated[
     str | None,
     typer.Option("--structure", help=f"Structure: {NAMED}", autocompletion=names_of(STRUCTURE)),
 ]
-Job = Annotated[str, typer.Argument(help="Id of the update job, or latest")]
-
-
-def make(
-    service: Connection,
-    kind: Kind,
-    body: dict[str, Any],
-    above: str | None,
-    reuse: bool,
-    confirm: bool = False,
-) -> dict[str, Any]:
-    """A new thing below another; with `reuse` the one that has its name already."""
-    query = {"confirm": True} if confirm else {}
-    if reuse:
-        return find_or_make(service, kind, body, above, **query)
-    made: dict[str, Any] = service.call("POST", kind.below.format(above), params=query, json=body)
-    return made
+OfJob = Annotated[str, typer.Argument(help="Id of the update job, or latest")]
 
 
 def show(

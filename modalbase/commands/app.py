@@ -1,4 +1,4 @@
-"""The client's commands, ready to be added to the application, and `modalbase login`.
+"""The commands that talk to a service, ready to be added to the application, and `modalbase login`.
 
 This much is imported by every process that starts as `modalbase`, a job's child among them; httpx
 and rich are imported by a command when it runs.
@@ -8,12 +8,13 @@ from typing import Annotated
 
 import typer
 
-from modalbase.client.exporting import cards, export, figure, import_archive, report
-from modalbase.client.inventory import campaigns, coupons, model, projects, structures
-from modalbase.client.measuring import frfs, hits, import_files, modes, points
-from modalbase.client.options import say_next
-from modalbase.client.searching import search
-from modalbase.client.updating import alarms, jobs, monitors, result, update
+from modalbase import objects
+from modalbase.commands.exporting import cards, export, figure, import_archive, report
+from modalbase.commands.inventory import campaigns, coupons, model, projects, structures
+from modalbase.commands.measuring import frfs, hits, import_files, modes, points
+from modalbase.commands.options import say_next
+from modalbase.commands.searching import search
+from modalbase.commands.updating import alarms, jobs, monitors, result, update
 
 
 def login(
@@ -31,11 +32,10 @@ def login(
     """Keep address and key of a service for this user's commands and scripts, once it has accepted
     them.
     """
-    from modalbase.client.connection import Connection
     from modalbase.client.endpoint import save_profile
 
-    with Connection(url, key) as service:
-        service.get("projects", limit=1)
+    with objects.Laboratory.at(url, key) as lab:
+        lab.check()
     typer.echo(f"saved in {save_profile(url, key)}, which only you can read")
     say_next("projects")
 
@@ -47,7 +47,7 @@ COMMANDS = (
 
 
 def add_commands(app: typer.Typer) -> None:
-    """Add the client's commands to an application."""
+    """Add these commands to an application."""
     app.command("import")(import_files)
     app.command("find")(search)
     for command in COMMANDS:

@@ -1,42 +1,35 @@
 """`modalbase update`, `result`, `jobs`, `monitors` and `alarms`."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
+from modalbase import objects
 from modalbase.client.display import print_json
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.finding import (
-    CAMPAIGN,
-    MODE_SET,
-    MONITOR,
-    PROJECT,
-    STRUCTURE,
-    find_id,
-    find_job,
-    uuid_of,
-)
-from modalbase.client.jobs import require_success, wait_for
-from modalbase.client.options import (
+from modalbase.client.results import print_result
+from modalbase.commands.options import (
     AsJson,
-    Campaign,
     Confirm,
-    Job,
+    OfCampaign,
+    OfJob,
     OfProject,
     OfStructure,
     Url,
     json_file,
+    laboratory_at,
     names_of,
     say_next,
-    service_at,
     show,
 )
-from modalbase.client.results import print_result
+from modalbase.objects.finding import CAMPAIGN, MONITOR, uuid_of
 
 
 def update(
-    campaign: Campaign = "latest",
+    campaign: OfCampaign = "latest",
     recipe: Annotated[
         Path | None,
         typer.Option(
@@ -65,42 +58,37 @@ def update(
             Exit.USAGE,
         )
     body = {} if recipe is None else json_file(recipe)
-    headers = None if idempotency_key is None else {"Idempotency-Key": idempotency_key}
-    with service_at(url) as service:
-        id_ = find_id(service, CAMPAIGN, campaign)
-        if mode_set is not None:
-            body["mode_set"] = find_id(service, MODE_SET, mode_set, id_)
-        job = service.post(f"campaigns/{id_}/update-jobs", body, headers, confirm=confirm or None)
+    with laboratory_at(url) as lab:
+        of = lab.named(objects.Campaign, campaign)
+        modes = {} if mode_set is None else {"mode_set": lab.named(objects.ModeSet, mode_set, of)}
+        job = of.update(body, confirm=confirm, idempotency_key=idempotency_key, **modes)
         if not wait:
             if as_json:
-                print_json(job)
+                print_json(job.fields)
             else:
-                typer.echo(job["id"])
-                say_next("jobs", f"result {job['id']}")
+                typer.echo(job.id)
+                say_next("jobs", f"result {job.id}")
             return
-        require_success(
-            wait_for(service, f"update-jobs/{job['id']}", "update"), f"update {job['id']}"
-        )
-        document = service.get(f"update-jobs/{job['id']}/result")
-    if as_json:
-        print_json(document)
-    else:
-        print_result(f"update {job['id']}", document)
+        done = job.result()
+    _print(done, as_json)
+    if not as_json:
         say_next(
-            f"figure frf {job['id']} --out frf.pdf",
-            f"export {job['id']} --what predicted --out predicted.uff",
+            f"figure frf {job.id} --out frf.pdf",
+            f"export {job.id} --what predicted --out predicted.uff",
         )
 
 
-def result(job: Job = "latest", as_json: AsJson = False, url: Url = None) -> None:
+def result(job: OfJob = "latest", as_json: AsJson = False, url: Url = None) -> None:
     """Show the result of an update: verdict, parameters, modes, correlation, warnings."""
-    with service_at(url) as service:
-        id_ = find_job(service, job)
-        document = service.get(f"update-jobs/{id_}/result")
+    with laboratory_at(url) as lab:
+        _print(lab.named(objects.UpdateJob, job).result(wait=False), as_json)
+
+
+def _print(result: objects.Result, as_json: bool) -> None:
     if as_json:
-        print_json(document)
+        print_json(result.document)
     else:
-        print_result(f"update {id_}", document)
+        print_result(f"update {result.job}", result.document)
 
 
 def jobs(
@@ -121,18 +109,24 @@ def jobs(
     url: Url = None,
 ) -> None:
     """List update jobs, newest first; cancel one, or queue one again."""
-    with service_at(url) as service:
-        if cancel is not None or retry is not None:
-            verb, which = ("cancel", cancel) if cancel is not None else ("retry", retry)
-            listed = [service.call("POST", f"update-jobs/{find_job(service, str(which))}/{verb}")]
+    with laboratory_at(url) as lab:
+        if cancel is not None:
+            chosen = [lab.named(objects.UpdateJob, cancel).cancel()]
+        elif retry is not None:
+            chosen = [lab.named(objects.UpdateJob, retry).retry()]
         else:
-            given = {CAMPAIGN: campaign, STRUCTURE: structure, PROJECT: project}
-            narrowed = {
-                kind.word: find_id(service, kind, text)
-                for kind, text in given.items()
-                if text is not None
+            given = {
+                objects.Campaign: campaign,
+                objects.Structure: structure,
+                objects.Project: project,
             }
-            listed = list(service.pages("update-jobs", limit, status=status, **narrowed))
+            narrowed = {
+                of.noun.word: lab.named(of, which).id
+                for of, which in given.items()
+                if which is not None
+            }
+            chosen = lab.jobs(limit, status=status, **narrowed)
+    listed = [one.fields for one in chosen]
     rows = [
         [
             one["id"], one["campaign_name"], one["status"], one["stage"], one["created_at"],
@@ -161,9 +155,9 @@ def monitors(
     url: Url = None,
 ) -> None:
     """List monitors with their state; make one, or run one."""
-    with service_at(url) as service:
+    with laboratory_at(url) as lab:
         if run is not None:
-            runs = service.post(f"monitors/{find_id(service, MONITOR, run)}/runs", {})["items"]
+            runs = lab.named(objects.Monitor, run).run()
             show(runs, {"campaign": "campaign_id", "state": "state", "message": "message"}, as_json)
             if not runs:
                 typer.echo(
@@ -173,17 +167,13 @@ def monitors(
             return
         if new is not None:
             watched = [{"name": name.strip()} for name in parameters.split(",")]
-            path = f"structures/{find_id(service, STRUCTURE, structure or 'latest')}/monitors"
-            made = service.post(path, {"name": new, "parameters": watched})
-            show([made], ("id", "name", "state"), as_json)
+            of = lab.named(objects.Structure, structure or "latest")
+            made = of.new_monitor(new, parameters=watched)
+            show([made.fields], ("id", "name", "state"), as_json)
             say_next(f'monitors --run "{new}"')
             return
-        path = (
-            "monitors"
-            if structure is None
-            else f"structures/{find_id(service, STRUCTURE, structure)}/monitors"
-        )
-        listed = list(service.pages(path))
+        there = lab if structure is None else lab.named(objects.Structure, structure)
+        listed = [one.fields for one in there.monitors()]
     show(listed, ("id", "structure_name", "name", "state", "state_since", "open_alarms"), as_json)
 
 
@@ -201,18 +191,17 @@ def alarms(
     url: Url = None,
 ) -> None:
     """List alarms, newest first; acknowledge one."""
-    with service_at(url) as service:
+    with laboratory_at(url) as lab:
         if acknowledge is not None:
             if (id_ := uuid_of(acknowledge)) is None or not note:
                 raise ClientError(
                     "--acknowledge takes the id of an alarm, and --note what is done about it",
                     Exit.USAGE,
                 )
-            listed: list[dict[str, Any]] = [
-                service.post(f"alarms/{id_}/acknowledge", {"note": note})
-            ]
+            chosen = [objects.Alarm(lab, {"id": id_}).acknowledge(note)]
         else:
-            listed = list(service.pages("alarms", state=state))
+            chosen = lab.alarms(state=state)
+    listed = [one.fields for one in chosen]
     show(
         listed,
         ("id", "created_at", "monitor_name", "parameter", "state", "acknowledged_by", "note"),
