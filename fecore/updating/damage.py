@@ -93,15 +93,11 @@ from fecore.updating.posterior import (
 )
 
 _SIZES = (1 / 3, 1.0, 3.0)  # σ over the prior standard deviation of a factor
-
 # of the likest partition's weight, from which others take part, and so many at most
 _KEPT, _MOST = 1e-5, 600
-
 _COARSE = 5  # of the grid of discrepancies, one in so many
-
 # of a body: the moduli are those of the longer part of it, all but once in a hundred times
 _HALF, _RARE = 0.5, 0.01
-
 _STIFFEST = -0.9  # least change of a compliance, over its prior mean
 
 
@@ -277,11 +273,8 @@ def _damage_intervals(lines: FloatArray, part: IntArray) -> FloatArray:
 
 # losses, each as likely; what is between those solved for is interpolated
 _FINE = np.linspace(0.02, 0.7, 69)
-
 _SELDOM = 1e-6  # probability over the greatest that does not count
-
 _WORTH = float(np.log(20.0))  # ln B from which the likely stretches are looked at closely …
-
 _ROUNDS = 2  # … until the likeliest stays
 
 
@@ -498,7 +491,6 @@ def _between(over: FloatArray) -> FloatArray:
 
 
 _PARTS, _FEWEST = 30, 3  # of a body, about; of a zone, at least
-
 # linearisations at most; posterior standard deviations that their point may still move
 _LINEARISATIONS, _RESTS = 8, 0.2
 

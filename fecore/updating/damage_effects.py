@@ -33,7 +33,6 @@ from fecore.updating.posterior import DISCREPANCY, SHAPE_DISCREPANCY
 from fecore.updating.state import ForwardState, ShapeErrors, real_shape
 
 _LIKE = 0.1  # of a shape in another, below which the two are not compared
-
 _CLOSE = 1e-3  # relative distance of eigenvalues below which modes are turned freely
 
 
@@ -182,18 +181,13 @@ SHAPES = 2.0 ** np.arange(-1.0, 5.5, 0.5)
 """Standard deviations of a shape over the usual one: to that of shapes which say nothing."""
 
 _PARTS, _LONGEST = 20, 0.5  # of the body's longest side; share of it that a stretch takes at most
-
 # sets at most, those with most energy; share of every mode's energy that is not looked at
 _SETS, _SLIGHT = 4, 0.02
-
 _ABOVE = 12  # elastic modes above the last paired one that modes with a loss are made of
-
 # steps between two lines, and so many to either side of likely stretches' ends, that are tried
 _FINER, _NEAR = 4, 2
-
 # probability of the stretches that are looked at closely, and how many at most
 _LIKELY, _MOST = 0.99, 5
-
 # deflections at most; share of the greatest energy of those that are left out
 _STATIC, _TINY = 24, 1e-4
 

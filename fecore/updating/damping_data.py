@@ -47,15 +47,11 @@ from fecore.updating.parameters import by_name
 from fecore.updating.result import amount, finding
 
 _FIRST_RATIO = 0.02  # of modes whose damping was not measured
-
 # prior standard deviation of the shift of an unmeasured mode, the constants given
 _UNMEASURED_SHIFT = 0.01
-
 # and of the logarithm of its damping over the law's: nobody measured it
 _UNMEASURED_DEVIATION = 2.0
-
 _GAIN_SD = 0.01  # prior standard deviation of a mode's own gain: where a sensor stands, say
-
 _COMMON_GAIN_SD = 0.05  # of the gain of all modes: calibrations, and the model's mass
 
 
@@ -341,7 +337,6 @@ def damping_data(
 
 # by which the FRFs may be larger or smaller than the model's: twice what calibrations are good for
 _COMMON = 0.05
-
 _COMMON_SDS = 2.0  # standard deviations that this is
 
 _UNITS = {
@@ -355,23 +350,16 @@ _UNITS = {
 """What is often taken for another unit, and the factor that it gives an FRF."""
 
 _OWN = 0.3  # by which one FRF's factor may lie off that of all
-
 # of where a sensor sits, or a hammer hits, about its point, m
 _PLACED = float(np.hypot(POINT_SD, GRID_SD))
-
 _LIKE = 0.7  # likeness below which an FRF is another one
-
 # of the median energy of the FRFs: weaker ones, near a nodal line, are noise and the neighbours'
 # tails
 _WEAK = 0.05
-
 _NEAR = 0.1  # of its frequency: lines at an unmeasured mode
-
 # times the measured FRFs, from which a model's mode is absent: nine times the damping would hide it
 _ABSENT = 3.0
-
 _LARGEST_MISS = 0.1  # of a frequency, after the update
-
 _MOST = 5  # FRFs or modes named in one sentence
 
 

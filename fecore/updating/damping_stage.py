@@ -45,18 +45,12 @@ from fecore.updating.posterior import root
 from fecore.updating.result import finding
 
 _FIRST_NOISE = 1e-3  # of the signal, before it is estimated
-
 _SAME_OPTIMUM = 1e-3  # relative distance of coefficients that counts as one point
-
 _SAME_TO_NOISE = 0.3  # and their distance in standard deviations by noise alone
-
 # difference of negative log posteriors below which a second optimum is worth a warning
 _RIVAL = 10.0
-
 _SPREAD_OF_STARTS = 5.0  # factor between the starts
-
 _FEWEST_LINES = 32  # of which the noise of the lines can be seen beside what lasts over a resonance
-
 # rad, of a delay at the highest line: beyond, the data are turned back and the fit begins anew
 _LARGE_TURN = 0.02
 
@@ -490,11 +484,8 @@ def _different(points: list[FloatArray], apart: FloatArray) -> tuple[FloatArray,
 
 
 _USUAL = (2.0, 5.0)  # 1/τ of usual windows, over the record's length
-
 _OF_DECAY = 0.5  # share of the slowest mode's decay that a window has where FRFs look windowed
-
 _FEWEST_MODES = 3  # that show a constant part of the decay
-
 _MATTERS = 0.05  # share of a coefficient that an unstated window may take
 
 

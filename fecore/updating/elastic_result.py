@@ -50,7 +50,6 @@ DISCREPANCY_OF_MODEL = "model discrepancy"
 MODEL_OF_JOINTS = "model of the joints"
 
 _NEGLIGIBLE = 1e-6  # weight of a Gaussian in a budget
-
 _NOTHING = 1e-9  # of a frequency
 
 SAME_SHAPE = 0.8

@@ -48,21 +48,14 @@ from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, spurious_mod
 from fecore.updating.result import StartHistory
 
 _DOUBTFUL = 5.0  # misfit over the discrepancy's prior from which a result is doubted
-
 _FAR = 1.5  # and prior standard deviations that a parameter has moved
-
 _DRAWS, _REACH = 64, 2.0  # from the prior, within so many of its standard deviations
-
 # pairings from which the fit starts anew; results that are fitted anew on a verified basis
 _STARTS, _VERIFIED = 6, 2
-
 _FIXED = 6  # pairings that are held
-
 _MENDED = 3  # times that bases may grow where a fit ended, before each of its points is verified
-
 # relative error of a frequency by a mesh from which how it goes with the constants matters
 _OF_MESH = 0.003
-
 # in log evidence, of a measured mode without a partner, beside another pairing
 _UNPAIRED_PENALTY = 8.0
 
@@ -428,9 +421,7 @@ LEAST_FACTOR_SD = 0.003  # relative: a factor that is held more firmly is 1
 
 # of γ, so that one round changes a standard deviation by no more than sevenfold its share
 _KNOWN_AT_LEAST = 0.02
-
 _TURNS = 8  # of the priors of factors, at most
-
 _SAME = 0.1  # relative change of every standard deviation that changes nothing
 
 

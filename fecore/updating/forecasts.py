@@ -148,14 +148,11 @@ CANDIDATES = 200
 MOST_MODES, MOST_LINES = 300, 20_000
 
 _USUAL_MODES = 10  # where neither a number nor a band is stated
-
 # times the highest frequency: modes up to there are summed, those beyond are in the residual's
 # series
 _COVERED = 1.5
-
 # share of what turns would move at the body's size, below which a displacement is round-off
 _STILL = 1e-6
-
 # of a lively point's information, known beforehand so that the determinant is never 0
 _LITTLE = 1e-3
 

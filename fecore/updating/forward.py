@@ -52,10 +52,8 @@ EXTRA_MODES = 3
 """Modes beyond the measured ones, at least, so that neighbours can be paired."""
 
 _OF_MODEL_ERROR = 0.03  # share of the model's own error that a reduced basis may add to it
-
 # times the highest frequency: modes up to there are solved for …
 _COVERED, _COVERED_IN_SPACE = 2.0, 1.3
-
 # … and a basis of a body in space, which has many modes, holds those up to here
 _HELD_IN_SPACE = 1.05
 
@@ -339,17 +337,11 @@ of their kind.
 """
 
 _SCATTER = 0.06  # σ: of kinds of modes about the common factor, as the constants' ratios are off
-
 _FACTOR_SD, _FACTORS = 0.15, np.linspace(-0.5, 0.5, 41)  # σ_c, and the c that are tried
-
 _UNPAIRED = 8.0  # L: a measured mode without a partner is what an offset of four σ would cost
-
 _NEAR_NODE = 0.1  # amplitude over the largest mode's at which a mode is as often missed as seen
-
 _LEAST, _MOST = 0.05, 0.95  # p_k: nothing is sure
-
 _SAME = 1e-9  # relative distance of frequencies that is round-off
-
 # times the model's own error of a frequency: distance within which that error may mix modes
 _MIXING = 3.0
 

@@ -10,11 +10,8 @@ from functools import partial
 from fecore.findings import Row
 
 _stop, _care = partial(Row, "do_not_use"), partial(Row, "with_care")
-
 _note = partial(Row, None)  # it means nothing for the use
-
 _ANOTHER_BODY = "check that the file belongs to this structure, and boundary, points and frame"
-
 _DECIDE = "shapes measured at more points would decide"
 
 MODEL = {
@@ -226,7 +223,6 @@ CONSTANTS = {
 """Of the constants."""
 
 _WINDOW = "state the window's rate 1/τ with the campaign, 0 for none"
-
 _CORRECT = "(in brackets: its factor relative to all FRFs); correct or leave out"
 
 _FRFS = {

@@ -42,21 +42,13 @@ from fecore.updating.parameters import by_name
 
 # gain, of a value's misfit by noise: the minimum is then within 0.14 standard deviations
 _NEGLIGIBLE = 0.01
-
 _STANDS = 0.1  # standard deviations: a coefficient whose next step is smaller stands
-
 _STEPS = 200  # the rates of modes above the band, which nobody measured, come to their place last
-
 _BEYOND = 1e-9  # of a shift or a logarithm: which side of a bound the descent leads to
-
 _ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
-
 _LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
-
 _LARGEST_BELIEVED_SHIFT = 0.5  # of a mode that was not measured
-
 _LARGEST_LOG_RATE = 25.0  # e²⁵ 1/s is beyond any damping: a step that overshoots must not overflow
-
 # prior standard deviation of the logarithm of a suspended mode's rate: nobody knows it
 _SUSPENSION_SD = 2.0
 

@@ -290,15 +290,11 @@ STRONG_EVIDENCE = 10.0
 # standard deviations below zero that refute a mechanism's coefficient: a material feeds no energy
 # in
 _NEGATIVE = 3.0
-
 # of its strain energy that some mode must have in a mechanism for the modes to show its damping
 _LEAST_SHARE = 0.05
-
 # smallest singular value, of columns of unit length, of mechanisms that the modes distinguish
 _APART = 0.02
-
 _TURNS = 6  # of a fit in a coefficient and its coefficient of temperature, which are nearly linear
-
 _MISSED = 3.0  # standard deviations by which a law must miss a mode for the mode to be named
 
 PriorsPerK = Mapping[str, tuple[float, float]]

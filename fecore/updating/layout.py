@@ -398,9 +398,7 @@ def usual_parameters(body: Body) -> tuple[Parameter, ...]:
 
 # of a clamp's compliance: its logarithm covers a half-normal's mass from a tenth to five scales
 _CLAMP_LOG_SD = 1.2
-
 _HALF_NORMAL_MEDIAN = 0.6745  # of |z|, z ~ N(0, 1)
-
 _ALIKE = 1e-9  # relative, of nominal constants that are one
 
 

@@ -68,11 +68,8 @@ class Recipe:
 
 # ratio of frequencies within which a typed mode and an identified one are the same
 _SAME_POLE = 1.05
-
 _STILL = 1e-9  # share of the mesh's deflections that a point on a support takes part in, round-off
-
 _HELD_OUT_OF = 8  # every eighth roving dof is held out unless the recipe says otherwise
-
 _FEWEST_TO_HOLD_OUT = 16  # FRFs of which some are held out
 
 REMARKS = {

@@ -54,20 +54,13 @@ DISCRETISATION = 2e-4
 """Largest relative error of a natural frequency by the mesh."""
 
 _PER_WAVE = 6.0  # elements a bending wave's length to begin with
-
 _FEWEST = (8, 2)  # elements along and across
-
 _EDGE_LAYER = 2.0  # thicknesses that an element may be wide, to begin with, …
-
 _MOST_ACROSS = 16  # … but not beyond so many elements: on a wide plate the layer weighs little
-
 _MOST = 1500  # elements: a job with more would take minutes
-
 # wanted elements from which those allowed are fewer than two a wave, and modes thousands
 _HOPELESS = 9 * _MOST
-
 _SAFETY = 1.3  # on the number of elements that the fourth power asks for
-
 _REFINEMENTS = 3  # of solving, estimating and refining
 
 AnyBody = TypeVar("AnyBody", bound=Body)
@@ -182,11 +175,8 @@ MOST_DOFS = 300_000
 """Of a finer mesh; the mesh of a body with more is taken on trust."""
 
 _CHEAP = 30_000  # dofs up to which a finer mesh is made finer still, …
-
 _ROUNDS = 3  # … at most so often, …
-
 _CLOSE = 2e-3  # … while a mode moves by more
-
 _LEFT = 0.1  # share of what the last refinement moved that the finest mesh may still miss
 
 _AT_CORNERS = {
@@ -196,12 +186,9 @@ _AT_CORNERS = {
 }  # shares of the energy of quadratic elements at a corner; as L-plates have them, …
 
 _OF_CORNERS = 0.4  # … and one standard deviation of these, relative
-
 # probability that facets are those of the body where they turn by 30°; in proportion where by less
 _FACETED = 0.1
-
 _LEAST = 0.01  # of an eigenvalue, that the body's own mesh gives at least
-
 _SETTLED, _SWEEPS = 1e-5, 3  # relative change of an eigenvalue by one more sweep; sweeps
 
 

@@ -390,9 +390,7 @@ class FrfJacobian:
 
 
 _ITERATIONS = 8  # of the scoring
-
 _POLISH = 8  # steps more, by the likelihood itself
-
 # of the rms of a record: below this nothing is believed, so that clean data keep finite weights
 _FLOOR = 1e-5
 

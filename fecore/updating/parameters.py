@@ -70,7 +70,6 @@ FREQUENCY_PER_K = (EITHER_PER_K[0] / 2, EITHER_PER_K[1] / 2)
 # to which share the constants of one isotropic material agree, and the largest ν of a beam's E and
 # G
 _ISOTROPIC, _LARGEST_POISSON = 1e-3, 0.5
-
 _EXACT = 1e-9  # standard deviation of a coefficient of damping that is known exactly, 1/K
 
 
@@ -226,7 +225,6 @@ def coefficient_of(name: str, body: Body) -> tuple[float, float] | None:
 
 
 _STEP = 1e-30  # of a constant: a complex step may be as small as that
-
 # from its prior mean, in either direction: no parameter is believed beyond
 _FARTHEST = np.log(1000.0)
 

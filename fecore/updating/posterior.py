@@ -75,19 +75,13 @@ COMMON = "common material of the sets"
 """Name of the information that sets of one material give one another."""
 
 _SCALES = 12  # between which the prior's scale may lie
-
 _GRID = np.linspace(np.log(0.1), np.log(30.0), 41)  # ln s over s₀
-
 _SCATTERS = np.exp(np.linspace(np.log(0.1), np.log(8.0), 9))  # τ over its scale
-
 _POINT = 1e-6  # of the widest Gaussian's standard deviation: what is narrower is a point
-
 # share of the prior's variance below which the data have supplied most of what is known
 _INFORMED = 0.5
-
 # of the prior's variance that is left along a direction of which the data say next to nothing
 _NULL_SHARE = 0.9
-
 # share of a parameter's unit vector in the space of such directions that makes it one of theirs
 _IN_NULL = 0.1
 

@@ -55,17 +55,11 @@ TARGET_SAMPLES = 5000
 """Effective samples of every parameter."""
 
 _WALKERS_PER_DIMENSION = 16  # of the ensemble
-
 _BLOCK = 200  # steps between looks at the autocorrelation time
-
 _LONGEST = 40_000  # steps; a chain that is not converged by then is refused
-
 _TIMES_AUTOCORRELATION = 50  # autocorrelation times that a chain must have (emcee's advice)
-
 _BASIS_REACH = 3.0  # posterior standard deviations in which the small basis is made
-
 _FLAT = 1e-6  # share of the variance along an axis that moves no frequency worth a basis vector
-
 _BASIS_TOLERANCE = 1e-7  # relative error of its frequencies, checked against the forward model
 
 

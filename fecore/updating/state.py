@@ -73,7 +73,6 @@ if TYPE_CHECKING:
 
 
 _UNSEEN = 0.05  # of the square of the motion at the measured points
-
 # relative, of differences of the parts of the section's coefficients, which are nearly linear
 _SHARE_STEP = 1e-5
 
@@ -419,7 +418,6 @@ class PointPairs:
 
 
 _REACH = np.log([0.01, 100.0])  # of the scatter about its prior scale
-
 _SAME = 0.01  # relative change of a scatter that changes nothing
 
 

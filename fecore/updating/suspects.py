@@ -43,12 +43,9 @@ from fecore.updating.posterior import DISCREPANCY_DOF, SHAPE_DISCREPANCY, Linear
 from fecore.updating.state import ForwardState, real_shape
 
 _FIRM = 1e-15  # of the largest 1/λ, below which a mode is that of a support that does not give way
-
 _ABOVE = 12  # modes above the last paired one that altered ones are made of
-
 # compliances solved for, over usual ones
 _SIZES = np.exp(np.linspace(np.log(0.1), np.log(400.0), 16))
-
 _FINE = np.exp(np.linspace(np.log(0.1), np.log(400.0), 200))  # and between
 
 
@@ -267,13 +264,9 @@ def _between(known: FloatArray, at: FloatArray, values: FloatArray) -> FloatArra
 
 
 _SITES = 200  # nodes at which a mass or a foot is tried, at most
-
 _DIGITS = 9  # of a place in m
-
 _EDGE = 1e-6  # of the body's size: nodes so near to its end lie on it
-
 _MOVED = 0.01  # of the largest work of a mode on a support, from which it is one that moves it
-
 _TOLERANCE = TOLERANCES[CLAMP][0]
 
 
