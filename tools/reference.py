@@ -89,7 +89,10 @@ def table() -> str:
 
 def fields() -> str:
     """The text of `modalbase/client/fields.json`: what a campaign may state of its climate."""
-    rows = {name: {"unit": one.unit, "meaning": one.meaning} for name, one in CLIMATE.items()}
+    rows = {
+        name: {"label": one.label, "unit": one.unit, "meaning": one.meaning}
+        for name, one in CLIMATE.items()
+    }
     return json.dumps({"climate": rows}, ensure_ascii=False, indent=1) + "\n"
 
 

@@ -36,7 +36,7 @@ from modalbase.objects.finding import BATCH
 
 def with_climate(command: Callable[..., None]) -> Callable[..., None]:
     """A command with an option for each condition of a campaign, in the place of its `**climate`:
-    `--temperature` for `temperature_c`.
+    `--temperature` for `temperature_c`, by its label.
     """
     text = files("modalbase.client").joinpath("fields.json").read_text(encoding="utf-8")
     signature = inspect.signature(command, eval_str=True)
@@ -50,7 +50,7 @@ def with_climate(command: Callable[..., None]) -> Callable[..., None]:
             annotation=Annotated[
                 float | None,
                 typer.Option(
-                    f"--{name.rpartition('_')[0].replace('_', '-')}",
+                    f"--{one['label'].lower().replace(' ', '-')}",
                     help=f"With --new: {one['meaning']}, {one['unit']}",
                 ),
             ],

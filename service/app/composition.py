@@ -27,7 +27,6 @@ from service.store.imports.routes import purging
 from service.store.imports.routes import router as imports
 from service.store.imports.script_routes import router as scripts
 from service.store.instruments.routes import router as instruments
-from service.store.modes.routes import identifications
 from service.store.modes.routes import router as mode_sets
 from service.store.plans.routes import router as plans
 from service.store.records.routes import router as records
@@ -44,7 +43,7 @@ from service.tasks.routes import ROUTERS as TASKS
 
 ROUTERS: tuple[APIRouter, ...] = (
     access, storage, structures, models, campaigns, instruments, imports, removing, purging, grid_points, alignment, scripts,
-    frfs, records, mode_sets, identifications, coupons, *TASKS, updating, plans, search, saved_searches,
+    frfs, records, mode_sets, coupons, *TASKS, updating, plans, search, saved_searches,
     archives, results, measured_figures, monitoring, webhooks,
 )  # fmt: skip
 """Everything under `/api/v1`, in the order of the documentation page."""

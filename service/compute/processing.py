@@ -1,8 +1,5 @@
-"""Records to FRFs in the child process. This module imports no database."""
+"""Records on disk to FRFs, whole; and the document about them. This module imports no database."""
 
-import json
-import os
-import pickle
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,17 +9,13 @@ import numpy as np
 
 from fecore.signal import (
     Averages,
-    Estimate,
     Findings,
     Hit,
     Processed,
     Processing,
     process,
-    process_in_parts,
 )
 from service.compute.hits import BlockRow, describe_verdict, hits_of
-
-_MOST_THREADS = 4
 
 
 @dataclass(frozen=True)
@@ -52,7 +45,7 @@ class ProcessingOutput:
     document: dict[str, Any]
 
 
-class _Source:
+class HitsOfFiles:
     """Hits of the files, read anew at each look."""
 
     def __init__(self, points: Sequence[PointFile]) -> None:
@@ -75,65 +68,24 @@ def _samples(point: PointFile) -> Iterator[np.ndarray[Any, Any]]:
         start += samples.nbytes
 
 
-class _DiskShelf:
-    """FRFs on disk, of each point beside its blocks; what is taken is gone."""
-
-    def __init__(self, points: Sequence[PointFile]) -> None:
-        self.paths = [point.path.with_suffix(".frfs") for point in points]
-
-    def __setitem__(self, point: int, estimates: tuple[Estimate, ...], /) -> None:
-        with self.paths[point].open("wb") as file:
-            pickle.dump(estimates, file, pickle.HIGHEST_PROTOCOL)
-
-    def __getitem__(self, point: int, /) -> tuple[Estimate, ...]:
-        with self.paths[point].open("rb") as file:
-            estimates: tuple[Estimate, ...] = pickle.load(file)
-        self.paths[point].unlink()
-        return estimates
-
-
 Report = Callable[[str, float], None]
 
 
-def process_records(inputs: ProcessingInputs, report: Report) -> Iterator[Averages | str]:
-    """The FRFs of a processing in parts, and in the end the document about them as JSON, which is
-    several times as fast on its way to the worker as its many dictionaries are.
-
-    Memory holds the hits of a few points and one part, however many points there are; and of each
-    hit its verdict.
-    """
-    described: list[dict[str, Any]] = []
-    ids = _ids(inputs.points)
-    threads = min(_processors(), _MOST_THREADS)
-    shelf = _DiskShelf(inputs.points)
-    source = _Source(inputs.points)
-    for item in process_in_parts(
-        source, inputs.processing, _progress(report), shelf=shelf, threads=threads
-    ):
-        if isinstance(item, Findings):
-            yield json.dumps(_document(item, described, inputs.left_out))
-        else:
-            described += _frfs(item, ids)
-            yield item
-
-
 def process_whole(inputs: ProcessingInputs, report: Report) -> ProcessingOutput:
-    """The same with all FRFs in memory, for who works on with them."""
-    averages = process(_Source(inputs.points), inputs.processing, _progress(report))
-    document = _document(averages, _frfs(averages, _ids(inputs.points)), inputs.left_out)
+    """The FRFs of a processing, all in memory for who works on with them, and its document."""
+    averages = process(HitsOfFiles(inputs.points), inputs.processing, judging(report))
+    document = describe_processing(
+        averages, describe_frfs(averages, ids_of(inputs.points)), inputs.left_out
+    )
     return ProcessingOutput(averages, document)
 
 
-def _progress(report: Report) -> Callable[[float], None]:
+def judging(report: Report) -> Callable[[float], None]:
+    """What the core reports to: the share of hits that are judged."""
     return lambda done: report("judging and averaging hits", done)
 
 
-def _processors() -> int:
-    """That this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _ids(points: Sequence[PointFile]) -> dict[Any, dict[str, str]]:
+def ids_of(points: Sequence[PointFile]) -> dict[Any, dict[str, str]]:
     """Key and digest of each block, by place, hit, and whether it is the force or else its
     sensor.
     """
@@ -147,7 +99,7 @@ def _ids(points: Sequence[PointFile]) -> dict[Any, dict[str, str]]:
     }
 
 
-def _frfs(averages: Averages, ids: dict[Any, dict[str, str]]) -> list[dict[str, Any]]:
+def describe_frfs(averages: Averages, ids: dict[Any, dict[str, str]]) -> list[dict[str, Any]]:
     """What the document says of FRFs."""
     return [
         {
@@ -168,9 +120,16 @@ def _frfs(averages: Averages, ids: dict[Any, dict[str, str]]) -> list[dict[str, 
     ]
 
 
-def _document(
+def describe_processing(
     findings: Findings, frfs: list[dict[str, Any]], left_out: Sequence[str]
 ) -> dict[str, Any]:
+    """The document about a processing.
+
+    Args:
+        findings: of the core.
+        frfs: of `describe_frfs`.
+        left_out: what was left out, in words.
+    """
     windows = findings.processing.windows
     return {
         "processing": {

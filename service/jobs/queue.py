@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import delete, exists, func, select, text, update
+from sqlalchemy import delete, exists, func, select, update
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
@@ -103,8 +103,8 @@ def queue_again(session: Session) -> None:
     """Queue every job that waited or ran, with tickets of its own: a restored database has no
     others, and no worker. One that ran and was asked to end is cancelled.
     """
-    session.execute(text("DELETE FROM procrastinate_jobs"))
     session.execute(update(Job).values(ticket=None))
+    queue_adapter.drop_left(session)
     for job in session.scalars(
         select(Job).where(Job.state.in_(("queued", "running"))).order_by(Job.id)
     ):

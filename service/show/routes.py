@@ -1,4 +1,4 @@
-"""Routes of figures: hits of a point, a stabilisation diagram, a coupon's curve, a series; of a
+"""Routes of figures: hits of a point, a coupon's curve, a series; of a
 search a trend and its results.
 
 Those of results are in `service.show.results`.
@@ -10,7 +10,6 @@ from uuid import UUID
 from fastapi import Query, Response
 
 from service.access import CurrentUser, SessionDep, api_router
-from service.compute.identifying import up_to_date
 from service.errors import Invalid
 from service.monitoring.monitors import series_for
 from service.monitoring.presentation import series_document
@@ -20,7 +19,6 @@ from service.show.figures.answers import RESPONSES, FigureName, FigureRequestDep
 from service.show.figures.coupon import coupon_figure
 from service.show.figures.frfs import hits_figure
 from service.show.figures.marks import Figure
-from service.show.figures.modes import stabilisation_figure
 from service.show.figures.trend import MOST_RESULTS, results_figure, series_figure, trend_figure
 from service.show.measured import (
     HitQuery,
@@ -35,7 +33,7 @@ from service.store.coupons.curves import curve_of, series_of
 from service.store.coupons.operations import coupon_for
 from service.store.frfs.data import Cut
 from service.store.frfs.routes import FrfFilter, Hertz
-from service.store.modes.operations import IDENTIFICATIONS, identification_for, mode_set_for
+from service.store.modes.operations import mode_set_for
 from service.store.records.routes import Whole
 from service.store.search.nouns import NOUNS
 from service.store.search.operations import Search, SearchQuery, bounded
@@ -111,29 +109,6 @@ def get_campaign_figure(
     return request.answer(
         lambda: hits_figure(point_shown(session, blocks), seconds, hertz), name, blocks.version
     )
-
-
-@router.get(
-    "/identifications/{identification_id}/figures/{name}",
-    response_class=Response,
-    responses=RESPONSES,
-    tags=["identifications"],
-)
-def get_identification_figure(
-    identification_id: UUID,
-    name: FigureName,
-    session: SessionDep,
-    user: CurrentUser,
-    request: FigureRequestDep,
-) -> Response:
-    """The figure `stabilisation` of an identification; 409 while it has found nothing, or where it
-    failed.
-    """
-    row = identification_for(session, user, identification_id)
-    require_figure(name, "stabilisation")
-    document = up_to_date(IDENTIFICATIONS.result(session, row, row.document))
-    # what it found never changes
-    return request.answer(lambda: stabilisation_figure(document), name, str(row.id))
 
 
 @router.get(

@@ -10,19 +10,17 @@ from service import tasks
 from service.jobs.kinds import JobKind
 from service.monitoring.judgements import JUDGE
 from service.store.imports.operations import IMPORTS
-from service.store.modes.operations import IDENTIFICATIONS
-from service.store.records.processings import PROCESSINGS
 from service.store.structures.models import MODELS
 from service.store.updating.operations import UPDATES
-from service.tasks.task import Task
+from service.tasks.task import BareTask
 
-TASKS: tuple[Task, ...] = tuple(
+TASKS: tuple[BareTask, ...] = tuple(
     import_module(f"{tasks.__name__}.{folder.name}.task").TASK
     for folder in iter_modules(tasks.__path__)
     if folder.ispkg
 )
 """Kinds that declare all of themselves in one folder, by the names of the folders."""
 
-_NOUNS = (IMPORTS, MODELS, PROCESSINGS, IDENTIFICATIONS, UPDATES)
+_NOUNS = (IMPORTS, MODELS, UPDATES)
 KINDS: tuple[JobKind, ...] = (*(task.noun.kind for task in TASKS), *(n.kind for n in _NOUNS), JUDGE)
 """Every kind of job that a worker can run."""

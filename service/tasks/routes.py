@@ -1,4 +1,6 @@
-"""Routes that every kind of job has: made, listed, read, cancelled; with those of its own folder."""
+"""Routes that every whole kind of job has: made, listed, read, cancelled; with those of each kind's
+own folder.
+"""
 
 from collections.abc import Iterator
 from importlib import import_module
@@ -37,18 +39,20 @@ def _routes_of(task: Task, router: APIRouter) -> JobRoutes[Any, Any]:
 
 
 ROUTES: dict[Task, JobRoutes[Any, Any]] = {}
-"""Of each task, for pages."""
+"""Of each whole task, for pages."""
 
 
 def _routers() -> Iterator[APIRouter]:
-    for task in TASKS:
-        router = api_router(tags=[task.about[0]])
-        ROUTES[task] = _routes_of(task, router)
-        yield router
+    # those that state their own routes come first, as the documents have them
+    for task in sorted(TASKS, key=lambda task: isinstance(task, Task)):
+        if isinstance(task, Task):
+            router = api_router(tags=[task.about[0]])
+            ROUTES[task] = _routes_of(task, router)
+            yield router
         if find_spec(own := f"{task.folder}.routes") is not None:
             yield import_module(own).router
 
 
 ROUTERS: tuple[APIRouter, ...] = tuple(_routers())
-HEADINGS = [task.about for task in TASKS]
+HEADINGS = [task.about for task in ROUTES]
 """Headings of the documentation page, each with its sentence."""

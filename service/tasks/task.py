@@ -48,28 +48,14 @@ class Card:
 
 
 @dataclass(frozen=True)
-class Task:
-    """A kind of job, whole.
+class BareTask:
+    """A kind of job whose `routes.py` has all of its routes.
 
     Attributes:
         noun: its rows: inputs, computation, storage.
-        about: heading of the documentation page, and its sentence.
-        text: what `POST` does, for the documentation.
-        request: body of `POST`.
-        answer: how it is shown, with `found`.
-        start: (session, user, key of the owner, body) -> the row.
-        says: what its `GET` says besides how far it is.
-        card: its place on a page.
     """
 
     noun: JobNoun[Any]
-    about: tuple[str, str]
-    text: str
-    request: type[StrictModel]
-    answer: type[JobOut]
-    start: Callable[[Session, User, UUID, Any], Any]
-    says: str
-    card: Card
 
     @property
     def kind(self) -> str:
@@ -84,4 +70,27 @@ class Task:
     @property
     def folder(self) -> str:
         """The package that declares it."""
-        return self.start.__module__.rpartition(".")[0]
+        return self.noun.kind.compute.__module__.rpartition(".")[0]
+
+
+@dataclass(frozen=True)
+class Task(BareTask):
+    """A kind of job, whole: its routes, heading and card are made of what it declares.
+
+    Attributes:
+        about: heading of the documentation page, and its sentence.
+        text: what `POST` does, for the documentation.
+        request: body of `POST`.
+        answer: how it is shown, with `found`.
+        start: (session, user, key of the owner, body) -> the row.
+        says: what its `GET` says besides how far it is.
+        card: its place on a page.
+    """
+
+    about: tuple[str, str]
+    text: str
+    request: type[StrictModel]
+    answer: type[JobOut]
+    start: Callable[[Session, User, UUID, Any], Any]
+    says: str
+    card: Card

@@ -18,6 +18,7 @@ from fecore.quantities import QUANTITIES, WRITTEN, Quantity
 from service.errors import Fault
 
 UNITS = {
+    "_m_s": "m/s",
     "_kg_m2": "kg·m²",
     "_kg_m3": "kg/m³",
     "_per_s": "1/s",

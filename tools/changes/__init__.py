@@ -137,8 +137,9 @@ CHANGES: tuple[Change, ...] = (
     Change(
         "field",
         "a condition of a campaign",
-        "a member of `Climate` in `service/climate.py`, and a migration",
-        "`tests/unit/service/test_climate.py`; `test_db.py` compares the table",
+        "a member of `Climate` in `service/climate.py`, and a migration; `python -m tools.reference`",
+        "`tests/unit/service/test_climate.py`; `test_db.py` compares the table, `test_members.py`"
+        " wants a value of it",
     ),
     Change(
         "element",

@@ -34,6 +34,8 @@ from service.store.records import routes as records
 from service.store.records.schemas import HitDecisionOut, Proposal, RecordOut
 from service.store.structures import model_routes as models
 from service.store.updating import routes as updating
+from service.tasks.identify import routes as identify
+from service.tasks.process import routes as process
 from service.web.routing import UI, page_router
 
 router = page_router(UI)
@@ -123,7 +125,7 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         visit.session, visit.user, campaign=campaign_id, limit=50
     ).items
     blocks = records.list_records(campaign_id, visit.session, visit.user, limit=MOST).items
-    processings = records.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items
+    processings = process.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items
     done = next((row.result for row in processings if row.result is not None), None)
     mode_sets = modes.nouns.page(visit.session, visit.user, campaign_id, limit=50).items
     sent = _sent(visit, campaign_id)
@@ -148,7 +150,9 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         starts=_starts(_reports(sent), sent),
         mode_sets=mode_sets,
         other_sets=_sets_to_compare(visit, context["campaign"]),
-        identifications=modes.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items,
+        identifications=identify.of_jobs.page(
+            visit.session, visit.user, campaign_id, limit=10
+        ).items,
         records=blocks,
         hit_places=_hit_places(blocks),
         processings=processings,

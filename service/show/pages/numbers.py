@@ -10,11 +10,13 @@ from typing import Any
 
 from fecore.quantities import SHOWN
 from modalbase.client.results import deviations, motion_words
+from service.climate import CLIMATE
 from service.show.figures.marks import counted
 from service.web.quantities import UNITS
 
 NOTHING = "–"
-_UNITS = {**UNITS, "_c": "°C", "_percent": "%"}
+# a condition of a campaign says its own unit, whatever its name ends with
+UNITS_OF_MEMBERS = {**{name: each.unit for name, each in CLIMATE.items()}, **UNITS}
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -149,7 +151,7 @@ def _in_words(name: str, value: Any) -> tuple[str, str]:
     (('structure geometry length', '500.0 mm'), ('recipe band', '10, 900 Hz'))
     """
     ending, unit = next(
-        ((end, unit) for end, unit in _UNITS.items() if name.endswith(end)), ("", "")
+        ((end, unit) for end, unit in UNITS_OF_MEMBERS.items() if name.endswith(end)), ("", "")
     )
     parts = value if isinstance(value, list) else [value]
     text = ", ".join(_in_digits(each, unit) for each in parts)

@@ -1,36 +1,26 @@
-"""Mode sets, their modes and identifications: the tables, and what can be done with mode sets: type
-in, store, read; and the job that finds the modes of a campaign in its FRFs and keeps them as a mode
-set.
-"""
+"""Mode sets and their modes: the tables, and what can be done with them: type in, store, read."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from datetime import datetime
-from pathlib import Path
 from typing import Any
 from uuid import UUID
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
-from sqlalchemy import JSON, ForeignKey, Index, delete, insert, select, text, update
+from sqlalchemy import ForeignKey, Index, delete, insert, select, text, update
 from sqlalchemy.dialects.postgresql import JSONB, distinct_on
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import ComplexArray
-from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from modalbase.formats.uff import ModeShape
 from service.access import Lookup, User, present
-from service.compute.identifying import IdentificationInputs, IdentificationOutput, find_modes
 from service.db.base import Base, Identified, one_at_a_time
-from service.jobs.kinds import CORE_LIBRARIES
-from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
-from service.store.frfs.data import load_measured_campaign
-from service.store.modes.schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, PolesIn, ShapeValue
-from service.store.storage import book, require_room
-from service.web import Name, RequestModel, example, shown_as
+from service.store.modes.schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, ShapeValue
+from service.store.storage import book
+from service.web import shown_as
 
 
 class ModeSet(Identified, Base):
@@ -50,20 +40,6 @@ class ModeSet(Identified, Base):
     settings: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     # the mode set that a later job identified by the same settings
     superseded_by: Mapped[UUID | None]
-
-
-class Identification(Base):
-    """One identification of modes from a campaign's FRFs; its key is its job's. Its mode set names
-    it as `job_id`.
-    """
-
-    __tablename__ = "identifications"
-    __table_args__ = (Index(None, "campaign_id", "id"),)
-
-    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
-    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
-    options: Mapped[dict[str, Any]]
-    document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
 
 
 class Mode(Base):
@@ -348,59 +324,7 @@ def newest_stated(
     return {campaign: (key, at) for campaign, key, at in session.execute(query)}
 
 
-class IdentificationIn(PolesIn, RequestModel):
-    """How to identify; `{}` will do."""
-
-    model_config = example()
-
-    name: Name = "identified"
-    include_doubtful: bool = Field(
-        False, description="keep the uncertain poles, from probability 0.1 on, in the mode set too"
-    )
-
-
-def _load(session: Session, row: Identification, _workspace: Path) -> IdentificationInputs:
-    campaign = load_measured_campaign(session, row.campaign_id)
-    if not campaign.frf_sets:
-        raise InputError(
-            "campaign", campaign.without_frfs("has no FRFs; import some, or process its hits")
-        )
-    request = IdentificationIn.model_validate(row.options)
-    frfs = tuple(used.frfs for used in campaign.frf_sets)
-    windows = [remark for used in campaign.frf_sets for remark in used.window_remark]
-    return IdentificationInputs(
-        frfs,
-        request.options(),
-        request.include_doubtful,
-        (*campaign.warnings, *dict.fromkeys(windows)),
-    )
-
-
-def _store(session: Session, row: Identification, items: Iterator[IdentificationOutput]) -> None:
-    name = IdentificationIn.model_validate(row.options).name
-    for output in items:
-        row.document = output.document
-        how: dict[str, Any] = {"job_id": row.id, "settings": row.options}
-        keep_identified(session, row.campaign_id, name, output.modes, output.document, **how)
-
-
-identification_for = Lookup(Identification, "identification", "campaign_id", campaign_for)
-IDENTIFICATIONS = JobNoun(
-    "identifications", identification_for, _load, find_modes, _store, libraries=CORE_LIBRARIES
-)
-
-
-def start_identification(
-    session: Session, user: User, campaign_id: UUID, body: IdentificationIn
-) -> Identification:
-    """Queue an identification of a campaign's modes, in the caller's transaction.
-
-    Raises:
-        InputError: the band is empty.
-        QuotaExceeded: the project has no room for modes.
-    """
-    campaign = campaign_for(session, user, campaign_id, "editor")
-    body.options()  # a wrong band is refused before it is queued
-    require_room(session, campaign_for.project_of(session, campaign))
-    row = Identification(campaign_id=campaign.id, options=body.model_dump(mode="json"))
-    return IDENTIFICATIONS.start(session, user, row)
+def identified_by(session: Session, job_ids: Sequence[UUID]) -> dict[UUID, UUID]:
+    """The mode set that each of these jobs identified, by the job's key."""
+    query = select(ModeSet.job_id, ModeSet.id).where(ModeSet.job_id.in_(job_ids))
+    return {job: key for job, key in session.execute(query) if job is not None}

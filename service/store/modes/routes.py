@@ -1,18 +1,16 @@
-"""Routes of mode sets and of identifications; a mode set as a UFF file, and edited by hand: poles
-kept or dropped, and why.
+"""Routes of mode sets; a mode set as a UFF file, and edited by hand: poles kept or dropped, and
+why.
 """
 
 import bisect
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import IO, Annotated, Any
 from uuid import UUID
 
 import numpy as np
 from fastapi import Response
-from pydantic import Field
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
@@ -20,22 +18,15 @@ from modalbase.formats import uff
 from modalbase.formats.uff.write import encode
 from service.access import CurrentUser, SessionDep, User, api_router
 from service.access.nouns import NounRoutes
-from service.compute.identifying import up_to_date
 from service.errors import Conflict
-from service.jobs.resource import JobOut
-from service.jobs.routes import JobRoutes
 from service.store.campaigns.operations import campaign_for, campaign_of, stored_points
 from service.store.modes import operations
 from service.store.modes.operations import (
-    IDENTIFICATIONS,
-    Identification,
-    IdentificationIn,
     Mode,
     ModeSet,
     mode_set_for,
     modes_of,
     shape_of,
-    start_identification,
     store,
 )
 from service.store.modes.schemas import DecisionIn, EditIn, ModeSetIn, ModeSetOut
@@ -95,56 +86,6 @@ def get_mode_set(
             {"Vary": "Accept"},
         )
     return nouns.shown(session, mode_set)
-
-
-identifications = api_router(tags=["identifications"])
-
-
-class IdentificationOut(JobOut):
-    """An identification: how far it is, and what it found."""
-
-    campaign_id: UUID
-    options: IdentificationIn
-    mode_set: UUID | None = Field(description="the modes that it found")
-    result: dict[str, Any] | None = Field(
-        description="quality of the modes, what was left out, stabilisation diagram"
-    )
-
-
-def _with_modes(session: Session, rows: Sequence[Identification]) -> list[dict[str, Any]]:
-    """Their mode sets and results, where they have succeeded."""
-    keys = [row.id for row in rows]
-    mode_sets = dict(
-        session.execute(select(ModeSet.job_id, ModeSet.id).where(ModeSet.job_id.in_(keys))).all()
-    )
-    return [
-        {"mode_set": mode_sets.get(row.id), "result": row.document and up_to_date(row.document)}
-        for row in rows
-    ]
-
-
-of_jobs = JobRoutes(
-    identifications, IDENTIFICATIONS, IdentificationOut, "identification_id", _with_modes
-)
-
-
-of_jobs.creating(
-    "start_identification",
-    "Queue an identification of modes from the campaign's FRFs; a mode set comes of it. `{}` is a"
-    " body.",
-    IdentificationIn,
-    start_identification,
-    status=202,
-)
-of_jobs.cancelling(
-    "cancel_identification",
-    "Ask for an identification's end; one that has ended already stays as it is.",
-)
-of_jobs.listing("list_identifications", "Identifications of a campaign, newest first.", 20)
-of_jobs.getting(
-    "get_identification",
-    "How far an identification is, which modes it found, and how well the data support them.",
-)
 
 
 def write_uff(session: Session, mode_set: ModeSet, file: IO[bytes]) -> None:

@@ -1,9 +1,8 @@
 """Hits are judged: one by one by hand, where a person decides, says why, and each later processing
-keeps to it; all that are stored as they are looked at; and by a processing, a job that keeps the
-FRFs of the good ones.
+keeps to it; all that are stored as they are looked at; and by a processing, which keeps the FRFs of
+the good ones.
 """
 
-import json
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime
@@ -26,11 +25,8 @@ from service.compute.processing import (
     PointFile,
     ProcessingInputs,
     ProcessingOutput,
-    process_records,
 )
 from service.db.base import Base, Big, Identified, one_at_a_time
-from service.jobs.kinds import CORE_LIBRARIES
-from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.data import specimen_points
 from service.store.frfs.operations import (
@@ -49,7 +45,6 @@ from service.store.records.schemas import (
     StoredHit,
     StoredRecords,
 )
-from service.store.storage import require_room
 from service.store.structures.operations import present_structure
 from service.web import shown_as
 
@@ -239,15 +234,6 @@ class Processing(Base):
 _STRIP = 1 / 3  # width over length up to which a body is a strip
 
 
-def _load(session: Session, row: Processing, workspace: Path) -> ProcessingInputs:
-    inputs = load_records(
-        session, row.campaign_id, workspace, ProcessingIn.model_validate(row.options)
-    )
-    if inputs is None:
-        raise InputError("campaign", "has no time blocks; POST records first")
-    return inputs
-
-
 def load_records(
     session: Session, campaign_id: UUID, workspace: Path, options: ProcessingIn
 ) -> ProcessingInputs | None:
@@ -305,16 +291,6 @@ def _strip(session: Session, campaign_id: UUID) -> signal.Strip | None:
     )
 
 
-def _store(session: Session, row: Processing, items: Iterator[signal.Averages | str]) -> None:
-    keys: list[UUID] = []
-    for item in items:
-        if isinstance(item, signal.Averages):
-            keys += store_processed(session, row.campaign_id, row.id, item)
-        else:
-            row.document = _with_keys(json.loads(item), keys)
-    _supersede_earlier(session, row)
-
-
 def _supersede_earlier(session: Session, row: Processing) -> None:
     """FRFs of earlier processings leave where a time block of theirs was looked at anew, be it that
     no hit was good.
@@ -332,10 +308,24 @@ def _supersede_earlier(session: Session, row: Processing) -> None:
     supersede(session, row.campaign_id, row.id, remade)
 
 
-def _with_keys(document: dict[str, Any], keys: Sequence[UUID]) -> dict[str, Any]:
-    """The document with the keys of its FRFs."""
+def new_processing(campaign_id: UUID, options: ProcessingIn) -> Processing:
+    """A row without its key, which is its job's."""
+    return Processing(campaign_id=campaign_id, options=options.model_dump(mode="json"))
+
+
+def keep_document(
+    session: Session, row: Processing, document: dict[str, Any], keys: Sequence[UUID]
+) -> dict[str, Any]:
+    """Keep the document of a processing with the keys of its FRFs; those of earlier ones leave that
+    were made anew.
+
+    Returns:
+        The document that is kept.
+    """
     shown = [{**frf, "id": str(key)} for frf, key in zip(document["frfs"], keys, strict=True)]
-    return {**document, "frfs": shown}
+    row.document = {**document, "frfs": shown}
+    _supersede_earlier(session, row)
+    return row.document
 
 
 def keep_processing(
@@ -351,38 +341,15 @@ def keep_processing(
     Returns:
         The processing's document.
     """
-    row = Processing(id=job_id, campaign_id=campaign_id, options=options.model_dump(mode="json"))
+    row = new_processing(campaign_id, options)
+    row.id = job_id
     session.add(row)
     session.flush()
-    row.document = _with_keys(
-        output.document, store_processed(session, campaign_id, job_id, output.processed)
-    )
-    _supersede_earlier(session, row)
-    return row.document
+    keys = store_processed(session, campaign_id, job_id, output.processed)
+    return keep_document(session, row, output.document, keys)
 
 
 processing_for = Lookup(Processing, "processing", "campaign_id", campaign_for)
-PROCESSINGS = JobNoun(
-    "processings", processing_for, _load, process_records, _store, libraries=CORE_LIBRARIES
-)
-
-
-def start_processing(
-    session: Session, user: User, campaign_id: UUID, body: ProcessingIn
-) -> Processing:
-    """Queue a processing of a campaign's records, in the caller's transaction.
-
-    Raises:
-        InputError: the band is empty, or an overrule means no hit.
-        QuotaExceeded: the project has no room for FRFs.
-    """
-    campaign = campaign_for(session, user, campaign_id, "editor")
-    body.processing()  # a wrong choice is refused before it is queued
-    if body.overrules:
-        decisions(body.overrules, hits_in(block_rows(session, campaign.id).values()))
-    require_room(session, campaign_for.project_of(session, campaign))
-    row = Processing(campaign_id=campaign.id, options=body.model_dump(mode="json"))
-    return PROCESSINGS.start(session, user, row)
 
 
 def hits_changed(

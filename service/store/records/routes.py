@@ -1,4 +1,4 @@
-"""Routes of time blocks and of processings."""
+"""Routes of time blocks."""
 
 import io
 from functools import partial
@@ -10,30 +10,19 @@ from fastapi import Query, Response
 from fastapi.responses import JSONResponse
 
 from service.access import CurrentUser, SessionDep, api_router
-from service.jobs.routes import JobRoutes
 from service.store.campaigns.operations import campaign_for
 from service.store.records import operations
-from service.store.records.processings import PROCESSINGS, decide, decisions_of, start_processing
+from service.store.records.processings import decide, decisions_of
 from service.store.records.schemas import (
     UNITS,
     HitDecisionIn,
     HitDecisionOut,
-    ProcessingIn,
-    ProcessingOut,
     RecordOut,
 )
 from service.web import Cursor, Limit, Page, paged, shown_as
 
 router = api_router(tags=["records"])
 
-
-of_jobs = JobRoutes(
-    router,
-    PROCESSINGS,
-    ProcessingOut,
-    "processing_id",
-    lambda _, rows: [{"result": row.document} for row in rows],
-)
 
 Whole = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
 MEDIA_TYPES = {"json": "application/json", "npz": "application/x-npz", "csv": "text/csv"}
@@ -133,18 +122,3 @@ def list_hit_decisions(
     campaign = campaign_for(session, user, campaign_id)
     shown = partial(map, partial(shown_as, HitDecisionOut))
     return paged(session, decisions_of(campaign.id), cursor, limit, shown, newest_first=True)
-
-
-of_jobs.creating(
-    "start_processing",
-    "Queue a processing of the campaign's records: hits are judged, the good ones become FRFs. `{}`"
-    " is a body.",
-    ProcessingIn,
-    start_processing,
-    status=202,
-)
-of_jobs.listing("list_processings", "Processings of a campaign, newest first.", 20)
-of_jobs.getting(
-    "get_processing",
-    "How far a processing is, how it judged every hit, and which FRFs rest on which records.",
-)

@@ -6,10 +6,13 @@ import pytest
 
 from service.climate import CLIMATE, Climate, Condition
 from service.monitoring.schemas import Covariate
+from service.show.pages.numbers import UNITS_OF_MEMBERS
+from service.show.pages.quantities import SENT
 from service.store.campaigns.operations import Campaign
 from service.store.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch
 from service.store.search.nouns import NOUNS
 from service.store.search.trends import TrendPoint
+from service.web import typed
 
 each = pytest.mark.parametrize("name", CLIMATE)
 
@@ -26,6 +29,15 @@ def test_a_condition_says_what_it_is(name: str) -> None:
     limits = {type(limit).__name__ for limit in Climate.model_fields[name].metadata}
     assert limits & {"Ge", "Gt"}, "a smallest number is needed, so that a wrong unit is refused"
     assert limits & {"Le", "Lt"}, "a largest number is needed"
+
+
+@each
+def test_a_page_shows_and_takes_a_condition_in_its_own_unit(name: str) -> None:
+    """Whatever the name ends with: `wind_m_s` are no seconds."""
+    unit = CLIMATE[name].unit
+    assert next(of for end, of in SENT.items() if name.endswith(end)) == unit
+    assert next(of for end, of in UNITS_OF_MEMBERS.items() if name.endswith(end)) == unit
+    assert typed.are_alike(unit, unit)
 
 
 @each

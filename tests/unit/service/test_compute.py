@@ -29,7 +29,7 @@ from fecore.updating.parameters import parametrise
 from modalbase.formats.uff import DatasetReport, Function, GridPoint
 from service.compute import reading
 from service.compute.hits import BlockRow
-from service.compute.processing import PointFile, ProcessingInputs, process_records
+from service.compute.processing import PointFile, ProcessingInputs
 from service.compute.spectra import Spectrum, decode, encode, encode_axis
 from service.compute.updating import LoadedCampaign, Together, UpdateInputs, compute_update
 from service.errors import Damaged, PayloadTooLarge
@@ -41,6 +41,7 @@ from service.store.records.processings import decisions
 from service.store.records.schemas import OverruleIn
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import nominal_specimen, oriented
+from service.tasks.process.compute import process_records
 from tests.corpus.updates import BEAM, measured
 from tests.support.uff import axis, dataset, function
 

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from service import tasks
 from service.tasks.kinds import KINDS, TASKS
 from service.tasks.routes import ROUTES
-from service.tasks.task import Ordered, Task
+from service.tasks.task import BareTask, Ordered, Task
 
 ROOT = Path(__file__).parents[3]
 FOLDERS = sorted(path.parent.name for path in Path(tasks.__path__[0]).glob("*/__init__.py"))
@@ -34,10 +35,13 @@ def test_what_a_child_computes_loads_neither_database_nor_web(folder: str) -> No
 
 
 @ALL
-def test_a_task_declares_what_it_computes_and_keeps(task: Task) -> None:
+def test_a_task_declares_what_it_computes_and_keeps(task: BareTask) -> None:
     kind = task.noun.kind
     assert kind in KINDS
     assert kind.compute.__module__ == f"{task.folder}.compute", f"{task.kind} computes elsewhere"
+    if not isinstance(task, Task):
+        assert find_spec(f"{task.folder}.routes"), f"{task.kind} has no routes"
+        return
     assert issubclass(task.noun.find.table, Ordered), f"{task.kind}'s table is no table of jobs"
     assert "found" in task.answer.model_fields, f"{task.kind}'s answer has no `found`"
     assert task.card.template != "task.html" or task.card.columns, f"{task.kind} shows no columns"
@@ -45,7 +49,7 @@ def test_a_task_declares_what_it_computes_and_keeps(task: Task) -> None:
 
 
 @ALL
-def test_the_documents_name_a_task(task: Task) -> None:
+def test_the_documents_name_a_task(task: BareTask) -> None:
     address = f"/{task.noun.address}"
     documents = [
         path.name for path in (ROOT / "docs").glob("*.md") if path.name != "reference-rest.md"

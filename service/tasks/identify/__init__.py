@@ -1,0 +1,1 @@
+"""Identifications: the modes of a campaign found in its FRFs, kept as a mode set."""

@@ -1,0 +1,41 @@
+"""What the child process of an identification does: FRFs in, modes and the document about them
+out.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from fecore.frf import FrfSet
+from fecore.modal import Options, identify
+from fecore.modes import MeasuredModes
+from service.compute.identifying import describe_identification
+from service.jobs.kinds import Reporter
+
+
+@dataclass(frozen=True)
+class IdentificationInputs:
+    """FRFs by quantity and axis, in the specimen's frame, and how to identify."""
+
+    frfs: tuple[FrfSet, ...]
+    options: Options
+    include_doubtful: bool
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class IdentificationOutput:
+    """Modes in the specimen's frame, and the document about them."""
+
+    modes: MeasuredModes
+    document: dict[str, Any]
+
+
+def find_modes(inputs: IdentificationInputs, report: Reporter) -> Iterator[IdentificationOutput]:
+    """Identify modes and describe them."""
+    identification = identify(inputs.frfs, inputs.options, report)
+    document = describe_identification(identification)
+    document["warnings"] = [*inputs.warnings, *document["warnings"]]
+    yield IdentificationOutput(
+        identification.chosen(include_doubtful=inputs.include_doubtful).modes, document
+    )

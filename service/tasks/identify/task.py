@@ -1,0 +1,105 @@
+"""Identifications: what a client may ask, the job that finds the modes of a campaign in its FRFs,
+and what it keeps.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+from pydantic import Field
+from sqlalchemy import JSON, ForeignKey, Index
+from sqlalchemy.orm import Mapped, Session, mapped_column
+
+from fecore.errors import InputError
+from service.access import Lookup, User
+from service.db.base import Base
+from service.jobs.kinds import CORE_LIBRARIES
+from service.jobs.resource import JobNoun
+from service.store.campaigns.operations import campaign_for
+from service.store.frfs.data import load_measured_campaign
+from service.store.modes.operations import keep_identified
+from service.store.modes.schemas import PolesIn
+from service.store.storage import require_room
+from service.tasks.identify.compute import (
+    IdentificationInputs,
+    IdentificationOutput,
+    find_modes,
+)
+from service.tasks.task import BareTask
+from service.web import Name, RequestModel, example
+
+
+class Identification(Base):
+    """One identification of modes from a campaign's FRFs; its key is its job's. Its mode set names
+    it as `job_id`.
+    """
+
+    __tablename__ = "identifications"
+    __table_args__ = (Index(None, "campaign_id", "id"),)
+
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
+    options: Mapped[dict[str, Any]]
+    document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+
+
+class IdentificationIn(PolesIn, RequestModel):
+    """How to identify; `{}` will do."""
+
+    model_config = example()
+
+    name: Name = "identified"
+    include_doubtful: bool = Field(
+        False, description="keep the uncertain poles, from probability 0.1 on, in the mode set too"
+    )
+
+
+def _load(session: Session, row: Identification, _workspace: Path) -> IdentificationInputs:
+    campaign = load_measured_campaign(session, row.campaign_id)
+    if not campaign.frf_sets:
+        raise InputError(
+            "campaign", campaign.without_frfs("has no FRFs; import some, or process its hits")
+        )
+    request = IdentificationIn.model_validate(row.options)
+    frfs = tuple(used.frfs for used in campaign.frf_sets)
+    windows = [remark for used in campaign.frf_sets for remark in used.window_remark]
+    return IdentificationInputs(
+        frfs,
+        request.options(),
+        request.include_doubtful,
+        (*campaign.warnings, *dict.fromkeys(windows)),
+    )
+
+
+def _store(session: Session, row: Identification, items: Iterator[IdentificationOutput]) -> None:
+    name = IdentificationIn.model_validate(row.options).name
+    for output in items:
+        row.document = output.document
+        how: dict[str, Any] = {"job_id": row.id, "settings": row.options}
+        keep_identified(session, row.campaign_id, name, output.modes, output.document, **how)
+
+
+identification_for = Lookup(Identification, "identification", "campaign_id", campaign_for)
+IDENTIFICATIONS = JobNoun(
+    "identifications", identification_for, _load, find_modes, _store, libraries=CORE_LIBRARIES
+)
+
+
+def start_identification(
+    session: Session, user: User, campaign_id: UUID, body: IdentificationIn
+) -> Identification:
+    """Queue an identification of a campaign's modes, in the caller's transaction.
+
+    Raises:
+        InputError: the band is empty.
+        QuotaExceeded: the project has no room for modes.
+    """
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    body.options()  # a wrong band is refused before it is queued
+    require_room(session, campaign_for.project_of(session, campaign))
+    row = Identification(campaign_id=campaign.id, options=body.model_dump(mode="json"))
+    return IDENTIFICATIONS.start(session, user, row)
+
+
+TASK = BareTask(IDENTIFICATIONS)

@@ -1,0 +1,1 @@
+"""Processings: a campaign's hits are judged, and the good ones become FRFs."""

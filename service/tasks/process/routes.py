@@ -1,0 +1,31 @@
+"""Routes of processings."""
+
+from service.access import api_router
+from service.jobs.routes import JobRoutes
+from service.store.records.schemas import ProcessingIn, ProcessingOut
+from service.tasks.process.task import PROCESSINGS, start_processing
+
+router = api_router(tags=["records"])
+
+of_jobs = JobRoutes(
+    router,
+    PROCESSINGS,
+    ProcessingOut,
+    "processing_id",
+    lambda _, rows: [{"result": row.document} for row in rows],
+)
+
+
+of_jobs.creating(
+    "start_processing",
+    "Queue a processing of the campaign's records: hits are judged, the good ones become FRFs. `{}`"
+    " is a body.",
+    ProcessingIn,
+    start_processing,
+    status=202,
+)
+of_jobs.listing("list_processings", "Processings of a campaign, newest first.", 20)
+of_jobs.getting(
+    "get_processing",
+    "How far a processing is, how it judged every hit, and which FRFs rest on which records.",
+)
