@@ -96,7 +96,7 @@ CONTRACTS: dict[str, str] = {
     "service/compute/identifying.py:found": "fecore.modal: field of Identification",
     "service/store/search/routes.py:Found": "REST: a schema",
     "service/tasks/forecast/task.py:found": "REST: a forecast",
-    "service/store/structures/model_routes.py:found": "REST: a model",
+    "service/tasks/model/routes.py:found": "REST: a model",
     "service/store/imports/routes.py:found": "REST: an import",
     "service/show/pages/measurements.py:found": "REST: an import",
     "service/store/imports/operations.py:found": "database: imports.found",

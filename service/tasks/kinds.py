@@ -10,7 +10,6 @@ from service import tasks
 from service.jobs.kinds import JobKind
 from service.monitoring.judgements import JUDGE
 from service.store.imports.operations import IMPORTS
-from service.store.structures.models import MODELS
 from service.store.updating.operations import UPDATES
 from service.tasks.task import BareTask
 
@@ -21,6 +20,6 @@ TASKS: tuple[BareTask, ...] = tuple(
 )
 """Kinds that declare all of themselves in one folder, by the names of the folders."""
 
-_NOUNS = (IMPORTS, MODELS, UPDATES)
+_NOUNS = (IMPORTS, UPDATES)
 KINDS: tuple[JobKind, ...] = (*(task.noun.kind for task in TASKS), *(n.kind for n in _NOUNS), JUDGE)
 """Every kind of job that a worker can run."""

@@ -14,7 +14,7 @@ from modalbase.formats.models.matrices import MatrixModel
 from service.compute.models.bodies import body_of_model
 from service.compute.models.keeping import model_of
 from service.compute.models.matrices import body_of_matrices
-from service.compute.models.reading import DeckInputs, read_deck
+from service.tasks.model.compute import DeckInputs, read_deck
 
 
 class Imported(NamedTuple):

@@ -32,9 +32,9 @@ from service.store.modes import routes as modes
 from service.store.modes.operations import mode_set_for
 from service.store.records import routes as records
 from service.store.records.schemas import HitDecisionOut, Proposal, RecordOut
-from service.store.structures import model_routes as models
 from service.store.updating import routes as updating
 from service.tasks.identify import routes as identify
+from service.tasks.model import routes as models
 from service.tasks.process import routes as process
 from service.web.routing import UI, page_router
 

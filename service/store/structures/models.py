@@ -1,15 +1,12 @@
-"""Models that users send: a deck is kept as it came, a job reads it, and the structure's next
-version is that model. And the mesh that a structure is: of such a model, or of the strip or shape
-that is described.
+"""Models that users sent, as they were sent and as they were read; and the mesh that a structure is:
+of such a model, or of the strip or shape that is described.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from hashlib import sha256
 from io import BytesIO
 from itertools import accumulate
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
@@ -25,24 +22,13 @@ from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.supports import of_boundary
 from modalbase.formats.meshes import Cells
 from modalbase.formats.models.matrices import MatrixModel
-from modalbase.formats.models.units import units_of
-from service.access import Lookup, User
+from service.access import Lookup
 from service.compute.models.bodies import AS_MODELLED, body_of_model
 from service.compute.models.keeping import model_of
 from service.compute.models.matrices import body_of_matrices
-from service.compute.models.reading import (
-    DeckInputs,
-    DeckOutput,
-    faults_of,
-    read_deck,
-    require_deck,
-)
-from service.errors import Conflict, Damaged, Invalid
-from service.jobs.kinds import CORE_LIBRARIES
-from service.jobs.resource import JobNoun
+from service.errors import Conflict, Damaged
 from service.jobs.tables import Job
-from service.store.storage import book
-from service.store.storage.originals import copy_original, keep_original, write_original
+from service.store.storage.originals import copy_original
 from service.store.structures.drawn import DrawnMesh, Held
 from service.store.structures.operations import (
     Structure,
@@ -51,72 +37,24 @@ from service.store.structures.operations import (
     current_version,
     describe_version,
     structure_for,
-    take_model,
 )
 
 if TYPE_CHECKING:
     from modalbase.formats.models.model import Elements, FiniteElementModel
     from service.store.structures.schemas import StructureIn
-    from service.web.uploads import Spooled
 
 
-def _load(session: Session, row: StructureModel, workspace: Path) -> DeckInputs:
-    """Put the deck on the worker's disk."""
-    path = workspace / "deck"
-    write_original(session, row.sha256, path)
-    return DeckInputs(path, row.filename, row.units, tuple(row.accepted), row.sections)
-
-
-def _store(session: Session, row: StructureModel, items: Iterator[DeckOutput]) -> None:
-    """Keep what was read, and make it the structure's next version."""
-    for output in items:
-        structure = structure_for.row(session, row.structure_id)
-        book(session, structure_for, structure, "files", len(output.arrays))
-        row.document, row.arrays, row.arrays_sha256 = (
-            output.document,
-            output.arrays,
-            sha256(output.arrays).digest(),
-        )
-        session.flush()
-        take_model(session, structure.id, row.id)
+def new_model(
+    filename: str, units: str | None, accepted: list[str], sections: dict[str, Any] | None
+) -> StructureModel:
+    """A row that nothing has been kept of."""
+    return StructureModel(filename=filename, units=units, accepted=accepted, sections=sections)
 
 
 model_for = Lookup(StructureModel, "model", "structure_id", structure_for)
-MODELS = JobNoun("models", model_for, _load, read_deck, _store, libraries=CORE_LIBRARIES)
 
 
-def start_model(
-    session: Session, user: User, structure_id: UUID, file: Spooled, draft: StructureModel
-) -> tuple[StructureModel, bool]:
-    """Keep a deck and queue its reading, in one transaction.
-
-    Where the structure is this model already, or is about to be, it is not read again.
-
-    Returns:
-        The model, and whether it is a new one.
-
-    Raises:
-        Invalid: there is no file, it has no name or one whose end says no deck, or its units are
-            none.
-        QuotaExceeded: the project has no room for the file.
-    """
-    structure = structure_for(session, user, structure_id, "editor", lock=True)
-    if file.size == 0:
-        raise Invalid("", "the body is empty, expected a deck")
-    if not draft.filename:
-        raise Invalid("filename", "is missing: its end says which kind of deck it is")
-    require_deck(draft.filename)
-    if (units := draft.units) is not None:
-        faults_of(lambda: units_of(units))
-    draft.structure_id, draft.sha256 = structure.id, file.sha256
-    if (known := _same_model(session, structure, draft)) is not None:
-        return known, False
-    book(session, structure_for, structure, "files", file.size)
-    keep_original(session, file)
-    return MODELS.start(session, user, draft, sha256=file.sha256.hex()), True
-
-
-def _same_model(
+def same_model(
     session: Session, structure: Structure, draft: StructureModel
 ) -> StructureModel | None:
     """The newest model of a structure, where it has these bytes, read alike, and waits, is read, or
