@@ -51,6 +51,12 @@ CLIMATE: Mapping[str, Condition] = {
 }
 """The conditions by the names that REST, recipes of monitors and stored rows have."""
 
+ENDINGS: Mapping[str, str] = {
+    name.removeprefix(each.label.lower().replace(" ", "_")): each.unit
+    for name, each in CLIMATE.items()
+}
+"""Their units by what stands behind the label in a name: `_c`, `_percent`."""
+
 
 def stated(row: object) -> dict[str, float]:
     """The conditions that a campaign states, by name."""

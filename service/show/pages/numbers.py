@@ -10,13 +10,13 @@ from typing import Any
 
 from fecore.quantities import SHOWN
 from modalbase.client.results import deviations, motion_words
-from service.climate import CLIMATE
+from service.climate import ENDINGS
 from service.show.figures.marks import counted
 from service.web.quantities import UNITS
 
 NOTHING = "–"
-# a condition of a campaign says its own unit, whatever its name ends with
-UNITS_OF_MEMBERS = {**{name: each.unit for name, each in CLIMATE.items()}, **UNITS}
+UNITS_OF_MEMBERS = {**ENDINGS, **UNITS}
+"""Unit of a member by the end of its name."""
 
 
 def number(value: float | None, digits: int = 4) -> str:

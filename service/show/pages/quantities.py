@@ -12,7 +12,7 @@ from fastapi import Body
 from markupsafe import Markup, escape
 
 from service.access import CurrentUser
-from service.climate import CLIMATE
+from service.climate import ENDINGS
 from service.errors import Fault, Invalid
 from service.monitoring.runs import unit_of
 from service.web import StrictModel, typed
@@ -20,7 +20,7 @@ from service.web.quantities import UNITS
 from service.web.routing import UI, page_router
 
 router = page_router(UI)
-SENT = {**{name: each.unit for name, each in CLIMATE.items()}, **UNITS, "_days": "days"}
+SENT = {**ENDINGS, **UNITS, "_days": "days"}
 """Unit in which REST has a member, by the end of its name."""
 LONGEST = 1_000_000  # characters of a table of points
 _NUMBER = re.compile(r"\s*[+−-]?[.,]?[0-9]")
