@@ -59,8 +59,8 @@ INSERT INTO modes (mode_set_id, number, frequency_hz, damping_ratio)
   FROM mode_sets s JOIN added ON added.id = s.campaign_id, generate_series(1, {modes}) k;
 CREATE TEMP TABLE updated ON COMMIT DROP AS SELECT uuidv7() AS id, added.id AS campaign_id
   FROM added, generate_series(1, {results}) k;
-INSERT INTO update_jobs (id, project_id, campaign_id, structure_version_id, recipe)
-  SELECT id, '{project}', campaign_id, campaign_id, '{{}}' FROM updated;
+INSERT INTO update_jobs (id, project_id, campaign_id, structure_version_id, recipe, campaigns)
+  SELECT id, '{project}', campaign_id, campaign_id, '{{}}', '[]' FROM updated;
 INSERT INTO update_results (id, campaign_id, verdict, ex, ex_low, ex_high, ey, document, prediction)
   SELECT id, campaign_id,
     (ARRAY['usable', 'with_care'])[1 + (random() < 0.3)::int], ex, 0.9 * ex, 1.1 * ex, 0.4 * ex, '{{}}', ''
