@@ -123,25 +123,27 @@ PRINCIPAL = (
     "posterior",
 )
 """What an engineer chooses first; the rest of a recipe stands below."""
-_FIRST = {"verdict": "Verdict", "parameters": "Parameters", "steps": "What to do"}
-_LAST = {"recipe": "Recipe"}
 PARTS = {
-    **_FIRST,
+    "verdict": "Verdict",
+    "parameters": "Parameters",
+    "steps": "What to do",
     "modes": "Modes",
     "correlation": "Correlation",
     "frfs": "FRFs",
     "damping": "Damping",
-    "convergence": "Convergence",
     "budget": "Budget",
-    **_LAST,
+    "convergence": "Convergence",
+    "recipe": "Recipe",
     "report": "Report",
 }
 PARTS_OF_SEVERAL = {
-    **_FIRST,
+    "verdict": "Verdict",
+    "parameters": "Parameters",
+    "steps": "What to do",
     "campaigns": "Campaigns",
     "frequencies": "Frequencies",
     "budget": "Budget",
-    **_LAST,
+    "recipe": "Recipe",
     "report": "Files",
 }
 """Parts of a result's page, of one campaign and of several: anchor and what its link says."""
