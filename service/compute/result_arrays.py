@@ -18,7 +18,7 @@ MOST_SAMPLES = 2000
 _LARGEST_HALF = 60_000.0  # that half precision holds
 
 
-def arrays_of(result: UpdateResult) -> dict[str, Any]:
+def arrays_to_keep(result: UpdateResult) -> dict[str, Any]:
     """The arrays of a result by name.
 
     Predicted FRFs (in single precision) and how sure they are (in half), criteria of lines and of

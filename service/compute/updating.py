@@ -23,7 +23,7 @@ from fecore.updating.result import UpdateResult
 from service.compute.frame import Frame
 from service.compute.identifying import describe_identification
 from service.compute.processing import ProcessingInputs, ProcessingOutput, process_whole
-from service.compute.result_arrays import arrays_of, as_npz
+from service.compute.result_arrays import arrays_to_keep, as_npz
 from service.jobs.kinds import Reporter
 
 """What several campaigns may be of: specimens of one material, or one body in space."""
@@ -120,7 +120,7 @@ def _update_one(campaign: LoadedCampaign, report: Reporter) -> UpdateOutput:
     identification = result.identification
     return UpdateOutput(
         result=replace(result, prediction=None, identification=None),
-        prediction=as_npz(arrays_of(result)),
+        prediction=as_npz(arrays_to_keep(result)),
         warnings=warnings,
         provenance={**campaign.provenance, **origin(), "durations_s": stages.finish()},
         identified=None if identification is None else identification.modes,

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO, Annotated, Any, Generic, TypeVar
 
-from fastapi import Depends, Request
+from fastapi import Depends, Query, Request
 from fastapi.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
@@ -21,6 +21,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.errors import Fault, Invalid, PayloadTooLarge, TooSlow, pointer
+from service.web.bodies import Name
 from service.web.negotiation import content_type
 
 MEMORY_BYTES = 64 * 1024  # of a body that waits in memory: a thousand may wait
@@ -287,4 +288,5 @@ def _copy(source: IO[bytes], spool: IO[bytes]) -> tuple[int, bytes]:
 
 
 UploadDep = Annotated[Upload, Depends(_received)]
+FilenameQuery = Annotated[Name | None, Query(description="name of a file that is sent as raw body")]
 """The body as a file. No transaction is open while it is received."""

@@ -29,12 +29,12 @@ from service.store.records.schemas import Proposal, StoredRecords
 from service.store.storage.originals import copy_original, forget_originals, original_sizes
 from service.store.structures.models import models_files
 from service.store.structures.operations import structure_for
-from service.web import Name, StrictModel
+from service.web import StrictModel
 from service.web.downloads import spooled
 from service.web.json_body import parse_parameter
 from service.web.openapi import reads, upload
 from service.web.parameters import not_modified
-from service.web.uploads import Upload, UploadDep
+from service.web.uploads import FilenameQuery, Upload, UploadDep
 
 
 class DatasetOutcome(StrictModel):
@@ -141,9 +141,7 @@ def start_import(
     session: SessionDep,
     user: CurrentUser,
     response: Response,
-    filename: Annotated[
-        Name | None, Query(description="name of a file that is sent as raw body")
-    ] = None,
+    filename: FilenameQuery = None,
     dry_run: Annotated[bool, Query(description="only report what the file holds")] = False,
     quantity: QuantityQuery = None,
     kind: Annotated[

@@ -52,10 +52,10 @@ from service.store.imports.routes import (
 from service.store.records import operations as records
 from service.store.records.processings import judged
 from service.store.records.schemas import Proposal, StoredRecords, from_json
-from service.web import Name, Page, shown_as
+from service.web import Page, shown_as
 from service.web.admission import without_slot
 from service.web.openapi import BINARY, TEXT, reads
-from service.web.uploads import Spooled, UploadDep
+from service.web.uploads import FilenameQuery, Spooled, UploadDep
 
 router = api_router(tags=[])
 
@@ -186,9 +186,7 @@ async def _records(
     campaign_id: UUID,
     reading: ReadingDep,
     upload: UploadDep,
-    filename: Annotated[
-        Name | None, Query(description="name of a file that is sent as raw body")
-    ] = None,
+    filename: FilenameQuery = None,
     mapping: MappingQuery = None,
     dry_run: Annotated[
         bool, Query(description="only report what the file holds, and propose a mapping")

@@ -14,6 +14,7 @@ from fecore.body.supports import PointMass
 from fecore.errors import InputError, within
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import CampaignsRecipe, Coupon, usual_parameters
+from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.posterior import SCATTER
 from service.compute.frame import Frame
@@ -82,7 +83,7 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
     loaded = LoadedCampaign(
         body=body,
         measurement=(
-            _measurement(campaign, used, modes, inputs, roving_mass(campaign))
+            _measurement(campaign, used, modes, core, roving_mass(campaign))
             if records is None
             else None
         ),
@@ -98,13 +99,12 @@ def _measurement(
     campaign: MeasuredCampaign,
     used: MeasuredFrfs | None,
     modes: MeasuredModes | None,
-    inputs: InputsIn,
+    inputs: Inputs,
     roving: float = 0.0,
 ) -> Measurement:
     frfs = None if used is None else used.frfs
     axes, warm = campaign.frame.point_axes(campaign.points), campaign.temperature_c
-    core = inputs.to_core()
-    return Measurement(frfs, campaign.points, modes, roving, core, axes, temperature_c=warm)
+    return Measurement(frfs, campaign.points, modes, roving, inputs, axes, temperature_c=warm)
 
 
 def body_for(
@@ -419,7 +419,7 @@ def _campaign(
         name=names[0],
         specimen=job.specimen or names[1],
         body=body,
-        measurement=_measurement(campaign, used, modes, inputs),
+        measurement=_measurement(campaign, used, modes, inputs.to_core()),
         recipe=recipe.to_core(),
         provenance={
             "campaign_id": str(campaign.campaign_id),

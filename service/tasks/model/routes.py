@@ -32,7 +32,7 @@ from service.web.json_body import checked, parse_parameter
 from service.web.openapi import reads, upload
 from service.web.parameters import HOW
 from service.web.quantities import unusual
-from service.web.uploads import UploadDep
+from service.web.uploads import FilenameQuery, UploadDep
 
 if TYPE_CHECKING:
     from service.store.structures.operations import StructureModel
@@ -219,9 +219,7 @@ def send_model(
     session: SessionDep,
     user: CurrentUser,
     response: Response,
-    filename: Annotated[
-        Name | None, Query(description="name of a file that is sent as raw body")
-    ] = None,
+    filename: FilenameQuery = None,
     units: Annotated[
         Name | None, Query(description="length-force-mass, such as m-N-kg, mm-N-t, in-lbf-slinch")
     ] = None,
