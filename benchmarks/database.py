@@ -27,7 +27,7 @@ from modalbase.formats.uff.write import write_file
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
 from service.db.opening import embedded_server
-from service.store.storage.originals import CHUNK_BYTES
+from service.nouns.storage.originals import CHUNK_BYTES
 from tests.support.backups import run
 from tests.support.hammer import campaign as hit_campaign
 from tests.support.rest import RAW, campaigns_of

@@ -16,7 +16,7 @@ from fastapi import FastAPI
 from fecore.quantities import SHOWN
 from modalbase.commands.options import NAMED
 from service.app.composition import ROUTERS
-from service.climate import CLIMATE
+from service.nouns.campaigns.climate import CLIMATE
 from service.web.openapi import describe_problems
 from service.web.routing import API, serve
 from tools import findings, formats

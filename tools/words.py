@@ -94,16 +94,16 @@ CONTRACTS: dict[str, str] = {
     "fecore/updating/sampling.py:moves": "emcee: a parameter",
     "service/compute/identifying.py:Found": "fecore.modal",
     "service/compute/identifying.py:found": "fecore.modal: field of Identification",
-    "service/store/search/routes.py:Found": "REST: a schema",
+    "service/nouns/search/routes.py:Found": "REST: a schema",
     "service/tasks/forecast/task.py:found": "REST: a forecast",
     "service/tasks/model/routes.py:found": "REST: a model",
-    "service/store/imports/routes.py:found": "REST: an import",
+    "service/nouns/imports/routes.py:found": "REST: an import",
     "service/show/pages/measurements.py:found": "REST: an import",
-    "service/store/imports/operations.py:found": "database: imports.found",
-    "service/store/imports/intake.py:found": "database: imports.found",
-    "service/store/imports/script_routes.py:found": "database: imports.found",
-    "service/store/updating/result_schemas.py:alone": "REST: a campaign of a joint result",
-    "service/store/updating/result_schemas.py:said": "REST: a cause in a result",
+    "service/nouns/imports/operations.py:found": "database: imports.found",
+    "service/nouns/imports/intake.py:found": "database: imports.found",
+    "service/nouns/imports/script_routes.py:found": "database: imports.found",
+    "service/nouns/updating/result_schemas.py:alone": "REST: a campaign of a joint result",
+    "service/nouns/updating/result_schemas.py:said": "REST: a cause in a result",
 }
 """Names that stay though they use such a word, each with where it is stated; one behind a file and
 `:` stays in that file alone.

@@ -14,31 +14,31 @@ from service.access.lookup import project_for
 from service.access.routes import router as access
 from service.monitoring.notifications.routes import router as webhooks
 from service.monitoring.routes import router as monitoring
+from service.nouns.campaigns.operations import campaign_for
+from service.nouns.campaigns.routes import points_router as grid_points
+from service.nouns.campaigns.routes import router as campaigns
+from service.nouns.coupons.operations import batch_for, coupon_for
+from service.nouns.coupons.routes import router as coupons
+from service.nouns.frfs.routes import router as frfs
+from service.nouns.imports.routes import purging
+from service.nouns.imports.routes import router as imports
+from service.nouns.imports.script_routes import router as scripts
+from service.nouns.instruments.routes import router as instruments
+from service.nouns.modes.routes import router as mode_sets
+from service.nouns.plans.routes import router as plans
+from service.nouns.records.routes import router as records
+from service.nouns.search.routes import router as search
+from service.nouns.search.saved import router as saved_searches
+from service.nouns.storage.routes import router as storage
+from service.nouns.structures.model_routes import router as models
+from service.nouns.structures.operations import structure_for
+from service.nouns.structures.routes import router as structures
+from service.nouns.updating.alignment import router as alignment
+from service.nouns.updating.removing import router as removing
+from service.nouns.updating.routes import router as updating
 from service.show.archives.routes import router as archives
 from service.show.results.routes import router as results
 from service.show.routes import router as measured_figures
-from service.store.campaigns.operations import campaign_for
-from service.store.campaigns.routes import points_router as grid_points
-from service.store.campaigns.routes import router as campaigns
-from service.store.coupons.operations import batch_for, coupon_for
-from service.store.coupons.routes import router as coupons
-from service.store.frfs.routes import router as frfs
-from service.store.imports.routes import purging
-from service.store.imports.routes import router as imports
-from service.store.imports.script_routes import router as scripts
-from service.store.instruments.routes import router as instruments
-from service.store.modes.routes import router as mode_sets
-from service.store.plans.routes import router as plans
-from service.store.records.routes import router as records
-from service.store.search.routes import router as search
-from service.store.search.saved import router as saved_searches
-from service.store.storage.routes import router as storage
-from service.store.structures.model_routes import router as models
-from service.store.structures.operations import structure_for
-from service.store.structures.routes import router as structures
-from service.store.updating.alignment import router as alignment
-from service.store.updating.removing import router as removing
-from service.store.updating.routes import router as updating
 from service.tasks.routes import ROUTERS as TASKS
 
 ROUTERS: tuple[APIRouter, ...] = (

@@ -20,13 +20,13 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.monitoring.tables import CampaignCompletion, Monitor
-from service.store.campaigns.operations import dated_campaigns, point_digests
-from service.store.frfs.operations import frf_digests
-from service.store.imports.operations import import_progress
-from service.store.modes.operations import newest_stated
+from service.nouns.campaigns.operations import dated_campaigns, point_digests
+from service.nouns.frfs.operations import frf_digests
+from service.nouns.imports.operations import import_progress
+from service.nouns.modes.operations import newest_stated
 
 if TYPE_CHECKING:
-    from service.store.campaigns.operations import Campaign
+    from service.nouns.campaigns.operations import Campaign
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,6 @@ from fecore.trend import Acknowledgement, State, Watch
 from fecore.trend import Chart as CoreChart
 from fecore.trend.states import WORST_FIRST
 from service.access import Lookup, User, audit
-from service.climate import CLIMATE, stated, stiffness_sds
 from service.compute.judging import Episode, Judgement, JudgementInputs, Observation, judge
 from service.errors import Conflict, NotFound
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
@@ -43,10 +42,11 @@ from service.monitoring.tables import (
     MonitorRun,
     MonitorSeries,
 )
-from service.store.structures.operations import structure_of
+from service.nouns.campaigns.climate import CLIMATE, stated, stiffness_sds
+from service.nouns.structures.operations import structure_of
 
 if TYPE_CHECKING:
-    from service.store.structures.operations import Structure
+    from service.nouns.structures.operations import Structure
 
 GRACE = 1.5
 """A campaign is late when this many expected intervals have passed since the one before."""

@@ -15,7 +15,7 @@ from service.jobs.events import Shown
 from service.jobs.resource import ENDED
 from service.jobs.tables import Job
 from service.monitoring.tables import Monitor, MonitorJudgement, MonitorRun, MonitorSeries
-from service.store.structures.operations import structures_in
+from service.nouns.structures.operations import structures_in
 
 
 def monitors_among(session: Session, user: User, ids: set[UUID]) -> set[UUID]:

@@ -41,23 +41,23 @@ from service.monitoring.tables import (
     MonitorRun,
     MonitorSeries,
 )
-from service.settings import Settings
-from service.store.campaigns.operations import campaign_for, campaigns_of
-from service.store.structures.operations import (
+from service.nouns.campaigns.operations import campaign_for, campaigns_of
+from service.nouns.structures.operations import (
     current_version,
     describe_version,
     structure_for,
     structures_in,
     structures_of,
 )
-from service.store.updating.bodies import usual_boundary
-from service.store.updating.loading import body_for
-from service.store.updating.operations import check_prior_batch
+from service.nouns.updating.bodies import usual_boundary
+from service.nouns.updating.loading import body_for
+from service.nouns.updating.operations import check_prior_batch
+from service.settings import Settings
 from service.web import shown_as
 
 if TYPE_CHECKING:
-    from service.store.campaigns.operations import Campaign
-    from service.store.structures.operations import Structure
+    from service.nouns.campaigns.operations import Campaign
+    from service.nouns.structures.operations import Structure
 
 NOW = timedelta(0)
 

@@ -13,7 +13,6 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.access import User
-from service.climate import CLIMATE
 from service.jobs.tables import Job
 from service.monitoring.runs import latest_runs, unit_of
 from service.monitoring.schemas import AlarmEventOut, AlarmOut, RunOut
@@ -25,12 +24,13 @@ from service.monitoring.tables import (
     MonitorRun,
     MonitorSeries,
 )
-from service.store.campaigns.operations import campaigns_of
-from service.store.structures.operations import structure_of, structures_of
+from service.nouns.campaigns.climate import CLIMATE
+from service.nouns.campaigns.operations import campaigns_of
+from service.nouns.structures.operations import structure_of, structures_of
 from service.web import shown_as
 
 if TYPE_CHECKING:
-    from service.store.structures.operations import Structure
+    from service.nouns.structures.operations import Structure
 
 
 def series_document(session: Session, monitor: Monitor, series: MonitorSeries) -> dict[str, Any]:

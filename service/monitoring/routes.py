@@ -36,8 +36,8 @@ from service.monitoring.schemas import (
     State,
 )
 from service.monitoring.tables import Alarm, Monitor, MonitorRun, MonitorSeries
-from service.store.campaigns.operations import campaign_for
-from service.store.structures.operations import structures_in
+from service.nouns.campaigns.operations import campaign_for
+from service.nouns.structures.operations import structures_in
 from service.web import (
     IF_MATCH,
     Confirm,

@@ -34,21 +34,21 @@ from service.errors import ServiceError
 from service.jobs.tables import Job
 from service.monitoring.campaigns import Candidate, candidates_of
 from service.monitoring.tables import Monitor, MonitorRun, MonitorSeries
-from service.store.campaigns.operations import campaign_of
-from service.store.modes.operations import modes_of
-from service.store.structures.operations import (
+from service.nouns.campaigns.operations import campaign_of
+from service.nouns.modes.operations import modes_of
+from service.nouns.structures.operations import (
     describe_version,
     structure_for,
     structure_of,
     version_of,
 )
-from service.store.updating.bodies import usual_boundary
-from service.store.updating.loading import body_for
-from service.store.updating.operations import arrays_of, result_documents, start_update
-from service.store.updating.schemas import ParameterIn, RecipeIn
+from service.nouns.updating.bodies import usual_boundary
+from service.nouns.updating.loading import body_for
+from service.nouns.updating.operations import arrays_of, result_documents, start_update
+from service.nouns.updating.schemas import ParameterIn, RecipeIn
 
 if TYPE_CHECKING:
-    from service.store.modes.operations import Mode
+    from service.nouns.modes.operations import Mode
 
 monitor_for = Lookup(Monitor, "monitor", "structure_id", structure_for)
 """The monitor, if the user has at least a role in its project."""

@@ -28,10 +28,10 @@ from service.monitoring import runs
 from service.monitoring.judgements import judge_if_changed
 from service.monitoring.notifications.sender import Sender
 from service.monitoring.tables import AT_WORK, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
+from service.nouns.campaigns.operations import structures_with
+from service.nouns.imports.operations import campaigns_with
+from service.nouns.structures.operations import structures_in
 from service.settings import Settings
-from service.store.campaigns.operations import structures_with
-from service.store.imports.operations import campaigns_with
-from service.store.structures.operations import structures_in
 
 REQUESTED = "modalbase_monitor_asked"
 """Channel of notifications with the id of a monitor that has changed through the API."""

@@ -14,11 +14,11 @@ from pydantic import BaseModel, ConfigDict, Field, create_model, field_validator
 from fecore.errors import InputError
 from fecore.quantities import is_of_stiffness, kind_of, quantity_of
 from fecore.trend import Chart, Watch
-from service.climate import CLIMATE
 from service.errors import Invalid
 from service.monitoring.notifications.channels import OF_MONITORS
-from service.store.campaigns.schemas import Boundary
-from service.store.updating.schemas import RecipeIn
+from service.nouns.campaigns.climate import CLIMATE
+from service.nouns.campaigns.schemas import Boundary
+from service.nouns.updating.schemas import RecipeIn
 from service.web import Id, Name, RequestModel, StrictModel, Text, Time, example, not_null, wrong
 
 Direction = Literal["fall", "rise", "both"]

@@ -24,20 +24,20 @@ from fecore.trend import TrackedMode
 from fecore.trend.tracking import FEWEST_DOFS, same_modes
 from service.compute.hits import BlockRow, describe_verdict, hits_of, whole
 from service.errors import Conflict, NotFound
+from service.nouns.campaigns.operations import campaign_of, frame_of
+from service.nouns.frfs.data import Cut, make_tables, specimen_points
+from service.nouns.modes.operations import load_modes
+from service.nouns.records.operations import block_rows, samples_of
+from service.nouns.records.processings import newest_document
+from service.nouns.records.schemas import HitOut
 from service.show.figures.frfs import FrfCurves, HitShown, PointShown, dof_name, frf_figure
 from service.show.figures.marks import Figure, counted, shortened
 from service.show.figures.modes import MOST_MODES, ShapePair, mac_figure, shapes_figure
-from service.store.campaigns.operations import campaign_of, frame_of
-from service.store.frfs.data import Cut, make_tables, specimen_points
-from service.store.modes.operations import load_modes
-from service.store.records.operations import block_rows, samples_of
-from service.store.records.processings import newest_document
-from service.store.records.schemas import HitOut
 
 if TYPE_CHECKING:
-    from service.store.frfs.operations import Frf
-    from service.store.modes.operations import ModeSet
-    from service.store.records.processings import Processing
+    from service.nouns.frfs.operations import Frf
+    from service.nouns.modes.operations import ModeSet
+    from service.nouns.records.processings import Processing
 
 MOST_HITS = 40  # hits that one figure draws; of more, the latest
 AXES = ("", "x", "y", "z", "rx", "ry", "rz")

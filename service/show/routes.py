@@ -15,6 +15,17 @@ from service.monitoring.monitors import series_for
 from service.monitoring.presentation import series_document
 from service.monitoring.routes import Version
 from service.monitoring.runs import monitor_for
+from service.nouns.campaigns.operations import campaign_for
+from service.nouns.coupons.curves import curve_of, series_of
+from service.nouns.coupons.operations import coupon_for
+from service.nouns.frfs.data import Cut
+from service.nouns.frfs.routes import FrfFilter, Hertz
+from service.nouns.modes.operations import mode_set_for
+from service.nouns.records.routes import Whole
+from service.nouns.search.nouns import NOUNS
+from service.nouns.search.operations import Search, SearchQuery, bounded
+from service.nouns.search.routes import ModeTrend, OrderedDep, ResultTrend
+from service.nouns.updating.result_schemas import CONSTANTS
 from service.show.figures.answers import RESPONSES, FigureName, FigureRequestDep, require_figure
 from service.show.figures.coupon import coupon_figure
 from service.show.figures.frfs import hits_figure
@@ -28,17 +39,6 @@ from service.show.measured import (
     point_blocks,
     point_shown,
 )
-from service.store.campaigns.operations import campaign_for
-from service.store.coupons.curves import curve_of, series_of
-from service.store.coupons.operations import coupon_for
-from service.store.frfs.data import Cut
-from service.store.frfs.routes import FrfFilter, Hertz
-from service.store.modes.operations import mode_set_for
-from service.store.records.routes import Whole
-from service.store.search.nouns import NOUNS
-from service.store.search.operations import Search, SearchQuery, bounded
-from service.store.search.routes import ModeTrend, OrderedDep, ResultTrend
-from service.store.updating.result_schemas import CONSTANTS
 
 Seconds = Annotated[float | None, Query(ge=0, le=1e9, allow_inf_nan=False)]
 

@@ -9,8 +9,8 @@ from pkgutil import iter_modules
 from service import tasks
 from service.jobs.kinds import JobKind
 from service.monitoring.judgements import JUDGE
-from service.store.imports.operations import IMPORTS
-from service.store.updating.operations import UPDATES
+from service.nouns.imports.operations import IMPORTS
+from service.nouns.updating.operations import UPDATES
 from service.tasks.task import BareTask
 
 TASKS: tuple[BareTask, ...] = tuple(

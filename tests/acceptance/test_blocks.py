@@ -28,11 +28,11 @@ from modalbase.formats.frfs.mat import frfs_of
 from modalbase.formats.tables import Stated
 from service.app.demo.paper import uff_file
 from service.app.supervisor import LocalService
-from service.store.campaigns.schemas import CampaignIn
-from service.store.coupons.schemas import CurveCouponIn
-from service.store.structures.schemas import StructureIn
-from service.store.structures.shapes import Section
-from service.store.updating.schemas import RecipeIn
+from service.nouns.campaigns.schemas import CampaignIn
+from service.nouns.coupons.schemas import CurveCouponIn
+from service.nouns.structures.schemas import StructureIn
+from service.nouns.structures.shapes import Section
+from service.nouns.updating.schemas import RecipeIn
 from tests.support.blocks import AT_HAND, PAGES, Block, blocks
 from tests.support.command import modalbase_here, run_as_typed
 from tests.support.places import ROOT

@@ -38,10 +38,10 @@ from service.access.users import (
 from service.db.engine import Sessions
 from service.errors import Conflict, Forbidden, Invalid, NotFound, Unauthorized
 from service.jobs.tables import Job
-from service.store.campaigns.operations import Campaign
-from service.store.imports.operations import Import
-from service.store.storage.originals import Original
-from service.store.structures.operations import Structure, structure_for
+from service.nouns.campaigns.operations import Campaign
+from service.nouns.imports.operations import Import
+from service.nouns.storage.originals import Original
+from service.nouns.structures.operations import Structure, structure_for
 
 ALL = ["read", "write", "jobs", "admin"]
 

@@ -11,7 +11,7 @@ import pytest
 from fecore.frf import Dof
 from service.app.supervisor import LocalService
 from service.db.engine import make_engine, make_sessions
-from service.store.modes.operations import load_modes
+from service.nouns.modes.operations import load_modes
 from tests.support.rest import ok
 
 FULL: dict[str, Any] = {

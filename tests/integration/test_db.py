@@ -44,8 +44,8 @@ from service.db.schema import (
     require_head,
     upgrade,
 )
+from service.nouns.updating.tables import UpdateJob, UpdateResult
 from service.settings import Settings
-from service.store.updating.tables import UpdateJob, UpdateResult
 
 
 def test_refuses_an_empty_schema_and_says_what_mends_it(empty: Engine) -> None:

@@ -22,7 +22,7 @@ from fecore.frf import Dof
 from modalbase.formats.registry import WRITERS
 from service.app.supervisor import LocalService
 from service.db.engine import make_engine, make_sessions, psycopg_url
-from service.store.frfs.data import load_measured_campaign
+from service.nouns.frfs.data import load_measured_campaign
 from service.web.downloads import MEMORY_BYTES
 from tests.support.rest import ok
 

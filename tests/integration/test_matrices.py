@@ -12,8 +12,8 @@ import httpx
 import numpy as np
 import pytest
 
-from service.store.structures.schemas import StructureIn
-from service.store.updating.bodies import nominal_body
+from service.nouns.structures.schemas import StructureIn
+from service.nouns.updating.bodies import nominal_body
 from tests.integration.test_bodies import updated
 from tests.integration.test_forecasts import forecast
 from tests.integration.test_models import sent

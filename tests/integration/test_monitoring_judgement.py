@@ -36,14 +36,14 @@ from service.monitoring.runs import monitor_for, newest_series
 from service.monitoring.scheduler import check
 from service.monitoring.schemas import MonitorIn
 from service.monitoring.tables import Alarm, AlarmEvent, MonitorJudgement, MonitorRun
+from service.nouns.campaigns.operations import create_campaign
+from service.nouns.campaigns.schemas import CampaignIn
+from service.nouns.frfs.operations import Frf
+from service.nouns.imports.operations import IMPORTS, Import
+from service.nouns.storage.originals import Original
+from service.nouns.structures.operations import Structure, create_structure
+from service.nouns.structures.schemas import StructureIn
 from service.settings import Settings
-from service.store.campaigns.operations import create_campaign
-from service.store.campaigns.schemas import CampaignIn
-from service.store.frfs.operations import Frf
-from service.store.imports.operations import IMPORTS, Import
-from service.store.storage.originals import Original
-from service.store.structures.operations import Structure, create_structure
-from service.store.structures.schemas import StructureIn
 from tests.support.judged import MODES, START, day, judged, observe, values
 
 

@@ -16,7 +16,7 @@ from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
 from service.errors import Conflict
-from service.store.updating.document import VERSION, require_current
+from service.nouns.updating.document import VERSION, require_current
 from tests.support.backups import RECIPE, small_file
 from tests.support.rest import finished, ok, session_client
 

@@ -17,7 +17,7 @@ from service.app.supervisor import LocalService
 from service.db.base import Base
 from service.db.engine import make_engine, make_sessions
 from service.db.schema import upgrade
-from service.store.updating.schemas import UpdateJobOut
+from service.nouns.updating.schemas import UpdateJobOut
 from tests.integration.test_db import fill
 from tests.support.access import operations
 from tests.support.furnished import BODIES, HOOK, furnish, record

@@ -17,9 +17,9 @@ from service.compute.reading import EncodedFrf, Kept
 from service.compute.spectra import FrequencyAxis, encode
 from service.db.engine import Sessions
 from service.errors import Damaged, PayloadTooLarge
-from service.store.imports import intake
-from service.store.imports.operations import IMPORTS, Import
-from service.store.storage.originals import (
+from service.nouns.imports import intake
+from service.nouns.imports.operations import IMPORTS, Import
+from service.nouns.storage.originals import (
     CHUNK_BYTES,
     READ_BYTES,
     Original,

@@ -22,8 +22,8 @@ from service.app.doctor import Finding, examine
 from service.app.supervisor import LocalService
 from service.db.engine import Sessions, make_engine, make_sessions
 from service.jobs.queue import enqueue
+from service.nouns.structures.operations import structure_for
 from service.settings import Settings
-from service.store.structures.operations import structure_for
 from tests.support.job_kinds import KINDS
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_at, ok

@@ -20,7 +20,7 @@ import modalbase
 from modalbase.client.errors import ClientError
 from service.app import composition
 from service.app.supervisor import LocalService
-from service.store.search.nouns import NOUNS, SEARCHED
+from service.nouns.search.nouns import NOUNS, SEARCHED
 from tests.support.command import modalbase_here
 from tests.support.furnished import frfs
 from tests.support.laboratory import BEAM

@@ -13,8 +13,8 @@ from service.access.keys import user_named
 from service.app import composition
 from service.db.engine import Sessions
 from service.errors import Invalid
-from service.store.search.nouns import SEARCHED
-from service.store.search.operations import Search, SearchQuery, bounded
+from service.nouns.search.nouns import SEARCHED
+from service.nouns.search.operations import Search, SearchQuery, bounded
 
 assert composition.ROUTERS  # so that every table is known
 

@@ -16,7 +16,7 @@ from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.engine import Sessions, psycopg_url
 from service.errors import NotFound
-from service.store.structures.operations import Structure, structure_for
+from service.nouns.structures.operations import Structure, structure_for
 from tests.support.furnished import MODES, frfs, record
 from tests.support.laboratory import BEAM
 from tests.support.rest import RAW, client_of, every_page, finished, ok

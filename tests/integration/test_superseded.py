@@ -19,7 +19,7 @@ from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
 from service.db.schema import upgrade
-from service.store.updating.document import VERSION
+from service.nouns.updating.document import VERSION
 from tests.integration.test_db import fill
 from tests.integration.test_records import npz, post, processed
 from tests.support.backups import RECIPE, small_file

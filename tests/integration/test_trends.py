@@ -22,7 +22,7 @@ import modalbase
 from modalbase.client.errors import ClientError
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
-from service.store.updating.document import VERSION
+from service.nouns.updating.document import VERSION
 from tests.support.command import modalbase_here
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, ok, session_client

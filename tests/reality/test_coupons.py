@@ -11,8 +11,8 @@ import pytest
 from fecore.errors import InputError
 from modalbase.formats.errors import FormatError
 from modalbase.formats.machine_csv import Column, read_machine_csv
-from service.store.coupons.reduction import Reduced, reduce_curve
-from service.store.coupons.schemas import CurveCouponIn
+from service.nouns.coupons.reduction import Reduced, reduce_curve
+from service.nouns.coupons.schemas import CurveCouponIn
 from tests.support.places import shared_file
 
 DIMENSIONS = {"unit": "mm", "width": [20.04], "thickness": [1.55]}

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from service.access.tables import AuditEvent
 from service.jobs.kinds import REQUESTS, JobKind
 from service.jobs.tables import Job
-from service.store.updating.tables import UpdateJob
+from service.nouns.updating.tables import UpdateJob
 from tests.support import computations
 
 ITEM = "test.item"

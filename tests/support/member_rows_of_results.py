@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from service.store.search.nouns import SEARCHED
+from service.nouns.search.nouns import SEARCHED
 from tests.support.member_lab import (
     HOOK,
     JOINT_RECIPE,

@@ -18,8 +18,8 @@ from modalbase.formats.uff import Frf, GridPoint
 from modalbase.formats.uff.content import Axis
 from modalbase.formats.uff.write import encode
 from modalbase.objects.frfs import Frfs
-from service.store.structures.schemas import StructureIn
-from service.store.updating.bodies import nominal_body
+from service.nouns.structures.schemas import StructureIn
+from service.nouns.updating.bodies import nominal_body
 from tests.support.beams import add_noise
 
 ANGLE: dict[str, Any] = {

@@ -14,11 +14,11 @@ import pytest
 
 from benchmarks.__main__ import TABLES
 from fecore.updating.result import HeldOut, ModeComparison, ParameterEstimate
+from service.nouns.search.nouns import NOUNS
+from service.nouns.updating.result_schemas import ResultOut
+from service.nouns.updating.schemas import HoldOutIn, ParameterIn, RecipeIn
 from service.settings import MIB, Settings
 from service.show.guide.contents import render
-from service.store.search.nouns import NOUNS
-from service.store.updating.result_schemas import ResultOut
-from service.store.updating.schemas import HoldOutIn, ParameterIn, RecipeIn
 from tests.support.places import ROOT
 from tools.guide import write
 

@@ -28,10 +28,10 @@ def test_a_word_counts_where_it_is_a_word_of_the_name(name: str, word: str | Non
 
 
 def test_a_contract_counts_in_its_file_alone() -> None:
-    file, name = "service/store/imports/routes.py", "found"
+    file, name = "service/nouns/imports/routes.py", "found"
     assert f"{file}:{name}" in CONTRACTS
     assert word_in(name, file) is None
-    assert word_in(name, "service/store/frfs/routes.py") == name
+    assert word_in(name, "service/nouns/frfs/routes.py") == name
 
 
 def test_names_are_those_that_are_defined_bound_or_passed() -> None:

@@ -96,7 +96,7 @@ CHANGES: tuple[Change, ...] = (
     Change(
         "column",
         "a column of the search",
-        "a `Field` of its noun in `service/store/search/nouns.py`",
+        "a `Field` of its noun in `service/nouns/search/nouns.py`",
         "`tests/unit/test_docs.py`: its name in [search](docs/search.md)",
     ),
     Change(
@@ -137,7 +137,7 @@ CHANGES: tuple[Change, ...] = (
     Change(
         "field",
         "a condition of a campaign",
-        "a member of `Climate` in `service/climate.py`, and a migration; `python -m tools.reference`",
+        "a member of `Climate` in `service/nouns/campaigns/climate.py`, and a migration; `python -m tools.reference`",
         "`tests/unit/service/test_climate.py`; `test_db.py` compares the table, `test_members.py`"
         " wants a value of it",
     ),

@@ -19,31 +19,31 @@ from service.access import User
 from service.monitoring.monitors import describe_all as described_monitors
 from service.monitoring.monitors import monitors_of, series_for
 from service.monitoring.presentation import series_document
+from service.nouns.campaigns.operations import campaigns_of, list_points, to_csv
+from service.nouns.campaigns.operations import describe as described_campaign
+from service.nouns.coupons import curves
+from service.nouns.coupons.operations import batch_for, coupon_for, describe_coupon
+from service.nouns.coupons.operations import describe_all as described_batches
+from service.nouns.frfs.data import Cut, make_tables
+from service.nouns.frfs.operations import frf_for
+from service.nouns.instruments.routes import InstrumentOut, instrument_for
+from service.nouns.modes.operations import describe_all as described_modes
+from service.nouns.modes.operations import mode_set_for
+from service.nouns.records.operations import query_of, sample_bytes
+from service.nouns.records.processings import decisions_of, documents_of
+from service.nouns.records.schemas import HitDecisionOut
+from service.nouns.structures.models import deck_of, model_for
+from service.nouns.structures.operations import describe as described_structure
+from service.nouns.structures.operations import structures_of
+from service.nouns.updating.operations import labelled_results
+from service.nouns.updating.result_schemas import CONSTANTS
 from service.show.archives.writing import Archive
-from service.store.campaigns.operations import campaigns_of, list_points, to_csv
-from service.store.campaigns.operations import describe as described_campaign
-from service.store.coupons import curves
-from service.store.coupons.operations import batch_for, coupon_for, describe_coupon
-from service.store.coupons.operations import describe_all as described_batches
-from service.store.frfs.data import Cut, make_tables
-from service.store.frfs.operations import frf_for
-from service.store.instruments.routes import InstrumentOut, instrument_for
-from service.store.modes.operations import describe_all as described_modes
-from service.store.modes.operations import mode_set_for
-from service.store.records.operations import query_of, sample_bytes
-from service.store.records.processings import decisions_of, documents_of
-from service.store.records.schemas import HitDecisionOut
-from service.store.structures.models import deck_of, model_for
-from service.store.structures.operations import describe as described_structure
-from service.store.structures.operations import structures_of
-from service.store.updating.operations import labelled_results
-from service.store.updating.result_schemas import CONSTANTS
 from service.web import shown_as
 
 if TYPE_CHECKING:
-    from service.store.campaigns.operations import Campaign
-    from service.store.records.operations import Record
-    from service.store.structures.operations import Structure
+    from service.nouns.campaigns.operations import Campaign
+    from service.nouns.records.operations import Record
+    from service.nouns.structures.operations import Structure
 
 FRF_COLUMNS = (
     "id",

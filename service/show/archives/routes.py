@@ -10,12 +10,12 @@ from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep, User, api_router, project_for
 from service.errors import Invalid, NotFound
+from service.nouns.campaigns.operations import campaign_for, present_campaigns
+from service.nouns.search.nouns import NOUNS
+from service.nouns.search.operations import Search, bounded
+from service.nouns.search.routes import FilterDep
+from service.nouns.structures.operations import structures_in
 from service.show.archives.contents import write_archive
-from service.store.campaigns.operations import campaign_for, present_campaigns
-from service.store.search.nouns import NOUNS
-from service.store.search.operations import Search, bounded
-from service.store.search.routes import FilterDep
-from service.store.structures.operations import structures_in
 from service.web.downloads import spooled
 
 router = api_router(tags=["archives"])

@@ -14,7 +14,7 @@ import numpy as np
 
 from fecore.normal import Z_95
 from fecore.quantities import SHOWN
-from service.climate import CLIMATE
+from service.nouns.campaigns.climate import CLIMATE
 from service.show.figures.colors import ALARM, INITIAL, PALETTE, QUIET, UPDATED
 from service.show.figures.marks import (
     Axis,

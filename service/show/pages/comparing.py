@@ -15,22 +15,22 @@ from fastapi import Query
 from fastapi.responses import HTMLResponse
 
 from fecore.correlation import CRITERIA
-from service.climate import CLIMATE
 from service.errors import Conflict, Invalid, NotFound
+from service.nouns.campaigns.climate import CLIMATE
+from service.nouns.campaigns.operations import campaign_for, campaigns_of, describe
+from service.nouns.campaigns.schemas import CampaignOut
+from service.nouns.coupons import routes as coupons
+from service.nouns.modes.operations import mode_set_for
+from service.nouns.structures.operations import describe_version, structures_of, version_of
+from service.nouns.updating import routes as updating
 from service.show.measured import Likeness, likeness
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.numbers import leaves, moment
 from service.show.pages.updates import NamedJob, name_jobs, over_time
-from service.store.campaigns.operations import campaign_for, campaigns_of, describe
-from service.store.campaigns.schemas import CampaignOut
-from service.store.coupons import routes as coupons
-from service.store.modes.operations import mode_set_for
-from service.store.structures.operations import describe_version, structures_of, version_of
-from service.store.updating import routes as updating
 from service.web.routing import UI, page_router
 
 if TYPE_CHECKING:
-    from service.store.modes.operations import ModeSet
+    from service.nouns.modes.operations import ModeSet
 
 router = page_router(UI)
 MOST = 50  # columns of a table that somebody may still read

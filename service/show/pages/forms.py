@@ -11,11 +11,11 @@ from typing import Any
 from pydantic import BaseModel
 
 from fecore.body.specimen import CONSTANTS
+from service.nouns.campaigns.schemas import CampaignIn
+from service.nouns.structures.schemas import StructureIn
+from service.nouns.updating.schemas import RecipeIn
 from service.show.pages.numbers import words
 from service.show.pages.quantities import units_of_field
-from service.store.campaigns.schemas import CampaignIn
-from service.store.structures.schemas import StructureIn
-from service.store.updating.schemas import RecipeIn
 from service.web.quantities import UNITS
 from service.web.typed import SHOWN_AS, in_words
 

@@ -31,14 +31,14 @@ from service import tasks
 from service.access import CurrentUser, SessionDep, User, role_in
 from service.access import routes as access
 from service.access.keys import COOKIE, request_token
-from service.climate import CLIMATE, stated
 from service.errors import NotAcceptable, NotFound
+from service.nouns.campaigns.climate import CLIMATE, stated
+from service.nouns.campaigns.operations import campaign_for, describe
+from service.nouns.structures import routes as structures
 from service.show.pages import numbers
 from service.show.pages.findings import bar
 from service.show.pages.forms import labelled, page_words
 from service.show.pages.quantities import attributes
-from service.store.campaigns.operations import campaign_for, describe
-from service.store.structures import routes as structures
 from service.web.negotiation import choose_format
 from service.web.parameters import not_modified
 from service.web.routing import UI, page_router

@@ -12,27 +12,27 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from service.monitoring import routes as monitoring
 from service.monitoring.live import look_at_monitors
+from service.nouns.campaigns import routes as campaigns
+from service.nouns.campaigns.operations import campaign_for, frame_of, stored_points
+from service.nouns.campaigns.schemas import Boundary, CampaignOut
+from service.nouns.coupons import routes as coupons
+from service.nouns.frfs import routes as frfs
+from service.nouns.frfs.data import specimen_points
+from service.nouns.frfs.routes import FrfFilter
+from service.nouns.frfs.schemas import FrfOut
+from service.nouns.imports import routes as imports
+from service.nouns.imports.operations import trace_lines_of
+from service.nouns.imports.routes import ImportOut
+from service.nouns.modes import routes as modes
+from service.nouns.modes.operations import mode_set_for
+from service.nouns.records import routes as records
+from service.nouns.records.schemas import HitDecisionOut, Proposal, RecordOut
+from service.nouns.updating import routes as updating
 from service.show.measured import AXES
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.tasks import cards_of
 from service.show.pages.updates import NamedJob, joint_updates_of, name_jobs, over_time
 from service.show.pages.viewer import draw_grid, has_mesh, marked, points_in_space, viewer_of
-from service.store.campaigns import routes as campaigns
-from service.store.campaigns.operations import campaign_for, frame_of, stored_points
-from service.store.campaigns.schemas import Boundary, CampaignOut
-from service.store.coupons import routes as coupons
-from service.store.frfs import routes as frfs
-from service.store.frfs.data import specimen_points
-from service.store.frfs.routes import FrfFilter
-from service.store.frfs.schemas import FrfOut
-from service.store.imports import routes as imports
-from service.store.imports.operations import trace_lines_of
-from service.store.imports.routes import ImportOut
-from service.store.modes import routes as modes
-from service.store.modes.operations import mode_set_for
-from service.store.records import routes as records
-from service.store.records.schemas import HitDecisionOut, Proposal, RecordOut
-from service.store.updating import routes as updating
 from service.tasks.identify import routes as identify
 from service.tasks.model import routes as models
 from service.tasks.process import routes as process

@@ -10,7 +10,7 @@ from typing import Any
 
 from fecore.quantities import SHOWN
 from modalbase.client.results import deviations, motion_words
-from service.climate import ENDINGS
+from service.nouns.campaigns.climate import ENDINGS
 from service.show.figures.marks import counted
 from service.web.quantities import UNITS
 

@@ -12,9 +12,9 @@ from fastapi import Body
 from markupsafe import Markup, escape
 
 from service.access import CurrentUser
-from service.climate import ENDINGS
 from service.errors import Fault, Invalid
 from service.monitoring.runs import unit_of
+from service.nouns.campaigns.climate import ENDINGS
 from service.web import StrictModel, typed
 from service.web.quantities import UNITS
 from service.web.routing import UI, page_router

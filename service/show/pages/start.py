@@ -13,18 +13,18 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from service.access import routes as access
 from service.monitoring import routes as monitoring
 from service.monitoring.notifications import routes as webhooks
+from service.nouns.campaigns import routes as campaigns
+from service.nouns.frfs import routes as frfs
+from service.nouns.frfs.routes import FrfFilter
+from service.nouns.instruments.routes import nouns as instruments
+from service.nouns.modes import routes as modes
+from service.nouns.storage import routes as storage
+from service.nouns.structures import routes as structures
+from service.nouns.structures.operations import structures_to_choose
+from service.nouns.updating import routes as updating
 from service.show.figures.marks import counted
 from service.show.pages.look import Visit, VisitDep, page
 from service.show.pages.updates import joint_updates_of, name_jobs
-from service.store.campaigns import routes as campaigns
-from service.store.frfs import routes as frfs
-from service.store.frfs.routes import FrfFilter
-from service.store.instruments.routes import nouns as instruments
-from service.store.modes import routes as modes
-from service.store.storage import routes as storage
-from service.store.structures import routes as structures
-from service.store.structures.operations import structures_to_choose
-from service.store.updating import routes as updating
 from service.web.routing import UI, page_router
 
 open_router = page_router()

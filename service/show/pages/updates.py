@@ -17,6 +17,25 @@ from fastapi.responses import HTMLResponse
 from fecore.correlation import CRITERIA
 from service.access import routes as access
 from service.jobs.resource import ENDED, JobState
+from service.nouns.campaigns import routes as campaigns
+from service.nouns.campaigns.operations import campaigns_of
+from service.nouns.campaigns.schemas import CampaignOut
+from service.nouns.coupons import routes as coupons
+from service.nouns.frfs import routes as frfs
+from service.nouns.frfs.routes import FrfFilter
+from service.nouns.modes import routes as modes
+from service.nouns.modes.operations import mode_set_for
+from service.nouns.structures import routes as structures
+from service.nouns.structures.operations import structures_of
+from service.nouns.updating import routes as updating
+from service.nouns.updating.operations import (
+    joint_update_for,
+    result_document,
+    result_parts,
+    update_job_for,
+)
+from service.nouns.updating.outdated import outdated
+from service.nouns.updating.schemas import JointUpdateOut, RecipeIn, UpdateJobOut
 from service.show.figures.marks import counted
 from service.show.pages.findings import opening
 from service.show.pages.forms import OF_PARAMETER, fields_of
@@ -26,25 +45,6 @@ from service.show.pages.quantities import units_of_parameter
 from service.show.pages.viewer import viewer_of
 from service.show.results import routes as shown
 from service.show.results.figures import FIGURES
-from service.store.campaigns import routes as campaigns
-from service.store.campaigns.operations import campaigns_of
-from service.store.campaigns.schemas import CampaignOut
-from service.store.coupons import routes as coupons
-from service.store.frfs import routes as frfs
-from service.store.frfs.routes import FrfFilter
-from service.store.modes import routes as modes
-from service.store.modes.operations import mode_set_for
-from service.store.structures import routes as structures
-from service.store.structures.operations import structures_of
-from service.store.updating import routes as updating
-from service.store.updating.operations import (
-    joint_update_for,
-    result_document,
-    result_parts,
-    update_job_for,
-)
-from service.store.updating.outdated import outdated
-from service.store.updating.schemas import JointUpdateOut, RecipeIn, UpdateJobOut
 from service.web.parameters import Cursor
 from service.web.routing import UI, page_router
 from service.web.typed import in_words

@@ -13,15 +13,15 @@ from uuid import UUID
 import numpy as np
 
 from service.compute.frame import Frame
+from service.nouns.campaigns import routes as campaigns
+from service.nouns.campaigns.schemas import CampaignOut
+from service.nouns.frfs.schemas import FrfOut
+from service.nouns.modes.schemas import ModeSetOut
+from service.nouns.structures.schemas import Geometry, StructureOut
+from service.nouns.updating import routes as updating
 from service.show.figures.modes import joined_as
 from service.show.pages.look import Visit
 from service.show.pages.numbers import moment
-from service.store.campaigns import routes as campaigns
-from service.store.campaigns.schemas import CampaignOut
-from service.store.frfs.schemas import FrfOut
-from service.store.modes.schemas import ModeSetOut
-from service.store.structures.schemas import Geometry, StructureOut
-from service.store.updating import routes as updating
 
 WIDTH = 760.0  # of the drawing, in its own units
 MARGIN = 26.0

@@ -9,7 +9,7 @@ from typing import Any
 
 from modalbase.client.display import Written, cell
 from modalbase.client.results import correlation_cells, mode_cells, parameter_cells
-from service.climate import CLIMATE
+from service.nouns.campaigns.climate import CLIMATE
 from service.show.figures.marks import Figure, counted
 from service.show.reports.blocks import (
     Block,

@@ -21,19 +21,19 @@ from modalbase.formats.models.matrices import MatrixModel
 from modalbase.formats.models.write import WRITTEN
 from service.compute.models.decks import DeckOrder
 from service.errors import Conflict, Invalid
-from service.store.campaigns.operations import campaign_of
-from service.store.campaigns.schemas import Instruments
-from service.store.frfs.data import specimen_points
-from service.store.frfs.operations import frfs_of
-from service.store.structures.models import deck_of, load_model, model_for
-from service.store.structures.operations import describe_version, version_of
-from service.store.updating.bodies import body_of
-from service.store.updating.loading import recipe_parameters
-from service.store.updating.operations import result_document
-from service.store.updating.schemas import RecipeIn
+from service.nouns.campaigns.operations import campaign_of
+from service.nouns.campaigns.schemas import Instruments
+from service.nouns.frfs.data import specimen_points
+from service.nouns.frfs.operations import frfs_of
+from service.nouns.structures.models import deck_of, load_model, model_for
+from service.nouns.structures.operations import describe_version, version_of
+from service.nouns.updating.bodies import body_of
+from service.nouns.updating.loading import recipe_parameters
+from service.nouns.updating.operations import result_document
+from service.nouns.updating.schemas import RecipeIn
 
 if TYPE_CHECKING:
-    from service.store.updating.tables import UpdateJob
+    from service.nouns.updating.tables import UpdateJob
 
 Program = Literal["calculix", "abaqus", "nastran"]
 Element = Literal["solid", "shell"]

@@ -19,14 +19,14 @@ from modalbase.formats.frfs import FrfRow
 from modalbase.formats.frfs.table import DOFS
 from service.compute.frame import Frame
 from service.errors import Conflict, NotFound
-from service.store.campaigns.operations import campaign_of, frame_of, stored_points
-from service.store.frfs.data import Cut, PredictedTable
-from service.store.frfs.operations import frfs_of
-from service.store.updating.operations import result_arrays, result_document
+from service.nouns.campaigns.operations import campaign_of, frame_of, stored_points
+from service.nouns.frfs.data import Cut, PredictedTable
+from service.nouns.frfs.operations import frfs_of
+from service.nouns.updating.operations import result_arrays, result_document
 
 if TYPE_CHECKING:
-    from service.store.frfs.operations import Frf
-    from service.store.updating.tables import UpdateJob
+    from service.nouns.frfs.operations import Frf
+    from service.nouns.updating.tables import UpdateJob
 
 Model = Literal["updated", "initial"]
 

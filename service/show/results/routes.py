@@ -16,6 +16,10 @@ from service.access import CurrentUser, SessionDep, SettingsDep, api_router
 from service.compute.models.decks import updated_deck
 from service.errors import Invalid
 from service.jobs.subprocess_read import read_in_subprocess
+from service.nouns.frfs.data import require_order
+from service.nouns.frfs.routes import FILES, MEDIA_TYPES, CutDep, Hertz, Whole, write_frfs
+from service.nouns.structures.model_routes import MESH_FILES, MeshForm
+from service.nouns.updating.operations import joint_update_for, update_job_for
 from service.show.figures.answers import (
     RESPONSES,
     FigureOut,
@@ -39,10 +43,6 @@ from service.show.results.space import (
     measured_shape,
     model_shape,
 )
-from service.store.frfs.data import require_order
-from service.store.frfs.routes import FILES, MEDIA_TYPES, CutDep, Hertz, Whole, write_frfs
-from service.store.structures.model_routes import MESH_FILES, MeshForm
-from service.store.updating.operations import joint_update_for, update_job_for
 from service.web.downloads import spooled
 from service.web.parameters import form_of, not_modified
 

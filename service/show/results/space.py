@@ -21,9 +21,9 @@ from modalbase.formats.cell_types import CELL_TYPES
 from modalbase.formats.meshes import Cells, MeshFile, columns
 from modalbase.formats.uff.content import ModeShape
 from service.errors import Conflict, NotFound
+from service.nouns.structures.model_routes import MeshBlockOut, PlacesOut, mesh_answer
 from service.show.figures.marks import counted
 from service.show.figures.modes import joined_as, turned
-from service.store.structures.model_routes import MeshBlockOut, PlacesOut, mesh_answer
 from service.web import StrictModel
 from service.web.routing import require_used
 

@@ -18,6 +18,9 @@ from modalbase.formats.frfs import FrfRow
 from modalbase.formats.registry import WRITERS
 from service.access import CurrentUser, SessionDep, api_router
 from service.errors import Conflict
+from service.nouns.frfs.data import PredictedTable
+from service.nouns.frfs.routes import FILES, MEDIA_TYPES, write_frfs
+from service.nouns.structures.model_routes import MESH_FILES, MeshForm
 from service.show.results.space import (
     At,
     ResultMeshOut,
@@ -25,9 +28,6 @@ from service.show.results.space import (
     answer_mesh,
     model_shape,
 )
-from service.store.frfs.data import PredictedTable
-from service.store.frfs.routes import FILES, MEDIA_TYPES, write_frfs
-from service.store.structures.model_routes import MESH_FILES, MeshForm
 from service.tasks.forecast.task import forecast_arrays, forecast_for
 from service.web.downloads import spooled
 from service.web.parameters import form_of

@@ -18,19 +18,19 @@ from service.db.base import Base
 from service.errors import Invalid
 from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun, JobOut
-from service.store.campaigns.schemas import Boundary, GridPoint, labels_once
-from service.store.storage import book, require_room
-from service.store.structures.models import load_model
-from service.store.structures.operations import (
+from service.nouns.campaigns.schemas import Boundary, GridPoint, labels_once
+from service.nouns.storage import book, require_room
+from service.nouns.structures.models import load_model
+from service.nouns.structures.operations import (
     describe_version,
     present_structure,
     structure_for,
     version_of,
 )
-from service.store.structures.schemas import StructureIn
-from service.store.updating.bodies import usual_boundary
-from service.store.updating.loading import body_for
-from service.store.updating.schemas import USUAL
+from service.nouns.structures.schemas import StructureIn
+from service.nouns.updating.bodies import usual_boundary
+from service.nouns.updating.loading import body_for
+from service.nouns.updating.schemas import USUAL
 from service.tasks.forecast.compute import ForecastInputs, ForecastOutput, compute_forecast
 from service.tasks.task import Card, Ordered, Task
 from service.web import LongList, RequestModel, StrictModel, example

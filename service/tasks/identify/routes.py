@@ -12,9 +12,9 @@ from service.access import CurrentUser, SessionDep, api_router
 from service.compute.identifying import up_to_date
 from service.jobs.resource import JobOut
 from service.jobs.routes import JobRoutes
+from service.nouns.modes.operations import identified_by
 from service.show.figures.answers import RESPONSES, FigureName, FigureRequestDep, require_figure
 from service.show.figures.modes import stabilisation_figure
-from service.store.modes.operations import identified_by
 from service.tasks.identify.task import (
     IDENTIFICATIONS,
     Identification,

@@ -16,11 +16,11 @@ from service.access import Lookup, User
 from service.db.base import Base
 from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
-from service.store.campaigns.operations import campaign_for
-from service.store.frfs.data import load_measured_campaign
-from service.store.modes.operations import keep_identified
-from service.store.modes.schemas import PolesIn
-from service.store.storage import require_room
+from service.nouns.campaigns.operations import campaign_for
+from service.nouns.frfs.data import load_measured_campaign
+from service.nouns.modes.operations import keep_identified
+from service.nouns.modes.schemas import PolesIn
+from service.nouns.storage import require_room
 from service.tasks.identify.compute import (
     IdentificationInputs,
     IdentificationOutput,

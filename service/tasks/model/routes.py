@@ -18,14 +18,14 @@ from service.compute.models.meshes import is_of_sections, kind_of_member
 from service.errors import Invalid, Unusual
 from service.jobs.resource import JobOut
 from service.jobs.routes import JobRoutes
-from service.store.storage.originals import original_sizes
-from service.store.structures.models import (
+from service.nouns.storage.originals import original_sizes
+from service.nouns.structures.models import (
     model_of_structure,
     new_model,
     versions_of_models,
 )
-from service.store.structures.operations import structure_for
-from service.store.structures.shapes import Section
+from service.nouns.structures.operations import structure_for
+from service.nouns.structures.shapes import Section
 from service.tasks.model.task import MODELS, start_model
 from service.web import Confirm, Name, StrictModel
 from service.web.json_body import checked, parse_parameter
@@ -35,7 +35,7 @@ from service.web.quantities import unusual
 from service.web.uploads import FilenameQuery, UploadDep
 
 if TYPE_CHECKING:
-    from service.store.structures.operations import StructureModel
+    from service.nouns.structures.operations import StructureModel
 
 router = api_router(tags=["models"])
 

@@ -18,15 +18,15 @@ from service.compute.models.reading import faults_of, require_deck
 from service.errors import Invalid
 from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
-from service.store.storage import book
-from service.store.storage.originals import keep_original, write_original
-from service.store.structures.models import model_for, same_model
-from service.store.structures.operations import structure_for, take_model
+from service.nouns.storage import book
+from service.nouns.storage.originals import keep_original, write_original
+from service.nouns.structures.models import model_for, same_model
+from service.nouns.structures.operations import structure_for, take_model
 from service.tasks.model.compute import DeckInputs, DeckOutput, read_deck
 from service.tasks.task import BareTask
 
 if TYPE_CHECKING:
-    from service.store.structures.operations import StructureModel
+    from service.nouns.structures.operations import StructureModel
     from service.web.uploads import Spooled
 
 

@@ -2,7 +2,7 @@
 
 from service.access import api_router
 from service.jobs.routes import JobRoutes
-from service.store.records.schemas import ProcessingIn, ProcessingOut
+from service.nouns.records.schemas import ProcessingIn, ProcessingOut
 from service.tasks.process.task import PROCESSINGS, start_processing
 
 router = api_router(tags=["records"])

@@ -16,10 +16,10 @@ from service.access import User
 from service.compute.processing import ProcessingInputs
 from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
-from service.store.campaigns.operations import campaign_for
-from service.store.frfs.operations import store_processed
-from service.store.records.operations import block_rows
-from service.store.records.processings import (
+from service.nouns.campaigns.operations import campaign_for
+from service.nouns.frfs.operations import store_processed
+from service.nouns.records.operations import block_rows
+from service.nouns.records.processings import (
     decisions,
     hits_in,
     keep_document,
@@ -27,13 +27,13 @@ from service.store.records.processings import (
     new_processing,
     processing_for,
 )
-from service.store.records.schemas import ProcessingIn
-from service.store.storage import require_room
+from service.nouns.records.schemas import ProcessingIn
+from service.nouns.storage import require_room
 from service.tasks.process.compute import process_records
 from service.tasks.task import BareTask
 
 if TYPE_CHECKING:
-    from service.store.records.processings import Processing
+    from service.nouns.records.processings import Processing
 
 
 def _load(session: Session, row: Processing, workspace: Path) -> ProcessingInputs:

@@ -4,14 +4,14 @@ from typing import get_args
 
 import pytest
 
-from service.climate import CLIMATE, Climate, Condition
 from service.monitoring.schemas import Covariate
+from service.nouns.campaigns.climate import CLIMATE, Climate, Condition
+from service.nouns.campaigns.operations import Campaign
+from service.nouns.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch
+from service.nouns.search.nouns import NOUNS
+from service.nouns.search.trends import TrendPoint
 from service.show.pages.numbers import UNITS_OF_MEMBERS
 from service.show.pages.quantities import SENT
-from service.store.campaigns.operations import Campaign
-from service.store.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch
-from service.store.search.nouns import NOUNS
-from service.store.search.trends import TrendPoint
 from service.web import typed
 
 each = pytest.mark.parametrize("name", CLIMATE)

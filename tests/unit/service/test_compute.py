@@ -36,11 +36,11 @@ from service.errors import Damaged, PayloadTooLarge
 from service.jobs import process, subprocess_read
 from service.jobs.child import Failure, Item
 from service.jobs.process import LOST, ChildEnded
-from service.store.coupons import routes as bodies
-from service.store.records.processings import decisions
-from service.store.records.schemas import OverruleIn
-from service.store.structures.schemas import StructureIn
-from service.store.updating.bodies import nominal_specimen, oriented
+from service.nouns.coupons import routes as bodies
+from service.nouns.records.processings import decisions
+from service.nouns.records.schemas import OverruleIn
+from service.nouns.structures.schemas import StructureIn
+from service.nouns.updating.bodies import nominal_specimen, oriented
 from service.tasks.process.compute import process_records
 from tests.corpus.updates import BEAM, measured
 from tests.support.uff import axis, dataset, function

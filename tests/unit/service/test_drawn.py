@@ -12,8 +12,8 @@ import pytest
 from modalbase.formats.meshes import Cells, write_vtu
 from modalbase.formats.meshes import uff_of as contents_of
 from modalbase.formats.uff.write import encode
-from service.store.structures.drawn import DrawnMesh, Held
-from service.store.structures.model_routes import MeshOut
+from service.nouns.structures.drawn import DrawnMesh, Held
+from service.nouns.structures.model_routes import MeshOut
 
 MB = 1024 * 1024
 

@@ -19,11 +19,11 @@ from service.compute.spectra import decode, encode
 from service.db.engine import DatabaseUrlError, sqlalchemy_url
 from service.errors import MOST_FAULTS, Damaged, Invalid
 from service.jobs.child import CHECKPOINT_BYTES, _Reporter
+from service.nouns.campaigns.operations import from_csv
 from service.settings import Settings, SettingsFileError
 from service.show.figures.modes import aligned
 from service.show.pages.numbers import in_unit, number, percent, seconds_between, size
 from service.show.pages.viewer import draw_grid
-from service.store.campaigns.operations import from_csv
 
 NOON = datetime(2026, 3, 2, 12, tzinfo=UTC)
 

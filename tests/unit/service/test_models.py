@@ -17,8 +17,8 @@ from modalbase.formats.models.model import Spring, Support, Where
 from service.compute.models.bodies import body_of_model
 from service.compute.models.decks import DeckOrder, updated_deck
 from service.compute.models.keeping import kept, model_of
-from service.store.structures.schemas import StructureIn
-from service.store.updating.bodies import nominal_body
+from service.nouns.structures.schemas import StructureIn
+from service.nouns.updating.bodies import nominal_body
 from tests.support.profiles import ANGLE, deck
 from tests.support.stored_solids import frequencies
 from tests.unit.formats.models.decks import SQUARE

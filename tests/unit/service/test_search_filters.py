@@ -11,8 +11,8 @@ from sqlalchemy.dialects import postgresql
 
 from service.app import composition
 from service.errors import Invalid
-from service.store.search.nouns import NOUNS, lineage
-from service.store.search.translate import condition
+from service.nouns.search.nouns import NOUNS, lineage
+from service.nouns.search.translate import condition
 
 assert composition.ROUTERS  # so that every table is known
 

@@ -23,6 +23,11 @@ from modalbase.objects.people import FORBIDDEN, People
 from service.errors import Invalid, NotFound, UnsupportedMediaType
 from service.jobs.worker import _clear_if_dead, run_to_end
 from service.monitoring.schemas import WatchedIn
+from service.nouns.campaigns.schemas import CampaignInputs
+from service.nouns.frfs.data import MeasuredFrfs
+from service.nouns.records.operations import RecordIntake
+from service.nouns.updating.batches import _placed
+from service.nouns.updating.schemas import InputsIn
 from service.settings import Settings
 from service.show.reports.as_html import as_html
 from service.show.reports.as_pdf import as_pdf
@@ -37,11 +42,6 @@ from service.show.reports.blocks import (
 )
 from service.show.reports.update_report import MOST_MODES, UpdateFacts, update_report
 from service.show.results.reporting import _letterhead
-from service.store.campaigns.schemas import CampaignInputs
-from service.store.frfs.data import MeasuredFrfs
-from service.store.records.operations import RecordIntake
-from service.store.updating.batches import _placed
-from service.store.updating.schemas import InputsIn
 from service.web.middleware import RequestMiddleware
 from service.web.routing import _require_json
 

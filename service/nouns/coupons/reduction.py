@@ -1,0 +1,207 @@
+"""From a testing machine's file and the readings of a specimen to what its standard reports. No
+database, no web.
+"""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+import fecore
+from fecore.arrays import FloatArray
+from fecore.coupons import d3039, d3518
+from fecore.coupons.curves import Curve
+from fecore.errors import InputError
+from modalbase.formats.errors import FormatError
+from modalbase.formats.machine_csv import (
+    Column,
+    MachineFile,
+    Quantity,
+    Run,
+    factor,
+    read_machine_csv,
+)
+from service.nouns.coupons.schemas import CouponIn, CurveCouponIn, Series
+
+GAUGE = {
+    "strain": "gauge_length",
+    "strain_back": "gauge_length",
+    "transverse_strain": "transverse_gauge_length",
+}
+"""Which gauge length turns the elongation of a series into its strain."""
+
+_UNLOADED = 0.02  # of the largest force: a curve that begins below it begins unloaded
+_TARED = 500e-6  # m/m: a strain that begins above it without force was not tared
+_FIELDS = {"width_m": "dimensions.width", "thickness_m": "dimensions.thickness"}
+"""Fields of the core to fields of the request."""
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """A specimen that was reduced."""
+
+    coupon: CouponIn  # what counts in the batch
+    series: dict[str, FloatArray]  # SI arrays of the run, by name
+    reading: dict[str, Any]  # how the file was read
+    reduction: dict[str, Any]  # all that the standard reports, and its warnings
+    software: str  # version that did it
+
+
+def reduce_curve(path: Path, request: CurveCouponIn) -> Reduced:
+    """Read a machine's file and reduce its curve.
+
+    Raises:
+        InputError: the file cannot be read, or its curve not be reduced; says where and what to do.
+    """
+    gauges: dict[str, float | None] = {name: _gauge_m(request, name) for name in request.columns}
+    columns: dict[str, Column] = {
+        name: Column(c.header, _quantity(name, gauges[name]), c.unit)
+        for name, c in request.columns.items()
+    }
+    try:
+        file = read_machine_csv(path.read_bytes(), columns, request.delimiter, request.decimal)
+    except FormatError as error:
+        raise InputError(error.place, error.message) from error
+    number, run = _chosen(file, request.run)
+    zeros: dict[str, float] = {
+        name: _zero(run.columns[name], name, file.units[name], request) for name in request.zero
+    }
+    series = {
+        name: (np.asarray(values) - zeros.get(name, 0.0)) / (gauges[name] or 1.0)
+        for name, values in run.columns.items()
+    }
+    untared = _untared(series, file)
+    try:
+        coupon, reduction = _by_standard(series, request)
+    except InputError as error:
+        why = "; ".join(filter(None, (error.message, untared)))
+        raise InputError(_FIELDS.get(error.field, error.field), why) from error
+    reading = {
+        "encoding": file.encoding,
+        "delimiter": file.delimiter,
+        "decimal": file.decimal,
+        "units": dict(file.units),
+        "run": number,
+        "runs": len(file.runs),
+        "first_line": run.first_line,
+        "last_line": run.last_line,
+        "notes": [*file.notes, *([untared] if untared else [])],
+    }
+    return Reduced(coupon, series, reading, reduction, fecore.__version__)
+
+
+def _zero(values: FloatArray, name: Series, unit: str, request: CurveCouponIn) -> float:
+    """The reading at zero of a series, in SI of its column."""
+    stated = request.zero[name]
+    if stated != "first":
+        quantity = _quantity(name, _gauge_m(request, name))
+        return stated * factor(quantity, unit, f"columns.{name}.unit")
+    known = values[np.isfinite(values)]
+    if not known.size:
+        raise InputError(f"zero.{name}", "is first, and the series holds no number; leave it out")
+    return float(known[0])
+
+
+def _untared(series: dict[str, FloatArray], file: MachineFile) -> str:
+    """What helps where a strain begins far from 0 while the force begins near it, or the other way;
+    else nothing.
+    """
+    force = np.abs(series["force"])
+    begins_unloaded = force.size and force[0] <= _UNLOADED * np.nanmax(force)
+    for name in GAUGE:
+        first = series[name][0] if name in series and series[name].size else 0.0
+        if begins_unloaded and abs(first) > _TARED:
+            return (
+                f"{name} begins at {first:.4g} m/m ({file.units[name]} in the file) with hardly any"
+                " force. Where it was not "
+                "tared, zero it at its first reading, or at the reading that it has without load. A"
+                " script states that "
+                f'(`"zero": {{"{name}": "first"}}`)'
+            )
+    begins_loaded = force.size and force[0] > _UNLOADED * np.nanmax(force)
+    if begins_loaded and all(abs(series[name][0]) <= _TARED for name in GAUGE if name in series):
+        return (
+            f"force begins at {series['force'][0]:.4g} N with hardly any strain, and counts in the"
+            ' strength: where it was not tared, state "zero": {"force": "first"}'
+        )
+    return ""
+
+
+def _gauge_m(request: CurveCouponIn, series: str) -> float | None:
+    """Gauge length of a series that is recorded as an elongation, m; None of any other."""
+    length: float | None = getattr(request.dimensions, GAUGE[series]) if series in GAUGE else None
+    return (
+        None
+        if length is None
+        else length * factor("length", request.dimensions.unit, "dimensions.unit")
+    )
+
+
+def _quantity(series: str, gauge_m: float | None) -> Quantity:
+    if series in ("force", "time"):
+        return cast(Quantity, series)
+    return "strain" if gauge_m is None else "length"
+
+
+def _chosen(file: MachineFile, requested: int | None) -> tuple[int, Run]:
+    """The run that counts, and its number."""
+    runs = len(file.runs)
+    if requested is None and runs > 1:
+        lines = ", ".join(
+            f"{i} (lines {run.first_line} to {run.last_line})" for i, run in enumerate(file.runs, 1)
+        )
+        raise InputError(
+            "run", f"is missing: the machine was restarted; say which of its runs counts: {lines}"
+        )
+    number = requested or 1
+    if number > runs:
+        raise InputError("run", f"is {number}, the file has {runs}")
+    return number, file.runs[number - 1]
+
+
+def _by_standard(
+    series: dict[str, FloatArray], request: CurveCouponIn
+) -> tuple[CouponIn, dict[str, Any]]:
+    metres = factor("length", request.dimensions.unit, "dimensions.unit")
+    width = [metres * reading for reading in request.dimensions.width]
+    thickness = [metres * reading for reading in request.dimensions.thickness]
+    curve = Curve(
+        series["force"],
+        series["strain"],
+        series.get("strain_back"),
+        series.get("transverse_strain"),
+        series.get("time"),
+    )
+    values: dict[str, Any]
+    result: d3039.TensileResult | d3518.ShearResult
+    if request.standard == "D3039":
+        result = d3039.reduce(curve, width, thickness, request.chord_range, request.ends)
+        values = {
+            "E_Pa": result.modulus_pa,
+            "nu": result.poisson_ratio,
+            "strength_Pa": result.strength_pa,
+            "ultimate_strain": result.ultimate_strain,
+        }
+    else:
+        start = (
+            d3518.START_RANGE[0] / 2 + d3518.START_RANGE[1] / 2
+            if request.chord_start is None
+            else request.chord_start
+        )
+        result = d3518.reduce(curve, width, thickness, start, request.ends)
+        values = {"G_Pa": result.modulus_pa, "strength_Pa": result.maximum_stress_pa}
+    coupon = CouponIn(
+        specimen=request.specimen,
+        standard=request.standard,
+        failure_code=request.failure_code,
+        excluded=request.excluded,
+        exclusion_reason=request.exclusion_reason,
+        **values,
+    )
+    reduction = asdict(result)
+    return coupon, {
+        **reduction,
+        "chord_range": list(result.chord_range),
+        "warnings": list(result.warnings),
+    }

@@ -1,5 +1,0 @@
-"""How much a project stores, and how much it may."""
-
-from service.store.storage.operations import book, require_room
-
-__all__ = ["book", "require_room"]
