@@ -25,9 +25,9 @@ from benchmarks.service import Cost, api_of, contents, copied, ended, measured, 
 from benchmarks.tables import Table, load
 from modalbase.formats.uff.write import write_file
 from service.app.supervisor import LocalService
-from service.db.engine import psycopg_url
-from service.db.opening import embedded_server
 from service.nouns.storage.originals import CHUNK_BYTES
+from service.platform.db.engine import psycopg_url
+from service.platform.db.opening import embedded_server
 from tests.support.backups import run
 from tests.support.hammer import campaign as hit_campaign
 from tests.support.rest import RAW, campaigns_of

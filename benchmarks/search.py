@@ -19,7 +19,7 @@ from benchmarks.tables import Table, load
 from benchmarks.tiled_catalogue import FIELDS, beside
 from modalbase.formats.uff.write import write_file
 from service.app.supervisor import LocalService
-from service.db.engine import psycopg_url
+from service.platform.db.engine import psycopg_url
 from tests.support.rest import campaigns_of, posted
 
 PAGE = (Path(__file__).parents[1] / "docs/search.md").read_text(encoding="utf-8")

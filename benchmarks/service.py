@@ -17,8 +17,8 @@ import psycopg
 
 from modalbase.formats.uff import Axis, Frf, GridPoint
 from service.app.supervisor import LocalService
-from service.db.engine import psycopg_url
-from service.settings import Settings
+from service.platform.db.engine import psycopg_url
+from service.platform.settings import Settings
 from tests.support.rest import client_at
 
 

@@ -1,13 +1,13 @@
-"""Alembic's entry: runs on the connection that `service.db.schema` hands over, or, for a
+"""Alembic's entry: runs on the connection that `service.platform.db.schema` hands over, or, for a
 developer's `alembic revision --autogenerate`, on the database of `MODALBASE_DATABASE_URL`.
 """
 
 from alembic import context
 from sqlalchemy import Connection
 
-from service.db.base import Base
-from service.db.engine import make_engine
-from service.settings import Settings
+from service.platform.db.base import Base
+from service.platform.db.engine import make_engine
+from service.platform.settings import Settings
 
 
 def theirs(name: str | None, kind: str) -> bool:

@@ -22,12 +22,12 @@ import psycopg
 import pytest
 from sqlalchemy import Engine, make_url
 
-from service.access.keys import create_key, user_named
 from service.app.supervisor import LocalService
-from service.db.engine import Sessions, make_engine, make_sessions
-from service.db.opening import embedded_server
-from service.db.schema import upgrade
-from service.settings import Settings
+from service.platform.access.keys import create_key, user_named
+from service.platform.db.engine import Sessions, make_engine, make_sessions
+from service.platform.db.opening import embedded_server
+from service.platform.db.schema import upgrade
+from service.platform.settings import Settings
 from tests.support.emptying import empty_tables, schema_print
 from tests.support.places import shared_folder
 from tests.support.rest import client_of

@@ -17,8 +17,8 @@ from fecore.quantities import SHOWN
 from modalbase.commands.options import NAMED
 from service.app.composition import ROUTERS
 from service.nouns.campaigns.climate import CLIMATE
-from service.web.openapi import describe_problems
-from service.web.routing import API, serve
+from service.platform.web.openapi import describe_problems
+from service.platform.web.routing import API, serve
 from tools import findings, formats
 
 METHODS = ("get", "post", "put", "patch", "delete")

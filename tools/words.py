@@ -1,7 +1,7 @@
 """Words that names of the code do not use, and the field's term for each.
 
 `python -m tools.words` lists the names that use one, and ends with 1 where there are any;
-`python -m tools.words service/access` reads that folder alone. `make check` runs it. Names that
+`python -m tools.words service/platform/access` reads that folder alone. `make check` runs it. Names that
 become JSON or stand in REST are contracts and stay: `CONTRACTS` says where.
 """
 

@@ -1,5 +1,5 @@
 """The schema as it was when the steps before it became one. A database of an older revision is
-upgraded with `service.db.schema.LAST_WITH_OLDER`.
+upgraded with `service.platform.db.schema.LAST_WITH_OLDER`.
 """
 
 from pathlib import Path

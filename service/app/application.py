@@ -15,23 +15,23 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.concurrency import run_in_threadpool
 
 from fecore import __version__
-from service.access.authentication import Authentication, Paths, SessionCookie
 from service.app.composition import FINDERS, ROUTERS
-from service.db.engine import for_reading, make_engine, make_sessions
-from service.db.schema import SchemaError, require_head
-from service.errors import Unavailable
-from service.jobs.events import Changes, look_at_jobs
-from service.jobs.metrics import JobMetrics
 from service.monitoring.live import look_at_monitors
-from service.settings import Settings
+from service.platform.access.authentication import Authentication, Paths, SessionCookie
+from service.platform.db.engine import for_reading, make_engine, make_sessions
+from service.platform.db.schema import SchemaError, require_head
+from service.platform.errors import Unavailable
+from service.platform.queue.events import Changes, look_at_jobs
+from service.platform.queue.metrics import JobMetrics
+from service.platform.settings import Settings
+from service.platform.web.middleware import KnownHosts, RequestMiddleware
+from service.platform.web.openapi import RESPONSES, add_documentation, describe_problems
+from service.platform.web.problems import add_problem_handlers
+from service.platform.web.routing import API, UI, serve
 from service.show.guide.routes import router as guide
 from service.show.pages import PageErrors, add_pages
 from service.show.pages.look import files as assets
 from service.tasks.routes import HEADINGS
-from service.web.middleware import KnownHosts, RequestMiddleware
-from service.web.openapi import RESPONSES, add_documentation, describe_problems
-from service.web.problems import add_problem_handlers
-from service.web.routing import API, UI, serve
 
 log = structlog.stdlib.get_logger("modalbase.http")
 
@@ -64,7 +64,7 @@ def create_app(settings: Settings) -> FastAPI:
     """
     if settings.database_url is None:
         raise ValueError(
-            "settings.database_url is not set; `service.db.opening.open_database` gives the"
+            "settings.database_url is not set; `service.platform.db.opening.open_database` gives the"
             " embedded one"
         )
     connections = settings.database_pool + ASIDE

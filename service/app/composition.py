@@ -9,9 +9,6 @@ from functools import partial
 
 from fastapi import APIRouter
 
-from service.access.authentication import Finder
-from service.access.lookup import project_for
-from service.access.routes import router as access
 from service.monitoring.notifications.routes import router as webhooks
 from service.monitoring.routes import router as monitoring
 from service.nouns.campaigns.operations import campaign_for
@@ -36,6 +33,9 @@ from service.nouns.structures.routes import router as structures
 from service.nouns.updating.alignment import router as alignment
 from service.nouns.updating.removing import router as removing
 from service.nouns.updating.routes import router as updating
+from service.platform.access.authentication import Finder
+from service.platform.access.lookup import project_for
+from service.platform.access.routes import router as access
 from service.show.archives.routes import router as archives
 from service.show.results.routes import router as results
 from service.show.routes import router as measured_figures

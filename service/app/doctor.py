@@ -13,9 +13,9 @@ from typing import Literal
 from sqlalchemy import Connection, Engine, text
 
 from service.app.backup.verification import find_damage, first_line
-from service.db.opening import opened_engine
-from service.db.schema import SchemaError, require_head, require_version
-from service.settings import Settings
+from service.platform.db.opening import opened_engine
+from service.platform.db.schema import SchemaError, require_head, require_version
+from service.platform.settings import Settings
 
 FREE_BYTES = 1024**3
 FREE_SHARE = 0.05

@@ -20,7 +20,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from service.settings import Settings
+    from service.platform.settings import Settings
 
 
 class UnknownQueueError(Exception):
@@ -43,9 +43,9 @@ def serve(
 
         from service.app.application import create_app
         from service.app.supervisor import listening_socket
-        from service.db.opening import open_database
-        from service.logs import configure_logs
-        from service.web.middleware import PatientProtocol
+        from service.platform.db.opening import open_database
+        from service.platform.logs import configure_logs
+        from service.platform.web.middleware import PatientProtocol
 
     config = settings()
     configure_logs(config)
@@ -97,11 +97,11 @@ def work(
         UnknownQueueError: a queue that no kind of job has; the message names them.
     """
     with loading():
-        from service.db.opening import open_database
-        from service.jobs.kinds import REQUESTS
-        from service.jobs.worker import run_worker
-        from service.logs import configure_logs
         from service.monitoring.scheduler import scheduler
+        from service.platform.db.opening import open_database
+        from service.platform.logs import configure_logs
+        from service.platform.queue.kinds import REQUESTS
+        from service.platform.queue.worker import run_worker
         from service.tasks.kinds import KINDS
 
     config, known = settings(), {REQUESTS, *(kind.queue for kind in KINDS)}
@@ -124,7 +124,7 @@ def loading() -> Iterator[None]:
       of it is garbage, and to look through it takes 0.1 s at a time, in which everybody waits.
     - Pydantic puts a model together when it is first used, FastAPI's own models too. FastAPI
       silences a warning that does not concern it only where it is put together at once.
-    - structlog does not find rich, which it loads for tracebacks that `service.logs` writes without
+    - structlog does not find rich, which it loads for tracebacks that `service.platform.logs` writes without
       it.
 
     SIGTERM ends the process at once, as nothing is open yet: an error raised from the handler may

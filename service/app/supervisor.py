@@ -32,7 +32,7 @@ from pathlib import Path
 from selectors import EVENT_READ, DefaultSelector
 from typing import TYPE_CHECKING, Self
 
-from service.settings import Settings
+from service.platform.settings import Settings
 
 if TYPE_CHECKING:
     from sqlalchemy import Engine
@@ -207,8 +207,8 @@ class LocalService:
         """Have the database answer until the stack is closed, and let those who wait for that
         begin.
         """
-        from service.db.opening import open_database
-        from service.db.schema import require_fit, revision_at
+        from service.platform.db.opening import open_database
+        from service.platform.db.schema import require_fit, revision_at
 
         self.settings = stack.enter_context(open_database(self.given, migrate_embedded=True))
         require_fit(revision_at(self._address()))
@@ -227,14 +227,14 @@ class LocalService:
         """Where psycopg finds the open database."""
         if self.given.database_url is None:
             return self.settings.database_url or ""
-        from service.db.engine import psycopg_url
+        from service.platform.db.engine import psycopg_url
 
         return psycopg_url(self.given.database_url)
 
     @cached_property
     def _engine(self) -> Engine:
         """The open database for operations; disposed of when the service ends."""
-        from service.db.engine import make_engine
+        from service.platform.db.engine import make_engine
 
         engine = make_engine(self.settings.database_url or "", pool_size=1)
         self._stack.callback(engine.dispose)
@@ -247,8 +247,8 @@ class LocalService:
         """A new API key of the user of that name, who is made when absent, and made an
         administrator where wanted.
         """
-        from service.access.keys import create_key, user_named
-        from service.db.engine import make_sessions
+        from service.platform.access.keys import create_key, user_named
+        from service.platform.db.engine import make_sessions
 
         with make_sessions(self._engine).begin() as session:
             user = user_named(session, name)
@@ -289,8 +289,8 @@ class LocalService:
         return lines
 
     def _start_postgresql(self) -> None:
-        from service.db.opening import keep_running
-        from service.db.postgres import PostgresError
+        from service.platform.db.opening import keep_running
+        from service.platform.db.postgres import PostgresError
 
         try:
             keep_running(self.given.data)
@@ -298,7 +298,7 @@ class LocalService:
             raise NotStartedError(str(error)) from error
 
     def _postgresql_ended(self) -> str | None:
-        from service.db.opening import runs
+        from service.platform.db.opening import runs
 
         return None if runs(self.given.data) else "ended by itself"
 

@@ -43,7 +43,7 @@ from service.compute.recordings import (
     recording_of,
     units_in,
 )
-from service.errors import Fault, Invalid, pointer
+from service.platform.errors import Fault, Invalid, pointer
 
 if TYPE_CHECKING:
     from service.compute.reading import ReadingInputs

@@ -15,7 +15,7 @@ from fecore.frf import Dof, FrfSet, Quantity
 from modalbase.formats.frfs import Frfs
 from modalbase.formats.frfs.table import DOFS
 from service.compute.spectra import FrequencyAxis, Spectrum, encode, encode_axis
-from service.errors import Invalid
+from service.platform.errors import Invalid
 
 MOST_FRFS = 10_000  # of one body: each is a row of the answer
 

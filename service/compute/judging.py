@@ -27,7 +27,7 @@ from fecore.trend import (
 from fecore.trend.document import describe_change, describe_judged, describe_rate, describe_trend
 from fecore.trend.explanations import ChangeExplanation, Effects, change_of, explanations, in_words
 from fecore.trend.tracking import SAME_MODE
-from service.jobs.kinds import Reporter
+from service.platform.queue.kinds import Reporter
 
 # relative standard deviation where none is stated: the scatter between campaigns then is all there
 # is

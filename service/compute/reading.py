@@ -26,10 +26,10 @@ from service.compute.arrays_of_files import FileDescription, read_arrays, requir
 from service.compute.frf_rows import EncodedFrf
 from service.compute.recordings import recording_in_uff
 from service.compute.spectra import FrequencyAxis, encode, encode_axis
-from service.errors import Invalid
+from service.platform.errors import Invalid
 
 if TYPE_CHECKING:
-    from service.jobs.kinds import Reporter
+    from service.platform.queue.kinds import Reporter
 
 POINTS_AT_ONCE = 5000
 REPORT_SECONDS = 0.5

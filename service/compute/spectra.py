@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fecore.arrays import FloatArray
-from service.errors import Damaged, verified
+from service.platform.errors import Damaged, verified
 
 Stored = Literal["<c8", "<c16", "<f4", "<f8"]
 

@@ -24,7 +24,7 @@ from service.compute.frame import Frame
 from service.compute.identifying import describe_identification
 from service.compute.processing import ProcessingInputs, ProcessingOutput, process_whole
 from service.compute.result_arrays import arrays_to_keep, as_npz
-from service.jobs.kinds import Reporter
+from service.platform.queue.kinds import Reporter
 
 """What several campaigns may be of: specimens of one material, or one body in space."""
 

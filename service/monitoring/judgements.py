@@ -25,12 +25,7 @@ from sqlalchemy.orm import Session
 from fecore.trend import Acknowledgement, State, Watch
 from fecore.trend import Chart as CoreChart
 from fecore.trend.states import WORST_FIRST
-from service.access import Lookup, User, audit
 from service.compute.judging import Episode, Judgement, JudgementInputs, Observation, judge
-from service.errors import Conflict, NotFound
-from service.jobs.kinds import CORE_LIBRARIES, JobKind
-from service.jobs.queue import enqueue
-from service.jobs.tables import Job
 from service.monitoring.campaigns import Candidate, candidates_of
 from service.monitoring.notifications.messages import announce
 from service.monitoring.runs import counted, latest_runs, mode_effects_of, monitor_for, unit_of
@@ -44,6 +39,11 @@ from service.monitoring.tables import (
 )
 from service.nouns.campaigns.climate import CLIMATE, stated, stiffness_sds
 from service.nouns.structures.operations import structure_of
+from service.platform.access import Lookup, User, audit
+from service.platform.errors import Conflict, NotFound
+from service.platform.queue.kinds import CORE_LIBRARIES, JobKind
+from service.platform.queue.queue import enqueue
+from service.platform.queue.tables import Job
 
 if TYPE_CHECKING:
     from service.nouns.structures.operations import Structure

@@ -10,12 +10,12 @@ from fastapi.sse import format_sse_event
 from sqlalchemy import select, union_all
 from sqlalchemy.orm import Session
 
-from service.access import User, projects_of
-from service.jobs.events import Shown
-from service.jobs.resource import ENDED
-from service.jobs.tables import Job
 from service.monitoring.tables import Monitor, MonitorJudgement, MonitorRun, MonitorSeries
 from service.nouns.structures.operations import structures_in
+from service.platform.access import User, projects_of
+from service.platform.queue.events import Shown
+from service.platform.queue.resource import ENDED
+from service.platform.queue.tables import Job
 
 
 def monitors_among(session: Session, user: User, ids: set[UUID]) -> set[UUID]:

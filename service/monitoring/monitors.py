@@ -16,9 +16,6 @@ from sqlalchemy.orm import Session, undefer
 from fecore import __version__
 from fecore.quantities import quantity_of
 from fecore.updating.parameters import parametrise, usual_per_k
-from service.access import User, projects_of
-from service.db.base import transaction_time
-from service.errors import Conflict, Invalid, NotFound
 from service.monitoring import runs
 from service.monitoring.judgements import rank
 from service.monitoring.notifications.addresses import AddressError
@@ -52,8 +49,11 @@ from service.nouns.structures.operations import (
 from service.nouns.updating.bodies import usual_boundary
 from service.nouns.updating.loading import body_for
 from service.nouns.updating.operations import check_prior_batch
-from service.settings import Settings
-from service.web import shown_as
+from service.platform.access import User, projects_of
+from service.platform.db.base import transaction_time
+from service.platform.errors import Conflict, Invalid, NotFound
+from service.platform.settings import Settings
+from service.platform.web import shown_as
 
 if TYPE_CHECKING:
     from service.nouns.campaigns.operations import Campaign

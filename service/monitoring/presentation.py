@@ -12,8 +12,6 @@ from uuid import UUID
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.access import User
-from service.jobs.tables import Job
 from service.monitoring.runs import latest_runs, unit_of
 from service.monitoring.schemas import AlarmEventOut, AlarmOut, RunOut
 from service.monitoring.tables import (
@@ -27,7 +25,9 @@ from service.monitoring.tables import (
 from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.operations import campaigns_of
 from service.nouns.structures.operations import structure_of, structures_of
-from service.web import shown_as
+from service.platform.access import User
+from service.platform.queue.tables import Job
+from service.platform.web import shown_as
 
 if TYPE_CHECKING:
     from service.nouns.structures.operations import Structure

@@ -7,16 +7,6 @@ from uuid import UUID
 from fastapi import Query, Request, Response
 from sqlalchemy import select
 
-from service.access import (
-    CurrentUser,
-    SessionDep,
-    SettingsDep,
-    api_router,
-    project_for,
-    projects_of,
-)
-from service.access.nouns import NounRoutes
-from service.errors import Invalid
 from service.monitoring import monitors
 from service.monitoring.judgements import acknowledge, alarm_for
 from service.monitoring.notifications.routes import DeliveryOut, deliveries_of_monitor
@@ -38,7 +28,17 @@ from service.monitoring.schemas import (
 from service.monitoring.tables import Alarm, Monitor, MonitorRun, MonitorSeries
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.structures.operations import structures_in
-from service.web import (
+from service.platform.access import (
+    CurrentUser,
+    SessionDep,
+    SettingsDep,
+    api_router,
+    project_for,
+    projects_of,
+)
+from service.platform.access.nouns import NounRoutes
+from service.platform.errors import Invalid
+from service.platform.web import (
     IF_MATCH,
     Confirm,
     Cursor,
@@ -50,7 +50,7 @@ from service.web import (
     require_match,
     require_usual,
 )
-from service.web.parameters import there
+from service.platform.web.parameters import there
 
 router = api_router(tags=["monitoring"])
 nouns = NounRoutes(router, monitor_for, MonitorOut, monitors.describe_all, "monitors", "monitor_id")

@@ -28,10 +28,7 @@ from fecore.dynamics.damping_laws import CaugheySeries
 from fecore.errors import FecoreError
 from fecore.quantities import quantity_of
 from fecore.updating.parameters import constant_of, parametrise
-from service.access import Lookup, User
 from service.compute.judging import ModeEffects
-from service.errors import ServiceError
-from service.jobs.tables import Job
 from service.monitoring.campaigns import Candidate, candidates_of
 from service.monitoring.tables import Monitor, MonitorRun, MonitorSeries
 from service.nouns.campaigns.operations import campaign_of
@@ -46,6 +43,9 @@ from service.nouns.updating.bodies import usual_boundary
 from service.nouns.updating.loading import body_for
 from service.nouns.updating.operations import arrays_of, result_documents, start_update
 from service.nouns.updating.schemas import ParameterIn, RecipeIn
+from service.platform.access import Lookup, User
+from service.platform.errors import ServiceError
+from service.platform.queue.tables import Job
 
 if TYPE_CHECKING:
     from service.nouns.modes.operations import Mode

@@ -20,10 +20,6 @@ from sqlalchemy import and_, func, or_, select
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from service.access import projects_at_work
-from service.db.engine import Sessions, make_engine, make_sessions
-from service.jobs.background import Background, Listener
-from service.jobs.tables import CHANGED, Job
 from service.monitoring import runs
 from service.monitoring.judgements import judge_if_changed
 from service.monitoring.notifications.sender import Sender
@@ -31,7 +27,11 @@ from service.monitoring.tables import AT_WORK, Monitor, MonitorJudgement, Monito
 from service.nouns.campaigns.operations import structures_with
 from service.nouns.imports.operations import campaigns_with
 from service.nouns.structures.operations import structures_in
-from service.settings import Settings
+from service.platform.access import projects_at_work
+from service.platform.db.engine import Sessions, make_engine, make_sessions
+from service.platform.queue.background import Background, Listener
+from service.platform.queue.tables import CHANGED, Job
+from service.platform.settings import Settings
 
 REQUESTED = "modalbase_monitor_asked"
 """Channel of notifications with the id of a monitor that has changed through the API."""

@@ -14,12 +14,22 @@ from pydantic import BaseModel, ConfigDict, Field, create_model, field_validator
 from fecore.errors import InputError
 from fecore.quantities import is_of_stiffness, kind_of, quantity_of
 from fecore.trend import Chart, Watch
-from service.errors import Invalid
 from service.monitoring.notifications.channels import OF_MONITORS
 from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.schemas import Boundary
 from service.nouns.updating.schemas import RecipeIn
-from service.web import Id, Name, RequestModel, StrictModel, Text, Time, example, not_null, wrong
+from service.platform.errors import Invalid
+from service.platform.web import (
+    Id,
+    Name,
+    RequestModel,
+    StrictModel,
+    Text,
+    Time,
+    example,
+    not_null,
+    wrong,
+)
 
 Direction = Literal["fall", "rise", "both"]
 State = Literal["no data", "normal", "pending", "alarm", "acknowledged"]

@@ -4,6 +4,6 @@ They are structures, campaigns, frfs, records, modes, coupons, imports, updating
 counts what all of them take.
 
 An operation has the caller's transaction as `session`, and `user` is who asks. Whoever may not see
-a row gets `NotFound`, whoever may not change it `Forbidden` (`service.access.Lookup`); docstrings
+a row gets `NotFound`, whoever may not change it `Forbidden` (`service.platform.access.Lookup`); docstrings
 state what else is raised.
 """

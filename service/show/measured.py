@@ -23,13 +23,13 @@ from fecore.signal.blocks import FRF_QUANTITY
 from fecore.trend import TrackedMode
 from fecore.trend.tracking import FEWEST_DOFS, same_modes
 from service.compute.hits import BlockRow, describe_verdict, hits_of, whole
-from service.errors import Conflict, NotFound
 from service.nouns.campaigns.operations import campaign_of, frame_of
 from service.nouns.frfs.data import Cut, make_tables, specimen_points
 from service.nouns.modes.operations import load_modes
 from service.nouns.records.operations import block_rows, samples_of
 from service.nouns.records.processings import newest_document
 from service.nouns.records.schemas import HitOut
+from service.platform.errors import Conflict, NotFound
 from service.show.figures.frfs import FrfCurves, HitShown, PointShown, dof_name, frf_figure
 from service.show.figures.marks import Figure, counted, shortened
 from service.show.figures.modes import MOST_MODES, ShapePair, mac_figure, shapes_figure

@@ -9,8 +9,6 @@ from uuid import UUID
 
 from fastapi import Query, Response
 
-from service.access import CurrentUser, SessionDep, api_router
-from service.errors import Invalid
 from service.monitoring.monitors import series_for
 from service.monitoring.presentation import series_document
 from service.monitoring.routes import Version
@@ -26,6 +24,8 @@ from service.nouns.search.nouns import NOUNS
 from service.nouns.search.operations import Search, SearchQuery, bounded
 from service.nouns.search.routes import ModeTrend, OrderedDep, ResultTrend
 from service.nouns.updating.result_schemas import CONSTANTS
+from service.platform.access import CurrentUser, SessionDep, api_router
+from service.platform.errors import Invalid
 from service.show.figures.answers import RESPONSES, FigureName, FigureRequestDep, require_figure
 from service.show.figures.coupon import coupon_figure
 from service.show.figures.frfs import hits_figure

@@ -7,10 +7,10 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from service import tasks
-from service.jobs.kinds import JobKind
 from service.monitoring.judgements import JUDGE
 from service.nouns.imports.operations import IMPORTS
 from service.nouns.updating.operations import UPDATES
+from service.platform.queue.kinds import JobKind
 from service.tasks.task import BareTask
 
 TASKS: tuple[BareTask, ...] = tuple(

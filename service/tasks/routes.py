@@ -9,8 +9,8 @@ from typing import Any
 
 from fastapi import APIRouter
 
-from service.access import api_router
-from service.jobs.routes import JobRoutes
+from service.platform.access import api_router
+from service.platform.queue.routes import JobRoutes
 from service.tasks.kinds import TASKS
 from service.tasks.task import Task
 

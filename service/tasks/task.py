@@ -12,9 +12,9 @@ from uuid import UUID
 from sqlalchemy import JSON, ForeignKey
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from service.access import User
-from service.jobs.resource import JobNoun, JobOut
-from service.web import StrictModel
+from service.platform.access import User
+from service.platform.queue.resource import JobNoun, JobOut
+from service.platform.web import StrictModel
 
 
 class Ordered:

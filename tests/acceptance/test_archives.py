@@ -24,7 +24,7 @@ from modalbase.client.errors import ClientError
 from modalbase.objects.archive_file import ArchiveFile
 from service.app.demo import paper
 from service.app.supervisor import LocalService
-from service.db.engine import psycopg_url
+from service.platform.db.engine import psycopg_url
 from tests.integration.test_coupons import COUPON, CURVE, machine_file
 from tests.support.command import modalbase_here
 from tests.support.furnished import MODES, MONITOR, frfs, record

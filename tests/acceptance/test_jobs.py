@@ -11,8 +11,8 @@ import pytest
 from sqlalchemy import text
 
 from service.app.demo import paper
-from service.jobs.child import PURGED
-from service.jobs.tables import Job
+from service.platform.queue.child import PURGED
+from service.platform.queue.tables import Job
 from service.tasks.kinds import KINDS
 from tests.support import backups, kills
 from tests.support.backups import RECIPE, Laboratory, hits_of_a_point, restored

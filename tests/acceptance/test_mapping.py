@@ -14,7 +14,7 @@ import pytest
 from scipy.io import savemat, wavfile
 
 from service.app.supervisor import LocalService
-from service.jobs.resource import ENDED
+from service.platform.queue.resource import ENDED
 from tests.acceptance.test_browser import overflow, signed_in
 from tests.acceptance.test_forms import fill
 from tests.golden.inputs import new_campaign

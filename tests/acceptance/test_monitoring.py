@@ -16,7 +16,7 @@ import pytest
 
 from examples.monitoring import State, measured_frfs, post_campaign, structure_body
 from service.app.supervisor import LocalService, environment
-from service.db.engine import psycopg_url
+from service.platform.db.engine import psycopg_url
 from tests.support.receivers import receiver, signature_holds
 from tests.support.rest import client_of, ok
 from tests.support.waiting import until

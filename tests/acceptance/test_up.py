@@ -19,10 +19,10 @@ import psycopg
 import pytest
 
 from service.app.supervisor import LocalService, StartError
-from service.db.engine import psycopg_url
-from service.db.opening import DataFolderError, embedded_server
-from service.db.postgres import ACCOUNT
-from service.settings import Settings
+from service.platform.db.engine import psycopg_url
+from service.platform.db.opening import DataFolderError, embedded_server
+from service.platform.db.postgres import ACCOUNT
+from service.platform.settings import Settings
 from tests.support.command import living, modalbase, modalbase_here, status, up, wait_until_gone
 from tests.support.laboratory import BEAM
 from tests.support.rest import plain_client

@@ -10,12 +10,12 @@ from fastapi import Request
 from pydantic import BaseModel
 from sqlalchemy import select
 
-from service.access.keys import COOKIE, authenticated_key, create_key, user_named
-from service.access.tables import ApiKey
 from service.app.supervisor import LocalService
-from service.db.engine import Sessions
-from service.errors import PreconditionFailed, PreconditionRequired, Unauthorized
-from service.web import etag_of, require_match
+from service.platform.access.keys import COOKIE, authenticated_key, create_key, user_named
+from service.platform.access.tables import ApiKey
+from service.platform.db.engine import Sessions
+from service.platform.errors import PreconditionFailed, PreconditionRequired, Unauthorized
+from service.platform.web import etag_of, require_match
 from tests.support.rest import client_of, ok, session_client
 
 NewClient = Callable[[], httpx.Client]

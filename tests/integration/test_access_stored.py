@@ -12,8 +12,12 @@ from sqlalchemy import delete, select, text, update
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
-from service.access import routes
-from service.access.keys import (
+from service.nouns.campaigns.operations import Campaign
+from service.nouns.imports.operations import Import
+from service.nouns.storage.originals import Original
+from service.nouns.structures.operations import Structure, structure_for
+from service.platform.access import routes
+from service.platform.access.keys import (
     LIFETIME,
     USED_RESOLUTION,
     authenticated_key,
@@ -24,9 +28,9 @@ from service.access.keys import (
     open_session,
     user_named,
 )
-from service.access.lookup import Lookup, Role, projects
-from service.access.tables import ApiKey, AuditEvent, BrowserSession, Member, Project, User
-from service.access.users import (
+from service.platform.access.lookup import Lookup, Role, projects
+from service.platform.access.tables import ApiKey, AuditEvent, BrowserSession, Member, Project, User
+from service.platform.access.users import (
     expected_user,
     find_user,
     names_of,
@@ -35,13 +39,9 @@ from service.access.users import (
     user_of_id,
     valid_key_counts,
 )
-from service.db.engine import Sessions
-from service.errors import Conflict, Forbidden, Invalid, NotFound, Unauthorized
-from service.jobs.tables import Job
-from service.nouns.campaigns.operations import Campaign
-from service.nouns.imports.operations import Import
-from service.nouns.storage.originals import Original
-from service.nouns.structures.operations import Structure, structure_for
+from service.platform.db.engine import Sessions
+from service.platform.errors import Conflict, Forbidden, Invalid, NotFound, Unauthorized
+from service.platform.queue.tables import Job
 
 ALL = ["read", "write", "jobs", "admin"]
 

@@ -15,11 +15,11 @@ import pytest
 from fastapi import FastAPI
 from sqlalchemy import make_url
 
-from service.access.keys import create_key, user_named
 from service.app.application import create_app
 from service.app.supervisor import LocalService
-from service.settings import Settings
-from service.web.openapi import undescribed
+from service.platform.access.keys import create_key, user_named
+from service.platform.settings import Settings
+from service.platform.web.openapi import undescribed
 from tests.support.rest import campaigns_of
 from tests.support.waiting import until
 

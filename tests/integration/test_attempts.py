@@ -15,11 +15,11 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 from structlog.testing import capture_logs
 
-from service.db.engine import Sessions, make_engine, make_sessions
-from service.jobs import attempt as attempts
-from service.jobs import queue_adapter
-from service.jobs.attempt import Attempt
-from service.jobs.child import (
+from service.platform.db.engine import Sessions, make_engine, make_sessions
+from service.platform.queue import attempt as attempts
+from service.platform.queue import queue_adapter
+from service.platform.queue.attempt import Attempt
+from service.platform.queue.child import (
     CANCELLED,
     DRAINED,
     Checkpoint,
@@ -29,13 +29,13 @@ from service.jobs.child import (
     Order,
     Progress,
 )
-from service.jobs.dispatch import begin_next, recover_stalled, recover_strays
-from service.jobs.kinds import JobKind
-from service.jobs.manager import Manager
-from service.jobs.process import LOST, ChildEnded
-from service.jobs.queue import request_cancel, retry
-from service.jobs.tables import Job
-from service.settings import Settings
+from service.platform.queue.dispatch import begin_next, recover_stalled, recover_strays
+from service.platform.queue.kinds import JobKind
+from service.platform.queue.manager import Manager
+from service.platform.queue.process import LOST, ChildEnded
+from service.platform.queue.queue import request_cancel, retry
+from service.platform.queue.tables import Job
+from service.platform.settings import Settings
 from tests.support import job_kinds
 from tests.support.working import Gate, held, items, look, put, wait, worker
 

@@ -15,12 +15,12 @@ from pydantic import BaseModel
 from starlette.requests import ClientDisconnect
 from starlette.types import Message, Receive, Scope, Send
 
-from service.access.authentication import LARGE_BYTES, Authentication, Paths
-from service.access.keys import create_key, user_named
-from service.db.engine import Sessions
-from service.errors import Forbidden, NotFound
-from service.settings import Settings
-from service.web.admission import SLOT
+from service.platform.access.authentication import LARGE_BYTES, Authentication, Paths
+from service.platform.access.keys import create_key, user_named
+from service.platform.db.engine import Sessions
+from service.platform.errors import Forbidden, NotFound
+from service.platform.settings import Settings
+from service.platform.web.admission import SLOT
 from tests.support.waiting import awaited, settle
 
 PREFIX = "/api/v1"

@@ -13,7 +13,6 @@ from sqlalchemy import Engine, LargeBinary, insert, inspect, select, text
 
 import service.app.composition  # noqa: F401  imports every table
 from fecore import __version__
-from service.access.tables import Member, Project, User
 from service.app.backup.archive import (
     MANIFEST,
     BackupError,
@@ -24,10 +23,11 @@ from service.app.backup.archive import (
 )
 from service.app.backup.restoring import restore_backup
 from service.app.backup.verification import CHECKED, find_damage
-from service.db.base import Base
-from service.db.engine import make_engine, make_sessions
-from service.db.schema import LAST_WITH_OLDER, head_revision, require_head, upgrade
-from service.jobs.tables import Job
+from service.platform.access.tables import Member, Project, User
+from service.platform.db.base import Base
+from service.platform.db.engine import make_engine, make_sessions
+from service.platform.db.schema import LAST_WITH_OLDER, head_revision, require_head, upgrade
+from service.platform.queue.tables import Job
 from tests.integration.test_db import fill, revisions
 from tests.support.command import modalbase_here
 

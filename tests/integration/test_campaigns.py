@@ -10,8 +10,8 @@ import pytest
 
 from fecore.frf import Dof
 from service.app.supervisor import LocalService
-from service.db.engine import make_engine, make_sessions
 from service.nouns.modes.operations import load_modes
+from service.platform.db.engine import make_engine, make_sessions
 from tests.support.rest import ok
 
 FULL: dict[str, Any] = {

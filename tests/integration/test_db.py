@@ -24,10 +24,11 @@ from sqlalchemy.orm import Session
 
 import service.app.composition  # noqa: F401  imports every table
 from migrations import procrastinate_schema
-from service.access.tables import User
 from service.app.application import create_app
-from service.db.base import Base
-from service.db.engine import (
+from service.nouns.updating.tables import UpdateJob, UpdateResult
+from service.platform.access.tables import User
+from service.platform.db.base import Base
+from service.platform.db.engine import (
     Sessions,
     for_reading,
     make_engine,
@@ -35,7 +36,7 @@ from service.db.engine import (
     psycopg_url,
     sqlalchemy_url,
 )
-from service.db.schema import (
+from service.platform.db.schema import (
     LAST_WITH_OLDER,
     SchemaError,
     _config,
@@ -44,8 +45,7 @@ from service.db.schema import (
     require_head,
     upgrade,
 )
-from service.nouns.updating.tables import UpdateJob, UpdateResult
-from service.settings import Settings
+from service.platform.settings import Settings
 
 
 def test_refuses_an_empty_schema_and_says_what_mends_it(empty: Engine) -> None:

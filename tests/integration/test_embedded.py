@@ -13,9 +13,14 @@ import psycopg
 import pytest
 from sqlalchemy import make_url
 
-from service.db.opening import DataFolderError, embedded_server, keep_running, open_database
-from service.db.postgres import Cluster, PostgresError, programs
-from service.settings import Settings
+from service.platform.db.opening import (
+    DataFolderError,
+    embedded_server,
+    keep_running,
+    open_database,
+)
+from service.platform.db.postgres import Cluster, PostgresError, programs
+from service.platform.settings import Settings
 from tests.support.waiting import until
 
 LONG = "a-folder-with-a-long-name" * 6
@@ -200,7 +205,7 @@ def running(folder: Path) -> bool:
 HOLD = """
 import sys
 from pathlib import Path
-from service.db.opening import embedded_server
+from service.platform.db.opening import embedded_server
 with embedded_server(Path(sys.argv[1])) as url:
     print("in", flush=True)
     sys.stdin.read()

@@ -21,9 +21,9 @@ from scipy.io import savemat
 from fecore.frf import Dof
 from modalbase.formats.registry import WRITERS
 from service.app.supervisor import LocalService
-from service.db.engine import make_engine, make_sessions, psycopg_url
 from service.nouns.frfs.data import load_measured_campaign
-from service.web.downloads import MEMORY_BYTES
+from service.platform.db.engine import make_engine, make_sessions, psycopg_url
+from service.platform.web.downloads import MEMORY_BYTES
 from tests.support.rest import ok
 
 NPZ = {"Content-Type": "application/x-npz"}

@@ -14,7 +14,7 @@ import psycopg
 import pytest
 
 from service.app.supervisor import LocalService
-from service.db.engine import psycopg_url
+from service.platform.db.engine import psycopg_url
 from tests.support.rest import ok
 from tests.support.uff import set_58
 from tests.support.waiting import PATIENCE

@@ -11,11 +11,11 @@ import psutil
 import pytest
 from sqlalchemy import delete, func, select, text, update
 
-from service.access.tables import Project
-from service.db.engine import Sessions
-from service.jobs.dispatch import begin_next
-from service.jobs.queue import enqueue, request_cancel
-from service.jobs.tables import Job
+from service.platform.access.tables import Project
+from service.platform.db.engine import Sessions
+from service.platform.queue.dispatch import begin_next
+from service.platform.queue.queue import enqueue, request_cancel
+from service.platform.queue.tables import Job
 from tests.support import job_kinds
 from tests.support.waiting import PATIENCE, until
 from tests.support.working import Gate, Works, held, items, look, put, run, wait, worker

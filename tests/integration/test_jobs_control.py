@@ -15,14 +15,14 @@ import pytest
 from prometheus_client import CollectorRegistry, generate_latest
 from sqlalchemy import func, select, text, update
 
-from service.access.tables import Project
-from service.db.engine import Sessions
-from service.errors import Conflict
-from service.jobs import queue
-from service.jobs.dispatch import begin_next
-from service.jobs.metrics import JobMetrics
-from service.jobs.queue import enqueue, request_cancel, retry
-from service.jobs.tables import Job, JobCheckpoint
+from service.platform.access.tables import Project
+from service.platform.db.engine import Sessions
+from service.platform.errors import Conflict
+from service.platform.queue import queue
+from service.platform.queue.dispatch import begin_next
+from service.platform.queue.metrics import JobMetrics
+from service.platform.queue.queue import enqueue, request_cancel, retry
+from service.platform.queue.tables import Job, JobCheckpoint
 from tests.support import job_kinds
 from tests.support.waiting import PATIENCE, until
 from tests.support.working import Gate, Works, held, items, put, run, wait, worker
@@ -262,8 +262,8 @@ def test_metrics_by_kind_and_outcome(sessions: Sessions) -> None:
 
 
 def test_store_that_lost_its_connection_is_gone_through_again() -> None:
-    from service.jobs.attempt import Replay
-    from service.jobs.child import Item
+    from service.platform.queue.attempt import Replay
+    from service.platform.queue.child import Item
 
     made: list[Any] = []
     replay = Replay(Item(made.append(i) or i, 1) for i in range(4))
@@ -275,8 +275,8 @@ def test_store_that_lost_its_connection_is_gone_through_again() -> None:
 
 
 def test_results_too_large_to_keep_are_passed_on_once() -> None:
-    from service.jobs.attempt import KEPT_BYTES, Replay
-    from service.jobs.child import Item
+    from service.platform.queue.attempt import KEPT_BYTES, Replay
+    from service.platform.queue.child import Item
 
     replay = Replay(Item(i, KEPT_BYTES // 2) for i in range(4))
     assert list(iter(replay)) == [0, 1, 2, 3]

@@ -13,9 +13,9 @@ from sqlalchemy import text
 
 from service.app.application import create_app
 from service.app.supervisor import LocalService
-from service.db.engine import make_engine
-from service.jobs.events import Changes
-from service.settings import Settings
+from service.platform.db.engine import make_engine
+from service.platform.queue.events import Changes
+from service.platform.settings import Settings
 from tests.support.rest import ok
 from tests.support.waiting import until
 

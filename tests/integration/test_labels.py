@@ -13,7 +13,7 @@ import pytest
 import modalbase
 from modalbase.client.errors import ClientError
 from service.app.supervisor import LocalService
-from service.db.engine import psycopg_url
+from service.platform.db.engine import psycopg_url
 from tests.support.furnished import frfs
 from tests.support.laboratory import BEAM
 from tests.support.rest import ok

@@ -15,7 +15,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from service.app.supervisor import LocalService
-from service.web import middleware
+from service.platform.web import middleware
 from tests.support.crowd import at_once, statuses, with_crowd
 from tests.support.heavy_load import load
 from tests.support.rest import campaigns_of, client_of, ok

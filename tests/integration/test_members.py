@@ -10,9 +10,9 @@ from uuid import uuid4
 import httpx
 import pytest
 
-from service.access.keys import user_named
 from service.app.supervisor import LocalService
-from service.db.engine import make_engine, make_sessions
+from service.platform.access.keys import user_named
+from service.platform.db.engine import make_engine, make_sessions
 from tests.support.member_lab import furnished
 from tests.support.member_rows import MEMBERS
 from tests.support.member_rows_within import WITHOUT_ROW

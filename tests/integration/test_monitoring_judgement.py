@@ -14,13 +14,7 @@ from sqlalchemy.orm import Session
 
 from examples.monitoring import structure_body
 from fecore.trend import Acknowledgement, Watch
-from service.access import Member, Project
-from service.access.keys import user_named
 from service.compute.judging import Episode, Judgement, ModeEffects
-from service.db.engine import Sessions
-from service.errors import Conflict, NotFound
-from service.jobs.queue import enqueue
-from service.jobs.tables import Job
 from service.monitoring.campaigns import candidates_of
 from service.monitoring.judgements import (
     JUDGE,
@@ -43,7 +37,13 @@ from service.nouns.imports.operations import IMPORTS, Import
 from service.nouns.storage.originals import Original
 from service.nouns.structures.operations import Structure, create_structure
 from service.nouns.structures.schemas import StructureIn
-from service.settings import Settings
+from service.platform.access import Member, Project
+from service.platform.access.keys import user_named
+from service.platform.db.engine import Sessions
+from service.platform.errors import Conflict, NotFound
+from service.platform.queue.queue import enqueue
+from service.platform.queue.tables import Job
+from service.platform.settings import Settings
 from tests.support.judged import MODES, START, day, judged, observe, values
 
 

@@ -19,15 +19,15 @@ import trustme
 from sqlalchemy import select
 
 import service.app.composition  # noqa: F401  imports every table
-from service.access import Project
-from service.db.engine import Sessions
 from service.monitoring.notifications import sender as attempts
 from service.monitoring.notifications.channels.channel import Receiver as To
 from service.monitoring.notifications.channels.webhook import new_secret, send
 from service.monitoring.notifications.messages import EVENTS
 from service.monitoring.notifications.sender import ATTEMPTS, Sender
 from service.monitoring.notifications.tables import Delivery, Webhook
-from service.settings import Settings
+from service.platform.access import Project
+from service.platform.db.engine import Sessions
+from service.platform.settings import Settings
 from tests.support.receivers import (
     ACCOUNT,
     MailServer,

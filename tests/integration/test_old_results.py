@@ -14,9 +14,9 @@ import pytest
 
 from service.app.demo import paper
 from service.app.supervisor import LocalService
-from service.db.engine import psycopg_url
-from service.errors import Conflict
 from service.nouns.updating.document import VERSION, require_current
+from service.platform.db.engine import psycopg_url
+from service.platform.errors import Conflict
 from tests.support.backups import RECIPE, small_file
 from tests.support.rest import finished, ok, session_client
 

@@ -14,10 +14,10 @@ from sqlalchemy import Engine, func, select, text
 from modalbase import connect
 from service.app.demo import paper
 from service.app.supervisor import LocalService
-from service.db.base import Base
-from service.db.engine import make_engine, make_sessions
-from service.db.schema import upgrade
 from service.nouns.updating.schemas import UpdateJobOut
+from service.platform.db.base import Base
+from service.platform.db.engine import make_engine, make_sessions
+from service.platform.db.schema import upgrade
 from tests.integration.test_db import fill
 from tests.support.access import operations
 from tests.support.furnished import BODIES, HOOK, furnish, record

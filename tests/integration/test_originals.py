@@ -12,11 +12,8 @@ from sqlalchemy import Engine, func, select, text, update
 from sqlalchemy.orm import Session
 
 from modalbase.formats.uff import DatasetReport, GridPoint, ModeShape
-from service.access import User
 from service.compute.reading import EncodedFrf, Kept
 from service.compute.spectra import FrequencyAxis, encode
-from service.db.engine import Sessions
-from service.errors import Damaged, PayloadTooLarge
 from service.nouns.imports import intake
 from service.nouns.imports.operations import IMPORTS, Import
 from service.nouns.storage.originals import (
@@ -27,8 +24,11 @@ from service.nouns.storage.originals import (
     original_chunks,
     write_original,
 )
-from service.web.parameters import HEAVIEST_BYTES, paged
-from service.web.uploads import Spooled
+from service.platform.access import User
+from service.platform.db.engine import Sessions
+from service.platform.errors import Damaged, PayloadTooLarge
+from service.platform.web.parameters import HEAVIEST_BYTES, paged
+from service.platform.web.uploads import Spooled
 from tests.integration.test_db import fill
 
 

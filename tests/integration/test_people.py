@@ -16,14 +16,14 @@ from sqlalchemy import select, text
 from sqlalchemy.exc import DBAPIError, OperationalError
 from typer.testing import CliRunner
 
-from service.access import Member, Project, User
 from service.app.cli.command import app
 from service.app.doctor import Finding, examine
 from service.app.supervisor import LocalService
-from service.db.engine import Sessions, make_engine, make_sessions
-from service.jobs.queue import enqueue
 from service.nouns.structures.operations import structure_for
-from service.settings import Settings
+from service.platform.access import Member, Project, User
+from service.platform.db.engine import Sessions, make_engine, make_sessions
+from service.platform.queue.queue import enqueue
+from service.platform.settings import Settings
 from tests.support.job_kinds import KINDS
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_at, ok

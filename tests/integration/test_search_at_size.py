@@ -8,13 +8,13 @@ import pytest
 from sqlalchemy import Connection, Engine, event, text
 
 from benchmarks.search import QUESTIONS, filling
-from service.access import User
-from service.access.keys import user_named
 from service.app import composition
-from service.db.engine import Sessions
-from service.errors import Invalid
 from service.nouns.search.nouns import SEARCHED
 from service.nouns.search.operations import Search, SearchQuery, bounded
+from service.platform.access import User
+from service.platform.access.keys import user_named
+from service.platform.db.engine import Sessions
+from service.platform.errors import Invalid
 
 assert composition.ROUTERS  # so that every table is known
 

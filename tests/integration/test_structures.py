@@ -11,12 +11,12 @@ import psycopg
 import pytest
 from sqlalchemy import delete
 
-from service.access import Member, Project, User
 from service.app.demo import paper
 from service.app.supervisor import LocalService
-from service.db.engine import Sessions, psycopg_url
-from service.errors import NotFound
 from service.nouns.structures.operations import Structure, structure_for
+from service.platform.access import Member, Project, User
+from service.platform.db.engine import Sessions, psycopg_url
+from service.platform.errors import NotFound
 from tests.support.furnished import MODES, frfs, record
 from tests.support.laboratory import BEAM
 from tests.support.rest import RAW, client_of, every_page, finished, ok

@@ -17,9 +17,9 @@ from sqlalchemy import Engine, text
 
 from service.app.demo import paper
 from service.app.supervisor import LocalService
-from service.db.engine import psycopg_url
-from service.db.schema import upgrade
 from service.nouns.updating.document import VERSION
+from service.platform.db.engine import psycopg_url
+from service.platform.db.schema import upgrade
 from tests.integration.test_db import fill
 from tests.integration.test_records import npz, post, processed
 from tests.support.backups import RECIPE, small_file

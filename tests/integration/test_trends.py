@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 import modalbase
 from modalbase.client.errors import ClientError
 from service.app.supervisor import LocalService
-from service.db.engine import psycopg_url
 from service.nouns.updating.document import VERSION
+from service.platform.db.engine import psycopg_url
 from tests.support.command import modalbase_here
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, ok, session_client

@@ -23,8 +23,8 @@ from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
 from service.app.demo import paper
 from service.app.supervisor import LocalService
-from service.db.base import Base
-from service.errors import NotFinite
+from service.platform.db.base import Base
+from service.platform.errors import NotFinite
 from tests.support.cantilever import MEASURED_HZ
 from tests.support.rest import finished, mode_rows, ok, posted, result_of, session_client
 from tests.support.strips import NOMINAL, STRIP, measured

@@ -9,7 +9,7 @@ import pytest
 
 from fecore.errors import ModelError
 from fecore.updating.forecasts import ForecastOrder, forecast
-from service.errors import Invalid
+from service.platform.errors import Invalid
 from tests.support.imported import imported
 from tests.support.places import shared_file
 

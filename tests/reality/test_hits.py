@@ -16,7 +16,7 @@ from modalbase.formats.records.text import TextRecording, open_recording
 from modalbase.formats.tables import Stated
 from service.compute.arrays_of_files import FileDescription
 from service.compute.reading import ReadingInputs, read_upload
-from service.errors import Invalid
+from service.platform.errors import Invalid
 from tests.support.places import shared_file
 
 PLACES = {"force": {"point": 1, "direction": 3}, "acceleration": {"point": 2, "direction": 3}}

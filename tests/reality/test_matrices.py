@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fecore.errors import InputError
-from service.errors import Invalid
+from service.platform.errors import Invalid
 from tests.support.imported import Imported, imported, npz_of
 
 EI, MASS, LENGTH = 100.0, 1.0, 1.0  # N·m², kg/m, m

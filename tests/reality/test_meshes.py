@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from service.errors import Invalid
+from service.platform.errors import Invalid
 from tests.support.imported import imported
 from tests.support.places import shared_file
 

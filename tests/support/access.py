@@ -21,11 +21,11 @@ from uuid import uuid4
 import httpx
 from sqlalchemy import update
 
-from service.access.keys import SCOPES, create_key, user_named
-from service.access.tables import ApiKey, User
 from service.app.demo import paper
 from service.app.supervisor import LocalService
-from service.db.engine import Sessions, make_engine, make_sessions
+from service.platform.access.keys import SCOPES, create_key, user_named
+from service.platform.access.tables import ApiKey, User
+from service.platform.db.engine import Sessions, make_engine, make_sessions
 from tests.support import furnished
 from tests.support.furnished import BODIES, HOOK, furnish, record
 from tests.support.rest import RAW, client_of, posted

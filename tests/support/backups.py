@@ -23,9 +23,9 @@ from sqlalchemy import text
 from modalbase.formats.uff import Frf, GridPoint, read_file
 from modalbase.formats.uff.write import encode
 from service.app.demo import paper
-from service.db.opening import embedded_server
-from service.jobs.tables import Job
 from service.monitoring.scheduler import check
+from service.platform.db.opening import embedded_server
+from service.platform.queue.tables import Job
 from tests.support.floor import Floor, floor
 from tests.support.places import ROOT
 from tests.support.rest import RAW, posted

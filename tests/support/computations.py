@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fecore.errors import InputError, UpdatingError
-from service.jobs.kinds import Reporter
+from service.platform.queue.kinds import Reporter
 
 MIB = 1024 * 1024
 GATE = "MODALBASE_TEST_GATE"

@@ -5,7 +5,7 @@ connected.
 import psycopg
 from psycopg.sql import SQL
 
-from service.db.engine import psycopg_url
+from service.platform.db.engine import psycopg_url
 from tests.support.waiting import PATIENCE
 
 _PRINT = SQL(

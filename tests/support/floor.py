@@ -21,14 +21,14 @@ import httpx
 import psutil
 from sqlalchemy import func, select
 
-from service.access.keys import create_key, user_named
-from service.access.tables import AuditEvent
 from service.app.supervisor import environment, listening_socket
-from service.db.engine import make_engine, make_sessions
-from service.db.opening import embedded_server
-from service.db.schema import upgrade
-from service.jobs.tables import Job
-from service.settings import Settings
+from service.platform.access.keys import create_key, user_named
+from service.platform.access.tables import AuditEvent
+from service.platform.db.engine import make_engine, make_sessions
+from service.platform.db.opening import embedded_server
+from service.platform.db.schema import upgrade
+from service.platform.queue.tables import Job
+from service.platform.settings import Settings
 from tests.support import working
 from tests.support.job_kinds import ITEM
 from tests.support.places import ROOT

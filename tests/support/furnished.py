@@ -9,8 +9,8 @@ import httpx
 from sqlalchemy import insert
 
 from service.app.demo import paper
-from service.db.base import Base
-from service.db.engine import Sessions
+from service.platform.db.base import Base
+from service.platform.db.engine import Sessions
 from service.tasks.kinds import KINDS  # every table is imported by this
 from tests.support.rest import RAW, posted
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from service.app.supervisor import LocalService
-from service.db.engine import make_engine, make_sessions
+from service.platform.db.engine import make_engine, make_sessions
 from tests.support.furnished import furnish
 from tests.support.rest import client_of
 

@@ -9,10 +9,10 @@ from uuid import UUID
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.access.tables import AuditEvent
-from service.jobs.kinds import REQUESTS, JobKind
-from service.jobs.tables import Job
 from service.nouns.updating.tables import UpdateJob
+from service.platform.access.tables import AuditEvent
+from service.platform.queue.kinds import REQUESTS, JobKind
+from service.platform.queue.tables import Job
 from tests.support import computations
 
 ITEM = "test.item"
@@ -84,9 +84,9 @@ KINDS = {
 
 def work() -> None:
     """Be a worker of these kinds; settings from the environment."""
-    from service.jobs.worker import run_worker
-    from service.logs import configure_logs
-    from service.settings import Settings
+    from service.platform.logs import configure_logs
+    from service.platform.queue.worker import run_worker
+    from service.platform.settings import Settings
 
     configure_logs(Settings())
     run_worker(Settings(), tuple(KINDS.values()))

@@ -11,7 +11,7 @@ import pytest
 from psycopg.rows import dict_row
 
 from service.app.supervisor import LocalService
-from service.db.engine import psycopg_url
+from service.platform.db.engine import psycopg_url
 from tests.support import rest
 from tests.support.rest import ok
 

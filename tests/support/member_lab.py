@@ -16,8 +16,8 @@ from sqlalchemy import insert
 
 from examples import monitoring
 from examples.monitoring import State, measured_frfs, structure_body
-from service.db.base import Base
-from service.db.engine import Sessions
+from service.platform.db.base import Base
+from service.platform.db.engine import Sessions
 from tests.support.furnished import frfs, record
 from tests.support.members import Lab
 from tests.support.profiles import ANGLE

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from service.db.postgres import ACCOUNT, programs
+from service.platform.db.postgres import ACCOUNT, programs
 
 
 @contextmanager

@@ -15,13 +15,13 @@ from uuid import UUID
 import pytest
 from sqlalchemy import select
 
-from service.access.tables import AuditEvent, Project
 from service.app.supervisor import environment
-from service.db.engine import Sessions, make_engine, make_sessions
-from service.jobs.queue import enqueue
-from service.jobs.resource import job_state
-from service.jobs.tables import Job
-from service.settings import Settings
+from service.platform.access.tables import AuditEvent, Project
+from service.platform.db.engine import Sessions, make_engine, make_sessions
+from service.platform.queue.queue import enqueue
+from service.platform.queue.resource import job_state
+from service.platform.queue.tables import Job
+from service.platform.settings import Settings
 from tests.support import job_kinds
 from tests.support.computations import GATE
 from tests.support.places import ROOT

@@ -297,21 +297,21 @@ def lint(folder: Path) -> subprocess.CompletedProcess[str]:
 # A file, an import that is forbidden there, and the beginning of the contract's name.
 FAULTS = (
     ("fecore/body/mesh.py", "import sqlalchemy", "fecore: pure"),
-    ("fecore/body/mesh.py", "import service.settings", "fecore: pure"),
+    ("fecore/body/mesh.py", "import service.platform.settings", "fecore: pure"),
     ("fecore/body/laminate.py", "import fecore.body.model", "fecore.body:"),
     ("fecore/body/laminate.py", "import fecore.dynamics.eigen", "fecore: data flows one way"),
     ("fecore/dynamics/eigen.py", "import fecore.dynamics.reduction", "fecore.dynamics:"),
     ("fecore/correlation.py", "import fecore.modal", "fecore: data flows one way"),
-    ("service/db/engine.py", "import service.access.tables", "service: imports run downwards only"),
+    ("service/platform/db/engine.py", "import service.platform.access.tables", "service.platform: imports run downwards only"),
     ("service/nouns/structures/schemas.py", "import service.nouns.campaigns.schemas",
      "service.nouns: a noun needs only"),
     ("service/show/figures/marks.py", "import service.show.pages", "service: imports run downwards only"),
     ("service/app/doctor.py", "import service.app.supervisor", "service.app: imports run downwards only"),
-    ("service/jobs/child.py", "import service.app.application", "service: imports run downwards only"),
+    ("service/platform/queue/child.py", "import service.app.application", "service: imports run downwards only"),
     ("service/monitoring/runs.py", "from service.nouns.modes.operations import ModeSet", "tables: only"),
     ("service/nouns/frfs/data.py", "from service.nouns.structures.operations import Structure", "tables: only"),
     ("service/nouns/campaigns/schemas.py", "import service.nouns.frfs.schemas", "service.nouns: a noun needs only"),
-    ("modalbase/client/endpoint.py", "import service.settings", "modalbase: what a user imports"),
+    ("modalbase/client/endpoint.py", "import service.platform.settings", "modalbase: what a user imports"),
     ("modalbase/client/endpoint.py", "import numpy", "modalbase.client: HTTP alone"),
     ("modalbase/client/endpoint.py", "import modalbase.objects.files", "modalbase: commands on objects"),
     ("modalbase/objects/thing.py", "import modalbase.commands.app", "modalbase: commands on objects"),
@@ -355,7 +355,7 @@ def test_the_service_starts_without_what_only_some_jobs_need() -> None:
         "matplotlib",
     )
     worker, web = (
-        "service.jobs.worker, service.tasks.kinds, service.monitoring.scheduler",
+        "service.platform.queue.worker, service.tasks.kinds, service.monitoring.scheduler",
         ("fastapi", "starlette"),
     )
     script = (

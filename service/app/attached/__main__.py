@@ -12,7 +12,7 @@ from service.app.serving import serve, work
 
 def main() -> None:
     """Run it; what goes wrong on purpose is one line on standard error."""
-    from service.settings import Settings
+    from service.platform.settings import Settings
 
     name, descriptor = sys.argv[1], int(sys.argv[2])
     with ending():

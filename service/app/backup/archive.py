@@ -25,7 +25,7 @@ from sqlalchemy import Connection, Engine, MetaData, Table, func, select, text
 
 from fecore import __version__
 from service.app.backup.verification import find_damage
-from service.db.schema import require_known
+from service.platform.db.schema import require_known
 
 MANIFEST = "manifest.json"
 FORMAT = 1

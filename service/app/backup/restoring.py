@@ -26,8 +26,8 @@ from service.app.backup.archive import (
     read_manifest,
 )
 from service.app.backup.verification import find_damage, first_line
-from service.db.schema import SchemaError, require_readable, upgrade_on, upgrading
-from service.jobs.queue import queue_again
+from service.platform.db.schema import SchemaError, require_readable, upgrade_on, upgrading
+from service.platform.queue.queue import queue_again
 
 
 def restore_backup(engine: Engine, file: Path, watch: Watch | None = None) -> Manifest:

@@ -14,7 +14,7 @@ from service.app.cli.ending import stop_with
 from service.app.cli.options import Data, settings_of_running
 
 if TYPE_CHECKING:
-    from service.settings import Settings
+    from service.platform.settings import Settings
 
 commands = typer.Typer()
 db = typer.Typer(help="The database's schema.", no_args_is_help=True)
@@ -29,7 +29,7 @@ def backup(
     meanwhile.
     """
     from service.app.backup.archive import write_backup
-    from service.db.opening import opened_engine
+    from service.platform.db.opening import opened_engine
 
     with opened_engine(_existing(data), migrate_new=False) as engine, transfer(file.name) as watch:
         manifest = write_backup(engine, file, watch)
@@ -53,7 +53,7 @@ def restore(
     nothing.
     """
     from service.app.backup.restoring import restore_backup
-    from service.db.opening import opened_engine
+    from service.platform.db.opening import opened_engine
 
     with (
         opened_engine(settings_of_running(data), migrate_new=False) as engine,
@@ -77,8 +77,8 @@ def verify(data: Data = None) -> None:
     damaged.
     """
     from service.app.backup.verification import find_damage
-    from service.db.opening import opened_engine
-    from service.db.schema import require_known
+    from service.platform.db.opening import opened_engine
+    from service.platform.db.schema import require_known
 
     with (
         opened_engine(_existing(data), migrate_new=False) as engine,
@@ -123,8 +123,8 @@ def _existing(data: Path | None) -> Settings:
 @db.command("upgrade")
 def db_upgrade(data: Data = None) -> None:
     """Bring the database's schema to this version's."""
-    from service.db.opening import opened_engine
-    from service.db.schema import current_revision, upgrade
+    from service.platform.db.opening import opened_engine
+    from service.platform.db.schema import current_revision, upgrade
 
     with opened_engine(settings_of_running(data)) as engine:
         upgrade(engine)
@@ -134,8 +134,8 @@ def db_upgrade(data: Data = None) -> None:
 @db.command("current")
 def db_current(data: Data = None) -> None:
     """Print the revision that the database is at; exit 1 where it is not this version's."""
-    from service.db.opening import opened_engine
-    from service.db.schema import current_revision, require_head
+    from service.platform.db.opening import opened_engine
+    from service.platform.db.schema import current_revision, require_head
 
     with opened_engine(settings_of_running(data)) as engine:
         typer.echo(current_revision(engine) or "empty")

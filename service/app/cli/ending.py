@@ -56,10 +56,10 @@ def _known(error: Exception) -> tuple[str, int] | None:
 
     from service.app.backup.archive import BackupError
     from service.app.supervisor import StartError
-    from service.db.engine import DatabaseUrlError
-    from service.db.opening import DataFolderError
-    from service.db.schema import SchemaError
-    from service.errors import ServiceError
+    from service.platform.db.engine import DatabaseUrlError
+    from service.platform.db.opening import DataFolderError
+    from service.platform.db.schema import SchemaError
+    from service.platform.errors import ServiceError
 
     if isinstance(
         error,

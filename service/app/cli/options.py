@@ -18,7 +18,7 @@ def settings_of(**given: Any) -> Any:
     """Settings of the environment, with what the command line says instead."""
     from pydantic import ValidationError
 
-    from service.settings import Settings, SettingsFileError
+    from service.platform.settings import Settings, SettingsFileError
 
     try:
         return Settings(**{name: value for name, value in given.items() if value is not None})

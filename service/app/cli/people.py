@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sqlalchemy.orm import Session
 
     from modalbase.objects.laboratory import Laboratory
-    from service.access import User
+    from service.platform.access import User
 
 Remote = Annotated[
     bool,
@@ -54,9 +54,9 @@ users = typer.Typer(help="Users.", no_args_is_help=True)
 @contextmanager
 def _transaction(data: Path | None) -> Iterator[Session]:
     """A transaction on the database that the settings mean, or that of the service which runs."""
-    from service.db.engine import make_sessions
-    from service.db.opening import opened_engine
-    from service.db.schema import require_head
+    from service.platform.db.engine import make_sessions
+    from service.platform.db.opening import opened_engine
+    from service.platform.db.schema import require_head
 
     with opened_engine(settings_of_running(data)) as engine:
         require_head(engine)
@@ -68,7 +68,7 @@ def _name(text: str) -> str:
     """A name as REST takes it."""
     from pydantic import TypeAdapter, ValidationError
 
-    from service.web.bodies import Name
+    from service.platform.web.bodies import Name
 
     try:
         return TypeAdapter[str](Name).validate_python(text)
@@ -98,8 +98,8 @@ def create(
     url: Url = None,
 ) -> None:
     """Make an API key and print it, alone on standard output. Works while the service runs."""
-    from service.access import audit
-    from service.access.keys import SCOPES, create_key, user_named
+    from service.platform.access import audit
+    from service.platform.access.keys import SCOPES, create_key, user_named
 
     scopes = list(dict.fromkeys(scope or SCOPES))
     if unknown := set(scopes) - set(SCOPES):
@@ -122,7 +122,7 @@ def list_keys(data: Data = None, remote: Remote = False, url: Url = None) -> Non
     """
     from sqlalchemy import select
 
-    from service.access import ApiKey, User
+    from service.platform.access import ApiKey, User
 
     if (lab := remote_laboratory(remote, url)) is not None:
         with lab:
@@ -174,7 +174,7 @@ def revoke(
     """Revoke an API key: from now on it opens nothing."""
     from sqlalchemy import func, select
 
-    from service.access import ApiKey, audit
+    from service.platform.access import ApiKey, audit
 
     if (lab := remote_laboratory(remote, url)) is not None:
         with lab:
@@ -196,7 +196,7 @@ def list_users(data: Data = None, remote: Remote = False, url: Url = None) -> No
     """
     from sqlalchemy import select
 
-    from service.access import User
+    from service.platform.access import User
 
     if (lab := remote_laboratory(remote, url)) is not None:
         with lab:
@@ -240,7 +240,7 @@ def demote(name: str, data: Data = None) -> None:
 
 
 def _set_administrator(name: str, data: Path | None, *, administrator: bool) -> None:
-    from service.access import audit
+    from service.platform.access import audit
 
     with _transaction(data) as session:
         user = _user(session, name)
@@ -251,7 +251,7 @@ def _set_administrator(name: str, data: Path | None, *, administrator: bool) -> 
 def _set_disabled(name: str, data: Path | None, lab: Laboratory | None, *, disabled: bool) -> None:
     from sqlalchemy import func
 
-    from service.access import audit
+    from service.platform.access import audit
 
     if lab is not None:
         with lab:
@@ -266,7 +266,7 @@ def _set_disabled(name: str, data: Path | None, lab: Laboratory | None, *, disab
 def _user(session: Session, name: str) -> User:
     from sqlalchemy import select
 
-    from service.access import User
+    from service.platform.access import User
 
     user = session.scalars(select(User).where(User.name == name)).one_or_none()
     if user is None:

@@ -22,7 +22,7 @@ from modalbase.objects.jobs import UpdateJob, Watch
 from service.app.demo import paper
 from service.app.demo.paper import UPDATED
 from service.app.supervisor import LocalService
-from service.settings import Settings
+from service.platform.settings import Settings
 
 
 @dataclass

@@ -17,7 +17,7 @@ from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.model import FiniteElementModel
 from modalbase.formats.npy import members_of
 from service.compute.models.meshes import MESHES
-from service.errors import Fault, Invalid
+from service.platform.errors import Fault, Invalid
 
 ZIP, NPZ = ".zip", ".npz"
 """End of the name of an archive of a deck and what it includes, or of matrices; and of matrices in

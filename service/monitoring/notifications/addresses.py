@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network, IPv6Address, IPv6Network, ip_address, ip_network
 from typing import TYPE_CHECKING
 
-from service.settings import Settings
+from service.platform.settings import Settings
 
 if TYPE_CHECKING:
     import httpx

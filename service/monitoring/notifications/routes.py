@@ -10,7 +10,11 @@ from pydantic import ConfigDict, Field, field_validator
 from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
-from service.access import (
+from service.monitoring.notifications.addresses import AddressError, parse_url
+from service.monitoring.notifications.channels.webhook import WEBHOOK, new_secret
+from service.monitoring.notifications.messages import EVENTS, Event, trial_message
+from service.monitoring.notifications.tables import Delivery, Webhook
+from service.platform.access import (
     CurrentUser,
     Lookup,
     Role,
@@ -21,12 +25,8 @@ from service.access import (
     project_for,
     projects_of,
 )
-from service.errors import Conflict, Invalid, NotFound
-from service.monitoring.notifications.addresses import AddressError, parse_url
-from service.monitoring.notifications.channels.webhook import WEBHOOK, new_secret
-from service.monitoring.notifications.messages import EVENTS, Event, trial_message
-from service.monitoring.notifications.tables import Delivery, Webhook
-from service.web import (
+from service.platform.errors import Conflict, Invalid, NotFound
+from service.platform.web import (
     Cursor,
     Id,
     Limit,
@@ -38,7 +38,7 @@ from service.web import (
     paged,
     wrong,
 )
-from service.web.bodies import SOME_ID
+from service.platform.web.bodies import SOME_ID
 
 router = api_router(tags=["webhooks"])
 

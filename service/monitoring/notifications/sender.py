@@ -28,11 +28,11 @@ from sqlalchemy.dialects.postgresql import distinct_on
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from service.db.engine import Sessions
 from service.monitoring.notifications.channels import CHANNELS
 from service.monitoring.notifications.channels.channel import Outcome, Receiver
 from service.monitoring.notifications.tables import Delivery, Webhook
-from service.settings import Settings
+from service.platform.db.engine import Sessions
+from service.platform.settings import Settings
 
 log = structlog.stdlib.get_logger("modalbase.delivery")
 

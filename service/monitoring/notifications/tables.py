@@ -7,7 +7,7 @@ from uuid import UUID
 from sqlalchemy import CheckConstraint, ForeignKey, Index, func, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.db.base import Base, Identified
+from service.platform.db.base import Base, Identified
 
 
 class Webhook(Identified, Base):

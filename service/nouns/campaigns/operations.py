@@ -14,12 +14,7 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.points import read_points
-from service.access import Lookup, User
-from service.access.metadata_schema import require_metadata
 from service.compute.frame import SPECIMEN, Frame, make_frame
-from service.db.base import Base, Big, Identified, Labelled, label_indexes, transaction_time
-from service.db.bytea import copy_rows
-from service.errors import MOST_FAULTS, Fault, Invalid
 from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.schemas import (
     CampaignIn,
@@ -32,7 +27,19 @@ from service.nouns.campaigns.schemas import (
     Instruments,
 )
 from service.nouns.structures.operations import structure_for
-from service.web import shown_as
+from service.platform.access import Lookup, User
+from service.platform.access.metadata_schema import require_metadata
+from service.platform.db.base import (
+    Base,
+    Big,
+    Identified,
+    Labelled,
+    label_indexes,
+    transaction_time,
+)
+from service.platform.db.bytea import copy_rows
+from service.platform.errors import MOST_FAULTS, Fault, Invalid
+from service.platform.web import shown_as
 
 WORDS = (
     "(to_tsvector('simple'::regconfig, (name::text || ' '::text) || notes::text)"

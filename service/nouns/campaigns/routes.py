@@ -5,9 +5,6 @@ from uuid import UUID
 
 from fastapi import Query, Request, Response
 
-from service.access import CurrentUser, SessionDep, SettingsDep, api_router
-from service.access.nouns import NounRoutes
-from service.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
 from service.nouns.campaigns import operations
 from service.nouns.campaigns.schemas import (
     CampaignIn,
@@ -16,12 +13,15 @@ from service.nouns.campaigns.schemas import (
     GridPoints,
     GridPointsPage,
 )
-from service.web import IF_MATCH, Cursor, etag_of, require_match
-from service.web.json_body import BULK_VALUES, checked, parse_json
-from service.web.openapi import TEXT, reads
-from service.web.parameters import form_of
-from service.web.routing import require_used
-from service.web.uploads import UploadDep
+from service.platform.access import CurrentUser, SessionDep, SettingsDep, api_router
+from service.platform.access.nouns import NounRoutes
+from service.platform.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
+from service.platform.web import IF_MATCH, Cursor, etag_of, require_match
+from service.platform.web.json_body import BULK_VALUES, checked, parse_json
+from service.platform.web.openapi import TEXT, reads
+from service.platform.web.parameters import form_of
+from service.platform.web.routing import require_used
+from service.platform.web.uploads import UploadDep
 
 router = api_router(tags=["campaigns"])
 nouns = NounRoutes(

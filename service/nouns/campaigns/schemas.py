@@ -11,7 +11,7 @@ from fecore.updating.inputs import SOFTEST_CLAMP
 from service.compute.frame import make_frame
 from service.nouns.campaigns.climate import Climate
 from service.nouns.structures.schemas import Deviation
-from service.web import (
+from service.platform.web import (
     LongList,
     Name,
     RequestModel,
@@ -22,8 +22,8 @@ from service.web import (
     not_null,
     wrong,
 )
-from service.web.bodies import Details, Meta, Tags, whole
-from service.web.quantities import SENSOR_MASS
+from service.platform.web.bodies import Details, Meta, Tags, whole
+from service.platform.web.quantities import SENSOR_MASS
 
 Boundary = Literal["cantilever", "free", "simply_supported", "as_modelled"]
 Point = Annotated[

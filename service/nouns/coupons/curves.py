@@ -13,9 +13,9 @@ from sqlalchemy import ForeignKey, LargeBinary
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
-from service.db.base import Base
-from service.errors import NotFound, verified
 from service.nouns.coupons.schemas import CouponCurveOut, CurveCouponIn, CurveFile
+from service.platform.db.base import Base
+from service.platform.errors import NotFound, verified
 
 if TYPE_CHECKING:
     from service.nouns.coupons.operations import Coupon

@@ -24,9 +24,6 @@ from fecore.coupons.batch import (
     statistics,
 )
 from fecore.errors import InputError
-from service.access import Lookup, User
-from service.db.base import Base, Identified
-from service.errors import Conflict, Fault, Invalid
 from service.nouns.coupons.curves import CouponCurve, new_curve
 from service.nouns.coupons.reduction import Reduced
 from service.nouns.coupons.schemas import (
@@ -44,7 +41,10 @@ from service.nouns.coupons.schemas import (
 from service.nouns.storage import book
 from service.nouns.structures.models import sets_of
 from service.nouns.structures.operations import structure_for
-from service.web import shown_as
+from service.platform.access import Lookup, User
+from service.platform.db.base import Base, Identified
+from service.platform.errors import Conflict, Fault, Invalid
+from service.platform.web import shown_as
 
 if TYPE_CHECKING:
     from service.nouns.coupons.routes import RawCurve

@@ -17,10 +17,6 @@ from fastapi import Depends, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import JSONResponse
 
-from service.access import CurrentUser, SessionDep, SettingsDep, api_router
-from service.access.nouns import NounRoutes
-from service.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
-from service.jobs.subprocess_read import read_in_subprocess
 from service.nouns.coupons import curves, operations
 from service.nouns.coupons.reduction import Reduced, reduce_curve
 from service.nouns.coupons.schemas import (
@@ -33,12 +29,16 @@ from service.nouns.coupons.schemas import (
     ExclusionIn,
     Summary,
 )
-from service.web import IF_MATCH, Confirm, Page, etag_of, require_match, require_usual
-from service.web.admission import without_slot
-from service.web.json_body import checked, parse_json
-from service.web.negotiation import content_type, is_json
-from service.web.openapi import BINARY, reads
-from service.web.uploads import multipart
+from service.platform.access import CurrentUser, SessionDep, SettingsDep, api_router
+from service.platform.access.nouns import NounRoutes
+from service.platform.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
+from service.platform.queue.subprocess_read import read_in_subprocess
+from service.platform.web import IF_MATCH, Confirm, Page, etag_of, require_match, require_usual
+from service.platform.web.admission import without_slot
+from service.platform.web.json_body import checked, parse_json
+from service.platform.web.negotiation import content_type, is_json
+from service.platform.web.openapi import BINARY, reads
+from service.platform.web.uploads import multipart
 
 MOST_COUPONS = 1000
 

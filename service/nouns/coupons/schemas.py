@@ -14,8 +14,8 @@ from fecore.coupons.curves import Ends
 from fecore.errors import InputError
 from fecore.quantities import Quantity
 from modalbase.formats.machine_csv import factor
-from service.web import Name, RequestModel, StrictModel, Text, example, wrong
-from service.web.quantities import (
+from service.platform.web import Name, RequestModel, StrictModel, Text, example, wrong
+from service.platform.web.quantities import (
     COUPON_SIZE,
     MODULUS,
     MODULUS_SD,

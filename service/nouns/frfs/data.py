@@ -19,13 +19,13 @@ from fecore.frf import Dof, FrfSet
 from modalbase.formats.frfs import Frfs, table
 from service.compute.frame import Frame
 from service.compute.spectra import FrequencyAxis, Spectrum, decode
-from service.db.bytea import stream_rows
-from service.errors import Conflict, Invalid
 from service.nouns.campaigns.operations import campaign_of, frame_of, stored_points
 from service.nouns.campaigns.schemas import AddedMass, CampaignInputs, Instruments
 from service.nouns.frfs.operations import Frf, frf_for
 from service.nouns.structures.operations import present_structure
 from service.nouns.structures.schemas import StructureIn
+from service.platform.db.bytea import stream_rows
+from service.platform.errors import Conflict, Invalid
 
 if TYPE_CHECKING:
     from service.nouns.campaigns.operations import Campaign

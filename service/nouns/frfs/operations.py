@@ -34,17 +34,17 @@ from sqlalchemy.orm import Mapped, Session, aliased, mapped_column
 from fecore.arrays import FloatArray
 from fecore.signal import Averages
 from modalbase.formats.frfs.table import DOFS, UNITS
-from service.access import Lookup, User, present
-from service.access.metadata_schema import require_metadata
 from service.compute.frf_rows import COLUMNS, coherence_columns
 from service.compute.spectra import encode, encode_axis
-from service.db.base import Base, Big, Identified, Labelled, label_indexes
-from service.db.bytea import copy_rows, new_keys
 from service.nouns.campaigns.operations import campaign_for, campaign_of
 from service.nouns.frfs.schemas import FrfOut
 from service.nouns.storage import book
-from service.web import shown_as
-from service.web.bodies import Labels
+from service.platform.access import Lookup, User, present
+from service.platform.access.metadata_schema import require_metadata
+from service.platform.db.base import Base, Big, Identified, Labelled, label_indexes
+from service.platform.db.bytea import copy_rows, new_keys
+from service.platform.web import shown_as
+from service.platform.web.bodies import Labels
 
 if TYPE_CHECKING:
     from service.nouns.campaigns.operations import Campaign

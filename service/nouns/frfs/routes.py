@@ -18,8 +18,6 @@ from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
 from modalbase.formats.registry import WRITERS
-from service.access import CurrentUser, SessionDep, api_router, present
-from service.errors import Invalid, NotFound
 from service.nouns.campaigns.operations import campaign_for, stored_points
 from service.nouns.frfs import operations
 from service.nouns.frfs.data import (
@@ -33,10 +31,12 @@ from service.nouns.frfs.data import (
 )
 from service.nouns.frfs.operations import Frf
 from service.nouns.frfs.schemas import FrfOut, LabelledFrfs
-from service.web import Cursor, Limit, Page, paged
-from service.web.bodies import Labels
-from service.web.downloads import fits_memory, in_memory, spooled
-from service.web.parameters import form_of, not_modified
+from service.platform.access import CurrentUser, SessionDep, api_router, present
+from service.platform.errors import Invalid, NotFound
+from service.platform.web import Cursor, Limit, Page, paged
+from service.platform.web.bodies import Labels
+from service.platform.web.downloads import fits_memory, in_memory, spooled
+from service.platform.web.parameters import form_of, not_modified
 
 Table = FrfTable | PredictedTable
 

@@ -17,10 +17,10 @@ from fecore.frf import Quantity
 from modalbase.formats.frfs import FrfRow, Frfs
 from modalbase.formats.frfs.table import DOFS
 from service.compute.frf_rows import COLUMNS, encoded
-from service.errors import Invalid
 from service.nouns.campaigns.schemas import Point
-from service.web import LongList, RequestModel, StrictModel, example, wrong
-from service.web.json_body import BULK_VALUES, checked, parse_json
+from service.platform.errors import Invalid
+from service.platform.web import LongList, RequestModel, StrictModel, example, wrong
+from service.platform.web.json_body import BULK_VALUES, checked, parse_json
 
 Direction = Annotated[
     int, Field(ge=-6, le=6, description="±1 … ±3 along x, y, z, ±4 … ±6 about them")

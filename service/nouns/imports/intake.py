@@ -29,7 +29,6 @@ from service.compute.arrays_of_files import FileDescription
 from service.compute.frf_rows import EncodedFrf
 from service.compute.models.alignment import distances
 from service.compute.reading import Kept
-from service.errors import Conflict, Invalid, PayloadTooLarge
 from service.nouns.campaigns.operations import (
     add_points,
     campaign_for,
@@ -43,6 +42,7 @@ from service.nouns.records.operations import RecordIntake
 from service.nouns.storage import book
 from service.nouns.structures.models import body_in_space
 from service.nouns.structures.operations import present_structure
+from service.platform.errors import Conflict, Invalid, PayloadTooLarge
 
 SAME_POINT_M = 1e-6
 """Coordinates of one point in two files may differ by this: a file may have them in single

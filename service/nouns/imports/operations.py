@@ -12,13 +12,7 @@ from sqlalchemy import ForeignKey, Index, Select, func, select
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from service.access import Lookup, User
 from service.compute.reading import Kept, ReadingInputs, read_upload
-from service.db.base import Base, one_at_a_time
-from service.errors import Conflict
-from service.jobs.kinds import REQUESTS
-from service.jobs.resource import ENDED, JobNoun
-from service.jobs.tables import Job
 from service.nouns.campaigns.operations import campaign_for, campaign_of
 from service.nouns.frfs.operations import quantities_of, remove_frfs, writing_frfs
 from service.nouns.imports.intake import Intake
@@ -32,10 +26,16 @@ from service.nouns.storage.originals import (
     write_original,
 )
 from service.nouns.structures.models import models_files
+from service.platform.access import Lookup, User
+from service.platform.db.base import Base, one_at_a_time
+from service.platform.errors import Conflict
+from service.platform.queue.kinds import REQUESTS
+from service.platform.queue.resource import ENDED, JobNoun
+from service.platform.queue.tables import Job
 
 if TYPE_CHECKING:
     from service.nouns.campaigns.operations import Campaign
-    from service.web.uploads import Spooled
+    from service.platform.web.uploads import Spooled
 
 
 class Import(Base):

@@ -14,12 +14,6 @@ from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
 from modalbase.formats.registry import FORMATS, Kind, either, looked_at, titles
-from service.access import CurrentUser, Lookup, SessionDep, User, api_router, project_for
-from service.access.lookup import projects
-from service.errors import Invalid
-from service.jobs.queue import cancel_purged
-from service.jobs.resource import JobOut
-from service.jobs.routes import JobRoutes
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.imports import operations
 from service.nouns.imports.operations import Import
@@ -29,12 +23,18 @@ from service.nouns.records.schemas import Proposal, StoredRecords
 from service.nouns.storage.originals import copy_original, forget_originals, original_sizes
 from service.nouns.structures.models import models_files
 from service.nouns.structures.operations import structure_for
-from service.web import StrictModel
-from service.web.downloads import spooled
-from service.web.json_body import parse_parameter
-from service.web.openapi import reads, upload
-from service.web.parameters import not_modified
-from service.web.uploads import FilenameQuery, Upload, UploadDep
+from service.platform.access import CurrentUser, Lookup, SessionDep, User, api_router, project_for
+from service.platform.access.lookup import projects
+from service.platform.errors import Invalid
+from service.platform.queue.queue import cancel_purged
+from service.platform.queue.resource import JobOut
+from service.platform.queue.routes import JobRoutes
+from service.platform.web import StrictModel
+from service.platform.web.downloads import spooled
+from service.platform.web.json_body import parse_parameter
+from service.platform.web.openapi import reads, upload
+from service.platform.web.parameters import not_modified
+from service.platform.web.uploads import FilenameQuery, Upload, UploadDep
 
 
 class DatasetOutcome(StrictModel):

@@ -20,22 +20,7 @@ from sqlalchemy.orm import Session
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import Variables
 from modalbase.formats.registry import FORMATS, JSON, MEMBERS, Format, Kind, of_bodies
-from service.access import CurrentUser, SessionDep, SettingsDep, User, api_router
-from service.access.dependencies import Beforehand
-from service.access.once import KeyHeader, digest_of, keep, made_before
 from service.compute.arrays_of_files import hits_of
-from service.errors import (
-    Conflict,
-    Fault,
-    Invalid,
-    PayloadTooLarge,
-    ServiceError,
-    Unavailable,
-    UnsupportedMediaType,
-)
-from service.jobs.events import ChangesDep, shown
-from service.jobs.subprocess_read import read_in_subprocess
-from service.jobs.tables import Job
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.frfs import operations as frfs
 from service.nouns.frfs.schemas import FrfOut, FrfsIn, write_rows
@@ -52,10 +37,25 @@ from service.nouns.imports.routes import (
 from service.nouns.records import operations as records
 from service.nouns.records.processings import judged
 from service.nouns.records.schemas import Proposal, StoredRecords, from_json
-from service.web import Page, shown_as
-from service.web.admission import without_slot
-from service.web.openapi import BINARY, TEXT, reads
-from service.web.uploads import FilenameQuery, Spooled, UploadDep
+from service.platform.access import CurrentUser, SessionDep, SettingsDep, User, api_router
+from service.platform.access.dependencies import Beforehand
+from service.platform.access.once import KeyHeader, digest_of, keep, made_before
+from service.platform.errors import (
+    Conflict,
+    Fault,
+    Invalid,
+    PayloadTooLarge,
+    ServiceError,
+    Unavailable,
+    UnsupportedMediaType,
+)
+from service.platform.queue.events import ChangesDep, shown
+from service.platform.queue.subprocess_read import read_in_subprocess
+from service.platform.queue.tables import Job
+from service.platform.web import Page, shown_as
+from service.platform.web.admission import without_slot
+from service.platform.web.openapi import BINARY, TEXT, reads
+from service.platform.web.uploads import FilenameQuery, Spooled, UploadDep
 
 router = api_router(tags=[])
 

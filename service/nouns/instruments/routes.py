@@ -17,11 +17,11 @@ from sqlalchemy import ForeignKey, UniqueConstraint, func
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from service.access import Lookup, User, api_router, project_for
-from service.access.nouns import NounRoutes
-from service.db.base import Base, Identified
-from service.errors import Conflict
-from service.web import Day, Name, RequestModel, Text, example, not_null, shown_as, wrong
+from service.platform.access import Lookup, User, api_router, project_for
+from service.platform.access.nouns import NounRoutes
+from service.platform.db.base import Base, Identified
+from service.platform.errors import Conflict
+from service.platform.web import Day, Name, RequestModel, Text, example, not_null, shown_as, wrong
 
 router = api_router(tags=["instruments"])
 Kind = Literal["hammer", "sensor", "analyser"]

@@ -15,12 +15,12 @@ from fecore.arrays import ComplexArray
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from modalbase.formats.uff import ModeShape
-from service.access import Lookup, User, present
-from service.db.base import Base, Identified, one_at_a_time
 from service.nouns.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.nouns.modes.schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, ShapeValue
 from service.nouns.storage import book
-from service.web import shown_as
+from service.platform.access import Lookup, User, present
+from service.platform.db.base import Base, Identified, one_at_a_time
+from service.platform.web import shown_as
 
 
 class ModeSet(Identified, Base):

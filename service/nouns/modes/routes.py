@@ -16,9 +16,6 @@ from sqlalchemy.orm import Session
 from fecore.errors import InputError
 from modalbase.formats import uff
 from modalbase.formats.uff.write import encode
-from service.access import CurrentUser, SessionDep, User, api_router
-from service.access.nouns import NounRoutes
-from service.errors import Conflict
 from service.nouns.campaigns.operations import campaign_for, campaign_of, stored_points
 from service.nouns.modes import operations
 from service.nouns.modes.operations import (
@@ -31,8 +28,11 @@ from service.nouns.modes.operations import (
 )
 from service.nouns.modes.schemas import DecisionIn, EditIn, ModeSetIn, ModeSetOut
 from service.nouns.storage import book
-from service.web.downloads import spooled
-from service.web.parameters import form_of
+from service.platform.access import CurrentUser, SessionDep, User, api_router
+from service.platform.access.nouns import NounRoutes
+from service.platform.errors import Conflict
+from service.platform.web.downloads import spooled
+from service.platform.web.parameters import form_of
 
 router = api_router(tags=["mode sets"], bulk=True)
 

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator
 from fecore.errors import InputError
 from fecore.modal import Options
 from service.nouns.campaigns.schemas import Point
-from service.web import LongList, Name, RequestModel, StrictModel, example, wrong
+from service.platform.web import LongList, Name, RequestModel, StrictModel, example, wrong
 
 Origin = Literal["typed", "file", "identified", "edited"]
 

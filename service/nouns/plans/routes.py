@@ -17,11 +17,8 @@ from fecore.coupons.batch import Statistics, prior
 from fecore.errors import OffSpecimenError, within
 from fecore.updating.campaigns import Campaign, usual_parameters
 from fecore.updating.plans import PlannedCoupons, PlannedTest
-from service.access import CurrentUser, SessionDep, User, api_router
 from service.compute.models.bodies import AS_MODELLED
 from service.compute.planning import PlanOrder, compute_plan
-from service.errors import Invalid
-from service.jobs.subprocess_read import read_in_subprocess
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.campaigns.schemas import AddedMass, Boundary
 from service.nouns.coupons.schemas import Constant
@@ -33,7 +30,10 @@ from service.nouns.updating.bodies import coupon_constants
 from service.nouns.updating.loading import carried_masses, joint_body, modes_in_frame
 from service.nouns.updating.operations import check_mode_set
 from service.nouns.updating.schemas import USUAL, InputsIn
-from service.web import Id, Name, RequestModel, StrictModel, example
+from service.platform.access import CurrentUser, SessionDep, User, api_router
+from service.platform.errors import Invalid
+from service.platform.queue.subprocess_read import read_in_subprocess
+from service.platform.web import Id, Name, RequestModel, StrictModel, example
 
 router = api_router(tags=["update jobs"])
 

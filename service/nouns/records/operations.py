@@ -30,16 +30,16 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
 from modalbase.formats.records import TimeBlock
-from service.access import Lookup, User
 from service.compute.hits import BlockRow, Place
 from service.compute.spectra import encode
-from service.db.base import Base, Big, Identified
-from service.db.bytea import copy_rows, new_keys, stream_rows
-from service.errors import Conflict, Damaged, verified
 from service.nouns.campaigns.operations import campaign_for, campaign_of
 from service.nouns.records.schemas import UNITS, RecordOut
 from service.nouns.storage import book
-from service.web import shown_as
+from service.platform.access import Lookup, User
+from service.platform.db.base import Base, Big, Identified
+from service.platform.db.bytea import copy_rows, new_keys, stream_rows
+from service.platform.errors import Conflict, Damaged, verified
+from service.platform.web import shown_as
 
 
 class Record(Identified, Base):

@@ -18,15 +18,12 @@ from fecore import signal
 from fecore.body.sections import section
 from fecore.errors import InputError
 from fecore.frf import Dof
-from service.access import Lookup, User
-from service.access.users import first_event
 from service.compute.hits import BlockRow, Place, by_sensors, describe_verdict, hits_of, whole
 from service.compute.processing import (
     PointFile,
     ProcessingInputs,
     ProcessingOutput,
 )
-from service.db.base import Base, Big, Identified, one_at_a_time
 from service.nouns.campaigns.operations import campaign_for, campaign_of
 from service.nouns.frfs.data import specimen_points
 from service.nouns.frfs.operations import (
@@ -46,7 +43,10 @@ from service.nouns.records.schemas import (
     StoredRecords,
 )
 from service.nouns.structures.operations import present_structure
-from service.web import shown_as
+from service.platform.access import Lookup, User
+from service.platform.access.users import first_event
+from service.platform.db.base import Base, Big, Identified, one_at_a_time
+from service.platform.web import shown_as
 
 
 class HitDecision(Identified, Base):

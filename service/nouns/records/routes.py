@@ -9,7 +9,6 @@ import numpy as np
 from fastapi import Query, Response
 from fastapi.responses import JSONResponse
 
-from service.access import CurrentUser, SessionDep, api_router
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.records import operations
 from service.nouns.records.processings import decide, decisions_of
@@ -19,7 +18,8 @@ from service.nouns.records.schemas import (
     HitDecisionOut,
     RecordOut,
 )
-from service.web import Cursor, Limit, Page, paged, shown_as
+from service.platform.access import CurrentUser, SessionDep, api_router
+from service.platform.web import Cursor, Limit, Page, paged, shown_as
 
 router = api_router(tags=["records"])
 

@@ -10,12 +10,12 @@ from pydantic import Field
 from fecore.signal import FALSE_DISCOVERY, Estimator, Processing, Windows
 from fecore.signal.reasons import Criterion
 from modalbase.formats.records import Variables
-from service.errors import Invalid, pointer
-from service.jobs.resource import JobOut
 from service.nouns.campaigns.schemas import Point
 from service.nouns.frfs.schemas import Direction
-from service.web import LongList, RequestModel, StrictModel, example
-from service.web.json_body import parse_json
+from service.platform.errors import Invalid, pointer
+from service.platform.queue.resource import JobOut
+from service.platform.web import LongList, RequestModel, StrictModel, example
+from service.platform.web.json_body import parse_json
 
 ChannelQuantity = Literal["force", "acceleration", "velocity", "displacement"]
 UNITS: dict[str, str] = {

@@ -9,9 +9,9 @@ from typing import Any, Literal
 
 from sqlalchemy import ColumnElement, FromClause, select
 
-from service.access import present
-from service.db.base import Base
-from service.errors import Invalid
+from service.platform.access import present
+from service.platform.db.base import Base
+from service.platform.errors import Invalid
 
 Kind = Literal["text", "number", "whole", "time", "truth", "id", "tags", "json"]
 META = "meta"

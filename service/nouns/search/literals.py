@@ -36,8 +36,8 @@ from sqlalchemy import (
 )
 from sqlalchemy.dialects.postgresql import JSONB
 
-from service.errors import Invalid
 from service.nouns.search.fields import Field, Kind
+from service.platform.errors import Invalid
 
 EXPECTED: dict[Kind, str] = {
     "text": "a text in single quotes",

@@ -29,12 +29,12 @@ from sqlalchemy import (
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
-from service.access import User, projects_of
-from service.errors import Invalid
 from service.nouns.search import literals
 from service.nouns.search.fields import Field, Noun, find_field
 from service.nouns.search.nouns import lineage
 from service.nouns.search.translate import Scope, condition
+from service.platform.access import User, projects_of
+from service.platform.errors import Invalid
 
 SECONDS = 5
 """A search that takes longer is ended."""

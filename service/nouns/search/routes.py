@@ -19,8 +19,6 @@ from nanoarrow.ipc import StreamWriter
 from pydantic import BaseModel, Field
 from sqlalchemy.orm import Session
 
-from service.access import CurrentUser, SessionDep, api_router
-from service.errors import Invalid, NotFound
 from service.nouns.frfs.data import BY_FILTER
 from service.nouns.frfs.operations import frfs_of
 from service.nouns.frfs.routes import FILES, SpectraDep
@@ -44,10 +42,12 @@ from service.nouns.search.trends import (
     flat,
     trend_of,
 )
-from service.web import Limit
-from service.web.downloads import spooled
-from service.web.parameters import form_of
-from service.web.routing import require_used
+from service.platform.access import CurrentUser, SessionDep, api_router
+from service.platform.errors import Invalid, NotFound
+from service.platform.web import Limit
+from service.platform.web.downloads import spooled
+from service.platform.web.parameters import form_of
+from service.platform.web.routing import require_used
 
 _TYPES: dict[Kind, Any] = {
     "text": na.string(),

@@ -11,7 +11,10 @@ from sqlalchemy import ForeignKey, UniqueConstraint, select
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from service.access import (
+from service.nouns.search.nouns import SEARCHED
+from service.nouns.search.operations import Search, SearchQuery, names_in
+from service.nouns.search.translate import LONGEST
+from service.platform.access import (
     CurrentUser,
     Lookup,
     SessionDep,
@@ -20,12 +23,9 @@ from service.access import (
     project_for,
     projects_of,
 )
-from service.db.base import Base, Identified
-from service.errors import Conflict, Fault, Invalid, NotFound
-from service.nouns.search.nouns import SEARCHED
-from service.nouns.search.operations import Search, SearchQuery, names_in
-from service.nouns.search.translate import LONGEST
-from service.web import (
+from service.platform.db.base import Base, Identified
+from service.platform.errors import Conflict, Fault, Invalid, NotFound
+from service.platform.web import (
     Cursor,
     Id,
     Limit,
@@ -38,7 +38,7 @@ from service.web import (
     shown_as,
     wrong,
 )
-from service.web.bodies import SOME_ID
+from service.platform.web.bodies import SOME_ID
 
 router = api_router(tags=["search"])
 

@@ -17,10 +17,10 @@ from typing import Any
 import cql2
 from sqlalchemy import ColumnElement, FromClause, and_, exists, not_, or_
 
-from service.errors import Invalid
 from service.nouns.search import literals
 from service.nouns.search.fields import META, Field, Noun, find_field
 from service.nouns.search.nouns import NOUNS, lineage
+from service.platform.errors import Invalid
 
 LONGEST = 2000
 """Characters of a filter."""

@@ -18,14 +18,14 @@ from sqlalchemy.orm import Session
 from fecore.errors import InputError
 from fecore.normal import Z_95
 from fecore.trend import Series, TrackedMode, line, track
-from service.access import User
-from service.errors import Invalid
 from service.nouns.campaigns.climate import CLIMATE, Climate
 from service.nouns.modes.operations import modes_of, shape_of
 from service.nouns.search.nouns import NOUNS
 from service.nouns.search.operations import Search, SearchQuery
 from service.nouns.updating.operations import result_parts
-from service.web import StrictModel, shown_as
+from service.platform.access import User
+from service.platform.errors import Invalid
+from service.platform.web import StrictModel, shown_as
 
 MOST_ROWS, MOST_MODES, MOST_SERIES = 2000, 10_000, 200
 """Results, or modes, of which a trend is made, and its series."""

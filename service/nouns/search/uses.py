@@ -31,7 +31,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.db.base import Base
+from service.platform.db.base import Base
 
 
 class InstrumentUse(Base):

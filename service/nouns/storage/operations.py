@@ -1,6 +1,6 @@
 """The account of what each project stores, and its limit.
 
-The limit travels with the session (`service.db.engine.make_sessions`), since it holds for whatever
+The limit travels with the session (`service.platform.db.engine.make_sessions`), since it holds for whatever
 a transaction stores, a request's and a job's alike. A session without one has no limit: the
 operator's commands.
 
@@ -17,10 +17,10 @@ from uuid import UUID
 from sqlalchemy import ForeignKey, Index, event, func, insert, select
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from service.access import Lookup
-from service.db.base import Base, Big, Identified
-from service.db.engine import QUOTA
-from service.errors import QuotaExceeded
+from service.platform.access import Lookup
+from service.platform.db.base import Base, Big, Identified
+from service.platform.db.engine import QUOTA
+from service.platform.errors import QuotaExceeded
 
 
 class StoredBytes(Identified, Base):

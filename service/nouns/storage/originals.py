@@ -14,12 +14,12 @@ from sqlalchemy import ForeignKey, LargeBinary, Select, delete, func, select
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from service.db.base import Base, Big
-from service.db.bytea import copy_rows, stream_rows
-from service.errors import Damaged
+from service.platform.db.base import Base, Big
+from service.platform.db.bytea import copy_rows, stream_rows
+from service.platform.errors import Damaged
 
 if TYPE_CHECKING:
-    from service.web.uploads import Spooled
+    from service.platform.web.uploads import Spooled
 
 
 class Original(Base):

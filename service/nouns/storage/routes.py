@@ -4,9 +4,9 @@ from uuid import UUID
 
 from pydantic import Field
 
-from service.access import CurrentUser, SessionDep, SettingsDep, api_router, project_for
 from service.nouns.storage.operations import used_bytes
-from service.web.bodies import StrictModel
+from service.platform.access import CurrentUser, SessionDep, SettingsDep, api_router, project_for
+from service.platform.web.bodies import StrictModel
 
 
 class StorageOut(StrictModel):

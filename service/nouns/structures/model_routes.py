@@ -13,14 +13,14 @@ from pydantic import Field
 from modalbase.formats.cell_types import ELEMENT_NAMES
 from modalbase.formats.meshes import MeshFile, uff_of, write_vtu
 from modalbase.formats.uff.write import encode
-from service.access import CurrentUser, SessionDep, api_router
 from service.nouns.storage.originals import copy_original
 from service.nouns.structures import models
 from service.nouns.structures.models import mesh_of
 from service.nouns.structures.operations import current_version, structure_for
-from service.web import StrictModel
-from service.web.downloads import fits_memory, in_memory, spooled
-from service.web.parameters import form_of, not_modified
+from service.platform.access import CurrentUser, SessionDep, api_router
+from service.platform.web import StrictModel
+from service.platform.web.downloads import fits_memory, in_memory, spooled
+from service.platform.web.parameters import form_of, not_modified
 
 MEDIA_TYPES = {
     "json": "application/json",

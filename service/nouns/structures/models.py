@@ -22,12 +22,9 @@ from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.supports import of_boundary
 from modalbase.formats.meshes import Cells
 from modalbase.formats.models.matrices import MatrixModel
-from service.access import Lookup
 from service.compute.models.bodies import AS_MODELLED, body_of_model
 from service.compute.models.keeping import model_of
 from service.compute.models.matrices import body_of_matrices
-from service.errors import Conflict, Damaged
-from service.jobs.tables import Job
 from service.nouns.storage.originals import copy_original
 from service.nouns.structures.drawn import DrawnMesh, Held
 from service.nouns.structures.operations import (
@@ -38,6 +35,9 @@ from service.nouns.structures.operations import (
     describe_version,
     structure_for,
 )
+from service.platform.access import Lookup
+from service.platform.errors import Conflict, Damaged
+from service.platform.queue.tables import Job
 
 if TYPE_CHECKING:
     from modalbase.formats.models.model import Elements, FiniteElementModel

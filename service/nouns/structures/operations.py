@@ -25,10 +25,6 @@ from sqlalchemy import (
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, Session, mapped_column, relationship
 
-from service.access import Lookup, User, project_for, projects_of
-from service.access.metadata_schema import require_metadata
-from service.db.base import Base, Identified, Labelled, label_indexes, transaction_time
-from service.errors import Fault, Invalid
 from service.nouns.structures.schemas import (
     Geometry,
     Laminate,
@@ -40,8 +36,12 @@ from service.nouns.structures.schemas import (
     StructurePatch,
 )
 from service.nouns.structures.shapes import Shape
-from service.web import shown_as
-from service.web.json_body import checked
+from service.platform.access import Lookup, User, project_for, projects_of
+from service.platform.access.metadata_schema import require_metadata
+from service.platform.db.base import Base, Identified, Labelled, label_indexes, transaction_time
+from service.platform.errors import Fault, Invalid
+from service.platform.web import shown_as
+from service.platform.web.json_body import checked
 
 WORDS = "to_tsvector('simple'::regconfig, name)"
 """What a free search reads of a structure."""

@@ -4,12 +4,12 @@ from uuid import UUID
 
 from sqlalchemy import select
 
-from service.access import CurrentUser, SessionDep, api_router
-from service.access.nouns import NounRoutes
-from service.errors import NotFound
 from service.nouns.structures import operations
 from service.nouns.structures.operations import StructureVersion
 from service.nouns.structures.schemas import StructureIn, StructureOut, StructurePatch
+from service.platform.access import CurrentUser, SessionDep, api_router
+from service.platform.access.nouns import NounRoutes
+from service.platform.errors import NotFound
 
 router = api_router(tags=["structures"])
 nouns = NounRoutes(

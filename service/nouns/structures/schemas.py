@@ -13,9 +13,9 @@ from fecore.body import generators as core
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.errors import InputError
 from service.nouns.structures.shapes import Ply, Poisson, Shape, check_poisson
-from service.web import Id, Name, RequestModel, StrictModel, example, wrong
-from service.web.bodies import Meta, Tags
-from service.web.quantities import (
+from service.platform.web import Id, Name, RequestModel, StrictModel, example, wrong
+from service.platform.web.bodies import Meta, Tags
+from service.platform.web.quantities import (
     DENSITY_SD,
     LENGTH,
     LENGTH_SD,

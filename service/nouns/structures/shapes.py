@@ -13,8 +13,16 @@ from fecore.body.laminate import Ply as CorePly
 from fecore.body.mesh import Mesh
 from fecore.body.sections import ShellSection
 from fecore.errors import InputError
-from service.web import RequestModel, StrictModel, example, wrong
-from service.web.quantities import LENGTH, PLY_THICKNESS, THICKNESS, WIDTH, Density, Length, Modulus
+from service.platform.web import RequestModel, StrictModel, example, wrong
+from service.platform.web.quantities import (
+    LENGTH,
+    PLY_THICKNESS,
+    THICKNESS,
+    WIDTH,
+    Density,
+    Length,
+    Modulus,
+)
 
 Poisson = Annotated[float, Field(gt=-10, lt=10)]
 

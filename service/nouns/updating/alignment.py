@@ -9,17 +9,17 @@ from anyio import from_thread
 from pydantic import Field
 
 from fecore.body.align import Motion
-from service.access import CurrentUser, SessionDep, api_router
 from service.compute.models.alignment import Distances, distances, motions_of
-from service.errors import Invalid
-from service.jobs.subprocess_read import read_in_subprocess
 from service.nouns.campaigns.operations import campaign_for, stored_points
 from service.nouns.campaigns.schemas import Coordinate, FrameIn
 from service.nouns.frfs.data import specimen_points
 from service.nouns.structures.operations import present_structure
 from service.nouns.updating.loading import body_for
 from service.nouns.updating.schemas import USUAL
-from service.web import LongList, RequestModel, StrictModel, example
+from service.platform.access import CurrentUser, SessionDep, api_router
+from service.platform.errors import Invalid
+from service.platform.queue.subprocess_read import read_in_subprocess
+from service.platform.web import LongList, RequestModel, StrictModel, example
 
 router = api_router(tags=["campaigns"])
 

@@ -11,8 +11,6 @@ from fecore.body.constants import Body
 from fecore.errors import FecoreError, InputError
 from fecore.updating.campaigns import check_material, check_temperatures
 from fecore.updating.parameters import parametrise
-from service.access import User
-from service.errors import Fault, Invalid, NotFound, ServiceError, pointer
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.coupons.operations import batch_for
 from service.nouns.storage import require_room
@@ -28,6 +26,8 @@ from service.nouns.updating.operations import (
 )
 from service.nouns.updating.schemas import USUAL, UpdateBatchIn
 from service.nouns.updating.tables import UpdateJob
+from service.platform.access import User
+from service.platform.errors import Fault, Invalid, NotFound, ServiceError, pointer
 
 
 def start_batch(

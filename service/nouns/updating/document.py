@@ -25,9 +25,9 @@ from fecore.updating.result import (
     PosteriorSummary,
     UpdateResult,
 )
-from service.db.bytea import read_slice
-from service.errors import Conflict
 from service.nouns.updating.result_schemas import CommonOut, JointResultOut, ResultOut
+from service.platform.db.bytea import read_slice
+from service.platform.errors import Conflict
 
 VERSION = 3
 """Of a document's form; those of another are not read."""

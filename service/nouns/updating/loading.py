@@ -20,8 +20,6 @@ from fecore.updating.posterior import SCATTER
 from service.compute.frame import Frame
 from service.compute.processing import ProcessingInputs
 from service.compute.updating import Hits, LoadedCampaign, Together, UpdateInputs
-from service.jobs.child import PURGED
-from service.jobs.process import ChildEnded
 from service.nouns.campaigns.operations import campaign_of, campaigns_of
 from service.nouns.coupons.operations import batch_for, summarise
 from service.nouns.frfs.data import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
@@ -43,6 +41,8 @@ from service.nouns.updating.bodies import (
 )
 from service.nouns.updating.schemas import USUAL, BatchJobIn, InputsIn, RecipeIn, UpdateBatchIn
 from service.nouns.updating.tables import UpdateJob
+from service.platform.queue.child import PURGED
+from service.platform.queue.process import ChildEnded
 
 
 def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInputs:

@@ -12,12 +12,7 @@ from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
 from fecore.updating.campaigns import check_temperatures
-from service.access import Lookup, User
-from service.access.metadata_schema import require_metadata
 from service.compute.updating import UpdateOutput, compute_update
-from service.errors import Invalid
-from service.jobs.kinds import CORE_LIBRARIES
-from service.jobs.resource import JobNoun
 from service.nouns.campaigns.operations import campaign_for, campaign_of
 from service.nouns.coupons.operations import batch_for
 from service.nouns.frfs.operations import frf_extents
@@ -33,8 +28,13 @@ from service.nouns.updating.loading import body_for, load_update, recipe_paramet
 from service.nouns.updating.result_schemas import CONSTANTS
 from service.nouns.updating.schemas import USUAL, RecipeIn
 from service.nouns.updating.tables import UpdateJob, UpdateResult
-from service.web import shown_as
-from service.web.bodies import Labels
+from service.platform.access import Lookup, User
+from service.platform.access.metadata_schema import require_metadata
+from service.platform.errors import Invalid
+from service.platform.queue.kinds import CORE_LIBRARIES
+from service.platform.queue.resource import JobNoun
+from service.platform.web import shown_as
+from service.platform.web.bodies import Labels
 
 if TYPE_CHECKING:
     from service.nouns.campaigns.operations import Campaign

@@ -11,14 +11,14 @@ from uuid import UUID
 from pydantic import Field
 from sqlalchemy.orm import Session
 
-from service.access.users import first_event
-from service.jobs.tables import Job
 from service.nouns.campaigns.operations import campaign_of
 from service.nouns.frfs.operations import frfs_changed
 from service.nouns.records.processings import hits_changed
 from service.nouns.structures.operations import present_structure
 from service.nouns.updating.result_schemas import ResultOut
-from service.web import StrictModel
+from service.platform.access.users import first_event
+from service.platform.queue.tables import Job
+from service.platform.web import StrictModel
 
 if TYPE_CHECKING:
     from service.nouns.updating.tables import UpdateJob

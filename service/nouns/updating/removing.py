@@ -8,11 +8,11 @@ from uuid import UUID
 from sqlalchemy import Text, cast, select
 from sqlalchemy.orm import Session
 
-from service.access import CurrentUser, SessionDep, api_router
-from service.errors import Conflict
-from service.jobs.tables import Job
 from service.nouns.imports.operations import import_for, remove_import
 from service.nouns.updating.tables import UpdateJob
+from service.platform.access import CurrentUser, SessionDep, api_router
+from service.platform.errors import Conflict
+from service.platform.queue.tables import Job
 
 if TYPE_CHECKING:
     from service.nouns.imports.operations import Import

@@ -9,11 +9,6 @@ from fastapi import Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.access import CurrentUser, SessionDep, api_router, project_for, projects_of
-from service.errors import Invalid
-from service.jobs.resource import JobState
-from service.jobs.routes import JobRoutes
-from service.jobs.tables import Job
 from service.nouns.campaigns.operations import campaign_for, campaigns_in, campaigns_of
 from service.nouns.structures.operations import structure_for, structures_in
 from service.nouns.updating import operations
@@ -29,7 +24,12 @@ from service.nouns.updating.schemas import (
     UpdateJobOut,
 )
 from service.nouns.updating.tables import UpdateJob
-from service.web import (
+from service.platform.access import CurrentUser, SessionDep, api_router, project_for, projects_of
+from service.platform.errors import Invalid
+from service.platform.queue.resource import JobState
+from service.platform.queue.routes import JobRoutes
+from service.platform.queue.tables import Job
+from service.platform.web import (
     IF_MATCH,
     Confirm,
     Cursor,
@@ -40,7 +40,7 @@ from service.web import (
     require_match,
     require_usual,
 )
-from service.web.bodies import Labels
+from service.platform.web.bodies import Labels
 
 router = api_router(tags=["update jobs"])
 

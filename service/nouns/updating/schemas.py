@@ -21,13 +21,13 @@ from fecore.quantities import Quantity, quantity_of
 from fecore.updating import measurement as core
 from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
-from service.jobs.resource import JobOut
 from service.nouns.campaigns.schemas import CampaignInputs
 from service.nouns.modes.schemas import Band, PolesIn
 from service.nouns.records.schemas import ProcessingIn
 from service.nouns.structures.schemas import StructureInputs
-from service.web import Id, Int64, LongList, Name, RequestModel, StrictModel, example
-from service.web.bodies import SOME_ID
+from service.platform.queue.resource import JobOut
+from service.platform.web import Id, Int64, LongList, Name, RequestModel, StrictModel, example
+from service.platform.web.bodies import SOME_ID
 
 if TYPE_CHECKING:
     DampingModel = str

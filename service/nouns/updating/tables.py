@@ -8,8 +8,8 @@ from sqlalchemy import JSON, Float, ForeignKey, Index, LargeBinary, func
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.db.base import Base, Labelled, label_indexes
 from service.nouns.updating.result_schemas import CONSTANTS
+from service.platform.db.base import Base, Labelled, label_indexes
 
 
 class UpdateJob(Base):

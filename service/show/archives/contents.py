@@ -15,7 +15,6 @@ from sqlalchemy.orm import Session
 
 from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.frfs.uff import write_uff
-from service.access import User
 from service.monitoring.monitors import describe_all as described_monitors
 from service.monitoring.monitors import monitors_of, series_for
 from service.monitoring.presentation import series_document
@@ -37,8 +36,9 @@ from service.nouns.structures.operations import describe as described_structure
 from service.nouns.structures.operations import structures_of
 from service.nouns.updating.operations import labelled_results
 from service.nouns.updating.result_schemas import CONSTANTS
+from service.platform.access import User
+from service.platform.web import shown_as
 from service.show.archives.writing import Archive
-from service.web import shown_as
 
 if TYPE_CHECKING:
     from service.nouns.campaigns.operations import Campaign

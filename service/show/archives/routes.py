@@ -8,15 +8,15 @@ from uuid import UUID
 from fastapi.responses import FileResponse
 from sqlalchemy.orm import Session
 
-from service.access import CurrentUser, SessionDep, User, api_router, project_for
-from service.errors import Invalid, NotFound
 from service.nouns.campaigns.operations import campaign_for, present_campaigns
 from service.nouns.search.nouns import NOUNS
 from service.nouns.search.operations import Search, bounded
 from service.nouns.search.routes import FilterDep
 from service.nouns.structures.operations import structures_in
+from service.platform.access import CurrentUser, SessionDep, User, api_router, project_for
+from service.platform.errors import Invalid, NotFound
+from service.platform.web.downloads import spooled
 from service.show.archives.contents import write_archive
-from service.web.downloads import spooled
 
 router = api_router(tags=["archives"])
 MEDIA_TYPE = "application/zip"

@@ -9,12 +9,12 @@ from fastapi import Depends, Path, Query, Request, Response
 from pydantic import BaseModel, Field
 
 from fecore import __version__
-from service.errors import NotFound
+from service.platform.errors import NotFound
+from service.platform.web.parameters import not_modified
+from service.platform.web.routing import require_used
 from service.show.figures.colors import Theme
 from service.show.figures.marks import Figure
 from service.show.figures.paper import MEDIA_TYPES, Format, render
-from service.web.parameters import not_modified
-from service.web.routing import require_used
 
 FigureName = Annotated[
     str, Path(max_length=60, description="name of the figure, as the text above has it")

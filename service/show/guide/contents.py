@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fecore import __version__
-from service.web.templates import templates_in
+from service.platform.web.templates import templates_in
 
 if TYPE_CHECKING:
     from markdown_it import MarkdownIt

@@ -5,11 +5,11 @@ import hashlib
 from fastapi import Request, Response
 from fastapi.responses import RedirectResponse
 
-from service.errors import NotFound
+from service.platform.errors import NotFound
+from service.platform.web.parameters import not_modified
+from service.platform.web.routing import page_router
 from service.show.guide.contents import INDEX, PICTURES, files, whole_page
 from service.show.pages.look import address, root_of
-from service.web.parameters import not_modified
-from service.web.routing import page_router
 
 POLICY = (
     "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; style-src"

@@ -7,6 +7,7 @@ one place. All its files are served from here, and its policy lets a browser ask
 
 from fastapi import FastAPI
 
+from service.platform.web.routing import serve
 from service.show.pages import (
     comparing,
     jobs,
@@ -18,7 +19,6 @@ from service.show.pages import (
     updates,
 )
 from service.show.pages.look import PageErrors
-from service.web.routing import serve
 
 __all__ = ["PageErrors", "add_pages"]
 

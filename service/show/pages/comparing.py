@@ -15,7 +15,6 @@ from fastapi import Query
 from fastapi.responses import HTMLResponse
 
 from fecore.correlation import CRITERIA
-from service.errors import Conflict, Invalid, NotFound
 from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.operations import campaign_for, campaigns_of, describe
 from service.nouns.campaigns.schemas import CampaignOut
@@ -23,11 +22,12 @@ from service.nouns.coupons import routes as coupons
 from service.nouns.modes.operations import mode_set_for
 from service.nouns.structures.operations import describe_version, structures_of, version_of
 from service.nouns.updating import routes as updating
+from service.platform.errors import Conflict, Invalid, NotFound
+from service.platform.web.routing import UI, page_router
 from service.show.measured import Likeness, likeness
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.numbers import leaves, moment
 from service.show.pages.updates import NamedJob, name_jobs, over_time
-from service.web.routing import UI, page_router
 
 if TYPE_CHECKING:
     from service.nouns.modes.operations import ModeSet

@@ -14,10 +14,10 @@ from fecore.body.specimen import CONSTANTS
 from service.nouns.campaigns.schemas import CampaignIn
 from service.nouns.structures.schemas import StructureIn
 from service.nouns.updating.schemas import RecipeIn
+from service.platform.web.quantities import UNITS
+from service.platform.web.typed import SHOWN_AS, in_words
 from service.show.pages.numbers import words
 from service.show.pages.quantities import units_of_field
-from service.web.quantities import UNITS
-from service.web.typed import SHOWN_AS, in_words
 
 CHECKED_LIST = "choices"
 OF_PARAMETER = ("prior_mean", "prior_sd")

@@ -6,12 +6,12 @@ from uuid import UUID
 from fastapi import Depends, Query, Response
 from sqlalchemy import select
 
-from service.access import CurrentUser, SessionDep, projects_of
-from service.errors import NotFound
-from service.jobs.events import Events, look_at_jobs
-from service.jobs.tables import Job
 from service.monitoring.live import look_at_monitors, monitors_among
-from service.web.routing import UI, page_router
+from service.platform.access import CurrentUser, SessionDep, projects_of
+from service.platform.errors import NotFound
+from service.platform.queue.events import Events, look_at_jobs
+from service.platform.queue.tables import Job
+from service.platform.web.routing import UI, page_router
 
 router = page_router(UI)
 MOST = 200  # that a page watches

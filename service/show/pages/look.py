@@ -28,21 +28,21 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from fecore import __version__
 from modalbase.formats.registry import FORMATS, titles
 from service import tasks
-from service.access import CurrentUser, SessionDep, User, role_in
-from service.access import routes as access
-from service.access.keys import COOKIE, request_token
-from service.errors import NotAcceptable, NotFound
 from service.nouns.campaigns.climate import CLIMATE, stated
 from service.nouns.campaigns.operations import campaign_for, describe
 from service.nouns.structures import routes as structures
+from service.platform.access import CurrentUser, SessionDep, User, role_in
+from service.platform.access import routes as access
+from service.platform.access.keys import COOKIE, request_token
+from service.platform.errors import NotAcceptable, NotFound
+from service.platform.web.negotiation import choose_format
+from service.platform.web.parameters import not_modified
+from service.platform.web.routing import UI, page_router
+from service.platform.web.templates import templates_in
 from service.show.pages import numbers
 from service.show.pages.findings import bar
 from service.show.pages.forms import labelled, page_words
 from service.show.pages.quantities import attributes
-from service.web.negotiation import choose_format
-from service.web.parameters import not_modified
-from service.web.routing import UI, page_router
-from service.web.templates import templates_in
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -28,6 +28,7 @@ from service.nouns.modes.operations import mode_set_for
 from service.nouns.records import routes as records
 from service.nouns.records.schemas import HitDecisionOut, Proposal, RecordOut
 from service.nouns.updating import routes as updating
+from service.platform.web.routing import UI, page_router
 from service.show.measured import AXES
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.tasks import cards_of
@@ -36,7 +37,6 @@ from service.show.pages.viewer import draw_grid, has_mesh, marked, points_in_spa
 from service.tasks.identify import routes as identify
 from service.tasks.model import routes as models
 from service.tasks.process import routes as process
-from service.web.routing import UI, page_router
 
 router = page_router(UI)
 MOST, MOST_WATCHED = 500, 200  # rows of a list on a page; of monitors and alarms

@@ -11,8 +11,8 @@ from typing import Any
 from fecore.quantities import SHOWN
 from modalbase.client.results import deviations, motion_words
 from service.nouns.campaigns.climate import ENDINGS
+from service.platform.web.quantities import UNITS
 from service.show.figures.marks import counted
-from service.web.quantities import UNITS
 
 NOTHING = "–"
 UNITS_OF_MEMBERS = {**ENDINGS, **UNITS}

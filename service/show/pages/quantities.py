@@ -11,13 +11,13 @@ from typing import Annotated, Any, Literal
 from fastapi import Body
 from markupsafe import Markup, escape
 
-from service.access import CurrentUser
-from service.errors import Fault, Invalid
 from service.monitoring.runs import unit_of
 from service.nouns.campaigns.climate import ENDINGS
-from service.web import StrictModel, typed
-from service.web.quantities import UNITS
-from service.web.routing import UI, page_router
+from service.platform.access import CurrentUser
+from service.platform.errors import Fault, Invalid
+from service.platform.web import StrictModel, typed
+from service.platform.web.quantities import UNITS
+from service.platform.web.routing import UI, page_router
 
 router = page_router(UI)
 SENT = {**ENDINGS, **UNITS, "_days": "days"}

@@ -12,9 +12,6 @@ from urllib.parse import urlencode
 from fastapi import Query, Request
 from fastapi.responses import HTMLResponse
 
-from service.access import CurrentUser, SessionDep
-from service.access import routes as access
-from service.errors import Invalid
 from service.nouns.search.fields import Field, Noun
 from service.nouns.search.nouns import NOUNS, SEARCHED, lineage
 from service.nouns.search.operations import MOST_COUNTED, Column, Search, SearchQuery, bounded
@@ -22,9 +19,12 @@ from service.nouns.search.routes import as_text
 from service.nouns.search.saved import list_saved
 from service.nouns.search.trends import COVARIATES, FOLLOWED, MODE_VALUES, trend_of
 from service.nouns.updating.result_schemas import CONSTANTS
+from service.platform.access import CurrentUser, SessionDep
+from service.platform.access import routes as access
+from service.platform.errors import Invalid
+from service.platform.web.routing import UI, page_router
 from service.show.pages.look import Visit
 from service.show.pages.numbers import NOTHING, in_unit, moment, spread, unit_of, words
-from service.web.routing import UI, page_router
 
 router = page_router(UI)
 ROWS = 50

@@ -10,7 +10,6 @@ from uuid import UUID
 from fastapi import Query, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
-from service.access import routes as access
 from service.monitoring import routes as monitoring
 from service.monitoring.notifications import routes as webhooks
 from service.nouns.campaigns import routes as campaigns
@@ -22,10 +21,11 @@ from service.nouns.storage import routes as storage
 from service.nouns.structures import routes as structures
 from service.nouns.structures.operations import structures_to_choose
 from service.nouns.updating import routes as updating
+from service.platform.access import routes as access
+from service.platform.web.routing import UI, page_router
 from service.show.figures.marks import counted
 from service.show.pages.look import Visit, VisitDep, page
 from service.show.pages.updates import joint_updates_of, name_jobs
-from service.web.routing import UI, page_router
 
 open_router = page_router()
 router = page_router(UI)

@@ -8,10 +8,10 @@ from uuid import UUID
 from fastapi import Path
 from fastapi.responses import RedirectResponse, Response
 
+from service.platform.web.routing import UI, page_router
 from service.show.pages.look import Visit, VisitDep
 from service.tasks.routes import ROUTES
 from service.tasks.task import Task
-from service.web.routing import UI, page_router
 
 router = page_router(UI)
 

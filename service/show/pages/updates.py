@@ -15,8 +15,6 @@ from fastapi import Query
 from fastapi.responses import HTMLResponse
 
 from fecore.correlation import CRITERIA
-from service.access import routes as access
-from service.jobs.resource import ENDED, JobState
 from service.nouns.campaigns import routes as campaigns
 from service.nouns.campaigns.operations import campaigns_of
 from service.nouns.campaigns.schemas import CampaignOut
@@ -36,6 +34,11 @@ from service.nouns.updating.operations import (
 )
 from service.nouns.updating.outdated import outdated
 from service.nouns.updating.schemas import JointUpdateOut, RecipeIn, UpdateJobOut
+from service.platform.access import routes as access
+from service.platform.queue.resource import ENDED, JobState
+from service.platform.web.parameters import Cursor
+from service.platform.web.routing import UI, page_router
+from service.platform.web.typed import in_words
 from service.show.figures.marks import counted
 from service.show.pages.findings import opening
 from service.show.pages.forms import OF_PARAMETER, fields_of
@@ -45,9 +48,6 @@ from service.show.pages.quantities import units_of_parameter
 from service.show.pages.viewer import viewer_of
 from service.show.results import routes as shown
 from service.show.results.figures import FIGURES
-from service.web.parameters import Cursor
-from service.web.routing import UI, page_router
-from service.web.typed import in_words
 
 
 @dataclass(frozen=True)

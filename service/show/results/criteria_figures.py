@@ -8,7 +8,7 @@ import numpy as np
 
 from fecore.correlation import CRITERIA, FEWEST_PAIRS, Criterion, correlate, paired_lines
 from fecore.frf import Dof
-from service.errors import NotFound
+from service.platform.errors import NotFound
 from service.show.figures.frfs import (
     PointValues,
     agreement_figure,

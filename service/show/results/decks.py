@@ -20,7 +20,6 @@ from modalbase.formats.decks import Deck, Mass, write_nastran, write_shells, wri
 from modalbase.formats.models.matrices import MatrixModel
 from modalbase.formats.models.write import WRITTEN
 from service.compute.models.decks import DeckOrder
-from service.errors import Conflict, Invalid
 from service.nouns.campaigns.operations import campaign_of
 from service.nouns.campaigns.schemas import Instruments
 from service.nouns.frfs.data import specimen_points
@@ -31,6 +30,7 @@ from service.nouns.updating.bodies import body_of
 from service.nouns.updating.loading import recipe_parameters
 from service.nouns.updating.operations import result_document
 from service.nouns.updating.schemas import RecipeIn
+from service.platform.errors import Conflict, Invalid
 
 if TYPE_CHECKING:
     from service.nouns.updating.tables import UpdateJob

@@ -14,13 +14,13 @@ from sqlalchemy.orm import Session
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import Dof
-from service.errors import Conflict, NotFound
 from service.nouns.frfs.data import Cut, FrfTable, frequency_axis
 from service.nouns.frfs.operations import frfs_of
 from service.nouns.imports.operations import trace_lines_of
 from service.nouns.structures.operations import describe_version, version_of
 from service.nouns.updating.document import StoredArrays
 from service.nouns.updating.operations import result_arrays, result_document, result_parts
+from service.platform.errors import Conflict, NotFound
 from service.show.figures.frfs import FrfCurves, Spread, dof_name, frf_figure
 from service.show.figures.marks import Figure
 from service.show.results.predictions import used_frfs

@@ -11,7 +11,7 @@ from fecore.correlation import (
     auto_mac,
 )
 from modalbase.client.results import motion_words
-from service.errors import Conflict, NotFound
+from service.platform.errors import Conflict, NotFound
 from service.show.figures.answers import require_figure
 from service.show.figures.marks import Figure, words
 from service.show.figures.modes import (

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from service.errors import Conflict
+from service.platform.errors import Conflict
 from service.show.figures.marks import Figure
 from service.show.results.figure_data import FigureQuery, UpdateFigures
 

@@ -18,11 +18,11 @@ from fecore.frf import Dof
 from modalbase.formats.frfs import FrfRow
 from modalbase.formats.frfs.table import DOFS
 from service.compute.frame import Frame
-from service.errors import Conflict, NotFound
 from service.nouns.campaigns.operations import campaign_of, frame_of, stored_points
 from service.nouns.frfs.data import Cut, PredictedTable
 from service.nouns.frfs.operations import frfs_of
 from service.nouns.updating.operations import result_arrays, result_document
+from service.platform.errors import Conflict, NotFound
 
 if TYPE_CHECKING:
     from service.nouns.frfs.operations import Frf

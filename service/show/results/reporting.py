@@ -8,18 +8,18 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
-from service.access import User, project_for
 from service.nouns.campaigns.operations import campaign_of
 from service.nouns.campaigns.operations import describe as describe_campaign
 from service.nouns.structures.models import model_in_short
 from service.nouns.structures.operations import describe_version, structure_of, version_of
+from service.platform.access import User, project_for
 from service.show.reports.blocks import Letterhead
 from service.show.results.figure_data import UpdateFigures
 from service.show.results.figures import FIGURES, draw_sheets
 
 if TYPE_CHECKING:
     from service.nouns.updating.tables import UpdateJob
-    from service.settings import Settings
+    from service.platform.settings import Settings
     from service.show.reports.blocks import Report
 
 

@@ -12,14 +12,16 @@ from fastapi import Path, Query, Request, Response
 from fastapi.responses import FileResponse, PlainTextResponse
 
 from modalbase.formats.registry import WRITERS
-from service.access import CurrentUser, SessionDep, SettingsDep, api_router
 from service.compute.models.decks import updated_deck
-from service.errors import Invalid
-from service.jobs.subprocess_read import read_in_subprocess
 from service.nouns.frfs.data import require_order
 from service.nouns.frfs.routes import FILES, MEDIA_TYPES, CutDep, Hertz, Whole, write_frfs
 from service.nouns.structures.model_routes import MESH_FILES, MeshForm
 from service.nouns.updating.operations import joint_update_for, update_job_for
+from service.platform.access import CurrentUser, SessionDep, SettingsDep, api_router
+from service.platform.errors import Invalid
+from service.platform.queue.subprocess_read import read_in_subprocess
+from service.platform.web.downloads import spooled
+from service.platform.web.parameters import form_of, not_modified
 from service.show.figures.answers import (
     RESPONSES,
     FigureOut,
@@ -43,8 +45,6 @@ from service.show.results.space import (
     measured_shape,
     model_shape,
 )
-from service.web.downloads import spooled
-from service.web.parameters import form_of, not_modified
 
 router = api_router(tags=["update jobs"])
 

@@ -20,12 +20,12 @@ from modalbase.client.results import motion_words
 from modalbase.formats.cell_types import CELL_TYPES
 from modalbase.formats.meshes import Cells, MeshFile, columns
 from modalbase.formats.uff.content import ModeShape
-from service.errors import Conflict, NotFound
 from service.nouns.structures.model_routes import MeshBlockOut, PlacesOut, mesh_answer
+from service.platform.errors import Conflict, NotFound
+from service.platform.web import StrictModel
+from service.platform.web.routing import require_used
 from service.show.figures.marks import counted
 from service.show.figures.modes import joined_as, turned
-from service.web import StrictModel
-from service.web.routing import require_used
 
 UNSEEN = 0.03
 """Share of the best seen combination of modes below which the points leave open how much there is

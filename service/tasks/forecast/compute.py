@@ -14,7 +14,7 @@ from fecore.updating.forecasts import ForecastOrder, ModelForecast, forecast
 from service.compute.result_arrays import on_mesh
 
 if TYPE_CHECKING:
-    from service.jobs.kinds import Reporter
+    from service.platform.queue.kinds import Reporter
 
 HARDLY = 0.05  # share of a mode's largest displacement below which a point hardly shows it
 

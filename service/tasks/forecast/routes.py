@@ -16,11 +16,13 @@ from sqlalchemy.orm import Session
 
 from modalbase.formats.frfs import FrfRow
 from modalbase.formats.registry import WRITERS
-from service.access import CurrentUser, SessionDep, api_router
-from service.errors import Conflict
 from service.nouns.frfs.data import PredictedTable
 from service.nouns.frfs.routes import FILES, MEDIA_TYPES, write_frfs
 from service.nouns.structures.model_routes import MESH_FILES, MeshForm
+from service.platform.access import CurrentUser, SessionDep, api_router
+from service.platform.errors import Conflict
+from service.platform.web.downloads import spooled
+from service.platform.web.parameters import form_of
 from service.show.results.space import (
     At,
     ResultMeshOut,
@@ -29,8 +31,6 @@ from service.show.results.space import (
     model_shape,
 )
 from service.tasks.forecast.task import forecast_arrays, forecast_for
-from service.web.downloads import spooled
-from service.web.parameters import form_of
 
 if TYPE_CHECKING:
     from service.tasks.forecast.task import Forecast

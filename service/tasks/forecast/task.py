@@ -13,11 +13,6 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.body.constants import Body
 from fecore.updating.forecasts import MOST_MODES, ForecastOrder
-from service.access import Lookup, User
-from service.db.base import Base
-from service.errors import Invalid
-from service.jobs.kinds import CORE_LIBRARIES
-from service.jobs.resource import JobNoun, JobOut
 from service.nouns.campaigns.schemas import Boundary, GridPoint, labels_once
 from service.nouns.storage import book, require_room
 from service.nouns.structures.models import load_model
@@ -31,9 +26,14 @@ from service.nouns.structures.schemas import StructureIn
 from service.nouns.updating.bodies import usual_boundary
 from service.nouns.updating.loading import body_for
 from service.nouns.updating.schemas import USUAL
+from service.platform.access import Lookup, User
+from service.platform.db.base import Base
+from service.platform.errors import Invalid
+from service.platform.queue.kinds import CORE_LIBRARIES
+from service.platform.queue.resource import JobNoun, JobOut
+from service.platform.web import LongList, RequestModel, StrictModel, example
 from service.tasks.forecast.compute import ForecastInputs, ForecastOutput, compute_forecast
 from service.tasks.task import Card, Ordered, Task
-from service.web import LongList, RequestModel, StrictModel, example
 
 Hertz = Annotated[float, Field(gt=0, le=1e6, description="Hz")]
 

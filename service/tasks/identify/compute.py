@@ -10,7 +10,7 @@ from fecore.frf import FrfSet
 from fecore.modal import Options, identify
 from fecore.modes import MeasuredModes
 from service.compute.identifying import describe_identification
-from service.jobs.kinds import Reporter
+from service.platform.queue.kinds import Reporter
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from fastapi import Response
 from pydantic import Field
 from sqlalchemy.orm import Session
 
-from service.access import CurrentUser, SessionDep, api_router
 from service.compute.identifying import up_to_date
-from service.jobs.resource import JobOut
-from service.jobs.routes import JobRoutes
 from service.nouns.modes.operations import identified_by
+from service.platform.access import CurrentUser, SessionDep, api_router
+from service.platform.queue.resource import JobOut
+from service.platform.queue.routes import JobRoutes
 from service.show.figures.answers import RESPONSES, FigureName, FigureRequestDep, require_figure
 from service.show.figures.modes import stabilisation_figure
 from service.tasks.identify.task import (

@@ -12,22 +12,22 @@ from sqlalchemy import JSON, ForeignKey, Index
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.errors import InputError
-from service.access import Lookup, User
-from service.db.base import Base
-from service.jobs.kinds import CORE_LIBRARIES
-from service.jobs.resource import JobNoun
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.frfs.data import load_measured_campaign
 from service.nouns.modes.operations import keep_identified
 from service.nouns.modes.schemas import PolesIn
 from service.nouns.storage import require_room
+from service.platform.access import Lookup, User
+from service.platform.db.base import Base
+from service.platform.queue.kinds import CORE_LIBRARIES
+from service.platform.queue.resource import JobNoun
+from service.platform.web import Name, RequestModel, example
 from service.tasks.identify.compute import (
     IdentificationInputs,
     IdentificationOutput,
     find_modes,
 )
 from service.tasks.task import BareTask
-from service.web import Name, RequestModel, example
 
 
 class Identification(Base):

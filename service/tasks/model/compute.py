@@ -33,10 +33,10 @@ from service.compute.models.matrices import (
 )
 from service.compute.models.meshes import is_mesh, is_of_sections, mesh_in_si
 from service.compute.models.reading import MOST_BYTES, faults_of, files_of, parsed
-from service.errors import Invalid
+from service.platform.errors import Invalid
 
 if TYPE_CHECKING:
-    from service.jobs.kinds import Reporter
+    from service.platform.queue.kinds import Reporter
 
 MOST_LISTED = 1000  # of each list in a description
 

@@ -13,11 +13,7 @@ from sqlalchemy.orm import Session
 
 from modalbase.formats.cell_types import ELEMENT_NAMES
 from modalbase.formats.models.questions import plain
-from service.access import CurrentUser, SessionDep, api_router
 from service.compute.models.meshes import is_of_sections, kind_of_member
-from service.errors import Invalid, Unusual
-from service.jobs.resource import JobOut
-from service.jobs.routes import JobRoutes
 from service.nouns.storage.originals import original_sizes
 from service.nouns.structures.models import (
     model_of_structure,
@@ -26,13 +22,17 @@ from service.nouns.structures.models import (
 )
 from service.nouns.structures.operations import structure_for
 from service.nouns.structures.shapes import Section
+from service.platform.access import CurrentUser, SessionDep, api_router
+from service.platform.errors import Invalid, Unusual
+from service.platform.queue.resource import JobOut
+from service.platform.queue.routes import JobRoutes
+from service.platform.web import Confirm, Name, StrictModel
+from service.platform.web.json_body import checked, parse_parameter
+from service.platform.web.openapi import reads, upload
+from service.platform.web.parameters import HOW
+from service.platform.web.quantities import unusual
+from service.platform.web.uploads import FilenameQuery, UploadDep
 from service.tasks.model.task import MODELS, start_model
-from service.web import Confirm, Name, StrictModel
-from service.web.json_body import checked, parse_parameter
-from service.web.openapi import reads, upload
-from service.web.parameters import HOW
-from service.web.quantities import unusual
-from service.web.uploads import FilenameQuery, UploadDep
 
 if TYPE_CHECKING:
     from service.nouns.structures.operations import StructureModel

@@ -13,21 +13,21 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from modalbase.formats.models.units import units_of
-from service.access import User
 from service.compute.models.reading import faults_of, require_deck
-from service.errors import Invalid
-from service.jobs.kinds import CORE_LIBRARIES
-from service.jobs.resource import JobNoun
 from service.nouns.storage import book
 from service.nouns.storage.originals import keep_original, write_original
 from service.nouns.structures.models import model_for, same_model
 from service.nouns.structures.operations import structure_for, take_model
+from service.platform.access import User
+from service.platform.errors import Invalid
+from service.platform.queue.kinds import CORE_LIBRARIES
+from service.platform.queue.resource import JobNoun
 from service.tasks.model.compute import DeckInputs, DeckOutput, read_deck
 from service.tasks.task import BareTask
 
 if TYPE_CHECKING:
     from service.nouns.structures.operations import StructureModel
-    from service.web.uploads import Spooled
+    from service.platform.web.uploads import Spooled
 
 
 def _load(session: Session, row: StructureModel, workspace: Path) -> DeckInputs:

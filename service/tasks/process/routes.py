@@ -1,8 +1,8 @@
 """Routes of processings."""
 
-from service.access import api_router
-from service.jobs.routes import JobRoutes
 from service.nouns.records.schemas import ProcessingIn, ProcessingOut
+from service.platform.access import api_router
+from service.platform.queue.routes import JobRoutes
 from service.tasks.process.task import PROCESSINGS, start_processing
 
 router = api_router(tags=["records"])

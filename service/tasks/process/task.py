@@ -12,10 +12,7 @@ from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
 from fecore.signal import Averages
-from service.access import User
 from service.compute.processing import ProcessingInputs
-from service.jobs.kinds import CORE_LIBRARIES
-from service.jobs.resource import JobNoun
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.frfs.operations import store_processed
 from service.nouns.records.operations import block_rows
@@ -29,6 +26,9 @@ from service.nouns.records.processings import (
 )
 from service.nouns.records.schemas import ProcessingIn
 from service.nouns.storage import require_room
+from service.platform.access import User
+from service.platform.queue.kinds import CORE_LIBRARIES
+from service.platform.queue.resource import JobNoun
 from service.tasks.process.compute import process_records
 from service.tasks.task import BareTask
 

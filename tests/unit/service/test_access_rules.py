@@ -11,15 +11,15 @@ from uuid import uuid4
 import pytest
 
 import service.app.composition  # noqa: F401  imports every table
-from service.access import authentication
-from service.access.authentication import KnownKeys, session_token
-from service.access.keys import COOKIE
-from service.access.lookup import Role, require_role
-from service.access.tables import Project
-from service.errors import Conflict, Forbidden, NotFound, Unauthorized
 from service.monitoring.notifications.addresses import AddressError, parse_url, resolve
 from service.monitoring.notifications.channels.webhook import sign
-from service.settings import Settings
+from service.platform.access import authentication
+from service.platform.access.authentication import KnownKeys, session_token
+from service.platform.access.keys import COOKIE
+from service.platform.access.lookup import Role, require_role
+from service.platform.access.tables import Project
+from service.platform.errors import Conflict, Forbidden, NotFound, Unauthorized
+from service.platform.settings import Settings
 
 ROLES: tuple[Role, ...] = ("viewer", "editor", "owner")
 NOW = datetime(2026, 3, 1, tzinfo=UTC)

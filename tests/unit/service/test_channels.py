@@ -14,7 +14,7 @@ from service.monitoring.notifications.channels import CHANNELS, OF_MONITORS
 from service.monitoring.notifications.channels.channel import Channel, Receiver
 from service.monitoring.notifications.tables import Delivery
 from service.monitoring.schemas import MonitorIn, MonitorOut, MonitorPatch
-from service.settings import Settings
+from service.platform.settings import Settings
 
 DOCUMENT = Path(__file__).parents[3] / "docs/monitoring.md"
 BODY = '{"timestamp": "2026-01-02T03:04:05+00:00", "data": {"structure": {"name": "s", "id": "1"}, '

@@ -16,11 +16,11 @@ import pytest
 from service.app.application import create_app
 from service.app.supervisor import Component, LocalService
 from service.compute.spectra import decode, encode
-from service.db.engine import DatabaseUrlError, sqlalchemy_url
-from service.errors import MOST_FAULTS, Damaged, Invalid
-from service.jobs.child import CHECKPOINT_BYTES, _Reporter
 from service.nouns.campaigns.operations import from_csv
-from service.settings import Settings, SettingsFileError
+from service.platform.db.engine import DatabaseUrlError, sqlalchemy_url
+from service.platform.errors import MOST_FAULTS, Damaged, Invalid
+from service.platform.queue.child import CHECKPOINT_BYTES, _Reporter
+from service.platform.settings import Settings, SettingsFileError
 from service.show.figures.modes import aligned
 from service.show.pages.numbers import in_unit, number, percent, seconds_between, size
 from service.show.pages.viewer import draw_grid
@@ -170,7 +170,7 @@ ATTACHED = "import runpy; runpy.run_module('service.app.attached', run_name='__m
     ("signal", "code", "library", "start", "command"),
     [
         ("SIGTERM", 0, "fastapi", ATTACHED, ["serve", "0"]),
-        ("SIGTERM", 0, "service.jobs.worker", ATTACHED, ["worker", "0"]),
+        ("SIGTERM", 0, "service.platform.queue.worker", ATTACHED, ["worker", "0"]),
         ("SIGTERM", 0, "service.app.supervisor", COMMAND, ["up"]),
         ("SIGINT", 130, "service.app.supervisor", COMMAND, ["up"]),
     ],

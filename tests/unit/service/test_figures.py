@@ -15,8 +15,8 @@ from fecore.correlation import CRITERIA
 from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, GeneralisedProportional
 from fecore.trend import Watch
 from service.compute.judging import Observation
-from service.errors import Conflict, NotFound
 from service.monitoring.runs import unit_of
+from service.platform.errors import Conflict, NotFound
 from service.show.figures.coupon import coupon_figure
 from service.show.figures.frfs import (
     FrfCurves,

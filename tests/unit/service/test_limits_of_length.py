@@ -10,9 +10,9 @@ import pytest
 from pydantic import BaseModel
 
 import service.app.composition  # noqa: F401  imports every body
-from service.errors import Fault, Invalid
-from service.web.bodies import StrictModel
-from service.web.json_body import checked
+from service.platform.errors import Fault, Invalid
+from service.platform.web.bodies import StrictModel
+from service.platform.web.json_body import checked
 
 
 def bodies(model: type[BaseModel] = StrictModel) -> Iterator[type[BaseModel]]:

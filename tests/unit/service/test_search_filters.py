@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from sqlalchemy.dialects import postgresql
 
 from service.app import composition
-from service.errors import Invalid
 from service.nouns.search.nouns import NOUNS, lineage
 from service.nouns.search.translate import condition
+from service.platform.errors import Invalid
 
 assert composition.ROUTERS  # so that every table is known
 

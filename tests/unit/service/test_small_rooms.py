@@ -20,15 +20,17 @@ from fecore.errors import InputError, UpdatingError
 from modalbase.client.errors import ClientError, Exit
 from modalbase.formats.records import TimeBlock
 from modalbase.objects.people import FORBIDDEN, People
-from service.errors import Invalid, NotFound, UnsupportedMediaType
-from service.jobs.worker import _clear_if_dead, run_to_end
 from service.monitoring.schemas import WatchedIn
 from service.nouns.campaigns.schemas import CampaignInputs
 from service.nouns.frfs.data import MeasuredFrfs
 from service.nouns.records.operations import RecordIntake
 from service.nouns.updating.batches import _placed
 from service.nouns.updating.schemas import InputsIn
-from service.settings import Settings
+from service.platform.errors import Invalid, NotFound, UnsupportedMediaType
+from service.platform.queue.worker import _clear_if_dead, run_to_end
+from service.platform.settings import Settings
+from service.platform.web.middleware import RequestMiddleware
+from service.platform.web.routing import _require_json
 from service.show.reports.as_html import as_html
 from service.show.reports.as_pdf import as_pdf
 from service.show.reports.blocks import (
@@ -42,8 +44,6 @@ from service.show.reports.blocks import (
 )
 from service.show.reports.update_report import MOST_MODES, UpdateFacts, update_report
 from service.show.results.reporting import _letterhead
-from service.web.middleware import RequestMiddleware
-from service.web.routing import _require_json
 
 
 def test_faults_of_a_batch_are_placed_in_its_job() -> None:

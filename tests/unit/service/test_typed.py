@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.web.quantities import UNITS
-from service.web.typed import (
+from service.platform.web.quantities import UNITS
+from service.platform.web.typed import (
     DIMENSIONS,
     UnreadableError,
     are_alike,

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from starlette.types import Receive
 
-from service.errors import Invalid, NotAcceptable, TooManyRequests, TooSlow, Unavailable
-from service.web import uploads
-from service.web.admission import SLOT, AdmissionControl, Buckets, Slot, without_slot
-from service.web.negotiation import choose_format
+from service.platform.errors import Invalid, NotAcceptable, TooManyRequests, TooSlow, Unavailable
+from service.platform.web import uploads
+from service.platform.web.admission import SLOT, AdmissionControl, Buckets, Slot, without_slot
+from service.platform.web.negotiation import choose_format
 from tests.support.waiting import awaited, settle
 
 
@@ -164,7 +164,7 @@ def test_buckets_fill_again() -> None:
 def test_the_callers_that_were_silent_longest_are_forgotten(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("service.web.admission.MOST_CALLERS", 2)
+    monkeypatch.setattr("service.platform.web.admission.MOST_CALLERS", 2)
     buckets = Buckets(10, 5, clock=lambda: 0.0)
     for caller in "abac":
         assert buckets.take(caller, 2) == 0

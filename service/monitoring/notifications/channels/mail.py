@@ -18,7 +18,7 @@ from service.monitoring.notifications.channels.channel import (
 )
 from service.monitoring.notifications.messages import in_words
 from service.monitoring.notifications.tables import Delivery
-from service.settings import Settings
+from service.platform.settings import Settings
 
 _ADDRESS = re.compile(r"[^@\s,;<>]+@[^@\s,;<>]+\.[^@\s,;<>]+")
 

@@ -23,7 +23,7 @@ from service.monitoring.notifications.channels.channel import (
 )
 from service.monitoring.notifications.messages import OF_WEBHOOKS
 from service.monitoring.notifications.tables import Delivery
-from service.settings import Settings
+from service.platform.settings import Settings
 
 PREFIX = "whsec_"
 

@@ -1,0 +1,74 @@
+"""Reading what a client sent in a child process of the API, before the request is answered.
+
+A parser that meets a hostile file must not take the API's memory or time. It runs where jobs run,
+in a child with a limit on both; the request gives its slot back meanwhile, so that a few large
+files do not keep everybody else waiting.
+"""
+
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from anyio import CapacityLimiter, to_thread
+
+from fecore.errors import FecoreError
+from service.platform.errors import PayloadTooLarge, ServiceError
+from service.platform.queue.child import Failure, Item, Order
+from service.platform.queue.kinds import Reporter
+from service.platform.queue.process import Child, ChildEnded, preload
+
+MEMORY_BYTES = 1024 * 1024 * 1024
+SECONDS = 60.0
+AT_ONCE = 2
+
+_threads = CapacityLimiter(AT_ONCE)
+
+
+async def read_in_subprocess(function: Callable[..., Any], *arguments: Any) -> Any:
+    """What a function at the top of a module makes of its arguments, which pickle, as the result
+    does.
+
+    Raises:
+        ServiceError, FecoreError: what the function raised.
+        PayloadTooLarge: it takes more memory or time than the reading of a body may.
+    """
+    return await to_thread.run_sync(_read, function, arguments, limiter=_threads)
+
+
+def _read(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    preload([function.__module__], threads=1)
+    # a request waits for it
+    order = Order(_call, (function, arguments), None, MEMORY_BYTES, niceness=0)
+    try:
+        child = Child(order)
+    except ChildEnded:  # the server that it is forked from was killed; another one is started
+        preload([function.__module__], threads=1)
+        child = Child(order)
+    late = Failure(
+        "time",
+        "TimeLimit",
+        f"reading the body takes longer than the {SECONDS:g} s that it may take",
+    )
+    timer = threading.Timer(SECONDS, child.kill, [late])
+    timer.start()
+    try:
+        (result,) = [message.value for message in child.messages() if isinstance(message, Item)]
+    except ChildEnded as ended:
+        if ended.failure.reason == "internal":
+            raise RuntimeError(ended.failure.trace or ended.failure.detail) from None
+        raise PayloadTooLarge(f"the body cannot be read here: {ended.failure.detail}") from None
+    finally:
+        timer.cancel()
+        child.close()
+    if isinstance(result, ServiceError | FecoreError):
+        raise result
+    return result
+
+
+def _call(order: tuple[Callable[..., Any], tuple[Any, ...]], _: Reporter) -> Iterator[Any]:
+    """In the child: the result, or the error that says what is wrong with the body."""
+    function, arguments = order
+    try:
+        yield function(*arguments)
+    except (ServiceError, FecoreError) as error:
+        yield error
