@@ -24,7 +24,7 @@ from examples.paper.synthesis import SENSOR, grid, rayleigh_body
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
 from fecore.updating.result import Prediction
-from service.show.figures.colors import INITIAL, MEASURED, UPDATED
+from service.figures.colors import INITIAL, MEASURED, UPDATED
 
 LINES_HZ = np.arange(2.0, 1001.0, 1.0)
 CURVES = (

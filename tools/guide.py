@@ -6,9 +6,9 @@ import shutil
 import sys
 from pathlib import Path
 
-from service.show.guide.contents import PICTURES, addresses, files, whole_page
-from service.show.guide.routes import STYLES
-from service.show.pages.look import FOLDER as STATIC
+from service.pages.guide.contents import PICTURES, addresses, files, whole_page
+from service.pages.guide.routes import STYLES
+from service.pages.look import FOLDER as STATIC
 
 ROOT = Path(__file__).resolve().parent.parent
 

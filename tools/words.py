@@ -98,7 +98,7 @@ CONTRACTS: dict[str, str] = {
     "service/tasks/forecast/task.py:found": "REST: a forecast",
     "service/tasks/model/routes.py:found": "REST: a model",
     "service/nouns/imports/routes.py:found": "REST: an import",
-    "service/show/pages/measurements.py:found": "REST: an import",
+    "service/pages/measurements.py:found": "REST: an import",
     "service/nouns/imports/operations.py:found": "database: imports.found",
     "service/nouns/imports/intake.py:found": "database: imports.found",
     "service/nouns/imports/script_routes.py:found": "database: imports.found",

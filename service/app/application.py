@@ -17,6 +17,9 @@ from starlette.concurrency import run_in_threadpool
 from fecore import __version__
 from service.app.composition import FINDERS, ROUTERS
 from service.monitoring.live import look_at_monitors
+from service.pages import PageErrors, add_pages
+from service.pages.guide.routes import router as guide
+from service.pages.look import files as assets
 from service.platform.access.authentication import Authentication, Paths, SessionCookie
 from service.platform.db.engine import for_reading, make_engine, make_sessions
 from service.platform.db.schema import SchemaError, require_head
@@ -28,9 +31,6 @@ from service.platform.web.middleware import KnownHosts, RequestMiddleware
 from service.platform.web.openapi import RESPONSES, add_documentation, describe_problems
 from service.platform.web.problems import add_problem_handlers
 from service.platform.web.routing import API, UI, serve
-from service.show.guide.routes import router as guide
-from service.show.pages import PageErrors, add_pages
-from service.show.pages.look import files as assets
 from service.tasks.routes import HEADINGS
 
 log = structlog.stdlib.get_logger("modalbase.http")

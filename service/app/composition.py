@@ -9,6 +9,8 @@ from functools import partial
 
 from fastapi import APIRouter
 
+from service.archives.routes import router as archives
+from service.figures.routes import router as measured_figures
 from service.monitoring.notifications.routes import router as webhooks
 from service.monitoring.routes import router as monitoring
 from service.nouns.campaigns.operations import campaign_for
@@ -36,9 +38,7 @@ from service.nouns.updating.routes import router as updating
 from service.platform.access.authentication import Finder
 from service.platform.access.lookup import project_for
 from service.platform.access.routes import router as access
-from service.show.archives.routes import router as archives
-from service.show.results.routes import router as results
-from service.show.routes import router as measured_figures
+from service.reports.routes import router as results
 from service.tasks.routes import ROUTERS as TASKS
 
 ROUTERS: tuple[APIRouter, ...] = (

@@ -327,8 +327,8 @@ def test_the_wheel_has_four_packages_and_nothing_else(built: tuple[Path, Path]) 
     assert tops == {"fecore", "migrations", "modalbase", "service"}
     assert {"modalbase/client/routes.json", "service/app/demo/paper_beam.uff"} <= set(names)
     assert {
-        "service/show/guide/pages/index.md",
-        "service/show/guide/pages/decisions/queue.md",
+        "service/pages/guide/pages/index.md",
+        "service/pages/guide/pages/decisions/queue.md",
     } <= set(names)
     assert any(name.endswith("licenses/LICENSE") for name in names)
     required = [

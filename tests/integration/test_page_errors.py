@@ -13,8 +13,8 @@ import pytest
 from fastapi import FastAPI
 
 from service.app.supervisor import LocalService
+from service.pages import add_pages
 from service.platform.web.routing import PageRoute, query_names
-from service.show.pages import add_pages
 from tests.support.rest import ok, session_client
 
 

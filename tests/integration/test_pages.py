@@ -16,8 +16,8 @@ import psycopg
 import pytest
 
 from service.app.supervisor import LocalService
-from service.show.guide.contents import addresses
-from service.show.pages.look import FOLDER
+from service.pages.guide.contents import addresses
+from service.pages.look import FOLDER
 from tests.support.rest import ok, session_client
 from tests.support.uff import dataset
 from tests.support.waiting import until

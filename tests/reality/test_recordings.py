@@ -14,8 +14,8 @@ from modalbase.formats.records import TimeBlock, propose, read_variables
 from service.compute.arrays_of_files import FileDescription, hits_of
 from service.compute.reading import Kept
 from service.nouns.records.schemas import Proposal
+from service.pages.measurements import _overruling
 from service.platform.errors import Invalid
-from service.show.pages.measurements import _overruling
 from tests.support.reality import kept, reality
 from tests.unit.fecore.signal.test_recording import RATE, recording
 

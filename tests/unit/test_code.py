@@ -305,7 +305,7 @@ FAULTS = (
     ("service/platform/db/engine.py", "import service.platform.access.tables", "service.platform: imports run downwards only"),
     ("service/nouns/structures/schemas.py", "import service.nouns.campaigns.schemas",
      "service.nouns: a noun needs only"),
-    ("service/show/figures/marks.py", "import service.show.pages", "service: imports run downwards only"),
+    ("service/figures/marks.py", "import service.pages", "service: imports run downwards only"),
     ("service/app/doctor.py", "import service.app.supervisor", "service.app: imports run downwards only"),
     ("service/platform/queue/child.py", "import service.app.application", "service: imports run downwards only"),
     ("service/monitoring/runs.py", "from service.nouns.modes.operations import ModeSet", "tables: only"),

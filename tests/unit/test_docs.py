@@ -17,8 +17,8 @@ from fecore.updating.result import HeldOut, ModeComparison, ParameterEstimate
 from service.nouns.search.nouns import NOUNS
 from service.nouns.updating.result_schemas import ResultOut
 from service.nouns.updating.schemas import HoldOutIn, ParameterIn, RecipeIn
+from service.pages.guide.contents import render
 from service.platform.settings import MIB, Settings
-from service.show.guide.contents import render
 from tests.support.places import ROOT
 from tools.guide import write
 

@@ -19,8 +19,8 @@ from fecore.updating import measurement
 from fecore.updating.known_findings import FINDINGS, PASSED_ON, SECTION_OF, SECTIONS
 from modalbase.formats.models.losses import LOSSES
 from modalbase.formats.models.model import ReadReport, Where, skipped_card
-from service.show.guide.contents import render
-from service.show.pages.findings import PLACES, section
+from service.pages.findings import PLACES, section
+from service.pages.guide.contents import render
 from tests.support.places import ROOT
 from tools import findings
 

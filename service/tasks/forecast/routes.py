@@ -23,7 +23,7 @@ from service.platform.access import CurrentUser, SessionDep, api_router
 from service.platform.errors import Conflict
 from service.platform.web.downloads import spooled
 from service.platform.web.parameters import form_of
-from service.show.results.space import (
+from service.reports.space import (
     At,
     ResultMeshOut,
     ShapeOut,

@@ -9,12 +9,12 @@ from pydantic import Field
 from sqlalchemy.orm import Session
 
 from service.compute.identifying import up_to_date
+from service.figures.answers import RESPONSES, FigureName, FigureRequestDep, require_figure
+from service.figures.modes import stabilisation_figure
 from service.nouns.modes.operations import identified_by
 from service.platform.access import CurrentUser, SessionDep, api_router
 from service.platform.queue.resource import JobOut
 from service.platform.queue.routes import JobRoutes
-from service.show.figures.answers import RESPONSES, FigureName, FigureRequestDep, require_figure
-from service.show.figures.modes import stabilisation_figure
 from service.tasks.identify.task import (
     IDENTIFICATIONS,
     Identification,

@@ -10,9 +10,9 @@ from service.nouns.campaigns.operations import Campaign
 from service.nouns.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch
 from service.nouns.search.nouns import NOUNS
 from service.nouns.search.trends import TrendPoint
+from service.pages.numbers import UNITS_OF_MEMBERS
+from service.pages.quantities import SENT
 from service.platform.web import typed
-from service.show.pages.numbers import UNITS_OF_MEMBERS
-from service.show.pages.quantities import SENT
 
 each = pytest.mark.parametrize("name", CLIMATE)
 

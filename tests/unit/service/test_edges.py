@@ -16,14 +16,14 @@ import pytest
 from service.app.application import create_app
 from service.app.supervisor import Component, LocalService
 from service.compute.spectra import decode, encode
+from service.figures.modes import aligned
 from service.nouns.campaigns.operations import from_csv
+from service.pages.numbers import in_unit, number, percent, seconds_between, size
+from service.pages.viewer import draw_grid
 from service.platform.db.engine import DatabaseUrlError, sqlalchemy_url
 from service.platform.errors import MOST_FAULTS, Damaged, Invalid
 from service.platform.queue.child import CHECKPOINT_BYTES, _Reporter
 from service.platform.settings import Settings, SettingsFileError
-from service.show.figures.modes import aligned
-from service.show.pages.numbers import in_unit, number, percent, seconds_between, size
-from service.show.pages.viewer import draw_grid
 
 NOON = datetime(2026, 3, 2, 12, tzinfo=UTC)
 

@@ -15,10 +15,8 @@ from fecore.correlation import CRITERIA
 from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, GeneralisedProportional
 from fecore.trend import Watch
 from service.compute.judging import Observation
-from service.monitoring.runs import unit_of
-from service.platform.errors import Conflict, NotFound
-from service.show.figures.coupon import coupon_figure
-from service.show.figures.frfs import (
+from service.figures.coupon import coupon_figure
+from service.figures.frfs import (
     FrfCurves,
     HitShown,
     PointShown,
@@ -28,18 +26,20 @@ from service.show.figures.frfs import (
     hits_figure,
     points_figure,
 )
-from service.show.figures.marks import Figure, Region
-from service.show.figures.modes import MOST_ROWS, ShapePair, shapes_figure
-from service.show.figures.paper import draw, render
-from service.show.figures.screen import numbers, screen
-from service.show.figures.temperature import temperature_figure
-from service.show.figures.trend import series_figure
-from service.show.figures.updates import OTHERS, budget_figure, parameters_figure
-from service.show.pages.viewer import draw_grid
-from service.show.reports.as_pdf import as_pdf
-from service.show.reports.blocks import Picture, Report
-from service.show.results.figure_data import FigureQuery, UpdateFigures, _row_at
-from service.show.results.figures import FIGURES, _shapes, draw_figure, draw_sheets
+from service.figures.marks import Figure, Region
+from service.figures.modes import MOST_ROWS, ShapePair, shapes_figure
+from service.figures.paper import draw, render
+from service.figures.screen import numbers, screen
+from service.figures.temperature import temperature_figure
+from service.figures.trend import series_figure
+from service.figures.updates import OTHERS, budget_figure, parameters_figure
+from service.monitoring.runs import unit_of
+from service.pages.viewer import draw_grid
+from service.platform.errors import Conflict, NotFound
+from service.reports.as_pdf import as_pdf
+from service.reports.blocks import Picture, Report
+from service.reports.figure_data import FigureQuery, UpdateFigures, _row_at
+from service.reports.figures import FIGURES, _shapes, draw_figure, draw_sheets
 from tests.support.judged import judged, observe, values
 
 

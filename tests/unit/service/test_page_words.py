@@ -10,8 +10,8 @@ import pytest
 
 from fecore.updating.known_findings import FINDINGS
 from service.nouns.updating.schemas import RecipeIn
-from service.show.pages.forms import FormField, fields_of, labelled, page_words
-from service.show.pages.look import FOLDER
+from service.pages.forms import FormField, fields_of, labelled, page_words
+from service.pages.look import FOLDER
 
 OF_REST = re.compile(
     r"`|\b(?:GET|POST|PUT|PATCH|DELETE)"

@@ -12,11 +12,11 @@ from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.known_findings import FINDINGS
 from fecore.updating.result import finding, warnings
+from service.figures.measured import _by_axis
+from service.figures.modes import chains, joined, joined_as
 from service.nouns.updating.result_schemas import FindingOut
-from service.show.figures.modes import chains, joined, joined_as
-from service.show.measured import _by_axis
-from service.show.pages.comparing import _told_apart, leaves
-from service.show.pages.findings import MOST, PLACES, bar, opening
+from service.pages.comparing import _told_apart, leaves
+from service.pages.findings import MOST, PLACES, bar, opening
 
 GRID = np.array([(0.045 * i, 0.02 * j, 0.0) for i in range(11) for j in range(3)])
 

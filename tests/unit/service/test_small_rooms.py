@@ -31,9 +31,9 @@ from service.platform.queue.worker import _clear_if_dead, run_to_end
 from service.platform.settings import Settings
 from service.platform.web.middleware import RequestMiddleware
 from service.platform.web.routing import _require_json
-from service.show.reports.as_html import as_html
-from service.show.reports.as_pdf import as_pdf
-from service.show.reports.blocks import (
+from service.reports.as_html import as_html
+from service.reports.as_pdf import as_pdf
+from service.reports.blocks import (
     Bullets,
     Heading,
     Letterhead,
@@ -42,8 +42,8 @@ from service.show.reports.blocks import (
     Report,
     Table,
 )
-from service.show.reports.update_report import MOST_MODES, UpdateFacts, update_report
-from service.show.results.reporting import _letterhead
+from service.reports.reporting import _letterhead
+from service.reports.update_report import MOST_MODES, UpdateFacts, update_report
 
 
 def test_faults_of_a_batch_are_placed_in_its_job() -> None:

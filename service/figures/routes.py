@@ -1,0 +1,243 @@
+"""Routes of figures: hits of a point, a coupon's curve, a series; of a
+search a trend and its results.
+
+Those of results are in `service.reports`.
+"""
+
+from typing import Annotated
+from uuid import UUID
+
+from fastapi import Query, Response
+
+from service.figures.answers import RESPONSES, FigureName, FigureRequestDep, require_figure
+from service.figures.coupon import coupon_figure
+from service.figures.frfs import hits_figure
+from service.figures.marks import Figure
+from service.figures.measured import (
+    HitQuery,
+    likeness_figure,
+    measured_frf_figure,
+    measured_shapes_figure,
+    point_blocks,
+    point_shown,
+)
+from service.figures.trend import MOST_RESULTS, results_figure, series_figure, trend_figure
+from service.monitoring.monitors import series_for
+from service.monitoring.presentation import series_document
+from service.monitoring.routes import Version
+from service.monitoring.runs import monitor_for
+from service.nouns.campaigns.operations import campaign_for
+from service.nouns.coupons.curves import curve_of, series_of
+from service.nouns.coupons.operations import coupon_for
+from service.nouns.frfs.data import Cut
+from service.nouns.frfs.routes import FrfFilter, Hertz
+from service.nouns.modes.operations import mode_set_for
+from service.nouns.records.routes import Whole
+from service.nouns.search.nouns import NOUNS
+from service.nouns.search.operations import Search, SearchQuery, bounded
+from service.nouns.search.routes import ModeTrend, OrderedDep, ResultTrend
+from service.nouns.updating.result_schemas import CONSTANTS
+from service.platform.access import CurrentUser, SessionDep, api_router
+from service.platform.errors import Invalid
+
+Seconds = Annotated[float | None, Query(ge=0, le=1e9, allow_inf_nan=False)]
+
+router = api_router(tags=[])  # each figure stands beside what it shows
+
+_CAMPAIGN_FIGURES = {
+    "frf": ("point", "direction", "reference", "fmin", "fmax"),
+    "hits": ("point", "direction", "response", "fmin", "fmax", "tmin", "tmax"),
+}
+_MODE_SET_FIGURES = {"mac": ("mode_set",), "shapes": ()}
+"""Figures by name, with the parameters of the query that each uses."""
+
+
+@router.get(
+    "/campaigns/{campaign_id}/figures/{name}",
+    response_class=Response,
+    responses=RESPONSES,
+    tags=["records"],
+)
+def get_campaign_figure(
+    campaign_id: UUID,
+    name: FigureName,
+    session: SessionDep,
+    user: CurrentUser,
+    request: FigureRequestDep,
+    point: Annotated[
+        Whole, Query(description="where it was hit, or the response of an FRF; default: the first")
+    ] = None,
+    direction: Annotated[
+        int | None, Query(ge=-6, le=6, description="signed direction there")
+    ] = None,
+    response: Annotated[
+        Whole, Query(description="of `hits`: where the sensor stood; default: the first one")
+    ] = None,
+    reference: Annotated[Whole, Query(description="of `frf`: reference point")] = None,
+    fmin: Annotated[
+        Hertz,
+        Query(description="lines from here on, Hz; of `hits` those that are drawn one by one"),
+    ] = None,
+    fmax: Annotated[
+        Hertz, Query(description="lines up to here, Hz; of `hits` those that are drawn one by one")
+    ] = None,
+    tmin: Annotated[
+        Seconds, Query(description="of `hits`: samples from here on are drawn one by one, s")
+    ] = None,
+    tmax: Annotated[
+        Seconds, Query(description="of `hits`: samples up to here are drawn one by one, s")
+    ] = None,
+) -> Response:
+    """The first `frf` that matches; or the `hits` of a point: good ones alike, bad ones with what
+    was found against them.
+
+    Hits are judged as the newest processing judged them; before one, among themselves.
+    """
+    campaign = campaign_for(session, user, campaign_id)
+    require_figure(name, *_CAMPAIGN_FIGURES)
+    request.require_used(
+        name, _CAMPAIGN_FIGURES[name], {one for used in _CAMPAIGN_FIGURES.values() for one in used}
+    )
+    if name == "frf":
+        (frf,) = FrfFilter(point=point, direction=direction, reference=reference).rows(
+            session, campaign.id, 1
+        )
+        cut, version = Cut(fmin, fmax), f"{frf.id} {frf.coherence_sha256!r}"
+        return request.answer(lambda: measured_frf_figure(session, frf, cut), name, version)
+    blocks = point_blocks(session, campaign.id, HitQuery(point, direction, response))
+    seconds, hertz = (tmin, tmax), (fmin, fmax)
+    return request.answer(
+        lambda: hits_figure(point_shown(session, blocks), seconds, hertz), name, blocks.version
+    )
+
+
+@router.get(
+    "/mode-sets/{mode_set_id}/figures/{name}",
+    response_class=Response,
+    responses=RESPONSES,
+    tags=["mode sets"],
+)
+def get_mode_set_figure(
+    mode_set_id: UUID,
+    name: FigureName,
+    session: SessionDep,
+    user: CurrentUser,
+    request: FigureRequestDep,
+    mode_set: Annotated[
+        UUID | None,
+        Query(
+            description="of `mac`: another mode set, of this campaign or another; default: itself"
+        ),
+    ] = None,
+) -> Response:
+    """The `shapes` of a mode set at the measured points; or its `mac` with another one, where both
+    have shapes.
+    """
+    first = mode_set_for(session, user, mode_set_id)
+    require_figure(name, *_MODE_SET_FIGURES)
+    request.require_used(name, _MODE_SET_FIGURES[name], {"mode_set"})
+    if name == "shapes":
+        return request.answer(lambda: measured_shapes_figure(session, first), name)
+    second = first if mode_set is None else mode_set_for(session, user, mode_set)
+    return request.answer(lambda: likeness_figure(session, first, second), name)
+
+
+@router.get(
+    "/coupons/{coupon_id}/figures/{name}",
+    response_class=Response,
+    responses=RESPONSES,
+    tags=["coupons"],
+)
+def get_coupon_figure(
+    coupon_id: UUID,
+    name: FigureName,
+    session: SessionDep,
+    user: CurrentUser,
+    request: FigureRequestDep,
+) -> Response:
+    """The figure `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039
+    the transverse strain.
+    """
+    coupon = coupon_for(session, user, coupon_id)
+    require_figure(name, "curve")
+    curve = curve_of(session, coupon)
+
+    def draw() -> Figure:
+        title, shear = f"{coupon.specimen}, {coupon.standard}", coupon.standard == "D3518"
+        return coupon_figure(title, series_of(curve), curve.reduction, shear=shear)
+
+    return request.answer(draw, name, curve.sha256.hex())
+
+
+@router.get(
+    "/monitors/{monitor_id}/series/figure",
+    response_class=Response,
+    responses=RESPONSES,
+    tags=["monitoring"],
+)
+def get_series_figure(
+    monitor_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    request: FigureRequestDep,
+    parameter: Annotated[
+        str | None, Query(max_length=60, description="default: the first one that is watched")
+    ] = None,
+    series: Version = None,
+) -> Response:
+    """The series of a parameter as a figure: Plotly JSON for the browser and notebooks, or SVG,
+    PNG, PDF for print.
+    """
+    monitor = monitor_for(session, user, monitor_id)
+    document = series_document(session, monitor, series_for(session, monitor, series))
+    watched = list(monitor.watch["directions"])
+    chosen = parameter or watched[0]
+    if chosen not in watched:
+        raise Invalid("parameter", f"{chosen!r} is not watched; {', '.join(watched)} are")
+    return request.answer(lambda: series_figure(document, chosen), chosen)
+
+
+@router.get(
+    "/search/results/trend/figure", response_class=Response, responses=RESPONSES, tags=["search"]
+)
+def get_result_trend_figure(trend: ResultTrend, request: FigureRequestDep) -> Response:
+    """A constant of the results that a search finds over time, corrected and as it is, and over
+    temperature, with intervals.
+    """
+    return request.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
+
+
+@router.get(
+    "/search/modes/trend/figure", response_class=Response, responses=RESPONSES, tags=["search"]
+)
+def get_mode_trend_figure(trend: ModeTrend, request: FigureRequestDep) -> Response:
+    """Frequency or damping of the modes that a search finds over time and temperature, each mode in
+    a colour of its own.
+    """
+    return request.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
+
+
+@router.get("/search/results/figure", response_class=Response, responses=RESPONSES, tags=["search"])
+def get_results_figure(
+    query: OrderedDep, session: SessionDep, user: CurrentUser, request: FigureRequestDep
+) -> Response:
+    """The results that a search finds beside one another: a row each, at most 60, a panel a
+    constant, with 95 % intervals.
+    """
+    fields = (
+        "structure.name",
+        "campaign.name",
+        *(f"{name}{end}" for name in CONSTANTS for end in ("", "_low", "_high")),
+    )
+    with bounded(session):
+        search = Search(
+            user, NOUNS["result"], SearchQuery(query.filter, query.words, query.sort, fields)
+        )
+        values, more = search.page(session, None, MOST_RESULTS)
+    if more is not None:
+        raise Invalid(
+            "filter",
+            f"finds more than {MOST_RESULTS} results, which is as many as a figure has; narrow it",
+        )
+    rows = [dict(zip(fields, row, strict=True)) for row in values]
+    return request.answer(lambda: results_figure(rows, CONSTANTS), "results")

@@ -1,0 +1,207 @@
+"""The form of a recipe, made from its schema: whatever the contract takes, the form has."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+from pydantic import BaseModel
+
+from fecore.body.specimen import CONSTANTS
+from service.nouns.campaigns.schemas import CampaignIn
+from service.nouns.structures.schemas import StructureIn
+from service.nouns.updating.schemas import RecipeIn
+from service.pages.numbers import words
+from service.pages.quantities import units_of_field
+from service.platform.web.quantities import UNITS
+from service.platform.web.typed import SHOWN_AS, in_words
+
+CHECKED_LIST = "choices"
+OF_PARAMETER = ("prior_mean", "prior_sd")
+"""Members in the unit of the parameter that their row names."""
+SIMPLE = {"number": "number", "integer": "whole", "boolean": "switch"}
+
+
+@dataclass(frozen=True)
+class FormField:
+    """One question of a form."""
+
+    name: str  # JSON pointer of its value without the first slash
+    label: str  # in words
+    # `number`, `whole`, `text`, `select`, `choices`, `pair`, `numbers`, `switch`, `group`, `table`
+    kind: str
+    help: str = ""  # what the contract says of it
+    default: Any = None  # its value where nothing is said
+    options: list[tuple[str, str]] = field(default_factory=list)  # value and words of each choice
+    fields: list[FormField] = field(default_factory=list)  # of a group, or of one row of a table
+    nullable: bool = False  # whether nothing can be said
+    of: str = ""  # question of the same row that names the parameter in whose unit the value is
+
+    @property
+    def placeholder(self) -> str:
+        """What an empty field shows: the default in the field's unit, of a list how one is
+        written.
+        """
+        if self.kind == "numbers":
+            return "120; 250"
+        if isinstance(self.default, bool) or not isinstance(self.default, int | float):
+            return ""
+        return in_words(self.default, *units_of_field(self.name, self.label)).split()[0]
+
+
+def fields_of(
+    model: type[BaseModel], choices: Mapping[str, list[tuple[str, str]]]
+) -> list[FormField]:
+    """The questions of a body, in the order of its members.
+
+    Args:
+        model: of the body.
+        choices: value and words to choose from, of members that name something which is stored.
+    """
+    schema = model.model_json_schema()
+    return _Schema(schema.get("$defs", {}), choices).members(schema, "")
+
+
+@dataclass(frozen=True)
+class _Schema:
+    """What the nodes of a JSON schema mean: its definitions, and what there is to choose from by
+    name.
+    """
+
+    definitions: Mapping[str, Any]
+    choices: Mapping[str, list[tuple[str, str]]]
+
+    def members(self, node: Mapping[str, Any], prefix: str) -> list[FormField]:
+        return [
+            self._field(prefix + name, name, inner)
+            for name, inner in node.get("properties", {}).items()
+        ]
+
+    def _field(self, name: str, label: str, outer: Mapping[str, Any]) -> FormField:
+        node, nullable = self._resolved(outer), False
+        if "anyOf" in node:
+            kinds = [self._resolved(option) for option in node["anyOf"]]
+            nullable = any(kind.get("type") == "null" for kind in kinds)
+            node = next(kind for kind in kinds if kind.get("type") != "null")
+        common: dict[str, Any] = {
+            "name": name,
+            "label": _label(label),
+            "help": _without_json(outer.get("description") or node.get("description", "")),
+            "default": outer.get("default"),
+            "nullable": nullable,
+            "of": "name" if label in OF_PARAMETER else "",
+        }
+        if name in self.choices:
+            return FormField(kind="select", options=self.choices[name], **common)
+        if "enum" in node:
+            return FormField(
+                kind="select", options=[(value, words(value)) for value in node["enum"]], **common
+            )
+        if node.get("type") == "object":
+            return FormField(kind="group", fields=self.members(node, f"{name}/"), **common)
+        if node.get("type") == "array":
+            return self._list(node, common)
+        return FormField(kind=SIMPLE.get(node.get("type", ""), "text"), **common)
+
+    def _list(self, node: Mapping[str, Any], common: dict[str, Any]) -> FormField:
+        if "prefixItems" in node:
+            return FormField(kind="pair", **common)
+        item = self._resolved(node["items"])
+        if "enum" in item:
+            return FormField(
+                kind=CHECKED_LIST,
+                options=[(value, words(value)) for value in item["enum"]],
+                **common,
+            )
+        if item.get("type") == "object":
+            return FormField(kind="table", fields=self.members(item, ""), **common)
+        return FormField(kind="numbers", **common)
+
+    def _resolved(self, node: Mapping[str, Any]) -> Mapping[str, Any]:
+        while "$ref" in node:
+            node = self.definitions[str(node["$ref"]).rsplit("/", 1)[1]]
+        return node
+
+
+def _without_json(text: str) -> str:
+    """What the contract says of a member, for someone who fills in a field and writes no JSON.
+
+    >>> _without_json("1/τ; null: nobody knows")
+    '1/τ; empty: nobody knows'
+    """
+    return re.sub(r"\bnull\b", "empty", text).replace("`{}` will do", "everything may stay empty")
+
+
+def _label(name: str) -> str:
+    """A member's name as words, with its unit where the name has one, as people write it.
+
+    >>> _label("band_hz"), _label("mass_kg")
+    ('Band [Hz]', 'Mass [g]')
+    """
+    for ending, unit in UNITS.items():
+        if name.endswith(ending):
+            return f"{_label(name.removesuffix(ending))} [{SHOWN_AS.get(unit, unit)}]"
+    text = words(name).replace(" sd", " standard deviation")
+    return (text[:1].upper() + text[1:]).replace("Nu xy", "νxy")
+
+
+@cache
+def _members() -> dict[str, str]:
+    """Labels of the members of recipes, campaigns and structures, by the last step of their
+    names.
+    """
+    labels: dict[str, str] = {}
+
+    def gather(fields: list[FormField]) -> None:
+        for one in fields:
+            labels.setdefault(one.name.rsplit("/", 1)[-1], re.sub(r" \[.*\]", "", one.label))
+            gather(one.fields)
+
+    for model in (RecipeIn, CampaignIn, StructureIn):
+        gather(fields_of(model, {}))
+    return labels
+
+
+_PARENTHESIS = re.compile(r" ?[^.;:?(]*\((?:`[^`]*`(?:, )?)+\)")
+_CALL = re.compile(r"\b(?:GET|POST|PUT|PATCH|DELETE) /[\w/{}…-]+")
+_NAME = re.compile(r"`?(?<![\w/.@-])/?((?:[A-Za-z]\w*[./])*)([A-Za-z]\w*)(?![\w@/-])`?")
+
+
+def page_words(text: str | None) -> str:
+    """A sentence of REST for a page: members have the labels of their fields, calls and options are
+    left out.
+
+    >>> page_words("did you mean 33 GPa? What is meant as it is, confirm (`confirm=true`, `--confirm`)")
+    'did you mean 33 GPa?'
+    >>> page_words("measure a wider band, or put `modal` first in damping_models; inputs.thickness_sd_m is stated")
+    'measure a wider band, or put modal first in “Damping models”; “Thickness standard deviation” is stated'
+    """
+
+    def member(match: re.Match[str]) -> str:
+        name, marked = match[2], match[0].startswith("`")
+        # a constant is called so
+        if name in _members() and name not in CONSTANTS and (marked or "_" in name):
+            return f"“{_members()[name]}”"
+        return match[0].strip("`") if marked else match[0]
+
+    plain = _CALL.sub("this page", _PARENTHESIS.sub("", text or ""))
+    return (
+        _NAME.sub(member, re.sub(r"\?([a-z_]+)=(\w*)", r"`\1` \2", plain))
+        .replace(" ;", ";")
+        .strip()
+    )
+
+
+def labelled(pointer: str) -> str:
+    """A JSON pointer, or the name of a parameter, in words.
+
+    >>> labelled("/inputs/thickness_sd_m"), labelled("next_cursor"), labelled("")
+    ('Thickness standard deviation', 'next cursor', 'what was sent')
+    """
+    steps = [step for step in re.split(r"[/.]", pointer) if step]
+    if not steps:
+        return "what was sent"
+    return _members().get(steps[-1]) or words(" ".join(steps))

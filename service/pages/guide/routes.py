@@ -1,0 +1,58 @@
+"""The guide over HTTP. It is the same for everybody, so it asks for no key."""
+
+import hashlib
+
+from fastapi import Request, Response
+from fastapi.responses import RedirectResponse
+
+from service.pages.guide.contents import INDEX, PICTURES, files, whole_page
+from service.pages.look import address, root_of
+from service.platform.errors import NotFound
+from service.platform.web.parameters import not_modified
+from service.platform.web.routing import page_router
+
+POLICY = (
+    "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; style-src"
+    " 'self'; img-src 'self'"
+)
+STYLES = ("pages.css", "guide.css")
+
+router = page_router()
+
+
+@router.api_route("/guide", methods=["GET", "HEAD"])
+def to_guide() -> RedirectResponse:
+    """The address that a person types."""
+    return RedirectResponse("guide/")
+
+
+@router.api_route("/guide/{name:path}", methods=["GET", "HEAD"])
+def get_page(name: str, request: Request) -> Response:
+    """A page of the guide, or a picture."""
+    file = _picture(name) or _page(name or INDEX, request)
+    if file is None:
+        raise NotFound("page of the guide", name)
+    content, media_type = file
+    headers = {
+        "Content-Security-Policy": POLICY,
+        "Cache-Control": "no-cache",
+        "ETag": f'"{hashlib.sha256(content).hexdigest()[:16]}"',
+    }
+    return not_modified(request, headers) or Response(
+        content, media_type=media_type, headers=headers
+    )
+
+
+def _picture(name: str) -> tuple[bytes, str] | None:
+    file = files().get(name)
+    if file is None or file.suffix not in PICTURES:
+        return None
+    return file.read_bytes(), PICTURES[file.suffix]
+
+
+def _page(name: str, request: Request) -> tuple[bytes, str] | None:
+    styles = tuple(address(style) for style in STYLES)
+    html = whole_page(
+        name, root_of(request.url.path), styles, service=request.app.state.settings.pages
+    )
+    return None if html is None else (html.encode(), "text/html; charset=utf-8")

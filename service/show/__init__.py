@@ -1,1 +1,0 @@
-"""Results and measurements for people: figures, reports, pages and the guide."""

@@ -1,1 +1,0 @@
-"""What is made of an updated model: figures, a report, predicted FRFs, decks for other solvers."""
