@@ -15,7 +15,7 @@ from sqlalchemy.exc import TimeoutError as NoConnectionFree
 from starlette.exceptions import HTTPException
 
 from fecore.errors import FecoreError, InputError
-from service import errors as e
+from service.platform import errors as e
 from service.platform.logs import current_request_id
 from service.platform.web.json_body import wording
 
