@@ -18,7 +18,7 @@ from fecore.dynamics.damping_laws import RAYLEIGH
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
-from fecore.updating.law_fit import Nuisance
+from fecore.updating.frf_fits import Nuisance
 from fecore.updating.misfit import FrfMisfit
 from tests.support.calculix import ccx
 from tests.support.calculix import frequencies as calculix_frequencies

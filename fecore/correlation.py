@@ -324,11 +324,15 @@ def pair_modes(
 ) -> Pairing:
     """Pair measured with model modes as one assignment problem, never one by one.
 
-    Maximises the sum over pairs of MAC less a small penalty for the distance in frequency, (ln
-    f_n/f_e)², which settles which of two model modes is meant when sparse points make them look
-    alike (spatial aliasing). Pairs below `minimum_mac` or further apart than
-    `maximum_frequency_ratio` are not made. Without shapes the order and distance in frequency
-    decide.
+    1. Each measured mode is compared with each of the model: by MAC, or by its share in the span of
+       modes that may mix.
+    2. Pairs below `minimum_mac`, further apart than `maximum_frequency_ratio`, or with a hidden
+       mode are not allowed.
+    3. The score of a pair is its MAC's less a small penalty for the distance in frequency, (ln
+       f_n/f_e)², which settles which of two model modes is meant when sparse points make them look
+       alike (spatial aliasing). Without shapes the order and distance in frequency decide.
+    4. The pairs are those with the largest sum of scores.
+    5. Modes that are left, and pairs that another mode fits nearly as well, are said.
 
     Args:
         measured_shapes: (n, p) shapes, or None.
@@ -356,6 +360,7 @@ def pair_modes(
         )
     if np.any(measured <= 0) or not np.all(np.isfinite(measured)) or not np.all(np.isfinite(model)):
         raise InputError("measured_hz", "must be positive and finite, model_hz finite")
+    # 1. Likeness.
     distance = np.abs(np.log(np.maximum(model, 1e-9)[None, :] / measured[:, None]))
     matrix, likeness = None, distance
     if measured_shapes is not None and model_shapes is not None:
@@ -366,20 +371,25 @@ def pair_modes(
                 f"and model_shapes give {matrix.shape} pairs, frequencies {distance.shape}",
             )
         likeness = span_mac(matrix, measured_shapes, model_shapes, model, mixing, hidden)
+    # 2. Allowed pairs.
     allowed = distance <= np.log(maximum_frequency_ratio)
     allowed[:, list(hidden)] = False
+    if matrix is not None:
+        allowed &= likeness >= minimum_mac
+    # 3. Scores.
     if matrix is None:
         score = np.exp(-distance / _FREQUENCY_SCALE)
     else:
         own = np.nan_to_num(matrix)
-        allowed &= likeness >= minimum_mac
         far = np.minimum((distance / _FREQUENCY_SCALE) ** 2, 4.0)
         score = -np.log(1 + _UNLIKENESS - likeness) - _FREQUENCY_WEIGHT * far
         score[likeness > own] += _OWN * own[likeness > own]
+    # 4. Pairs.
     pairs = _assign(score, allowed)
     if matrix is not None:
         for pair in pairs:
             matrix[pair] = likeness[pair]
+    # 5. What is left, or ambiguous.
     ambiguous = _ambiguous(
         pairs, score if matrix is None else np.nan_to_num(matrix), distance, margin
     )

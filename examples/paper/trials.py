@@ -11,7 +11,7 @@ from fecore.correlation import sac
 from fecore.dynamics.damping_laws import RAYLEIGH, damping_rate
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.frf import FrfSet
-from fecore.updating.law_fit import Nuisance, fit_law
+from fecore.updating.frf_fits import Nuisance, fit_law
 from fecore.updating.misfit import FrfMisfit, Weighting
 
 

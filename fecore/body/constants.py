@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
@@ -116,7 +117,7 @@ def common_priors(materials: Mapping[str, object]) -> tuple[CommonPrior, ...]:
     )
 
 
-class Body:
+class Body(ABC):
     """What updating asks of a body, with the answers of one that has nothing of its own to say.
 
     Closed forms take (c, …) constants in the order of `nominal`, and complex ones too: their
@@ -133,38 +134,38 @@ class Body:
     """Whether the joints of walls, where there are any, are modelled."""
 
     @property
+    @abstractmethod
     def nominal(self) -> dict[str, float]:
         """Constants that can be parameters, by name, SI."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def springs(self) -> tuple[Spring | NodeSpring, ...]:
         """Elastic supports, the last coefficients of the model's stiffness."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def model_error(self) -> float:
         """Relative error of a natural frequency that the model is known to have, independent from
         mode to mode.
         """
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def model(self) -> Model:
         """The affine finite element model, which holds for any constants."""
-        raise NotImplementedError
 
+    @abstractmethod
     def stiffness_coefficients(self, constants: FloatArray) -> FloatArray:
         """(k, …) coefficients of the model's stiffness, springs apart."""
-        raise NotImplementedError
 
+    @abstractmethod
     def mass_coefficients(self, constants: FloatArray) -> FloatArray:
         """(j, …) coefficients of the model's mass."""
-        raise NotImplementedError
 
+    @abstractmethod
     def are_physical(self, constants: FloatArray) -> BoolArray:
         """(…) whether the constants are those of a stable material and a real section."""
-        raise NotImplementedError
 
     # --- what it is made of
 
@@ -242,9 +243,9 @@ class Body:
         """The body with a clamp of that EI/kL, 0 for a rigid one; as it is where none is modelled."""
         return self
 
+    @abstractmethod
     def carrying(self, masses: Sequence[PointMass]) -> Self:
         """The body with more masses."""
-        raise NotImplementedError
 
     def divided(self, parts: int) -> Self:  # noqa: ARG002
         """The body with each of its zones in so many equal ones."""

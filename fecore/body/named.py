@@ -1,12 +1,17 @@
 """Bodies that are structures by other names of their constants."""
 
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Self
+
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.constants import Body
 from fecore.body.model import Model
 from fecore.body.structure import Structure
-from fecore.body.supports import Spring
+from fecore.body.supports import PointMass, Spring
 
 BEYOND_EDGE = 0.02
 """Share of a dimension by which a point may lie beyond the edge and count as on it: tapes differ
@@ -20,15 +25,16 @@ class OfStructure(Body):
     """
 
     springs: tuple[Spring, ...]
+    masses: tuple[PointMass, ...]
 
     @property
+    @abstractmethod
     def structure(self) -> Structure:
         """The structure at nominal constants."""
-        raise NotImplementedError
 
+    @abstractmethod
     def row(self, name: str, own: dict[str, FloatArray]) -> FloatArray | float | None:
         """A constant of the structure by its name; None where it is nominal."""
-        raise NotImplementedError
 
     @property
     def as_structure(self) -> Structure:
@@ -65,6 +71,10 @@ class OfStructure(Body):
     def are_physical(self, constants: FloatArray) -> BoolArray:
         """(…) whether the constants are those of a stable material and a real section."""
         return self.structure.are_physical(self._spread(constants))
+
+    def carrying(self, masses: Sequence[PointMass]) -> Self:
+        """The body with more masses."""
+        return replace(self, masses=(*self.masses, *masses))  # type: ignore[type-var]
 
     def _spread(self, constants: FloatArray) -> FloatArray:
         """(c', …) the structure's constants."""

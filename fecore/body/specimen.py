@@ -8,7 +8,6 @@ structure follow from them.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -144,10 +143,6 @@ class FlatBody(OfStructure):
     def with_mesh(self, divisions: tuple[int, int]) -> Self:
         """The body with so many elements along and across."""
         return replace(self, divisions=divisions)  # type: ignore[type-var]
-
-    def carrying(self, masses: Sequence[PointMass]) -> Self:
-        """The body with more masses."""
-        return replace(self, masses=(*self.masses, *masses))  # type: ignore[type-var]
 
     def divided(self, parts: int) -> Self:
         """The body with each of its zones in so many equal ones."""

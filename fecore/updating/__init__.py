@@ -15,17 +15,17 @@ In the order of the data:
 Stage 1, elastic constants:
 
 - `elastic`: `fit_elastic`, from one start.
-- `elastic_starts`: from several starts, where one may end with modes paired wrongly.
+- `elastic_starts`: from several starts, where one may end with modes paired wrongly; where to
+  start without modes.
 - `elastic_result`: what it gives, with its uncertainty by source.
 - `damage`, `damage_effects`: where the stiffness of a body has changed.
-- `joint`: constants and damping from FRFs in which modes cannot be identified.
 
 Stage 2, damping:
 
 - `damping_data`: FRFs and elastic model, and whether they belong together.
 - `misfit`: of complex FRFs, with the noise that its residual shows.
 - `laws`: what measured damping ratios are worth, and which law they support.
-- `law_fit`: the problem of a law from FRFs, and its fit.
+- `frf_fits`: a law from FRFs; or constants and damping in turn, where modes cannot be identified.
 - `damping_stage`: `fit_reference` and `fit_damping`, with the uncertainty by source.
 - `sampling`: both stages' posterior by Monte Carlo; predictions of what the fits did not see.
 

@@ -44,7 +44,7 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.constants import Body
 from fecore.body.model import Model
-from fecore.body.supports import NodeSpring, Spring
+from fecore.body.supports import NodeSpring, PointMass, Spring
 from fecore.correlation import most_alike
 from fecore.dynamics.reduction import ReducedSystem, bordered
 from fecore.updating.forward import ForwardModel
@@ -112,6 +112,12 @@ def with_additions(
     """A reduced system with the terms of some additions, those of stiffness before the body's own
     springs.
 
+    1. The basis gets the static deflections under what is added.
+    2. It gets the rigid motion of each support that gives way, with what other supports then stop.
+    3. Each addition moves with some rows in this basis.
+    4. Rigid motions that a foot resists are turned behind those that are left.
+    5. Each addition adds a term ψᵀψ of its rows, a mass to the mass and others to the stiffness.
+
     Args:
         system: of the body without.
         model: of the body.
@@ -119,35 +125,31 @@ def with_additions(
         springs: how many it has of its own, the last terms of its stiffness.
         static: (dofs, l) deflections that the basis has to hold too.
     """
-    support_motions = [each.motion for each in additions if each.kind == "support"]
+    # 1. The basis with the static deflections.
     V, (stiffness, mass) = np.hstack([system.basis, static]), (system.stiffness, system.mass)
     if static.size:
-        stiffness = bordered(
-            stiffness, model.stiffness.project(V, slice(system.basis.shape[1], V.shape[1]))
-        )
-        mass = bordered(mass, model.mass.project(V, slice(system.basis.shape[1], V.shape[1])))
+        columns = slice(system.basis.shape[1], V.shape[1])
+        stiffness = bordered(stiffness, model.stiffness.project(V, columns))
+        mass = bordered(mass, model.mass.project(V, columns))
     size = V.shape[1]
-    if support_motions:
+    # 2. Rigid motions of supports that give way.
+    yielding = [each for each in additions if each.kind == "support"]
+    scale = np.ones(0)
+    if yielding:
+        motions = np.vstack([each.motion for each in yielding])
         first = np.abs(np.einsum("jii->ji", mass)).sum(axis=0).max()
-        own = np.abs(
-            np.einsum(
-                "jii->ji",
-                model.mass.project(np.vstack(support_motions).T, slice(0, len(support_motions))),
-            )
-        ).sum(axis=0)
-        scale = np.sqrt(first / own)  # as large as the basis, for the sake of round-off
-        V = np.hstack([V, np.vstack(support_motions).T * scale])
-        stiffness = _with_stopped(
-            stiffness, model, V[:, :size], [a for a in additions if a.kind == "support"], scale
-        )
+        own = model.mass.project(motions.T, slice(0, len(motions)))
+        # as large as the basis, for the sake of round-off
+        scale = np.sqrt(first / np.abs(np.einsum("jii->ji", own)).sum(axis=0))
+        V = np.hstack([V, motions.T * scale])
+        stiffness = _with_stopped(stiffness, model, V[:, :size], yielding, scale)
         mass = bordered(mass, model.mass.project(V, slice(size, V.shape[1])))
-    rows = [each.motion @ V for each in additions]
-    column = size
-    for place, each in enumerate(additions):
-        if each.kind == "support":
-            rows[place] = np.eye(V.shape[1])[[column]] * scale[column - size]
-            column += 1
-    # Rigid motions that a foot resists are none any more: they stand behind those that are left.
+    # 3. What each addition moves with, in the basis.
+    of_supports = iter(np.eye(V.shape[1])[size:] * scale[:, None])
+    rows = [
+        next(of_supports)[None] if each.kind == "support" else each.motion @ V for each in additions
+    ]
+    # 4. Rigid motions that a foot resists are none any more: they stand behind those that are left.
     resisted = [
         row[:, : system.rigid]
         for row, each in zip(rows, additions, strict=True)
@@ -158,20 +160,20 @@ def with_additions(
         _, singular, right = np.linalg.svd(np.vstack(resisted))
         rank = int(np.sum(singular > 1e-9 * singular.max(initial=1e-300)))
         turn[:rigid, :rigid], rigid = np.roll(right, -rank, axis=0).T, rigid - rank
+    # 5. Terms.
     rows = [row @ turn for row in rows]
     terms = [row.T @ row for row in rows]
-    own = len(stiffness) - springs
     stiff, heavy = (
         [t for t, a in zip(terms, additions, strict=True) if a.of_mass == kind]
         for kind in (False, True)
     )
-    turned = [turn.T @ each @ turn for each in (stiffness, mass)]
+    turned, before = [turn.T @ each @ turn for each in (stiffness, mass)], len(stiffness) - springs
     empty = np.zeros((0, 0, V.shape[1]))
     return ReducedSystem(
         V @ turn,
         rigid,
         system.shift,
-        stiffness=np.array([*turned[0][:own], *stiff, *turned[0][own:]]),
+        stiffness=np.array([*turned[0][:before], *stiff, *turned[0][before:]]),
         mass=np.array([*turned[1], *heavy]),
         stiffness_sketch=empty,
         mass_sketch=empty,
@@ -251,6 +253,10 @@ class AlteredBody(Body):
         """(…) whether the body could have the constants."""
         own, sizes = self._split(constants)
         return np.asarray(self.body.are_physical(own) & np.all(sizes > 0, axis=0))
+
+    def carrying(self, masses: Sequence[PointMass]) -> AlteredBody:
+        """The body with more masses, and the same additions."""
+        return replace(self, body=self.body.carrying(masses))
 
     def _split(self, constants: FloatArray) -> tuple[FloatArray, FloatArray]:
         count = len(constants) - len(self.additions)

@@ -39,8 +39,8 @@ from fecore.frf import FrfSet, Quantity
 from fecore.modal.arrangement import pair_label
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.frf_fits import Nuisance
 from fecore.updating.inputs import GRID_SD, POINT_SD, UNSTATED_WINDOW, Inputs
-from fecore.updating.law_fit import Nuisance
 from fecore.updating.laws import MeasuredRatios, nearest_positive
 from fecore.updating.misfit import FrfMisfit, Weighting
 from fecore.updating.parameters import by_name

@@ -19,18 +19,16 @@ import numpy as np
 
 from fecore.arrays import FloatArray, real_times
 from fecore.dynamics.damping_laws import DampingLaw
-from fecore.errors import UpdatingError
 from fecore.findings import Finding
 from fecore.frf import FrfSet, convert
 from fecore.least_squares import nearest
 from fecore.modal.error_model import memory
 from fecore.modal.noise import line_scatter
-from fecore.updating.damping_data import (
-    DampingData,
-)
+from fecore.updating.damping_data import DampingData
+from fecore.updating.elastic import settled
 from fecore.updating.forward import ForwardState
+from fecore.updating.frf_fits import DampingFit, fit_law
 from fecore.updating.inputs import Inputs, SystematicEffect
-from fecore.updating.law_fit import DampingFit, fit_law
 from fecore.updating.laws import (
     DAMPING_DISCREPANCY,
     MeasuredRatios,
@@ -179,9 +177,7 @@ def fit_reference(data: DampingData) -> ReferenceFit:
     variance = _noise_variance(replace(data, frfs=frfs))
     for _ in range(3):
         misfit = data.misfit(frfs, data.weighting, variance)
-        fit = fit_law(
-            misfit, data.modal_law, data.start(data.modal_law), data.nuisance(0), _unit(misfit)
-        )
+        fit = _modal_fit(data, misfit)
         left = misfit.delay(fit.eigenvalue, fit.rate)
         delay += left
         if abs(left) * frfs.omega[-1] < _LARGE_TURN:
@@ -190,7 +186,7 @@ def fit_reference(data: DampingData) -> ReferenceFit:
     scale = fit.cost / float(np.sum(misfit.counted))
     if data.weighting == "noise":
         scale = max(scale, 1.0)
-        fit = fit_law(misfit, data.modal_law, fit, data.nuisance(0, scale), scale)
+        fit = settled(fit_law(misfit, data.modal_law, fit, data.nuisance(0, scale), scale))
     misfit = replace(misfit, frfs=misfit.without_driving(fit.eigenvalue, fit.rate))
     variance_inflation = _variance_inflation(misfit, fit, scale)
     predicted = misfit.predict(fit.eigenvalue, fit.rate)
@@ -294,17 +290,14 @@ def fit_damping(
     # 3. Fits from all starts.
     starts = _starts(law, start, ratios)
     nuisance = data.nuisance(spread, reference.variance_inflation)
-    fits: list[DampingFit] = []
+    outcomes = []
     for done, first in enumerate(starts):
         progress(done / len(starts))
-        try:
-            fits.append(fit_law(reference.misfit, law, first, nuisance, reference.scale))
-        except UpdatingError:
-            if not fits and done == len(starts) - 1:
-                raise
+        outcomes.append(fit_law(reference.misfit, law, first, nuisance, reference.scale))
     # 4. The best, and other optima.
+    fits = [each for each in outcomes if isinstance(each, DampingFit)]
     fits.sort(key=lambda fit: fit.objective)
-    best = fits[0]
+    best = fits[0] if fits else settled(outcomes[-1])
     rivals = [
         fit.coefficients
         for fit in fits
@@ -347,20 +340,21 @@ def _noise_variance(data: DampingData) -> FloatArray:
     if stated is not None and not np.isnan(stated[measured]).any():
         return np.where(measured, stated, 1.0)
     even = data.misfit(data.frfs, "linear", np.ones(measured.shape))
-    first = fit_law(even, data.modal_law, data.start(data.modal_law), data.nuisance(0), _unit(even))
+    first = _modal_fit(data, even)
     predicted = even.predict(first.eigenvalue, first.rate)
     values = even.without_driving(first.eigenvalue, first.rate).values
     variance = residual_variance(values - predicted, predicted, measured)
     return variance if stated is None else np.where(np.isnan(stated), variance, stated)
 
 
-def _unit(misfit: FrfMisfit) -> float:
-    """A first guess of a fit's scale: a thousandth of the signal's own weight."""
-    return (
-        1.0
-        if misfit.weighting == "noise"
-        else _FIRST_NOISE * misfit.signal() / misfit.frfs.values.size
-    )
+def _modal_fit(data: DampingData, misfit: FrfMisfit) -> DampingFit:
+    """Every mode by itself, at a first guess of the scale: a thousandth of the signal's own
+    weight.
+    """
+    law = data.modal_law
+    guess = _FIRST_NOISE * misfit.signal() / misfit.frfs.values.size
+    scale = 1.0 if misfit.weighting == "noise" else guess
+    return settled(fit_law(misfit, law, data.start(law), data.nuisance(0), scale))
 
 
 def _modal_ratios(data: DampingData, modal: DampingFit) -> MeasuredRatios:

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -76,7 +77,10 @@ class Unsettled:
         return UpdatingError(self.message, self.best, self.history)
 
 
-def settled(outcome: ElasticResult | Unsettled) -> ElasticResult:
+T = TypeVar("T")
+
+
+def settled(outcome: T | Unsettled) -> T:
     """The result of a fit.
 
     Raises:

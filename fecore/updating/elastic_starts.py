@@ -13,6 +13,10 @@ its partner. With shapes and without, two close modes may exchange their partner
 fit is made with each of the pairings that it went to and fro between held. Every pairing whose
 evidence is near the best one's then takes part in the intervals
 (`ElasticResult.model_averaged_posterior`).
+
+Where no modes can be identified, the FRFs say where to start (`starts_by_frfs`): their misfit has
+one narrow valley for each way in which model and measured resonances can be matched, and the
+logarithms of their magnitudes on few lines, where valleys are wide, rank draws from the prior.
 """
 
 from __future__ import annotations
@@ -24,16 +28,14 @@ from typing import Protocol
 
 import numpy as np
 
-from fecore.arrays import FloatArray
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.dynamics.damping_laws import DampingLaw
+from fecore.frf import FrfSet
 from fecore.quantities import kind_of
 from fecore.updating.elastic import Unsettled, fit_elastic, settled
-from fecore.updating.elastic_result import (
-    REFUTED,
-    ElasticResult,
-    Rival,
-    prior_inclusion,
-)
+from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival, prior_inclusion
 from fecore.updating.forward import (
+    ForwardModel,
     Partners,
     detection_cost,
     exchanged,
@@ -42,6 +44,7 @@ from fecore.updating.forward import (
     probability_seen,
     unpaired_cost,
 )
+from fecore.updating.laws import nearest_positive
 from fecore.updating.layout import Layout
 from fecore.updating.measurement import Recipe
 from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, spurious_mode_penalty
@@ -398,6 +401,66 @@ def _other_starts(layout: Layout, seed: int, most_unpaired: float = np.inf) -> l
             best[tuple(key)] = score, x
     ranked = sorted(best.values(), key=lambda each: each[0])
     return [x for _, x in ranked[:_STARTS]]
+
+
+_DRAWN_BY_FRFS = 512  # draws, within one standard deviation of the prior to either side
+_COARSE_LINES = 150  # of an FRF that they are compared on
+_RATIOS = (0.01, 0.03, 0.08)  # damping ratios that are tried with each
+
+
+def starts_by_frfs(
+    forward: ForwardModel,
+    frfs: FrfSet,
+    law: DampingLaw,
+    seed: int,
+    progress: Callable[[float], None],
+) -> list[tuple[FloatArray, float]]:
+    """The best three draws from the prior and damping ratios, none next to another, by the least
+    mean difference of the logarithms of the FRFs' magnitudes.
+
+    The draws use the reduced basis unverified, as they only rank starts.
+    """
+    prior = forward.parametrisation
+    free = len(prior.reported)
+    thetas = np.tile(prior.prior_mean, (_DRAWN_BY_FRFS, 1))
+    draws = even_draws(free, _DRAWN_BY_FRFS, seed)
+    thetas[:, :free] += (2 * draws - 1) * prior.prior_sd[:free]
+    coarse = slice(None, None, max(1, frfs.frequency_hz.size // _COARSE_LINES))
+    measured, known = _log_magnitude(frfs.values[:, coarse]), frfs.measured[:, coarse]
+    search_model = forward.on_basis().with_unverified_basis()
+    ranked: list[tuple[float, FloatArray, float]] = []
+    for done, theta in enumerate(thetas):
+        progress(done / len(thetas))
+        if not prior.is_physical(theta):
+            continue
+        model = search_model.solve(theta).frf_model(
+            frfs.responses, frfs.references, with_strain=bool(law.groups)
+        )
+        moving = model.omega > 0
+        omega = model.omega[moving]
+        strain = None if model.strain is None else model.strain[moving]
+        # A law is linear in its coefficients, so these go with the ratio.
+        of_unit = nearest_positive(law, omega, np.ones(omega.size), strain=strain)
+        unit = law.basis(model.omega, model.strain) @ of_unit
+        if not np.all(unit[moving] > 0):
+            continue
+        for ratio in _RATIOS:
+            predicted = model.synthesise(frfs.frequency_hz[coarse], ratio * unit, frfs.quantity)
+            off = measured - _log_magnitude(predicted)
+            ranked.append((float(np.mean(np.abs(off[known]))), theta, ratio))
+    ranked.sort(key=lambda row: row[0])
+    kept: list[tuple[FloatArray, float]] = []
+    for _, theta, ratio in ranked:
+        if len(kept) < 3 and all(
+            np.max(np.abs(theta - other) / prior.prior_sd) > 0.1 for other, _ in kept
+        ):
+            kept.append((theta, ratio))
+    return kept
+
+
+def _log_magnitude(values: ComplexArray) -> FloatArray:
+    magnitude: FloatArray = np.log(np.maximum(np.abs(values), 1e-300))
+    return magnitude
 
 
 def even_draws(dimensions: int, count: int, seed: int) -> FloatArray:

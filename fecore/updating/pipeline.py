@@ -19,6 +19,7 @@ from fecore.updating.campaigns import check_temperatures
 from fecore.updating.damage import with_damage_intervals
 from fecore.updating.damping_data import damping_data, examine
 from fecore.updating.damping_stage import fit_damping, fit_reference, unstated_window
+from fecore.updating.elastic import settled
 from fecore.updating.elastic_findings import mesh_on_trust, points_beyond
 from fecore.updating.elastic_result import HOPELESS_MISS, ElasticResult
 from fecore.updating.elastic_starts import (
@@ -27,8 +28,8 @@ from fecore.updating.elastic_starts import (
     with_sparse_factors,
 )
 from fecore.updating.forward import ForwardModel
+from fecore.updating.frf_fits import JointProblem
 from fecore.updating.inputs import Inputs, fixed_points, with_temperature
-from fecore.updating.joint import update_jointly
 from fecore.updating.laws import identifiable_laws, laws_of, paired_ratios, rank_laws
 from fecore.updating.layout import Layout
 from fecore.updating.measurement import Measurement, PreparedMeasurement, Recipe, prepare
@@ -243,9 +244,7 @@ def _elastic(
     # deviate from.
     middle = float(np.sqrt(frfs.omega[0] * frfs.omega[-1]))
     law = laws_of(recipe, ModalDamping((middle,)), forward.specimen)[0]
-    joint = update_jointly(
-        forward, frfs, law, recipe.seed, progress, inputs=inputs, fixed_points=fixed
-    )
+    joint = settled(JointProblem(forward, frfs, law, inputs, fixed).update(recipe.seed, progress))
     return joint.elastic, _unwindowed(joint.modes, inputs)
 
 

@@ -19,8 +19,8 @@ from fecore.dynamics.laws import laws_for
 from fecore.errors import InputError
 from fecore.frf import FrfSet
 from fecore.updating.forward import ForwardState
+from fecore.updating.frf_fits import DampingFit, Nuisance, fit_law
 from fecore.updating.inputs import Inputs
-from fecore.updating.law_fit import DampingFit, Nuisance, fit_law
 from fecore.updating.laws import LawRanking, MeasuredRatios, laws_of, rank_laws
 from fecore.updating.measurement import Measurement, Recipe, prepare
 from fecore.updating.misfit import FrfMisfit

@@ -1,4 +1,4 @@
-"""A damping law from complex FRFs: the problem, and its fit.
+"""What is fitted to complex FRFs: a damping law alone, or a law and the elastic constants in turn.
 
 What stage 2 minimises: the misfit of the FRFs by a law's coefficients, the modes' shifts and
 their own rates.
@@ -22,11 +22,26 @@ modes alike, in place of to the one with the strongest signal. Modes that were n
 the band say, have shifts and deviations with priors too: else their tails, taken as exact, would
 show a damping that nobody measured. Rigid-body modes, and those that move on the springs of the
 supports, are damped by what they hang on and not by the law: each has a rate of its own.
+
+Elastic constants and damping from the FRFs without modes (beyond the paper).
+
+The two-stage update needs modes. Where FRFs do not let them be identified one by one, the model
+itself can distinguish them: its own shapes say what each mode contributes to each FRF, and only
+frequencies and damping are left to find. So two fits take turns until the constants stand still:
+
+    1. frequency shifts δ_k and damping ratios ζ_k of the model's modes, from the FRFs with the
+       model's shapes;
+    2. constants θ from the shifted frequencies ω_k (1 + δ_k), as stage 1, modes kept apart by their
+       shapes.
+
+A shape of the model is good enough to distinguish modes but not to fit constants by: plate theory's
+error in it would pass for data.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,10 +49,17 @@ import numpy as np
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.dynamics.damping_laws import DampingLaw, beyond, damping_rate
 from fecore.dynamics.synthesis import ModalFrfModel
-from fecore.errors import UpdatingError
-from fecore.frf import Quantity
+from fecore.frf import FrfSet, Quantity
 from fecore.least_squares import Stopping, minimise
-from fecore.updating.misfit import FrfMisfit, NormalEquations
+from fecore.modes import MeasuredModes
+from fecore.updating.elastic import Unsettled, fit_elastic
+from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.elastic_starts import starts_by_frfs
+from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.inputs import Inputs
+from fecore.updating.laws import nearest_positive
+from fecore.updating.layout import Layout
+from fecore.updating.misfit import FrfMisfit, NormalEquations, Weighting, residual_variance
 from fecore.updating.parameters import by_name
 
 # gain, of a value's misfit by noise: the minimum is then within 0.14 standard deviations
@@ -187,16 +209,13 @@ class LawProblem:
         """
         return Stopping(absolute=_ROUND_OFF**2 * self.misfit.signal(), steps=_STEPS)
 
-    def first(self, start: FloatArray) -> FloatArray:
-        """X to start from: given coefficients, and own rates as these have them; an error where
-        they damp a mode negatively.
+    def first(self, start: FloatArray) -> FloatArray | None:
+        """X to start from: given coefficients, and own rates as these have them; None where they
+        damp a mode negatively.
         """
         rate = self.basis(self.omega(self.nuisance.first_shift)) @ start
         if np.any(rate[self.tied] <= 0):
-            best = by_name(self.law.coefficient_names, start)
-            raise UpdatingError(
-                f"the {self.law.name} law cannot start where it damps a mode negatively", best, ()
-            )
+            return None
         own = np.log(np.concatenate([rate[self.tied], self.nuisance.suspension_rate]))
         return np.concatenate([start, self.nuisance.first_shift, own])
 
@@ -369,7 +388,7 @@ def fit_law(
     start: FloatArray | DampingFit,
     nuisance: Nuisance,
     scale: float = 1.0,
-) -> DampingFit:
+) -> DampingFit | Unsettled:
     """Fit a law's coefficients and the modes' frequency shifts.
 
     Args:
@@ -381,8 +400,8 @@ def fit_law(
         scale: what E of one value is by noise alone: 1 for `noise` weights. It brings priors into
             the units of E.
 
-    Raises:
-        UpdatingError: no convergence; it carries the best iterate.
+    Returns:
+        The fit; or why there is none, with the best iterate.
     """
     problem = LawProblem(misfit, law, nuisance, scale)
     history: list[FloatArray] = []
@@ -392,22 +411,22 @@ def fit_law(
             history.append(point.coefficients)
 
     first = problem.first(start) if isinstance(start, np.ndarray) else _end(problem, start)
+    if first is None:
+        best = by_name(law.coefficient_names, np.asarray(start))
+        message = f"the {law.name} law cannot start where it damps a mode negatively"
+        return Unsettled(message, best, ())
     minimum = minimise(problem.at(first), problem.move, problem.stopping(), visit)
-    best = by_name(law.coefficient_names, minimum.point.coefficients)
     if minimum.outcome == "singular":
-        raise UpdatingError(
+        message = (
             f"the FRFs do not distinguish the coefficients of the {law.name} law; use a wider band,"
-            " or a law with fewer",
-            best=best,
-            history=(minimum.point.normal.cost,),
+            " or a law with fewer"
         )
-    if minimum.outcome != "converged" and not problem.is_at_rest(minimum.point):
-        raise UpdatingError(
-            f"the {law.name} fit did not converge; check the band, the modes and the geometry",
-            best=best,
-            history=(minimum.point.normal.cost,),
-        )
-    return _finished(problem, minimum.point, np.array(history))
+    elif minimum.outcome != "converged" and not problem.is_at_rest(minimum.point):
+        message = f"the {law.name} fit did not converge; check the band, the modes and the geometry"
+    else:
+        return _finished(problem, minimum.point, np.array(history))
+    best = by_name(law.coefficient_names, minimum.point.coefficients)
+    return Unsettled(message, best, (minimum.point.normal.cost,))
 
 
 def _end(problem: LawProblem, fit: DampingFit) -> FloatArray:
@@ -471,3 +490,141 @@ def _covariance(problem: LawProblem, point: LawPoint, inverse: FloatArray) -> Fl
     # where the noise is next to nothing, round-off is not
     covariance[at, at] = np.maximum(covariance[at, at], 0)
     return covariance
+
+
+_TURNS = 12  # of the search for constants and law, at most
+_STILL = 0.01  # posterior standard deviations that the constants may move in the last turn
+# prior standard deviation of a shift, while the model is not right yet, of modes in the band and
+# above it
+_SHIFT_SD, _OTHERS_SHIFT_SD = 0.05, 0.02
+
+
+@dataclass(frozen=True)
+class JointResult:
+    """What the turns ended with."""
+
+    elastic: ElasticResult
+    modes: MeasuredModes  # that the FRFs show through the model's shapes
+    left: float  # share of the FRFs' squares that is missed
+
+
+@dataclass(frozen=True)
+class JointProblem:
+    """FRFs on the fitted lines, a model and a law, from which every mode's damping may deviate
+    widely.
+    """
+
+    forward: ForwardModel
+    frfs: FrfSet
+    law: DampingLaw
+    inputs: Inputs
+    # points at which a sensor stood through the test, if its mass was not stated
+    fixed_points: tuple[int, ...] = ()
+
+    def update(
+        self, seed: int, progress: Callable[[float], None] = lambda _: None
+    ) -> JointResult | Unsettled:
+        """Constants and damping from FRFs alone, the best of a few starts.
+
+        Args:
+            seed: of the draws that starts are chosen of.
+            progress: called with the share that is done.
+
+        Returns:
+            The result; or where the last start ended that led to no constants that stand still.
+        """
+        forward, frfs, law = self.forward, self.frfs, self.law
+        starts = starts_by_frfs(forward, frfs, law, seed, lambda share: progress(0.5 * share))
+        outcomes: list[JointResult | Unsettled] = []
+        for done, start in enumerate(starts):
+            progress(0.5 + 0.5 * done / len(starts))
+            outcomes.append(self.in_turns(*start))
+        results = [each for each in outcomes if isinstance(each, JointResult)]
+        if results:
+            return min(results, key=lambda each: each.left)
+        failed = [each for each in outcomes if isinstance(each, Unsettled)]
+        if not failed:
+            message = "no draw from the prior gives a physical specimen; widen or move the priors"
+            return Unsettled(message, {})
+        as_stated = (
+            "the method joint takes height, sign and quantity of the FRFs as stated; two_stage"
+            " says which is wrong"
+        )
+        return replace(failed[-1], message=f"{failed[-1].message}; {as_stated}")
+
+    def in_turns(self, theta: FloatArray, ratio: float) -> JointResult | Unsettled:
+        """Fit modes through the model's shapes, and constants to the modes, in turn."""
+        frfs, measured = self.frfs, self.frfs.measured
+        variance: FloatArray = np.ones(measured.shape)
+        weighting: Weighting = "log" if np.all(frfs.values[measured] != 0) else "linear"
+        start: FloatArray | None = None
+        for _ in range(_TURNS):
+            state = self.forward.solve(theta)
+            model = state.frf_model(frfs.responses, frfs.references)
+            moving = np.arange(state.modes.rigid, model.omega.size)
+            inside = moving[model.omega[moving] < frfs.omega[-1]]
+            if inside.size == 0:
+                return Unsettled("the model has no mode in the band", {})
+            misfit = FrfMisfit(frfs, model, weighting, variance)
+            fit = self._fit(misfit, start, ratio, moving, inside)
+            if isinstance(fit, Unsettled):
+                return fit
+            modes = self._modes(state, fit, inside)
+            if modes.damping_ratio.max() >= 1:
+                message = (
+                    "the joint update damps a mode beyond the critical; check band, boundary and"
+                    " priors"
+                )
+                return Unsettled(message, self._named(theta))
+            layout = Layout.of_one(self.forward, modes, self.inputs, self.fixed_points)
+            elastic = fit_elastic(layout)
+            if isinstance(elastic, Unsettled):
+                return elastic
+            predicted = misfit.predict(fit.eigenvalue, fit.rate)
+            residual = np.where(measured, frfs.values - predicted, 0)
+            variance = residual_variance(residual, predicted, measured)
+            moved = np.abs(elastic.theta - theta) / np.sqrt(np.diag(elastic.covariance))
+            at_rest = weighting == "noise" and moved.max() < _STILL
+            theta, start, weighting = elastic.theta, fit.coefficients, "noise"
+            if at_rest:
+                whole = np.sum(np.abs(frfs.values[measured]) ** 2)
+                return JointResult(elastic, modes, float(np.sum(np.abs(residual) ** 2) / whole))
+        message = f"the joint update did not come to rest in {_TURNS} turns"
+        return Unsettled(message, self._named(theta))
+
+    def _fit(
+        self,
+        misfit: FrfMisfit,
+        start: FloatArray | None,
+        ratio: float,
+        moving: IntArray,
+        inside: IntArray,
+    ) -> DampingFit | Unsettled:
+        """Shifts and damping ratios of the model's moving modes, those inside the band first."""
+        omega, others = misfit.model.omega, np.setdiff1d(moving, inside)
+        if start is None:
+            strain = None if misfit.model.strain is None else misfit.model.strain[moving]
+            even = np.full(moving.size, ratio)
+            start = nearest_positive(self.law, omega[moving], even, strain=strain)
+        rigid = omega.size - moving.size
+        sd = [np.full(inside.size, _SHIFT_SD), np.full(others.size, _OTHERS_SHIFT_SD)]
+        nuisance = Nuisance(
+            modes=np.concatenate([inside, others]),
+            first_shift=np.zeros(moving.size),
+            shift_sd=np.concatenate(sd),
+            # of ln ζ over the law's, which here only has to be near
+            deviation_sd=np.ones(moving.size),
+            suspension_modes=np.arange(rigid),
+            suspension_rate=np.full(rigid, 2 * ratio * omega[inside[0]]),
+        )
+        return fit_law(misfit, self.law, start, nuisance)
+
+    def _modes(self, state: ForwardState, fit: DampingFit, inside: IntArray) -> MeasuredModes:
+        """The modes in the band as measured ones, with the model's shapes."""
+        omega = np.sqrt(fit.eigenvalue[inside])
+        ratio, order = fit.rate[inside] / (2 * omega), np.argsort(omega, kind="stable")
+        shapes = state.all_shapes[inside][order] + 0j
+        return MeasuredModes(omega[order] / (2 * np.pi), ratio[order], shapes, self.forward.dofs)
+
+    def _named(self, theta: FloatArray) -> dict[str, float]:
+        return by_name(self.forward.parametrisation.names, theta)
