@@ -12,6 +12,9 @@ ComplexArray = NDArray[np.complexfloating[Any, Any]]
 IntArray = NDArray[np.integer[Any]]
 BoolArray = NDArray[np.bool_]
 
+ROUND_OFF = 1e-9
+"""Relative difference of numbers that are one but for rounding."""
+
 
 class Listed:
     """How an array stands in JSON, for pydantic, which reads this of an annotation and which the core

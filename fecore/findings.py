@@ -16,7 +16,7 @@ Level = Literal["with_care", "do_not_use"]
 Place = Literal["campaign", "modes", "structure", "update", "frfs", "damping"]
 """Where a finding is mended."""
 
-_NAMED = 4  # of alike findings, how many are named one by one
+MOST_NAMED = 4  # of alike findings, how many are named one by one
 
 
 class Row(NamedTuple):
@@ -99,7 +99,7 @@ def alike(findings: Iterable[Finding]) -> list[list[Finding]]:
 
 def likewise(others: Sequence[Finding]) -> str:
     """In brackets, of what else the first of alike findings holds; nothing without others."""
-    return f" (likewise: {listed([each.subject for each in others], _NAMED)})" if others else ""
+    return f" (likewise: {listed([each.subject for each in others], MOST_NAMED)})" if others else ""
 
 
 def listed(words: Sequence[object], most: int) -> str:

@@ -26,7 +26,8 @@ SMALLEST, LARGEST = 1e-70, 1e70
 nothing beyond is measured.
 """
 
-POWER_OF_I_OMEGA: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
+_DERIVATIVES: tuple[Quantity, ...] = ("receptance", "mobility", "accelerance")
+POWER_OF_I_OMEGA = {name: power for power, name in enumerate(_DERIVATIVES)}
 """Power of iω that turns a receptance into each quantity."""
 
 

@@ -11,16 +11,13 @@ from fecore.arrays import BoolArray, FloatArray
 from fecore.body.beams import BeamSection, rectangle_torsion
 from fecore.body.clamps import Root
 from fecore.body.mesh import CellBlock, Mesh
-from fecore.body.named import BEYOND_EDGE, OfStructure
+from fecore.body.named import BENDING, BEYOND_EDGE, OfStructure
 from fecore.body.structure import Structure
 from fecore.body.supports import Boundary, PointMass, Support, of_boundary
 from fecore.errors import InputError
 
 BEAM_CONSTANTS = ("E", "nu", "density", "width", "thickness", "length")
 """Constants of a `BeamSpecimen`."""
-
-BENDING = (2, 3, 4)
-"""Dofs of a node that bends out of its plane: w, θx, θy."""
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from fecore.body.structure import Structure
     from fecore.body.supports import Mass, NodeSpring, PointMass, Spring
 
-_ISOTROPIC = 1e-3  # to which share constants of one isotropic material agree
-_LARGEST_POISSON = 0.5  # of a beam's E and G
+ISOTROPIC = 1e-3  # to which share constants of one isotropic material agree
+LARGEST_POISSON = 0.5  # of a beam's E and G
 
 
 @dataclass(frozen=True)
@@ -68,20 +68,20 @@ def of_plies(nominal: Mapping[str, float]) -> tuple[Parameter, ...]:
     follow.
     """
     E, nu = nominal["E1"], nominal["nu12"]
-    alike = np.allclose([nominal["E2"], 2 * (1 + nu) * nominal["G12"]], E, rtol=_ISOTROPIC)
+    alike = np.allclose([nominal["E2"], 2 * (1 + nu) * nominal["G12"]], E, rtol=ISOTROPIC)
     return _following("E1", ("E2", "G12", "G13", "G23"), nominal) if alike else PLY_PARAMETERS
 
 
 def of_beams(nominal: Mapping[str, float]) -> tuple[Parameter, ...]:
     """What is updated of a set of beams: its E, which G follows where both are of one material."""
-    one_material = 0 <= nominal["E"] / (2 * nominal["G"]) - 1 <= _LARGEST_POISSON
+    one_material = 0 <= nominal["E"] / (2 * nominal["G"]) - 1 <= LARGEST_POISSON
     return _following("E", ("G",), nominal) if one_material else (Parameter("E"), Parameter("G"))
 
 
 def _following(
     first: str, others: Iterable[str], nominal: Mapping[str, float]
 ) -> tuple[Parameter, ...]:
-    tied = (Parameter(name, prior_sd=_ISOTROPIC * nominal[name], tied_to=first) for name in others)
+    tied = (Parameter(name, prior_sd=ISOTROPIC * nominal[name], tied_to=first) for name in others)
     return (Parameter(first), *tied)
 
 

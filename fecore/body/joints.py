@@ -27,7 +27,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fecore.arrays import FloatArray, IntArray
+from fecore.arrays import ROUND_OFF, FloatArray, IntArray
 from fecore.body.corners import Corner
 from fecore.body.junction_beams import HEIGHTS, JunctionBeams, wall_matrices
 from fecore.body.junctions import Edge, Junction, Wall, are_alike
@@ -45,7 +45,6 @@ thicknesses they are hard.
 
 _DEEPEST = 0.4  # share of the wall over which its nodes make room for where it begins
 _FAR = 30  # overlaps beyond which a wall's width plays no part
-_ROUNDING = 1e-9  # relative, by which places that are one may differ
 _FACES_TOO = np.array([-1.0, 1.0, *HEIGHTS])
 
 
@@ -226,7 +225,7 @@ class Joints:
             corners = len(SHELLS[block.kind].sides) if block.is_shell else 1
             moved = distance + np.einsum("enk,ek->en", shift[elements], starts.direction[which])
             ratio = moved[:, :corners] / np.maximum(ends[which, None], 1e-300)
-            near = (starts.whole > starts.begin)[which] & (ratio.min(axis=1) < 1 - _ROUNDING)
+            near = (starts.whole > starts.begin)[which] & (ratio.min(axis=1) < 1 - ROUND_OFF)
             of = which[near]
             overlap = Overlap(
                 elements[near], ratio[near], starts.tangent[of], self._angles[of], starts.turn[of]
@@ -328,7 +327,7 @@ def segments_of(strips: Strips, groups: Sequence[Sequence[Edge]]) -> list[LineSe
             first += [(len(walls), int(strips.first[w.block]) + w.element) for w in alike]
             depth.append(max(w.depth for w in alike))
             limit.append(
-                max(_FAR * edges[0].corner.overlap(wall.stack), depth[-1] * (1 - _ROUNDING))
+                max(_FAR * edges[0].corner.overlap(wall.stack), depth[-1] * (1 - ROUND_OFF))
             )
             walls.append(wall)
             line.append(k)
@@ -356,7 +355,7 @@ def segments_of(strips: Strips, groups: Sequence[Sequence[Edge]]) -> list[LineSe
             whole = max(begin, float(truly[:2].max()))
             reach = max(begin / _DEEPEST, depth[k])
             own_part = slice(bounds[k], bounds[k + 1])
-            near = strip.nearest[own_part] < max(reach, whole / MOST) * (1 - _ROUNDING)
+            near = strip.nearest[own_part] < max(reach, whole / MOST) * (1 - ROUND_OFF)
             starts.append(
                 Start(wall, begin, whole, reach, truly[2:], strip.elements[own_part][near])
             )

@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 import scipy
 
-from fecore.arrays import BoolArray, FloatArray, IntArray
+from fecore.arrays import ROUND_OFF, BoolArray, FloatArray, IntArray
 from fecore.body.affine import AffineMatrix, Pattern
 from fecore.body.carried import mass_parts, spring_parts
 from fecore.body.constants import Body, Parameter
@@ -33,7 +33,6 @@ UNSCALED = "0"
 
 _STIFF = 1e-8  # of the forces that cancel: below it a motion is one that nothing resists
 _TILTED = 1e-6  # share of a shift that is none of the motions that nothing resists
-_SHOWN = 1e-9  # of the most that a rigid motion moves rows: below it they do not show it
 _DOFS = 6  # of a node at most
 
 
@@ -172,7 +171,7 @@ class MatrixBody(Body):
         reach = float(np.abs(motions[:, :3, 3:]).max(initial=0.0)) or 1.0
         motions[..., 3:] /= reach  # so that turns are no smaller than shifts
         shown, singular, _ = np.linalg.svd(motions[:, self._used][self._free], full_matrices=False)
-        return np.asarray(shown[:, singular > _SHOWN * singular.max(initial=0.0)])
+        return np.asarray(shown[:, singular > ROUND_OFF * singular.max(initial=0.0)])
 
     @property
     def is_free(self) -> bool:

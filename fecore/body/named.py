@@ -13,6 +13,9 @@ from fecore.body.model import Model
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass, Spring
 
+BENDING = (2, 3, 4)
+"""Dofs of a node that bends out of its plane: w, θx, θy."""
+
 BEYOND_EDGE = 0.02
 """Share of a dimension by which a point may lie beyond the edge and count as on it: tapes differ
 from callipers.

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fecore.arrays import FloatArray, IntArray
+from fecore.arrays import ROUND_OFF, FloatArray, IntArray
 from fecore.body.constants import Parameter, of_plies
 from fecore.body.laminate import (
     SHEAR_CORRECTION,
@@ -47,7 +47,6 @@ fabrics and plies.
 MOST_ANGLES = 40
 """Plies up to which each ply's angle is a constant, `angle_1` from the bottom."""
 
-_TWIST_TOLERANCE = 1e-9  # D16, D26 over D11 below which they are round-off
 _OF_MATERIAL = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
 _VOIGT = {"11": (0, 0), "12": (0, 1), "22": (1, 1), "66": (2, 2), "16": (0, 2), "26": (1, 2)}
 _SHEARS = {"S55": (6, 6), "S44": (7, 7), "S45": (6, 7)}
@@ -290,7 +289,7 @@ INERTIAS = (*(f"I{n}_{axis}" for n in (0, 1, 2) for axis in (1, 2, 3)), "drillin
 width can be constants.
 """
 
-OF_INERTIAS = (0, 0, 0, 1, 1, 1, 2, 2, 2, 3)
+OF_INERTIAS = (*np.repeat(range(3), 3), 3)
 """Which of `ShellSection.inertia` each is."""
 
 
@@ -408,7 +407,7 @@ def homogenise(laminate: Section) -> OrthotropicMaterial:
             "couples bending and membrane forces (B ≠ 0): it has no equivalent single layer",
         )
     if (
-        max(abs(D[0, 2]), abs(D[1, 2])) > _TWIST_TOLERANCE * D[0, 0]
+        max(abs(D[0, 2]), abs(D[1, 2])) > ROUND_OFF * D[0, 0]
         or abs(laminate.S[0, 1]) > 1e-9 * laminate.S[0, 0]
     ):
         raise InputError(

@@ -19,7 +19,7 @@ from fecore.arrays import BoolArray, FloatArray
 from fecore.body.clamps import Root
 from fecore.body.generators import Piece, relative_thickness, strip
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.named import BEYOND_EDGE, OfStructure
+from fecore.body.named import BENDING, BEYOND_EDGE, OfStructure
 from fecore.body.sections import PLY_CONSTANTS, Section, ShellSection, section
 from fecore.body.structure import Structure
 from fecore.body.supports import (
@@ -41,7 +41,6 @@ EDGE_ROUNDING = 1e-6
 """Share of a dimension by which rounding moves a point."""
 
 _DIMENSIONS = ("thickness", "length", "width")
-_BENDING = (2, 3, 4)  # w, θx, θy
 
 
 def off_specimen(points: FloatArray, length: float, width: float) -> BoolArray:
@@ -284,7 +283,7 @@ class Specimen(FlatBody):
     @cached_property
     def structure(self) -> Structure:
         """The strip with the dofs w, θx and θy."""
-        return self._structure(self._plies, _BENDING)
+        return self._structure(self._plies, BENDING)
 
 
 @dataclass(frozen=True)
@@ -328,10 +327,10 @@ class OrientedSpecimen(Specimen):
     def structure(self) -> Structure:
         """The strip, with a clamp of k = EI/L per width."""
         if not self.clamp_compliance:
-            return self._structure(self._plies, _BENDING)
+            return self._structure(self._plies, BENDING)
         per_metre = self.bending_modulus * self.thickness**3 / (12 * self.length)
         clamps = (Clamp(self.clamp_compliance, Spring(CLAMP, per_metre, 5, edge="start")),)
-        return self._structure(self._plies, _BENDING, clamps)
+        return self._structure(self._plies, BENDING, clamps)
 
     @property
     def shares_material(self) -> bool:
@@ -426,9 +425,7 @@ class LayeredSpecimen(FlatBody):
     @cached_property
     def structure(self) -> Structure:
         """The strip, with u and v where the stack couples."""
-        return self._structure(
-            self.plies, (0, 1, *_BENDING) if self.section.is_coupled else _BENDING
-        )
+        return self._structure(self.plies, (0, 1, *BENDING) if self.section.is_coupled else BENDING)
 
     def bending_stiffness(self, constants: FloatArray) -> float:
         """EI = b / d11 of the strip along x in N·m², free to twist and to bend across; d = (D - B

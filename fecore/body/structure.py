@@ -37,6 +37,7 @@ from fecore.body.sections import (
     inertia_matrices,
 )
 from fecore.body.supports import (
+    ALL_DOFS,
     Clamp,
     Link,
     Mass,
@@ -65,7 +66,7 @@ class Structure(Body):
     # model junctions (`fecore.body.joints`); without, walls meet at their middle surfaces
     with_joints: bool = True
     # numbers of the dofs of a node; a flat strip needs w, θx, θy alone
-    dofs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
+    dofs: tuple[int, ...] = ALL_DOFS
     # nominal length, width and height along x, y and z of a body whose walls lie along these, with
     # axis 1 along x: they are constants then. Or the length alone, or length and width.
     size: tuple[float, ...] = ()

@@ -17,6 +17,7 @@ Boundary = Literal["cantilever", "free", "simply_supported"]
 Edge = Literal["start", "end", "lower", "upper"]
 
 DISPLACEMENTS = ("u", "v", "w", "rx", "ry", "rz")
+ALL_DOFS = tuple(range(len(DISPLACEMENTS)))
 """Dofs of a node, along and about the axes of the structure."""
 
 
@@ -253,7 +254,7 @@ class Link:
     # one node for a rigid link, three or more that span a plane for a mean, none for a support
     independent: tuple[int, ...]
     # numbers (0 … 5) of the node's dofs that depend; the others stay its own, along the same axes
-    dofs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
+    dofs: tuple[int, ...] = ALL_DOFS
     weights: tuple[float, ...] = ()  # of the independent nodes of a mean; alike where empty
     # (3, 3) as rows, along which the dofs are; the structure's where None
     axes: FloatArray | None = None

@@ -28,7 +28,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.findings import Finding
-from fecore.signal.blocks import Hit, smallest_step
+from fecore.signal.blocks import FEWEST_SAMPLES, Hit, smallest_step
 from fecore.signal.findings import finding
 from fecore.signal.pulse import REACH, find_pulse, ringing
 from fecore.signal.spectra import Source
@@ -36,7 +36,6 @@ from fecore.signal.spectra import Source
 _PARTS = 12  # of a block's noise
 # of a block, in which it is seen how far the noise stands above the converter's steps
 _FINE_PARTS = 48
-_FEWEST_SAMPLES = 64  # of a part
 _FEWEST_HITS = 4  # whose scatter says what stands out of it
 _NEAR = 2.5  # standard deviations about the median, up to which a slope is no outlier
 _TRIMMED = 0.955  # standard deviation of a normal variable up to there
@@ -113,7 +112,7 @@ def seen_rate(hits: Sequence[Hit]) -> SeenRate:
         _shown(noises),
         hits[0].samples - 1,
     )
-    if end - start >= _PARTS * _FEWEST_SAMPLES:
+    if end - start >= _PARTS * FEWEST_SAMPLES:
         return _seen(
             [_decay(noise, end, rate_hz, _power) for noise in noises], end - start, rate_hz
         )
@@ -219,7 +218,7 @@ def _decay(
     """
     steps = noise.steps[noise.start : end]
     size = steps.size // _PARTS
-    if size < _FEWEST_SAMPLES:
+    if size < FEWEST_SAMPLES:
         return None
     power = measure(steps[: size * _PARTS].reshape(_PARTS, size), noise.gap)
     if not power.min() > 0:

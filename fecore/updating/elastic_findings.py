@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from fecore.arrays import ROUND_OFF
 from fecore.body.constants import Parameter
 from fecore.body.locate import place_in_words
 from fecore.body.specimen import EDGE_ROUNDING
-from fecore.findings import Finding, Level, listed
+from fecore.findings import MOST_NAMED, Finding, Level, listed
 from fecore.modes import MeasuredModes
 from fecore.normal import Z_95
 from fecore.updating.additions import MASS
@@ -44,9 +45,7 @@ USUAL_MISS = 0.01
 # standard deviations of a dimension from which a point of the grid beyond it contradicts it
 _DOUBTED = 2.0
 _HARDLY = 0.05  # probability of a change of stiffness below which none is reported
-_NAMED = 4  # points named in one sentence
 _MILLION = float(np.log(1e6))  # log odds beyond which a number says no more
-_ROUND_OFF = 1e-9  # of the share of a length's variance that the data leave
 
 
 def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
@@ -253,7 +252,7 @@ def mesh_findings(elastic: ElasticResult) -> list[Finding]:
                         f"{shared[i]} by {100 * each:+.2g} %"
                         for i, each in zip(moved, share, strict=True)
                     ],
-                    _NAMED,
+                    MOST_NAMED,
                 ),
                 enough=1e3 * enough,
             )
@@ -264,7 +263,7 @@ def mesh_findings(elastic: ElasticResult) -> list[Finding]:
         if elastic.by_mesh[i] > sd[i] ** 2 / 2 and _is_lost(elastic, i)
     ]
     if decided:
-        findings.append(finding("mesh_decides", names=listed(decided, _NAMED)))
+        findings.append(finding("mesh_decides", names=listed(decided, MOST_NAMED)))
     return findings
 
 
@@ -286,8 +285,8 @@ def mesh_on_trust(forward: ForwardModel) -> list[Finding]:
 def contradiction(conflict: Conflict) -> Finding:
     """What contradicts the other data, which causes are as likely, and what is cleared."""
     cause = conflict.cause
-    rivals = listed([_explained(each) for each in conflict.rivals], _NAMED)
-    cleared = listed(conflict.cleared, _NAMED)
+    rivals = listed([_explained(each) for each in conflict.rivals], MOST_NAMED)
+    cleared = listed(conflict.cleared, MOST_NAMED)
     return finding(
         "sources_conflict",
         level="do_not_use" if cause.kind == "campaign" or conflict.moved > Z_95 else None,
@@ -306,7 +305,7 @@ def _explained(check: Check) -> str:
     if check.kind == "campaign":
         return f"{check.name} as one of another material, angle or boundary than stated"
     if check.kind in ("mass", "foot", "support"):
-        sizes = listed([_sized(statement) for statement in check.said], _NAMED)
+        sizes = listed([_sized(statement) for statement in check.said], MOST_NAMED)
         verb = ", which gives way" if check.kind == "support" else " of"
         return f"{check.name}{verb} {sizes} near {place_in_words(check.place)}"
     if check.kind == "stiffness":
@@ -334,7 +333,7 @@ def _explained(check: Check) -> str:
             f"{statement.constant + ' ' if several or check.kind == 'coupons' else ''}as {estimated} instead"
             f" of {stated}"
         )
-    return f"{check.name}{': ' if check.kind == 'coupons' else ' '}{listed(words, _NAMED)}"
+    return f"{check.name}{': ' if check.kind == 'coupons' else ' '}{listed(words, MOST_NAMED)}"
 
 
 def _sized(statement: SourceStatement) -> str:
@@ -415,7 +414,7 @@ def _moved_by_length(elastic: ElasticResult) -> list[Finding]:
         return []
     place = layout.labels.index("length")
     left = 1 - C[place, place] / layout.sd(elastic.scatter)[place] ** 2
-    rest = float(np.sqrt(C[place, place] / max(left, _ROUND_OFF)))
+    rest = float(np.sqrt(C[place, place] / max(left, ROUND_OFF)))
     slopes = C[: len(layout.shared), place] / C[place, place]
     sd = np.sqrt(np.diag(elastic.model_averaged_posterior.total)[: len(layout.shared)])
     moved = [
@@ -425,7 +424,9 @@ def _moved_by_length(elastic: ElasticResult) -> list[Finding]:
         )
         if each.identifiable and abs(slope) * rest > Z_95 * own
     ]
-    return [finding("length_moves", rest=100 * rest, moved=listed(moved, _NAMED))] if moved else []
+    return (
+        [finding("length_moves", rest=100 * rest, moved=listed(moved, MOST_NAMED))] if moved else []
+    )
 
 
 def _moved_by_support(elastic: ElasticResult) -> list[Finding]:
@@ -457,7 +458,9 @@ def _moved_by_support(elastic: ElasticResult) -> list[Finding]:
         return []
     stiffness = sized(open_end.support.name, f"{open_end.stiffness:.2g}")
     level: Level | None = "with_care" if open_end.favoured else None
-    return [finding("support_moves", level=level, stiffness=stiffness, moved=listed(moved, _NAMED))]
+    return [
+        finding("support_moves", level=level, stiffness=stiffness, moved=listed(moved, MOST_NAMED))
+    ]
 
 
 def undetermined(
@@ -477,7 +480,7 @@ def undetermined(
         for some in (parameters or (), usual)
     )
     names = [name for name in lost if name in requested and requested != known]
-    return [finding("not_determined", names=listed(names, _NAMED))] if names else []
+    return [finding("not_determined", names=listed(names, MOST_NAMED))] if names else []
 
 
 def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> list[Finding]:
@@ -496,7 +499,7 @@ def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> 
         out = np.maximum(-x, x - size) if name == "length" else np.abs(y) - size / 2
         limit = max(_DOUBTED * inputs.standard_deviation(name, size), EDGE_ROUNDING * size)
         if (rows := np.flatnonzero(out > limit)).size:
-            points = listed([forward.points[row] for row in rows], _NAMED)
+            points = listed([forward.points[row] for row in rows], MOST_NAMED)
             values = {"points": points, "name": name, "size": 1e3 * size, "out": 1e3 * out.max()}
             findings.append(finding("points_beyond", campaign=of, where=where, **values))
     return findings

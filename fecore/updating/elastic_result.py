@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fecore.arrays import FloatArray
+from fecore.arrays import ROUND_OFF, FloatArray
 from fecore.correlation import Pairing
 from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
@@ -50,7 +50,6 @@ DISCREPANCY_OF_MODEL = "model discrepancy"
 MODEL_OF_JOINTS = "model of the joints"
 
 _NEGLIGIBLE = 1e-6  # weight of a Gaussian in a budget
-_NOTHING = 1e-9  # of a frequency
 
 SAME_SHAPE = 0.8
 """MAC below which two shapes are not taken to be those of one mode."""
@@ -165,7 +164,7 @@ class ElasticResult:
                     by = missed.copy()
                     shift = each.shift[[column for _, column in pairing.pairs]]
                     # what is linear may go below nothing
-                    by[at] = np.log1p(np.maximum(shift, _NOTHING - 1))
+                    by[at] = np.log1p(np.maximum(shift, ROUND_OFF - 1))
                     own[place] = each.conditioned(
                         *self.problem.of_another(by, self.discrepancy, self.scatter)
                     )

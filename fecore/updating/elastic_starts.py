@@ -35,6 +35,7 @@ from fecore.quantities import kind_of
 from fecore.updating.elastic import Unsettled, fit_elastic, settled
 from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival, prior_inclusion
 from fecore.updating.forward import (
+    UNPAIRED,
     ForwardModel,
     Partners,
     detection_cost,
@@ -59,8 +60,6 @@ _FIXED = 6  # pairings that are held
 _MENDED = 3  # times that bases may grow where a fit ended, before each of its points is verified
 # relative error of a frequency by a mesh from which how it goes with the constants matters
 _OF_MESH = 0.003
-# in log evidence, of a measured mode without a partner, beside another pairing
-_UNPAIRED_PENALTY = 8.0
 
 Outcome = ElasticResult | Unsettled
 
@@ -310,7 +309,7 @@ def _rivals(best: ElasticResult, outcomes: Sequence[Outcome]) -> tuple[Rival, ..
 
 def _behind(rival: tuple[int, float], chosen: tuple[int, float]) -> float:
     """Log evidence by which a pairing is behind the chosen one."""
-    return float(rival[1] - chosen[1] + _UNPAIRED_PENALTY * (rival[0] - chosen[0]))
+    return float(rival[1] - chosen[1] + UNPAIRED * (rival[0] - chosen[0]))
 
 
 def is_doubtful(result: ElasticResult) -> bool:

@@ -32,7 +32,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 import scipy
 
-from fecore.arrays import FloatArray, IntArray
+from fecore.arrays import ROUND_OFF, FloatArray, IntArray
 from fecore.body.constants import Body
 from fecore.body.model import observed_at
 from fecore.correlation import Pairing, pair_modes
@@ -338,10 +338,9 @@ of their kind.
 
 _SCATTER = 0.06  # σ: of kinds of modes about the common factor, as the constants' ratios are off
 _FACTOR_SD, _FACTORS = 0.15, np.linspace(-0.5, 0.5, 41)  # σ_c, and the c that are tried
-_UNPAIRED = 8.0  # L: a measured mode without a partner is what an offset of four σ would cost
+UNPAIRED = 8.0  # L: a measured mode without a partner is what an offset of four σ would cost
 _NEAR_NODE = 0.1  # amplitude over the largest mode's at which a mode is as often missed as seen
 _LEAST, _MOST = 0.05, 0.95  # p_k: nothing is sure
-_SAME = 1e-9  # relative distance of frequencies that is round-off
 # times the model's own error of a frequency: distance within which that error may mix modes
 _MIXING = 3.0
 
@@ -460,7 +459,7 @@ def unpaired_cost(modes: MeasuredModes) -> FloatArray:
     """
     probability = np.ones(len(modes)) if modes.probability is None else modes.probability
     with np.errstate(divide="ignore"):
-        return np.asarray(-np.logaddexp(np.log(1 - probability), np.log(probability) - _UNPAIRED))
+        return np.asarray(-np.logaddexp(np.log(1 - probability), np.log(probability) - UNPAIRED))
 
 
 def pair_in_order(
@@ -477,7 +476,7 @@ def pair_in_order(
         seen: (m,) p_k.
         unpaired_costs: (n,) of a measured mode without a partner; L where nobody doubts the modes.
     """
-    costs = np.full(measured_hz.size, _UNPAIRED) if unpaired_costs is None else unpaired_costs
+    costs = np.full(measured_hz.size, UNPAIRED) if unpaired_costs is None else unpaired_costs
     n, m = measured_hz.size, model_hz.size
     order = np.argsort(model_hz, kind="stable")
     pair, miss = -np.log(seen[order]), -np.log(1 - seen[order])
@@ -525,11 +524,11 @@ def detection_cost(
     if not pairing.pairs:
         return float("inf")
     paired = np.array([column for _, column in pairing.pairs])
-    below = np.setdiff1d(np.flatnonzero(model_hz < model_hz[paired].max() * (1 + _SAME)), paired)
-    left = list(pairing.unpaired_measured)
-    unpaired = (
-        _UNPAIRED * len(left) if unpaired_costs is None else float(unpaired_costs[left].sum())
+    below = np.setdiff1d(
+        np.flatnonzero(model_hz < model_hz[paired].max() * (1 + ROUND_OFF)), paired
     )
+    left = list(pairing.unpaired_measured)
+    unpaired = UNPAIRED * len(left) if unpaired_costs is None else float(unpaired_costs[left].sum())
     return float(-np.log(seen[paired]).sum() - np.log(1 - seen[below]).sum()) + unpaired
 
 

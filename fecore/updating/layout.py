@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from fecore.arrays import FloatArray
+from fecore.arrays import ROUND_OFF, FloatArray
 from fecore.body.clamps import Bed, on_bed
 from fecore.body.constants import OWN_SD, Body, CommonPrior, Parameter
 from fecore.body.structure import Structure
@@ -399,7 +399,6 @@ def usual_parameters(body: Body) -> tuple[Parameter, ...]:
 # of a clamp's compliance: its logarithm covers a half-normal's mass from a tenth to five scales
 _CLAMP_LOG_SD = 1.2
 _HALF_NORMAL_MEDIAN = 0.6745  # of |z|, z ~ N(0, 1)
-_ALIKE = 1e-9  # relative, of nominal constants that are one
 
 
 @dataclass(frozen=True)
@@ -493,7 +492,7 @@ def _check_priors(campaigns: Sequence[Campaign], forwards: Sequence[ForwardModel
         for name, here, there in zip(
             first.reported, forward.parametrisation.prior_mean, first.prior_mean, strict=False
         ):
-            if not np.isclose(here, there, rtol=_ALIKE, atol=0.0):
+            if not np.isclose(here, there, rtol=ROUND_OFF, atol=0.0):
                 raise InputError(
                     "parameters",
                     f"{name} is {here:.6g} in campaign {campaign.name} and {there:.6g} in"
@@ -554,7 +553,7 @@ def _check(campaigns: Sequence[Campaign], parameters: Sequence[Parameter]) -> No
         for name in SPECIMENS_OWN if campaign.body.shares_material else ():
             first = known.setdefault((campaign.specimen, name), campaign)
             here, there = campaign.body.nominal[name], first.body.nominal[name]
-            if not np.isclose(here, there, rtol=_ALIKE, atol=_ALIKE):
+            if not np.isclose(here, there, rtol=ROUND_OFF, atol=ROUND_OFF):
                 raise InputError(
                     "campaigns",
                     f"{name} is {there:.6g} in {first.name} and {here:.6g} in {campaign.name}, both"

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from fecore.arrays import FloatArray
+from fecore.arrays import ROUND_OFF, FloatArray
 from fecore.body.constants import Body, Parameter
 from fecore.body.model import Model, observed_at
 from fecore.correlation import pair_modes
@@ -68,7 +68,6 @@ class Recipe:
 
 # ratio of frequencies within which a typed mode and an identified one are the same
 _SAME_POLE = 1.05
-_STILL = 1e-9  # share of the mesh's deflections that a point on a support takes part in, round-off
 _HELD_OUT_OF = 8  # every eighth roving dof is held out unless the recipe says otherwise
 _FEWEST_TO_HOLD_OUT = 16  # FRFs of which some are held out
 
@@ -215,7 +214,7 @@ def _moving(frfs: FrfSet, measurement: Measurement, specimen: Body) -> tuple[Frf
     places = np.array([measurement.points[point] for point in points])
     observed = observed_at(specimen.model, points, places, directions_of(dofs, measurement.axes))
     stationary = {
-        dof for dof, reach in zip(dofs, abs(observed).sum(axis=1), strict=True) if reach < _STILL
+        dof for dof, reach in zip(dofs, abs(observed).sum(axis=1), strict=True) if reach < ROUND_OFF
     }
     pairs = list(zip(frfs.responses, frfs.references, strict=True))
     moving = [

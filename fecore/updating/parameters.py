@@ -36,7 +36,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
-from fecore.body.constants import DEFAULT_PARAMETERS, Body, CommonPrior, Parameter
+from fecore.body.constants import (
+    DEFAULT_PARAMETERS,
+    ISOTROPIC,
+    LARGEST_POISSON,
+    Body,
+    CommonPrior,
+    Parameter,
+)
 from fecore.errors import InputError
 from fecore.quantities import (
     CONSTANTS,
@@ -69,7 +76,6 @@ FREQUENCY_PER_K = (EITHER_PER_K[0] / 2, EITHER_PER_K[1] / 2)
 
 # to which share the constants of one isotropic material agree, and the largest ν of a beam's E and
 # G
-_ISOTROPIC, _LARGEST_POISSON = 1e-3, 0.5
 _EXACT = 1e-9  # standard deviation of a coefficient of damping that is known exactly, 1/K
 
 
@@ -158,12 +164,12 @@ def _is_isotropic(constant: str, nominal: Mapping[str, float]) -> bool:
     kind = kind_of(constant)
     before, after = constant[: constant.rfind(kind)], constant[constant.rfind(kind) + len(kind) :]
     if f"{before}E" in nominal and f"{before}G" in nominal:  # of a beam
-        return 0 <= nominal[f"{before}E"] / (2 * nominal[f"{before}G"]) - 1 <= _LARGEST_POISSON
+        return 0 <= nominal[f"{before}E"] / (2 * nominal[f"{before}G"]) - 1 <= LARGEST_POISSON
     for names in (("E1", "E2", "G12", "nu12"), ("Ex", "Ey", "Gxy", "nu_xy")):
         values = [nominal.get(f"{before}{name}{after}") for name in names]
         if None not in values:
             first, second, shear, nu = np.array(values, dtype=float)
-            return bool(np.allclose([second, 2 * (1 + nu) * shear], first, rtol=_ISOTROPIC))
+            return bool(np.allclose([second, 2 * (1 + nu) * shear], first, rtol=ISOTROPIC))
     return False
 
 
