@@ -112,6 +112,32 @@ ELEMENT_NAMES = ", ".join(one.name for one in _ALL if one.dimension)
 """Their names, for sentences."""
 
 
+class Solid(NamedTuple):
+    """A type of element that fills space, which no structure has: reading passes over its nodes."""
+
+    nodes: int
+    vtk: tuple[int, ...]
+    gmsh: tuple[int, ...]
+
+
+SOLIDS = (
+    *(
+        Solid(4, (10,), (4,)),
+        Solid(8, (11, 12), (5,)),
+        Solid(6, (13,), (6,)),
+        Solid(5, (14,), (7,)),
+    ),
+    *(Solid(10, (24,), (11,)), Solid(20, (25,), (17,)), Solid(15, (26,), (18,))),
+    *(
+        Solid(13, (27,), (19,)),
+        Solid(27, (29,), (12,)),
+        Solid(18, (32,), (13,)),
+        Solid(14, (), (14,)),
+    ),
+)
+"""Tetrahedra, hexahedra, wedges and pyramids: linear, without and with nodes in faces."""
+
+
 def shells() -> Iterator[CellType]:
     """The types of shells."""
     return (one for one in _ALL if one.dimension == 2)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from modalbase.formats.constants import ROUND_OFF
 from modalbase.formats.types import FloatArray, IntArray
 
 ALONG, ACROSS, THROUGH = 60, 6, 2
@@ -20,8 +21,6 @@ thickness.
 """
 
 MOST_ACROSS = 30
-ON_PLANE = 1e-9
-"""Nearer than this, in lengths, a node lies on a plane."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ class Mesh:
 
     def at(self, axis: int, value: float) -> IntArray:
         """Numbers of the nodes where a coordinate has a value."""
-        close = np.abs(self.nodes[:, axis] - value) < ON_PLANE * np.ptp(self.nodes[:, 0])
+        close = np.abs(self.nodes[:, axis] - value) < ROUND_OFF * np.ptp(self.nodes[:, 0])
         return np.flatnonzero(close) + 1
 
     def nearest(self, x: float, y: float) -> int:

@@ -2,7 +2,7 @@
 
 import re
 
-_AXES = {"x": 1, "y": 2, "z": 3, "rx": 4, "ry": 5, "rz": 6}
+_AXES = ("x", "y", "z", "rx", "ry", "rz")
 _NAME = re.compile(
     r"(?:p|pt|pnt|point|node|grid|dof)?[ .:_#-]*(\d{1,10})([ .:_]*)([+-]?)(r?[xyz])([+-]?)",
     re.IGNORECASE,
@@ -26,5 +26,5 @@ def dof_in_name(name: str) -> tuple[int, int] | None:
     gap, before, behind = match[2], match[3], match[5]
     if (before and behind) or (before == "-" and not gap):
         return None
-    axis = _AXES[match[4].lower()]
+    axis = 1 + _AXES.index(match[4].lower())
     return int(match[1]), -axis if "-" in (before, behind) else axis

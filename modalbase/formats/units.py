@@ -8,9 +8,10 @@ and 1/kg is an accelerance. `g` is the gravity of accelerometers, never the gram
 import re
 from collections.abc import Mapping
 from functools import lru_cache
+from math import radians
 from typing import Literal, NamedTuple
 
-from modalbase.formats.constants import POUND_FORCE, STANDARD_GRAVITY
+from modalbase.formats.constants import FOOT, INCH, POUND_FORCE, STANDARD_GRAVITY
 from modalbase.formats.types import Quantity
 
 Measured = Literal[
@@ -70,12 +71,10 @@ RESPONSE: dict[Quantity, Dimension] = {
 }
 """Of what an FRF has above the force."""
 
-_INCH = 0.0254
-_PSI = POUND_FORCE / _INCH**2
-_DEGREE = 0.017453292519943295
+_PSI = POUND_FORCE / INCH**2
 _NAMES: dict[Dimension, dict[str, float]] = {
     LENGTH: {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9,
-             "in": _INCH, "inch": _INCH, "inches": _INCH, "mil": 1e-3 * _INCH, "mils": 1e-3 * _INCH, "ft": 0.3048},
+             "in": INCH, "inch": INCH, "inches": INCH, "mil": 1e-3 * INCH, "mils": 1e-3 * INCH, "ft": FOOT},
     TIME: {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "µs": 1e-6, "us": 1e-6,
            "min": 60.0, "h": 3600.0},
     FREQUENCY: {"Hz": 1.0, "kHz": 1e3, "cps": 1.0, "rpm": 1 / 60, "cpm": 1 / 60},
@@ -88,14 +87,14 @@ _NAMES: dict[Dimension, dict[str, float]] = {
     ACCELERATION: {"g": STANDARD_GRAVITY, "gn": STANDARD_GRAVITY, "g0": STANDARD_GRAVITY, "g's": STANDARD_GRAVITY,
                    "gs": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "µg": 1e-6 * STANDARD_GRAVITY,
                    "ug": 1e-6 * STANDARD_GRAVITY, "gal": 1e-2},
-    VELOCITY: {"ips": _INCH},
+    VELOCITY: {"ips": INCH},
     DIMENSIONS["stress"]: {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "psi": _PSI, "ksi": 1e3 * _PSI,
                            "Msi": 1e6 * _PSI},
     VOLTAGE: {"V": 1.0, "volt": 1.0, "volts": 1.0, "mV": 1e-3, "millivolts": 1e-3, "µV": 1e-6, "uV": 1e-6},
 }  # fmt: skip
 """SI value of one unit, by dimension and name."""
 
-_ANGLES = {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "cycles": 1.0}
+_ANGLES = {"rad": 1.0, "deg": radians(1), "°": radians(1), "cycles": 1.0}
 _TWO_CASES = {"mn", "mpa", "msi"}  # of which the first letter says milli or mega
 _SPELLED = {"MPA": "MPa", "Mpa": "MPa", "MSI": "Msi"}
 _COMPOSED: dict[Measured, tuple[str, ...]] = {

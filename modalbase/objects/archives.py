@@ -11,13 +11,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from http import HTTPStatus
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from modalbase.client.errors import ClientError
 from modalbase.objects.archive_file import ArchiveFile, broken
-from modalbase.objects.finding import OK
 from modalbase.objects.jobs import Import
 from modalbase.objects.search import SearchResults
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from modalbase.objects.campaigns import Campaign
     from modalbase.objects.projects import Project, Structure
 
-FORBIDDEN = 403
 _OF_THE_SERVICE = {
     *("id", "project_id", "structure_id", "version", "model", "replaced"),
     *("created_at", "updated_at", "deleted_at"),
@@ -149,7 +148,7 @@ class _Import:
             try:
                 call("POST", f"{structure.address}/purge")
             except ClientError as error:
-                if error.status != FORBIDDEN:  # this key may not: it stays deleted
+                if error.status != HTTPStatus.FORBIDDEN:  # this key may not: it stays deleted
                     raise
         for key, calibrations in self.calibrations_before.items():
             if calibrations is None:
@@ -235,7 +234,7 @@ class _Import:
         path = f"{self.project.address}/structures"
         answer = self.project.lab.connection.request("POST", path, params=query, json=stated)
         key = answer.json()["id"]
-        if answer.status_code == OK:
+        if answer.status_code == HTTPStatus.OK:
             raise AlreadyThere(
                 f"the archive is being read into the project {self.project.name} now, or that was"
                 f" broken off: then delete its structure {stated['name']!r} ({key}) and read it"

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from difflib import get_close_matches
+from http import HTTPStatus
 from reprlib import repr as shorten
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 LATEST = "latest"
 MOST_NAMED = 8
-OK = 200  # where one is there already; 201 of a new one
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def find_or_make(
     if existing is None:
         answer = service.request("POST", path, params={**query, "unless_named": True}, json=body)
         made: dict[str, Any] = answer.json()
-        if answer.status_code != OK:
+        if answer.status_code != HTTPStatus.OK:
             return made
         existing = made  # somebody else has made it since
     if other := list(_differences(body, existing)):

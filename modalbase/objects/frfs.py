@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from modalbase.formats import frfs as files
 from modalbase.formats.frfs import FrfRow
 from modalbase.formats.frfs.table import UNITS
+from modalbase.formats.uff.frf import RESPONSE_TYPES
 from modalbase.objects.thing import library
 
-ORDINATES = {"receptance": 8, "mobility": 11, "accelerance": 12}
+ORDINATES = {quantity: code for code, quantity in RESPONSE_TYPES.items()}
 """Codes of the ordinate's numerator in UFF 58: displacement, velocity, acceleration."""
 
 FORCE = 13
@@ -119,8 +120,9 @@ class Frfs(files.Frfs):
         frfs = [one for one in datasets if one.get("type") == 58 and one.get("func_type") == 4]
         if not frfs:
             raise ValueError("no dataset 58 is an FRF (function type 4)")
-        kinds = {code: name for name, code in ORDINATES.items()}
-        quantities = {kinds.get(int(one.get("ordinate_spec_data_type", 12))) for one in frfs}
+        quantities = {
+            RESPONSE_TYPES.get(int(one.get("ordinate_spec_data_type", 12))) for one in frfs
+        }
         axis = np.asarray(frfs[0]["x"], dtype=np.float64)
         if len(quantities) > 1 or any(not np.array_equal(axis, one["x"]) for one in frfs):
             raise ValueError(

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from datetime import datetime
+from http import HTTPStatus
 from typing import Any
 
 from modalbase.client.errors import ClientError
 from modalbase.objects.thing import Access
-
-FORBIDDEN = 403
 
 
 class People(Access):
@@ -62,7 +61,7 @@ class People(Access):
         try:
             users = self.users()
         except ClientError as error:
-            if error.status != FORBIDDEN:
+            if error.status != HTTPStatus.FORBIDDEN:
                 raise
             yield from ((key, None) for key in self.connection.pages("api-keys"))
             return

@@ -30,8 +30,10 @@ _WORDS: dict[Part, tuple[str, ...]] = {
     "magnitude": ("mag", "amp", "betrag", "modul", "abs", "gain"),
 }
 _FREQUENCY = ("freq", "fréq", "frequenz")
-_ANGLES = {"rad": 1.0, "radian": 1.0, "radians": 1.0, "deg": np.pi / 180, "°": np.pi / 180, "degree": np.pi / 180,
-           "degrees": np.pi / 180, "grad": np.pi / 180}  # fmt: skip
+_ANGLES = {
+    **dict.fromkeys(("rad", "radian", "radians"), 1.0),
+    **dict.fromkeys(("deg", "°", "degree", "degrees", "grad"), np.pi / 180),
+}
 _DECIBEL = re.compile(r"\bdB\b\s*(?:re\.?)?\s*1?\s*[(\[]?\s*([^)\]]*)[)\]]?", re.IGNORECASE)
 _PAIR = re.compile(r"([\w.:+-]+)\s*/\s*([\w.:+-]+)")
 Texts = Mapping[str, str]

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isclose, isfinite
 
+from modalbase.formats.constants import ROUND_OFF
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.files import lines_of
 from modalbase.formats.models.model import (
@@ -23,8 +24,6 @@ from modalbase.formats.models.model import (
 )
 
 _SECTION = ("area", "I1", "I2", "J")
-_ROUNDING = 1e-9
-"""Relative; numbers nearer than this are one."""
 
 
 @dataclass(frozen=True)
@@ -259,7 +258,7 @@ def _all_same(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
 
 
 def _same(one: float, other: float | None) -> bool:
-    return other is not None and isclose(one, other, rel_tol=_ROUNDING)
+    return other is not None and isclose(one, other, rel_tol=ROUND_OFF)
 
 
 def _isotropic(material: Material, values: Mapping[str, float]) -> dict[str, float] | None:

@@ -18,6 +18,12 @@ from numpy.typing import NDArray
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.losses import LOSSES
 
+ALL_DOFS = tuple(range(6))
+"""Displacements along x, y and z, then rotations about them."""
+
+LARGEST = 1e25
+"""No number of a file in any units reaches it, and products of several stay finite."""
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

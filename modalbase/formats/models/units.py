@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modalbase.formats.constants import POUND_FORCE, STANDARD_GRAVITY
+from modalbase.formats.constants import FOOT, INCH, POUND_FORCE, STANDARD_GRAVITY
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.model import (
     BeamSection,
@@ -20,9 +20,8 @@ from modalbase.formats.models.model import (
     Spring,
 )
 
-_INCH, _FOOT = 0.0254, 0.3048
 _POUND = POUND_FORCE / STANDARD_GRAVITY
-LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": _INCH, "ft": _FOOT}
+LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": INCH, "ft": FOOT}
 FORCES = {
     "N": 1.0,
     "kN": 1e3,
@@ -36,8 +35,8 @@ MASSES = {
     "t": 1e3,
     "g": 1e-3,
     "lb": _POUND,
-    "slug": POUND_FORCE / _FOOT,
-    "slinch": POUND_FORCE / _INCH,
+    "slug": POUND_FORCE / FOOT,
+    "slinch": POUND_FORCE / INCH,
 }
 """SI value of one unit. A slug is a lbf s²/ft, a slinch a lbf s²/in."""
 

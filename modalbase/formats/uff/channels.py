@@ -29,14 +29,13 @@ from modalbase.formats.uff.content import (
     TimeResponse,
     Units,
 )
-from modalbase.formats.uff.frf import frequency_of, global_dofs
+from modalbase.formats.uff.frf import UNSTATED_TYPES, frequency_of, global_dofs
 from modalbase.formats.uff.function import RawFunction
 from modalbase.formats.uff.geometry import Geometry
 from modalbase.formats.uff.text import Refusal
 from modalbase.formats.units import FORCE, RESPONSE, Dimension, read_unit
 
 TIME_RESPONSE, AUTO_SPECTRUM, CROSS_SPECTRUM = 1, 2, 3
-_UNSTATED_TYPES = (0, 1)
 _TYPES: dict[int, ChannelQuantity] = {
     8: "displacement",
     11: "velocity",
@@ -50,7 +49,7 @@ _DIMENSIONS: dict[Dimension, ChannelQuantity] = {
     RESPONSE["mobility"]: "velocity",
     RESPONSE["receptance"]: "displacement",
 }
-_SECONDS = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "": 1.0, "none": 1.0}
+_SECONDS = {**dict.fromkeys(("s", "sec", "second", "seconds", "", "none"), 1.0), "ms": 1e-3}
 # energy of the first half of the impulse response over the second, or the other way round
 _CAUSAL = 4.0
 _ABOVE_ONE = 1.001
@@ -79,7 +78,7 @@ def time_of(
         return None
     quantity, factor = channel
     unit = raw.abscissa.unit.lower().strip()
-    if unit not in _SECONDS or raw.abscissa.data_type not in (*_UNSTATED_TYPES, 17):
+    if unit not in _SECONDS or raw.abscissa.data_type not in (*UNSTATED_TYPES, 17):
         raise Refusal(f"is a time block over '{raw.abscissa.unit}', expected seconds", 7)
     if raw.axis.values is not None or not raw.axis.step > 0:
         raise Refusal("is a time block without an even time step: its sample rate is missing", 6)

@@ -18,11 +18,17 @@ Samples = NDArray[np.float32] | NDArray[np.float64] | NDArray[np.complex64] | ND
 Outcome = Literal["read", "ignored", "refused"]
 ChannelQuantity = Literal["force", "acceleration", "velocity", "displacement"]
 
-COHERENCE = 6
-"""Function type of an ordinary coherence γ²."""
+FRF_TYPE, COHERENCE = 4, 6
+"""Function types of an FRF and of an ordinary coherence γ²."""
+
+HEADER_LINES = 11
+"""Lines of text before the ordinates of a set 58, binary ones too."""
+
+ORDINATE_TYPES = {("f", False): 2, ("f", True): 4, ("c", False): 5, ("c", True): 6}
+"""By kind of numbers, real or complex, and whether they are double."""
 
 FUNCTION_NAMES: dict[int, str] = {
-    0: "general function", 1: "time response", 2: "auto spectrum", 3: "cross spectrum", 4: "frequency response function",
+    0: "general function", 1: "time response", 2: "auto spectrum", 3: "cross spectrum", FRF_TYPE: "frequency response function",
     5: "transmissibility", COHERENCE: "coherence", 7: "auto correlation", 8: "cross correlation",
     9: "power spectral density", 10: "energy spectral density", 11: "probability density function", 12: "spectrum",
     13: "cumulative frequency distribution", 14: "peaks valley", 15: "stress/cycles", 16: "strain/cycles", 17: "orbit",

@@ -25,11 +25,10 @@ from modalbase.formats.units import (
     read_unit,
 )
 
-FRF_TYPE = 4
-_RESPONSE_TYPES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
+RESPONSE_TYPES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
 _FORCE_TYPES = (9, 13)
-_UNSTATED_TYPES = (0, 1)
-_FREQUENCY_TYPES = (0, 1, 18)
+UNSTATED_TYPES = (0, 1)
+_FREQUENCY_TYPES = (*UNSTATED_TYPES, 18)
 _GRAVITY = re.compile(r"(?i)(?<![a-z])(g|gn|g's)(?![a-z])")
 
 
@@ -157,7 +156,7 @@ def _quantity_and_factor(
         raw.denominator.unit,
         1 / (force * length) if moment else 1 / force,
     )
-    if raw.denominator.data_type not in (*_FORCE_TYPES, *_UNSTATED_TYPES):
+    if raw.denominator.data_type not in (*_FORCE_TYPES, *UNSTATED_TYPES):
         raise Refusal(
             f"its denominator is of type {raw.denominator.data_type}, not a force (9, 13)", 9
         )
@@ -184,8 +183,8 @@ def _quantity(
     """The quantity by data type, label, or the user; and whether the ordinate's label states the
     whole ratio.
     """
-    by_type = _RESPONSE_TYPES.get(raw.ordinate.data_type)
-    if by_type is None and raw.ordinate.data_type not in _UNSTATED_TYPES:
+    by_type = RESPONSE_TYPES.get(raw.ordinate.data_type)
+    if by_type is None and raw.ordinate.data_type not in UNSTATED_TYPES:
         raise Refusal(
             f"its ordinate is of type {raw.ordinate.data_type}, not an acceleration, velocity or"
             " displacement",
@@ -273,7 +272,7 @@ def _note_exponents(raw: RawFunction, rotation: bool, moment: bool, notes: list[
     )
     for described, usual, name in expected:
         stated = described.exponents
-        if described.data_type not in _UNSTATED_TYPES and stated not in ((0, 0, 0), usual):
+        if described.data_type not in UNSTATED_TYPES and stated not in ((0, 0, 0), usual):
             notes.append(
                 f"the unit exponents {stated} of its {name} do not fit its data type"
                 f" {described.data_type}"

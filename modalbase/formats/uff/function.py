@@ -9,14 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modalbase.formats.types import FloatArray
-from modalbase.formats.uff.content import COHERENCE, FUNCTION_NAMES, Axis, Samples
+from modalbase.formats.uff.content import (
+    COHERENCE,
+    FRF_TYPE,
+    FUNCTION_NAMES,
+    HEADER_LINES,
+    ORDINATE_TYPES,
+    Axis,
+    Samples,
+)
 from modalbase.formats.uff.scan import Frame, binary_header
 from modalbase.formats.uff.text import Cursor, Refusal, decoded, real_block, shown
 
-HEADER_LINES = 11
-_REAL_SINGLE, _REAL_DOUBLE, _COMPLEX_SINGLE, _COMPLEX_DOUBLE = 2, 4, 5, 6
+_KINDS = {number: kind for kind, number in ORDINATE_TYPES.items()}
 _E13, _E20 = 13, 20
-_FRF = 4
 _ABSURD_DECADES = 24.0
 _ENOUGH_POINTS = 16
 _NO_REFERENCE = "the reference point is -1, read as 0: the file states none"
@@ -75,11 +81,11 @@ class _Shape:
 
     @property
     def complex_values(self) -> bool:
-        return self.ordinate_type in (_COMPLEX_SINGLE, _COMPLEX_DOUBLE)
+        return _KINDS[self.ordinate_type][0] == "c"
 
     @property
     def double(self) -> bool:
-        return self.ordinate_type in (_REAL_DOUBLE, _COMPLEX_DOUBLE)
+        return _KINDS[self.ordinate_type][1]
 
     @property
     def parts(self) -> int:
@@ -107,7 +113,7 @@ def read_58(frame: Frame, body: bytes) -> RawFunction:
     read = _binary_data if frame.type == "58b" else _text_data
     table, note = read(frame, body[cut:], shape)
     gap = _gap_at_start(table, shape)
-    if gap and dofs[0] not in (_FRF, COHERENCE):
+    if gap and dofs[0] not in (FRF_TYPE, COHERENCE):
         raise Refusal(gap, HEADER_LINES)
     axis, values, more = _assembled(
         table[1:] if gap else table, shape.behind_first() if gap else shape
@@ -195,7 +201,7 @@ def _shape(cursor: Cursor) -> _Shape:
     kind, points, spacing = cursor.integers(
         row, ["ordinate data type", "number of points", "abscissa spacing"]
     )
-    if kind not in (_REAL_SINGLE, _REAL_DOUBLE, _COMPLEX_SINGLE, _COMPLEX_DOUBLE):
+    if kind not in _KINDS:
         raise cursor.refuse(f"the ordinate data type is {kind}, expected 2, 4, 5 or 6")
     if points < 1:
         raise cursor.refuse(f"the number of points is {points}, expected at least 1")

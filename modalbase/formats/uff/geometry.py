@@ -326,6 +326,8 @@ def _systems(systems: list[CoordinateSystem]) -> Parsed:
 
 
 BEAMS = (11, 21, 22, 23, 24)
+"""Rods and beams: 2 nodes or, whatever the descriptor, 3 of a quadratic mesh's edge."""
+
 _PER_ROW = 8
 
 

@@ -17,6 +17,7 @@ from modalbase.formats.uff.channels import (
     time_of,
 )
 from modalbase.formats.uff.content import (
+    FRF_TYPE,
     Content,
     CoordinateSystem,
     DatasetReport,
@@ -25,7 +26,7 @@ from modalbase.formats.uff.content import (
     UffError,
     Units,
 )
-from modalbase.formats.uff.frf import FRF_TYPE, frf_of, function_of
+from modalbase.formats.uff.frf import frf_of, function_of
 from modalbase.formats.uff.function import RawFunction, read_58
 from modalbase.formats.uff.geometry import (
     Geometry,

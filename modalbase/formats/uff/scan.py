@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
-from modalbase.formats.uff.content import Limits, UffError
+from modalbase.formats.uff.content import HEADER_LINES, Limits, UffError
 from modalbase.formats.uff.text import shown
 
 SMALL_CHUNK, LARGE_CHUNK = 1 << 13, 1 << 20
@@ -26,7 +26,6 @@ _WORDS = re.compile(rb"[A-Za-z][A-Za-z _.,:;()-]*")
 _COUNTED_ENDS = 16
 _DELIMITER_LINE = re.compile(rb"\n([ \t]*)-1[ \t]*\r?(?=\n|\Z)")
 _TYPE_LINE = re.compile(rb"( {0,5}[0-9]{1,6})([bB].*|[ \t]*)")
-_ASCII_LINES_58B = 11
 # others below 100 are rather the label of a node
 _SHORT_TYPES = (15, 18, 55, 56, 57, 58, 82, 90, 91, 95)
 
@@ -256,9 +255,9 @@ def binary_header(line: bytes) -> BinaryHeader:
     order, float_format, ascii_lines, data_bytes = fields
     if order not in (1, 2):
         raise ValueError(f"the byte order is {order}, expected 1 (little endian) or 2 (big endian)")
-    if ascii_lines != _ASCII_LINES_58B:
+    if ascii_lines != HEADER_LINES:
         raise ValueError(
-            f"the count of ASCII header lines is {ascii_lines}, expected {_ASCII_LINES_58B}"
+            f"the count of ASCII header lines is {ascii_lines}, expected {HEADER_LINES}"
         )
     return BinaryHeader(order == 1, float_format, data_bytes)
 
@@ -273,7 +272,7 @@ def _binary_end(
         raise UffError(f"binary header of dataset {number}: {error}", offset) from None
     position = start
     record_7 = b""
-    for index in range(_ASCII_LINES_58B):
+    for index in range(HEADER_LINES):
         text = _line(file, position, limits)
         if not text.endswith(b"\n"):
             raise UffError(f"the file ends inside the header of dataset {number}", position)

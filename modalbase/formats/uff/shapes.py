@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from modalbase.formats.types import ComplexArray, IntArray
-from modalbase.formats.uff.content import ModeShape
+from modalbase.formats.uff.content import ORDINATE_TYPES, ModeShape
 from modalbase.formats.uff.geometry import Parsed
 from modalbase.formats.uff.text import Cursor, Refusal, SkippedDataset, decoded, shown
 
@@ -20,7 +20,7 @@ _KINDS: dict[int, Literal["normal", "complex"]] = {
 _ANALYSES = {
     0: "of unknown analysis", 1: "static", 4: "transient", 5: "a frequency response", 6: "buckling", 9: "static non-linear",
 }  # fmt: skip
-_REAL, _COMPLEX = 2, 5
+_REAL, _COMPLEX = (ORDINATE_TYPES[kind, False] for kind in "fc")
 _PER_ROW = 6
 _WIDTH = 13
 _TRANSLATIONS, _WITH_ROTATIONS = 2, 3

@@ -1,6 +1,6 @@
 """Set 164: the units of a UFF file, and the way from them to SI."""
 
-from modalbase.formats.constants import POUND_FORCE, STANDARD_GRAVITY
+from modalbase.formats.constants import FOOT, INCH, POUND_FORCE, STANDARD_GRAVITY
 from modalbase.formats.uff.content import Units
 from modalbase.formats.uff.text import Cursor, Refusal, decoded
 
@@ -43,12 +43,12 @@ def read_164(body: bytes, dataset: int) -> tuple[Units, list[str]]:
 
 _FACTORS_OF_CODE = {
     1: (1.0, 1.0),
-    2: (1 / 0.3048, 1 / POUND_FORCE),
+    2: (1 / FOOT, 1 / POUND_FORCE),
     3: (1.0, 1 / STANDARD_GRAVITY),
-    4: (1 / 0.3048, 1 / 0.138254954376),
+    4: (1 / FOOT, 1 / 0.138254954376),
     5: (1e3, 1e3),
     6: (1e2, 1e2),
-    7: (1 / 0.0254, 1 / POUND_FORCE),
+    7: (1 / INCH, 1 / POUND_FORCE),
     8: (1e3, 1 / STANDARD_GRAVITY),
     10: (1e3, 1.0),
 }

@@ -20,6 +20,8 @@ import numpy as np
 
 from modalbase.formats.types import FloatArray
 from modalbase.formats.uff.content import (
+    HEADER_LINES,
+    ORDINATE_TYPES,
     Axis,
     Content,
     Element,
@@ -33,13 +35,11 @@ from modalbase.formats.uff.content import (
 from modalbase.formats.uff.geometry import BEAMS
 
 _TAG = b"    -1\n"
-_ORDINATE_TYPES = {("f", False): 2, ("f", True): 4, ("c", False): 5, ("c", True): 6}
 _RESPONSES = {
     "accelerance": (12, "Acceleration", "/s^2"),
     "mobility": (11, "Velocity", "/s"),
     "receptance": (8, "Displacement", ""),
 }
-_HEADER_LINES = 11
 _LINES = 4096  # that are text at a time
 _PER_ROW = 8  # points of an element
 _NO_AXIS = "         0    0    0    0 NONE                 NONE                "
@@ -270,7 +270,7 @@ def _function(
     )
     table = _table(content, axis, even=even)
     double = table.dtype == np.float64
-    kind = _ORDINATE_TYPES[content.values.dtype.kind, double]
+    kind = ORDINATE_TYPES[content.values.dtype.kind, double]
     dofs = (
         f"{_whole(function_type, 5)}{_whole(0, 10)}{_whole(0, 5)}{_whole(load_case, 10)}"
         f" {'NONE':<10}{_whole(content.response_point, 10)}{_whole(content.response_direction, 4)}"
@@ -284,7 +284,7 @@ def _function(
         data = table.tobytes()
         order = 1 if sys.byteorder == "little" else 2
         type_line = (
-            f"    58b{order:6d}{2:6d}{_HEADER_LINES:12d}{len(data):12d}{0:6d}{0:6d}{0:12d}{0:12d}\n"
+            f"    58b{order:6d}{2:6d}{HEADER_LINES:12d}{len(data):12d}{0:6d}{0:6d}{0:12d}{0:12d}\n"
         )
         return _TAG + type_line.encode() + header.encode() + data + _TAG
     return _dataset("58", header + _rows(table, double=double, even=even))

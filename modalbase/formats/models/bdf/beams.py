@@ -7,6 +7,7 @@ from math import pi
 
 import numpy as np
 
+from modalbase.formats.constants import ROUND_OFF
 from modalbase.formats.models.bdf.card import Card
 from modalbase.formats.models.bdf.deck import BdfDeck, family
 from modalbase.formats.models.model import BeamSection, Elements, Floats
@@ -19,7 +20,6 @@ _OF_ELEMENT = {
     "CTUBE": ("PTUBE",),
 }
 _STATIONS = ("YES", "YESA", "NO")
-_ROUND_OFF = 1e-9
 _LEAST = 1e-6
 """Share of a round bar's stiffness that stands for none, so that a rod is a beam."""
 
@@ -173,7 +173,7 @@ class BeamSections:
 
     def _pbeaml(self, card: Card) -> tuple[BeamSection, tuple[float, float]]:
         section, centroid = self._shaped(card)
-        if max(map(abs, centroid)) < _ROUND_OFF * section.area**0.5:
+        if max(map(abs, centroid)) < ROUND_OFF * section.area**0.5:
             return section, (0.0, 0.0)
         self._note_centre(card)
         return section, centroid

@@ -8,9 +8,7 @@ import numpy as np
 from modalbase.formats.models.bdf.card import Card, whole
 from modalbase.formats.models.bdf.deck import BdfDeck
 from modalbase.formats.models.bdf.frames import BASIC, Grids
-from modalbase.formats.models.model import Floats, Link, Support, Where
-
-ALL = (0, 1, 2, 3, 4, 5)
+from modalbase.formats.models.model import ALL_DOFS, Floats, Link, Support, Where
 
 
 def listed(card: Card, first: int, grids: Grids, what: str) -> Iterator[int]:
@@ -80,8 +78,8 @@ def _rbar(card: Card, deck: BdfDeck) -> Iterator[Link]:
     ends = grids.row(card, 1, "GA"), grids.row(card, 2, "GB")
     lead = [card.dofs(3 + k, name, "0") for k, name in enumerate(("CNA", "CNB"))]
     for independent, dependent, index in ((0, 1, 6), (1, 0, 5)):
-        if lead[independent] == ALL and not lead[dependent]:
-            dofs = card.dofs(index, "CM", "123456") or ALL
+        if lead[independent] == ALL_DOFS and not lead[dependent]:
+            dofs = card.dofs(index, "CM", "123456") or ALL_DOFS
             yield Link(
                 ends[dependent],
                 (ends[independent],),

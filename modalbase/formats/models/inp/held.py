@@ -12,9 +12,8 @@ from modalbase.formats.models.check import nearness
 from modalbase.formats.models.inp.lines import DataLine, InpReport, Keyword, card_names, folded
 from modalbase.formats.models.inp.mesh import InpMesh
 from modalbase.formats.models.inp.orientations import Orientation, Part
-from modalbase.formats.models.model import Floats, Integers, Link, Support, Where
+from modalbase.formats.models.model import ALL_DOFS, Floats, Integers, Link, Support, Where
 
-ALL = (0, 1, 2, 3, 4, 5)
 NAMES = card_names(
     "MPC RIGIDBODY COUPLING KINEMATIC DISTRIBUTING KINEMATICCOUPLING DISTRIBUTINGCOUPLING"
     " EQUATION TIE"
@@ -73,7 +72,7 @@ class Constraints:
         dependent = nodes[nodes != reference]
         axes = (
             [None] * len(dependent)
-            if system is None or dofs == ALL
+            if system is None or dofs == ALL_DOFS
             else system.at(self._places[dependent])
         )
         self.links += [
@@ -91,7 +90,7 @@ class Constraints:
             if len(independent) != 1:
                 raise row.error(f"has {len(independent)} nodes that lead, expected one")
             reference = int(independent[0])
-            dofs = ALL[:3] if kind.upper() == "PIN" else ALL
+            dofs = ALL_DOFS[:3] if kind.upper() == "PIN" else ALL_DOFS
             apart = np.linalg.norm(self._places[dependent] - self._places[reference], axis=1)
             if kind.upper() != "BEAM" and np.any(apart > self._near):
                 self._report.note(row, "nodes_apart", type=kind.upper())
@@ -103,10 +102,10 @@ class Constraints:
         if card.get("ROT NODE"):
             self._report.note(card, "rot_node")
         for parameter, dofs in (
-            ("ELSET", ALL),
-            ("NSET", ALL),
-            ("TIE NSET", ALL),
-            ("PIN NSET", ALL[:3]),
+            ("ELSET", ALL_DOFS),
+            ("NSET", ALL_DOFS),
+            ("TIE NSET", ALL_DOFS),
+            ("PIN NSET", ALL_DOFS[:3]),
         ):
             if not (name := card.get(parameter)):
                 continue
@@ -145,7 +144,9 @@ class Constraints:
             return
         if card.get("WEIGHTING METHOD").upper() not in ("", "UNIFORM"):
             self._report.note(card, "weights_by_distance")
-        axes = None if system is None or dofs == ALL else system.at(self._places[[reference]])[0]
+        axes = (
+            None if system is None or dofs == ALL_DOFS else system.at(self._places[[reference]])[0]
+        )
         self.links.append(Link(reference, tuple(nodes.tolist()), dofs, coupling.where, axes=axes))
 
     def _dofs(self, card: Keyword) -> tuple[int, ...]:
@@ -155,7 +156,7 @@ class Constraints:
             fields = [text for text in row.fields if text]
             if fields:
                 dofs |= set(dof_range(fields, row))
-        return tuple(sorted(dofs)) or ALL
+        return tuple(sorted(dofs)) or ALL_DOFS
 
     def _kinematic_coupling(self, card: Keyword, part: Part) -> None:
         reference = self._one(card.needs("REF NODE"), part, card)
@@ -163,7 +164,7 @@ class Constraints:
         for row in card.rows:
             name, rest = row.name_and_rest
             nodes = part.nodes(name, row)
-            dofs = tuple(dof_range(rest, row)) if rest else ALL
+            dofs = tuple(dof_range(rest, row)) if rest else ALL_DOFS
             self._rigid(nodes, reference, dofs, row.where, system)
 
     def _distributing_coupling(self, card: Keyword, part: Part) -> None:
@@ -182,7 +183,7 @@ class Constraints:
         weights.pop(node, None)
         if not weights:
             raise card.error("couples no node")
-        self.links.append(Link(node, tuple(weights), ALL, card.where, tuple(weights.values())))
+        self.links.append(Link(node, tuple(weights), ALL_DOFS, card.where, tuple(weights.values())))
 
     def _equations(self, card: Keyword, part: Part) -> None:
         rows = iter(card.rows)
@@ -237,7 +238,7 @@ class Constraints:
             dependent, independent = (self._surface(name, part, row) for name in names[:2])
             pairs = self._coincident(dependent, independent)
             for node, other in pairs:
-                self.links.append(Link(node, (other,), ALL, row.where))
+                self.links.append(Link(node, (other,), ALL_DOFS, row.where))
             if unmatched := len(set(dependent.tolist()) - set(independent.tolist())) - len(pairs):
                 self._report.note(row, "tie", count=unmatched)
 

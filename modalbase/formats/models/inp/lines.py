@@ -11,15 +11,13 @@ from typing import NamedTuple
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models import model
 from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines_of
-from modalbase.formats.models.model import FieldPlace, Where
+from modalbase.formats.models.model import LARGEST, FieldPlace, Where
 
 MOST_LINES = 2_000_000
 MOST_READINGS = 20
 """Lines that are read, in all and by those that were sent: what files include again and again is no
 work without end.
 """
-LARGEST = 1e25
-"""No number of a deck in any units reaches it, and products of several stay finite."""
 
 _SPACE = re.compile(r"\s+")
 _INCLUDE = re.compile(r"\s*\*\s*INCLUDE\s*(,|$)", re.IGNORECASE)

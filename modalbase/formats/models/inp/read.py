@@ -9,6 +9,7 @@ from modalbase.formats.models.check import check, gathered, on_independent_nodes
 from modalbase.formats.models.inp.carried import PROPERTIES, Carried, add_nonstructural_mass
 from modalbase.formats.models.inp.held import NAMES, Constraints, note_prestress, supports
 from modalbase.formats.models.inp.lines import (
+    MOST_LINES,
     InpReport,
     Keyword,
     card_names,
@@ -24,8 +25,7 @@ from modalbase.formats.models.model import FiniteElementModel, Floats
 from modalbase.formats.uff.text import decoded
 
 MOST_INSTANCES = 1000
-MOST_LINES = 2_000_000
-"""Of all instances together, each of which reads its part's lines again."""
+"""Each reads its part's lines again, at most `MOST_LINES` together."""
 
 _GENERATORS = frozenset(["NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"])
 _USED = card_names(

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from modalbase.formats.cell_types import CELL_TYPES
+from modalbase.formats.constants import ROUND_OFF
 from modalbase.formats.models.check import normals_of, unit
 from modalbase.formats.models.inp.beams import beam_section, directions
 from modalbase.formats.models.inp.lines import DataLine, Keyword, folded
@@ -25,8 +26,6 @@ from modalbase.formats.models.model import (
 SHELLS = ("SHELLSECTION", "SHELLGENERALSECTION")
 BEAMS = ("BEAMSECTION", "BEAMGENERALSECTION")
 MOST_PLIES = 1000
-ROUNDING = 1e-9
-"""A centroid this close to the nodes, by the root of the section's area, lies on them."""
 ALIKE_DEG = 0.05
 """Angles of a ply may differ so much between elements where they are read from orientations, for
 rounding.
@@ -280,7 +279,7 @@ class Sections:
                 self._places, [self._mesh.elements[at] for at in chosen], first @ part.move.turn.T
             )
             offsets = None
-            if np.hypot(*centroid) > ROUNDING * section.area**0.5:
+            if np.hypot(*centroid) > ROUND_OFF * section.area**0.5:
                 arm = centroid[0] * axes + centroid[1] * second
                 offsets = np.repeat(arm[:, None], nodes.shape[1], axis=1)
             self._add(name, kind, np.array(chosen), nodes, axes, offsets=offsets)

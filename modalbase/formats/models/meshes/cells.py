@@ -11,11 +11,8 @@ import numpy as np
 from modalbase.formats.cell_types import CELL_TYPES
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import Cells, Group, MeshFile
-from modalbase.formats.models.model import Integers
+from modalbase.formats.models.model import LARGEST, Integers
 from modalbase.formats.types import FloatArray
-
-LARGEST = 1e25
-"""No coordinate in any unit reaches it, and products of several stay finite."""
 
 SOLID = "solid"
 """Kind of all elements that fill space."""

@@ -6,16 +6,13 @@ Physical groups are sets. Lines and points in none of them are left out: they ar
 
 from collections.abc import Iterator
 
-from modalbase.formats.cell_types import CELL_TYPES
+from modalbase.formats.cell_types import CELL_TYPES, SOLIDS
 from modalbase.formats.meshes import MeshFile
 from modalbase.formats.models.meshes.cells import SOLID, CellKind, Gathering, Lines, name_of, plain
 
-_SOLIDS = {
-    4: 4, 5: 8, 6: 6, 7: 5, 11: 10, 12: 27, 13: 18, 14: 14, 17: 20, 18: 15, 19: 13
-}  # fmt: skip
 _KINDS = {
     **{at: CellKind(one.name, n) for one in CELL_TYPES.values() for at, n in one.gmsh.items()},
-    **{number: CellKind(SOLID, nodes) for number, nodes in _SOLIDS.items()},
+    **{at: CellKind(SOLID, one.nodes) for one in SOLIDS for at in one.gmsh},
 }
 
 

@@ -13,11 +13,10 @@ from modalbase.formats.meshes import MeshFile
 from modalbase.formats.models.meshes.cells import SOLID, CellKind, Gathering, plain
 from modalbase.formats.models.meshes.groups import GROUPS, RawGroup, read_groups
 from modalbase.formats.uff import DatasetReport, Element, GridPoint, UffError, Units, read_file
+from modalbase.formats.uff.geometry import BEAMS
 from modalbase.formats.uff.text import Refusal
 
 _FAMILIES = (4, 6, 7, 9)  # plane stress, plates, membranes, thin shells
-_BEAMS = (11, 21, 22, 23, 24)
-"""Rods and beams: 2 nodes or, whatever the descriptor, 3 of a quadratic mesh's edge."""
 _KINDS = {
     10 * family + one.uff % 10: CellKind(one.name, one.nodes)
     for one in shells()
@@ -98,7 +97,7 @@ def _take(gathered: Gathering, element: Element, line: int) -> None:
     count = len(element.points)
     if element.descriptor in _SOLIDS:
         kind: CellKind | None = CellKind(SOLID, count)
-    elif element.descriptor in _BEAMS:
+    elif element.descriptor in BEAMS:
         kind = CellKind("beam3", 3) if count == 3 else CellKind("beam2", 2)
     else:
         kind = _KINDS.get(element.descriptor)

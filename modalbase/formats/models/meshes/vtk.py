@@ -9,23 +9,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from modalbase.formats.cell_types import CELL_TYPES
+from modalbase.formats.cell_types import CELL_TYPES, SOLIDS
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile
 from modalbase.formats.models.meshes.cells import (
-    LARGEST,
     SOLID,
     CellKind,
     Gathering,
     plain,
     whole_numbers,
 )
-from modalbase.formats.models.model import Floats, Integers
+from modalbase.formats.models.model import LARGEST, Floats, Integers
 
-_SOLIDS = {10: 4, 11: 8, 12: 8, 13: 6, 14: 5, 24: 10, 25: 20, 26: 15, 27: 13, 29: 27, 32: 18}
 _KINDS = {
     **{at: CellKind(one.name, n) for one in CELL_TYPES.values() for at, n in one.vtk.items()},
-    **{number: CellKind(SOLID, nodes) for number, nodes in _SOLIDS.items()},
+    **{at: CellKind(SOLID, one.nodes) for one in SOLIDS for at in one.vtk},
 }
 _PIXEL, _POLYGON = 8, 7
 SETS = ("set", "gmsh:physical", "CellEntityIds", "PartId", "MaterialIds")
