@@ -238,7 +238,7 @@ class Structure(Body):
             section = self.sections[block.set]
             if isinstance(section, ShellSection):
                 strains, motions, drilling = shell_operators(
-                    block, self.mesh.nodes, shift, section, _DRILLING in self.dofs
+                    block, self.mesh.nodes, shift, section, ALL_DOFS[-1] in self.dofs
                 )
                 one = np.ones((1, 1, 1)), (f"{block.set}.drilling",), _ONE
                 stiffness = [] if drilling is None else [Part(drilling, *one)]
@@ -509,7 +509,6 @@ _ALONG = {
     **dict.fromkeys(("m", "mJ"), 1),
 }
 
-_DRILLING = 5  # a flat body whose nodes do not turn about z has no drilling
 _ONE = (np.array([[0]]),)
 
 

@@ -32,7 +32,6 @@ _CHARGED_M = 0.003  # δ₀: displacement that an unknown slope is charged with
 _TOGETHER_M = 0.007
 _SHARE_ERROR = 0.007  # e: of a share, what second order and noise leave
 _LEAST_SHARE = 0.05  # of the mean square of a point's shares, that each is at least taken for
-_ROUNDS = 6  # of reweighting, each nearer by a factor of several
 _USUAL_M = 0.0029  # median of how far good hits land from the others of their point, at most
 _HUBER = 2.0  # standard deviations beyond which a share counts less
 
@@ -96,7 +95,7 @@ def _displacement(slope: FloatArray, off: FloatArray) -> tuple[FloatArray, Float
     deviations.
     """
     weight = np.ones(off.size)
-    for _ in range(_ROUNDS):
+    for _ in range(6):  # reweighting comes nearer by a factor of several each time
         normal = (slope * weight) @ slope.T + np.eye(2) / _PRIOR_M**2
         delta = np.linalg.solve(normal, (slope * weight) @ off)
         left = np.abs(off - delta @ slope)

@@ -347,9 +347,6 @@ def with_sizes(prior: Parametrisation, additions: Sequence[Addition]) -> Paramet
     )
 
 
-_ROUNDS = 4  # linearisations about the likeliest size of each place
-
-
 class Effect(Protocol):
     """What P additions do to the frequencies, each by itself."""
 
@@ -394,7 +391,7 @@ def screened(
     data, sigma = Data.of(problem, *posterior), sigma[:, None]
     change, by = np.zeros((2, problem.residual.size, sigma.shape[2]))
     size = np.zeros(sigma.shape[2])
-    for _ in range(_ROUNDS):
+    for _ in range(4):  # linearisations about the likeliest size of each place
         change[at], by[at] = (each[list(columns)] for each in effect.at(size))
         log, mean, variance = data.likelier(change - by * size, by, sigma)
         share = scipy.special.softmax(log)
@@ -470,8 +467,7 @@ class FootEffect(ModesWithAdditions):
 def effect_of(state: ForwardState, additions: Sequence[Addition]) -> Effect:
     """What each of some masses or feet does to a solved body."""
     moving = np.arange(state.modes.eigenvalue.size) >= state.modes.rigid
-    value, shapes = np.where(moving, state.modes.eigenvalue, 0.0), state.modes.shapes
-    shapes = shapes if state.basis is None else state.basis @ shapes
+    value, shapes = np.where(moving, state.modes.eigenvalue, 0.0), state.every_shape
     own = [each.motion @ shapes for each in additions]
     if not additions[0].of_mass:
         return FootEffect(value, np.array([rows.T @ rows for rows in own]), state.modes.rigid)

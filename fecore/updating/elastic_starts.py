@@ -57,7 +57,6 @@ _DRAWS, _REACH = 64, 2.0  # from the prior, within so many of its standard devia
 # pairings from which the fit starts anew; results that are fitted anew on a verified basis
 _STARTS, _VERIFIED = 6, 2
 _FIXED = 6  # pairings that are held
-_MENDED = 3  # times that bases may grow where a fit ended, before each of its points is verified
 # relative error of a frequency by a mesh from which how it goes with the constants matters
 _OF_MESH = 0.003
 
@@ -185,7 +184,7 @@ def _verified(outcome: Outcome, layout: Layout, run: _Run, share: float) -> Outc
     A path that is verified at each of its points costs a solution of the full model at most of
     them.
     """
-    for _ in range(_MENDED):
+    for _ in range(3):  # bases may grow where a fit ended, before each of its points is verified
         if isinstance(outcome, Unsettled):
             return outcome
         states = layout.solved(outcome.x)
@@ -483,7 +482,6 @@ LEAST_FACTOR_SD = 0.003  # relative: a factor that is held more firmly is 1
 
 # of γ, so that one round changes a standard deviation by no more than sevenfold its share
 _KNOWN_AT_LEAST = 0.02
-_TURNS = 8  # of the priors of factors, at most
 _SAME = 0.1  # relative change of every standard deviation that changes nothing
 
 
@@ -500,7 +498,7 @@ def with_sparse_factors(first: ElasticResult, recipe: Recipe) -> ElasticResult:
     if not factors or prior.body.in_space is None:
         return first
     largest, result = prior.prior_sd[factors], first
-    for _ in range(_TURNS):
+    for _ in range(8):  # turns of the priors of factors, at most
         now = result.prior.xi_sd[factors]
         known = np.clip(1 - _variance(result, factors) / now**2, _KNOWN_AT_LEAST, 1.0)
         updated = np.clip(np.sqrt(result.x[factors] ** 2 / known), LEAST_FACTOR_SD, largest)

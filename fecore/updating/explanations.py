@@ -48,7 +48,6 @@ _STARTS = (3.0, 1.0, -1.0, -3.0, -5.0)  # logarithms of sizes over their medians
 _SIZES = (3.0, 30.0, 300.0)  # over usual ones, at which places are compared
 # of masses and of feet: the likeliest by screening, and those of them that are fitted
 _SCREENED, _PLACES = 6, 2
-_ROUNDS = 3  # of screening places again at the best fit
 _AGREES = 2.0  # ratio of sizes by screening and by the fit, within which screening there is trusted
 _FIRM = 4.0  # logarithm of the stiffness over its median, of supports beside the one that gives way
 
@@ -186,7 +185,7 @@ class Search:
         }
         if not tried:
             return None
-        for _ in range(_ROUNDS):
+        for _ in range(3):  # screening places again at the best fit
             best = max(tried, key=lambda place: tried[place].evidence)
             there = self._screened_at(additions, tried[best].result)
             likeliest = int(np.argmax(there.share))

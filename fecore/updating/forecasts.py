@@ -47,8 +47,7 @@ from fecore.updating.forward import ForwardState
 from fecore.updating.mesh import meshed, nominal_matrices, on_finer_mesh
 from fecore.updating.result import Prediction
 from fecore.updating.state import PointPairs
-
-_SITES = 200  # nodes at which a mass is tried, at most
+from fecore.updating.suspects import sites
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ def frequency_effects(elastic: ElasticResult, prediction: Prediction | None) -> 
         if name in prior.reported
         and name not in at_support
         and prior.logarithmic[place]
-        and _is_stiffness(name)
+        and is_of_stiffness(name)
     }
     sites, moved = motion_at_sites(elastic.updated)
     return FrequencyEffects(
@@ -123,15 +122,8 @@ def motion_at_sites(state: ForwardState) -> tuple[FloatArray, FloatArray]:
     """(P, 3) some nodes, evenly spread, and (m, P, 3) their mass-normalised displacements in all
     modes, held ones 0.
     """
-    model, shapes = state.forward.specimen.model, state.modes.shapes
-    moved = model.at_nodes(shapes if state.basis is None else state.basis @ shapes)
-    nodes = np.flatnonzero(model.free[:, [dof < 3 for dof in model.dofs]].any(axis=1))
-    chosen = nodes[evenly_spread(model.mesh.nodes[nodes], _SITES)]
-    return model.mesh.nodes[chosen], moved[:, chosen]
-
-
-def _is_stiffness(name: str) -> bool:
-    return is_of_stiffness(name)
+    model, chosen = state.forward.specimen.model, sites(state)
+    return model.mesh.nodes[chosen], model.at_nodes(state.every_shape)[:, chosen]
 
 
 def _scale(prediction: Prediction) -> float | None:

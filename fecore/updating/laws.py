@@ -294,7 +294,6 @@ _NEGATIVE = 3.0
 _LEAST_SHARE = 0.05
 # smallest singular value, of columns of unit length, of mechanisms that the modes distinguish
 _APART = 0.02
-_TURNS = 6  # of a fit in a coefficient and its coefficient of temperature, which are nearly linear
 _MISSED = 3.0  # standard deviations by which a law must miss a mode for the mode to be named
 
 PriorsPerK = Mapping[str, tuple[float, float]]
@@ -509,7 +508,7 @@ class _Fit:
             sd: (p,) of the same.
         """
         a, k, p = self.coefficients, mean, mean.size
-        for _ in range(_TURNS):
+        for _ in range(6):  # turns of a fit in a coefficient and its coefficient of temperature
             at_own = basis * (1 + np.outer(warmer, k))
             by_k = basis * a * warmer[:, None]
             jacobian = np.vstack(

@@ -61,7 +61,6 @@ _MOST = 1500  # elements: a job with more would take minutes
 # wanted elements from which those allowed are fewer than two a wave, and modes thousands
 _HOPELESS = 9 * _MOST
 _SAFETY = 1.3  # on the number of elements that the fourth power asks for
-_REFINEMENTS = 3  # of solving, estimating and refining
 
 AnyBody = TypeVar("AnyBody", bound=Body)
 
@@ -117,7 +116,7 @@ def discretise(specimen: FlatBody, highest_hz: float) -> Discretisation:
             " lengths are in m, not in mm; or lower the band",
         )
     divisions = _within(needed)
-    for _ in range(_REFINEMENTS):
+    for _ in range(3):  # solving, estimating and refining
         estimated = _estimate(specimen, divisions, highest_hz)
         if estimated.error.max(initial=0.0) <= DISCRETISATION or np.prod(divisions) >= 0.9 * _MOST:
             break

@@ -389,8 +389,6 @@ class FrfJacobian:
         return coupled
 
 
-_ITERATIONS = 8  # of the scoring
-_POLISH = 8  # steps more, by the likelihood itself
 # of the rms of a record: below this nothing is believed, so that clean data keep finite weights
 _FLOOR = 1e-5
 
@@ -407,11 +405,11 @@ def residual_variance(
     count = np.maximum(measured.sum(axis=1), 1)
     constant = np.sum(square * measured, axis=1) / count + _FLOOR**2
     slope = np.zeros_like(constant)
-    for _ in range(_ITERATIONS):
+    for _ in range(8):  # iterations of the scoring
         weight = measured / (constant[:, None] + slope[:, None] * level) ** 2
         constant, slope = _regress(square, level, weight)
     # a step that cannot lower the likelihood, for residuals that are not just noise
-    for _ in range(_POLISH):
+    for _ in range(8):  # steps more, by the likelihood itself
         v = constant[:, None] + slope[:, None] * level
         numerator, denominator = measured * square / v**2, measured / v
         constant = np.maximum(

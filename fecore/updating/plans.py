@@ -47,7 +47,6 @@ from fecore.updating.parameters import Parametrisation, by_name, parametrise
 from fecore.updating.posterior import DISCREPANCY, SCATTER, prior_of_scatter
 
 _FAINT = 1e4  # noise variance of ln f, over the discrepancy's, from which a mode counts as not seen
-_ROUNDS = 5  # of exchanges
 
 
 @dataclass(frozen=True)
@@ -424,7 +423,7 @@ def best_points(
         left = [point for point in points if point not in chosen]
         chosen.append(max(left, key=lambda point: information([*chosen, point])))
     best = information(chosen)
-    for _ in range(_ROUNDS):
+    for _ in range(5):  # rounds of exchanges
         before = best
         for place in range(count):
             for other in points:

@@ -128,6 +128,11 @@ class ForwardState:
         shapes = self.modes.shapes[:, self.modes.rigid :]
         return shapes if self.basis is None else self.basis @ shapes
 
+    @property
+    def every_shape(self) -> FloatArray:
+        """(dofs, m) mass-normalised shapes of all modes, rigid ones too."""
+        return self.modes.shapes if self.basis is None else self.basis @ self.modes.shapes
+
     def displacement(self, places: FloatArray) -> FloatArray:
         """(n, p, 3) displacement of the middle surface in the elastic modes at (p, 3) places, m."""
         return self._moved(self.forward.specimen.model.displacement(places))

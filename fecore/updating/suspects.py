@@ -272,7 +272,7 @@ _TOLERANCE = TOLERANCES[CLAMP][0]
 
 def masses(state: ForwardState) -> list[Addition]:
     """A mass at each of some nodes, evenly spread."""
-    model, nodes = state.forward.specimen.model, _sites(state)
+    model, nodes = state.forward.specimen.model, sites(state)
     additions = []
     for node in nodes:
         place = tuple(model.mesh.nodes[node].tolist())
@@ -289,11 +289,11 @@ def feet(state: ForwardState, highest: int) -> list[Addition]:
     """
     model, additions = state.forward.specimen.model, []
     nodes = model.mesh.nodes
-    for group in [*_ends(model), *(np.array([node]) for node in _sites(state))]:
+    for group in [*_ends(model), *(np.array([node]) for node in sites(state))]:
         motion = _moving(model, group, np.sqrt(_shares(nodes[group])))
         place = tuple(nodes[group].mean(axis=0).tolist())
         additions.append(Addition("foot", "foot", "N/m", place, 1.0, motion, len(group) > 1))
-    shapes = _shapes(state)[:, state.modes.rigid :][:, : highest + 1]
+    shapes = state.every_shape[:, state.modes.rigid :][:, : highest + 1]
     value = state.modes.eigenvalue[state.modes.rigid :][: highest + 1]
     softest = [
         float(np.max(np.sum((each.motion @ shapes) ** 2, axis=0) / value)) for each in additions
@@ -358,11 +358,7 @@ def _of_support(model: Model, support: Support, others: BoolArray, name: str) ->
     return additions
 
 
-def _shapes(state: ForwardState) -> FloatArray:
-    return state.modes.shapes if state.basis is None else state.basis @ state.modes.shapes
-
-
-def _sites(state: ForwardState) -> IntArray:
+def sites(state: ForwardState) -> IntArray:
     """Some free nodes, evenly spread."""
     model = state.forward.specimen.model
     nodes = np.flatnonzero(model.free[:, [dof < 3 for dof in model.dofs]].any(axis=1))

@@ -141,7 +141,7 @@ class Frfs(files.Frfs):
             for one in frfs
         )
         values = np.array([one["data"] for one in frfs], dtype=np.complex128)
-        return cls(axis, values, rows, quantities.pop() or "accelerance")  # type: ignore[arg-type]  # one of the three
+        return cls(axis, values, rows, quantities.pop() or "accelerance")
 
     def to_pyuff(self) -> list[dict[str, Any]]:
         """Datasets 58 as pyuff writes them: `pyuff.UFF(file).write_sets(frfs.to_pyuff())`."""

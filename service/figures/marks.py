@@ -18,6 +18,7 @@ from service.figures.colors import BAND, MEASURED, OUTSIDE, QUIET
 Dash = Literal["solid", "dash", "dot"]
 Kind = Literal["linear", "log", "powers", "decades", "date"]
 
+_WHOLE = (0.0, 1.0)  # share of a figure
 LONGEST_NAME, MOST_NAMES = 50, 40
 MANY_NAMES = 16  # below an axis, beyond which they stand upright
 
@@ -72,8 +73,8 @@ class Panel:
 
     x: Axis
     y: Axis
-    across: tuple[float, float] = (0.0, 1.0)
-    up: tuple[float, float] = (0.0, 1.0)
+    across: tuple[float, float] = _WHOLE
+    up: tuple[float, float] = _WHOLE
     title: str = ""  # above its left corner
     over: bool = False  # over the panel before, with an axis of its own at the right
 

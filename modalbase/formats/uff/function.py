@@ -22,7 +22,6 @@ from modalbase.formats.uff.scan import Frame, binary_header
 from modalbase.formats.uff.text import Cursor, Refusal, decoded, real_block, shown
 
 _KINDS = {number: kind for kind, number in ORDINATE_TYPES.items()}
-_E13, _E20 = 13, 20
 _ABSURD_DECADES = 24.0
 _ENOUGH_POINTS = 16
 _NO_REFERENCE = "the reference point is -1, read as 0: the file states none"
@@ -266,11 +265,11 @@ def _text_data(_: Frame, body: bytes, shape: _Shape) -> tuple[FloatArray, str]:
     if shape.points * columns > len(body):
         raise Refusal(f"declares {shape.points} points but holds only {len(body)} bytes of data", 6)
     if not shape.double:
-        widths: tuple[int, ...] = (_E13,) * 6
+        widths: tuple[int, ...] = (13,) * 6
     elif shape.even:
-        widths = (_E20,) * 4
+        widths = (20,) * 4
     else:
-        widths = (_E13, _E20, _E20) if shape.complex_values else (_E13, _E20, _E13, _E20)
+        widths = (13, 20, 20) if shape.complex_values else (13, 20, 13, 20)
     first = 0 if shape.even else 1
     flat, note = real_block(
         body, widths, shape.points * columns, HEADER_LINES, range(first, first + shape.parts)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from datetime import datetime
 from functools import cache
 from itertools import pairwise
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeVar, get_args
 from uuid import UUID
 
 from sqlalchemy import ColumnElement, Select, bindparam, delete, select, text
@@ -22,7 +22,7 @@ from service.platform.errors import Conflict, Forbidden, Invalid, NotFound, not_
 
 Role = Literal["viewer", "editor", "owner"]
 
-_RANK: dict[str, int] = {"viewer": 0, "editor": 1, "owner": 2}
+_RANK: dict[str, int] = {role: rank for rank, role in enumerate(get_args(Role))}
 
 
 def project_for(

@@ -16,6 +16,7 @@ from sqlalchemy.exc import DBAPIError
 from service.platform.db.engine import Sessions
 from service.platform.errors import NotFinite
 from service.platform.queue import queue
+from service.platform.queue.background import AGAIN_SECONDS
 from service.platform.queue.child import Checkpoint, Failure, Item, Order, Progress, failure_of
 from service.platform.queue.kinds import JobKind
 from service.platform.queue.process import Child, ChildEnded
@@ -24,7 +25,6 @@ from service.platform.settings import Settings
 
 KEPT_BYTES = 32 * 1024 * 1024
 PROGRESS_SECONDS = 0.1
-AGAIN_SECONDS = 1.0  # between two tries to reach the database
 RECORD_SECONDS = 120.0  # for which the end of an attempt is kept in hand while the database is away
 
 log = structlog.stdlib.get_logger("modalbase.jobs")

@@ -15,7 +15,7 @@ from psycopg import sql
 
 from service.platform.db.engine import psycopg_url
 
-AGAIN_SECONDS = 1.0
+AGAIN_SECONDS = 1.0  # between two tries to reach the database
 WAKE_SECONDS = 0.5
 
 log = structlog.stdlib.get_logger("modalbase.notices")

@@ -20,12 +20,11 @@ from sqlalchemy.exc import DBAPIError
 from service.platform.db.engine import Sessions, psycopg_url
 from service.platform.queue import queue_adapter
 from service.platform.queue.attempt import passes
+from service.platform.queue.background import AGAIN_SECONDS
 from service.platform.queue.dispatch import begin_next, recover_stalled, recover_strays
 from service.platform.queue.kinds import REQUESTS
 from service.platform.queue.tables import Job
 from service.platform.settings import Settings
-
-AGAIN_SECONDS = 1.0  # between two tries to reach the database
 
 log = structlog.stdlib.get_logger("modalbase.worker")
 

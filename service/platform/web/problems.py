@@ -2,8 +2,8 @@
 fault.
 """
 
-import http
 from collections.abc import Callable, Mapping, Sequence
+from http import HTTPStatus
 from typing import Any
 
 import structlog
@@ -20,19 +20,19 @@ from service.platform.logs import current_request_id
 from service.platform.web.json_body import wording
 
 STATUS: dict[type[e.ServiceError], int] = {
-    e.NotFound: 404,
-    e.Unauthorized: 401,
-    e.Forbidden: 403,
-    e.Conflict: 409,
-    e.Invalid: 422,
-    e.PayloadTooLarge: 413,
-    e.UnsupportedMediaType: 415,
-    e.NotAcceptable: 406,
-    e.PreconditionFailed: 412,
-    e.PreconditionRequired: 428,
-    e.TooSlow: 408,
-    e.TooManyRequests: 429,
-    e.Unavailable: 503,
+    e.NotFound: HTTPStatus.NOT_FOUND,
+    e.Unauthorized: HTTPStatus.UNAUTHORIZED,
+    e.Forbidden: HTTPStatus.FORBIDDEN,
+    e.Conflict: HTTPStatus.CONFLICT,
+    e.Invalid: HTTPStatus.UNPROCESSABLE_ENTITY,
+    e.PayloadTooLarge: HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
+    e.UnsupportedMediaType: HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
+    e.NotAcceptable: HTTPStatus.NOT_ACCEPTABLE,
+    e.PreconditionFailed: HTTPStatus.PRECONDITION_FAILED,
+    e.PreconditionRequired: HTTPStatus.PRECONDITION_REQUIRED,
+    e.TooSlow: HTTPStatus.REQUEST_TIMEOUT,
+    e.TooManyRequests: HTTPStatus.TOO_MANY_REQUESTS,
+    e.Unavailable: HTTPStatus.SERVICE_UNAVAILABLE,
 }
 
 log = structlog.stdlib.get_logger("modalbase.http")
@@ -57,7 +57,7 @@ def problem(
     """
     body: dict[str, Any] = {
         "type": "about:blank",
-        "title": http.HTTPStatus(status).phrase,
+        "title": HTTPStatus(status).phrase,
         "status": status,
         "detail": detail,
         "request_id": current_request_id(),
@@ -124,9 +124,9 @@ def _http_exception(request: Request, error: Exception) -> JSONResponse:
     """The framework's own; what its router says is said so that a person can go on."""
     assert isinstance(error, HTTPException)
     detail = str(error.detail)
-    if detail == http.HTTPStatus.NOT_FOUND.phrase:
+    if detail == HTTPStatus.NOT_FOUND.phrase:
         detail = f"no such address: {request.url.path}; /docs lists all that there are"
-    elif detail == http.HTTPStatus.METHOD_NOT_ALLOWED.phrase:
+    elif detail == HTTPStatus.METHOD_NOT_ALLOWED.phrase:
         allowed = (error.headers or {}).get("Allow", "another method")
         detail = (
             f"{request.method} is not possible at this address, {allowed} is; /docs lists all that"
