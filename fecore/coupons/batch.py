@@ -106,12 +106,6 @@ def _parts(code: str) -> tuple[str, str | None, str, str]:
 
 FEWEST_SPECIMENS = 5  # D3039, 8.1: at least five specimens per condition
 
-ASSUMED_CV = 0.30
-"""Scatter of a constant of which only one value is known, as a share of it: the same as of a
-handbook value.
-"""
-
-
 OUTLIER_LIMIT = {
     4: 6.91, 5: 7.91, 6: 5.53, 7: 5.83, 8: 4.92, 9: 5.10, 10: 4.58, 12: 4.36, 15: 4.28, 20: 4.00, 30: 3.85, 50: 3.75,
 }  # fmt: skip
@@ -279,11 +273,12 @@ def summarise(specimens: Sequence[CouponResult]) -> BatchSummary:
     return BatchSummary(properties, excluded, tuple(warnings))
 
 
-def prior(published: Statistics, assumed_cv: float = ASSUMED_CV) -> Prior:
+def prior(published: Statistics, assumed_cv: float = 0.3) -> Prior:
     """Prior of a constant from its batch, or from a published mean.
 
     A published mean without a scatter, or a single specimen, says nothing about how far the
-    structure may be from it; the scatter is then assumed, and the basis says so.
+    structure may be from it; the scatter is then assumed as a share of the value, that of a handbook
+    value by default, and the basis says so.
 
     Raises:
         InputError: an assumed scatter that is not positive, or a mean of 0 with an assumed scatter.

@@ -51,9 +51,6 @@ if TYPE_CHECKING:
     import emcee
 
 
-TARGET_SAMPLES = 5000
-"""Effective samples of every parameter."""
-
 _WALKERS_PER_DIMENSION = 16  # of the ensemble
 _BLOCK = 200  # steps between looks at the autocorrelation time
 _LONGEST = 40_000  # steps; a chain that is not converged by then is refused
@@ -101,11 +98,12 @@ def sample_posterior(
     elastic: ElasticResult,
     damping: DampingResult,
     seed: int,
-    target: int = TARGET_SAMPLES,
+    target: int = 5000,
     progress: Callable[[float], None] = lambda _: None,
     checkpoint: Checkpoint | None = None,
 ) -> Posterior:
-    """Sample elastic constants and the law's coefficients; the chain is kept by `checkpoint`.
+    """Sample elastic constants and the law's coefficients; the chain is kept by `checkpoint`
+    until every parameter has `target` effective samples.
 
     Raises:
         UpdatingError: the chain did not converge; nothing of it is returned.

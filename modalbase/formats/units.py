@@ -188,6 +188,15 @@ def factor_of(quantity: Measured, unit: str) -> float | None:
     return read.factor / 6.283185307179586 if turns else read.factor
 
 
+def values_of(quantity: Measured, names: str) -> dict[str, float]:
+    """SI values of some units of a quantity, by name.
+
+    >>> values_of("length", "m mm")
+    {'m': 1.0, 'mm': 0.001}
+    """
+    return {name: _NAMES[DIMENSIONS[quantity]][name] for name in names.split()}
+
+
 def known_units(quantity: Measured) -> str:
     """Names of the units of a quantity, for a message.
 

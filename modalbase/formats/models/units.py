@@ -19,17 +19,11 @@ from modalbase.formats.models.model import (
     ShellSection,
     Spring,
 )
+from modalbase.formats.units import values_of
 
 _POUND = POUND_FORCE / STANDARD_GRAVITY
-LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": INCH, "ft": FOOT}
-FORCES = {
-    "N": 1.0,
-    "kN": 1e3,
-    "MN": 1e6,
-    "lbf": POUND_FORCE,
-    "kip": 1e3 * POUND_FORCE,
-    "kgf": STANDARD_GRAVITY,
-}
+LENGTHS = values_of("length", "m mm cm in ft")
+FORCES = values_of("force", "N kN MN lbf kip kgf")
 MASSES = {
     "kg": 1.0,
     "t": 1e3,

@@ -131,6 +131,25 @@ class Axis:
         return self.start + self.step * np.arange(self.count)
 
 
+class OfDofs:
+    """What a function is between."""
+
+    response_point: int
+    response_direction: int
+    reference_point: int
+    reference_direction: int
+
+    @property
+    def dofs(self) -> tuple[int, int, int, int]:
+        """Response point and direction, reference point and direction."""
+        return (
+            self.response_point,
+            self.response_direction,
+            self.reference_point,
+            self.reference_direction,
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Frf:
     """A frequency response function of set 58 or 58b, in SI units."""
@@ -198,7 +217,7 @@ class TimeResponse:
 
 
 @dataclass(frozen=True, eq=False)
-class PowerSpectrum:
+class PowerSpectrum(OfDofs):
     """An auto or cross spectrum of set 58 or 58b (function types 2 and 3), as an analyser writes
     them beside FRFs.
     """
@@ -216,16 +235,6 @@ class PowerSpectrum:
     reference_direction: int
     frequency: Axis  # lines, Hz
     values: ComplexArray  # (L,) complex128, in the file's units
-
-    @property
-    def dofs(self) -> tuple[int, int, int, int]:
-        """Response point and direction, reference point and direction."""
-        return (
-            self.response_point,
-            self.response_direction,
-            self.reference_point,
-            self.reference_direction,
-        )
 
 
 @dataclass(frozen=True, eq=False)

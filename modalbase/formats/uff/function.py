@@ -16,6 +16,7 @@ from modalbase.formats.uff.content import (
     HEADER_LINES,
     ORDINATE_TYPES,
     Axis,
+    OfDofs,
     Samples,
 )
 from modalbase.formats.uff.scan import Frame, binary_header
@@ -38,7 +39,7 @@ class AxisDescription:
 
 
 @dataclass(frozen=True, eq=False)
-class RawFunction:
+class RawFunction(OfDofs):
     """Set 58 as the file states it, in the file's units."""
 
     id_lines: tuple[str, str, str, str, str]
@@ -56,16 +57,6 @@ class RawFunction:
     ordinate_type: int
     notes: tuple[str, ...]
     names: tuple[str, str]  # of the response and the reference in record 6
-
-    @property
-    def dofs(self) -> tuple[int, int, int, int]:
-        """Response point and direction, reference point and direction."""
-        return (
-            self.response_point,
-            self.response_direction,
-            self.reference_point,
-            self.reference_direction,
-        )
 
 
 @dataclass(frozen=True)

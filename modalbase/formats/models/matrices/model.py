@@ -114,7 +114,6 @@ def _rows_of(name: str, codes: Integers, dofs: Integers, order: Integers) -> Int
     return np.asarray(rows)
 
 
-LIMIT_BYTES = 4_000_000_000
 _ROLE = re.compile(r"([KM])_(\w+)")
 _USUAL = (
     (re.compile(r"K(AA|GG|JJ|FF|XX|LL|2GG)X?|.*_STIF\d*", re.IGNORECASE), ("K", CONSTANT)),
@@ -126,7 +125,7 @@ _BY_ENDING = {".sti": ("K", CONSTANT), ".mas": ("M", CONSTANT)}
 def read_matrices(
     files: Mapping[str, bytes],
     roles: Mapping[str, str] | None = None,
-    limit_bytes: int = LIMIT_BYTES,
+    limit_bytes: int = 4_000_000_000,
 ) -> MatrixModel:
     """A model of matrices from files by name.
 
