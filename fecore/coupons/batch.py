@@ -26,6 +26,7 @@ import numpy as np
 import scipy
 
 from fecore.errors import InputError
+from fecore.normal import SD_OF_MAD
 
 TYPE = {
     "A": "angled",
@@ -112,9 +113,6 @@ OUTLIER_LIMIT = {
 """By the number of specimens, max |x − median| / (1.4826 MAD) that 95 of 100 normal samples stay
 below; simulated.
 """
-
-# the standard deviation of a normal distribution over its median absolute deviation
-_NORMAL_MAD = 1.4826
 
 
 @dataclass(frozen=True)
@@ -211,7 +209,7 @@ def outliers(values: Sequence[float]) -> tuple[int, ...]:
     if x.size < min(OUTLIER_LIMIT):
         return ()
     distance = np.abs(x - np.median(x))
-    scale = _NORMAL_MAD * max(float(np.median(distance)), 1e-9 * abs(float(np.median(x))))
+    scale = SD_OF_MAD * max(float(np.median(distance)), 1e-9 * abs(float(np.median(x))))
     limit = np.interp(x.size, list(OUTLIER_LIMIT), list(OUTLIER_LIMIT.values()))
     return tuple(int(i) for i in np.flatnonzero(distance > limit * scale))
 

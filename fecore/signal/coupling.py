@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.normal import SD_OF_MAD
 from fecore.signal.blocks import Hit
 from fecore.signal.hit_features import HitFeatures
 from fecore.signal.pulse import SMALLEST_SECOND, Pulse, ringing
@@ -65,7 +66,7 @@ def find_coupling(sample: Sequence[tuple[Hit, HitFeatures]]) -> Coupling | None:
     assert best is not None, "there are corners"
     _, amplitudes, rate = best
     middle = float(np.median(amplitudes))
-    spread = 1.4826 * float(np.median(np.abs(amplitudes - middle))) / np.sqrt(amplitudes.size)
+    spread = SD_OF_MAD * float(np.median(np.abs(amplitudes - middle))) / np.sqrt(amplitudes.size)
     return Coupling(middle, rate) if middle > _CLEAR * spread else None
 
 

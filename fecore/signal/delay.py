@@ -14,6 +14,7 @@ import scipy
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import FrfSet, convert
+from fecore.normal import SD_OF_MAD
 
 _NARROWEST, _WIDEST = 3, 100
 _MOST_FRFS = 200  # that are asked; of more, every k-th: the delay is the same in all
@@ -75,7 +76,7 @@ def _common(w: FloatArray, p: FloatArray) -> Delay:
     score = np.cos(2 * (p + w * grid[:, None])).sum(axis=1)
     d = float(grid[int(np.argmax(score))])
     off = (np.angle(np.exp(2j * (p + w * d)))) / 2
-    keep = np.abs(off) < 3 * max(float(np.median(np.abs(off))) * 1.4826, 1e-3)
+    keep = np.abs(off) < 3 * max(float(np.median(np.abs(off))) * SD_OF_MAD, 1e-3)
     d -= float(np.sum(w[keep] * off[keep]) / np.sum(w[keep] ** 2))
     off = np.angle(np.exp(2j * (p[keep] + w[keep] * d))) / 2
     sd = float(np.sqrt(np.sum(off**2) / max(keep.sum() - 1, 1) / np.sum(w[keep] ** 2)))

@@ -19,6 +19,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.normal import SD_OF_MAD
 from fecore.signal.slopes import plane, slopes
 
 FEWEST_POINTS = 5
@@ -99,7 +100,7 @@ def _displacement(slope: FloatArray, off: FloatArray) -> tuple[FloatArray, Float
         normal = (slope * weight) @ slope.T + np.eye(2) / _PRIOR_M**2
         delta = np.linalg.solve(normal, (slope * weight) @ off)
         left = np.abs(off - delta @ slope)
-        scale = max(1.4826 * float(np.median(left)), 0.5)
+        scale = max(SD_OF_MAD * float(np.median(left)), 0.5)
         weight = 1 / np.maximum(1.0, left / (_HUBER * scale))
     return delta, np.linalg.inv(normal)
 

@@ -20,7 +20,9 @@ SMALLEST_SECOND = 0.015
 REACH = 64
 """Samples that the ringing of a linear-phase filter may reach, weakly, beyond `ringing`."""
 
-_LEAD = 256  # samples before a pulse that its baseline is taken from
+LEAD = 256
+"""Samples before a pulse that the channels' baselines are taken from."""
+
 # times that a second pulse is higher than what half of the other parts of the block reach
 _ALONE = 2.0
 # noise is taken in so many parts of a block, since an undone window raises it along the block
@@ -58,7 +60,7 @@ def find_pulse(block: Block, sample_rate_hz: float) -> Pulse:
     if raw[peak] == baseline:
         return Pulse(peak, peak, peak + 1, 0.0, baseline)
     start, stop = _feet(raw, baseline, peak)
-    if peak - start > _LEAD // 8:  # the flank of a soft tip's pulse is in the baseline
+    if peak - start > LEAD // 8:  # the flank of a soft tip's pulse is in the baseline
         baseline = _baseline(raw, start - (peak - start) // 2, few)
         start, stop = _feet(raw, baseline, peak)
     height = float(raw[peak]) - baseline
@@ -69,7 +71,7 @@ def find_pulse(block: Block, sample_rate_hz: float) -> Pulse:
 
 def _baseline(raw: FloatArray, end: int, few: FloatArray) -> float:
     """Median of what lies before the sample `end`; of the whole block where that is nothing."""
-    part = raw[max(end - _LEAD, 0) : max(end, 0)]
+    part = raw[max(end - LEAD, 0) : max(end, 0)]
     return float(np.median(part if part.size >= 8 else few))
 
 

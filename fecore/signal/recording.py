@@ -13,9 +13,7 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.signal.blocks import FEWEST_SAMPLES
-
-LEAD = 256
-"""Samples of a block before the force's peak: the channels' baselines are taken from them."""
+from fecore.signal.pulse import LEAD
 
 _HOP_S = 0.005  # the recording is looked through in steps of it: a pulse of a hammer is no longer
 # nobody hits twice on purpose within it: what follows is a bounce, and stays in the hit's block

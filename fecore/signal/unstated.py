@@ -28,6 +28,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.findings import Finding
+from fecore.normal import SD_OF_MAD
 from fecore.signal.blocks import FEWEST_SAMPLES, Hit, smallest_step
 from fecore.signal.findings import finding
 from fecore.signal.pulse import REACH, find_pulse, ringing
@@ -132,7 +133,7 @@ def _near(rows: Sequence[tuple[float, float, float] | None]) -> FloatArray:
     if len(located) < _FEWEST_HITS:
         return np.empty((0, 3))
     off = np.abs(located - np.median(located, axis=0))
-    near = located[(off <= _NEAR * 1.4826 * np.median(off, axis=0))[:, :2].all(axis=1)]
+    near = located[(off <= _NEAR * SD_OF_MAD * np.median(off, axis=0))[:, :2].all(axis=1)]
     return near if len(near) >= _FEWEST_HITS else np.empty((0, 3))
 
 

@@ -31,6 +31,7 @@ from fecore.updating.elastic_result import HOPELESS_MISS, SAME_SHAPE, ElasticRes
 from fecore.updating.inputs import GRID_SD, POINT_SD
 from fecore.updating.posterior import DISCREPANCY, SHAPE_DISCREPANCY
 from fecore.updating.state import ForwardState, ShapeErrors, real_shape
+from fecore.updating.suspects import ABOVE
 
 _LIKE = 0.1  # of a shape in another, below which the two are not compared
 _CLOSE = 1e-3  # relative distance of eigenvalues below which modes are turned freely
@@ -183,7 +184,6 @@ SHAPES = 2.0 ** np.arange(-1.0, 5.5, 0.5)
 _PARTS, _LONGEST = 20, 0.5  # of the body's longest side; share of it that a stretch takes at most
 # sets at most, those with most energy; share of every mode's energy that is not looked at
 _SETS, _SLIGHT = 4, 0.02
-_ABOVE = 12  # elastic modes above the last paired one that modes with a loss are made of
 # steps between two lines, and so many to either side of likely stretches' ends, that are tried
 _FINER, _NEAR = 4, 2
 # probability of the stretches that are looked at closely, and how many at most
@@ -221,7 +221,7 @@ class _Modes:
 
     @classmethod
     def of(cls, state: ForwardState, columns: list[int]) -> _Modes:
-        m = min(state.frequency_hz.size, max(columns) + 1 + _ABOVE)
+        m = min(state.frequency_hz.size, max(columns) + 1 + ABOVE)
         return cls(
             state.modes.eigenvalue[state.modes.rigid :][:m],
             state.full_shapes[:, :m],

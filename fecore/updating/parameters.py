@@ -184,7 +184,7 @@ class Warmth:
     changing: IntArray  # (k,) numbers of the parameters that change
     columns: IntArray  # (k,) numbers of their coefficients among θ; -1 of one that is known exactly
     known: FloatArray  # (k,) value of such a one, 1/K; else 0
-    own: int = -1  # number of the unknown temperature among θ
+    own: int  # number of the unknown temperature among θ
 
     def above(self, theta: FloatArray) -> FloatArray:
         """(…, 1) how much warmer than the reference the body is at (…, p) θ, K."""

@@ -25,6 +25,7 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.body.locate import evenly_spread
 from fecore.body.model import Model
+from fecore.body.specimen import EDGE_ROUNDING
 from fecore.body.supports import DISPLACEMENTS, Support, rigid_motions
 from fecore.correlation import Pairing, most_alike
 from fecore.modes import MeasuredModes
@@ -43,7 +44,7 @@ from fecore.updating.posterior import DISCREPANCY_DOF, SHAPE_DISCREPANCY, Linear
 from fecore.updating.state import ForwardState, real_shape
 
 _FIRM = 1e-15  # of the largest 1/λ, below which a mode is that of a support that does not give way
-_ABOVE = 12  # modes above the last paired one that altered ones are made of
+ABOVE = 12  # modes above the last paired one that altered ones are made of
 # compliances solved for, over usual ones
 _SIZES = np.exp(np.linspace(np.log(0.1), np.log(400.0), 16))
 _FINE = np.exp(np.linspace(np.log(0.1), np.log(400.0), 200))  # and between
@@ -190,7 +191,7 @@ class SupportCompliance:
         rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
         usual = np.array([each.usual for each in supports])
         ways = np.vstack([np.diag(usual), usual] if len(supports) > 1 else [usual])
-        effect = SupportEffect.of(state, supports).first(max(columns) + 1 + _ABOVE)
+        effect = SupportEffect.of(state, supports).first(max(columns) + 1 + ABOVE)
         count = len(ways)
         solved = [effect.at(ways * size) for size in _SIZES]
         grids = np.log(_SIZES), np.log(_FINE)
@@ -265,7 +266,6 @@ def _between(known: FloatArray, at: FloatArray, values: FloatArray) -> FloatArra
 
 _SITES = 200  # nodes at which a mass or a foot is tried, at most
 _DIGITS = 9  # of a place in m
-_EDGE = 1e-6  # of the body's size: nodes so near to its end lie on it
 _MOVED = 0.01  # of the largest work of a mode on a support, from which it is one that moves it
 _TOLERANCE = TOLERANCES[CLAMP][0]
 
@@ -370,9 +370,9 @@ def _ends(model: Model) -> list[IntArray]:
     nodes, free = model.mesh.nodes, model.free[:, [dof < 3 for dof in model.dofs]].any(axis=1)
     size, ends = float(np.ptp(nodes, axis=0).max()), []
     for x in nodes.T:
-        if np.ptp(x) > _EDGE * size:
+        if np.ptp(x) > EDGE_ROUNDING * size:
             ends += [
-                np.flatnonzero(free & (np.abs(x - end) < _EDGE * size))
+                np.flatnonzero(free & (np.abs(x - end) < EDGE_ROUNDING * size))
                 for end in (x.min(), x.max())
             ]
     return [each for each in ends if each.size > 1]
@@ -384,7 +384,7 @@ def _shares(places: FloatArray) -> FloatArray:
     """
     offsets = places - places.mean(axis=0)
     _, sizes, axes = np.linalg.svd(offsets, full_matrices=False)
-    if len(places) < 3 or sizes[1] > _EDGE * sizes[0]:
+    if len(places) < 3 or sizes[1] > EDGE_ROUNDING * sizes[0]:
         return np.full(len(places), 1 / len(places))
     along = offsets @ axes[0]
     order = np.argsort(along)

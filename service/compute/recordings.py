@@ -14,7 +14,8 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
-from fecore.signal.recording import LEAD, Impact, Survey, cut, survey
+from fecore.signal.pulse import LEAD
+from fecore.signal.recording import Impact, Survey, cut, survey
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import (
     ChannelMapping,

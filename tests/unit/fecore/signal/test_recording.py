@@ -6,7 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fecore.signal.recording import LEAD, cut, survey
+from fecore.signal.pulse import LEAD
+from fecore.signal.recording import cut, survey
 
 RATE = 2048.0
 
