@@ -68,7 +68,7 @@ def cost(
     columns = [j for _, j in pairs]
     missed = [j for j in range(max(columns, default=-1)) if j not in columns]
     fixed = (
-        forward._UNPAIRED * (measured.size - len(pairs))
+        forward.UNPAIRED * (measured.size - len(pairs))
         - np.log(1 - seen[missed]).sum()
         - np.log(seen[columns]).sum()
     )
