@@ -30,7 +30,7 @@ from service.platform.access import Lookup, User
 from service.platform.db.base import Base, one_at_a_time
 from service.platform.errors import Conflict
 from service.platform.queue.kinds import REQUESTS
-from service.platform.queue.resource import ENDED, JobNoun
+from service.platform.queue.resource import ENDED, JobNoun, job_of
 from service.platform.queue.tables import Job
 
 if TYPE_CHECKING:
@@ -200,7 +200,7 @@ def remove_import(session: Session, user: User, row: Import) -> None:
     Raises:
         Conflict: it waits or runs.
     """
-    job = IMPORTS.job_of(session, row)
+    job = job_of(session, row)
     if job.state not in ENDED:
         raise Conflict(f"the import is {job.state}; delete it when it has ended")
     import_for.note(session, user, row, "delete", sha256=row.sha256.hex(), counts=row.counts)

@@ -32,7 +32,7 @@ from service.platform.access import Lookup, User
 from service.platform.access.metadata_schema import require_metadata
 from service.platform.errors import Invalid
 from service.platform.queue.kinds import CORE_LIBRARIES
-from service.platform.queue.resource import JobNoun
+from service.platform.queue.resource import JobNoun, require_result
 from service.platform.web import shown_as
 from service.platform.web.bodies import Labels
 
@@ -299,8 +299,8 @@ def label_result(session: Session, user: User, row: UpdateJob, labels: Labels) -
 
 
 def _result(session: Session, row: UpdateJob) -> UpdateResult:
-    noun = UPDATES if row.request is None else JOINT_UPDATES
-    return noun.result(session, row, session.get(UpdateResult, row.id))
+    find = update_job_for if row.request is None else joint_update_for
+    return require_result(session, find, row, session.get(UpdateResult, row.id))
 
 
 def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
@@ -310,7 +310,7 @@ def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
     Raises:
         Conflict: the job has none, yet or ever; the message says which.
     """
-    return UPDATES.result(session, row, arrays_of(session, row.id))
+    return require_result(session, update_job_for, row, arrays_of(session, row.id))
 
 
 def arrays_of(session: Session, key: UUID) -> StoredArrays | None:
