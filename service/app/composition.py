@@ -19,9 +19,7 @@ from service.nouns.campaigns.routes import router as campaigns
 from service.nouns.coupons.operations import batch_for, coupon_for
 from service.nouns.coupons.routes import router as coupons
 from service.nouns.frfs.routes import router as frfs
-from service.nouns.imports.routes import purging
-from service.nouns.imports.routes import router as imports
-from service.nouns.imports.script_routes import router as scripts
+from service.nouns.imports.purging import router as purging
 from service.nouns.instruments.routes import router as instruments
 from service.nouns.modes.routes import router as mode_sets
 from service.nouns.plans.routes import router as plans
@@ -33,16 +31,16 @@ from service.nouns.structures.model_routes import router as models
 from service.nouns.structures.operations import structure_for
 from service.nouns.structures.routes import router as structures
 from service.nouns.updating.alignment import router as alignment
-from service.nouns.updating.removing import router as removing
 from service.nouns.updating.routes import router as updating
 from service.platform.access.authentication import Finder
 from service.platform.access.lookup import project_for
 from service.platform.access.routes import router as access
 from service.reports.routes import router as results
+from service.tasks.import_file.script_routes import router as scripts
 from service.tasks.routes import ROUTERS as TASKS
 
 ROUTERS: tuple[APIRouter, ...] = (
-    access, storage, structures, models, campaigns, instruments, imports, removing, purging, grid_points, alignment, scripts,
+    access, storage, structures, models, campaigns, instruments, purging, grid_points, alignment, scripts,
     frfs, records, mode_sets, coupons, *TASKS, updating, plans, search, saved_searches,
     archives, results, measured_figures, monitoring, webhooks,
 )  # fmt: skip

@@ -21,9 +21,7 @@ from service.nouns.frfs import routes as frfs
 from service.nouns.frfs.data import specimen_points
 from service.nouns.frfs.routes import FrfFilter
 from service.nouns.frfs.schemas import FrfOut
-from service.nouns.imports import routes as imports
 from service.nouns.imports.operations import trace_lines_of
-from service.nouns.imports.routes import ImportOut
 from service.nouns.modes import routes as modes
 from service.nouns.modes.operations import mode_set_for
 from service.nouns.records import routes as records
@@ -35,6 +33,8 @@ from service.pages.updates import NamedJob, joint_updates_of, name_jobs, over_ti
 from service.pages.viewer import draw_grid, has_mesh, marked, points_in_space, viewer_of
 from service.platform.web.routing import UI, page_router
 from service.tasks.identify import routes as identify
+from service.tasks.import_file import routes as imports
+from service.tasks.import_file.routes import ImportOut
 from service.tasks.model import routes as models
 from service.tasks.process import routes as process
 

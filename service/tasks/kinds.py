@@ -8,7 +8,6 @@ from pkgutil import iter_modules
 
 from service import tasks
 from service.monitoring.judgements import JUDGE
-from service.nouns.imports.operations import IMPORTS
 from service.nouns.updating.operations import UPDATES
 from service.platform.queue.kinds import JobKind
 from service.tasks.task import BareTask
@@ -20,6 +19,6 @@ TASKS: tuple[BareTask, ...] = tuple(
 )
 """Kinds that declare all of themselves in one folder, by the names of the folders."""
 
-_NOUNS = (IMPORTS, UPDATES)
+_NOUNS = (UPDATES,)
 KINDS: tuple[JobKind, ...] = (*(task.noun.kind for task in TASKS), *(n.kind for n in _NOUNS), JUDGE)
 """Every kind of job that a worker can run."""

@@ -33,7 +33,7 @@ from service.monitoring.tables import Alarm, AlarmEvent, MonitorJudgement, Monit
 from service.nouns.campaigns.operations import create_campaign
 from service.nouns.campaigns.schemas import CampaignIn
 from service.nouns.frfs.operations import Frf
-from service.nouns.imports.operations import IMPORTS, Import
+from service.nouns.imports.operations import Import
 from service.nouns.storage.originals import Original
 from service.nouns.structures.operations import Structure, create_structure
 from service.nouns.structures.schemas import StructureIn
@@ -44,6 +44,7 @@ from service.platform.errors import Conflict, NotFound
 from service.platform.queue.queue import enqueue
 from service.platform.queue.tables import Job
 from service.platform.settings import Settings
+from service.tasks.import_file.task import IMPORTS
 from tests.support.judged import MODES, START, day, judged, observe, values
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-from sqlalchemy import func, select
+from sqlalchemy import Text, cast, func, select
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
@@ -30,9 +30,10 @@ from service.nouns.updating.schemas import USUAL, RecipeIn
 from service.nouns.updating.tables import UpdateJob, UpdateResult
 from service.platform.access import Lookup, User
 from service.platform.access.metadata_schema import require_metadata
-from service.platform.errors import Invalid
+from service.platform.errors import Conflict, Invalid
 from service.platform.queue.kinds import CORE_LIBRARIES
 from service.platform.queue.resource import JobNoun, require_result
+from service.platform.queue.tables import Job
 from service.platform.web import shown_as
 from service.platform.web.bodies import Labels
 
@@ -263,6 +264,33 @@ def _check_data(session: Session, recipe: RecipeIn, campaign: Campaign) -> None:
             fixed = set.intersection(*({row.response_point, row.reference_point} for row in rows))
             if not fixed or points >= used:
                 raise Invalid("/hold_out/points", "holds out every FRF, so nothing is left to fit")
+
+
+def require_no_update(session: Session, campaign_id: UUID, since: UUID) -> None:
+    """Refuse what an update of a campaign may rest on.
+
+    Args:
+        session: the request's transaction.
+        campaign_id: of the campaign.
+        since: key of the job whose outcome later updates may have used.
+
+    Raises:
+        Conflict: names the first such update.
+    """
+    later = (
+        select(Job.id)
+        .join(UpdateJob, UpdateJob.id == Job.id)
+        .where(
+            Job.id > since,
+            Job.state.in_(("queued", "running", "succeeded")),
+            cast(UpdateJob.campaigns, Text).contains(str(campaign_id)),
+        )
+    )
+    if (update := session.scalars(later.order_by(Job.id).limit(1)).first()) is not None:
+        raise Conflict(
+            f"update {update} of the campaign may rest on what the import brought; "
+            "send the file to a campaign of its own, where it is read anew"
+        )
 
 
 def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:

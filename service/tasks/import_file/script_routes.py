@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 from uuid import UUID
 
 import numpy as np
@@ -20,20 +20,10 @@ from sqlalchemy.orm import Session
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import Variables
 from modalbase.formats.registry import FORMATS, JSON, MEMBERS, Format, Kind, of_bodies
-from service.compute.arrays_of_files import hits_of
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.frfs import operations as frfs
 from service.nouns.frfs.schemas import FrfOut, FrfsIn, write_rows
-from service.nouns.imports import operations
-from service.nouns.imports.operations import Import
-from service.nouns.imports.routes import (
-    MAPPED_UPLOAD,
-    ImportOut,
-    MappingQuery,
-    QuantityQuery,
-    of_jobs,
-    read_mapping,
-)
+from service.nouns.imports.operations import new_import
 from service.nouns.records import operations as records
 from service.nouns.records.processings import judged
 from service.nouns.records.schemas import Proposal, StoredRecords, from_json
@@ -56,6 +46,19 @@ from service.platform.web import Page, shown_as
 from service.platform.web.admission import without_slot
 from service.platform.web.openapi import BINARY, TEXT, reads
 from service.platform.web.uploads import FilenameQuery, Spooled, UploadDep
+from service.tasks.import_file import task
+from service.tasks.import_file.arrays_of_files import hits_of
+from service.tasks.import_file.routes import (
+    MAPPED_UPLOAD,
+    ImportOut,
+    MappingQuery,
+    QuantityQuery,
+    of_jobs,
+    read_mapping,
+)
+
+if TYPE_CHECKING:
+    from service.nouns.imports.operations import Import
 
 router = api_router(tags=[])
 
@@ -132,7 +135,7 @@ class Reading:
         self._once = idempotency_key
         self._seconds = settings.import_wait_seconds
 
-    async def of(self, campaign_id: UUID, file: Spooled, draft: Import) -> UUID:
+    async def of(self, campaign_id: UUID, file: Spooled, draft: "Import") -> UUID:
         """The key of the file's import, which has ended or has had its time."""
 
         def start(session: Any, key: Any, user: Any) -> tuple[UUID, Any, str]:
@@ -145,14 +148,12 @@ class Reading:
         return job_id
 
     def _started(
-        self, session: Session, user: User, campaign_id: UUID, file: Spooled, draft: Import
+        self, session: Session, user: User, campaign_id: UUID, file: Spooled, draft: "Import"
     ) -> UUID:
         """A new import, or that of the same request under the same `Idempotency-Key`."""
 
         def started() -> UUID:
-            return operations.start_import(session, user, campaign_id, file, draft, urgent=True)[
-                0
-            ].id
+            return task.start_import(session, user, campaign_id, file, draft, urgent=True)[0].id
 
         if self._once is None:
             return started()
@@ -211,7 +212,7 @@ async def _records(
         )
     if stated is None and not dry_run:
         raise Invalid("mapping", "is missing; ?dry_run=true proposes one")
-    draft = Import(
+    draft = new_import(
         filename=name or f"upload{suffix}",
         dry_run=dry_run,
         format=RECORD_SUFFIXES[suffix],
@@ -308,7 +309,7 @@ async def _frfs(
         )
     _require_taken(row, "frfs", mapping=stated, quantity=quantity)
     name = upload.filename or f"frfs{row.suffixes[0]}"
-    draft = Import(
+    draft = new_import(
         filename=name, dry_run=False, quantity=quantity, format=form, kind="frfs", mapping=stated
     )
     yield await reading.of(campaign_id, upload.file, draft)

@@ -36,17 +36,17 @@ from modalbase.formats.records.variables import read_named
 from modalbase.formats.registry import FORMATS, MEMBERS, Format, Kind, load
 from modalbase.formats.tables import Stated
 from service.compute.frf_rows import EncodedFrf, encoded
-from service.compute.recordings import (
+from service.platform.errors import Fault, Invalid, pointer
+from service.tasks.import_file.recordings import (
     channels_of,
     looked_at,
     proposed_recording,
     recording_of,
     units_in,
 )
-from service.platform.errors import Fault, Invalid, pointer
 
 if TYPE_CHECKING:
-    from service.compute.reading import ReadingInputs
+    from service.tasks.import_file.compute import ReadingInputs
 
 T = TypeVar("T")
 

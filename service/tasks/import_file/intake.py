@@ -25,10 +25,8 @@ from modalbase.formats.uff import (
     TimeResponse,
     TraceLine,
 )
-from service.compute.arrays_of_files import FileDescription
 from service.compute.frf_rows import EncodedFrf
 from service.compute.models.alignment import distances
-from service.compute.reading import Kept
 from service.nouns.campaigns.operations import (
     add_points,
     campaign_for,
@@ -43,6 +41,8 @@ from service.nouns.storage import book
 from service.nouns.structures.models import body_in_space
 from service.nouns.structures.operations import present_structure
 from service.platform.errors import Conflict, Invalid, PayloadTooLarge
+from service.tasks.import_file.arrays_of_files import FileDescription
+from service.tasks.import_file.compute import Kept
 
 SAME_POINT_M = 1e-6
 """Coordinates of one point in two files may differ by this: a file may have them in single

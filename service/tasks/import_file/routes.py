@@ -1,32 +1,26 @@
-"""What a client gets about imports; the routes of imports, of the original files, and of purging
-for good.
-"""
+"""What a client gets about imports; the routes of imports and of the original files."""
+
+from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 from uuid import UUID
 
 from fastapi import Query, Request, Response
 from fastapi.responses import FileResponse
 from pydantic import Field, WithJsonSchema
-from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
 from modalbase.formats.registry import FORMATS, Kind, either, looked_at, titles
-from service.nouns.campaigns.operations import campaign_for
-from service.nouns.imports import operations
-from service.nouns.imports.operations import Import
+from service.nouns.imports.operations import REPORT_BYTES, import_for, new_import, remove_import
 from service.nouns.records.operations import record_for
 from service.nouns.records.processings import judged
 from service.nouns.records.schemas import Proposal, StoredRecords
-from service.nouns.storage.originals import copy_original, forget_originals, original_sizes
-from service.nouns.structures.models import models_files
-from service.nouns.structures.operations import structure_for
-from service.platform.access import CurrentUser, Lookup, SessionDep, User, api_router, project_for
-from service.platform.access.lookup import projects
+from service.nouns.storage.originals import copy_original, original_sizes
+from service.nouns.updating.operations import require_no_update
+from service.platform.access import CurrentUser, SessionDep, api_router
 from service.platform.errors import Invalid
-from service.platform.queue.queue import cancel_purged
 from service.platform.queue.resource import JobOut
 from service.platform.queue.routes import JobRoutes
 from service.platform.web import StrictModel
@@ -35,6 +29,10 @@ from service.platform.web.json_body import parse_parameter
 from service.platform.web.openapi import reads, upload
 from service.platform.web.parameters import not_modified
 from service.platform.web.uploads import FilenameQuery, Upload, UploadDep
+from service.tasks.import_file import task
+
+if TYPE_CHECKING:
+    from service.nouns.imports.operations import Import
 
 
 class DatasetOutcome(StrictModel):
@@ -107,12 +105,12 @@ def _with_files(session: Session, rows: Sequence[Import]) -> Iterator[dict[str, 
 
 of_jobs = JobRoutes(
     router,
-    operations.IMPORTS,
+    task.IMPORTS,
     ImportOut,
     "import_id",
     _with_files,
     newest_first=False,
-    weight=func.pg_column_size(Import.datasets),
+    weight=REPORT_BYTES,
 )
 
 
@@ -164,14 +162,14 @@ def start_import(
     """
     if sent.file.size == 0:
         raise Invalid("", f"the body is empty, expected a file: {titles()}")
-    draft = Import(
+    draft = new_import(
         filename=filename or sent.filename or "upload",
         dry_run=dry_run,
         quantity=quantity,
         kind=kind,
         mapping=read_mapping(mapping, sent),
     )
-    row, new = operations.start_import(session, user, campaign_id, sent.file, draft)
+    row, new = task.start_import(session, user, campaign_id, sent.file, draft)
     response.status_code = 202 if new else 200
     return of_jobs.made(session, row, response).model_copy(update={"already_imported": not new})
 
@@ -189,7 +187,7 @@ of_jobs.getting(
 @router.get("/imports/{import_id}/records")
 def get_import_records(import_id: UUID, session: SessionDep, user: CurrentUser) -> StoredRecords:
     """Time blocks that an import brought, and how the hits of their points are judged now."""
-    row = operations.import_for(session, user, import_id)
+    row = import_for(session, user, import_id)
     return judged(session, row.campaign_id, record_for.all(session, import_id=[row.id]))
 
 
@@ -198,7 +196,7 @@ def get_imports_original(
     import_id: UUID, session: SessionDep, user: CurrentUser, request: Request
 ) -> Response:
     """The file as it was uploaded, byte for byte; its ETag is its SHA-256."""
-    row = operations.import_for(session, user, import_id)
+    row = import_for(session, user, import_id)
     headers = {"ETag": f'"{row.sha256.hex()}"'}
     return not_modified(request, headers) or spooled(
         lambda file: copy_original(session, row.sha256, file),
@@ -211,44 +209,16 @@ def get_imports_original(
 router.head("/imports/{import_id}/original", include_in_schema=False)(get_imports_original)
 
 
-purging = api_router(tags=["purge"])
+@router.delete("/imports/{import_id}", status_code=204)
+def delete_import(import_id: UUID, session: SessionDep, user: CurrentUser) -> None:
+    """Remove an import with its FRFs, time blocks and modes, such as one of a wrong `quantity`;
+    grid points stay.
 
-
-@purging.post("/projects/{project_id}/purge", status_code=204)
-def purge_project(project_id: UUID, session: SessionDep, user: CurrentUser) -> None:
-    """Remove a deleted project and all that is in it for good. Nothing brings it back."""
-    project = project_for(session, user, project_id, "owner", resting=True)
-    projects.purge(session, user, project)
-    _forget_more(session, project_id)
-
-
-@purging.post("/structures/{structure_id}/purge", status_code=204)
-def purge_structure(structure_id: UUID, session: SessionDep, user: CurrentUser) -> None:
-    """Remove a deleted structure with its campaigns, results and monitors for good. Nothing brings
-    it back.
+    409 while it runs, and where an update of the campaign may rest on it: results keep what they
+    were computed from.
     """
-    _purge(session, user, structure_for, structure_id)
-
-
-@purging.post("/campaigns/{campaign_id}/purge", status_code=204)
-def purge_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> None:
-    """Remove a deleted campaign with its FRFs, original files and results for good. Nothing brings
-    it back.
-    """
-    _purge(session, user, campaign_for, campaign_id)
-
-
-def _purge(session: Session, user: User, find: Lookup[Any], key: UUID) -> None:
-    row = find(session, user, key, "owner", deleted=True, lock=True)
-    project_id = find.project_of(session, row)
-    find.purge(session, user, row)
-    _forget_more(session, project_id)
-
-
-def _forget_more(session: Session, project_id: UUID) -> None:
-    """End the jobs that were for what is gone, and remove the original files that no import has any
-    more.
-    """
-    session.flush()
-    cancel_purged(session, project_id)
-    forget_originals(session, select(Import.sha256), models_files())
+    row = import_for(session, user, import_id, "editor", lock=True)
+    brought = row.counts if row.counts and not row.dry_run else {}
+    if brought.get("frfs") or brought.get("modes"):
+        require_no_update(session, row.campaign_id, row.id)
+    remove_import(session, user, row)

@@ -22,11 +22,11 @@ from modalbase.formats.records.uff import channel_of
 from modalbase.formats.registry import Kind
 from modalbase.formats.uff.channels import Spectra
 from modalbase.formats.uff.content import Outcome
-from service.compute.arrays_of_files import FileDescription, read_arrays, require_taken
 from service.compute.frf_rows import EncodedFrf
-from service.compute.recordings import recording_in_uff
 from service.compute.spectra import FrequencyAxis, encode, encode_axis
 from service.platform.errors import Invalid
+from service.tasks.import_file.arrays_of_files import FileDescription, read_arrays, require_taken
+from service.tasks.import_file.recordings import recording_in_uff
 
 if TYPE_CHECKING:
     from service.platform.queue.kinds import Reporter
