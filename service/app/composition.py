@@ -36,12 +36,16 @@ from service.platform.access.authentication import Finder
 from service.platform.access.lookup import project_for
 from service.platform.access.routes import router as access
 from service.reports.routes import router as results
+from service.tasks.import_file.routes import router as imports
 from service.tasks.import_file.script_routes import router as scripts
 from service.tasks.routes import ROUTERS as TASKS
 
+NAMED = (imports,)
+"""Kinds of job whose place is not among the others."""
+
 ROUTERS: tuple[APIRouter, ...] = (
-    access, storage, structures, models, campaigns, instruments, purging, grid_points, alignment, scripts,
-    frfs, records, mode_sets, coupons, *TASKS, updating, plans, search, saved_searches,
+    access, storage, structures, models, campaigns, instruments, imports, purging, grid_points, alignment, scripts,
+    frfs, records, mode_sets, coupons, *(each for each in TASKS if each not in NAMED), updating, plans, search, saved_searches,
     archives, results, measured_figures, monitoring, webhooks,
 )  # fmt: skip
 """Everything under `/api/v1`, in the order of the documentation page."""
