@@ -11,7 +11,6 @@ from fastapi import APIRouter
 
 from service.archives.routes import router as archives
 from service.figures.routes import router as measured_figures
-from service.monitoring.notifications.routes import router as webhooks
 from service.monitoring.routes import router as monitoring
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.campaigns.routes import points_router as grid_points
@@ -22,6 +21,7 @@ from service.nouns.frfs.routes import router as frfs
 from service.nouns.imports.purging import router as purging
 from service.nouns.instruments.routes import router as instruments
 from service.nouns.modes.routes import router as mode_sets
+from service.nouns.notifications.routes import router as webhooks
 from service.nouns.plans.routes import router as plans
 from service.nouns.records.routes import router as records
 from service.nouns.search.routes import router as search

@@ -12,7 +12,6 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from service.figures.measured import AXES
 from service.monitoring import routes as monitoring
-from service.monitoring.live import look_at_monitors
 from service.nouns.campaigns import routes as campaigns
 from service.nouns.campaigns.operations import campaign_for, frame_of, stored_points
 from service.nouns.campaigns.schemas import Boundary, CampaignOut
@@ -24,6 +23,7 @@ from service.nouns.frfs.schemas import FrfOut
 from service.nouns.imports.operations import trace_lines_of
 from service.nouns.modes import routes as modes
 from service.nouns.modes.operations import mode_set_for
+from service.nouns.monitors.live import look_at_monitors
 from service.nouns.records import routes as records
 from service.nouns.records.schemas import HitDecisionOut, Proposal, RecordOut
 from service.nouns.updating import routes as updating

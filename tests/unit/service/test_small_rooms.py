@@ -20,9 +20,9 @@ from fecore.errors import InputError, UpdatingError
 from modalbase.client.errors import ClientError, Exit
 from modalbase.formats.records import TimeBlock
 from modalbase.objects.people import FORBIDDEN, People
-from service.monitoring.schemas import WatchedIn
 from service.nouns.campaigns.schemas import CampaignInputs
 from service.nouns.frfs.data import MeasuredFrfs
+from service.nouns.monitors.schemas import WatchedIn
 from service.nouns.records.operations import RecordIntake
 from service.nouns.updating.batches import _placed
 from service.nouns.updating.schemas import InputsIn

@@ -9,15 +9,15 @@ from email.message import EmailMessage
 
 from anyio import to_thread
 
-from service.monitoring.notifications.addresses import AddressError
-from service.monitoring.notifications.channels.channel import (
+from service.nouns.notifications.addresses import AddressError
+from service.nouns.notifications.channels.channel import (
     STEP_SECONDS,
     Channel,
     Outcome,
     Receiver,
 )
-from service.monitoring.notifications.messages import in_words
-from service.monitoring.notifications.tables import Delivery
+from service.nouns.notifications.messages import in_words
+from service.nouns.notifications.tables import Delivery
 from service.platform.settings import Settings
 
 _ADDRESS = re.compile(r"[^@\s,;<>]+@[^@\s,;<>]+\.[^@\s,;<>]+")

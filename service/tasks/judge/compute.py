@@ -40,7 +40,7 @@ class Observation:
 
     campaign: str  # its id
     performed_at: datetime  # when it was measured
-    values: Mapping[str, Any]  # of `service.monitoring.runs`
+    values: Mapping[str, Any]  # of `service.nouns.monitors.runs`
     covariates: Mapping[str, float]  # by name; NaN where not measured
 
 

@@ -12,21 +12,20 @@ from uuid import UUID
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.monitoring.runs import latest_runs, unit_of
-from service.monitoring.schemas import AlarmEventOut, AlarmOut, RunOut
-from service.monitoring.tables import (
+from service.nouns.campaigns.climate import CLIMATE
+from service.nouns.campaigns.operations import campaigns_of
+from service.nouns.monitors.judgements import last_judgement
+from service.nouns.monitors.runs import latest_runs, unit_of
+from service.nouns.monitors.schemas import AlarmEventOut, AlarmOut, RunOut
+from service.nouns.monitors.tables import (
     Alarm,
     AlarmEvent,
     Monitor,
-    MonitorJudgement,
     MonitorRun,
     MonitorSeries,
 )
-from service.nouns.campaigns.climate import CLIMATE
-from service.nouns.campaigns.operations import campaigns_of
 from service.nouns.structures.operations import structure_of, structures_of
 from service.platform.access import User
-from service.platform.queue.tables import Job
 from service.platform.web import shown_as
 
 if TYPE_CHECKING:
@@ -38,6 +37,8 @@ def series_document(session: Session, monitor: Monitor, series: MonitorSeries) -
     too.
     """
     judged = series.document or {"state": "no data", "notes": [], "parameters": []}
+    # one that failed says why the series stands as it stood before
+    last = last_judgement(session, series)
     structure = structure_of(session, monitor.structure_id)
     alarms = session.scalars(
         select(Alarm).where(Alarm.monitor_id == monitor.id).order_by(Alarm.id)
@@ -52,7 +53,7 @@ def series_document(session: Session, monitor: Monitor, series: MonitorSeries) -
         "current": series.number == monitor.series,
         "versions": _versions(session, monitor),
         "state": judged["state"],
-        "judgement": _last_judgement(session, series),
+        "judgement": None if last is None else {"status": last.state, "message": last.message},
         "notes": judged["notes"],
         "campaigns": _campaigns(session, series),
         "parameters": [{**row, "unit": unit_of(row["name"])} for row in judged["parameters"]],
@@ -79,20 +80,6 @@ def _members(row: object, *names: str) -> dict[str, Any]:
         | plain
         | {name: at.isoformat() for name, at in members.items() if isinstance(at, datetime)}
     )
-
-
-def _last_judgement(session: Session, series: MonitorSeries) -> dict[str, Any] | None:
-    """How the latest judgement went: one that failed says why the series stands as it stood
-    before.
-    """
-    job = session.scalars(
-        select(Job)
-        .join(MonitorJudgement, MonitorJudgement.id == Job.id)
-        .where(MonitorJudgement.series_id == series.id)
-        .order_by(Job.id.desc())
-        .limit(1)
-    ).one_or_none()
-    return None if job is None else {"status": job.state, "message": job.message}
 
 
 def _campaigns(session: Session, series: MonitorSeries) -> list[dict[str, Any]]:

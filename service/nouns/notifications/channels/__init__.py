@@ -1,8 +1,8 @@
 """Channels of alarms, each a module with its `check` and `send`."""
 
-from service.monitoring.notifications.channels.channel import Channel
-from service.monitoring.notifications.channels.mail import MAIL
-from service.monitoring.notifications.channels.webhook import WEBHOOK
+from service.nouns.notifications.channels.channel import Channel
+from service.nouns.notifications.channels.mail import MAIL
+from service.nouns.notifications.channels.webhook import WEBHOOK
 
 CHANNELS: dict[str, Channel] = {channel.name: channel for channel in (WEBHOOK, MAIL)}
 """Every channel, by its name. A new one is named here and nowhere else."""

@@ -19,11 +19,11 @@ from uuid import UUID
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.monitoring.tables import CampaignCompletion, Monitor
 from service.nouns.campaigns.operations import dated_campaigns, point_digests
 from service.nouns.frfs.operations import frf_digests
 from service.nouns.imports.operations import import_progress
 from service.nouns.modes.operations import newest_stated
+from service.nouns.monitors.tables import CampaignCompletion, Monitor
 
 if TYPE_CHECKING:
     from service.nouns.campaigns.operations import Campaign

@@ -3,7 +3,7 @@
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
-from service.monitoring.notifications.tables import Delivery
+from service.nouns.notifications.tables import Delivery
 from service.platform.settings import Settings
 
 STEP_SECONDS = 10.0  # to connect, or until the next bytes of an answer

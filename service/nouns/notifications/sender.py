@@ -28,9 +28,9 @@ from sqlalchemy.dialects.postgresql import distinct_on
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from service.monitoring.notifications.channels import CHANNELS
-from service.monitoring.notifications.channels.channel import Outcome, Receiver
-from service.monitoring.notifications.tables import Delivery, Webhook
+from service.nouns.notifications.channels import CHANNELS
+from service.nouns.notifications.channels.channel import Outcome, Receiver
+from service.nouns.notifications.tables import Delivery, Webhook
 from service.platform.db.engine import Sessions
 from service.platform.settings import Settings
 

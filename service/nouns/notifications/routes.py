@@ -10,10 +10,10 @@ from pydantic import ConfigDict, Field, field_validator
 from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
-from service.monitoring.notifications.addresses import AddressError, parse_url
-from service.monitoring.notifications.channels.webhook import WEBHOOK, new_secret
-from service.monitoring.notifications.messages import EVENTS, Event, trial_message
-from service.monitoring.notifications.tables import Delivery, Webhook
+from service.nouns.notifications.addresses import AddressError, parse_url
+from service.nouns.notifications.channels.webhook import WEBHOOK, new_secret
+from service.nouns.notifications.messages import EVENTS, Event, trial_message
+from service.nouns.notifications.tables import Delivery, Webhook
 from service.platform.access import (
     CurrentUser,
     Lookup,

@@ -1,4 +1,4 @@
-"""What can be done with monitors themselves: make, change, list, run, show the series."""
+"""What can be done with monitors themselves: make, change, list, show the series."""
 
 from __future__ import annotations
 
@@ -6,23 +6,19 @@ import base64
 import binascii
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-from sqlalchemy import ColumnElement, func, select, tuple_
+from sqlalchemy import func, select, tuple_
 from sqlalchemy.orm import Session, undefer
 
-from fecore import __version__
 from fecore.quantities import quantity_of
 from fecore.updating.parameters import parametrise, usual_per_k
-from service.monitoring import runs
-from service.monitoring.judgements import rank
-from service.monitoring.notifications.addresses import AddressError
-from service.monitoring.notifications.channels import OF_MONITORS
-from service.monitoring.runs import monitor_for
-from service.monitoring.scheduler import next_time, request_check
-from service.monitoring.schemas import (
+from service.nouns.campaigns.operations import campaign_for
+from service.nouns.monitors.alarms import rank
+from service.nouns.monitors.runs import monitor_for, newest_series
+from service.nouns.monitors.schemas import (
     BaselineIn,
     ChartIn,
     MonitorIn,
@@ -30,15 +26,17 @@ from service.monitoring.schemas import (
     MonitorPatch,
     WatchedIn,
 )
-from service.monitoring.tables import (
+from service.nouns.monitors.tables import (
     AT_WORK,
     Alarm,
     CampaignCompletion,
     Monitor,
-    MonitorRun,
     MonitorSeries,
+    hidden,
 )
-from service.nouns.campaigns.operations import campaign_for, campaigns_of
+from service.nouns.monitors.watching import next_time, request_check
+from service.nouns.notifications.addresses import AddressError
+from service.nouns.notifications.channels import OF_MONITORS
 from service.nouns.structures.operations import (
     current_version,
     describe_version,
@@ -58,8 +56,6 @@ from service.platform.web import shown_as
 if TYPE_CHECKING:
     from service.nouns.campaigns.operations import Campaign
     from service.nouns.structures.operations import Structure
-
-NOW = timedelta(0)
 
 
 def create_monitor(
@@ -95,7 +91,7 @@ def create_monitor(
     session.add(monitor)
     session.flush()
     session.refresh(monitor)
-    runs.newest_series(session, monitor)
+    newest_series(session, monitor)
     monitor_for.note(session, user, monitor, "create", name=body.name)
     request_check(session, monitor.id)
     return monitor
@@ -212,72 +208,8 @@ def change_monitor(
     request_check(session, monitor.id)
 
 
-def run_by_hand(
-    session: Session, user: User, monitor: Monitor, campaign_id: UUID | None
-) -> list[MonitorRun]:
-    """Run one campaign, or all that have not been run as they are now, whether they are complete or
-    not.
-
-    Returns:
-        The new runs; refused ones too.
-
-    Raises:
-        Conflict: the monitor, which the transaction holds, is at rest.
-        Invalid: the campaign is none of this structure's, or has no date.
-    """
-    if not monitor.active:
-        raise Conflict("the monitor is at rest; set `active` first")
-    if campaign_id is not None:
-        _check_campaign(session, monitor, campaign_id)
-    runs.collect(session, runs.newest_series(session, monitor))
-    started = runs.bring_up_to_date(
-        session, monitor, runs.Moment(datetime.now(UTC), NOW), by_hand=True, only=campaign_id
-    )
-    monitor_for.note(session, user, monitor, "run", runs=[str(run.id) for run in started])
-    request_check(session, monitor.id)
-    return started
-
-
-def _check_campaign(session: Session, monitor: Monitor, campaign_id: UUID) -> None:
-    campaign = campaigns_of(session, [campaign_id]).get(campaign_id)
-    if (
-        campaign is None
-        or campaign.deleted_at is not None
-        or campaign.structure_id != monitor.structure_id
-    ):
-        raise Invalid("/campaign", f"{campaign_id} is no campaign of this monitor's structure")
-    if campaign.performed_at is None:
-        raise Invalid(
-            "/campaign", "the campaign states no performed_at, so it has no place in a series"
-        )
-    if monitor.since is not None and campaign.performed_at < monitor.since:
-        raise Invalid(
-            "/campaign",
-            f"the campaign was performed before the series begins, {monitor.since.isoformat()}",
-        )
-
-
-def rerun(session: Session, user: User, monitor: Monitor, reason: str) -> list[MonitorRun]:
-    """Run all campaigns anew, as the next version of the series, with the software's version as the
-    default reason. The one before stays, and is shown until this one is judged.
-
-    Raises:
-        Conflict: the monitor, which the transaction holds, is at rest.
-    """
-    before = runs.newest_series(session, monitor)
-    runs.next_series(
-        session, monitor, before.number + 1, reason or f"rerun with version {__version__}"
-    )
-    return run_by_hand(session, user, monitor, None)
-
-
-def complete_campaign(
-    session: Session, user: User, campaign: Campaign
-) -> tuple[CampaignCompletion, list[MonitorRun]]:
-    """Note that everything of a campaign is in, and let the monitors of its structure run it.
-
-    Returns:
-        The note, which the first call makes, and the runs that were started.
+def note_complete(session: Session, user: User, campaign: Campaign) -> CampaignCompletion:
+    """Note that everything of a campaign is in; the first call makes the note.
 
     Raises:
         Conflict: the campaign states no date.
@@ -293,7 +225,12 @@ def complete_campaign(
         session.flush()
         session.refresh(row)
         campaign_for.note(session, user, campaign, "complete")
-    monitors = session.scalars(
+    return row
+
+
+def running_on(session: Session, campaign: Campaign) -> Sequence[Monitor]:
+    """The monitors that run each campaign of its structure; their rows are held."""
+    return session.scalars(
         select(Monitor)
         .where(
             Monitor.structure_id == campaign.structure_id, AT_WORK, Monitor.runs_on == "campaign"
@@ -301,19 +238,6 @@ def complete_campaign(
         .order_by(Monitor.id)
         .with_for_update()
     ).all()
-    started: list[MonitorRun] = []
-    for monitor in monitors:
-        runs.collect(session, runs.newest_series(session, monitor))
-        started += runs.bring_up_to_date(
-            session, monitor, runs.Moment(datetime.now(UTC), NOW), only=campaign.id
-        )
-        request_check(session, monitor.id)
-    return row, started
-
-
-def hidden(deleted: bool) -> ColumnElement[bool]:
-    """The condition of a list: the monitors that are there, or the deleted ones instead."""
-    return Monitor.deleted_at.is_not(None) if deleted else Monitor.deleted_at.is_(None)
 
 
 def monitors_of(session: Session, structure_id: UUID) -> Sequence[Monitor]:

@@ -10,7 +10,7 @@ from fastapi.sse import format_sse_event
 from sqlalchemy import select, union_all
 from sqlalchemy.orm import Session
 
-from service.monitoring.tables import Monitor, MonitorJudgement, MonitorRun, MonitorSeries
+from service.nouns.monitors.tables import Monitor, MonitorJudgement, MonitorRun, MonitorSeries
 from service.nouns.structures.operations import structures_in
 from service.platform.access import User, projects_of
 from service.platform.queue.events import Shown

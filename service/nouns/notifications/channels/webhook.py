@@ -13,16 +13,16 @@ import time
 from anyio import to_thread
 
 from fecore import __version__
-from service.monitoring.notifications.addresses import AddressError, resolve
-from service.monitoring.notifications.channels.channel import (
+from service.nouns.notifications.addresses import AddressError, resolve
+from service.nouns.notifications.channels.channel import (
     KEPT_CHARACTERS,
     STEP_SECONDS,
     Channel,
     Outcome,
     Receiver,
 )
-from service.monitoring.notifications.messages import OF_WEBHOOKS
-from service.monitoring.notifications.tables import Delivery
+from service.nouns.notifications.messages import OF_WEBHOOKS
+from service.nouns.notifications.tables import Delivery
 from service.platform.settings import Settings
 
 PREFIX = "whsec_"

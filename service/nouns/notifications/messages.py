@@ -11,7 +11,7 @@ from uuid import UUID, uuid4
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.monitoring.notifications.tables import Delivery, Webhook
+from service.nouns.notifications.tables import Delivery, Webhook
 
 Event = Literal[
     "alarm.raised", "alarm.acknowledged", "alarm.cleared", "alarm.withdrawn", "monitor.no_data"

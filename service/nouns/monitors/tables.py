@@ -4,7 +4,17 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import JSON, CheckConstraint, ForeignKey, Index, UniqueConstraint, and_, func, text
+from sqlalchemy import (
+    JSON,
+    CheckConstraint,
+    ColumnElement,
+    ForeignKey,
+    Index,
+    UniqueConstraint,
+    and_,
+    func,
+    text,
+)
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, mapped_column
 
@@ -65,6 +75,11 @@ class Monitor(Identified, Base):
 
 AT_WORK = and_(Monitor.active, Monitor.deleted_at.is_(None))
 """Monitors that run and judge by themselves."""
+
+
+def hidden(deleted: bool) -> ColumnElement[bool]:
+    """The condition of a list: the monitors that are there, or the deleted ones instead."""
+    return Monitor.deleted_at.is_not(None) if deleted else Monitor.deleted_at.is_(None)
 
 
 class MonitorSeries(Identified, Base):

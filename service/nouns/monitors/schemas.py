@@ -14,9 +14,9 @@ from pydantic import BaseModel, ConfigDict, Field, create_model, field_validator
 from fecore.errors import InputError
 from fecore.quantities import is_of_stiffness, kind_of, quantity_of
 from fecore.trend import Chart, Watch
-from service.monitoring.notifications.channels import OF_MONITORS
 from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.schemas import Boundary
+from service.nouns.notifications.channels import OF_MONITORS
 from service.nouns.updating.schemas import RecipeIn
 from service.platform.errors import Invalid
 from service.platform.web import (
