@@ -102,8 +102,8 @@ CONTRACTS: dict[str, str] = {
     "service/nouns/imports/operations.py:found": "database: imports.found",
     "service/tasks/import_file/intake.py:found": "database: imports.found",
     "service/tasks/import_file/script_routes.py:found": "database: imports.found",
-    "service/nouns/updating/result_schemas.py:alone": "REST: a campaign of a joint result",
-    "service/nouns/updating/result_schemas.py:said": "REST: a cause in a result",
+    "service/nouns/updates/result_schemas.py:alone": "REST: a campaign of a joint result",
+    "service/nouns/updates/result_schemas.py:said": "REST: a cause in a result",
 }
 """Names that stay though they use such a word, each with where it is stated; one behind a file and
 `:` stays in that file alone.

@@ -22,7 +22,6 @@ from service.nouns.imports.purging import router as purging
 from service.nouns.instruments.routes import router as instruments
 from service.nouns.modes.routes import router as mode_sets
 from service.nouns.notifications.routes import router as webhooks
-from service.nouns.plans.routes import router as plans
 from service.nouns.records.routes import router as records
 from service.nouns.search.routes import router as search
 from service.nouns.search.saved import router as saved_searches
@@ -30,17 +29,18 @@ from service.nouns.storage.routes import router as storage
 from service.nouns.structures.model_routes import router as models
 from service.nouns.structures.operations import structure_for
 from service.nouns.structures.routes import router as structures
-from service.nouns.updating.alignment import router as alignment
-from service.nouns.updating.routes import router as updating
+from service.nouns.updates.alignment import router as alignment
 from service.platform.access.authentication import Finder
 from service.platform.access.lookup import project_for
 from service.platform.access.routes import router as access
 from service.reports.routes import router as results
 from service.tasks.import_file.routes import router as imports
 from service.tasks.import_file.script_routes import router as scripts
+from service.tasks.plan.routes import router as plans
 from service.tasks.routes import ROUTERS as TASKS
+from service.tasks.update.routes import router as updating
 
-NAMED = (imports,)
+NAMED = (imports, updating)
 """Kinds of job whose place is not among the others."""
 
 ROUTERS: tuple[APIRouter, ...] = (

@@ -35,8 +35,8 @@ from service.nouns.records.schemas import HitDecisionOut
 from service.nouns.structures.models import deck_of, model_for
 from service.nouns.structures.operations import describe as described_structure
 from service.nouns.structures.operations import structures_of
-from service.nouns.updating.operations import labelled_results
-from service.nouns.updating.result_schemas import CONSTANTS
+from service.nouns.updates.operations import labelled_results
+from service.nouns.updates.result_schemas import CONSTANTS
 from service.platform.access import User
 from service.platform.web import shown_as
 

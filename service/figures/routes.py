@@ -36,7 +36,7 @@ from service.nouns.records.routes import Whole
 from service.nouns.search.nouns import NOUNS
 from service.nouns.search.operations import Search, SearchQuery, bounded
 from service.nouns.search.routes import ModeTrend, OrderedDep, ResultTrend
-from service.nouns.updating.result_schemas import CONSTANTS
+from service.nouns.updates.result_schemas import CONSTANTS
 from service.platform.access import CurrentUser, SessionDep, api_router
 from service.platform.errors import Invalid
 

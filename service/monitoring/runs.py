@@ -33,12 +33,11 @@ from service.nouns.monitors.runs import (
 )
 from service.nouns.monitors.watching import request_check
 from service.nouns.structures.operations import describe_version, structure_of, version_of
-from service.nouns.updating.bodies import usual_boundary
-from service.nouns.updating.loading import body_for
-from service.nouns.updating.operations import start_update
-from service.nouns.updating.schemas import ParameterIn, RecipeIn
+from service.nouns.updates.bodies import body_for, usual_boundary
+from service.nouns.updates.schemas import ParameterIn, RecipeIn
 from service.platform.access import User
 from service.platform.errors import Conflict, Invalid, ServiceError
+from service.tasks.update.task import start_update
 
 if TYPE_CHECKING:
     from service.nouns.campaigns.operations import Campaign

@@ -26,7 +26,6 @@ from service.nouns.modes.operations import mode_set_for
 from service.nouns.monitors.live import look_at_monitors
 from service.nouns.records import routes as records
 from service.nouns.records.schemas import HitDecisionOut, Proposal, RecordOut
-from service.nouns.updating import routes as updating
 from service.pages.look import Visit, VisitDep
 from service.pages.tasks import cards_of
 from service.pages.updates import NamedJob, joint_updates_of, name_jobs, over_time
@@ -37,6 +36,7 @@ from service.tasks.import_file import routes as imports
 from service.tasks.import_file.routes import ImportOut
 from service.tasks.model import routes as models
 from service.tasks.process import routes as process
+from service.tasks.update import routes as updating
 
 router = page_router(UI)
 MOST, MOST_WATCHED = 500, 200  # rows of a list on a page; of monitors and alarms

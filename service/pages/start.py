@@ -21,11 +21,11 @@ from service.nouns.notifications import routes as webhooks
 from service.nouns.storage import routes as storage
 from service.nouns.structures import routes as structures
 from service.nouns.structures.operations import structures_to_choose
-from service.nouns.updating import routes as updating
 from service.pages.look import Visit, VisitDep, page
 from service.pages.updates import joint_updates_of, name_jobs
 from service.platform.access import routes as access
 from service.platform.web.routing import UI, page_router
+from service.tasks.update import routes as updating
 
 open_router = page_router()
 router = page_router(UI)

@@ -321,7 +321,7 @@ FAULTS = (
     ("modalbase/formats/uff/scan.py", "import fecore.errors", "modalbase: what a user imports"),
     ("modalbase/formats/uff/scan.py", "import httpx", "modalbase.formats: bytes to dataclasses"),
     ("fecore/mesh.py", "import modalbase", "fecore: pure"),
-    ("service/compute/updating.py", "import sqlalchemy", "computations: neither database nor web"),
+    ("service/compute/processing.py", "import sqlalchemy", "computations: neither database nor web"),
     ("service/tasks/forecast/compute.py", "import sqlalchemy", "computations: neither database nor web"),
 )  # fmt: skip
 

@@ -44,9 +44,7 @@ from service.nouns.structures.operations import (
     structures_in,
     structures_of,
 )
-from service.nouns.updating.bodies import usual_boundary
-from service.nouns.updating.loading import body_for
-from service.nouns.updating.operations import check_prior_batch
+from service.nouns.updates.bodies import body_for, check_prior_batch, usual_boundary
 from service.platform.access import User, projects_of
 from service.platform.db.base import transaction_time
 from service.platform.errors import Conflict, Invalid, NotFound

@@ -23,7 +23,7 @@ from service.nouns.modes.operations import modes_of
 from service.nouns.monitors.candidates import Candidate
 from service.nouns.monitors.tables import Monitor, MonitorRun, MonitorSeries
 from service.nouns.structures.operations import structure_for
-from service.nouns.updating.operations import arrays_of, result_documents
+from service.nouns.updates.operations import arrays_of, result_documents
 from service.platform.access import Lookup
 from service.platform.queue.tables import Job
 

@@ -17,7 +17,7 @@ from fecore.trend import Chart, Watch
 from service.nouns.campaigns.climate import CLIMATE
 from service.nouns.campaigns.schemas import Boundary
 from service.nouns.notifications.channels import OF_MONITORS
-from service.nouns.updating.schemas import RecipeIn
+from service.nouns.updates.schemas import RecipeIn
 from service.platform.errors import Invalid
 from service.platform.web import (
     Id,

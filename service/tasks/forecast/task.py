@@ -23,9 +23,8 @@ from service.nouns.structures.operations import (
     version_of,
 )
 from service.nouns.structures.schemas import StructureIn
-from service.nouns.updating.bodies import usual_boundary
-from service.nouns.updating.loading import body_for
-from service.nouns.updating.schemas import USUAL
+from service.nouns.updates.bodies import body_for, usual_boundary
+from service.nouns.updates.schemas import USUAL
 from service.platform.access import Lookup, User
 from service.platform.db.base import Base
 from service.platform.errors import Invalid

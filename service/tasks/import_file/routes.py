@@ -18,7 +18,7 @@ from service.nouns.records.operations import record_for
 from service.nouns.records.processings import judged
 from service.nouns.records.schemas import Proposal, StoredRecords
 from service.nouns.storage.originals import copy_original, original_sizes
-from service.nouns.updating.operations import require_no_update
+from service.nouns.updates.operations import require_no_update
 from service.platform.access import CurrentUser, SessionDep, api_router
 from service.platform.errors import Invalid
 from service.platform.queue.resource import JobOut

@@ -24,7 +24,7 @@ from service.nouns.monitors.alarms import acknowledged, set_state, update_alarms
 from service.nouns.monitors.candidates import Candidate, candidates_of
 from service.nouns.monitors.judgements import judged, last_judgement, note_judgement
 from service.nouns.monitors.runs import arrival_of, counted, latest_runs, monitor_for
-from service.nouns.updating.operations import arrays_of
+from service.nouns.updates.operations import arrays_of
 from service.platform.queue.kinds import CORE_LIBRARIES, JobKind
 from service.platform.queue.queue import enqueue
 from service.tasks.judge.compute import (

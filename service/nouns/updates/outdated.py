@@ -15,13 +15,13 @@ from service.nouns.campaigns.operations import campaign_of
 from service.nouns.frfs.operations import frfs_changed
 from service.nouns.records.processings import hits_changed
 from service.nouns.structures.operations import present_structure
-from service.nouns.updating.result_schemas import ResultOut
+from service.nouns.updates.result_schemas import ResultOut
 from service.platform.access.users import first_event
 from service.platform.queue.tables import Job
 from service.platform.web import StrictModel
 
 if TYPE_CHECKING:
-    from service.nouns.updating.tables import UpdateJob
+    from service.nouns.updates.tables import UpdateJob
 
 
 OF_THE_TEST = ("boundary", "frame", "instruments", "inputs", "temperature_c")

@@ -25,7 +25,7 @@ from fecore.updating.result import (
     PosteriorSummary,
     UpdateResult,
 )
-from service.nouns.updating.result_schemas import CommonOut, JointResultOut, ResultOut
+from service.nouns.updates.result_schemas import CommonOut, JointResultOut, ResultOut
 from service.platform.db.bytea import read_slice
 from service.platform.errors import Conflict
 

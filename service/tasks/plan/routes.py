@@ -18,22 +18,21 @@ from fecore.errors import OffSpecimenError, within
 from fecore.updating.campaigns import Campaign, usual_parameters
 from fecore.updating.plans import PlannedCoupons, PlannedTest
 from service.compute.models.bodies import AS_MODELLED
-from service.compute.planning import PlanOrder, compute_plan
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.campaigns.schemas import AddedMass, Boundary
 from service.nouns.coupons.schemas import Constant
 from service.nouns.frfs.data import load_measured_campaign
-from service.nouns.modes.operations import load_modes
+from service.nouns.modes.operations import check_mode_set, load_modes
 from service.nouns.structures.operations import present_structure, structure_for
 from service.nouns.structures.schemas import StructureIn
-from service.nouns.updating.bodies import coupon_constants
-from service.nouns.updating.loading import carried_masses, joint_body, modes_in_frame
-from service.nouns.updating.operations import check_mode_set
-from service.nouns.updating.schemas import USUAL, InputsIn
+from service.nouns.updates.bodies import coupon_constants, joint_body
+from service.nouns.updates.schemas import USUAL, InputsIn
 from service.platform.access import CurrentUser, SessionDep, User, api_router
 from service.platform.errors import Invalid
 from service.platform.queue.subprocess_read import read_in_subprocess
 from service.platform.web import Id, Name, RequestModel, StrictModel, example
+from service.tasks.plan.compute import PlanOrder, compute_plan
+from service.tasks.update.loading import carried_masses, modes_in_frame
 
 router = api_router(tags=["update jobs"])
 

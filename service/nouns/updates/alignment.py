@@ -14,8 +14,8 @@ from service.nouns.campaigns.operations import campaign_for, stored_points
 from service.nouns.campaigns.schemas import Coordinate, FrameIn
 from service.nouns.frfs.data import specimen_points
 from service.nouns.structures.operations import present_structure
-from service.nouns.updating.loading import body_for
-from service.nouns.updating.schemas import USUAL
+from service.nouns.updates.bodies import body_for
+from service.nouns.updates.schemas import USUAL
 from service.platform.access import CurrentUser, SessionDep, api_router
 from service.platform.errors import Invalid
 from service.platform.queue.subprocess_read import read_in_subprocess

@@ -2,8 +2,11 @@
 joint update.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from sqlalchemy.orm import Session
 
@@ -13,21 +16,19 @@ from fecore.updating.campaigns import check_material, check_temperatures
 from fecore.updating.parameters import parametrise
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.coupons.operations import batch_for
+from service.nouns.modes.operations import check_mode_set
 from service.nouns.storage import require_room
 from service.nouns.structures.operations import present_structure
-from service.nouns.updating.bodies import coupon_constants
-from service.nouns.updating.loading import joint_body, parameters_of
-from service.nouns.updating.operations import (
-    JOINT_UPDATES,
-    check_mode_set,
-    member_of,
-    require_used,
-    start_update,
-)
-from service.nouns.updating.schemas import USUAL, UpdateBatchIn
-from service.nouns.updating.tables import UpdateJob
+from service.nouns.updates.bodies import coupon_constants, joint_body
+from service.nouns.updates.operations import new_update
+from service.nouns.updates.schemas import USUAL, UpdateBatchIn
 from service.platform.access import User
 from service.platform.errors import Fault, Invalid, NotFound, ServiceError, pointer
+from service.tasks.update.loading import parameters_of
+from service.tasks.update.task import JOINT_UPDATES, member_of, require_used, start_update
+
+if TYPE_CHECKING:
+    from service.nouns.updates.tables import UpdateJob
 
 
 def start_batch(
@@ -135,7 +136,7 @@ def start_joint(session: Session, user: User, request: UpdateBatchIn, priority: 
     if faults:
         raise Invalid(faults)
     (project_id,) = projects
-    row = UpdateJob(
+    row = new_update(
         project_id=project_id,
         recipe=common.model_dump(mode="json"),
         request=request.model_dump(mode="json"),

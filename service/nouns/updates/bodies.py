@@ -5,8 +5,12 @@ or a body in space.
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
+from uuid import UUID
 
-from fecore.body.constants import Body
+from sqlalchemy.orm import Session
+
+from fecore.body.constants import Body, Parameter
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.matrices import MatrixBody
 from fecore.body.sections import PLY_CONSTANTS, ShellSection, homogenise, section
@@ -20,8 +24,12 @@ from modalbase.formats.models.matrices import MatrixModel
 from modalbase.formats.models.model import FiniteElementModel
 from service.compute.models.bodies import body_of_model
 from service.compute.models.matrices import body_of_matrices
+from service.nouns.coupons.operations import batch_for, summarise
+from service.nouns.structures.models import load_model
 from service.nouns.structures.schemas import Geometry, Laminate, Material, StructureIn
-from service.nouns.updating.schemas import OF_CONSTANTS, InputsIn, RecipeIn
+from service.nouns.updates.schemas import OF_CONSTANTS, InputsIn, RecipeIn
+from service.platform.access import User
+from service.platform.errors import Invalid
 
 
 def body_of(
@@ -69,6 +77,58 @@ def body_of(
     return replace(
         _named(structure, boundary, recipe, masses), springs=springs, zones=tuple(recipe.zones_m)
     )
+
+
+def body_for(
+    session: Session,
+    structure: StructureIn,
+    boundary: str,
+    recipe: RecipeIn,
+    masses: tuple[PointMass, ...] = (),
+) -> Body:
+    """What a recipe updates of a structure, whether it is described or a model that was sent.
+
+    Raises:
+        InputError: as of `body_of`.
+    """
+    model = None if structure.model is None else load_model(session, structure.model)
+    return body_of(structure, boundary, recipe, masses, model)
+
+
+def joint_body(
+    session: Session,
+    structure: StructureIn,
+    boundary: str,
+    recipe: RecipeIn,
+    *,
+    masses: tuple[PointMass, ...] = (),
+    first: StructureIn | None = None,
+    angle_deg: float | None = None,
+) -> Body:
+    """What a joint update, or a plan for one, makes of a structure.
+
+    Args:
+        session: for a model that was sent.
+        structure: as it is described.
+        boundary: of the campaign.
+        recipe: of all campaigns.
+        masses: what the body carried.
+        first: the structure whose material all share; default: this one.
+        angle_deg: of the material's x axis from the specimen's; default: as the structure's plies
+            lie.
+
+    Raises:
+        InputError: the structure lacks what a model needs.
+    """
+    if is_in_space(structure):
+        model = None if structure.model is None else load_model(session, structure.model)
+        return body_of(structure, boundary, recipe, masses, model)
+    require_no_choice_of_joints(recipe)
+    plain = replace(
+        nominal_specimen(of_its_material(structure), boundary, masses), layers=layers_of(structure)
+    )
+    own = material_of(structure)[1] if angle_deg is None else angle_deg
+    return oriented(plain, material_of(first or structure)[0], own)
 
 
 def _require_edges(recipe: RecipeIn, body: Structure) -> None:
@@ -134,6 +194,47 @@ def coupon_constants(body: Body, sets: Sequence[str]) -> dict[str, list[str]]:
         for constant, own in (_OF_SHELL if isinstance(section, ShellSection) else _OF_BEAM).items():
             names.setdefault(constant, []).append(f"{name}.{own}")
     return names
+
+
+def recipe_parameters(
+    session: Session, recipe: RecipeIn, body: Body
+) -> tuple[tuple[Parameter, ...], list[str]]:
+    """The recipe's parameters, with a coupon batch's mean and scatter where the recipe states none,
+    and warnings.
+    """
+    parameters: Sequence[Parameter] = recipe.parameters_of(body)
+    if recipe.prior_from_coupon_batch is None:
+        return tuple(parameters), []
+    batch = batch_for.row(session, recipe.prior_from_coupon_batch)
+    summary = summarise(session, batch)
+    measured = {
+        own: name for name, names in coupon_constants(body, batch.sets).items() for own in names
+    }
+    warnings = [f"coupons: {warning}" for warning in summary.warnings]
+    filled, without_scatter = [], []
+    for parameter in parameters:
+        constant: Any = measured.get(parameter.name)
+        known = summary.priors.get(constant)
+        if known is None:
+            filled.append(parameter)
+            continue
+        mean = known.mean if parameter.prior_mean is None else parameter.prior_mean
+        free = not parameter.fixed and parameter.tied_to is None
+        scattered = summary.constants[constant].standard_deviation is not None
+        prior_sd = (
+            known.standard_deviation
+            if parameter.prior_sd is None and free and scattered
+            else parameter.prior_sd
+        )
+        if free and prior_sd is None:
+            without_scatter.append(parameter.name)
+        filled.append(replace(parameter, prior_mean=mean, prior_sd=prior_sd))
+    if without_scatter:
+        names = ", ".join(without_scatter)
+        warnings.append(
+            f"{names}: the coupon batch states no scatter, so the prior is its mean ± 30 %"
+        )
+    return tuple(filled), warnings
 
 
 _OF_SHELL = {"Ex": "E1", "Ey": "E2", "Gxy": "G12", "nu_xy": "nu12"}
@@ -322,3 +423,18 @@ def oriented(plain: Specimen, material: OrthotropicMaterial, angle_deg: float) -
         layers=plain.layers,
         fibre_angle=math.radians(angle_deg),
     )
+
+
+def check_prior_batch(
+    session: Session, user: User, recipe: RecipeIn, structure_id: UUID, pointer: str
+) -> None:
+    """The coupon batch that a recipe takes its priors from must be the user's and of the
+    structure's material.
+
+    Raises:
+        Invalid: it is not; the pointer says where the batch is named.
+    """
+    if recipe.prior_from_coupon_batch is not None:
+        batch = batch_for.named(session, user, recipe.prior_from_coupon_batch, pointer)
+        if batch.structure_id != structure_id:
+            raise Invalid(pointer, f"{batch.id} belongs to another structure")

@@ -8,7 +8,7 @@ from sqlalchemy import JSON, Float, ForeignKey, Index, LargeBinary, func
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.nouns.updating.result_schemas import CONSTANTS
+from service.nouns.updates.result_schemas import CONSTANTS
 from service.platform.db.base import Base, Labelled, label_indexes
 
 

@@ -1,34 +1,31 @@
 """Routes of update jobs, and of joint updates, which `POST /update-jobs` begins with `joint`."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from functools import partial
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 from uuid import UUID
 
 from fastapi import Query, Request, Response
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.nouns.campaigns.operations import campaign_for, campaigns_in, campaigns_of
-from service.nouns.structures.operations import structure_for, structures_in
-from service.nouns.updating import operations
-from service.nouns.updating.batches import start_batch, start_joint
-from service.nouns.updating.document import LARGE_PARTS, slim
-from service.nouns.updating.outdated import ResultNowOut, outdated
-from service.nouns.updating.result_schemas import JointResultOut
-from service.nouns.updating.schemas import (
+from service.nouns.campaigns.operations import campaigns_of
+from service.nouns.updates import operations
+from service.nouns.updates.document import LARGE_PARTS, slim
+from service.nouns.updates.outdated import ResultNowOut, outdated
+from service.nouns.updates.result_schemas import JointResultOut
+from service.nouns.updates.schemas import (
     JointUpdateOut,
     RecipeIn,
     UpdateBatchIn,
     UpdateBatchOut,
     UpdateJobOut,
 )
-from service.nouns.updating.tables import UpdateJob
-from service.platform.access import CurrentUser, SessionDep, api_router, project_for, projects_of
+from service.platform.access import CurrentUser, SessionDep, api_router
 from service.platform.errors import Invalid
 from service.platform.queue.resource import JobState
 from service.platform.queue.routes import JobRoutes
-from service.platform.queue.tables import Job
 from service.platform.web import (
     IF_MATCH,
     Confirm,
@@ -41,6 +38,11 @@ from service.platform.web import (
     require_usual,
 )
 from service.platform.web.bodies import Labels
+from service.tasks.update import task
+from service.tasks.update.batches import start_batch, start_joint
+
+if TYPE_CHECKING:
+    from service.nouns.updates.tables import UpdateJob
 
 router = api_router(tags=["update jobs"])
 
@@ -50,9 +52,9 @@ def _with_campaigns(session: Session, rows: Sequence[UpdateJob]) -> list[dict[st
     return [{"campaign_name": campaigns[row.campaign_id].name} for row in rows]
 
 
-single = JobRoutes(router, operations.UPDATES, UpdateJobOut, "job_id", _with_campaigns)
+single = JobRoutes(router, task.UPDATES, UpdateJobOut, "job_id", _with_campaigns)
 joint = JobRoutes(
-    router, operations.JOINT_UPDATES, JointUpdateOut, "joint_id", lambda _, rows: [{} for _ in rows]
+    router, task.JOINT_UPDATES, JointUpdateOut, "joint_id", lambda _, rows: [{} for _ in rows]
 )
 
 Priority = Annotated[
@@ -80,8 +82,8 @@ def start_update(
 ) -> UpdateJobOut:
     """Queue an update of the campaign's structure. `{}` is a recipe."""
     require_usual(recipe, confirm)
-    operations.require_used(session, user, campaign_id, recipe)
-    row = operations.start_update(session, user, campaign_id, recipe, priority)
+    task.require_used(session, user, campaign_id, recipe)
+    row = task.start_update(session, user, campaign_id, recipe, priority)
     return single.made(session, row, response)
 
 
@@ -121,21 +123,9 @@ def list_update_jobs(
     limit: Limit = 100,
 ) -> Page[UpdateJobOut]:
     """Update jobs that you may see, newest first; those of deleted structures are left out."""
-    query = select(UpdateJob).where(
-        UpdateJob.campaign_id.in_(campaigns_in(structures_in(projects_of(user))))
+    query = operations.updates_seen(
+        session, user, project=project, structure=structure, campaign=campaign, states=status
     )
-    if project is not None:
-        query = query.where(UpdateJob.project_id == project_for(session, user, project).id)
-    if structure is not None:
-        query = query.where(
-            UpdateJob.campaign_id.in_(campaigns_in([structure_for(session, user, structure).id]))
-        )
-    if campaign is not None:
-        query = query.where(
-            UpdateJob.campaign_id == campaign_for(session, user, campaign, deleted=True).id
-        )
-    if status is not None:
-        query = query.join(Job, Job.id == UpdateJob.id).where(Job.state.in_(status))
     return paged(
         session, query, cursor, limit, partial(single.all_shown, session), newest_first=True
     )

@@ -1,10 +1,12 @@
 """From stored rows to what the core takes: one campaign, or several of one material."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from sqlalchemy.orm import Session
@@ -19,30 +21,27 @@ from fecore.updating.measurement import Measurement
 from fecore.updating.posterior import SCATTER
 from service.compute.frame import Frame
 from service.compute.processing import ProcessingInputs
-from service.compute.updating import Hits, LoadedCampaign, Together, UpdateInputs
 from service.nouns.campaigns.operations import campaign_of, campaigns_of
 from service.nouns.coupons.operations import batch_for, summarise
 from service.nouns.frfs.data import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
 from service.nouns.modes.operations import load_modes
 from service.nouns.records.processings import load_records
-from service.nouns.structures.models import load_model
 from service.nouns.structures.operations import describe_version, version_of
 from service.nouns.structures.schemas import StructureIn
-from service.nouns.updating.bodies import (
-    body_of,
+from service.nouns.updates.bodies import (
+    body_for,
     coupon_constants,
     is_in_space,
-    layers_of,
-    material_of,
-    nominal_specimen,
-    of_its_material,
-    oriented,
-    require_no_choice_of_joints,
+    joint_body,
+    recipe_parameters,
 )
-from service.nouns.updating.schemas import USUAL, BatchJobIn, InputsIn, RecipeIn, UpdateBatchIn
-from service.nouns.updating.tables import UpdateJob
+from service.nouns.updates.schemas import USUAL, BatchJobIn, InputsIn, RecipeIn, UpdateBatchIn
 from service.platform.queue.child import PURGED
 from service.platform.queue.process import ChildEnded
+from service.tasks.update.compute import Hits, LoadedCampaign, Together, UpdateInputs
+
+if TYPE_CHECKING:
+    from service.nouns.updates.tables import UpdateJob
 
 
 def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInputs:
@@ -105,22 +104,6 @@ def _measurement(
     frfs = None if used is None else used.frfs
     axes, warm = campaign.frame.point_axes(campaign.points), campaign.temperature_c
     return Measurement(frfs, campaign.points, modes, roving, inputs, axes, temperature_c=warm)
-
-
-def body_for(
-    session: Session,
-    structure: StructureIn,
-    boundary: str,
-    recipe: RecipeIn,
-    masses: tuple[PointMass, ...] = (),
-) -> Body:
-    """What a recipe updates of a structure, whether it is described or a model that was sent.
-
-    Raises:
-        InputError: as of `body_of`.
-    """
-    model = None if structure.model is None else load_model(session, structure.model)
-    return body_of(structure, boundary, recipe, masses, model)
 
 
 def _load_together(session: Session, row: UpdateJob, request: UpdateBatchIn) -> UpdateInputs:
@@ -245,47 +228,6 @@ def modes_in_frame(modes: MeasuredModes, frame: Frame) -> MeasuredModes:
     return replace(modes, dofs=tuple(frame.dof(dof) for dof in modes.dofs))
 
 
-def recipe_parameters(
-    session: Session, recipe: RecipeIn, body: Body
-) -> tuple[tuple[Parameter, ...], list[str]]:
-    """The recipe's parameters, with a coupon batch's mean and scatter where the recipe states none,
-    and warnings.
-    """
-    parameters: Sequence[Parameter] = recipe.parameters_of(body)
-    if recipe.prior_from_coupon_batch is None:
-        return tuple(parameters), []
-    batch = batch_for.row(session, recipe.prior_from_coupon_batch)
-    summary = summarise(session, batch)
-    measured = {
-        own: name for name, names in coupon_constants(body, batch.sets).items() for own in names
-    }
-    warnings = [f"coupons: {warning}" for warning in summary.warnings]
-    filled, without_scatter = [], []
-    for parameter in parameters:
-        constant: Any = measured.get(parameter.name)
-        known = summary.priors.get(constant)
-        if known is None:
-            filled.append(parameter)
-            continue
-        mean = known.mean if parameter.prior_mean is None else parameter.prior_mean
-        free = not parameter.fixed and parameter.tied_to is None
-        scattered = summary.constants[constant].standard_deviation is not None
-        prior_sd = (
-            known.standard_deviation
-            if parameter.prior_sd is None and free and scattered
-            else parameter.prior_sd
-        )
-        if free and prior_sd is None:
-            without_scatter.append(parameter.name)
-        filled.append(replace(parameter, prior_mean=mean, prior_sd=prior_sd))
-    if without_scatter:
-        names = ", ".join(without_scatter)
-        warnings.append(
-            f"{names}: the coupon batch states no scatter, so the prior is its mean ± 30 %"
-        )
-    return tuple(filled), warnings
-
-
 def _left_out(campaign: MeasuredCampaign) -> list[str]:
     return [
         f"{len(other.ids)} FRFs ({other.frfs.quantity}, {other.frfs.frequency_hz.size} lines) lie"
@@ -320,42 +262,6 @@ def parameters_of(recipe: RecipeIn, body: Body) -> tuple[Parameter, ...]:
     sets, or factors.
     """
     return recipe.to_core().parameters or usual_parameters(body)
-
-
-def joint_body(
-    session: Session,
-    structure: StructureIn,
-    boundary: str,
-    recipe: RecipeIn,
-    *,
-    masses: tuple[PointMass, ...] = (),
-    first: StructureIn | None = None,
-    angle_deg: float | None = None,
-) -> Body:
-    """What a joint update, or a plan for one, makes of a structure.
-
-    Args:
-        session: for a model that was sent.
-        structure: as it is described.
-        boundary: of the campaign.
-        recipe: of all campaigns.
-        masses: what the body carried.
-        first: the structure whose material all share; default: this one.
-        angle_deg: of the material's x axis from the specimen's; default: as the structure's plies
-            lie.
-
-    Raises:
-        InputError: the structure lacks what a model needs.
-    """
-    if is_in_space(structure):
-        model = None if structure.model is None else load_model(session, structure.model)
-        return body_of(structure, boundary, recipe, masses, model)
-    require_no_choice_of_joints(recipe)
-    plain = replace(
-        nominal_specimen(of_its_material(structure), boundary, masses), layers=layers_of(structure)
-    )
-    own = material_of(structure)[1] if angle_deg is None else angle_deg
-    return oriented(plain, material_of(first or structure)[0], own)
 
 
 def _names(session: Session, campaigns: list[MeasuredCampaign]) -> list[tuple[str, str]]:
