@@ -17,7 +17,7 @@ from benchmarks.clock import timed
 from benchmarks.service import ended, processor_s
 from benchmarks.tables import Table, load
 from examples.monitoring import State, measured_frfs, post_campaign, structure_body
-from service.monitoring.tables import MonitorSeries
+from service.nouns.monitors.tables import MonitorSeries
 from tests.support.floor import Floor, floor
 from tests.support.rest import posted
 

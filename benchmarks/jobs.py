@@ -20,10 +20,10 @@ from benchmarks.clock import timed
 from benchmarks.service import ended
 from benchmarks.tables import Table, load
 from service.app.demo import paper
-from service.compute.updating import compute_update
-from service.nouns.updating.loading import load_update
-from service.nouns.updating.tables import UpdateJob
+from service.nouns.updates.tables import UpdateJob
 from service.platform.queue.queue import request_cancel
+from service.tasks.update.compute import compute_update
+from service.tasks.update.loading import load_update
 from tests.support.floor import Floor, floor
 from tests.support.rest import RAW, campaigns_of, posted
 from tests.support.working import look, wait

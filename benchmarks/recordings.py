@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.clock import now
 from fecore.arrays import FloatArray
-from service.compute.recordings import channels_of
+from service.tasks.import_file.recordings import channels_of
 
 RATE, CHANNELS, PAUSE_S = 51_200, 4, 4
 

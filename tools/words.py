@@ -97,13 +97,13 @@ CONTRACTS: dict[str, str] = {
     "service/nouns/search/routes.py:Found": "REST: a schema",
     "service/tasks/forecast/task.py:found": "REST: a forecast",
     "service/tasks/model/routes.py:found": "REST: a model",
-    "service/nouns/imports/routes.py:found": "REST: an import",
+    "service/tasks/import_file/routes.py:found": "REST: an import",
     "service/pages/measurements.py:found": "REST: an import",
     "service/nouns/imports/operations.py:found": "database: imports.found",
-    "service/nouns/imports/intake.py:found": "database: imports.found",
-    "service/nouns/imports/script_routes.py:found": "database: imports.found",
-    "service/nouns/updating/result_schemas.py:alone": "REST: a campaign of a joint result",
-    "service/nouns/updating/result_schemas.py:said": "REST: a cause in a result",
+    "service/tasks/import_file/intake.py:found": "database: imports.found",
+    "service/tasks/import_file/script_routes.py:found": "database: imports.found",
+    "service/nouns/updates/result_schemas.py:alone": "REST: a campaign of a joint result",
+    "service/nouns/updates/result_schemas.py:said": "REST: a cause in a result",
 }
 """Names that stay though they use such a word, each with where it is stated; one behind a file and
 `:` stays in that file alone.

@@ -16,7 +16,7 @@ from starlette.concurrency import run_in_threadpool
 
 from fecore import __version__
 from service.app.composition import FINDERS, ROUTERS
-from service.monitoring.live import look_at_monitors
+from service.nouns.monitors.live import look_at_monitors
 from service.pages import PageErrors, add_pages
 from service.pages.guide.routes import router as guide
 from service.pages.look import files as assets

@@ -11,7 +11,6 @@ from fastapi import APIRouter
 
 from service.archives.routes import router as archives
 from service.figures.routes import router as measured_figures
-from service.monitoring.notifications.routes import router as webhooks
 from service.monitoring.routes import router as monitoring
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.campaigns.routes import points_router as grid_points
@@ -19,12 +18,10 @@ from service.nouns.campaigns.routes import router as campaigns
 from service.nouns.coupons.operations import batch_for, coupon_for
 from service.nouns.coupons.routes import router as coupons
 from service.nouns.frfs.routes import router as frfs
-from service.nouns.imports.routes import purging
-from service.nouns.imports.routes import router as imports
-from service.nouns.imports.script_routes import router as scripts
+from service.nouns.imports.purging import router as purging
 from service.nouns.instruments.routes import router as instruments
 from service.nouns.modes.routes import router as mode_sets
-from service.nouns.plans.routes import router as plans
+from service.nouns.notifications.routes import router as webhooks
 from service.nouns.records.routes import router as records
 from service.nouns.search.routes import router as search
 from service.nouns.search.saved import router as saved_searches
@@ -32,18 +29,23 @@ from service.nouns.storage.routes import router as storage
 from service.nouns.structures.model_routes import router as models
 from service.nouns.structures.operations import structure_for
 from service.nouns.structures.routes import router as structures
-from service.nouns.updating.alignment import router as alignment
-from service.nouns.updating.removing import router as removing
-from service.nouns.updating.routes import router as updating
+from service.nouns.updates.alignment import router as alignment
 from service.platform.access.authentication import Finder
 from service.platform.access.lookup import project_for
 from service.platform.access.routes import router as access
 from service.reports.routes import router as results
+from service.tasks.import_file.routes import router as imports
+from service.tasks.import_file.script_routes import router as scripts
+from service.tasks.plan.routes import router as plans
 from service.tasks.routes import ROUTERS as TASKS
+from service.tasks.update.routes import router as updating
+
+NAMED = (imports, updating)
+"""Kinds of job whose place is not among the others."""
 
 ROUTERS: tuple[APIRouter, ...] = (
-    access, storage, structures, models, campaigns, instruments, imports, removing, purging, grid_points, alignment, scripts,
-    frfs, records, mode_sets, coupons, *TASKS, updating, plans, search, saved_searches,
+    access, storage, structures, models, campaigns, instruments, imports, purging, grid_points, alignment, scripts,
+    frfs, records, mode_sets, coupons, *(each for each in TASKS if each not in NAMED), updating, plans, search, saved_searches,
     archives, results, measured_figures, monitoring, webhooks,
 )  # fmt: skip
 """Everything under `/api/v1`, in the order of the documentation page."""

@@ -16,9 +16,6 @@ from sqlalchemy.orm import Session
 from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.frfs.uff import write_uff
 from service.archives.writing import Archive
-from service.monitoring.monitors import describe_all as described_monitors
-from service.monitoring.monitors import monitors_of, series_for
-from service.monitoring.presentation import series_document
 from service.nouns.campaigns.operations import campaigns_of, list_points, to_csv
 from service.nouns.campaigns.operations import describe as described_campaign
 from service.nouns.coupons import curves
@@ -29,14 +26,17 @@ from service.nouns.frfs.operations import frf_for
 from service.nouns.instruments.routes import InstrumentOut, instrument_for
 from service.nouns.modes.operations import describe_all as described_modes
 from service.nouns.modes.operations import mode_set_for
+from service.nouns.monitors.operations import describe_all as described_monitors
+from service.nouns.monitors.operations import monitors_of, series_for
+from service.nouns.monitors.presentation import series_document
 from service.nouns.records.operations import query_of, sample_bytes
 from service.nouns.records.processings import decisions_of, documents_of
 from service.nouns.records.schemas import HitDecisionOut
 from service.nouns.structures.models import deck_of, model_for
 from service.nouns.structures.operations import describe as described_structure
 from service.nouns.structures.operations import structures_of
-from service.nouns.updating.operations import labelled_results
-from service.nouns.updating.result_schemas import CONSTANTS
+from service.nouns.updates.operations import labelled_results
+from service.nouns.updates.result_schemas import CONSTANTS
 from service.platform.access import User
 from service.platform.web import shown_as
 

@@ -22,21 +22,21 @@ from service.figures.measured import (
     point_shown,
 )
 from service.figures.trend import MOST_RESULTS, results_figure, series_figure, trend_figure
-from service.monitoring.monitors import series_for
-from service.monitoring.presentation import series_document
-from service.monitoring.routes import Version
-from service.monitoring.runs import monitor_for
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.coupons.curves import curve_of, series_of
 from service.nouns.coupons.operations import coupon_for
 from service.nouns.frfs.data import Cut
 from service.nouns.frfs.routes import FrfFilter, Hertz
 from service.nouns.modes.operations import mode_set_for
+from service.nouns.monitors.operations import series_for
+from service.nouns.monitors.parameters import Version
+from service.nouns.monitors.presentation import series_document
+from service.nouns.monitors.runs import monitor_for
 from service.nouns.records.routes import Whole
 from service.nouns.search.nouns import NOUNS
 from service.nouns.search.operations import Search, SearchQuery, bounded
 from service.nouns.search.routes import ModeTrend, OrderedDep, ResultTrend
-from service.nouns.updating.result_schemas import CONSTANTS
+from service.nouns.updates.result_schemas import CONSTANTS
 from service.platform.access import CurrentUser, SessionDep, api_router
 from service.platform.errors import Invalid
 

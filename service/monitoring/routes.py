@@ -5,15 +5,15 @@ from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from fastapi import Query, Request, Response
-from sqlalchemy import select
 
-from service.monitoring import monitors
-from service.monitoring.judgements import acknowledge, alarm_for
-from service.monitoring.notifications.routes import DeliveryOut, deliveries_of_monitor
-from service.monitoring.presentation import describe_alarms, describe_runs, series_document
-from service.monitoring.runs import monitor_for
-from service.monitoring.scheduler import request_check
-from service.monitoring.schemas import (
+from service.monitoring import runs
+from service.nouns.campaigns.operations import campaign_for
+from service.nouns.monitors import operations as monitors
+from service.nouns.monitors.alarms import acknowledge, alarm_for, alarms_seen
+from service.nouns.monitors.parameters import Version
+from service.nouns.monitors.presentation import describe_alarms, describe_runs, series_document
+from service.nouns.monitors.runs import monitor_for, runs_of
+from service.nouns.monitors.schemas import (
     AcknowledgementIn,
     AlarmOut,
     CompletionOut,
@@ -25,16 +25,13 @@ from service.monitoring.schemas import (
     SeriesOut,
     State,
 )
-from service.monitoring.tables import Alarm, Monitor, MonitorRun, MonitorSeries
-from service.nouns.campaigns.operations import campaign_for
-from service.nouns.structures.operations import structures_in
+from service.nouns.monitors.watching import request_check
+from service.nouns.notifications.routes import DeliveryOut, deliveries_of_monitor
 from service.platform.access import (
     CurrentUser,
     SessionDep,
     SettingsDep,
     api_router,
-    project_for,
-    projects_of,
 )
 from service.platform.access.nouns import NounRoutes
 from service.platform.errors import Invalid
@@ -57,11 +54,6 @@ nouns = NounRoutes(router, monitor_for, MonitorOut, monitors.describe_all, "moni
 
 Deleted = Annotated[
     bool, Query(description="list deleted monitors, which can be restored, instead")
-]
-
-Version = Annotated[
-    int | None,
-    Query(ge=1, le=1_000_000, description="of the series; default: the one that is judged"),
 ]
 
 
@@ -162,9 +154,9 @@ def start_runs(
     """
     monitor = monitor_for(session, user, monitor_id, "editor", lock=True)
     if body.rerun:
-        started = monitors.rerun(session, user, monitor, body.reason)
+        started = runs.rerun(session, user, monitor, body.reason)
     else:
-        started = monitors.run_by_hand(session, user, monitor, body.campaign)
+        started = runs.run_by_hand(session, user, monitor, body.campaign)
     response.status_code = 202 if started else 200
     return Page(items=describe_runs(session, started))
 
@@ -180,9 +172,7 @@ def list_runs(
 ) -> Page[RunOut]:
     """Every run of a monitor, with the ones that were superseded or refused, newest first."""
     monitor = monitor_for(session, user, monitor_id)
-    query = select(MonitorRun).join(MonitorSeries).where(MonitorSeries.monitor_id == monitor.id)
-    if series is not None:
-        query = query.where(MonitorSeries.number == series)
+    query = runs_of(monitor, series)
     return paged(session, query, cursor, limit, partial(describe_runs, session), newest_first=True)
 
 
@@ -205,7 +195,7 @@ def complete_campaign(campaign_id: UUID, session: SessionDep, user: CurrentUser)
     Saying it twice is fine.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
-    row, started = monitors.complete_campaign(session, user, campaign)
+    row, started = runs.complete_campaign(session, user, campaign)
     return CompletionOut(
         campaign_id=row.campaign_id,
         completed_at=row.completed_at,
@@ -229,19 +219,7 @@ def list_alarms(
     """Alarms of one's projects, newest first, each with its history; those of deleted monitors are
     left out.
     """
-    there = (
-        Monitor.structure_id.in_(structures_in(projects_of(user))),
-        monitors.hidden(deleted=False),
-    )
-    query = select(Alarm).join(Monitor).where(*there)
-    if state is not None:
-        query = query.where(Alarm.state == state)
-    if monitor is not None:
-        query = query.where(Alarm.monitor_id == monitor_for(session, user, monitor).id)
-    if project is not None:
-        query = query.where(
-            Monitor.structure_id.in_(structures_in([project_for(session, user, project).id]))
-        )
+    query = alarms_seen(session, user, state, monitor, project)
     return paged(
         session, query, cursor, limit, partial(describe_alarms, session), newest_first=True
     )

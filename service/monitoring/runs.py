@@ -1,124 +1,47 @@
-"""Runs: from campaigns that are complete to update jobs, and from their ends to values.
+"""Runs: from campaigns that are complete to update jobs.
 
 `bring_up_to_date` compares what has been run with what should have been and starts the difference,
 so it may be called as often as one likes, by anyone, in any transaction that holds the monitor's
 row.
-
-A run takes from an update's result watched values with the part of their uncertainty that differs
-from one campaign to the next, and the laboratory's inputs, which all campaigns share, held at what
-was stated.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from pydantic import ValidationError
-from sqlalchemy import func, select
-from sqlalchemy.dialects.postgresql import distinct_on
+from sqlalchemy import func
 from sqlalchemy.orm import Session
 
 from fecore import __version__
-from fecore.dynamics.damping_laws import CaugheySeries
 from fecore.errors import FecoreError
-from fecore.quantities import quantity_of
 from fecore.updating.parameters import constant_of, parametrise
-from service.compute.judging import ModeEffects
-from service.monitoring.campaigns import Candidate, candidates_of
-from service.monitoring.tables import Monitor, MonitorRun, MonitorSeries
-from service.nouns.campaigns.operations import campaign_of
-from service.nouns.modes.operations import modes_of
-from service.nouns.structures.operations import (
-    describe_version,
-    structure_for,
-    structure_of,
-    version_of,
+from service.nouns.campaigns.operations import campaign_of, campaigns_of
+from service.nouns.monitors.candidates import Candidate, candidates_of
+from service.nouns.monitors.operations import note_complete, running_on
+from service.nouns.monitors.runs import (
+    collect,
+    latest_runs,
+    monitor_for,
+    new_run,
+    newest_series,
+    next_series,
 )
-from service.nouns.updating.bodies import usual_boundary
-from service.nouns.updating.loading import body_for
-from service.nouns.updating.operations import arrays_of, result_documents, start_update
-from service.nouns.updating.schemas import ParameterIn, RecipeIn
-from service.platform.access import Lookup, User
-from service.platform.errors import ServiceError
-from service.platform.queue.tables import Job
+from service.nouns.monitors.watching import request_check
+from service.nouns.structures.operations import describe_version, structure_of, version_of
+from service.nouns.updates.bodies import body_for, usual_boundary
+from service.nouns.updates.schemas import ParameterIn, RecipeIn
+from service.platform.access import User
+from service.platform.errors import Conflict, Invalid, ServiceError
+from service.tasks.update.task import start_update
 
 if TYPE_CHECKING:
-    from service.nouns.modes.operations import Mode
-
-monitor_for = Lookup(Monitor, "monitor", "structure_id", structure_for)
-"""The monitor, if the user has at least a role in its project."""
-
-
-def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]:
-    """Values of a result document.
-
-    Returns:
-        `parameters`: name to [estimate, noise-only standard deviation], both with the inputs held:
-            a model error or a wrong
-        thickness that all campaigns share does not move them; `modes`: (f, sd, ζ, sd) of each
-        measured mode, `kinds`: of its motion; None where not known.
-    """
-    compared = {row["name"]: row["comparable"] for row in document["parameters"]}
-    parameters = {
-        name: [constant["estimate"], constant["standard_deviation"]]
-        for name, constant in compared.items()
-    }
-    stated: dict[int, Mode] = {}
-    if mode_set := document["provenance"].get("mode_set"):
-        key = UUID(mode_set)
-        stated = {mode.number: mode for mode in modes_of(session, [key])[key]}
-    modes = []
-    for row in document["modes"]:
-        mode = stated.get(row["number"])
-        sds = (None, None) if mode is None else (mode.frequency_sd_hz, mode.damping_sd)
-        modes.append([row["measured_hz"], sds[0], row["measured_damping"], sds[1]])
-    return {
-        "parameters": parameters,
-        "modes": modes,
-        "kinds": [row.get("kind") for row in document["modes"]],
-    }
-
-
-def _scale(session: Session, key: UUID) -> float | None:
-    """Scale of a run's FRFs to its model's; None where it had none."""
-    arrays = arrays_of(session, key)
-    if arrays is None or "frf_scale" not in arrays or not len(arrays["frf_scale"]):
-        return None
-    return float(arrays["frf_scale"][0])
-
-
-def mode_effects_of(session: Session, run: MonitorRun) -> ModeEffects | None:
-    """What would move a run's frequencies; None of a run of a version that did not keep it."""
-    arrays = None if run.update_job_id is None else arrays_of(session, run.update_job_id)
-    if arrays is None or "mass_effects" not in arrays:
-        return None
-    stiffness, support = (
-        dict(zip(arrays[f"{kind}_names"].tolist(), arrays[f"{kind}_effects"], strict=True))
-        for kind in ("stiffness", "support")
-    )
-    return ModeEffects(
-        str(run.campaign_id), stiffness, support, arrays["mass_sites_m"], arrays["mass_effects"]
-    )
-
-
-def unit_of(parameter: str) -> str | None:
-    """SI unit of a watched value; None of a spring's stiffness, whose name is the recipe's."""
-    if (quantity := quantity_of(parameter)) is not None:
-        return quantity.unit
-    if parameter.startswith("frequency_"):
-        return "Hz"
-    if re.fullmatch(r"damping_ratio_\d+|zeta\d+", parameter):
-        return "1"
-    if parameter.startswith("g_"):
-        return "1/s"
-    if power := re.fullmatch(r"a(\d)", parameter):
-        return CaugheySeries("", (int(power[1]),)).coefficient_units[0]
-    return None
+    from service.nouns.campaigns.operations import Campaign
+    from service.nouns.monitors.tables import CampaignCompletion, Monitor, MonitorRun
 
 
 @dataclass(frozen=True)
@@ -127,69 +50,6 @@ class Moment:
 
     now: datetime
     settle: timedelta
-
-
-def newest_series(session: Session, monitor: Monitor) -> MonitorSeries:
-    """The version of the series that new runs go into; the first one is made here. The transaction
-    holds the monitor's row.
-    """
-    newest = session.scalars(
-        select(MonitorSeries)
-        .where(MonitorSeries.monitor_id == monitor.id)
-        .order_by(MonitorSeries.number.desc())
-        .limit(1)
-    ).one_or_none()
-    return newest or next_series(session, monitor, 1, "first series")
-
-
-def next_series(session: Session, monitor: Monitor, number: int, reason: str) -> MonitorSeries:
-    """Open a version of the series, one more than the newest; those before it stay as they are. The
-    transaction holds the monitor's row.
-    """
-    row = MonitorSeries(monitor_id=monitor.id, number=number, software=__version__, reason=reason)
-    session.add(row)
-    session.flush()
-    session.refresh(row)
-    return row
-
-
-def latest_runs(session: Session, series: MonitorSeries) -> dict[UUID, MonitorRun]:
-    """The run that counts of each campaign, which is the one with the highest revision, by
-    campaign.
-    """
-    rows = session.scalars(
-        select(MonitorRun)
-        .where(MonitorRun.series_id == series.id)
-        .ext(distinct_on(MonitorRun.campaign_id))
-        .order_by(MonitorRun.campaign_id, MonitorRun.revision.desc())
-    )
-    return {row.campaign_id: row for row in rows}
-
-
-def collect(session: Session, series: MonitorSeries) -> None:
-    """Take over the values of update jobs that have ended since: a run becomes `succeeded` with its
-    values, or `failed` with the reason.
-    """
-    ended = session.execute(
-        select(MonitorRun, Job)
-        .join(Job, Job.id == MonitorRun.update_job_id)
-        .where(
-            MonitorRun.series_id == series.id,
-            MonitorRun.state == "running",
-            Job.state.in_(("succeeded", "failed", "cancelled")),
-        )
-        .execution_options(populate_existing=True)
-    ).all()
-    documents = result_documents(session, [job.id for _, job in ended])
-    for run, job in ended:
-        document = documents.get(job.id)
-        run.finished_at = job.finished_at
-        if document is None:
-            run.state, run.message = "failed", job.message or f"the update job was {job.state}"
-        else:
-            run.state, run.software = "succeeded", document["provenance"]["software"]["modalbase"]
-            run.values = watched_values(session, document) | {"frf_scale": _scale(session, job.id)}
-    session.flush()
 
 
 def bring_up_to_date(
@@ -226,7 +86,7 @@ def bring_up_to_date(
         if monitor.priors == "last" and not _may_follow(one, candidates, runs):
             break
         objection = one.objection or _held_otherwise(one, monitor) or outdated
-        run = _run(session, series, one, latest)
+        run = new_run(session, series, one, latest)
         if objection is not None:
             run.state, run.message, run.finished_at = "refused", objection, moment.now
         else:
@@ -235,16 +95,6 @@ def bring_up_to_date(
         runs[one.campaign.id] = run
         started.append(run)
     return started
-
-
-def counted(
-    candidates: Sequence[Candidate], runs: dict[UUID, MonitorRun]
-) -> list[tuple[Candidate, MonitorRun]]:
-    """The campaigns that make the series, in time order, each with its run: those without an
-    objection whose latest run has succeeded.
-    """
-    pairs = ((one, runs.get(one.campaign.id)) for one in candidates if one.objection is None)
-    return [(one, run) for one, run in pairs if run is not None and run.state == "succeeded"]
 
 
 def _is_due(one: Candidate, latest: MonitorRun | None, outdated: str | None, by_hand: bool) -> bool:
@@ -296,20 +146,6 @@ def _outdated(session: Session, monitor: Monitor) -> str | None:
             f" version {frozen.number}; make a new monitor for the changed structure"
         )
     return None
-
-
-def _run(
-    session: Session, series: MonitorSeries, one: Candidate, latest: MonitorRun | None
-) -> MonitorRun:
-    run = MonitorRun(
-        series_id=series.id,
-        campaign_id=one.campaign.id,
-        revision=1 if latest is None else latest.revision + 1,
-        fingerprint=one.fingerprint,
-        state="running",
-    )
-    session.add(run)
-    return run
 
 
 def _start(
@@ -401,3 +237,85 @@ def _with_priors(
             )
         )
     return recipe.model_copy(update={"parameters": carried})
+
+
+NOW = timedelta(0)
+
+
+def run_by_hand(
+    session: Session, user: User, monitor: Monitor, campaign_id: UUID | None
+) -> list[MonitorRun]:
+    """Run one campaign, or all that have not been run as they are now, whether they are complete or
+    not.
+
+    Returns:
+        The new runs; refused ones too.
+
+    Raises:
+        Conflict: the monitor, which the transaction holds, is at rest.
+        Invalid: the campaign is none of this structure's, or has no date.
+    """
+    if not monitor.active:
+        raise Conflict("the monitor is at rest; set `active` first")
+    if campaign_id is not None:
+        _check_campaign(session, monitor, campaign_id)
+    collect(session, newest_series(session, monitor))
+    started = bring_up_to_date(
+        session, monitor, Moment(datetime.now(UTC), NOW), by_hand=True, only=campaign_id
+    )
+    monitor_for.note(session, user, monitor, "run", runs=[str(run.id) for run in started])
+    request_check(session, monitor.id)
+    return started
+
+
+def _check_campaign(session: Session, monitor: Monitor, campaign_id: UUID) -> None:
+    campaign = campaigns_of(session, [campaign_id]).get(campaign_id)
+    if (
+        campaign is None
+        or campaign.deleted_at is not None
+        or campaign.structure_id != monitor.structure_id
+    ):
+        raise Invalid("/campaign", f"{campaign_id} is no campaign of this monitor's structure")
+    if campaign.performed_at is None:
+        raise Invalid(
+            "/campaign", "the campaign states no performed_at, so it has no place in a series"
+        )
+    if monitor.since is not None and campaign.performed_at < monitor.since:
+        raise Invalid(
+            "/campaign",
+            f"the campaign was performed before the series begins, {monitor.since.isoformat()}",
+        )
+
+
+def rerun(session: Session, user: User, monitor: Monitor, reason: str) -> list[MonitorRun]:
+    """Run all campaigns anew, as the next version of the series, with the software's version as the
+    default reason. The one before stays, and is shown until this one is judged.
+
+    Raises:
+        Conflict: the monitor, which the transaction holds, is at rest.
+    """
+    before = newest_series(session, monitor)
+    next_series(session, monitor, before.number + 1, reason or f"rerun with version {__version__}")
+    return run_by_hand(session, user, monitor, None)
+
+
+def complete_campaign(
+    session: Session, user: User, campaign: Campaign
+) -> tuple[CampaignCompletion, list[MonitorRun]]:
+    """Note that everything of a campaign is in, and let the monitors of its structure run it.
+
+    Returns:
+        The note, which the first call makes, and the runs that were started.
+
+    Raises:
+        Conflict: the campaign states no date.
+    """
+    row = note_complete(session, user, campaign)
+    started: list[MonitorRun] = []
+    for monitor in running_on(session, campaign):
+        collect(session, newest_series(session, monitor))
+        started += bring_up_to_date(
+            session, monitor, Moment(datetime.now(UTC), NOW), only=campaign.id
+        )
+        request_check(session, monitor.id)
+    return row, started

@@ -7,47 +7,36 @@ task of the queue, since a task waits for a free place in a worker, and a long j
 an hour.
 """
 
+from __future__ import annotations
+
 import contextlib
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
 from uuid import UUID
 
 import structlog
-from croniter import croniter
-from sqlalchemy import and_, func, or_, select
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from service.monitoring import runs
-from service.monitoring.judgements import judge_if_changed
-from service.monitoring.notifications.sender import Sender
-from service.monitoring.tables import AT_WORK, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
-from service.nouns.campaigns.operations import structures_with
-from service.nouns.imports.operations import campaigns_with
-from service.nouns.structures.operations import structures_in
-from service.platform.access import projects_at_work
+from service.monitoring.runs import Moment, bring_up_to_date
+from service.nouns.monitors.runs import collect, newest_series
+from service.nouns.monitors.watching import REQUESTED, held, next_time, watching
+from service.nouns.notifications.sender import Sender
 from service.platform.db.engine import Sessions, make_engine, make_sessions
 from service.platform.queue.background import Background, Listener
-from service.platform.queue.tables import CHANGED, Job
+from service.platform.queue.tables import CHANGED
 from service.platform.settings import Settings
+from service.tasks.judge.task import judge_if_changed
 
-REQUESTED = "modalbase_monitor_asked"
-"""Channel of notifications with the id of a monitor that has changed through the API."""
+if TYPE_CHECKING:
+    from service.nouns.monitors.tables import Monitor
 
 PAUSE_SECONDS = 0.1  # between two looks, so that a burst of notices is one look
-ENDED = ("succeeded", "failed", "cancelled")
-
-_WATCHING = and_(AT_WORK, Monitor.structure_id.in_(structures_in(projects_at_work())))
-"""What is archived, or deleted with its structure or project, rests."""
 
 log = structlog.stdlib.get_logger("modalbase.scheduler")
-
-
-def request_check(session: Session, monitor_id: UUID) -> None:
-    """Have a monitor checked as soon as the transaction is committed."""
-    session.execute(select(func.pg_notify(REQUESTED, str(monitor_id))))
 
 
 @contextlib.contextmanager
@@ -103,33 +92,12 @@ class _Scheduler:
 
     def _sweep(self) -> None:
         with self._sessions() as session:
-            everyone = session.scalars(
-                select(Monitor.id).where(_WATCHING).order_by(Monitor.id)
-            ).all()
+            everyone = watching(session)
         self._check_all(everyone)
 
     def _concerned(self, changed: Sequence[UUID]) -> Sequence[UUID]:
-        """Monitors among these ids, and those that an ended job among these belongs to."""
         with self._sessions() as session:
-            of_run = (
-                select(MonitorSeries.monitor_id)
-                .join(MonitorRun)
-                .join(Job, Job.id == MonitorRun.update_job_id)
-            )
-            of_judgement = (
-                select(MonitorSeries.monitor_id)
-                .join(MonitorJudgement)
-                .join(Job, Job.id == MonitorJudgement.id)
-            )
-            ended = (Job.id.in_(changed), Job.state.in_(ENDED))
-            imported_into = structures_with(campaigns_with(select(Job.id).where(*ended)))
-            concerned = or_(
-                Monitor.id.in_(changed),
-                Monitor.structure_id.in_(imported_into),
-                Monitor.id.in_(of_run.where(*ended)),
-                Monitor.id.in_(of_judgement.where(*ended)),
-            )
-            return session.scalars(select(Monitor.id).where(_WATCHING, concerned)).all()
+            return watching(session, changed)
 
     def _check_all(self, monitors: Sequence[UUID]) -> None:
         for key in monitors:
@@ -154,16 +122,14 @@ def check(session: Session, monitor_id: UUID, settle: timedelta) -> None:
         monitor_id: of the monitor.
         settle: how long a campaign must have been left alone to count as complete.
     """
-    monitor = session.scalars(
-        select(Monitor).where(Monitor.id == monitor_id, _WATCHING).with_for_update(skip_locked=True)
-    ).one_or_none()
+    monitor = held(session, monitor_id)
     if monitor is None:
         return
     now = datetime.now(UTC)
-    series = runs.newest_series(session, monitor)
-    runs.collect(session, series)
+    series = newest_series(session, monitor)
+    collect(session, series)
     if _runs_by_itself(monitor, now):
-        runs.bring_up_to_date(session, monitor, runs.Moment(now, settle))
+        bring_up_to_date(session, monitor, Moment(now, settle))
     judge_if_changed(session, monitor, series, now)
 
 
@@ -174,9 +140,3 @@ def _runs_by_itself(monitor: Monitor, now: datetime) -> bool:
             monitor.next_run_at = next_time(monitor.schedule, now)
         return due
     return monitor.runs_on == "campaign"
-
-
-def next_time(schedule: str, now: datetime) -> datetime:
-    """The next time of a cron schedule, UTC."""
-    upcoming: datetime = croniter(schedule, now).get_next(datetime)
-    return upcoming

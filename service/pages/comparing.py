@@ -22,12 +22,12 @@ from service.nouns.campaigns.schemas import CampaignOut
 from service.nouns.coupons import routes as coupons
 from service.nouns.modes.operations import mode_set_for
 from service.nouns.structures.operations import describe_version, structures_of, version_of
-from service.nouns.updating import routes as updating
 from service.pages.look import Visit, VisitDep
 from service.pages.numbers import leaves, moment
 from service.pages.updates import NamedJob, name_jobs, over_time
 from service.platform.errors import Conflict, Invalid, NotFound
 from service.platform.web.routing import UI, page_router
+from service.tasks.update import routes as updating
 
 if TYPE_CHECKING:
     from service.nouns.modes.operations import ModeSet

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from fecore.body.specimen import CONSTANTS
 from service.nouns.campaigns.schemas import CampaignIn
 from service.nouns.structures.schemas import StructureIn
-from service.nouns.updating.schemas import RecipeIn
+from service.nouns.updates.schemas import RecipeIn
 from service.pages.numbers import words
 from service.pages.quantities import units_of_field
 from service.platform.web.quantities import UNITS

@@ -6,7 +6,7 @@ from uuid import UUID
 from fastapi import Depends, Query, Response
 from sqlalchemy import select
 
-from service.monitoring.live import look_at_monitors, monitors_among
+from service.nouns.monitors.live import look_at_monitors, monitors_among
 from service.platform.access import CurrentUser, SessionDep, projects_of
 from service.platform.errors import NotFound
 from service.platform.queue.events import Events, look_at_jobs

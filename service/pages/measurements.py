@@ -12,7 +12,6 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from service.figures.measured import AXES
 from service.monitoring import routes as monitoring
-from service.monitoring.live import look_at_monitors
 from service.nouns.campaigns import routes as campaigns
 from service.nouns.campaigns.operations import campaign_for, frame_of, stored_points
 from service.nouns.campaigns.schemas import Boundary, CampaignOut
@@ -21,22 +20,23 @@ from service.nouns.frfs import routes as frfs
 from service.nouns.frfs.data import specimen_points
 from service.nouns.frfs.routes import FrfFilter
 from service.nouns.frfs.schemas import FrfOut
-from service.nouns.imports import routes as imports
 from service.nouns.imports.operations import trace_lines_of
-from service.nouns.imports.routes import ImportOut
 from service.nouns.modes import routes as modes
 from service.nouns.modes.operations import mode_set_for
+from service.nouns.monitors.live import look_at_monitors
 from service.nouns.records import routes as records
 from service.nouns.records.schemas import HitDecisionOut, Proposal, RecordOut
-from service.nouns.updating import routes as updating
 from service.pages.look import Visit, VisitDep
 from service.pages.tasks import cards_of
 from service.pages.updates import NamedJob, joint_updates_of, name_jobs, over_time
 from service.pages.viewer import draw_grid, has_mesh, marked, points_in_space, viewer_of
 from service.platform.web.routing import UI, page_router
 from service.tasks.identify import routes as identify
+from service.tasks.import_file import routes as imports
+from service.tasks.import_file.routes import ImportOut
 from service.tasks.model import routes as models
 from service.tasks.process import routes as process
+from service.tasks.update import routes as updating
 
 router = page_router(UI)
 MOST, MOST_WATCHED = 500, 200  # rows of a list on a page; of monitors and alarms

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal
 from fastapi import Body
 from markupsafe import Markup, escape
 
-from service.monitoring.runs import unit_of
 from service.nouns.campaigns.climate import ENDINGS
+from service.nouns.monitors.runs import unit_of
 from service.platform.access import CurrentUser
 from service.platform.errors import Fault, Invalid
 from service.platform.web import StrictModel, typed

@@ -18,7 +18,7 @@ from service.nouns.search.operations import MOST_COUNTED, Column, Search, Search
 from service.nouns.search.routes import as_text
 from service.nouns.search.saved import list_saved
 from service.nouns.search.trends import COVARIATES, FOLLOWED, MODE_VALUES, trend_of
-from service.nouns.updating.result_schemas import CONSTANTS
+from service.nouns.updates.result_schemas import CONSTANTS
 from service.pages.look import Visit
 from service.pages.numbers import NOTHING, in_unit, moment, spread, unit_of, words
 from service.platform.access import CurrentUser, SessionDep

@@ -12,20 +12,20 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 
 from service.figures.marks import counted
 from service.monitoring import routes as monitoring
-from service.monitoring.notifications import routes as webhooks
 from service.nouns.campaigns import routes as campaigns
 from service.nouns.frfs import routes as frfs
 from service.nouns.frfs.routes import FrfFilter
 from service.nouns.instruments.routes import nouns as instruments
 from service.nouns.modes import routes as modes
+from service.nouns.notifications import routes as webhooks
 from service.nouns.storage import routes as storage
 from service.nouns.structures import routes as structures
 from service.nouns.structures.operations import structures_to_choose
-from service.nouns.updating import routes as updating
 from service.pages.look import Visit, VisitDep, page
 from service.pages.updates import joint_updates_of, name_jobs
 from service.platform.access import routes as access
 from service.platform.web.routing import UI, page_router
+from service.tasks.update import routes as updating
 
 open_router = page_router()
 router = page_router(UI)

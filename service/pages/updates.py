@@ -26,15 +26,14 @@ from service.nouns.modes import routes as modes
 from service.nouns.modes.operations import mode_set_for
 from service.nouns.structures import routes as structures
 from service.nouns.structures.operations import structures_of
-from service.nouns.updating import routes as updating
-from service.nouns.updating.operations import (
+from service.nouns.updates.operations import (
     joint_update_for,
     result_document,
     result_parts,
     update_job_for,
 )
-from service.nouns.updating.outdated import outdated
-from service.nouns.updating.schemas import JointUpdateOut, RecipeIn, UpdateJobOut
+from service.nouns.updates.outdated import outdated
+from service.nouns.updates.schemas import JointUpdateOut, RecipeIn, UpdateJobOut
 from service.pages.findings import opening
 from service.pages.forms import OF_PARAMETER, fields_of
 from service.pages.look import Visit, VisitDep
@@ -48,6 +47,7 @@ from service.platform.web.routing import UI, page_router
 from service.platform.web.typed import in_words
 from service.reports import routes as shown
 from service.reports.figures import FIGURES
+from service.tasks.update import routes as updating
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,9 @@ from service.nouns.campaigns.schemas import CampaignOut
 from service.nouns.frfs.schemas import FrfOut
 from service.nouns.modes.schemas import ModeSetOut
 from service.nouns.structures.schemas import Geometry, StructureOut
-from service.nouns.updating import routes as updating
 from service.pages.look import Visit
 from service.pages.numbers import moment
+from service.tasks.update import routes as updating
 
 WIDTH = 760.0  # of the drawing, in its own units
 MARGIN = 26.0

@@ -26,14 +26,13 @@ from service.nouns.frfs.data import specimen_points
 from service.nouns.frfs.operations import frfs_of
 from service.nouns.structures.models import deck_of, load_model, model_for
 from service.nouns.structures.operations import describe_version, version_of
-from service.nouns.updating.bodies import body_of
-from service.nouns.updating.loading import recipe_parameters
-from service.nouns.updating.operations import result_document
-from service.nouns.updating.schemas import RecipeIn
+from service.nouns.updates.bodies import body_of, recipe_parameters
+from service.nouns.updates.operations import result_document
+from service.nouns.updates.schemas import RecipeIn
 from service.platform.errors import Conflict, Invalid
 
 if TYPE_CHECKING:
-    from service.nouns.updating.tables import UpdateJob
+    from service.nouns.updates.tables import UpdateJob
 
 Program = Literal["calculix", "abaqus", "nastran"]
 Element = Literal["solid", "shell"]

@@ -20,14 +20,14 @@ from service.nouns.frfs.data import Cut, FrfTable, frequency_axis
 from service.nouns.frfs.operations import frfs_of
 from service.nouns.imports.operations import trace_lines_of
 from service.nouns.structures.operations import describe_version, version_of
-from service.nouns.updating.document import StoredArrays
-from service.nouns.updating.operations import result_arrays, result_document, result_parts
+from service.nouns.updates.document import StoredArrays
+from service.nouns.updates.operations import result_arrays, result_document, result_parts
 from service.platform.errors import Conflict, NotFound
 from service.reports.predictions import used_frfs
 
 if TYPE_CHECKING:
     from service.nouns.frfs.operations import Frf
-    from service.nouns.updating.tables import UpdateJob
+    from service.nouns.updates.tables import UpdateJob
 
 
 @dataclass(frozen=True)

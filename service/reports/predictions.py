@@ -21,12 +21,12 @@ from service.compute.frame import Frame
 from service.nouns.campaigns.operations import campaign_of, frame_of, stored_points
 from service.nouns.frfs.data import Cut, PredictedTable
 from service.nouns.frfs.operations import frfs_of
-from service.nouns.updating.operations import result_arrays, result_document
+from service.nouns.updates.operations import result_arrays, result_document
 from service.platform.errors import Conflict, NotFound
 
 if TYPE_CHECKING:
     from service.nouns.frfs.operations import Frf
-    from service.nouns.updating.tables import UpdateJob
+    from service.nouns.updates.tables import UpdateJob
 
 Model = Literal["updated", "initial"]
 

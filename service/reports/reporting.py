@@ -18,7 +18,7 @@ from service.reports.figure_data import UpdateFigures
 from service.reports.figures import FIGURES, draw_sheets
 
 if TYPE_CHECKING:
-    from service.nouns.updating.tables import UpdateJob
+    from service.nouns.updates.tables import UpdateJob
     from service.platform.settings import Settings
     from service.reports.blocks import Report
 

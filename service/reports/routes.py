@@ -23,7 +23,7 @@ from service.figures.answers import (
 from service.nouns.frfs.data import require_order
 from service.nouns.frfs.routes import FILES, MEDIA_TYPES, CutDep, Hertz, Whole, write_frfs
 from service.nouns.structures.model_routes import MESH_FILES, MeshForm
-from service.nouns.updating.operations import joint_update_for, update_job_for
+from service.nouns.updates.operations import joint_update_for, update_job_for
 from service.platform.access import CurrentUser, SessionDep, SettingsDep, api_router
 from service.platform.errors import Invalid
 from service.platform.queue.subprocess_read import read_in_subprocess

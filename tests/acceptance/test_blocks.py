@@ -32,7 +32,7 @@ from service.nouns.campaigns.schemas import CampaignIn
 from service.nouns.coupons.schemas import CurveCouponIn
 from service.nouns.structures.schemas import StructureIn
 from service.nouns.structures.shapes import Section
-from service.nouns.updating.schemas import RecipeIn
+from service.nouns.updates.schemas import RecipeIn
 from tests.support.blocks import AT_HAND, PAGES, Block, blocks
 from tests.support.command import modalbase_here, run_as_typed
 from tests.support.places import ROOT

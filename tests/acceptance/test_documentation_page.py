@@ -9,7 +9,7 @@ import pytest
 
 from service.app.demo import paper
 from service.app.supervisor import LocalService
-from service.nouns.updating.result_schemas import ResultOut
+from service.nouns.updates.result_schemas import ResultOut
 from service.platform.web.bodies import SOME_ID
 from tests.support.rest import finished
 

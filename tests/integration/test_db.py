@@ -25,7 +25,7 @@ from sqlalchemy.orm import Session
 import service.app.composition  # noqa: F401  imports every table
 from migrations import procrastinate_schema
 from service.app.application import create_app
-from service.nouns.updating.tables import UpdateJob, UpdateResult
+from service.nouns.updates.tables import UpdateJob, UpdateResult
 from service.platform.access.tables import User
 from service.platform.db.base import Base
 from service.platform.db.engine import (

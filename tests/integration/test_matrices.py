@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from service.nouns.structures.schemas import StructureIn
-from service.nouns.updating.bodies import nominal_body
+from service.nouns.updates.bodies import nominal_body
 from tests.integration.test_bodies import updated
 from tests.integration.test_forecasts import forecast
 from tests.integration.test_models import sent

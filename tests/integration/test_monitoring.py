@@ -23,9 +23,9 @@ from examples.monitoring import (
     structure_body,
 )
 from service.app.supervisor import LocalService
-from service.monitoring.judgements import set_state
 from service.monitoring.scheduler import check
-from service.monitoring.tables import Monitor
+from service.nouns.monitors.alarms import set_state
+from service.nouns.monitors.tables import Monitor
 from service.platform.db.engine import make_engine, make_sessions
 from tests.support.rest import client_of, ok
 from tests.support.waiting import until

@@ -14,26 +14,18 @@ from sqlalchemy.orm import Session
 
 from examples.monitoring import structure_body
 from fecore.trend import Acknowledgement, Watch
-from service.compute.judging import Episode, Judgement, ModeEffects
-from service.monitoring.campaigns import candidates_of
-from service.monitoring.judgements import (
-    JUDGE,
-    acknowledge,
-    alarm_for,
-    judge_if_changed,
-    set_state,
-    update_alarms,
-)
-from service.monitoring.monitors import create_monitor
-from service.monitoring.notifications.tables import Delivery
-from service.monitoring.runs import monitor_for, newest_series
 from service.monitoring.scheduler import check
-from service.monitoring.schemas import MonitorIn
-from service.monitoring.tables import Alarm, AlarmEvent, MonitorJudgement, MonitorRun
 from service.nouns.campaigns.operations import create_campaign
 from service.nouns.campaigns.schemas import CampaignIn
 from service.nouns.frfs.operations import Frf
-from service.nouns.imports.operations import IMPORTS, Import
+from service.nouns.imports.operations import Import
+from service.nouns.monitors.alarms import acknowledge, alarm_for, set_state, update_alarms
+from service.nouns.monitors.candidates import candidates_of
+from service.nouns.monitors.operations import create_monitor
+from service.nouns.monitors.runs import monitor_for, newest_series
+from service.nouns.monitors.schemas import MonitorIn
+from service.nouns.monitors.tables import Alarm, AlarmEvent, MonitorJudgement, MonitorRun
+from service.nouns.notifications.tables import Delivery
 from service.nouns.storage.originals import Original
 from service.nouns.structures.operations import Structure, create_structure
 from service.nouns.structures.schemas import StructureIn
@@ -44,6 +36,9 @@ from service.platform.errors import Conflict, NotFound
 from service.platform.queue.queue import enqueue
 from service.platform.queue.tables import Job
 from service.platform.settings import Settings
+from service.tasks.import_file.task import IMPORTS
+from service.tasks.judge.compute import Episode, Judgement, ModeEffects
+from service.tasks.judge.task import TASK, judge_if_changed
 from tests.support.judged import MODES, START, day, judged, observe, values
 
 
@@ -258,7 +253,7 @@ def test_a_deleted_monitor_raises_no_alarm_and_hides_those_it_has(world: World) 
     world.judge((2, "alarm"))
     alarm = session.scalars(select(Alarm)).one()
     job = enqueue(
-        session, kind=JUDGE, project_id=session.get_one(Structure, monitor.structure_id).project_id
+        session, kind=TASK, project_id=session.get_one(Structure, monitor.structure_id).project_id
     )
     session.add(MonitorJudgement(id=job.id, series_id=world.series.id, digest="d"))
     session.flush()
@@ -271,7 +266,7 @@ def test_a_deleted_monitor_raises_no_alarm_and_hides_those_it_has(world: World) 
     result = Judgement(
         {"state": "alarm"}, (Episode("Ex", str(world.campaigns[3].id), "alarm", details),), "alarm"
     )
-    JUDGE.store(session, job.id, iter([result]))
+    TASK.store(session, job.id, iter([result]))
     assert (world.alarms(), world.announced(), monitor.state) == (
         [(2, "alarm")],
         ["alarm.raised"],
@@ -279,7 +274,7 @@ def test_a_deleted_monitor_raises_no_alarm_and_hides_those_it_has(world: World) 
     )
     monitor_for.restore(session, world.user, monitor)
     assert alarm_for(session, world.user, alarm.id) is alarm
-    JUDGE.store(session, job.id, iter([result]))
+    TASK.store(session, job.id, iter([result]))
     # the same alarm, raised by another campaign
     assert (world.alarms(), monitor.state) == ([(3, "alarm")], "alarm")
 

@@ -19,12 +19,12 @@ import trustme
 from sqlalchemy import select
 
 import service.app.composition  # noqa: F401  imports every table
-from service.monitoring.notifications import sender as attempts
-from service.monitoring.notifications.channels.channel import Receiver as To
-from service.monitoring.notifications.channels.webhook import new_secret, send
-from service.monitoring.notifications.messages import EVENTS
-from service.monitoring.notifications.sender import ATTEMPTS, Sender
-from service.monitoring.notifications.tables import Delivery, Webhook
+from service.nouns.notifications import sender as attempts
+from service.nouns.notifications.channels.channel import Receiver as To
+from service.nouns.notifications.channels.webhook import new_secret, send
+from service.nouns.notifications.messages import EVENTS
+from service.nouns.notifications.sender import ATTEMPTS, Sender
+from service.nouns.notifications.tables import Delivery, Webhook
 from service.platform.access import Project
 from service.platform.db.engine import Sessions
 from service.platform.settings import Settings
@@ -242,7 +242,7 @@ def test_the_connection_goes_to_the_address_that_was_checked(
     """A name that changes what it stands for between check and connection gains nothing."""
     answers = iter(["127.0.0.1", "192.0.2.1"])
     monkeypatch.setattr(
-        "service.monitoring.notifications.addresses.socket.getaddrinfo",
+        "service.nouns.notifications.addresses.socket.getaddrinfo",
         lambda *_, **__: [(2, 1, 6, "", (next(answers), 0))],
     )
     port = httpx.URL(hook.url).port
@@ -259,7 +259,7 @@ def test_a_name_that_has_come_to_stand_for_a_special_address_gets_nothing(
 ) -> None:
     """It was public when the webhook was made; each attempt looks again."""
     monkeypatch.setattr(
-        "service.monitoring.notifications.addresses.socket.getaddrinfo",
+        "service.nouns.notifications.addresses.socket.getaddrinfo",
         lambda *_, **__: [(2, 1, 6, "", (now, 0))],
     )
     planted(sessions, "http://receiver.example/hook")

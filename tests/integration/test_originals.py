@@ -12,10 +12,8 @@ from sqlalchemy import Engine, func, select, text, update
 from sqlalchemy.orm import Session
 
 from modalbase.formats.uff import DatasetReport, GridPoint, ModeShape
-from service.compute.reading import EncodedFrf, Kept
 from service.compute.spectra import FrequencyAxis, encode
-from service.nouns.imports import intake
-from service.nouns.imports.operations import IMPORTS, Import
+from service.nouns.imports.operations import Import
 from service.nouns.storage.originals import (
     CHUNK_BYTES,
     READ_BYTES,
@@ -29,6 +27,9 @@ from service.platform.db.engine import Sessions
 from service.platform.errors import Damaged, PayloadTooLarge
 from service.platform.web.parameters import HEAVIEST_BYTES, paged
 from service.platform.web.uploads import Spooled
+from service.tasks.import_file import intake
+from service.tasks.import_file.compute import EncodedFrf, Kept
+from service.tasks.import_file.task import IMPORTS
 from tests.integration.test_db import fill
 
 

@@ -17,7 +17,7 @@ from sqlalchemy import Engine, text
 
 from service.app.demo import paper
 from service.app.supervisor import LocalService
-from service.nouns.updating.document import VERSION
+from service.nouns.updates.document import VERSION
 from service.platform.db.engine import psycopg_url
 from service.platform.db.schema import upgrade
 from tests.integration.test_db import fill

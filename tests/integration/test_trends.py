@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 import modalbase
 from modalbase.client.errors import ClientError
 from service.app.supervisor import LocalService
-from service.nouns.updating.document import VERSION
+from service.nouns.updates.document import VERSION
 from service.platform.db.engine import psycopg_url
 from tests.support.command import modalbase_here
 from tests.support.laboratory import BEAM

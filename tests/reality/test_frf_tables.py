@@ -12,9 +12,9 @@ from scipy.io import savemat
 
 from modalbase.formats.recognise import recognise
 from service.compute.frf_rows import EncodedFrf
-from service.compute.reading import ReadingInputs, read_upload
 from service.compute.spectra import decode
 from service.platform.errors import Invalid
+from service.tasks.import_file.compute import ReadingInputs, read_upload
 from tests.support.places import shared_file
 
 HZ = np.arange(1, 201) * 0.5

@@ -12,9 +12,9 @@ from scipy.io import savemat
 from fecore.modal import Identification
 from modalbase.formats.dof_names import dof_in_name
 from modalbase.formats.uff import DatasetReport
-from service.compute.arrays_of_files import FileDescription
-from service.compute.reading import Kept
 from service.platform.errors import Invalid
+from service.tasks.import_file.arrays_of_files import FileDescription
+from service.tasks.import_file.compute import Kept
 from tests.support.reality import frfs_in, identified, kept, lines_of, reality, values_of
 from tests.support.uff import axis, load, rows, set_58
 

@@ -14,9 +14,9 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.records import blocks_of, propose, read_mapping
 from modalbase.formats.records.text import TextRecording, open_recording
 from modalbase.formats.tables import Stated
-from service.compute.arrays_of_files import FileDescription
-from service.compute.reading import ReadingInputs, read_upload
 from service.platform.errors import Invalid
+from service.tasks.import_file.arrays_of_files import FileDescription
+from service.tasks.import_file.compute import ReadingInputs, read_upload
 from tests.support.places import shared_file
 
 PLACES = {"force": {"point": 1, "direction": 3}, "acceleration": {"point": 2, "direction": 3}}

@@ -11,11 +11,11 @@ import pytest
 from scipy.io import savemat
 
 from modalbase.formats.records import TimeBlock, propose, read_variables
-from service.compute.arrays_of_files import FileDescription, hits_of
-from service.compute.reading import Kept
 from service.nouns.records.schemas import Proposal
 from service.pages.measurements import _overruling
 from service.platform.errors import Invalid
+from service.tasks.import_file.arrays_of_files import FileDescription, hits_of
+from service.tasks.import_file.compute import Kept
 from tests.support.reality import kept, reality
 from tests.unit.fecore.signal.test_recording import RATE, recording
 

@@ -9,7 +9,7 @@ from uuid import UUID
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.nouns.updating.tables import UpdateJob
+from service.nouns.updates.tables import UpdateJob
 from service.platform.access.tables import AuditEvent
 from service.platform.queue.kinds import REQUESTS, JobKind
 from service.platform.queue.tables import Job

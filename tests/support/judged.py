@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from fecore.trend import Acknowledgement, Watch
-from service.compute.judging import Judgement, JudgementInputs, ModeEffects, Observation, judge
 from service.nouns.campaigns.climate import stiffness_sds
+from service.tasks.judge.compute import Judgement, JudgementInputs, ModeEffects, Observation, judge
 
 START = datetime(2025, 1, 1, tzinfo=UTC)
 MODES = [[25.0, 0.01, 0.02, None], [160.0, 0.02, 0.01, None], [400.0, 0.05, 0.01, None]]

@@ -19,7 +19,7 @@ from modalbase.formats.uff.content import Axis
 from modalbase.formats.uff.write import encode
 from modalbase.objects.frfs import Frfs
 from service.nouns.structures.schemas import StructureIn
-from service.nouns.updating.bodies import nominal_body
+from service.nouns.updates.bodies import nominal_body
 from tests.support.beams import add_noise
 
 ANGLE: dict[str, Any] = {

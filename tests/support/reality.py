@@ -10,7 +10,7 @@ import numpy as np
 from fecore.frf import Dof, FrfSet, Quantity
 from fecore.modal import Identification, identify
 from service.compute.frf_rows import EncodedFrf
-from service.compute.reading import Kept, ReadingInputs, read_upload
+from service.tasks.import_file.compute import Kept, ReadingInputs, read_upload
 from tests.support.places import shared_file
 
 

@@ -308,7 +308,7 @@ FAULTS = (
     ("service/figures/marks.py", "import service.pages", "service: imports run downwards only"),
     ("service/app/doctor.py", "import service.app.supervisor", "service.app: imports run downwards only"),
     ("service/platform/queue/child.py", "import service.app.application", "service: imports run downwards only"),
-    ("service/monitoring/runs.py", "from service.nouns.modes.operations import ModeSet", "tables: only"),
+    ("service/monitoring/runs.py", "from service.nouns.monitors.tables import MonitorRun", "tables: only"),
     ("service/nouns/frfs/data.py", "from service.nouns.structures.operations import Structure", "tables: only"),
     ("service/nouns/campaigns/schemas.py", "import service.nouns.frfs.schemas", "service.nouns: a noun needs only"),
     ("modalbase/client/endpoint.py", "import service.platform.settings", "modalbase: what a user imports"),
@@ -321,7 +321,7 @@ FAULTS = (
     ("modalbase/formats/uff/scan.py", "import fecore.errors", "modalbase: what a user imports"),
     ("modalbase/formats/uff/scan.py", "import httpx", "modalbase.formats: bytes to dataclasses"),
     ("fecore/mesh.py", "import modalbase", "fecore: pure"),
-    ("service/compute/updating.py", "import sqlalchemy", "computations: neither database nor web"),
+    ("service/compute/processing.py", "import sqlalchemy", "computations: neither database nor web"),
     ("service/tasks/forecast/compute.py", "import sqlalchemy", "computations: neither database nor web"),
 )  # fmt: skip
 

@@ -15,8 +15,8 @@ import pytest
 from benchmarks.__main__ import TABLES
 from fecore.updating.result import HeldOut, ModeComparison, ParameterEstimate
 from service.nouns.search.nouns import NOUNS
-from service.nouns.updating.result_schemas import ResultOut
-from service.nouns.updating.schemas import HoldOutIn, ParameterIn, RecipeIn
+from service.nouns.updates.result_schemas import ResultOut
+from service.nouns.updates.schemas import HoldOutIn, ParameterIn, RecipeIn
 from service.pages.guide.contents import render
 from service.platform.settings import MIB, Settings
 from tests.support.places import ROOT

@@ -28,7 +28,7 @@ def test_a_word_counts_where_it_is_a_word_of_the_name(name: str, word: str | Non
 
 
 def test_a_contract_counts_in_its_file_alone() -> None:
-    file, name = "service/nouns/imports/routes.py", "found"
+    file, name = "service/tasks/import_file/routes.py", "found"
     assert f"{file}:{name}" in CONTRACTS
     assert word_in(name, file) is None
     assert word_in(name, "service/nouns/frfs/routes.py") == name

@@ -122,7 +122,7 @@ CHANGES: tuple[Change, ...] = (
     Change(
         "channel",
         "a channel of alarms",
-        "a module in `service/monitoring/notifications/channels` with `check`, `send` and its"
+        "a module in `service/nouns/notifications/channels` with `check`, `send` and its"
         " `Channel`, named in `CHANNELS` there",
         "`tests/unit/service/test_channels.py`: one that is not listed, a member without its row in"
         " [monitoring](docs/monitoring.md)",

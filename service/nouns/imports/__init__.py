@@ -1,1 +1,1 @@
-"""Imports: an uploaded file, kept as it came, and the job that reads it into a campaign."""
+"""Imports: an uploaded file, kept as it came, and what it brought into its campaign."""

@@ -20,6 +20,7 @@ from service.nouns.modes.schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, 
 from service.nouns.storage import book
 from service.platform.access import Lookup, User, present
 from service.platform.db.base import Base, Identified, one_at_a_time
+from service.platform.errors import Invalid
 from service.platform.web import shown_as
 
 
@@ -328,3 +329,15 @@ def identified_by(session: Session, job_ids: Sequence[UUID]) -> dict[UUID, UUID]
     """The mode set that each of these jobs identified, by the job's key."""
     query = select(ModeSet.job_id, ModeSet.id).where(ModeSet.job_id.in_(job_ids))
     return {job: key for job, key in session.execute(query) if job is not None}
+
+
+def check_mode_set(
+    session: Session, user: User, key: UUID, campaign_id: UUID, pointer: str
+) -> None:
+    """A mode set that a request names must be the user's and of the campaign.
+
+    Raises:
+        Invalid: it is not; the pointer says where it is named.
+    """
+    if mode_set_for.named(session, user, key, pointer).campaign_id != campaign_id:
+        raise Invalid(pointer, f"{key} belongs to another campaign")

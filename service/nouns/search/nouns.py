@@ -23,7 +23,7 @@ from service.nouns.search import literals
 from service.nouns.search.fields import Field, Noun
 from service.nouns.search.uses import at_response, covers, sensors, used_instruments
 from service.nouns.structures.operations import WORDS as STRUCTURE_WORDS
-from service.nouns.updating.result_schemas import CONSTANTS, Level
+from service.nouns.updates.result_schemas import CONSTANTS, Level
 
 Value = Callable[[FromClause], ColumnElement[Any]]
 

@@ -22,7 +22,7 @@ from service.nouns.campaigns.climate import CLIMATE, Climate
 from service.nouns.modes.operations import modes_of, shape_of
 from service.nouns.search.nouns import NOUNS
 from service.nouns.search.operations import Search, SearchQuery
-from service.nouns.updating.operations import result_parts
+from service.nouns.updates.operations import result_parts
 from service.platform.access import User
 from service.platform.errors import Invalid
 from service.platform.web import StrictModel, shown_as

@@ -50,6 +50,24 @@ def job_state(job: Job) -> dict[str, Any]:
     }
 
 
+def job_of(session: Session, row: Any) -> Job:
+    """The job of a row, as it is now."""
+    return session.get_one(Job, row.id, populate_existing=True)
+
+
+def require_result(session: Session, find: Lookup[Row], row: Row, value: Value | None) -> Value:
+    """What was found of a row's result.
+
+    Raises:
+        Conflict: nothing, as it has none, yet or ever; the message says why.
+    """
+    if value is not None:
+        return value
+    job = job_of(session, row)
+    why = f": {job.message or 'see its error'}" if job.state in ENDED else "; it is not done yet"
+    raise Conflict(f"{find.kind} {job.id} has no result: it is {job.state}{why}")
+
+
 class JobNoun(Generic[Row]):
     """Operations on the rows of one noun, each in the caller's transaction.
 
@@ -140,24 +158,6 @@ class JobNoun(Generic[Row]):
             Conflict: it waits, runs or has succeeded.
         """
         return self._act(session, user, key, "retry", retry)
-
-    def job_of(self, session: Session, row: Any) -> Job:
-        """The job of a row, as it is now."""
-        return session.get_one(Job, row.id, populate_existing=True)
-
-    def result(self, session: Session, row: Row, value: Value | None) -> Value:
-        """What was found of a row's result.
-
-        Raises:
-            Conflict: nothing, as it has none, yet or ever; the message says why.
-        """
-        if value is not None:
-            return value
-        job = self.job_of(session, row)
-        why = (
-            f": {job.message or 'see its error'}" if job.state in ENDED else "; it is not done yet"
-        )
-        raise Conflict(f"{self.find.kind} {job.id} has no result: it is {job.state}{why}")
 
     def _act(
         self, session: Session, user: User, key: UUID, act: str, do: Callable[[Session, UUID], Job]

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from service.platform.access import CurrentUser, SessionDep
 from service.platform.access.nouns import NounRoutes, Out, Row
 from service.platform.queue.events import STREAM, Events
-from service.platform.queue.resource import JobNoun, job_state
+from service.platform.queue.resource import JobNoun, job_of, job_state
 from service.platform.queue.tables import Job
 from service.platform.web import shown_as
 
@@ -78,7 +78,7 @@ class JobRoutes(NounRoutes[Row, Out]):
             events: Annotated[Events, Depends()],
             key: UUID = row_id,
         ) -> Response:
-            return events.of(self._noun.job_of(session, self._noun.find(session, user, key)))
+            return events.of(job_of(session, self._noun.find(session, user, key)))
 
         path = f"{self._path}/events"
         self._add(

@@ -23,14 +23,13 @@ from service.nouns.structures.operations import (
     version_of,
 )
 from service.nouns.structures.schemas import StructureIn
-from service.nouns.updating.bodies import usual_boundary
-from service.nouns.updating.loading import body_for
-from service.nouns.updating.schemas import USUAL
+from service.nouns.updates.bodies import body_for, usual_boundary
+from service.nouns.updates.schemas import USUAL
 from service.platform.access import Lookup, User
 from service.platform.db.base import Base
 from service.platform.errors import Invalid
 from service.platform.queue.kinds import CORE_LIBRARIES
-from service.platform.queue.resource import JobNoun, JobOut
+from service.platform.queue.resource import JobNoun, JobOut, require_result
 from service.platform.web import LongList, RequestModel, StrictModel, example
 from service.tasks.forecast.compute import ForecastInputs, ForecastOutput, compute_forecast
 from service.tasks.task import Card, Ordered, Task
@@ -264,7 +263,7 @@ def forecast_arrays(session: Session, row: Forecast) -> Mapping[str, Any]:
         Conflict: it has none, yet or ever.
     """
     with np.load(
-        io.BytesIO(FORECASTS.result(session, row, row.arrays)), allow_pickle=False
+        io.BytesIO(require_result(session, forecast_for, row, row.arrays)), allow_pickle=False
     ) as arrays:
         return dict(arrays)
 

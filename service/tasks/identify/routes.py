@@ -13,7 +13,7 @@ from service.figures.answers import RESPONSES, FigureName, FigureRequestDep, req
 from service.figures.modes import stabilisation_figure
 from service.nouns.modes.operations import identified_by
 from service.platform.access import CurrentUser, SessionDep, api_router
-from service.platform.queue.resource import JobOut
+from service.platform.queue.resource import JobOut, require_result
 from service.platform.queue.routes import JobRoutes
 from service.tasks.identify.task import (
     IDENTIFICATIONS,
@@ -85,6 +85,6 @@ def get_identification_figure(
     """
     row = identification_for(session, user, identification_id)
     require_figure(name, "stabilisation")
-    document = up_to_date(IDENTIFICATIONS.result(session, row, row.document))
+    document = up_to_date(require_result(session, identification_for, row, row.document))
     # what it found never changes
     return request.answer(lambda: stabilisation_figure(document), name, str(row.id))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fecore.dynamics.laws import DEFAULT_LAWS, LAWS, Damped
-from service.nouns.updating.schemas import DampingModel
+from service.nouns.updates.schemas import DampingModel
 
 DOCS = Path(__file__).parents[3] / "docs"
 OF = Damped(("Ex", "Ey", "Gxy", "Gxz", "Gyz", "supports"), (100.0, 300.0, 900.0))

@@ -11,8 +11,8 @@ from uuid import uuid4
 import pytest
 
 import service.app.composition  # noqa: F401  imports every table
-from service.monitoring.notifications.addresses import AddressError, parse_url, resolve
-from service.monitoring.notifications.channels.webhook import sign
+from service.nouns.notifications.addresses import AddressError, parse_url, resolve
+from service.nouns.notifications.channels.webhook import sign
 from service.platform.access import authentication
 from service.platform.access.authentication import KnownKeys, session_token
 from service.platform.access.keys import COOKIE

@@ -8,12 +8,12 @@ from pkgutil import iter_modules
 
 import pytest
 
-from service.monitoring.notifications import channels
-from service.monitoring.notifications.addresses import AddressError
-from service.monitoring.notifications.channels import CHANNELS, OF_MONITORS
-from service.monitoring.notifications.channels.channel import Channel, Receiver
-from service.monitoring.notifications.tables import Delivery
-from service.monitoring.schemas import MonitorIn, MonitorOut, MonitorPatch
+from service.nouns.monitors.schemas import MonitorIn, MonitorOut, MonitorPatch
+from service.nouns.notifications import channels
+from service.nouns.notifications.addresses import AddressError
+from service.nouns.notifications.channels import CHANNELS, OF_MONITORS
+from service.nouns.notifications.channels.channel import Channel, Receiver
+from service.nouns.notifications.tables import Delivery
 from service.platform.settings import Settings
 
 DOCUMENT = Path(__file__).parents[3] / "docs/monitoring.md"

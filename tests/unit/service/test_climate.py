@@ -4,10 +4,10 @@ from typing import get_args
 
 import pytest
 
-from service.monitoring.schemas import Covariate
 from service.nouns.campaigns.climate import CLIMATE, Climate, Condition
 from service.nouns.campaigns.operations import Campaign
 from service.nouns.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch
+from service.nouns.monitors.schemas import Covariate
 from service.nouns.search.nouns import NOUNS
 from service.nouns.search.trends import TrendPoint
 from service.pages.numbers import UNITS_OF_MEMBERS

@@ -27,21 +27,21 @@ from fecore.updating.forward import ForwardModel
 from fecore.updating.measurement import Recipe
 from fecore.updating.parameters import parametrise
 from modalbase.formats.uff import DatasetReport, Function, GridPoint
-from service.compute import reading
 from service.compute.hits import BlockRow
 from service.compute.processing import PointFile, ProcessingInputs
 from service.compute.spectra import Spectrum, decode, encode, encode_axis
-from service.compute.updating import LoadedCampaign, Together, UpdateInputs, compute_update
 from service.nouns.coupons import routes as bodies
 from service.nouns.records.processings import decisions
 from service.nouns.records.schemas import OverruleIn
 from service.nouns.structures.schemas import StructureIn
-from service.nouns.updating.bodies import nominal_specimen, oriented
+from service.nouns.updates.bodies import nominal_specimen, oriented
 from service.platform.errors import Damaged, PayloadTooLarge
 from service.platform.queue import process, subprocess_read
 from service.platform.queue.child import Failure, Item
 from service.platform.queue.process import LOST, ChildEnded
+from service.tasks.import_file import compute as reading
 from service.tasks.process.compute import process_records
+from service.tasks.update.compute import LoadedCampaign, Together, UpdateInputs, compute_update
 from tests.corpus.updates import BEAM, measured
 from tests.support.uff import axis, dataset, function
 

@@ -14,7 +14,6 @@ import pytest
 from fecore.correlation import CRITERIA
 from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, GeneralisedProportional
 from fecore.trend import Watch
-from service.compute.judging import Observation
 from service.figures.coupon import coupon_figure
 from service.figures.frfs import (
     FrfCurves,
@@ -33,13 +32,14 @@ from service.figures.screen import numbers, screen
 from service.figures.temperature import temperature_figure
 from service.figures.trend import series_figure
 from service.figures.updates import OTHERS, budget_figure, parameters_figure
-from service.monitoring.runs import unit_of
+from service.nouns.monitors.runs import unit_of
 from service.pages.viewer import draw_grid
 from service.platform.errors import Conflict, NotFound
 from service.reports.as_pdf import as_pdf
 from service.reports.blocks import Picture, Report
 from service.reports.figure_data import FigureQuery, UpdateFigures, _row_at
 from service.reports.figures import FIGURES, _shapes, draw_figure, draw_sheets
+from service.tasks.judge.compute import Observation
 from tests.support.judged import judged, observe, values
 
 

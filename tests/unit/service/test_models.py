@@ -18,7 +18,7 @@ from service.compute.models.bodies import body_of_model
 from service.compute.models.decks import DeckOrder, updated_deck
 from service.compute.models.keeping import kept, model_of
 from service.nouns.structures.schemas import StructureIn
-from service.nouns.updating.bodies import nominal_body
+from service.nouns.updates.bodies import nominal_body
 from tests.support.profiles import ANGLE, deck
 from tests.support.stored_solids import frequencies
 from tests.unit.formats.models.decks import SQUARE

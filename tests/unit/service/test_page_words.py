@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from fecore.updating.known_findings import FINDINGS
-from service.nouns.updating.schemas import RecipeIn
+from service.nouns.updates.schemas import RecipeIn
 from service.pages.forms import FormField, fields_of, labelled, page_words
 from service.pages.look import FOLDER
 

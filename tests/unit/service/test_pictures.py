@@ -14,7 +14,7 @@ from fecore.updating.known_findings import FINDINGS
 from fecore.updating.result import finding, warnings
 from service.figures.measured import _by_axis
 from service.figures.modes import chains, joined, joined_as
-from service.nouns.updating.result_schemas import FindingOut
+from service.nouns.updates.result_schemas import FindingOut
 from service.pages.comparing import _told_apart, leaves
 from service.pages.findings import MOST, PLACES, bar, opening
 

@@ -9,7 +9,7 @@ from scipy.io import savemat, wavfile
 from fecore.errors import InputError
 from modalbase.formats.errors import FormatError
 from modalbase.formats.recognise import recognise
-from service.compute.recordings import Channels, channels_of
+from service.tasks.import_file.recordings import Channels, channels_of
 from tests.support.uff import axis, function
 from tests.unit.fecore.signal.test_recording import RATE, recording
 

@@ -20,12 +20,11 @@ from fecore.errors import InputError, UpdatingError
 from modalbase.client.errors import ClientError, Exit
 from modalbase.formats.records import TimeBlock
 from modalbase.objects.people import FORBIDDEN, People
-from service.monitoring.schemas import WatchedIn
 from service.nouns.campaigns.schemas import CampaignInputs
 from service.nouns.frfs.data import MeasuredFrfs
+from service.nouns.monitors.schemas import WatchedIn
 from service.nouns.records.operations import RecordIntake
-from service.nouns.updating.batches import _placed
-from service.nouns.updating.schemas import InputsIn
+from service.nouns.updates.schemas import InputsIn
 from service.platform.errors import Invalid, NotFound, UnsupportedMediaType
 from service.platform.queue.worker import _clear_if_dead, run_to_end
 from service.platform.settings import Settings
@@ -44,6 +43,7 @@ from service.reports.blocks import (
 )
 from service.reports.reporting import _letterhead
 from service.reports.update_report import MOST_MODES, UpdateFacts, update_report
+from service.tasks.update.batches import _placed
 
 
 def test_faults_of_a_batch_are_placed_in_its_job() -> None:

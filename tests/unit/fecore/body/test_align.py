@@ -10,7 +10,7 @@ from fecore.body.align import by_closest, by_pairs
 from fecore.body.structure import Structure
 from fecore.errors import InputError
 from service.nouns.structures.schemas import StructureIn
-from service.nouns.updating.bodies import nominal_body
+from service.nouns.updates.bodies import nominal_body
 from tests.support.places import shared_file
 from tests.support.profiles import ANGLE, points
 from tests.support.stored_solids import stated

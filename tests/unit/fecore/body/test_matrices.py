@@ -16,7 +16,7 @@ from fecore.body.structure import Structure
 from fecore.body.supports import Mass, Spring
 from fecore.errors import InputError
 from service.nouns.structures.schemas import StructureIn
-from service.nouns.updating.bodies import nominal_body
+from service.nouns.updates.bodies import nominal_body
 from tests.support.bodies import hz
 from tests.support.matrices import matrices_of_sets
 from tests.support.profiles import ANGLE

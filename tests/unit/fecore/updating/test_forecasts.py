@@ -12,7 +12,7 @@ from fecore.body.structure import Structure
 from fecore.correlation import auto_mac
 from fecore.updating.forecasts import CANDIDATES, ForecastOrder, ModelForecast, forecast
 from service.nouns.structures.schemas import StructureIn
-from service.nouns.updating.bodies import nominal_body
+from service.nouns.updates.bodies import nominal_body
 from tests.support.bodies import pencil
 from tests.support.direct import direct_frf
 from tests.support.profiles import ANGLE

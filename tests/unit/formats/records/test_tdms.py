@@ -9,7 +9,7 @@ import pytest
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records.tdms import Tdms, read_tdms_head
-from service.compute.recordings import Channels, channels_of
+from service.tasks.import_file.recordings import Channels, channels_of
 from tests.unit.fecore.signal.test_recording import RATE, recording
 
 nptdms = pytest.importorskip(

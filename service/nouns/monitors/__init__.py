@@ -1,0 +1,1 @@
+"""Monitors: what is watched of a structure, its series of runs, judgements, alarms."""

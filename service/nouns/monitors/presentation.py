@@ -1,0 +1,161 @@
+"""A series as clients see it: judged values beside the campaigns they come from, the runs, and the
+alarms as marks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+from uuid import UUID
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.nouns.campaigns.climate import CLIMATE
+from service.nouns.campaigns.operations import campaigns_of
+from service.nouns.monitors.judgements import last_judgement
+from service.nouns.monitors.runs import latest_runs, unit_of
+from service.nouns.monitors.schemas import AlarmEventOut, AlarmOut, RunOut
+from service.nouns.monitors.tables import (
+    Alarm,
+    AlarmEvent,
+    Monitor,
+    MonitorRun,
+    MonitorSeries,
+)
+from service.nouns.structures.operations import structure_of, structures_of
+from service.platform.access import User
+from service.platform.web import shown_as
+
+if TYPE_CHECKING:
+    from service.nouns.structures.operations import Structure
+
+
+def series_document(session: Session, monitor: Monitor, series: MonitorSeries) -> dict[str, Any]:
+    """What `GET /monitors/{id}/series` answers; nothing but JSON, so that figures are made of it
+    too.
+    """
+    judged = series.document or {"state": "no data", "notes": [], "parameters": []}
+    # one that failed says why the series stands as it stood before
+    last = last_judgement(session, series)
+    structure = structure_of(session, monitor.structure_id)
+    alarms = session.scalars(
+        select(Alarm).where(Alarm.monitor_id == monitor.id).order_by(Alarm.id)
+    ).all()
+    return {
+        "monitor_id": str(monitor.id),
+        "monitor_name": monitor.name,
+        "structure_id": str(structure.id),
+        "structure_name": structure.name,
+        "series": series.number,
+        **_members(series, "software", "reason", "assessed_at"),
+        "current": series.number == monitor.series,
+        "versions": _versions(session, monitor),
+        "state": judged["state"],
+        "judgement": None if last is None else {"status": last.state, "message": last.message},
+        "notes": judged["notes"],
+        "campaigns": _campaigns(session, series),
+        "parameters": [{**row, "unit": unit_of(row["name"])} for row in judged["parameters"]],
+        "alarms": [_mark(alarm) for alarm in alarms],
+    }
+
+
+def _versions(session: Session, monitor: Monitor) -> list[dict[str, Any]]:
+    rows = session.scalars(
+        select(MonitorSeries)
+        .where(MonitorSeries.monitor_id == monitor.id)
+        .order_by(MonitorSeries.number)
+    )
+    members = ("software", "reason", "created_at", "assessed_at")
+    return [{"series": row.number, **_members(row, *members)} for row in rows]
+
+
+def _members(row: object, *names: str) -> dict[str, Any]:
+    """Members of a row as JSON has them."""
+    members = {name: getattr(row, name) for name in names}
+    plain = {name: str(value) for name, value in members.items() if isinstance(value, UUID)}
+    return (
+        members
+        | plain
+        | {name: at.isoformat() for name, at in members.items() if isinstance(at, datetime)}
+    )
+
+
+def _campaigns(session: Session, series: MonitorSeries) -> list[dict[str, Any]]:
+    runs = latest_runs(session, series)
+    shown = []
+    for row in sorted(
+        campaigns_of(session, runs).values(),
+        key=lambda r: (r.performed_at is None, r.performed_at or r.created_at, r.id),
+    ):
+        run = runs[row.id]
+        of_run = _members(run, "revision", "state", "message", "update_job_id", "software")
+        of_campaign = _members(row, "name", "performed_at", *CLIMATE)
+        keys = {"campaign_id": str(row.id), "run_id": str(run.id)}
+        shown.append({**keys, **of_campaign, "deleted": row.deleted_at is not None, **of_run})
+    return shown
+
+
+def _mark(alarm: Alarm) -> dict[str, Any]:
+    """An alarm as a mark on a series."""
+    return {
+        "alarm_id": str(alarm.id),
+        **_members(alarm, "parameter", "campaign_id", "state", "note"),
+        "unit": unit_of(alarm.parameter),
+        "performed_at": alarm.details["performed_at"],
+        "value": alarm.details["value"],
+        "raised_at": alarm.created_at.isoformat(),
+    }
+
+
+def describe_runs(session: Session, rows: Sequence[MonitorRun]) -> list[RunOut]:
+    """Runs as clients see them."""
+    keys = {row.series_id for row in rows}
+    numbers: dict[UUID, int] = dict(
+        session.execute(
+            select(MonitorSeries.id, MonitorSeries.number).where(MonitorSeries.id.in_(keys))
+        ).all()
+    )
+    for row in rows:
+        session.refresh(row)
+    return [shown_as(RunOut, row, series=numbers[row.series_id]) for row in rows]
+
+
+def describe_alarms(session: Session, alarms: Sequence[Alarm]) -> list[AlarmOut]:
+    """Alarms with their history."""
+    ids = [alarm.id for alarm in alarms]
+    query = select(AlarmEvent, User.name).outerjoin(User, User.id == AlarmEvent.user_id)
+    history: dict[UUID, list[AlarmEventOut]] = {key: [] for key in ids}
+    for event, name in session.execute(
+        query.where(AlarmEvent.alarm_id.in_(ids)).order_by(AlarmEvent.id)
+    ):
+        shown = AlarmEventOut(at=event.created_at, event=event.event, by=name, note=event.note)
+        history[event.alarm_id].append(shown)
+    watching = select(Monitor).join(Alarm, Alarm.monitor_id == Monitor.id).where(Alarm.id.in_(ids))
+    monitors = {monitor.id: monitor for monitor in session.scalars(watching)}
+    structures = structures_of(session, [monitor.structure_id for monitor in monitors.values()])
+    return [
+        _described(alarm, monitors[alarm.monitor_id], structures, history[alarm.id])
+        for alarm in alarms
+    ]
+
+
+def _described(
+    alarm: Alarm,
+    monitor: Monitor,
+    structures: Mapping[UUID, Structure],
+    history: list[AlarmEventOut],
+) -> AlarmOut:
+    structure = structures[monitor.structure_id]
+    by = next((step.by for step in reversed(history) if step.event == "acknowledged"), None)
+    return shown_as(
+        AlarmOut,
+        alarm,
+        acknowledged_by=by,  # by name, where the row has the user's id
+        monitor_name=monitor.name,
+        structure_id=structure.id,
+        project_id=structure.project_id,
+        unit=unit_of(alarm.parameter),
+        history=history,
+    )

@@ -1,0 +1,1 @@
+"""Updates: recipes, the bodies that they update, results and their documents."""

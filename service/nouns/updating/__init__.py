@@ -1,1 +1,0 @@
-"""Update jobs: a recipe and a campaign in, updated parameters with their uncertainty out."""

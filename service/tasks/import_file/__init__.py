@@ -1,0 +1,1 @@
+"""Imports: an uploaded file is read into its campaign."""

@@ -1,0 +1,129 @@
+"""Imports: a file is kept as it came, a job reads it, and what it holds goes into its campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+from uuid import UUID
+
+from sqlalchemy.orm import Session
+
+from service.nouns.campaigns.operations import campaign_for
+from service.nouns.frfs.operations import quantities_of, writing_frfs
+from service.nouns.imports.operations import has_file, import_for, same_bytes
+from service.nouns.records.operations import RecordIntake
+from service.nouns.storage import book
+from service.nouns.storage.originals import keep_original, original_sizes, write_original
+from service.platform.access import User
+from service.platform.db.base import one_at_a_time
+from service.platform.errors import Conflict
+from service.platform.queue.kinds import REQUESTS
+from service.platform.queue.resource import JobNoun
+from service.tasks.import_file.compute import Kept, ReadingInputs, read_upload
+from service.tasks.import_file.intake import Intake
+from service.tasks.task import BareTask
+
+if TYPE_CHECKING:
+    from service.nouns.imports.operations import Import
+    from service.platform.web.uploads import Spooled
+
+
+def _load(session: Session, row: Import, workspace: Path) -> ReadingInputs:
+    """Put the original on the worker's disk."""
+    path = workspace / "original"
+    write_original(session, row.sha256, path)
+    stated = (row.quantity, row.filename, row.format, row.kind, row.mapping, row.dry_run)
+    return ReadingInputs(path, *stated)  # type: ignore[arg-type]  # the columns hold what the route let in
+
+
+def _store(session: Session, row: Import, items: Iterator[Kept]) -> None:
+    """Take in a file. A dry run goes the same way and writes the report alone.
+
+    Raises:
+        Conflict: a grid point of the file lies elsewhere than the campaign has it.
+        QuotaExceeded: the project has no room for what is in the file.
+        PayloadTooLarge: more is in the file than one import may bring.
+        Invalid: nothing at all of the file could be read.
+    """
+    # Imports into one campaign are stored one after the other, so that each sees the points of the
+    # one before.
+    one_at_a_time(session, str(row.campaign_id))
+    size = original_sizes(session, [row.sha256])[row.sha256]
+    with RecordIntake() as records:
+        intake = Intake(session, row, size, records)
+        with writing_frfs(session) as write_frf:
+            for item in items:
+                intake.take(item, write_frf)
+        intake.finish()
+
+
+IMPORTS = JobNoun("imports", import_for, _load, read_upload, _store)
+
+
+def start_import(
+    session: Session,
+    user: User,
+    campaign_id: UUID,
+    file: Spooled,
+    draft: Import,
+    *,
+    urgent: bool = False,
+) -> tuple[Import, bool]:
+    """Store the file and queue its reading, in one transaction.
+
+    The same bytes are not read into a campaign twice: the import that has them, or is about to, is
+    returned instead. Bytes that the campaign has as another quantity or kind are refused.
+
+    Args:
+        session: the request's transaction.
+        user: who asks; an editor of the project at least.
+        campaign_id: the campaign that takes the file.
+        file: where it lies, with its SHA-256.
+        draft: the row to be: what the client calls the file, and what to do with it.
+        urgent: a request waits for it: it has a queue of its own, and is read also where the
+            campaign has these bytes already.
+
+    Returns:
+        The import, and whether it is a new one.
+
+    Raises:
+        Conflict: the campaign has these bytes as another quantity or kind.
+        QuotaExceeded: the project has no room for the file.
+    """
+    campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
+    draft.campaign_id, draft.sha256 = campaign.id, file.sha256
+    if not draft.dry_run and (known := same_bytes(session, draft)) is not None:
+        _require_alike(session, known, draft)
+        if not urgent:
+            return known, False
+    if not has_file(session, campaign, file.sha256):
+        book(session, campaign_for, campaign, "files", file.size)
+    keep_original(session, file)
+    queue = REQUESTS if urgent else None
+    return IMPORTS.start(session, user, draft, queue=queue, sha256=file.sha256.hex()), True
+
+
+def _require_alike(session: Session, known: Import, draft: Import) -> None:
+    """Refuse bytes that an import has read as something else than is stated now.
+
+    Raises:
+        Conflict: it has; names both, and the import.
+    """
+    quantities = [known.quantity] if known.quantity else quantities_of(session, known.id)
+    for name, read in (("quantity", quantities), ("kind", [known.kind] if known.kind else [])):
+        stated = getattr(draft, name)
+        if stated is None or read == [stated]:
+            continue
+        state = (
+            f"has read it as {' and '.join(read)}"
+            if read
+            else f"reads it without a stated {name}, or found none"
+        )
+        raise Conflict(
+            f"{name} is {stated}, and import {known.id} ({known.filename}) {state}; where that is"
+            f" wrong, DELETE /imports/{known.id} first, then send the file again"
+        )
+
+
+TASK = BareTask(IMPORTS)

@@ -1,0 +1,1 @@
+"""Judgements: a monitor's series is judged, and its alarms follow."""
