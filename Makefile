@@ -10,7 +10,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Each process that starts would compile all of it anew, 0.7 s at a time: `__pycache__` is what that is for.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test unit integration acceptance check bench screens guide soak newest oldest lock clean
+.PHONY: demo test unit integration acceptance check bench screens guide test-long branches newest oldest lock clean
 
 demo: $(SERVER)
 	$(BIN)/modalbase demo
@@ -43,11 +43,13 @@ screens: $(READY)
 guide: $(SERVER)
 	$(BIN)/python -m tools.guide
 
-# Long runs that print counts; the tests have each in a short form.
-soak: $(READY)
+# The long tests and the soaks; the tests have each in a short form. `branches` lists what these alone reach.
+test-long: $(READY)
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m long
 	$(BIN)/python -m benchmarks soak
-	MODALBASE_TEST_LONG=1 $(BIN)/python -m pytest tests/acceptance/test_main_job.py tests/integration/test_every_operation.py \
-		tests/integration/test_few_frfs.py
+
+branches: $(READY)
+	$(BIN)/python -m tools.branches
 
 # The tests with the newest and with the lowest versions that pyproject.toml allows, in environments of their own.
 newest oldest:

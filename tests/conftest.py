@@ -33,7 +33,12 @@ from tests.support.places import shared_folder
 from tests.support.rest import client_of
 
 TEMPLATE = "test_template"
-pytest_plugins = ["tests.support.laboratory", "tests.support.wheel", "tests.support.working"]
+pytest_plugins = [
+    "tests.support.laboratory",
+    "tests.support.slowest",
+    "tests.support.wheel",
+    "tests.support.working",
+]
 
 
 @pytest.hookimpl(wrapper=True)

@@ -2,7 +2,6 @@
 finite element code.
 """
 
-import os
 import subprocess
 import sys
 
@@ -11,6 +10,7 @@ import pytest
 
 from service.app.supervisor import LocalService
 from tests.golden.inputs import open_campaign, open_file, truth_of
+from tests.support.lengths import long
 from tests.support.places import SHARED
 from tests.support.rest import finished, result_of
 from tests.support.waiting import PATIENCE
@@ -67,15 +67,15 @@ TYPED = ["--modes", "typed"]
 # One set with identified modes and one with typed ones: the test above and the golden documents
 # have the other sets.
 SHORT = [("free-1pct", []), ("paper-like", TYPED)]
-WHOLE = [(name, modes) for name in SETS for modes in ([], TYPED)]
+WHOLE = [long(name, modes) for name in SETS for modes in ([], TYPED) if (name, modes) not in SHORT]
 
 
-@pytest.mark.parametrize(("name", "modes"), WHOLE if "MODALBASE_TEST_LONG" in os.environ else SHORT)
+@pytest.mark.parametrize(("name", "modes"), [*SHORT, *WHOLE])
 def test_the_laboratorys_own_script_runs_unchanged(
     service: LocalService, name: str, modes: list[str]
 ) -> None:
     """UFF in, parameters out, the default recipe; with modes that the service identifies, and with
-    typed ones. `make soak` runs every set in both ways.
+    typed ones. The long runs have every set in both ways.
     """
     file = open_file(f"{name}.uff")
     if not LAB_SESSION.exists():

@@ -2,10 +2,9 @@
 junk.
 
 The operations are taken from the service's own document, so a new one is tested from its first day.
-`make soak` asks for longer.
+The long runs ask for longer.
 """
 
-import os
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -13,9 +12,8 @@ import pytest
 from service.app.supervisor import LocalService
 from tests.support import access, furnished
 from tests.support.fuzz import fuzz
+from tests.support.lengths import long
 from tests.support.rest import ASKED_FREELY
-
-LONG = "MODALBASE_TEST_LONG" in os.environ
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +30,10 @@ def asked(service: LocalService) -> Iterator[access.Round]:
         yield asked
 
 
-def test_nothing_leaks_and_every_operation_is_judged(asked: access.Round) -> None:
-    found = asked.run(long=LONG)
+@pytest.mark.parametrize("every_role", [False, long(True)])
+def test_nothing_leaks_and_every_operation_is_judged(asked: access.Round, every_role: bool) -> None:
+    """Asks each operation as each kind of caller, so that a new one is judged from its first day."""
+    found = asked.run(long=every_role)
     assert found.leaks == []
     assert min(found.calls.values()) > 0
     assert {200, 401, 403, 404} <= found.statuses.keys()
@@ -60,10 +60,11 @@ def test_a_wrong_judgement_and_a_missing_one_are_found(
     )
 
 
+@pytest.mark.parametrize("times", [1, long(10)])
 def test_no_request_that_the_document_allows_or_forbids_is_an_error_or_an_undocumented_answer(
-    service: LocalService,
+    service: LocalService, times: int
 ) -> None:
-    found = fuzz(service, rounds=10 if LONG else 1, examples=10 if LONG else 1)
+    found = fuzz(service, rounds=times, examples=times)
     assert found.faults == {}
     assert len(found.answered) > 30  # else nothing got anywhere
     assert {200, 201, 404, 422} <= found.statuses.keys()

@@ -2,8 +2,7 @@
 figure, and the report.
 """
 
-import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
 from uuid import uuid4
@@ -18,11 +17,11 @@ from modalbase.objects.laboratory import Laboratory
 from modalbase.objects.projects import Structure
 from service.app.demo import paper
 from service.app.supervisor import LocalService
+from tests.support.lengths import long
 from tests.support.rest import ok, plain_client
 
-LONG = "MODALBASE_TEST_LONG" in os.environ
-SIZES = tuple(product((1, 2, 3, 5, 12), (1, 2, 4, 8))) if LONG else ((1, 1),)
-FORMATS = ("plotly", "svg", "png", "pdf") if LONG else ("plotly",)
+FORMATS = ("plotly", "svg", "png", "pdf")
+SIZES = [long(*size, FORMATS) for size in product((1, 2, 3, 5, 12), (1, 2, 4, 8))]
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +47,14 @@ def whole(structure: Structure, tmp_path_factory: pytest.TempPathFactory) -> Cam
     return campaign
 
 
-@pytest.mark.parametrize(("count", "stride"), SIZES)
+@pytest.mark.parametrize(("count", "stride", "formats"), [(1, 1, ["plotly"]), *SIZES])
 def test_every_figure_and_the_report(
-    client: httpx.Client, structure: Structure, whole: Campaign, count: int, stride: int
+    client: httpx.Client,
+    structure: Structure,
+    whole: Campaign,
+    count: int,
+    stride: int,
+    formats: Sequence[str],
 ) -> None:
     """Of the first FRFs, every so many of their 1,000 lines; the report prints each figure."""
     frfs, rest = whole.frfs(), whole.lab.rest
@@ -65,7 +69,7 @@ def test_every_figure_and_the_report(
     path = f"/api/v1/update-jobs/{job.fields['id']}"
     names = [one["name"] for one in ok(client.get(f"{path}/figures"))["items"] if one["available"]]
     figures = [
-        *(f"figures/{name}?format={kind}" for name in names for kind in FORMATS),
+        *(f"figures/{name}?format={kind}" for name in names for kind in formats),
         "report",
         "report?format=pdf",
     ]
