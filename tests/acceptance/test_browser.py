@@ -16,6 +16,7 @@ import pytest
 
 from service.app.supervisor import LocalService
 from tests.support.browser import Watched, drawn, held, hindrances, watched_page
+from tests.support.lengths import long
 from tests.support.places import shared_file
 from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
@@ -111,9 +112,11 @@ def signed_in(seen: Watched, key: str, path: str) -> Page:
     return seen.page
 
 
+@pytest.mark.parametrize("every_page", [False, long(True)])
 def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
-    running: Browser, service: LocalService, measured: Path
+    running: Browser, service: LocalService, measured: Path, every_page: bool
 ) -> None:
+    """What a newcomer sees first: on a desk, and the pages on the way on a dark phone."""
     key = service.new_key("browser")
     with watched_page(running, service.url) as seen:
         page = seen.page
@@ -140,20 +143,21 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
         a_file_is_dropped(seen, f"/ui/campaigns/{campaign}")
         assert (seen.complaints, seen.strangers) == ([], [])
     job = urlsplit(result).path
+    by_themselves = [
+        "/ui/",
+        "/ui/update-jobs",
+        "/ui/keys",
+        "/ui/monitors",
+        "/ui/search?noun=results",
+    ]
     around = [*links, f"{links[-1]}/update", f"/ui/compare?job={job.rsplit('/', 1)[1]}", *others]
+    further = [*by_themselves, *around] if every_page else [links[-1]]
     with watched_page(running, service.url, width=390, height=844, dark=True) as seen:
         signed_in(seen, key, job)
-        look_at_every_part(seen)
+        if every_page:
+            look_at_every_part(seen)
         assert hindrances(seen.page) == []
-        for path in (
-            "/ui/",
-            "/ui/new",
-            "/ui/update-jobs",
-            "/ui/keys",
-            "/ui/monitors",
-            "/ui/search?noun=results",
-            *around,
-        ):
+        for path in ("/ui/new", *further):
             seen.visit(path)
             assert hindrances(seen.page) == [], path
             assert overflow(seen) == 0, path

@@ -119,6 +119,7 @@ def free_port() -> int:
         return int(free.getsockname()[1])
 
 
+@pytest.mark.long
 def test_the_compose_file_s_services_do_the_main_job(deployment: Deployment) -> None:
     """Migrate, API, two workers, proxy; the worker that runs the update is killed, and the other
     one ends the job.

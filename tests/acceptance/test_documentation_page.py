@@ -105,6 +105,7 @@ def test_a_stranger_runs_the_main_job_from_the_documentation_page(stranger: Stra
     assert wrong.status_code == 422
 
 
+@pytest.mark.long
 def test_every_other_proposal_works_too(
     stranger: Stranger, new_client: Callable[[], httpx.Client]
 ) -> None:

@@ -8,6 +8,7 @@ import json
 from typing import TYPE_CHECKING, Any
 
 import httpx
+import pytest
 
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import MOST_CLICKS, overflow, signed_in
@@ -224,6 +225,7 @@ def corrected(page: Page, path: str) -> None:
     saved(page, "Save what was changed")
 
 
+@pytest.mark.long
 def test_campaigns_are_updated_together_and_the_next_one_planned(
     running: Browser, service: LocalService
 ) -> None:

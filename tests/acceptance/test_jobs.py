@@ -121,6 +121,7 @@ def results(api: httpx.Client, jobs: list[dict[str, Any]]) -> list[dict[str, Any
 # ----------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_kills_of_every_process_lose_nothing_and_are_no_internal_error() -> None:
     tally = kills.soak(kills=4, workers=1)
     assert tally.killed == {"worker": 1, "fork server": 1, "API": 1, "PostgreSQL": 1}
@@ -201,6 +202,7 @@ def test_a_purge_ends_the_jobs_of_what_it_removes() -> None:
 EVERY_KIND = {kind.name for kind in KINDS}
 
 
+@pytest.mark.long
 def test_jobs_of_every_kind_run_to_their_end_in_a_restored_service() -> None:
     tally = backups.soak()
     assert tally.lost == []

@@ -19,6 +19,7 @@ from tests.acceptance.test_browser import overflow, signed_in
 from tests.acceptance.test_forms import fill
 from tests.golden.inputs import new_campaign
 from tests.support.browser import held, hindrances, note_on_leaving, noted_on_leaving, watched_page
+from tests.support.lengths import long
 from tests.support.rest import client_at, finished, ok
 from tests.support.uff import axis, set_58
 from tests.support.waiting import until
@@ -232,7 +233,7 @@ def test_of_other_formats_the_same_recording_is_proposed(
     assert all(mapping["sample_rate_hz"] for mapping in looked)
 
 
-@pytest.mark.parametrize("form", ["npz", "uff"])
+@pytest.mark.parametrize("form", ["npz", long("uff")])
 def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
     running: Browser, service: LocalService, form: str
 ) -> None:

@@ -13,6 +13,7 @@ import pytest
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import overflow, signed_in
 from tests.support.browser import Watched, drawn, held, hindrances, watched_page
+from tests.support.lengths import long
 from tests.support.profiles import deck, points
 from tests.support.rest import client_at, finished, ok, posted
 from tests.support.waiting import until
@@ -95,7 +96,7 @@ def opened(seen: Watched, path: str) -> Page:
     return seen.page
 
 
-@pytest.mark.parametrize(("width", "height", "dark"), [(1400, 900, False), (390, 844, True)])
+@pytest.mark.parametrize(("width", "height", "dark"), [(1400, 900, False), long(390, 844, True)])
 def test_a_structure_is_turned_zoomed_and_its_points_chosen(
     running: Browser,
     service: LocalService,
