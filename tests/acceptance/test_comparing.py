@@ -7,12 +7,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import httpx
+import pytest
 
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import overflow, signed_in
 from tests.acceptance.test_correcting import saved
 from tests.support.browser import drawn, hindrances, watched_page
 from tests.support.laboratory import BEAM
+from tests.support.lengths import long
 from tests.support.places import shared_file
 from tests.support.rest import client_at, finished, ok, posted
 
@@ -37,7 +39,11 @@ def measured(api: httpx.Client, structure: str, **stated: object) -> str:
     return campaign
 
 
-def test_poles_and_campaigns_are_judged_by_eye(running: Browser, service: LocalService) -> None:
+@pytest.mark.parametrize("on_a_phone", [False, long(True)])
+def test_poles_and_campaigns_are_judged_by_eye(
+    running: Browser, service: LocalService, on_a_phone: bool
+) -> None:
+    """A pole of the diagram is dropped by a click, sets and tests are compared by MAC."""
     key = service.new_key("judge")
     with client_at(service.url, key) as api:
         project = posted(api, "projects", {"name": "judged"})["id"]
@@ -54,6 +60,8 @@ def test_poles_and_campaigns_are_judged_by_eye(running: Browser, service: LocalS
             sets_are_compared(page, less["name"], pairs)
             address = campaigns_are_compared(page, structure)
             assert (seen.complaints, seen.strangers) == ([], [])
+    if not on_a_phone:
+        return
     with watched_page(running, service.url, width=390, height=844, dark=True) as seen:
         signed_in(seen, key, "/ui/")
         seen.visit(address)

@@ -12,6 +12,7 @@ from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import more_pages, overflow, signed_in
 from tests.integration.test_coupons import CURVE, machine_file
 from tests.support.browser import held, hindrances, watched_page
+from tests.support.lengths import long
 from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
 
@@ -28,9 +29,11 @@ def saved(page: Page, button: str) -> None:
         page.click(f"button:has-text('{button}')")
 
 
+@pytest.mark.parametrize("on_a_phone", [False, long(True)])
 def test_what_was_typed_is_corrected_deleted_and_restored(
-    running: Browser, service: LocalService
+    running: Browser, service: LocalService, on_a_phone: bool
 ) -> None:
+    """Each form of corrections once, from the page that it stands on."""
     key = service.new_key("corrector")
     service.new_key("colleague")
     with client_at(service.url, key) as api:
@@ -103,6 +106,8 @@ def test_what_was_typed_is_corrected_deleted_and_restored(
             saved(page, "Exclude A1")
             assert "no: slipped in the grip" in page.inner_text("main")
             assert (seen.complaints, seen.strangers) == ([], [])
+    if not on_a_phone:
+        return
     with watched_page(running, service.url, width=390, height=844, dark=True) as seen:
         signed_in(seen, key, f"/ui/edit/projects/{project}")
         for noun, item in (
