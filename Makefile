@@ -22,7 +22,10 @@ test: $(READY)
 # A tier of the tests alone: unit needs neither database nor process, integration has PostgreSQL and workers,
 # acceptance is at the level a user stands.
 unit integration acceptance: $(READY)
-	$(BIN)/python -m pytest -n 3 --dist worksteal tests/$@
+	$(BIN)/python -m pytest -n $(or $(WORKERS_$@),3) --dist worksteal tests/$@
+
+# These wait for nothing.
+WORKERS_unit := 2
 
 check: $(READY)
 	$(BIN)/ruff check .

@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -29,8 +29,9 @@ MOST_BY_PLACE = 6
 PACKAGES = ("fecore", "modalbase", "service")
 
 
-def parsed(package: str) -> Iterator[tuple[Path, ast.Module]]:
-    return ((path, ast.parse(path.read_text())) for path in sorted((ROOT / package).rglob("*.py")))
+@cache
+def parsed(package: str) -> list[tuple[Path, ast.Module]]:
+    return [(path, ast.parse(path.read_text())) for path in sorted((ROOT / package).rglob("*.py"))]
 
 
 def test_many_arguments_go_by_name() -> None:
@@ -144,44 +145,51 @@ def test_the_exported_members_are_these(package: ModuleType, names: str) -> None
     assert fecore.__version__ == modalbase.__version__
 
 
-def test_an_import_brings_no_more_than_it_needs() -> None:
-    """One after the other, as each brings what the ones before it did."""
-    without = {
-        "numpy": "modalbase, modalbase.client.connection, modalbase.objects.laboratory", "fecore": "modalbase.formats",
-        "scipy": "fecore",
-    }  # fmt: skip
-    code = "".join(
-        f"import {packages}; print({heavy!r} in sys.modules)\n"
-        for heavy, packages in without.items()
+HEAVY = ("numpy", "scipy", "httpx", "sqlalchemy", "psycopg", "fastapi", "pydantic", "fecore")
+SCIPY = tuple(f"scipy.{part}" for part in ("linalg", "optimize", "sparse", "special", "stats"))
+HELP = f"""
+import os
+if child := os.fork():  # which alone loads what help needs
+    assert os.waitpid(child, 0)[1] == 0
+else:
+    from click.testing import CliRunner; from typer.main import get_command
+    from service.app.cli.command import app
+    root = get_command(app)
+    for names in ([], *([name] for name in root.commands)):
+        assert CliRunner().invoke(root, [*names, "--help"]).exit_code == 0, names
+    assert not (found := set({HEAVY}) & set(sys.modules)), found
+    os._exit(0)
+"""
+LIGHT: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("import modalbase.commands.app", HEAVY),
+    (HELP, HEAVY),
+    ("import modalbase, modalbase.client.connection, modalbase.objects.laboratory", ("numpy",)),
+    ("import modalbase.formats", ("fecore",)),
+    ("import fecore", ("scipy",)),
+    (
+        "import service.platform.queue.worker, service.tasks.kinds, service.monitoring.scheduler",
+        ("fastapi", "starlette"),
+    ),
+    (
+        "import service.app.application",
+        (*SCIPY, "alembic", "emcee", "h5py", "markdown_it", "matplotlib"),
+    ),
+)
+
+
+def test_a_start_loads_no_more_than_it_needs() -> None:
+    """Help, the library, a worker and the service, one after the other in one process, as each
+    brings what the ones before it did: what is heavy takes a good part of a second in each that
+    starts.
+    """
+    script = "import sys\n" + "".join(
+        f"{start}\nassert not (found := set({without}) & set(sys.modules)), ({start!r}, found)\n"
+        for start, without in LIGHT
     )
     done = subprocess.run(
-        [sys.executable, "-c", f"import sys\n{code}"], capture_output=True, text=True, check=True
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
     )
-    assert done.stdout.split() == ["False"] * len(without)
-
-
-HEAVY = {"numpy", "scipy", "httpx", "sqlalchemy", "psycopg", "fastapi", "pydantic", "fecore"}
-
-
-def test_help_loads_neither_numbers_nor_the_service() -> None:
-    """Of the command, as a person calls it, and of every command below it in one process."""
-    words = [sys.executable, "-X", "importtime", "-m", "modalbase", "--help"]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
-    loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
-    assert "modalbase.commands.app" in loaded
-    assert not loaded & HEAVY
-    script = (
-        "import sys; from click.testing import CliRunner; from typer.main import get_command\n"
-        "from service.app.cli.command import app\n"
-        "root = get_command(app)\n"
-        "for name in root.commands:\n"
-        "    assert CliRunner().invoke(root, [name, '--help']).exit_code == 0, name\n"
-        "print(*sys.modules)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    assert not set(done.stdout.split()) & HEAVY
+    assert done.returncode == 0, done.stderr
 
 
 def test_commands_ask_objects_and_not_the_connection_beneath_them() -> None:
@@ -341,31 +349,6 @@ def test_contracts_catch_each_fault(copy: Path) -> None:
         edge = f"{file.removesuffix('.py').replace('/', '.')} -> {imported}"
         (broken,) = (text for name, text in found.items() if name.startswith(contract))
         assert f"{edge} (l." in " ".join(broken.split()), (edge, broken)  # lines are wrapped
-
-
-def test_the_service_starts_without_what_only_some_jobs_need() -> None:
-    """Each takes a good part of a second to import, in every process that starts."""
-    parts = ("linalg", "optimize", "sparse", "special", "stats")
-    heavy = (
-        *(f"scipy.{part}" for part in parts),
-        "alembic",
-        "emcee",
-        "h5py",
-        "markdown_it",
-        "matplotlib",
-    )
-    worker, web = (
-        "service.platform.queue.worker, service.tasks.kinds, service.monitoring.scheduler",
-        ("fastapi", "starlette"),
-    )
-    script = (
-        f"import sys, {worker}; print([m for m in {web} if m in sys.modules])\n"
-        f"import service.app.application; print([m for m in {heavy} if m in sys.modules])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    assert done.stdout.split() == ["[]", "[]"]
 
 
 def test_a_package_names_its_modules_in_the_order_of_the_data() -> None:

@@ -5,7 +5,9 @@ somewhere, and stands in the guide.
 import ast
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
 from string import Formatter
 
 import pytest
@@ -30,10 +32,11 @@ REMARKS = {
 ROWS: dict[str, Row] = {**FINDINGS, **REMARKS}
 MAKERS = ("finding", "of_mode", "reason")
 READERS = ROOT / "modalbase/formats/models"
-SOURCES, OF_READERS = (
-    {path: ast.parse(path.read_text()) for path in sorted(folder.rglob("*.py"))}
-    for folder in (ROOT / "fecore", READERS)
-)
+
+
+@cache
+def sources(folder: Path = ROOT / "fecore") -> dict[Path, ast.Module]:
+    return {path: ast.parse(path.read_text()) for path in sorted(folder.rglob("*.py"))}
 
 
 def named(*templates: str) -> set[str]:
@@ -48,11 +51,14 @@ def strings(module: ast.Module) -> Iterator[str]:
             yield part.value
 
 
-def calls(trees: Iterable[ast.Module] = SOURCES.values()) -> Iterator[ast.Call]:
-    for tree in trees:
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Call):
-                yield node
+@cache
+def calls(folder: Path = ROOT / "fecore") -> list[tuple[Path, ast.Call]]:
+    return [
+        (path, node)
+        for path, tree in sources(folder).items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+    ]
 
 
 def called(call: ast.Call) -> str:
@@ -68,20 +74,19 @@ def test_an_id_is_of_one_row() -> None:
 
 def test_findings_are_made_of_rows_alone() -> None:
     """Only `fecore.findings` makes them, and `make` is given a table: no text stands elsewhere."""
-    for path, tree in SOURCES.items():
-        made = {called(node) for node in ast.walk(tree) if isinstance(node, ast.Call)}
-        if path != ROOT / "fecore/findings.py":
-            assert "Finding" not in made, path
-        if path != ROOT / "fecore/signal/reasons.py":
-            assert "HitFinding" not in made, path
-    for call in calls():
+    makers = {
+        "Finding": ROOT / "fecore/findings.py",
+        "HitFinding": ROOT / "fecore/signal/reasons.py",
+    }
+    for path, call in calls():
+        assert makers.get(called(call), path) == path, path
         if isinstance(call.func, ast.Name) and call.func.id == "make":
             assert ast.unparse(call.args[0]) == "REMARKS", ast.unparse(call)
 
 
 def test_each_row_is_used_with_the_values_that_it_names() -> None:
-    used = {text for tree in SOURCES.values() for text in strings(tree)}
-    for call in calls():
+    used = {text for tree in sources().values() for text in strings(tree)}
+    for _, call in calls():
         at = {"make": 1}.get(called(call), 0)
         if called(call) not in (*MAKERS, "make") or len(call.args) <= at:
             continue
@@ -125,12 +130,11 @@ def test_the_guide_lists_each_finding() -> None:
 
 def test_what_a_reader_of_models_loses_comes_from_rows() -> None:
     used = set()
-    for path, tree in OF_READERS.items():
+    for path, tree in sources(READERS).items():
         used |= set(strings(tree)) if path.name != "losses.py" else set()
-        made = {called(node) for node in ast.walk(tree) if isinstance(node, ast.Call)}
-        assert path == READERS / "model.py" or "SkippedCard" not in made, path
     assert LOSSES.keys() <= used, LOSSES.keys() - used
-    for call in calls(OF_READERS.values()):
+    for path, call in calls(READERS):
+        assert path == READERS / "model.py" or called(call) != "SkippedCard", path
         first = {"skipped_card": 0, "note": 1}.get(called(call), 1 if of_notes(call) else None)
         if first is None or not isinstance(kind := call.args[first], ast.Constant):
             continue

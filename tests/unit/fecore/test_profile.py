@@ -21,6 +21,7 @@ from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.pipeline import update
 from fecore.updating.result import UpdateResult
 from tests.support.bodies import modes, pencil
+from tests.support.lengths import long
 
 E, RHO, L, B, T = 70e9, 2700.0, 0.5, 0.01, 0.002
 NARROW = Specimen(
@@ -176,7 +177,7 @@ def updated_in_zones(damaged: tuple[float, float], factor: float) -> UpdateResul
     return update(Measurement(None, points, measured, 0.0, Inputs.exact()), body, recipe)
 
 
-@pytest.mark.parametrize("damaged", [(0.26, 0.30), (0.40, 0.46)])
+@pytest.mark.parametrize("damaged", [(0.26, 0.30), long((0.40, 0.46))])
 def test_damage_that_no_line_fits_is_in_its_own_zones_alone(damaged) -> None:
     """Within a zone, or across a line: a zone's factor is its mean, 1/s = ∫ dx/s(x)/L, and the
     finding says where.
@@ -203,7 +204,9 @@ def test_damage_that_no_line_fits_is_in_its_own_zones_alone(damaged) -> None:
     assert least <= 1e3 * (damaged[1] - damaged[0]) <= most
 
 
+@pytest.mark.long
 def test_no_zone_has_changed_where_nothing_is_damaged() -> None:
+    """In short the zones beside the damaged one say so above."""
     result = updated_in_zones((LINES[2], LINES[3]), 1.0)
     found = {p.name: p for p in result.parameters}
     assert all(abs(found[f"zone_{k}"].estimate - 1) < 0.002 for k in range(1, 7))

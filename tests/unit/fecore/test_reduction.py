@@ -36,8 +36,8 @@ def test_frequencies_over_a_box_of_half_and_its_corners(boundary, names) -> None
     reduced = forward_model(specimen, 9, *names, points={1: (0.4, 0.01)}).basis
     rng = np.random.default_rng(5)
     checked = 0
-    for draw in range(40):
-        away = rng.choice([-1, 1], len(names)) if draw < 8 else rng.uniform(-1, 1, len(names))
+    for draw in range(20):
+        away = rng.choice([-1, 1], len(names)) if draw < 4 else rng.uniform(-1, 1, len(names))
         theta = parametrisation.prior_mean * (1 + 0.5 * away)
         if not parametrisation.is_physical(theta):
             continue
@@ -54,7 +54,7 @@ def test_frequencies_over_a_box_of_half_and_its_corners(boundary, names) -> None
         )
         np.testing.assert_array_equal(after.eigenvalue[: full.rigid], 0)
         checked += 1
-    assert checked > 20
+    assert checked > 10
     assert reduced.full_solves < checked  # what was learnt serves later draws
 
 

@@ -24,6 +24,7 @@ from service.platform.db.engine import DatabaseUrlError, sqlalchemy_url
 from service.platform.errors import MOST_FAULTS, Damaged, Invalid
 from service.platform.queue.child import CHECKPOINT_BYTES, _Reporter
 from service.platform.settings import Settings, SettingsFileError
+from tests.support.lengths import long
 
 NOON = datetime(2026, 3, 2, 12, tzinfo=UTC)
 
@@ -170,7 +171,7 @@ ATTACHED = "import runpy; runpy.run_module('service.app.attached', run_name='__m
     ("signal", "code", "library", "start", "command"),
     [
         ("SIGTERM", 0, "fastapi", ATTACHED, ["serve", "0"]),
-        ("SIGTERM", 0, "service.platform.queue.worker", ATTACHED, ["worker", "0"]),
+        long("SIGTERM", 0, "service.platform.queue.worker", ATTACHED, ["worker", "0"]),
         ("SIGTERM", 0, "service.app.supervisor", COMMAND, ["up"]),
         ("SIGINT", 130, "service.app.supervisor", COMMAND, ["up"]),
     ],

@@ -17,6 +17,7 @@ from fecore.body.mesh import CellBlock, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from tests.support.bodies import hz, pencil
+from tests.support.lengths import long
 from tests.support.shells import grid
 
 GFRP = OrthotropicMaterial(25e9, 9e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
@@ -30,7 +31,10 @@ def around(*degrees: float) -> np.ndarray:
 
 
 def two_walls(
-    degrees: float, t: tuple[float, float] = (0.006, 0.004), names: tuple[str, str] = ("a", "b")
+    degrees: float,
+    t: tuple[float, float] = (0.006, 0.004),
+    names: tuple[str, str] = ("a", "b"),
+    length: float = 0.2,
 ) -> Structure:
     """Walls of 50 mm, of which the second turns by an angle."""
     turn = np.radians(degrees)
@@ -39,7 +43,7 @@ def two_walls(
         Segment(names[1], (0.0, 0.0), (0.05 * np.cos(turn), 0.05 * np.sin(turn))),
     ]
     sections = {name: ShellSection((Ply(GFRP, own),)) for name, own in zip(names, t, strict=True)}
-    return Structure(extrude(segments, 0.2, 0.025), sections)
+    return Structure(extrude(segments, length, 0.025), sections)
 
 
 @pytest.mark.parametrize(
@@ -51,9 +55,9 @@ def test_matrices_have_no_jump_at_any_angle(t: tuple[float, float], names: tuple
     """
     degrees = np.arange(0, 92, 2.0)
     motion, added = np.random.default_rng(3), []
-    shape = motion.standard_normal(two_walls(45.0, t, names).model.stiffness.size)
+    shape = motion.standard_normal(two_walls(45.0, t, names, 0.05).model.stiffness.size)
     for angle in degrees:
-        on = two_walls(float(angle), t, names)
+        on = two_walls(float(angle), t, names, 0.05)
         with_joints, without = (pencil(each) for each in (on, replace(on, with_joints=False)))
         added.append(
             [
@@ -137,13 +141,17 @@ def tube(facets: int) -> Structure:
     return Structure(extrude(walls, 0.1, 0.05), {"tube": ShellSection((Ply(GFRP, 0.002),))})
 
 
-def test_facets_of_a_tube_converge_to_one_set_of_frequencies() -> None:
-    found = np.array([hz(tube(facets), 6) for facets in (8, 16, 32, 64)])
+@pytest.mark.parametrize("most", [32, long(64)])
+def test_facets_of_a_tube_converge_to_one_set_of_frequencies(most: int) -> None:
+    counts = [facets for facets in (8, 16, 32, 64) if facets <= most]
+    found = np.array([hz(tube(facets), 6) for facets in counts])
     steps = np.diff(found, axis=0)
     assert (steps < 0).all()
     # The turns go with the square of their number, as an inscribed polygon's length does.
     assert (np.abs(steps[1:]) < 0.35 * np.abs(steps[:-1])).all()
-    assert (np.abs(found[-1] / found[-2] - 1) < 4e-3).all()  # what is left is a third of this
+    assert (
+        np.abs(found[-1] / found[-2] - 1) < 4e-3 * (64 / most) ** 2
+    ).all()  # what is left is a third of this
 
 
 def dome(n: int, kind: str) -> Structure:
@@ -162,7 +170,7 @@ def dome(n: int, kind: str) -> Structure:
 def test_coefficients_of_a_curve_are_as_many_as_its_angles_at_most_however_fine_its_mesh(
     kind: str,
 ) -> None:
-    models = [dome(n, kind).model for n in (5, 10, 20)]
+    models = [dome(n, kind).model for n in (5, 12)]
     # a junction beam's by E, G and Gt, and of what is given up EA, ES and EI; a junction beam's mass along three axes
     of_set = 3 + 3 + 3
     for model in models:

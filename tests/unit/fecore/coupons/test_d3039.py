@@ -23,6 +23,7 @@ from fecore.coupons.batch import (
 from fecore.coupons.curves import Curve, jump, restarts, split_runs
 from fecore.coupons.d3039 import transition_strain
 from fecore.errors import InputError
+from tests.support.lengths import long
 
 WIDTH = (25.02e-3, 25.00e-3, 24.98e-3)
 THICKNESS = (2.01e-3, 2.00e-3, 1.99e-3)
@@ -324,11 +325,14 @@ def _is_taken(code: str) -> bool:
     return True
 
 
+@pytest.mark.parametrize("count", [500, long(2500)])
 @pytest.mark.parametrize("n", sorted(OUTLIER_LIMIT))
-def test_one_of_twenty_sound_batches_has_an_outlier(n: int) -> None:
-    batches = np.random.default_rng(n).standard_normal((2500, n))
+def test_one_of_twenty_sound_batches_has_an_outlier(n: int, count: int) -> None:
+    batches = np.random.default_rng(n).standard_normal((count, n))
     share = np.mean([bool(outliers(row)) for row in batches])
-    assert share == pytest.approx(0.05, abs=4 * np.sqrt(0.05 * 0.95 / 2500))  # four standard errors
+    assert share == pytest.approx(
+        0.05, abs=4 * np.sqrt(0.05 * 0.95 / count)
+    )  # four standard errors
 
 
 def test_an_outlier_is_named_with_its_value_also_beside_a_second_one() -> None:

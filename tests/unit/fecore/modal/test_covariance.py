@@ -16,6 +16,7 @@ from fecore.modal.linear import mean_weight, orthonormal
 from fecore.modal.local_pair import Modes, Site
 from fecore.modal.refinement import Fit, evaluate, moved, spectrum
 from fecore.normal import Z_95
+from tests.support.lengths import long
 
 HZ, ZETA, FRFS = np.array([101.3, 160.7]), np.array([0.01, 0.02]), 12
 
@@ -365,7 +366,7 @@ def test_an_error_that_all_frfs_share_is_counted_whole(size: float) -> None:
     np.testing.assert_allclose(added, np.tile((4 * shared * ZETA) ** 2, 2), rtol=1e-6, atol=1e-20)
 
 
-@pytest.mark.parametrize("first", [0.2, 0.5, 1.0])
+@pytest.mark.parametrize("first", [0.2, long(0.5), 1.0])
 @pytest.mark.parametrize("noise", [1e-4, 5e-3])
 def test_an_interval_allows_for_a_frequency_that_falls_with_the_amplitude(
     first: float, noise: float

@@ -25,6 +25,7 @@ from tests.support.beams import (
     read_uff,
     receptance,
 )
+from tests.support.lengths import long
 from tests.support.places import shared_file
 
 BENDING_HZ = (51.5, 142.2, 278.7, 460.4, 687.2, 958.5)  # of the free beam that somebody measured
@@ -214,7 +215,7 @@ def test_a_limit_on_the_modes_that_stopped_the_search_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("a0", "a1", "highest_hz", "noise"), [(30.0, 1e-5, 1000, 0.0), (60.0, 2e-5, 1600, 1e-4)]
+    ("a0", "a1", "highest_hz", "noise"), [(30.0, 1e-5, 1000, 0.0), long(60.0, 2e-5, 1600, 1e-4)]
 )
 def test_nearly_no_noise_is_no_harm(
     a0: float, a1: float, highest_hz: int, noise: float, monkeypatch
@@ -245,7 +246,7 @@ def test_nearly_no_noise_is_no_harm(
 
 @pytest.mark.parametrize(
     ("name", "damping"),
-    [("paper-like", 0.02), ("free-1pct", 0.02), ("cantilever-5pct-sensor-mass", 0.05)],
+    [("paper-like", 0.02), long("free-1pct", 0.02), ("cantilever-5pct-sensor-mass", 0.05)],
 )
 def test_independent_data(name: str, damping: float) -> None:
     path = shared_file("BLIND_OPEN", "blind-open", f"{name}.uff")

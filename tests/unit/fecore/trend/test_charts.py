@@ -94,9 +94,9 @@ def test_shewhart_runs_are_geometric() -> None:
 def test_combined_charts_and_pending_periods_against_simulation(chart: Chart, pending: int) -> None:
     limits = Limits(control_limits(chart, 0.2, 24).chart, 2.2)
     rng = np.random.default_rng(pending)
-    called = sum(is_called(chart, limits, z, pending) for z in rng.standard_normal((4000, 24)))
+    called = sum(is_called(chart, limits, z, pending) for z in rng.standard_normal((1000, 24)))
     p = alarm_probability(chart, limits, 24, pending)
-    assert called / 4000 == pytest.approx(p, abs=3.5 * np.sqrt(p * (1 - p) / 4000) + 0.005 * p)
+    assert called / 1000 == pytest.approx(p, abs=3.5 * np.sqrt(p * (1 - p) / 1000) + 0.005 * p)
 
 
 @pytest.mark.parametrize("n", [6, 15])
@@ -104,14 +104,14 @@ def test_combined_charts_and_pending_periods_against_simulation(chart: Chart, pe
 def test_limits_hold_for_a_short_baseline(chart: Chart, n: int) -> None:
     # scores against a mean and a standard deviation of n campaigns, as a monitor has them
     rng = np.random.default_rng(n)
-    y = rng.standard_normal((4000, n + 24))
+    y = rng.standard_normal((1000, n + 24))
     base, later = y[:, :n], y[:, n:]
     t = (later - base.mean(axis=1)[:, None]) / (
         base.std(axis=1, ddof=1)[:, None] * np.sqrt(1 + 1 / n)
     )
     limits = control_limits(chart, 0.2, 24, 1, 1 / n, float(n - 1))
     called = sum(is_called(chart, limits, z, 1) for z in normal_score(t, n - 1))
-    assert called / 4000 == pytest.approx(0.2, abs=3.5 * np.sqrt(0.2 * 0.8 / 4000) + 0.005)
+    assert called / 1000 == pytest.approx(0.2, abs=3.5 * np.sqrt(0.2 * 0.8 / 1000) + 0.005)
 
 
 def is_called(chart: Chart, limits: Limits, scores: np.ndarray, pending: int) -> bool:

@@ -43,7 +43,7 @@ def moves_together(made: dict[str, Series]) -> bool:
 
 
 def test_humidity_that_was_not_recorded_is_said_at_the_baseline() -> None:
-    made = [baseline(seed, humidity=3) for seed in range(40)]
+    made = [baseline(seed, humidity=3) for seed in range(20)]
     assert np.mean([moves_together(one) for one in made]) >= 0.8
     (example,) = assess(next(one for one in made if moves_together(one)), WATCH).notes
     assert "that temperature_c does not explain" in example
@@ -57,10 +57,10 @@ def test_own_scatter_or_shared_noise_is_called_no_oftener_than_stated(
     false = np.mean(
         [
             moves_together(baseline(seed, noise_correlation=correlation, scatter=scatter))
-            for seed in range(100)
+            for seed in range(50)
         ]
     )
-    assert false <= FALSE_ALARMS + 2 * np.sqrt(FALSE_ALARMS * (1 - FALSE_ALARMS) / 100)
+    assert false <= FALSE_ALARMS + 2 * np.sqrt(FALSE_ALARMS * (1 - FALSE_ALARMS) / 50)
 
 
 def test_one_watched_parameter_has_nothing_to_move_with() -> None:

@@ -27,6 +27,7 @@ from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
+from tests.support.lengths import long
 from tests.support.strips import NOMINAL, STRIP, TRUTH
 
 MODES, BASELINE, AFTER = 8, 12, 3
@@ -135,30 +136,37 @@ def ranked(
     )
 
 
-def test_a_sensor_that_nobody_stated_is_called_a_mass() -> None:
+SEEDS = pytest.mark.parametrize("seeds", [5, long(10)])
+"""One of them may be judged wrongly."""
+
+
+@SEEDS
+def test_a_sensor_that_nobody_stated_is_called_a_mass(seeds: int) -> None:
     """5 g on a strip of 71 g; to first order it seems lighter than it is."""
-    found = [ranked(seed, mass=0.005) for seed in range(10)]
+    found = [ranked(seed, mass=0.005) for seed in range(seeds)]
     right = [each[0] for each in found if each[0].kind == "mass"]
-    assert len(right) >= 9
+    assert len(right) >= seeds - 1
     assert 0.003 < np.median([size for each in right for size, _ in each.sizes.values()]) < 0.0055
 
 
-def test_a_loss_of_stiffness_is_called_stiffness() -> None:
-    found = [ranked(seed, {"Ex": -0.01}) for seed in range(10)]
+@SEEDS
+def test_a_loss_of_stiffness_is_called_stiffness(seeds: int) -> None:
+    found = [ranked(seed, {"Ex": -0.01}) for seed in range(seeds)]
     right = [each[0] for each in found if each[0].kind == "stiffness"]
-    assert len(right) >= 9
+    assert len(right) >= seeds - 1
     assert np.mean([list(each.sizes) == ["Ex"] for each in right]) >= 0.9
     assert np.mean([each.sizes["Ex"][0] for each in right if "Ex" in each.sizes]) == pytest.approx(
         -0.01, rel=0.1
     )
 
 
-def test_a_loss_of_several_moduli_is_more_than_humidity_does() -> None:
+@SEEDS
+def test_a_loss_of_several_moduli_is_more_than_humidity_does(seeds: int) -> None:
     """A strip's modes see Ex and Gxy, so both together look as all stiffness does; the temperature
     is given.
     """
-    found = [ranked(seed, {"Ex": -0.03, "Gxy": -0.03})[0].kind for seed in range(10)]
-    assert found.count("stiffness") >= 9
+    found = [ranked(seed, {"Ex": -0.03, "Gxy": -0.03})[0].kind for seed in range(seeds)]
+    assert found.count("stiffness") >= seeds - 1
 
 
 def test_a_climate_that_was_not_given_a_calibration_and_nothing_at_all() -> None:

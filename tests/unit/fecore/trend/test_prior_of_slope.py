@@ -45,7 +45,7 @@ def test_scores_of_an_unchanged_structure_far_from_its_baselines_temperatures_ar
     None
 ):
     random, scores = np.random.default_rng(2), []
-    for _ in range(300):
+    for _ in range(150):
         temperature = np.append(20 + 1.0 * random.standard_normal(8), 32.0)
         found = series(temperature, random, PRIOR[0] + PRIOR[1] * random.standard_normal())
         baseline, watched, _ = fit_baseline(found, 8, ("temperature_c",), PRIOR)

@@ -9,6 +9,7 @@ from scipy import stats
 from fecore.errors import InputError
 from fecore.trend import Series, change_point, fit_baseline, rate, score
 from fecore.trend.baseline import fit_with_scatter
+from tests.support.lengths import long
 
 START = datetime(2025, 1, 1, tzinfo=UTC)
 
@@ -51,7 +52,7 @@ def test_scores_of_an_unchanged_structure_are_standard_normal(ratio: float) -> N
     # ratio = scatter between campaigns over own standard deviation
     rng = np.random.default_rng(4)
     scores = []
-    for _ in range(400):
+    for _ in range(200):
         temperature = 20 + 8 * rng.standard_normal(13)
         y = (
             100
@@ -67,7 +68,7 @@ def test_scores_of_an_unchanged_structure_are_standard_normal(ratio: float) -> N
     assert (0.78 if ratio == 0 else 0.9) <= np.std(scores) <= 1.1
 
 
-@pytest.mark.parametrize("ratio", [0.0, 0.9, 1.33, 30.0])
+@pytest.mark.parametrize("ratio", [0.0, long(0.9), 1.33, long(30.0)])
 def test_no_scatter_between_campaigns_makes_scores_larger_than_stated(ratio: float) -> None:
     """P(score > 2.3) of later campaigns, known exactly for each baseline as the truth is: at most
     what Φ says.
@@ -91,7 +92,7 @@ def test_no_scatter_between_campaigns_makes_scores_larger_than_stated(ratio: flo
 def test_intervals_of_the_change_point_cover_it(pattern) -> None:
     rng = np.random.default_rng(5)
     n, m, at, held, named = 12, 16, 6, 0, 0
-    sets = 150
+    sets = 75
     for _ in range(sets):
         later = np.arange(m) - at
         change = np.where(later >= 0, -1.5 if pattern == "step" else -0.4 * (later + 1), 0.0)
@@ -134,7 +135,7 @@ def test_the_size_of_a_change_is_its_size() -> None:
 
 def test_intervals_of_the_rate_cover_it_beside_seasons() -> None:
     rng = np.random.default_rng(6)
-    held, sets, n = 0, 200, 30
+    held, sets, n = 0, 100, 30
     t = np.arange(n) * 30 / 365.25
     for _ in range(sets):
         temperature = 20 + 15 * np.cos(2 * np.pi * t) + 2 * rng.standard_normal(n)

@@ -7,6 +7,8 @@ import pytest
 from fecore.body.specimen import Specimen
 from fecore.updating.forward import ForwardModel
 from fecore.updating.measurement import Measurement, Recipe, prepare
+from fecore.updating.pipeline import update
+from fecore.updating.result import UpdateResult
 from tests.support.cantilever import COUPONS, PARAMETERS, TABLE_4, grid
 from tests.support.draws import Drawn, beam
 from tests.support.fits import COARSE, forward_model
@@ -34,6 +36,12 @@ def identified(drawn: Drawn) -> Measurement:
     their bits.
     """
     return replace(drawn.measurement, modes=prepare(drawn.measurement, COARSE, Recipe()).modes)
+
+
+@pytest.fixture(scope="session")
+def result(drawn: Drawn) -> UpdateResult:
+    """What an update makes of these FRFs."""
+    return update(drawn.measurement, COARSE)
 
 
 @pytest.fixture(scope="session")

@@ -56,7 +56,7 @@ def test_noise_covariance_matches_scatter(forward: ForwardModel) -> None:
     sd = 3e-4 * clean.frequency_hz
     covariance = np.diag(np.concatenate([sd**2, np.full(5, 1e-6)]))
     random = np.random.default_rng(7)
-    noisy = [clean.frequency_hz + sd * random.standard_normal(5) for _ in range(40)]
+    noisy = [clean.frequency_hz + sd * random.standard_normal(5) for _ in range(20)]
     results = [
         update_elastic(forward, replace(clean, frequency_hz=f, covariance=covariance))
         for f in noisy
@@ -67,7 +67,7 @@ def test_noise_covariance_matches_scatter(forward: ForwardModel) -> None:
         for each in results
     ]
     stated = np.mean(noise, axis=0)
-    # 40 draws fix a standard deviation to ±11 % (1 sd); Ey, which the data do not determine, is
+    # 20 draws fix a standard deviation to ±16 % (1 sd); Ey, which the data do not determine, is
     # left out.
     determined = [0, 2, 3]
     assert np.all(np.abs(scatter[determined] / stated[determined] - 1) < 0.4)

@@ -95,10 +95,10 @@ def test_constants_with_a_common_scale_are_not_identifiable(nominal: Specimen) -
 
 
 def test_what_is_not_stated_widens_and_what_is_known_does_not(
-    drawn: Drawn, identified: Measurement, exact: UpdateResult
+    drawn: Drawn, result: UpdateResult, exact: UpdateResult
 ) -> None:
-    true, default = drawn.true, update(identified, COARSE)
-    wide, narrow = ({p.name: p for p in result.parameters} for result in (default, exact))
+    true = drawn.true
+    wide, narrow = ({p.name: p for p in each.parameters} for each in (result, exact))
     assert wide["Ex"].standard_deviation > 5 * narrow["Ex"].standard_deviation
     below, above = (abs(end - wide["Ex"].estimate) for end in wide["Ex"].interval_95)
     assert above > 1.3 * below  # a clamp can only be softer than the model's
@@ -106,8 +106,8 @@ def test_what_is_not_stated_widens_and_what_is_known_does_not(
     assert list(shares)[:2] == ["clamp_rotation", "thickness"]
     assert sum(shares.values()) == pytest.approx(1, abs=1e-2)
     assert exact.verdict.level == "usable"
-    assert default.verdict.level == "usable"
-    assert "does not say whether the response had an exponential window" in default.warnings[-1]
+    assert result.verdict.level == "usable"
+    assert "does not say whether the response had an exponential window" in result.warnings[-1]
     for name in ("Ex", "Gxy", "Gxz", "a0", "a1"):
         assert narrow[name].interval_95[0] < true[name] < narrow[name].interval_95[1]
 
@@ -122,14 +122,15 @@ def test_a_stated_window_is_taken_off_the_damping(
     # 1/τ = 4 1/s on top of what the body has: a0 comes out 8 1/s lower, and nothing else moves.
     seen = {p.name: p.estimate for p in exact.parameters}
     windowed = replace(identified, inputs=replace(Inputs.exact(), window_rate=4.0))
-    found = {p.name: p.estimate for p in update(windowed, COARSE).parameters}
+    stated = update(windowed, COARSE)
+    found = {p.name: p.estimate for p in stated.parameters}
     assert found["a0"] == pytest.approx(seen["a0"] - 8, abs=0.25)
     assert found["a1"] == pytest.approx(seen["a1"], rel=0.01)
     assert found["Ex"] == pytest.approx(seen["Ex"], rel=1e-4)
     rough = _half_widths(
         update(replace(windowed, inputs=replace(windowed.inputs, window_rate_sd=0.5)), COARSE)
     )
-    sure = _half_widths(update(windowed, COARSE))
+    sure = _half_widths(stated)
     # a0 has twice the window's rate
     assert rough["a0"] == pytest.approx(np.hypot(sure["a0"], 1.96 * 2 * 0.5), rel=0.1)
     assert rough["Ex"] == pytest.approx(sure["Ex"])

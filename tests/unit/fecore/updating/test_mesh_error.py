@@ -14,6 +14,7 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, Recipe
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
+from tests.support.lengths import long
 from tests.support.panels import TRUTH, deck, measured
 from tests.support.stored_solids import frequencies
 
@@ -23,7 +24,7 @@ def _forward(body: Structure, highest_hz: float) -> ForwardModel:
     return ForwardModel.of_dofs(prior, [Dof(1, 3)], {1: tuple(body.mesh.nodes[0])}, highest_hz)
 
 
-@pytest.mark.parametrize("element", ["quad4", "quad8"])
+@pytest.mark.parametrize("element", ["quad4", long("quad8")])
 def test_the_model_has_the_frequencies_of_the_finest_mesh(element: str) -> None:
     body = deck("tapered", 6, 4, element) if element == "quad4" else deck("tapered", 3, 2, element)
     own = frequencies(body, 6)

@@ -22,6 +22,7 @@ from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.result import UpdateResult
 from fecore.updating.state import mixings
+from tests.support.lengths import long
 
 GLASS = OrthotropicMaterial(38e9, 9e9, 4.2e9, 4.0e9, 3.5e9, 0.28, 1900.0)
 BODY = OrientedSpecimen(0.565, 0.05, 0.01, GLASS, divisions=(30, 4))
@@ -101,7 +102,7 @@ def accelerances(true: OrientedSpecimen) -> FrfSet:
     return FrfSet(hz, values + 0.01 * rms * (real + 1j * imaginary) / np.sqrt(2), dofs, sensor)
 
 
-@pytest.mark.parametrize("grams", [0.0, 2.0])
+@pytest.mark.parametrize("grams", [long(0.0), 2.0])
 def test_the_true_law_is_adequate_where_a_sensor_that_nobody_stated_mixes_two_modes(grams) -> None:
     """2 g at a corner turn torsion and bending, 0.5 % apart, into each other; the model has them
     apart.

@@ -48,9 +48,18 @@ def made(
     roving = tuple(Dof(point, 3) for point in range(1, count + 1))
     frfs = FrfSet(hz, values, (Dof(count + 1, 3),) * count, roving, "accelerance")
     places = np.concatenate([PLACES, own])
+    within = state.frequency_hz < top_hz
     return Measurement(
-        frfs, {point: (float(x), float(y), 0.0) for point, (x, y) in enumerate(places, start=1)}
+        frfs,
+        {point: (float(x), float(y), 0.0) for point, (x, y) in enumerate(places, start=1)},
+        seen(state.frequency_hz[within], state.shapes[within, :-1], roving),
     )
+
+
+def seen(hz: np.ndarray, shapes: np.ndarray, dofs: tuple[Dof, ...]) -> MeasuredModes:
+    """Modes, known to a thousandth."""
+    covariance = np.diag(np.concatenate([(1e-3 * hz) ** 2, np.full(hz.size, 1e-6)]))
+    return MeasuredModes(hz, np.full(hz.size, 0.01), shapes.astype(complex), dofs, covariance)
 
 
 def result(*situation: float) -> UpdateResult:
@@ -120,11 +129,7 @@ def test_a_measured_mode_is_two_where_the_body_has_two() -> None:
     assert state.frequency_hz[2] / state.frequency_hz[1] < 1.01
     kept = [0, 1, 3, 4]
     hz = state.frequency_hz[kept]
-    covariance = np.diag(np.concatenate([(1e-3 * hz) ** 2, np.full(4, 1e-6)]))
-    shapes = state.shapes[kept].astype(complex)
-    modes = MeasuredModes(
-        hz, np.full(4, 0.02), shapes, along_z(range(1, len(PLACES) + 1)), covariance
-    )
+    modes = seen(hz, state.shapes[kept], along_z(range(1, len(PLACES) + 1)))
     points = {point: (float(x), float(y), 0.0) for point, (x, y) in enumerate(PLACES, start=1)}
     body = replace(BODY, material=replace(NOMINAL, Gxy=NOMINAL.Gxy * float(stiffer)))
     updated = update(Measurement(None, points, modes), body, Recipe(damping_models=("rayleigh",)))

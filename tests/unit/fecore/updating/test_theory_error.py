@@ -25,13 +25,17 @@ from fecore.updating.posterior import DISCREPANCY
 from fecore.updating.result import Comparable, ParameterEstimate, UpdateResult, judge
 from tests.support.blind_beams import Beam, stored
 from tests.support.draws import solved
+from tests.support.lengths import long
 
 BEAMS = stored()[:6]
 
 
-@pytest.fixture(scope="module")
-def exact() -> list[tuple[Beam, UpdateResult]]:
-    return [(beam, update(beam.measurement(Inputs.exact()), beam.stated)) for beam in BEAMS]
+@pytest.fixture(scope="module", params=[3, long(6)])
+def exact(request: pytest.FixtureRequest) -> list[tuple[Beam, UpdateResult]]:
+    return [
+        (beam, update(beam.measurement(Inputs.exact()), beam.stated))
+        for beam in BEAMS[: request.param]
+    ]
 
 
 def test_what_theory_misses_of_solids_is_one_factor_of_shear() -> None:
@@ -50,6 +54,7 @@ def test_what_theory_misses_of_solids_is_one_factor_of_shear() -> None:
 def test_intervals_of_exact_inputs_are_as_wide_as_the_errors(
     exact: list[tuple[Beam, UpdateResult]],
 ) -> None:
+    """What shear theory misses is in the intervals, and they are no wider than it asks for."""
     z: dict[str, list[float]] = {"Ex": [], "Gxy": [], "Gxz": []}
     for beam, result in exact:
         known = {p.name: p for p in result.parameters}
@@ -67,7 +72,7 @@ def test_intervals_of_exact_inputs_are_as_wide_as_the_errors(
 
 
 def test_shares_of_a_budget_add_up_to_one(exact: list[tuple[Beam, UpdateResult]]) -> None:
-    as_stated = [update(beam.measurement(Inputs()), beam.stated) for beam in BEAMS[:2]]
+    as_stated = [update(beam.measurement(Inputs()), beam.stated) for beam in BEAMS[:1]]
     for result in (*(each for _, each in exact), *as_stated):
         for p in result.parameters:
             if p.prior_sd is not None:

@@ -6,12 +6,12 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.inp import lines, mesh, read_inp
 from modalbase.formats.models.model import FiniteElementModel
 from tests.support.damage import damaged
+from tests.support.lengths import fuzz, long
 from tests.unit.formats.models.decks import CAE, MATERIAL, PLATE
 from tests.unit.formats.models.test_inp import CARRIED, read
 
@@ -183,7 +183,6 @@ FIELDS = [
 ]  # fmt: skip
 
 
-@settings(max_examples=500, deadline=None)
-@given(damaged(WHOLE, FIELDS))
-def test_damaged_decks(text: str) -> None:
-    harmless(text)
+@pytest.mark.parametrize("examples", [100, long(500)])
+def test_damaged_decks(examples: int) -> None:
+    fuzz(examples, damaged(WHOLE, FIELDS), harmless)

@@ -6,11 +6,11 @@ import io
 import numpy as np
 import pytest
 import scipy
-from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.matrices import MatrixModel, read_matrices
+from tests.support.lengths import fuzz, long
 
 NUMBERS = np.array([10, 7, 30])
 PLACES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [2.0, 0.0, 0.0]])
@@ -195,13 +195,17 @@ WHOLE = [
 ]  # fmt: skip
 
 
-@given(st.sampled_from(WHOLE), st.integers(0, 600), st.binary(max_size=4), st.integers(0, 5))
-@settings(max_examples=500, deadline=None)
-def test_a_damaged_file_is_read_or_refused(file, at, new, gone) -> None:
-    name, content = file
+def read_or_refused(damage: tuple[tuple[str, bytes], int, bytes, int]) -> None:
+    (name, content), at, new, gone = damage
     result: object = None
     try:
         result = read_matrices({**GOOD, name: content[:at] + new + content[at + gone :]})
     except FormatError as error:
         result = error
     assert isinstance(result, MatrixModel | FormatError)
+
+
+@pytest.mark.parametrize("examples", [150, long(500)])
+def test_a_damaged_file_is_read_or_refused(examples: int) -> None:
+    damage = (st.sampled_from(WHOLE), st.integers(0, 600), st.binary(max_size=4), st.integers(0, 5))
+    fuzz(examples, st.tuples(*damage), read_or_refused)
