@@ -17,6 +17,7 @@ from fecore.updating.pipeline import update
 from fecore.updating.result import UpdateResult
 from fecore.updating.state import ShapeErrors
 from tests.support.frames import bridge, measured
+from tests.support.lengths import long
 
 TRUTH = {"chords": 1.12, "diagonals": 0.85, "deck": 0.75, "bearings": 0.6}
 
@@ -92,7 +93,7 @@ def updated(seed: int, spread: float, noise: float, shapes: bool) -> UpdateResul
     return update(test, bridge({}), Recipe(use_shapes=shapes, damping_models=("rayleigh",)))
 
 
-@pytest.mark.parametrize(("seed", "spread", "noise"), [(1, 0.0, 0.02), (2, 0.1, 0.05)])
+@pytest.mark.parametrize(("seed", "spread", "noise"), [long(1, 0.0, 0.02), (2, 0.1, 0.05)])
 def test_shapes_improve_a_model_whose_turns_have_no_mass(
     seed: int, spread: float, noise: float
 ) -> None:
