@@ -310,9 +310,7 @@ def newcomer(new_client: Callable[[], httpx.Client]) -> httpx.Client:
     return new_client()
 
 
-@settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     noun=st.sampled_from(["results", "modes"]),
     value=st.one_of(

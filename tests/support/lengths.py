@@ -22,4 +22,4 @@ def fuzz(examples: int, values: SearchStrategy[T], check: Callable[[T], object])
     def one(value: T) -> None:
         check(value)
 
-    settings(max_examples=examples, deadline=None)(given(values)(one))()
+    settings(max_examples=examples)(given(values)(one))()

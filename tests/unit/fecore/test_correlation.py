@@ -39,7 +39,7 @@ def test_mac_of_a_worked_pair() -> None:
     assert mac([[1, 1j]], [[1, 1j]])[0, 0] == pytest.approx(1, abs=1e-15)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40)
 @given(
     st.integers(1, 5),
     st.integers(1, 8),

@@ -44,7 +44,7 @@ def test_slopes_against_differences(law) -> None:
     np.testing.assert_allclose(law.slope(omega), numeric, rtol=1e-6, atol=1e-12)
 
 
-@settings(derandomize=True, max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(0.1, 500), st.floats(1e-7, 1e-3))
 def test_rayleigh_is_equation_9_in_radians(a0: float, a1: float) -> None:
     expected = (a0 / OMEGA + a1 * OMEGA) / 2

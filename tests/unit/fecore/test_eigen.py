@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import sparse
 from scipy.linalg import eigh
@@ -156,7 +156,6 @@ def test_both_factorisations_solve_and_colour(widest, monkeypatch) -> None:
     alike=st.booleans(),
     seed=st.integers(0, 2**32 - 1),
 )
-@settings(deadline=None)
 def test_largest_eigenpairs_are_lapacks(size, share, alike, seed) -> None:
     """Also for repeated roots and spectra over eight decades, as those of a plate are."""
     random = np.random.default_rng(seed)

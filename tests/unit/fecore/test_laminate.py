@@ -26,7 +26,7 @@ PLY = OrthotropicMaterial(140e9, 10e9, 5e9, 5e9, 3e9, 0.3, 1600.0)
 angles = st.floats(-180, 180)
 
 
-@settings(derandomize=True, max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(angles)
 def test_rotation_keeps_the_invariants(angle: float) -> None:
     """Tsai and Pagano's U1 … U5 combinations that no rotation changes (Reddy, section 2.4), and the
@@ -45,7 +45,7 @@ def test_rotation_keeps_the_invariants(angle: float) -> None:
     assert np.all(np.linalg.eigvalsh(turned) > 0)
 
 
-@settings(derandomize=True, max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(angles, min_size=1, max_size=5))
 def test_a_stack_mirrored_about_its_middle_does_not_couple(half: list[float]) -> None:
     laminate = section([Ply(PLY, 1e-3, angle) for angle in (*half, *reversed(half))])

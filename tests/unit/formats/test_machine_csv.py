@@ -186,7 +186,7 @@ def test_what_is_no_text(data: bytes) -> None:
         read_machine_csv(data, LOAD)
 
 
-@settings(max_examples=60, derandomize=True, deadline=None)
+@settings(max_examples=60)
 @given(st.binary(max_size=300))
 def test_any_bytes_give_a_result_or_an_input_error(data: bytes) -> None:
     with contextlib.suppress(FormatError):
@@ -196,7 +196,7 @@ def test_any_bytes_give_a_result_or_an_input_error(data: bytes) -> None:
 VALUE = st.floats(-1e5, 1e5).map(lambda v: round(v, 4))
 
 
-@settings(max_examples=60, derandomize=True, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(st.tuples(VALUE, VALUE), min_size=1, max_size=20),
     st.sampled_from([("\t", "."), (";", "."), (",", "."), ("\t", ","), (";", ",")]),

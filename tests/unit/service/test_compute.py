@@ -46,7 +46,7 @@ from tests.corpus.updates import BEAM, measured
 from tests.support.uff import axis, dataset, function
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@settings(max_examples=50)
 @given(st.lists(st.complex_numbers(allow_nan=True, allow_infinity=True), min_size=1, max_size=40))
 def test_every_spectrum_survives_bit_for_bit(values: list[complex]) -> None:
     for dtype in ("c16", ">c16", "c8"):
@@ -64,7 +64,7 @@ def test_every_spectrum_survives_bit_for_bit(values: list[complex]) -> None:
             decode(broken)
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@settings(max_examples=50)
 @given(st.floats(0, 1e5), st.floats(1e-3, 100), st.integers(1, 500))
 def test_an_axis_keeps_its_lines(start: float, step: float, count: int) -> None:
     even = start + step * np.arange(count)

@@ -6,7 +6,7 @@ import contextlib
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.made_frfs import KINDS
@@ -58,9 +58,7 @@ def test_one_record_in_several_bands_and_by_halves_has_one_answer() -> None:
     assert shared >= 0.97 * count
 
 
-@settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
-)
+@settings(max_examples=25)
 @given(
     rows=st.integers(1, 6),
     lines=st.integers(2, 120),

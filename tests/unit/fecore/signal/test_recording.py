@@ -50,7 +50,7 @@ def test_a_hit_whose_next_comes_early_is_left_out_and_the_others_keep_their_leng
     assert found.length > 0.8 * RATE
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     gaps=st.lists(st.floats(0.4, 4.0), min_size=1, max_size=8),
     size=st.integers(50, 20_000),

@@ -229,7 +229,7 @@ def test_files_cut_anywhere(name: str) -> None:
     st.sampled_from(sorted(FILES)),
     st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=4)), max_size=6),
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_damaged_files(name: str, changes: list[tuple[float, bytes]]) -> None:
     content = FILES[name]
     for share, put in changes:
@@ -239,7 +239,7 @@ def test_damaged_files(name: str, changes: list[tuple[float, bytes]]) -> None:
 
 
 @given(st.sampled_from(sorted(FILES)), st.floats(0, 1, exclude_max=True), st.integers(-9, 10**12))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_other_numbers(name: str, share: float, number: int) -> None:
     content = FILES[name]
     at = content.find(b" ", int(share * len(content))) + 1

@@ -245,7 +245,7 @@ def test_numbers_that_the_deck_has_not(updated: Updated, message: str) -> None:
         written(PLATE, updated)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     st.dictionaries(
         st.tuples(st.sampled_from(["set-1", "rib.set-1"]), st.sampled_from(["E1", "E2", "G12", "G13", "G23", "density", "t"])),

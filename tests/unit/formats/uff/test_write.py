@@ -30,7 +30,7 @@ from modalbase.formats.uff.write import encode, write_file
 from tests.support.uff import load
 
 IDS = ("label", "two", "three", "four", "five")
-QUICK = settings(max_examples=25, derandomize=True, deadline=None)
+QUICK = settings(max_examples=25)
 finite = st.floats(allow_nan=False, allow_infinity=False)
 sane = st.floats(1e-30, 1e30) | st.floats(-1e30, -1e-30) | st.just(0.0)
 text = st.text(st.characters(codec="utf-8", categories=("L", "N", "P", "Zs")), max_size=20)
