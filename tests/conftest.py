@@ -5,6 +5,7 @@ database    URL of a migrated database without rows: a new one, or one that anot
 sessions    SQLAlchemy sessions on `database`
 new_service running services, each with settings and a database of its own
 service     a running modalbase for the session: API process and worker process, on free ports
+idle        another without a worker, which is asked as much as can be
 api         an httpx client of `service`, with a key of a user of its own: sees nothing of other tests
 """
 
@@ -30,7 +31,7 @@ from service.platform.db.schema import upgrade
 from service.platform.settings import Settings
 from tests.support.emptying import empty_tables, schema_print
 from tests.support.places import shared_folder
-from tests.support.rest import client_of
+from tests.support.rest import ASKED_FREELY, client_of
 
 TEMPLATE = "test_template"
 pytest_plugins = [
@@ -195,6 +196,12 @@ def service(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
         webhook_ports="1-65535",
         delivery_pause_seconds=0.05,
     ) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def idle(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
+    with new_service(worker=False, import_wait_seconds=0.2, **ASKED_FREELY) as running:
         yield running
 
 

@@ -5,7 +5,7 @@ The operations are taken from the service's own document, so a new one is tested
 The long runs ask for longer.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
@@ -13,20 +13,12 @@ from service.app.supervisor import LocalService
 from tests.support import access, furnished
 from tests.support.fuzz import fuzz
 from tests.support.lengths import long
-from tests.support.rest import ASKED_FREELY
 
 
 @pytest.fixture(scope="module")
-def service(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
-    """One that is asked freely, and runs no jobs."""
-    with new_service(worker=False, **ASKED_FREELY) as running:
-        yield running
-
-
-@pytest.fixture(scope="module")
-def asked(service: LocalService) -> Iterator[access.Round]:
+def asked(idle: LocalService) -> Iterator[access.Round]:
     """Every kind of caller, with own, foreign and random ids."""
-    with access.asking_of(service) as asked:
+    with access.asking_of(idle) as asked:
         yield asked
 
 
@@ -62,9 +54,10 @@ def test_a_wrong_judgement_and_a_missing_one_are_found(
 
 @pytest.mark.parametrize("times", [1, long(10)])
 def test_no_request_that_the_document_allows_or_forbids_is_an_error_or_an_undocumented_answer(
-    service: LocalService, times: int
+    idle: LocalService, times: int
 ) -> None:
-    found = fuzz(service, rounds=times, examples=times)
+    """Finds the request that nobody thought of, which the service answers with an error of its own."""
+    found = fuzz(idle, rounds=times, examples=times)
     assert found.faults == {}
     assert len(found.answered) > 30  # else nothing got anywhere
     assert {200, 201, 404, 422} <= found.statuses.keys()

@@ -139,11 +139,8 @@ def test_one_key_has_half_of_the_streams_of_events(narrow: LocalService) -> None
         assert int(refused.headers["Retry-After"]) >= 1
 
 
-def test_many_clients_and_streams_at_once_get_answers(
-    new_service: Callable[..., LocalService],
-) -> None:
-    with new_service(access_log=False) as service:
-        outcome = load(service, seconds=2, clients=40, streams=40, keys=4, pause=1)
+def test_many_clients_and_streams_at_once_get_answers(service: LocalService) -> None:
+    outcome = load(service, seconds=2, clients=40, streams=40, keys=4, pause=1)
     assert outcome.bare_errors == []
     assert outcome.streams == 40
     assert outcome.events >= 40

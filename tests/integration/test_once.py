@@ -1,7 +1,7 @@
 """`Idempotency-Key` of every operation that creates, taken from the service's own document."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +21,7 @@ from service.platform.db.schema import upgrade
 from tests.integration.test_db import fill
 from tests.support.access import operations
 from tests.support.furnished import BODIES, HOOK, furnish, record
-from tests.support.rest import ASKED_FREELY, RAW, client_of, ok
+from tests.support.rest import RAW, client_of, ok
 from tests.support.waiting import PATIENCE
 
 
@@ -46,15 +46,12 @@ class Place:
 
 
 @pytest.fixture(scope="module")
-def place(new_service: Callable[..., LocalService]) -> Iterator[Place]:
-    with new_service(worker=False, import_wait_seconds=0.2, **ASKED_FREELY) as service:
-        engine = make_engine(service.settings.database_url, pool_size=2)
-        document = httpx.get(
-            f"{service.url}/openapi.json", timeout=PATIENCE, trust_env=False
-        ).json()
-        with client_of(service, "owner") as api, client_of(service, "owner") as other:
-            yield Place(api, engine, furnish(api, make_sessions(engine), "once"), document, other)
-        engine.dispose()
+def place(idle: LocalService) -> Iterator[Place]:
+    engine = make_engine(idle.settings.database_url, pool_size=2)
+    document = httpx.get(f"{idle.url}/openapi.json", timeout=PATIENCE, trust_env=False).json()
+    with client_of(idle, "owner") as api, client_of(idle, "owner") as other:
+        yield Place(api, engine, furnish(api, make_sessions(engine), "once"), document, other)
+    engine.dispose()
 
 
 def creating(document: dict[str, Any]) -> list[str]:
@@ -207,13 +204,15 @@ def test_who_has_lost_the_role_gets_no_answer_from_memory(place: Place) -> None:
     )
     made = ok(place.api.post(structure, json=paper.CAMPAIGN, headers=key), 201)
     ok(place.api.post(structure, json=paper.CAMPAIGN, headers=key), 201)
+    role = text("UPDATE members SET role = :role WHERE project_id = :project")
+    project = place.ids["project_id"]
     with place.engine.begin() as connection:
-        connection.execute(text("UPDATE members SET role = 'viewer'"))
+        connection.execute(role, {"role": "viewer", "project": project})
     try:
         assert place.api.post(structure, json=paper.CAMPAIGN, headers=key).status_code == 403
     finally:
         with place.engine.begin() as connection:
-            connection.execute(text("UPDATE members SET role = 'owner'"))
+            connection.execute(role, {"role": "owner", "project": project})
     assert ok(place.api.post(structure, json=paper.CAMPAIGN, headers=key), 201) == made
 
 

@@ -3,7 +3,7 @@ deleted and purged.
 """
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -283,10 +283,9 @@ def test_a_member_may_leave(new_client: NewClient) -> None:
 
 
 @pytest.fixture(scope="module")
-def service(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
-    """A service of its own with few users: a list of all keys asks for those of each."""
-    with new_service(worker=False) as running:
-        yield running
+def service(idle: LocalService) -> LocalService:
+    """One with few users: a list of all keys asks for those of each."""
+    return idle
 
 
 class Disk(NamedTuple):
