@@ -14,10 +14,16 @@ import pytest
 
 from fecore.updating.posterior import prior_of_scatter
 from modalbase.formats.uff import Element, GridPoint, ModeShape
+from tests.support.lengths import long
 from tests.support.places import shared_file
 from tests.support.profiles import ANGLE, TRUTH, measured
 from tests.support.rest import finished, ok
 from tests.support.uff import load
+
+FEW_MODES: dict[str, Any] = {
+    "identification": {"band_hz": [5, 395]},
+    "damping_models": ["rayleigh"],
+}
 
 
 def made(api: httpx.Client, project: str, **shape: Any) -> dict[str, Any]:
@@ -48,10 +54,13 @@ def updated(
     )
 
 
-@pytest.mark.parametrize("boundary", ["free", "cantilever", "simply_supported"])
+@pytest.mark.parametrize("boundary", ["cantilever", long("free"), long("simply_supported")])
 def test_constants_of_each_wall_come_back_from_an_empty_recipe(
     api: httpx.Client, project: str, boundary: str
 ) -> None:
+    """The main promise of bodies in space, as a user meets it: FRFs go in, the constants of each
+    wall come out within their intervals.
+    """
     structure = made(api, project)
     address, result = updated(api, structure["id"], measured(boundary=boundary), boundary)
     assert result["verdict"]["level"] in ("usable", "with_care")
@@ -75,8 +84,7 @@ def test_constants_of_each_wall_come_back_from_an_empty_recipe(
     }
     (row,) = ok(api.get("search/results", params=query), 200)["items"]
     assert row["flange.E1"] == constants["flange.E1"]["estimate"]
-    if boundary == "cantilever":
-        get_shown(api, address)
+    get_shown(api, address)
 
 
 def uff_contents(content: bytes) -> list[Any]:
@@ -115,7 +123,6 @@ def get_shown(api: httpx.Client, address: str) -> None:
     report = api.get(f"{base}/report").text
     assert "400 × 60 × 80 mm (length × width × height), 1850 kg/m³" in report
     assert "angle: flange 4 mm, web 4 mm" in report
-    assert api.get(f"{base}/report", params={"format": "pdf"}).content.startswith(b"%PDF")
     for name in ("cards", "deck"):
         assert "/model/mesh?format=uff" in ok(api.get(f"{base}/{name}"), 409)["detail"]
 
@@ -132,7 +139,8 @@ def test_two_campaigns_of_a_body_are_updated_together(api: httpx.Client, project
             content=measured(boundary=boundary),
         )
         assert finished(api, queued.headers["Location"])["status"] == "succeeded"
-    jobs = [{"campaign_id": key} for key in keys]
+    few = {"identification": FEW_MODES["identification"]}
+    jobs = [{"campaign_id": key, "recipe": few} for key in keys]
     turned = {"joint": True, "jobs": [jobs[0], {**jobs[1], "angle_deg": 3}], "coupon_batches": []}
     faults = ok(api.post("update-jobs", json=turned), 422)["errors"]
     assert [(each["pointer"], "lies as it is stated" in each["detail"]) for each in faults] == [
@@ -191,7 +199,7 @@ def test_coupons_of_one_wall_are_the_prior_of_its_constants(
     )
     batch = of_web(api, structure)
     assert ok(api.get(f"coupon-batches/{batch}"), 200)["sets"] == ["web"]
-    recipe = {"prior_from_coupon_batch": batch, "damping_models": ["rayleigh"]}
+    recipe = {"prior_from_coupon_batch": batch, **FEW_MODES}
     _, result = updated(api, structure, measured(), "free", recipe)
     constants = {row["name"]: row for row in result["parameters"]}
     assert constants["web.E2"]["prior_mean"] == TRUTH["web.E2"]
@@ -209,7 +217,7 @@ def test_coupons_of_one_wall_are_the_prior_of_its_constants(
 def test_a_sensor_on_a_wall_is_a_mass_there(api: httpx.Client, project: str) -> None:
     structure = made(api, project)
     sensor = {"sensor_mass_kg": 0.002, "sensor_point": 2}
-    recipe = {"parameters": [{"name": "flange.E1"}], "damping_models": ["rayleigh"]}
+    recipe = {"parameters": [{"name": "flange.E1"}], **FEW_MODES}
     _, result = updated(api, structure["id"], measured(), "free", recipe, instruments=sensor)
     sources = {entry["source"] for row in result["parameters"] for entry in row["budget"]}
     assert "sensor_mass" in sources
@@ -390,7 +398,7 @@ def test_the_open_i_profile_from_its_file(api: httpx.Client, project: str) -> No
         height_m=0.12,
         walls={"flange": wall, "web": wall},
     )
-    recipe = {"identification": {"band_hz": [10, 260]}, "damping_models": ["rayleigh"]}
+    recipe = {**FEW_MODES, "identification": {"band_hz": [10, 260]}}
     _, result = updated(api, structure["id"], content, "free", recipe)
     flange = next(row for row in result["parameters"] if row["name"] == "flange.E1")
     assert flange["identifiable"]
