@@ -95,6 +95,7 @@ def i_profile() -> bytes:
     return uff(nominal_body(StructureIn.model_validate(I_PROFILE), "free"), TRUTH, places, 0)
 
 
+@cache
 def deck(length: float = 1.0) -> bytes:
     """The angle as an engineer's deck for CalculiX: S8R on middle surfaces, both walls of one
     material, one end clamped.
