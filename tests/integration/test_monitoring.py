@@ -326,13 +326,14 @@ def test_modes_that_were_typed_in(client: httpx.Client) -> None:
     )
     campaign = lab.campaign(0)
     assert "no mode set that was typed in" in outcome(lab.series(), campaign)["message"]
-    modes = [{"frequency_hz": f, "damping_ratio": 0.02} for f in (25.8, 161.6, 404.4, 452.0, 883.5)]
+    # of the beam: others are explained at length
+    modes = [{"frequency_hz": f, "damping_ratio": 0.02} for f in (26.16, 163.23, 453.81)]
     ok(
         client.post(f"campaigns/{campaign}/mode-sets", json={"name": "by hand", "modes": modes}),
         201,
     )
     series = lab.judged([campaign])
-    assert [p["points"][0]["raw"] for p in series["parameters"][1:]] == [25.8, 0.02]
+    assert [p["points"][0]["raw"] for p in series["parameters"][1:]] == [26.16, 0.02]
 
 
 def test_a_monitor_by_hand_and_one_on_a_schedule(
