@@ -13,6 +13,7 @@ import pytest
 from service.app.supervisor import LocalService
 from service.platform.access.keys import user_named
 from service.platform.db.engine import make_engine, make_sessions
+from tests.support.lengths import long
 from tests.support.member_lab import furnished
 from tests.support.member_rows import MEMBERS
 from tests.support.member_rows_within import WITHOUT_ROW
@@ -39,6 +40,9 @@ def document(service: LocalService) -> Node:
     return document
 
 
+UPDATES = [long("POST /campaigns/{campaign_id}/update-jobs", True), long("POST /update-jobs", True)]
+
+
 def named(operation: str, kind: str) -> str:
     return operation if kind in ("", JSON) else f"{operation} {kind}"
 
@@ -47,17 +51,14 @@ def test_every_operation_with_members_has_its_rows(document: Node) -> None:
     assert {named(operation, kind) for operation, kind, _ in walk(document)} == MEMBERS.keys()
 
 
-@pytest.mark.parametrize("name", MEMBERS)
+@pytest.mark.parametrize(("name", "whole"), [*((name, False) for name in MEMBERS), *UPDATES])
 def test_each_member_has_its_effect_or_is_refused_by_name(
-    document: Node, lab: Lab, name: str
+    document: Node, lab: Lab, name: str, whole: bool
 ) -> None:
+    """The only test that sees a member which is accepted and ignored."""
     operation, kind, members = next(one for one in walk(document) if named(*one[:2]) == name)
-    assert (
-        faults(
-            lab, operation, kind, members, MEMBERS[name], within(document).get((operation, kind))
-        )
-        == []
-    )
+    inner = within(document).get((operation, kind))
+    assert faults(lab, operation, kind, members, MEMBERS[name], inner, whole=whole) == []
 
 
 def test_the_members_within_members_that_have_no_row_become_fewer(document: Node) -> None:

@@ -42,8 +42,8 @@ OF_GIVEN_MODES = {name: value for name, value in RECIPE.items() if name != "iden
 JOINT_RECIPE = {name: value for name, value in RECIPE.items() if name != "damping_models"}
 MODES = [
     {"frequency_hz": hz, "damping_ratio": ratio}
-    for hz, ratio in ((26.0, 0.02), (160.0, 0.015), (440.0, 0.02))
-]
+    for hz, ratio in ((26.16, 0.02), (163.23, 0.015), (453.81, 0.02))
+]  # of the beam: what disagrees with it has the job look for an explanation
 RAISED = [{**mode, "frequency_hz": 1.01 * mode["frequency_hz"]} for mode in MODES]
 
 
@@ -142,9 +142,7 @@ class Furnishing:
     def ended(self) -> None:
         """Wait for all jobs."""
         for job in self.jobs:
-            state = finished(
-                self.api, job.replace("models/", "models/").replace("forecasts/", "forecasts/")
-            )
+            state = finished(self.api, job)
             assert state["status"] == "succeeded", (job, state)
         self.jobs.clear()
 

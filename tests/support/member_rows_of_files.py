@@ -32,7 +32,7 @@ from tests.support.member_rows_of_things import (
     SUPERSEDED,
     unless_named,
 )
-from tests.support.members import Body, Refused, To
+from tests.support.members import Body, Refused, To, held
 
 _MAPPING, _ONE_FILE = json.dumps(MAPPING), {"file": ["f.csv", FRFS_CSV]}
 _OWN_MAPPING = '{"frequency_hz": {"variable": "x"}}'
@@ -57,31 +57,31 @@ UPDATED = {"then": "update-jobs/{id}/result"}
 _TYPED = {"mode_set": "{mode_set_id}"}
 _IDENTIFIED = {"mode_set": None, "identification": RECIPE["identification"]}
 RECIPE_ROWS: dict[str, Any] = {
-    "method": To("joint", "estimate", _IDENTIFIED),
+    "method": held("joint", "estimate", _IDENTIFIED),
     "mode_set": To("{second_mode_set_id}", "measured_hz"),
     "identification": (
-        To({"band_hz": [5, 300], "highest_order": 10}, "measured_hz", _IDENTIFIED),
+        held({"band_hz": [5, 300], "highest_order": 10}, "measured_hz", _IDENTIFIED),
         Refused({"highest_order": 10}),
     ),
-    "springs": To(
+    "springs": held(
         [{"name": "k", "stiffness": 1e5, "direction": 3, "point_m": [0.4, 0.0]}], "estimate"
     ),
-    "zones_m": To([0.25], "initial_hz"),
+    "zones_m": held([0.25], "initial_hz"),
     "junctions": Refused("off"),
     "parameters": To([{"name": "Ex"}], "estimate"),
     "prior_from_coupon_batch": To("{batch_id}", "prior_mean"),
     "processing": Refused({"estimator": "H2"}),
-    "use_shapes": To(True, "estimate"),
-    "damping_models": To(["modal"], "coefficients"),
-    "weighting": To("relative", "estimate"),
-    "band_hz": To([5, 400], "band_hz"),
-    "hold_out": To({"points": [4]}, "frac"),
-    "reference_temperature_c": To(60.0, "estimate"),
+    "use_shapes": held(True, "estimate"),
+    "damping_models": held(["modal"], "coefficients"),
+    "weighting": held("relative", "estimate"),
+    "band_hz": held([5, 400], "band_hz"),
+    "hold_out": held({"points": [4]}, "frac"),
+    "reference_temperature_c": held(60.0, "estimate"),
     "inputs": (To({"thickness_sd_m": 1e-3}, "standard_deviation"), Refused({"height_sd_m": 1e-4})),
-    "posterior": To("mcmc", "standard_deviation"),
-    "seed": To(7, "standard_deviation", {"posterior": "mcmc"}),
-    "priority": To(3, "priority"),
-    "confirm": To(True, without=422, beside={"inputs": {"thickness_sd_m": 0.5}}),
+    "posterior": held("mcmc", "standard_deviation"),
+    "seed": held(7, "standard_deviation", {"posterior": "mcmc"}),
+    "priority": To(3, "priority", waits="never"),
+    "confirm": To(True, without=422, beside={"inputs": {"thickness_sd_m": 0.5}}, waits="never"),
 }
 DATA = {"fmin": 100, "fmax": 50, "stride": 2}
 FILES: dict[str, Body] = {
@@ -132,7 +132,7 @@ FILES: dict[str, Body] = {
             "filename": "other.json",
             "mapping": Refused(_MAPPING),
             "body.mapping": To({**record()["mapping"], "sample_rate_hz": 2000.0}, ""),
-            "variables": To(record(2)["variables"], ""),
+            "variables": To(dict(zip("af", record()["variables"].values(), strict=True)), ""),
             "dry_run": To(True, ""),
         },
         record(),
@@ -265,9 +265,9 @@ FILES: dict[str, Body] = {
     "POST /mode-sets/{mode_set_id}/edits": Body(
         {
             "name": NEW,
-            "decisions": To([{"frequency_hz": 160.0, "keep": False, "reason": "r"}], "modes"),
+            "decisions": To([{"frequency_hz": 163.23, "keep": False, "reason": "r"}], "modes"),
         },
-        {"name": "e", "decisions": [{"frequency_hz": 26.0, "keep": False, "reason": "r"}]},
+        {"name": "e", "decisions": [{"frequency_hz": 26.16, "keep": False, "reason": "r"}]},
     ),
     "GET /mode-sets/{mode_set_id}": Body(ids={"mode_set_id": "identified_id"}),
     "POST /campaigns/{campaign_id}/identifications": Body(

@@ -17,7 +17,7 @@ from tests.support.member_rows_of_things import (
     cancelled_together,
     unless_named,
 )
-from tests.support.members import Body, Refused, To
+from tests.support.members import Body, Refused, To, held
 
 
 def _search(noun: str) -> dict[str, Any]:
@@ -64,12 +64,15 @@ RESULTS: dict[str, Body] = {
         {
             "recipe": To({**JOINT_RECIPE, "parameters": [{"name": "Ex"}]}, "estimate"),
             "jobs": To([{"campaign_id": "{campaign_id}"}, _LATER], "campaigns"),
-            "joint": To(False, "items"),
-            "scatter": (To(0.2, "standard_deviation", {"jobs": _TWO_SPECIMENS}), Refused(0.2)),
-            "coupon_batches": To(["{batch_id}"], "standard_deviation"),
-            "priority": To(3, "priority"),
+            "joint": To(False, "items", waits="never"),
+            "scatter": (held(0.2, "standard_deviation", {"jobs": _TWO_SPECIMENS}), Refused(0.2)),
+            "coupon_batches": held(["{batch_id}"], "standard_deviation"),
+            "priority": To(3, "priority", waits="never"),
             "confirm": To(
-                True, without=422, beside={"recipe": {"inputs": {"thickness_sd_m": 0.5}}}
+                True,
+                without=422,
+                beside={"recipe": {"inputs": {"thickness_sd_m": 0.5}}},
+                waits="never",
             ),
         },
         {
@@ -164,7 +167,7 @@ RESULTS: dict[str, Body] = {
     "GET /update-jobs/{job_id}/mesh/shapes": Body(
         {"measured": To(1, without=422), "model": To(1, without=422)}
     ),
-    "GET /update-jobs/{job_id}/report": Body(),
+    "GET /update-jobs/{job_id}/report": Body(ids={"job_id": "later_job_id"}),
     "GET /joint-updates/{joint_id}/figures/{name}": Body(ids={"name": "parameters"}),
     "GET /forecasts/{forecast_id}/frfs/data": Body(),
     "GET /forecasts/{forecast_id}/mesh": Body(

@@ -6,7 +6,7 @@ from typing import Any
 
 from service.app.demo import paper
 from tests.support.member_lab import MODES
-from tests.support.members import Refused, To
+from tests.support.members import Refused, To, held
 from tests.support.profiles import ANGLE
 
 
@@ -170,7 +170,7 @@ WITHIN: dict[str, dict[str, Any]] = {
         ),
     },
     "POST /mode-sets/{mode_set_id}/edits": (
-        _rows("decisions", {"frequency_hz": 160.0, "keep": True}, "modes")
+        _rows("decisions", {"frequency_hz": 163.23, "keep": True}, "modes")
         | {"decisions.reason": To("another")}
     ),
     "POST /structures/{structure_id}/coupon-batches": _rows(
@@ -186,9 +186,10 @@ WITHIN: dict[str, dict[str, Any]] = {
     "POST /structures/{structure_id}/forecasts": _rows(
         "points", {"label": 77, "x_m": 0.06, "y_m": 0.015}, "points", {"points": _POINTS}
     ),
-    "POST /campaigns/{campaign_id}/update-jobs": _rows(
-        "hold_out", {"points": [4], "band_hz": [50, 100]}, "frac"
-    ),
+    "POST /campaigns/{campaign_id}/update-jobs": {
+        "hold_out.points": held([4], "frac"),
+        "hold_out.band_hz": held([50, 100], "frac"),
+    },
     "POST /structures/{structure_id}/plans": {
         **_rows(
             "tests", _PLANNED | {"sensor": 1, "structure_id": "{second_structure_id}"}, "items"

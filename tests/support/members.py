@@ -14,8 +14,9 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import count
-from typing import Any
+from typing import Any, Literal
 
 import httpx
 
@@ -40,6 +41,13 @@ class To:
     status: int | None = None  # with it, where that is the effect
     without: int | None = None  # the same without it
     ids: Mapping[str, str] = field(default_factory=dict)  # others than the operation's
+    # for the job's end; a short run is content that a job states the member whose effect another
+    # test holds, and cancels it
+    waits: Literal["always", "long", "never"] = "always"
+
+
+held = partial(To, waits="long")
+"""Rows of members whose effect on a result golden documents or other tests hold."""
 
 
 @dataclass(frozen=True)
@@ -174,8 +182,9 @@ def placed(body: Any, path: list[str], value: Any) -> Any:
 class Trial:
     """Sends the request of a `Body` with and without a member."""
 
-    def __init__(self, lab: Lab, operation: str, kind: str, asked: Body) -> None:
-        self.lab, self.kind, self.asked, self._plain = lab, kind, asked, dict[str, Any]()
+    def __init__(self, lab: Lab, operation: str, kind: str, asked: Body, *, whole: bool) -> None:
+        self.lab, self.kind, self.asked, self._asked = lab, kind, asked, dict[str, Any]()
+        self.whole = whole
         self.method, self.path = operation.split()
 
     def ids(self, more: Mapping[str, str] | None = None) -> dict[str, str]:
@@ -217,8 +226,16 @@ class Trial:
         client.cookies.clear()  # of a session that was begun
         return client.request(self.method, path, **how)
 
+    def waits(self, row: To | Refused) -> bool:
+        """Whether a row is judged by what a job has made."""
+        if isinstance(row, Refused):
+            return True
+        return row.waits == "always" or (self.whole and row.waits == "long")
+
     def ask(self, place: str, name: str, row: To | Refused, *, with_it: bool) -> tuple[int, Any]:
-        """Status and content of the request, with or without a member."""
+        """Status and content of the request, with or without a member; the same one is sent
+        once.
+        """
         query, headers = {}, dict[str, str]()
         body = dict(self.asked.body) if isinstance(self.asked.body, dict) else self.asked.body
         for member, value in row.beside.items():
@@ -237,6 +254,13 @@ class Trial:
                 {"query": query, "header": headers, "body": body}[place][
                     name.removeprefix("body.")
                 ] = row.value
+        key = repr((query, body, headers, row.ids, self.waits(row)))
+        if key not in self._asked:
+            self._asked[key] = self._answer(query, body, headers, row)
+        found: tuple[int, Any] = self._asked[key]
+        return found
+
+    def _answer(self, query: Node, body: Any, headers: Node, row: To | Refused) -> tuple[int, Any]:
         ids = self.ids(row.ids)
         if self.method == "PATCH" and not body:
             return 200, content_of(self.lab.api.get(self.lab.filled(self.path, ids).lstrip("/")))
@@ -244,8 +268,13 @@ class Trial:
         if answer.is_error or self.asked.then is None:
             return answer.status_code, content_of(answer)
         state = content_of(answer)
-        if answer.status_code == 202 and "location" in answer.headers:
-            state = finished(self.lab.api, answer.headers["location"])
+        location = answer.headers.get("location") if answer.status_code == 202 else None
+        if not self.waits(row):
+            if location:
+                ok(self.lab.api.post(self.lab.api.base_url.join(f"{location}/cancel")))
+            return answer.status_code, state
+        if location:
+            state = finished(self.lab.api, location)
         if not self.asked.then or state.get("status") == "failed":
             return answer.status_code, state
         later = self.lab.api.get(
@@ -253,19 +282,11 @@ class Trial:
         )
         return answer.status_code, {"state": state, "later": content_of(later)}
 
-    def plain(self, place: str, name: str, row: To) -> tuple[int, Any]:
-        """The same without the member, once for all that share it."""
-        key = repr((row.beside, row.ids))
-        if key not in self._plain:
-            self._plain[key] = self.ask(place, name, row, with_it=False)
-        found: tuple[int, Any] = self._plain[key]
-        return found
-
     def check(self, place: str, name: str, row: To | Refused) -> str | None:
         """What is wrong with a member; nothing where it has its effect."""
         if isinstance(row, To):
             # first, since what is asked may change what is there
-            before, plain = self.plain(place, name, row)
+            before, plain = self.ask(place, name, row, with_it=False)
         status, content = self.ask(place, name, row, with_it=True)
         if isinstance(row, Refused):
             name = name.rsplit(".", 1)[-1]
@@ -287,7 +308,9 @@ class Trial:
                 return f"with it {status}, without {before}: {str(what)[:400]}"
         if row.status or row.without:
             return None
-        at = (name.rsplit(".", 1)[-1] if self.method != "GET" else "") if row.at is None else row.at
+        stated = row.waits == "long" and not self.whole
+        own = name.rsplit(".", 1)[-1] if self.method != "GET" else ""
+        at = own if row.at is None or stated else row.at
         values, others = (shown(one, at) for one in (content, plain))
         if not values:
             return f"no {at} in {str(content)[:400]}"
@@ -444,10 +467,12 @@ def faults(
     kind: str,
     members: Mapping[str, Node],
     asked: Body,
-    inner: Inner | None = None,
+    inner: Inner | None,
+    *,
+    whole: bool,
 ) -> list[str]:
     """What is wrong with the members of an operation with a type of body, and with those within
-    that have a row.
+    that have a row; all of it only in a long run, see `To.waits`.
     """
     of_inner = {
         name: {"in": "within"}
@@ -455,7 +480,7 @@ def faults(
         if name in asked.members and name not in members
     }
     members = {**members, **of_inner}
-    found, trial = [], Trial(lab, operation, kind, asked)
+    found, trial = [], Trial(lab, operation, kind, asked, whole=whole)
     for name, stated in members.items():
         row = asked.members.get(name)
         if alike := ALIKE.get(name.lower()):
