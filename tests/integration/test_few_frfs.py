@@ -20,8 +20,12 @@ from service.app.supervisor import LocalService
 from tests.support.lengths import long
 from tests.support.rest import ok, plain_client
 
+REPORTS = ("report", "report?format=pdf")
 FORMATS = ("plotly", "svg", "png", "pdf")
-SIZES = [long(*size, FORMATS) for size in product((1, 2, 3, 5, 12), (1, 2, 4, 8))]
+SIZES = [long(*size, FORMATS, REPORTS) for size in product((1, 2, 3, 5, 12), (1, 2, 4, 8))]
+
+
+SHORT = {"parameters": [{"name": "Ex"}, {"name": "Gxy"}], "damping_models": ["rayleigh"]}
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +51,9 @@ def whole(structure: Structure, tmp_path_factory: pytest.TempPathFactory) -> Cam
     return campaign
 
 
-@pytest.mark.parametrize(("count", "stride", "formats"), [(1, 1, ["plotly"]), *SIZES])
+@pytest.mark.parametrize(
+    ("count", "stride", "formats", "reports"), [(1, 1, ["plotly"], []), *SIZES]
+)
 def test_every_figure_and_the_report(
     client: httpx.Client,
     structure: Structure,
@@ -55,8 +61,9 @@ def test_every_figure_and_the_report(
     count: int,
     stride: int,
     formats: Sequence[str],
+    reports: Sequence[str],
 ) -> None:
-    """Of the first FRFs, every so many of their 1,000 lines; the report prints each figure."""
+    """Of the first FRFs, every so many of their 1,000 lines; a report prints the same figures."""
     frfs, rest = whole.frfs(), whole.lab.rest
     few = structure.new_campaign(
         **paper.CAMPAIGN | {"name": f"{count} FRFs, every line of {stride}"}
@@ -65,13 +72,13 @@ def test_every_figure_and_the_report(
     few.add_frfs(
         Frfs(frfs.frequency_hz[::stride], frfs.values[:count, ::stride], frfs.frfs[:count])
     )
-    job = few.update(mode_set=few.new_mode_set("Table 3", paper.MODES)).wait().check()
+    typed = few.new_mode_set("Table 3", paper.MODES)
+    job = few.update(SHORT, mode_set=typed).wait().check()
     path = f"/api/v1/update-jobs/{job.fields['id']}"
     names = [one["name"] for one in ok(client.get(f"{path}/figures"))["items"] if one["available"]]
     figures = [
         *(f"figures/{name}?format={kind}" for name in names for kind in formats),
-        "report",
-        "report?format=pdf",
+        *reports,
     ]
     assert {"frf", "shapes"} <= set(names)
     assert {one: client.get(f"{path}/{one}").status_code for one in figures} == dict.fromkeys(
