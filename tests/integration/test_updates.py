@@ -2,6 +2,7 @@
 one material.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -292,7 +293,7 @@ def test_a_stepped_strip_with_a_tip_mass_is_updated_as_it_stood(
     begun = api.post(jobs, json={**recipe, "zones_m": [0.2]})
     ok(begun, 202)
     assert finished(api, begun.headers["Location"])["status"] == "succeeded"
-    result = ok(api.get(api.base_url.join(begun.headers["Location"] + "/result")), 200)
+    result = result_of(api, begun.headers["Location"])
     # 0.5 %: the frequencies' noise is 0.01 %, the prior of the model's own error 0.2 % of a
     # frequency.
     assert result["parameters"][0]["estimate"] == pytest.approx(33e9, rel=0.005)
@@ -376,6 +377,9 @@ def test_an_update_from_nine_modes_has_its_report_on_paper(
     assert "Mode shapes, measured and updated: modes 6 to 9" in page
     printed = api.get(f"{location}/report", params={"format": "pdf"})
     assert (printed.status_code, printed.content[:4]) == (200, b"%PDF"), printed.text
+    assert printed.headers["content-type"] == "application/pdf"
+    assert printed.headers["content-disposition"].startswith("inline")
+    assert len(re.findall(rb"/Type /Page\b", printed.content)) >= 6
     assert printed.content.count(b"/Subtype /Image") == page.count("<img")
 
 
