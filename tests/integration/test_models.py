@@ -249,6 +249,7 @@ def test_what_is_wrong_with_a_deck_is_said_by_line(api: httpx.Client, bare: str)
 def test_an_update_of_a_deck_finds_the_constants_of_its_sets(
     api: httpx.Client, bare: str, boundary: str
 ) -> None:
+    """What a user of a solver wants: a deck and FRFs go in, the same deck comes back with its constants."""
     assert sent(api, bare, deck(), units="m-N-kg")["status"] == "succeeded"
     content = measured(boundary="free" if boundary == "free" else "cantilever")
     address, result = updated(api, bare, content, boundary)

@@ -239,6 +239,7 @@ def test_the_same_measurement_counts_once(lab: Lab) -> None:
 
 
 def test_corrections_are_judged_and_deletions_leave(lab: Lab) -> None:
+    """What a laboratory mends later is judged as if it had always been so."""
     campaign = lab.campaign(8, 0.97)
     series = lab.until(lambda s: campaign in points(s))
     assert points(series)[campaign]["judged"]["outside"]

@@ -86,6 +86,7 @@ def request_of(name: str, ids: dict[str, str]) -> dict[str, Any]:
 
 
 def test_every_operation_that_creates_takes_a_key_and_makes_one(place: Place) -> None:
+    """A new operation that forgets the key, or what it made, fails here."""
     names = creating(place.document)
     assert len(names) > 25
     with place.engine.begin() as connection:  # one that waits is not sent again

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from service.app.supervisor import LocalService
-from tests.support.rest import finished, mode_rows, ok, posted, session_client
+from tests.support.rest import finished, mode_rows, ok, posted, result_of, session_client
 from tests.support.warm import SIZE, STATED, campaign, constants
 
 PARAMETERS = [
@@ -91,7 +91,7 @@ def test_a_single_update_holds_at_its_own_temperature_or_where_the_recipe_says(
     for more in ({}, {"reference_temperature_c": 23.0}):
         begun = api.post(f"campaigns/{key}/update-jobs", json={**recipe, **more})
         assert finished(api, begun.headers["Location"])["status"] == "succeeded"
-        results.append(ok(api.get(str(api.base_url.join(begun.headers["Location"] + "/result")))))
+        results.append(result_of(api, begun.headers["Location"]))
     own, there = results
     assert (own["reference_temperature_c"], own["curve"]) == (50.0, None)
     assert there["curve"]["reference_c"] == there["reference_temperature_c"] == 23.0
