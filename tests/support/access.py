@@ -411,6 +411,10 @@ def _tells(caller: Caller, scope: str, role: str) -> bool:
         return "admin" in (scope, role) or role == "administrator"
     if len(caller.scopes) == 1 and scope in SCOPES:
         return caller.scopes[0] in (scope, SCOPES[SCOPES.index(scope) - 1])
+    if caller.role in ("viewer", "editor") and not caller.administrator:
+        return caller.role in {"editor": ("viewer", "editor"), "owner": ("editor",)}.get(
+            role, ("viewer",)
+        )
     return len(caller.scopes) != 1
 
 
