@@ -1,4 +1,4 @@
-"""A beam that works loose: seven campaigns over HTTP, one alarm, announced once, though a worker
+"""A beam that works loose: nine campaigns over HTTP, one alarm, announced once, though a worker
 dies over it.
 """
 
@@ -32,9 +32,9 @@ MONITOR = {
     "baseline": {"campaigns": 5},
     "covariates": ["temperature_c"],
 }
-TEMPERATURE = (15.0, 22.0, None, 9.0, 18.0, None, 17.0)
-UNKNOWN = (2, 5)  # campaigns whose temperature nobody measured, in the baseline and after it
-LOOSE = 6  # first campaign with 4 % less stiffness; damping stays
+TEMPERATURE = (15.0, 22.0, None, 9.0, 18.0, 25.0, None, 17.0, 14.0)
+UNKNOWN = (2, 6)  # campaigns whose temperature nobody measured, in the baseline and after it
+LOOSE = 7  # first campaign with 4 % less stiffness; damping stays
 
 
 @pytest.fixture
