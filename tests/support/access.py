@@ -406,7 +406,7 @@ class Round:
 
 
 def _tells(caller: Caller, scope: str, role: str) -> bool:
-    """Whether a caller's answer tells something that no other's does."""
+    """Whether the answer to a caller shows what the answers to others do not."""
     if caller.administrator and "admin" not in caller.scopes:
         return "admin" in (scope, role) or role == "administrator"
     if len(caller.scopes) == 1 and scope in SCOPES:

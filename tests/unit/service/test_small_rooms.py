@@ -19,7 +19,7 @@ from starlette.datastructures import Headers
 from fecore.errors import InputError, UpdatingError
 from modalbase.client.errors import ClientError, Exit
 from modalbase.formats.records import TimeBlock
-from modalbase.objects.people import FORBIDDEN, People
+from modalbase.objects.people import People
 from service.nouns.campaigns.schemas import CampaignInputs
 from service.nouns.frfs.data import MeasuredFrfs
 from service.nouns.monitors.schemas import WatchedIn
@@ -197,7 +197,7 @@ def test_the_password_of_a_file_goes_into_the_url() -> None:
     assert urls == [url, "postgresql://ada:a%2Fb@host/lab", None, "no url"]
 
 
-@pytest.mark.parametrize("status", [FORBIDDEN, 500])
+@pytest.mark.parametrize("status", [403, 500])
 def test_who_may_not_list_users_lists_keys_alone(status: int) -> None:
     class Answers:
         def pages(self, path: str) -> Iterator[Any]:
