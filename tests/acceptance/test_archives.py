@@ -207,6 +207,7 @@ def test_others_read_an_archive_with_pandas_and_pyuff(
     assert json.loads(document.read_text())["labels"] == {"tags": [], "meta": {}}
 
 
+@pytest.mark.long
 def test_another_service_has_what_was_measured_under_new_ids(
     service: LocalService,
     new_service: Callable[..., LocalService],

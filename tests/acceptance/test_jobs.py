@@ -17,12 +17,13 @@ from service.tasks.kinds import KINDS
 from tests.support import backups, kills
 from tests.support.backups import RECIPE, Laboratory, hits_of_a_point, restored
 from tests.support.floor import Floor, floor
+from tests.support.lengths import long
 from tests.support.outage import outage
 from tests.support.rest import campaigns_of, finished, ok
 from tests.support.waiting import PATIENCE
 
 
-@pytest.mark.parametrize("others", [False, True], ids=["alone", "with another worker"])
+@pytest.mark.parametrize("others", [long(False), True])
 def test_worker_cut_off_from_the_database_comes_back(others: bool, database: str) -> None:
     """Longer than its lease with another worker there, who takes over what the first one brings too
     late.
@@ -165,6 +166,7 @@ def job(here: Floor, key: str) -> Job:
     return next(job for job in here.jobs() if str(job.id) == key)
 
 
+@pytest.mark.long
 def test_a_purge_ends_the_jobs_of_what_it_removes() -> None:
     with floor() as here, here.client("soak") as client:
         here.modalbase("worker", worker_concurrency=1)

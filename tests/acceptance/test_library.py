@@ -375,6 +375,7 @@ def test_a_deck_goes_in_and_comes_back(lab: modalbase.Laboratory, tmp_path: Path
     )
 
 
+@pytest.mark.long
 def test_a_test_in_a_frame_askew_is_brought_onto_its_structure(lab: modalbase.Laboratory) -> None:
     """Directions stay the file's, and count along their own vectors in the structure's frame."""
     turn, shift = Rotation.from_rotvec([0.2, -0.4, 1.1]).as_matrix(), np.array([0.3, -0.2, 0.5])

@@ -125,6 +125,7 @@ def get_shown(api: httpx.Client, address: str) -> None:
         assert "/model/mesh?format=uff" in ok(api.get(f"{base}/{name}"), 409)["detail"]
 
 
+@pytest.mark.long
 def test_two_campaigns_of_a_body_are_updated_together(api: httpx.Client, project: str) -> None:
     """A joint update over HTTP of a body of walls, with coupons of one of them."""
     structure = made(api, project)["id"]
@@ -385,6 +386,7 @@ def test_a_plan_says_which_test_or_coupons_would_find_a_wall_s_constant(
         assert words in error["detail"]
 
 
+@pytest.mark.long
 def test_the_open_i_profile_from_its_file(api: httpx.Client, project: str) -> None:
     """By its first modes: all of them take ten times as long."""
     content = shared_file("BLIND_OPEN", "blind-open", "structures/i-1.uff").read_bytes()

@@ -353,6 +353,7 @@ def test_a_job_whose_damping_failed_draws_what_it_has_and_says_why_not_the_rest(
         assert "cannot fix the 2 coefficients" in refused.json()["detail"]
 
 
+@pytest.mark.long
 def test_every_figure_of_a_sampled_posterior_is_drawn_and_the_corner_shows_the_samples(
     demo: Done,
 ) -> None:

@@ -90,6 +90,7 @@ def test_an_update_of_matrices_finds_the_factor_of_each_part(api: httpx.Client, 
     assert len(ok(api.get(f"{base}/mesh"), 200)["nodes"]["x_m"]) == contents["counts"]["nodes"]
 
 
+@pytest.mark.long
 def test_campaigns_of_matrices_update_together(api: httpx.Client, bare: str) -> None:
     assert (
         sent(api, bare, zipped(body()), units="m-N-kg", filename="angle.zip")["status"]

@@ -332,7 +332,7 @@ _FILTERS = st.recursive(
 )
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     noun=st.sampled_from(sorted(SEARCHED)),
     text=st.one_of(_FILTERS, st.lists(_WORDS, max_size=25).map(" ".join), st.text(max_size=60)),
