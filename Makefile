@@ -15,9 +15,9 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: $(SERVER)
 	$(BIN)/modalbase demo
 
-# Three at a time on two cores, as many tests wait for processes; the tests of a file share what they start from.
+# Three at a time on two cores, as many tests wait for processes; an idle one takes from another, so none ends alone.
 test: $(READY)
-	$(BIN)/python -m pytest -n 3 --dist loadfile
+	$(BIN)/python -m pytest -n 3 --dist worksteal
 
 # A tier of the tests alone: unit needs neither database nor process, integration has PostgreSQL and workers,
 # acceptance is at the level a user stands.

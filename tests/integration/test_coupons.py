@@ -262,13 +262,10 @@ def test_results_without_a_curve_have_none(api: httpx.Client, batch: str) -> Non
 def test_a_damaged_curve_is_not_handed_out(
     api: httpx.Client,
     send: Callable[..., httpx.Response],
-    rows: Callable[..., list[dict[str, Any]]],
+    damaged: Callable[[str, str, str], None],
 ) -> None:
     (coupon,) = ok(send(machine_file(CURVE)), 201)["items"]
-    damage = (
-        "UPDATE coupon_curves SET data = set_byte(data, 0, 1) WHERE coupon_id = %s RETURNING points"
-    )
-    assert rows(damage, coupon["id"])
+    damaged("coupon_curves", "coupon_id", coupon["id"])
     problem = ok(api.get(f"coupons/{coupon['id']}/curve/data"), 500)
     assert "checksum" in problem["detail"]
 

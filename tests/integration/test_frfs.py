@@ -13,7 +13,6 @@ from uuid import UUID
 
 import httpx
 import numpy as np
-import psycopg
 import pytest
 import pyuff
 from scipy.io import savemat
@@ -22,7 +21,7 @@ from fecore.frf import Dof
 from modalbase.formats.registry import WRITERS
 from service.app.supervisor import LocalService
 from service.nouns.frfs.data import load_measured_campaign
-from service.platform.db.engine import make_engine, make_sessions, psycopg_url
+from service.platform.db.engine import make_engine, make_sessions
 from service.platform.web.downloads import MEMORY_BYTES
 from tests.support.rest import ok
 
@@ -288,13 +287,9 @@ def test_broken_archives_are_refused(api: httpx.Client, campaign: str) -> None:
 
 
 def test_a_spectrum_that_was_damaged_in_the_database_is_not_handed_out(
-    api: httpx.Client, service: LocalService, campaign: str
+    api: httpx.Client, damaged: Callable[[str, str, str], None], campaign: str
 ) -> None:
-    frf = ok(post(api, campaign, **arrays()), 201)["items"][0]["id"]
-    with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
-        connection.execute(
-            "UPDATE frfs SET data = set_byte(data, 5, 255 - get_byte(data, 5)) WHERE id = %s", [frf]
-        )
+    damaged("frfs", "id", ok(post(api, campaign, **arrays()), 201)["items"][0]["id"])
     path = f"campaigns/{campaign}/frfs/data"
     for format_ in WRITERS:  # the damaged one is the first of several, so its reading is broken off
         answer = api.get(path, params={"format": format_})

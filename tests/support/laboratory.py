@@ -2,7 +2,7 @@
 an import.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
@@ -80,6 +80,28 @@ def imported(
         return finished(answer.headers["Location"])
 
     return run
+
+
+@pytest.fixture
+def damaged(service: LocalService) -> Iterator[Callable[[str, str, str], None]]:
+    """Turns a byte of the data of a row (table, column, value) until the test ends: others use the
+    database after it, and some look for damage.
+    """
+    turned: list[tuple[str, str, str]] = []
+
+    def turn(table: str, column: str, value: str) -> None:
+        turning = f"UPDATE {table} SET data = set_byte(data, 5, 255 - get_byte(data, 5))"
+        with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
+            done = connection.execute(f"{turning} WHERE {column} = %s", [value])
+            assert done.rowcount == 1
+
+    def damage(*row: str) -> None:
+        turn(*row)
+        turned.append(row)
+
+    yield damage
+    for row in turned:
+        turn(*row)
 
 
 @pytest.fixture
