@@ -171,15 +171,15 @@ def gains(fit: Level) -> FloatArray:
     """(n,) what χ² would rise by without each pole, all other coefficients fitted anew: Σ_i cᵀV⁻¹c,
     V the covariance of c.
     """
-    return _gains(fit.linear.coefficients, fit.linear.covariance, fit.terms.pairs)
+    return _gains(fit.linear.coefficients, fit.linear.spread, fit.linear.share, fit.terms.pairs)
 
 
-def _gains(c: FloatArray, C: FloatArray, pairs: int) -> FloatArray:
+def _gains(c: FloatArray, C: FloatArray, share: FloatArray, pairs: int) -> FloatArray:
     one, two = c[:, 0 : 2 * pairs : 2], c[:, 1 : 2 * pairs : 2]
     at = 2 * np.arange(pairs)
     a, b, d = C[:, at, at], C[:, at, at + 1], C[:, at + 1, at + 1]
     determinant = np.maximum(a * d - b**2, 1e-12 * a * d + np.finfo(float).tiny)
-    return np.asarray(np.sum((d * one**2 - 2 * b * one * two + a * two**2) / determinant, axis=0))
+    return np.asarray(share @ ((d * one**2 - 2 * b * one * two + a * two**2) / determinant))
 
 
 def pole_price(fit: Level, beside: int = 0) -> float:
@@ -199,14 +199,10 @@ def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
 
     Residual terms that do not pay go after the poles, the least worth first.
     """
-    terms, c, C, price = (
-        fit.terms,
-        fit.linear.coefficients,
-        fit.linear.covariance,
-        pole_price(fit, beside),
-    )
+    terms, c, C, share = fit.terms, fit.linear.coefficients, fit.linear.spread, fit.linear.share
+    price = pole_price(fit, beside)
     while terms.pairs:
-        poor = _gains(c, C, terms.pairs) < price
+        poor = _gains(c, C, share, terms.pairs) < price
         if not poor.any():
             break
         k = int(np.argmax(np.where(poor, terms.half_bandwidth_hz, -1.0)))
@@ -214,19 +210,17 @@ def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
         terms = without_poles(terms, np.arange(poor.size) == k)
     while len(terms.exponents) > 1:
         spread = np.einsum("nii->ni", C)[:, 2 * terms.pairs :]
-        gain = np.sum(
-            c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, np.finfo(float).tiny), axis=0
-        )
+        gain = share @ (c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, np.finfo(float).tiny))
         least = int(np.argmin(gain))
         if gain[least] > PRICE * len(fit.residual) + (PRICE - 1) * beside:
             break
         c, C = _left_out(c, C, [2 * terms.pairs + least])
         terms = replace(terms, exponents=terms.exponents[:least] + terms.exponents[least + 1 :])
-    return fit if terms is fit.terms else level_at(arrangement, terms, fit.variance)
+    return fit if terms is fit.terms else level_at(arrangement, terms, fit.variance, fit.weights)
 
 
 def _left_out(c: FloatArray, C: FloatArray, gone: list[int]) -> tuple[FloatArray, FloatArray]:
-    """Coefficients (N, q) and their covariance without some columns, the others fitted anew: c -
+    """Coefficients (N, q) and their covariance, or one for all, without some columns, the others fitted anew: c -
     C_g C_gg⁻¹ c_g.
     """
     own = C[:, :, gone]

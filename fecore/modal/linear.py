@@ -3,22 +3,52 @@ spoil.
 
 Each FRF i has its own weights w_i² = 1/v_i, so its own normal matrix G_i = Re Φᴴ W_i² Φ. Normal
 matrices square the condition number of Φ. Therefore Φ is first made orthonormal under the weights'
-mean over the FRFs, Φ = Q T⁻¹, by the singular value decomposition of its scaled columns: what is
-left of G_i is as well conditioned as the FRFs' weights are alike, and a direction of the
-coefficients that the lines do not determine (a singular value below round-off) is left out, so that
-it is 0 in the solution and touches no other coefficient.
+mean over the FRFs, Φ = Q T⁻¹: what is left of G_i is as well conditioned as the FRFs' weights are
+alike, and a direction of the coefficients that the lines do not determine (a singular value of the
+scaled columns below round-off) is left out, so that it is 0 in the solution and touches no other
+coefficient.
+
+Where the weights are one function of frequency but for a factor, w_i² = a_i p, every G_i is a_i, and
+an FRF with gaps g has a_i (1 - Q_gᵀQ_g), whose inverse is (1 + Q_gᵀS⁻¹Q_g)/a_i, S = 1 - Q_g Q_gᵀ of
+the gaps' size.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 
-from fecore.arrays import ComplexArray, FloatArray, real_times
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray, real_times
 from fecore.errors import IdentificationError
+from fecore.modal.noise import WHOLE
 
 # of the largest singular value: below it a direction of the scaled coefficients is round-off
 _NULL = 1e-9
+
+
+@dataclass(frozen=True)
+class Weights:
+    """What each value of the FRFs counts."""
+
+    each: FloatArray  # (N, L) 2/v of each complex value, 0 where nothing was measured
+    # (N,) of each FRF, where all have one function of frequency but for this factor and few gaps
+    share: FloatArray | None
+    root: FloatArray  # (L,) of the weights' mean over the FRFs, see `mean_weight`
+    gaps: tuple[tuple[int, IntArray], ...] = ()  # number and missing lines of FRFs with a share
+
+    @classmethod
+    def of(cls, variance: FloatArray, measured: BoolArray) -> "Weights":
+        """The weights for a variance (N, L) of the values that were measured."""
+        whole = 2 / np.maximum(variance, np.finfo(float).tiny)
+        each = np.where(measured, whole, 0.0)
+        if measured.mean(axis=1).min() < WHOLE or (share := proportional(whole)) is None:
+            return cls(each, None, mean_weight(each))
+        level = whole[0].mean()
+        gaps = tuple(
+            (int(i), np.flatnonzero(~measured[i])) for i in np.flatnonzero(~measured.all(1))
+        )
+        return cls(each, share * level, np.sqrt(whole[0] / level), gaps)
 
 
 @dataclass(frozen=True)
@@ -28,32 +58,48 @@ class LinearFit:
     coefficients: FloatArray  # (N, q) real coefficients
     frame: ComplexArray  # (L, r) the basis made orthonormal, r <= q
     turn: FloatArray  # (q, r) coefficients of the basis from those of the frame
-    # (N, r, r) R with RᵀR the inverse normal matrices of the frame. What is left of a product after
-    # projection keeps twice the digits when it is made from the root.
+    # (N, r, r) R with RᵀR the inverse normal matrices of the frame; (1, r, r) where these are alike
+    # but for the share. What is left of a product after projection keeps twice the digits when it
+    # is made from the root.
     root: FloatArray
+    share: FloatArray  # (N,) by which the normal matrices are larger than R says
 
     @cached_property
-    def covariance(self) -> FloatArray:
-        """(N, q, q) covariance of the coefficients for the stated weights."""
+    def spread(self) -> FloatArray:
+        """(N, q, q), or (1, q, q), covariance of the coefficients for the stated weights, times the
+        share.
+        """
         lever = np.matmul(self.root, self.turn.T)
-        covariance: FloatArray = np.matmul(lever.transpose(0, 2, 1), lever)
-        return covariance
+        spread: FloatArray = np.matmul(lever.transpose(0, 2, 1), lever)
+        return spread
+
+    @property
+    def variance(self) -> FloatArray:
+        """(N, q) variance of the coefficients for the stated weights."""
+        return np.asarray(np.einsum("nii->ni", self.spread) / self.share[:, None])
 
 
-def orthonormal(basis: ComplexArray, weight: FloatArray) -> tuple[ComplexArray, FloatArray]:
-    """The basis made orthonormal under the mean weight, (L, r), and (q, r) what makes it so; null
-    directions are left out.
+def orthonormal(basis: ComplexArray, root: FloatArray) -> tuple[ComplexArray, FloatArray]:
+    """The basis made orthonormal under the square of a weight (L,), as (L, r), and (q, r) what makes
+    it so; null directions are left out.
     """
-    root = mean_weight(weight)
     scaled = stacked(basis, root)
-    length = np.linalg.norm(scaled, axis=0)
+    length = np.sqrt(np.einsum("lq,lq->q", scaled, scaled))
     length = np.where(length > 0, length, 1.0)
     triangle = np.linalg.qr(scaled / length, mode="r")
+    turn = _inverse(triangle) / length[:, None]
+    return real_times(turn.T, basis.T).T, turn
+
+
+def _inverse(triangle: FloatArray) -> FloatArray:
+    """(q, r) the pseudoinverse of a triangle of unit columns without its null directions."""
+    square = triangle.shape[0] == triangle.shape[1]
+    if square and scipy.linalg.lapack.dtrcon(triangle)[0] > 1e3 * _NULL:
+        return np.asarray(scipy.linalg.lapack.dtrtri(triangle)[0])
     _, singular, right = np.linalg.svd(triangle)
     singular, right = singular[: len(right)], right[: singular.size]
     kept = singular > _NULL * singular.max(initial=0.0)
-    turn = (right[kept] / singular[kept, None]).T / length[:, None]
-    return real_times(turn.T, basis.T).T, np.asarray(turn)
+    return np.asarray((right[kept] / singular[kept, None]).T)
 
 
 def stacked(basis: ComplexArray, root: FloatArray) -> FloatArray:
@@ -67,34 +113,69 @@ def mean_weight(weight: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.mean(weight / np.where(level > 0, level, 1.0), axis=0)))
 
 
-def solve_normal(
-    normal: FloatArray,
-    frame: ComplexArray,
-    turn: FloatArray,
-    values: ComplexArray,
-    weight: FloatArray,
+def solved(
+    frame: ComplexArray, turn: FloatArray, values: ComplexArray, weights: Weights
 ) -> LinearFit:
-    """The coefficients where the (N, r, r) normal matrices of the orthonormal frame are known.
+    """The coefficients of all FRFs (N, L) on a basis that was made orthonormal.
 
     Raises:
         IdentificationError: an FRF has fewer measured lines than unknowns.
     """
-    right = real_part(weight * values, frame.T)
+    if weights.share is not None:
+        return _alike(frame, turn, values, weights)
+    right = real_part(weights.each * values, frame.T)
+    normal = normal_columns(frame, weights.each)
     scale = np.sqrt(np.einsum("nii->ni", normal))
-    if not np.all(scale > 0):
-        raise IdentificationError(
-            "a term has no weight on the measured lines of an FRF; leave that FRF out"
-        )
+    _check_weight(scale)
     unit = normal / (scale[:, :, None] * scale[:, None, :])
-    if proportional(weight) is not None:
-        unit = unit[:1]
     try:
         inverse: FloatArray = np.asarray(np.linalg.inv(np.linalg.cholesky(unit)), dtype=np.float64)
     except np.linalg.LinAlgError:
         inverse = _roots(unit)
-    root = np.asarray(np.broadcast_to(inverse, normal.shape)) / scale[:, None, :]
-    solved = np.einsum("nji,nj->ni", root, np.einsum("nij,nj->ni", root, right))
-    return LinearFit(solved @ turn.T, frame, turn, root)
+    root = inverse / scale[:, None, :]
+    found = np.matmul(root.transpose(0, 2, 1), np.matmul(root, right[:, :, None]))[:, :, 0]
+    return LinearFit(found @ turn.T, frame, turn, root, np.ones(len(values)))
+
+
+def _alike(
+    frame: ComplexArray, turn: FloatArray, values: ComplexArray, weights: Weights
+) -> LinearFit:
+    """The same where the weights are alike but for a share; gaps count in the coefficients alone,
+    not in their covariance.
+    """
+    assert weights.share is not None
+    _check_weight(weights.share)
+    power = weights.root**2
+    masked = values * power
+    for row, lines in weights.gaps:
+        masked[row, lines] = 0.0
+    found = real_part(masked, frame.T)
+    for row, lines in weights.gaps:
+        own = stacked(frame[lines], weights.root[lines])
+        found[row] += own.T @ (_without(own) @ (own @ found[row]))
+    return LinearFit(found @ turn.T, frame, turn, np.eye(turn.shape[1])[None], weights.share)
+
+
+def _check_weight(size: FloatArray) -> None:
+    if not np.all(size > 0):
+        raise IdentificationError(
+            "a term has no weight on the measured lines of an FRF; leave that FRF out"
+        )
+
+
+def _without(own: FloatArray) -> FloatArray:
+    """S⁻¹ of the rows of an orthonormal frame at the gaps of an FRF."""
+    return np.asarray(np.linalg.pinv(np.eye(len(own)) - own @ own.T, _NULL, hermitian=True))
+
+
+def missing_slopes(
+    frame: ComplexArray, steep: ComplexArray, root: FloatArray, lines: IntArray
+) -> FloatArray:
+    """(k, p) F with FᵀF what gaps take of the products of columns less their projection on the
+    frame.
+    """
+    own = stacked(frame[lines], root[lines])
+    return np.asarray(np.linalg.cholesky(_without(own)).T @ stacked(steep[lines], root[lines]))
 
 
 def _roots(normal: FloatArray) -> FloatArray:
@@ -112,9 +193,6 @@ def normal_columns(basis: ComplexArray, weight: FloatArray, first: int = 0) -> F
     all FRFs.
     """
     q, rows = basis.shape[1], weight.shape[0]
-    if (share := proportional(weight)) is not None:
-        both = np.concatenate([basis.real, basis.imag]) * np.sqrt(np.tile(weight[0], 2))[:, None]
-        return np.asarray(share[:, None, None] * (both.T @ both[:, first:]))
     real, imag = np.ascontiguousarray(basis.real.T), np.ascontiguousarray(basis.imag.T)
     across = np.ascontiguousarray(weight.T)
     normal = np.empty((q, q - first, rows))
@@ -139,4 +217,5 @@ def proportional(weight: FloatArray) -> FloatArray | None:
     for a factor.
     """
     share: FloatArray = weight.sum(axis=1) / weight[0].sum()
-    return share if np.allclose(weight, share[:, None] * weight[0], rtol=1e-9, atol=0) else None
+    expected = share[:, None] * weight[0]
+    return share if np.all(np.abs(weight - expected) <= 1e-9 * expected) else None

@@ -17,7 +17,7 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import DAMPING_RANGE, Terms, columns, derivatives
 from fecore.modal.growth import without_poles
-from fecore.modal.linear import mean_weight, orthonormal, stacked
+from fecore.modal.linear import orthonormal, stacked
 from fecore.modal.refinement import Fit, widened
 
 
@@ -79,9 +79,7 @@ class Site:
         place[arrangement.row[:, 0], arrangement.row[:, 1]] = np.arange(len(arrangement.pairs))
         root = np.sqrt(2 / fit.variance[:, use][place].mean(axis=0))
         basis = columns(arrangement.omega[use], others, arrangement.power)
-        frames = tuple(
-            stacked(orthonormal(basis, w[None] ** 2)[0], mean_weight(w[None] ** 2)) for w in root
-        )
+        frames = tuple(stacked(orthonormal(basis, w)[0], w) for w in root)
         values = np.stack(
             [
                 stacked(arrangement.values[:, use][rows].T, w)

@@ -18,6 +18,9 @@ OUTLYING = (_FREEDOM + 2 - 0.1 * _FREEDOM) / 2
 """|r|² over its variance v/u from which a value's weight u is below 0.1."""
 
 _LARGE, _MOST_RELATIVE = 0.95, 0.05  # quantile of the values that are large; largest ε
+WHOLE = 0.9
+"""Of its lines that every FRF has where gaps are few."""
+
 _LOCAL = 25  # lines over which the misfit is averaged
 # of the rms of a record: below this nothing is believed, so that clean data keep finite weights
 _FLOOR = 1e-5
@@ -104,7 +107,7 @@ def local_variance(
         spare: (L,) share of each line that the fit leaves to its errors, 1 less the leverage: on
             the two or three lines of a narrow peak the residue and the pole take up most of them.
         alike: take the variances as one function of frequency but for a factor, v_il = g_i p_l,
-            where no value is missing.
+            where few values are missing.
     """
     values, measured = arrangement.values, arrangement.measured
     square = scipy.ndimage.uniform_filter1d(
@@ -114,11 +117,14 @@ def local_variance(
     variance = np.maximum(np.where(measured, noise, 0.0), square / np.maximum(count, 1 / _LOCAL))
     variance = np.maximum(variance, _relative(residual, values, spare) * np.abs(values) ** 2)
     variance = np.maximum(variance, np.finfo(float).tiny)
-    if not alike or not measured.all():
+    if not alike or measured.mean(axis=1).min() < WHOLE:
         return np.asarray(variance)
     log = np.log(variance)
-    level = log.mean(axis=1, keepdims=True)
-    return np.asarray(np.exp(level) * np.exp(log - level).mean(axis=0))
+    level = np.mean(log, axis=1, keepdims=True, where=measured)
+    size = np.exp(log - level)
+    seen = measured.any(axis=0)
+    shape = np.mean(size, axis=0, where=measured | ~seen)
+    return np.asarray(np.exp(level) * shape)
 
 
 def _relative(residual: ComplexArray, values: ComplexArray, spare: FloatArray | float) -> float:

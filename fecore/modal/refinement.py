@@ -24,11 +24,13 @@ from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import DAMPING_RANGE, Terms, columns, derivatives, slopes
 from fecore.modal.linear import (
     LinearFit,
-    mean_weight,
+    Weights,
+    missing_slopes,
     normal_columns,
     orthonormal,
     real_part,
-    solve_normal,
+    solved,
+    stacked,
 )
 
 # eigenvalue of the scaled information below which a direction is null: a large variance, not
@@ -38,6 +40,7 @@ _FEWEST_SESSIONS = 8  # from which their scatter is known well enough
 # half bandwidths by which a pole is off over the relative error that all FRFs share (see
 # `error_model`)
 _SHIFT = 4.0
+_TURNS = 30  # in which the bounds of a step are found
 
 
 @dataclass(frozen=True)
@@ -47,9 +50,14 @@ class Level:
     terms: Terms  # poles and residual terms
     linear: LinearFit  # coefficients of every FRF, with their covariance for fixed poles
     variance: FloatArray  # (N, L) noise variance that weighted the fit
-    weight: FloatArray  # (N, L) 2/v of each complex value, 0 where nothing was measured
+    weights: Weights  # what each value counts
     residual: ComplexArray  # (N, L) measured minus model
     chi_squared: float  # weighted sum of squared residuals
+
+    @property
+    def weight(self) -> FloatArray:
+        """(N, L) 2/v of each complex value, 0 where nothing was measured."""
+        return self.weights.each
 
     @cached_property
     def residues(self) -> ComplexArray:
@@ -71,8 +79,8 @@ class Fit(Level):
     # twice the number of measured values less the number of unknowns, the expectation of χ²
     freedom: int
     information: FloatArray  # (parameters, parameters) matrix H of (ln ω_1 … ln ω_n, ζ_1 … ζ_n)
-    # (N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles
-    lever: FloatArray
+    # (N, q, 2n), or (1, q, 2n), coefficients of the basis in the derivative columns
+    inside: FloatArray
     pull: FloatArray  # (N, parameters) what each FRF adds to the gradient of -χ²/2
     memory: float = 1.0  # number of lines that count as one independent line
     # (N,) number of the test that each FRF belongs to, where the scatter between tests is to count
@@ -83,6 +91,17 @@ class Fit(Level):
     def gradient(self) -> FloatArray:
         """(parameters,) of -χ²/2."""
         return np.asarray(self.pull.sum(axis=0))
+
+    @property
+    def lever(self) -> FloatArray:
+        """(N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles."""
+        turn, n = _slope_parts(self.terms, self.residues), self.terms.pairs
+        inside = self.inside.reshape(*self.inside.shape[:2], n, 2)
+        return np.asarray(
+            np.einsum("nqka,npka->nqpk", inside, turn).reshape(
+                len(turn), self.inside.shape[1], 2 * n
+            )
+        )
 
     @property
     def inflation(self) -> float:
@@ -100,8 +119,8 @@ class Fit(Level):
         """
         n = self.terms.pairs
         lever = self.lever[:, : 2 * n]
-        own = np.einsum("nii->ni", self.linear.covariance)[:, : 2 * n] * self.inflation
-        spread = own + np.einsum("nip,pq,niq->ni", lever, self.parameter_covariance, lever)
+        own = self.linear.variance[:, : 2 * n] * self.inflation
+        spread = own + np.sum(np.matmul(lever, self.parameter_covariance) * lever, axis=2)
         return np.asarray(spread[:, 0::2] + spread[:, 1::2])
 
     @cached_property
@@ -165,26 +184,29 @@ def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fi
     return _with_slopes(arrangement, level_at(arrangement, terms, variance))
 
 
-def level_at(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Level:
-    """Linear coefficients and residual at given poles.
+def level_at(
+    arrangement: Arrangement, terms: Terms, variance: FloatArray, weights: Weights | None = None
+) -> Level:
+    """Linear coefficients and residual at given poles; `weights` are those of the variance, where
+    they are known.
 
     Raises:
         IdentificationError: an FRF has no weight on the lines of a term.
     """
-    weight = np.where(arrangement.measured, 2 / np.maximum(variance, np.finfo(float).tiny), 0.0)
+    weights = weights or Weights.of(variance, arrangement.measured)
     basis = columns(arrangement.omega, terms, arrangement.power)
-    frame, turn = orthonormal(basis, weight)
-    linear = solve_normal(normal_columns(frame, weight), frame, turn, arrangement.values, weight)
-    residual = np.where(
-        arrangement.measured, arrangement.values - real_times(linear.coefficients, basis.T), 0
-    )
+    frame, turn = orthonormal(basis, weights.root)
+    linear = solved(frame, turn, arrangement.values, weights)
+    residual = arrangement.values - real_times(linear.coefficients, basis.T)
+    residual[~arrangement.measured] = 0
+    square = residual.real**2 + residual.imag**2
     return Level(
         terms=terms,
         variance=variance,
-        weight=weight,
+        weights=weights,
         linear=linear,
         residual=residual,
-        chi_squared=float(np.sum((weight * residual.conj() * residual).real)),
+        chi_squared=float(np.vdot(weights.each, square)),
     )
 
 
@@ -197,9 +219,10 @@ def spare(arrangement: Arrangement, level: Level) -> FloatArray:
     """
     basis = columns(arrangement.omega, level.terms, arrangement.power)
     steep = derivatives(arrangement.omega, level.terms, arrangement.power)
-    both, _ = orthonormal(np.concatenate([basis, steep], axis=1), level.weight)
+    root = level.weights.root
+    both, _ = orthonormal(np.concatenate([basis, steep], axis=1), root)
     own, all_ = (np.sum(np.abs(frame) ** 2, axis=1) for frame in (level.linear.frame, both))
-    leverage = mean_weight(level.weight) ** 2 * (own + (all_ - own) / len(level.residual)) / 2
+    leverage = root**2 * (own + (all_ - own) / len(level.residual)) / 2
     return np.asarray(np.clip(1 - leverage, 0.0, 1.0))
 
 
@@ -209,29 +232,39 @@ def _with_slopes(arrangement: Arrangement, level: Level) -> Fit:
     The derivative columns are taken less their projection on the frame, which leaves H as it is and
     spares it the cancellation.
     """
-    terms, linear, frame, weight = level.terms, level.linear, level.linear.frame, level.weight
+    terms, linear, frame, weights = level.terms, level.linear, level.linear.frame, level.weights
     steep = derivatives(arrangement.omega, terms, arrangement.power)
-    mean = mean_weight(weight)[:, None] ** 2
-    inside = real_part(frame.T, (mean * steep).T)
-    steep = steep - real_times(inside.T, frame.T).T
-    r = frame.shape[1]
-    gram = normal_columns(np.concatenate([frame, steep], axis=1), weight, r)
-    turn = _slope_combinations(terms, level.residues)
-    seen = np.matmul(linear.root, np.matmul(gram[:, :r], turn))
-    whole = np.matmul(turn.transpose(0, 2, 1), np.matmul(gram[:, r:], turn))
-    information = (whole - np.matmul(seen.transpose(0, 2, 1), seen)).sum(axis=0)
-    lever = np.matmul(
-        linear.turn, np.matmul(linear.root.transpose(0, 2, 1), seen) + np.matmul(inside, turn)
-    )
-    pull = np.einsum("nij,ni->nj", turn, real_part(weight * level.residual, steep.T))
+    onto = real_part(frame.T, (weights.root[:, None] ** 2 * steep).T)
+    steep = steep - real_times(onto.T, frame.T).T
+    turn = _slope_parts(terms, level.residues)
+    n, inside = terms.pairs, onto[None]
+    if weights.share is None:
+        r = frame.shape[1]
+        gram = normal_columns(np.concatenate([frame, steep], axis=1), weights.each, r)
+        seen = np.matmul(linear.root, gram[:, :r])
+        products = gram[:, r:] - np.matmul(seen.transpose(0, 2, 1), seen)
+        inside = inside + np.matmul(linear.root.transpose(0, 2, 1), seen)
+        half = np.einsum("nkalb,nqlb->nkaql", products.reshape(len(turn), n, 2, n, 2), turn)
+        information = np.einsum("npka,nkaql->pkql", turn, half)
+    else:
+        flat = turn.reshape(len(turn), -1)
+        pairs = (flat.T @ (weights.share[:, None] * flat)).reshape(2, n, 2, 2, n, 2)
+        own = stacked(steep, weights.root)
+        products = (own.T @ own).reshape(n, 2, n, 2)
+        information = np.einsum("pkaqlb,kalb->pkql", pairs, products)
+        for row, lines in weights.gaps:
+            lost = missing_slopes(frame, steep, weights.root, lines).reshape(2 * lines.size, n, 2)
+            lost = np.einsum("gka,pka->gpk", lost, turn[row])
+            information -= weights.share[row] * np.einsum("gpk,gql->pkql", lost, lost)
+    pull = real_part(weights.each * level.residual, steep.T).reshape(len(turn), n, 2)
     return Fit(
         **{each.name: getattr(level, each.name) for each in fields(Level)},
         freedom=2 * int(arrangement.measured.sum())
         - terms.parameters
         - len(level.residual) * terms.columns,
-        information=information,
-        lever=lever,
-        pull=pull,
+        information=information.reshape(2 * n, 2 * n),
+        inside=np.matmul(linear.turn, inside),
+        pull=np.einsum("npka,nka->npk", turn, pull).reshape(len(turn), 2 * n),
     )
 
 
@@ -257,7 +290,7 @@ def refine(
         if predicted < enough:
             break
         try:
-            trial = level_at(arrangement, moved(fit.terms, step), variance)
+            trial = level_at(arrangement, moved(fit.terms, step), variance, fit.weights)
         except IdentificationError:  # a term has no weight there: a shorter step
             trial = fit
         if trial.chi_squared < fit.chi_squared:
@@ -291,24 +324,43 @@ def _step(fit: Fit, damping: float) -> tuple[FloatArray, float]:
     scale, value, vector, null = spectrum(fit.information)
     zeta = fit.terms.damping_ratio
     limit = np.concatenate([np.maximum(zeta, 1e-3), np.maximum(0.7 * zeta, 1e-4)]) * scale
-    root = np.sqrt(np.where(null, 1.0, value) + damping)
-    along = np.where(null, 0.0, vector.T @ (fit.gradient / scale)) / root
-    step = (
-        scipy.optimize.lsq_linear(root[:, None] * vector.T, along, (-limit, limit), method="bvls").x
-        / scale
-    )
+    size = np.where(null, 1.0, value) + damping
+    pull = vector @ np.where(null, 0.0, vector.T @ (fit.gradient / scale))
+    step = _within((vector * size) @ vector.T, vector @ ((vector.T @ pull) / size), pull, limit)
+    step /= scale
     return step, float(2 * step @ fit.gradient - step @ fit.information @ step)
 
 
-def _slope_combinations(terms: Terms, residues: ComplexArray) -> FloatArray:
-    """(N, 2n, 2n) how each FRF's Jacobian is made of the derivative columns."""
-    n = terms.pairs
-    turn = np.zeros((len(residues), 2 * n, 2 * n))
-    for place, slope in enumerate(slopes(terms)):
-        pull = residues * slope
-        for k in range(n):
-            turn[:, 2 * k, place * n + k], turn[:, 2 * k + 1, place * n + k] = (
-                pull[:, k].real,
-                pull[:, k].imag,
-            )
-    return turn
+def _within(
+    matrix: FloatArray, free: FloatArray, pull: FloatArray, limit: FloatArray
+) -> FloatArray:
+    """The x of least ½ xᵀM x - pᵀx between -limit and limit, from its place without these bounds.
+
+    Bounds that hold and that pull are found in turn (primal-dual active sets; Hintermüller, Ito and
+    Kunisch 2002).
+    """
+    x, before = free, np.zeros(free.size)
+    for _ in range(_TURNS):
+        excess = x + pull - matrix @ x
+        at = np.where(excess > limit, 1.0, np.where(excess < -limit, -1.0, 0.0))
+        if np.array_equal(at, before):
+            return x
+        before, held = at, at != 0
+        x = at * limit
+        if not held.all():
+            left = matrix[np.ix_(~held, ~held)]
+            x[~held] = np.linalg.solve(left, (pull - matrix @ x)[~held])
+    root = np.linalg.cholesky(matrix).T
+    return np.asarray(
+        scipy.optimize.lsq_linear(
+            root, np.linalg.solve(root.T, pull), (-limit, limit), method="bvls"
+        ).x
+    )
+
+
+def _slope_parts(terms: Terms, residues: ComplexArray) -> FloatArray:
+    """(N, 2, n, 2) of how much of its two derivative columns the derivative of each FRF by ln ω_k,
+    and by ζ_k, is made.
+    """
+    pull = residues[:, None] * np.stack(slopes(terms))
+    return np.stack([pull.real, pull.imag], axis=3)

@@ -67,7 +67,7 @@ def shapes_at_poles(
     dead = [r for r in range(len(arrangement.pairs)) if not np.any(arrangement.values[r])]
     arrangement = arrangement.without(dead) if dead else arrangement
     fit = _fit_at(arrangement, Terms(frequency, zeta, exponents))
-    spread = np.einsum("nii->ni", fit.linear.covariance)[:, : 2 * frequency.size]
+    spread = fit.linear.variance[:, : 2 * frequency.size]
     shapes = shapes_from_residues(
         arrangement, fit.residues, spread[:, 0::2] + spread[:, 1::2], fit.terms.poles.imag
     )
