@@ -10,20 +10,96 @@ import contextlib
 import importlib
 import io
 import time
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
+import scipy
 
-from benchmarks.tables import Table
+from benchmarks.clock import least, timed
+from benchmarks.plain_plscf import HIGHEST, plain_poles
+from benchmarks.tables import Table, load
 from fecore.correlation import mac
+from fecore.frf import Dof, FrfSet
 from fecore.modal import identify
-from tests.support.beams import PAPER_HZ, PAPER_ZETA, cantilever_shapes, grid, paper_frfs
+from tests.support.beams import (
+    PAPER_HZ,
+    PAPER_ZETA,
+    cantilever_shapes,
+    grid,
+    paper_frfs,
+    read_uff,
+)
+from tests.support.places import SHARED
 
 
 def identification(seeds: int = 30) -> None:
-    """Bias and scatter of f and ζ at two levels of noise, beside sdypy-EMA."""
+    """Bias and scatter of f and ζ at two levels of noise, beside sdypy-EMA; processor time beside
+    that of a plain p-LSCF.
+    """
+    _speed()
     for noise in (0.01, 0.05):
         _ours(noise, seeds)
         _peer(noise, min(seeds, 5))
+
+
+def _file(name: str) -> FrfSet:
+    path = SHARED / name
+    if not path.exists():
+        raise FileNotFoundError(path)
+    return read_uff(path)
+
+
+def _made(count: int, lines: int, modes: int) -> FrfSet:
+    """Accelerances of many points with 1 % of noise."""
+    rng = np.random.default_rng(1)
+    hz = 0.5 * np.arange(1, lines + 1)
+    f, zeta = np.sort(rng.uniform(20, 0.96 * hz[-1], modes)), rng.uniform(0.003, 0.012, modes)
+    residue = rng.standard_normal((modes, count)) * rng.uniform(0.5, 1.5, (modes, 1))
+    s, w = 2j * np.pi * hz, 2 * np.pi * f[:, None]
+    values = residue.T @ (s**2 / (s**2 + 2 * zeta[:, None] * w * s + w**2))
+    noise = rng.standard_normal((2, *values.shape))
+    values = values + 0.01 * np.abs(values).mean() * (noise[0] + 1j * noise[1])
+    points = tuple(Dof(number, 3) for number in range(1, count + 1))
+    return FrfSet(hz, values, points, (Dof(count + 1, 3),) * count)
+
+
+def _ruler(highest_hz: float) -> FrfSet:
+    """A steel ruler as somebody measured it, ten FRFs; sensor and quantity are not stated."""
+    spectra = scipy.io.loadmat(SHARED / "measured" / "ruler.mat")["yspec"]
+    hz = np.linspace(0, 10_000, len(spectra))
+    use = hz <= highest_hz
+    points = tuple(Dof(number, 3) for number in range(1, 11))
+    return FrfSet(hz[use], spectra[use].T.astype(complex), points, (Dof(100, 3),) * 10)
+
+
+SETS: dict[str, Callable[[], FrfSet]] = {
+    "real-like-aeroplane": lambda: _file("blind-open/real-like-aeroplane.uff"),
+    "measured aeroplane": lambda: _file("measured/aeroplane.uff"),
+    "dam0": lambda: _file("measured/dam0.unv"),
+    "ruler to 2 kHz": lambda: _ruler(2000),
+    "ruler": lambda: _ruler(np.inf),
+    "1,000 made FRFs": lambda: _made(1000, 3200, 40),
+    "33 made FRFs": lambda: paper_frfs(0.05, 0, 3200),
+}
+"""FRFs whose identification is timed; those of others where they are at hand."""
+
+
+def _speed() -> None:
+    """Processor time of all sets beside the peer's in the same run."""
+    columns = ("FRFs:d", "lines:d", "modes:d", "uncertain:d", "CPU s:.2f", "plain:.3f", "times:.1f")
+    table = Table(f"beside a plain p-LSCF, orders to {HIGHEST}, {load()}", "set:20", *columns)
+    for name, read in SETS.items():
+        try:
+            frfs = read()
+        except FileNotFoundError:
+            print(f"  ({name} is not at hand)")
+            continue
+        found, (_, own) = timed(partial(identify, frfs))
+        _, (_, plain) = least(partial(plain_poles, frfs))
+        sure = sum(why is None for why in found.found.doubt)
+        size = frfs.values.shape
+        table.row(name, *size, sure, len(found.found.doubt) - sure, own, plain, own / plain)
 
 
 def _ours(noise: float, seeds: int) -> None:

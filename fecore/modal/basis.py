@@ -10,11 +10,13 @@ real because α is the transform of a real function. A mobility or accelerance i
 Everything is linear in (Re R, Im R, c) for given poles.
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
 DAMPING_RANGE = (1e-5, 0.95)
 """Of ζ: a pole beyond is no resonance."""
@@ -53,6 +55,14 @@ class Terms:
         """(n,) poles with positive imaginary part, rad/s: s = ω(-ζ + i√(1 - ζ²))."""
         zeta = self.damping_ratio
         return np.asarray(2 * np.pi * self.frequency_hz * (-zeta + 1j * np.sqrt(1 - zeta**2)))
+
+    def some(self, which: IntArray | BoolArray) -> Terms:
+        """The terms with some of the poles."""
+        return replace(
+            self,
+            frequency_hz=self.frequency_hz[which],
+            damping_ratio=self.damping_ratio[which],
+        )
 
     @property
     def parameters(self) -> int:

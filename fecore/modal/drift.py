@@ -24,7 +24,7 @@ from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.basis import BESIDE, ONE, Terms, columns
 from fecore.modal.error_model import memory
-from fecore.modal.growth import PRICE, gains, pole_price
+from fecore.modal.growth import PRICE, pole_price
 from fecore.modal.linear import stacked
 from fecore.modal.refinement import Level, level_at
 
@@ -78,7 +78,7 @@ def drift_price(arrangement: Arrangement, fit: Level) -> float:
     """What a drift of all tests but one must lower χ² by (Akaike), where lines share their
     errors.
     """
-    tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
+    tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model)
     return PRICE * (arrangement.sessions - 1) * tau
 
 
@@ -142,7 +142,7 @@ def _side_by_side(fit: Level, inside: BoolArray, reach: float) -> tuple[Terms, b
     the modes were more.
     """
     terms = fit.terms
-    hz, zeta, gain = terms.frequency_hz.copy(), terms.damping_ratio.copy(), gains(fit)
+    hz, zeta, gain = terms.frequency_hz.copy(), terms.damping_ratio.copy(), fit.gains
     width, gone = terms.half_bandwidth_hz, np.zeros(hz.size, dtype=bool)
     several = []
     for k in np.argsort(-gain):
@@ -218,7 +218,6 @@ def _solved(basis: np.ndarray, values: np.ndarray, root: FloatArray) -> FloatArr
     size = np.maximum(np.linalg.norm(scaled, axis=0), np.finfo(float).tiny)
     both = stacked(values.T, root).T
     price = np.sqrt(len(both) / max(float(np.sum(both**2)), np.finfo(float).tiny))
-    frame, upper = np.linalg.qr(np.vstack([scaled / size, price * np.eye(size.size)]))
-    return np.asarray(
-        scipy.linalg.solve_triangular(upper, (both @ frame[: len(scaled)]).T).T / size
-    )
+    unit = scaled / size
+    products = unit.T @ unit + price**2 * np.eye(size.size)
+    return np.asarray(scipy.linalg.solve(products, unit.T @ both.T, assume_a="pos").T / size)

@@ -23,7 +23,6 @@ import scipy
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.basis import Terms, columns
-from fecore.modal.growth import gains
 from fecore.modal.refinement import Level
 
 _REACH = 3.0  # half bandwidths on each side of a pole within which the misfit is local
@@ -101,7 +100,7 @@ def _rise(arrangement: Arrangement, fit: Level) -> FloatArray:
     # clean data leave nothing
     usual = 2.0 * np.mean(arrangement.measured.sum(axis=0)) * lines * 0.05
     with_it = np.maximum(misfit @ near, usual)
-    return np.asarray(np.clip(1 + gains(fit) / with_it, *_RISE))
+    return np.asarray(np.clip(1 + fit.gains / with_it, *_RISE))
 
 
 def _share(arrangement: Arrangement, fit: Level) -> tuple[FloatArray, FloatArray]:
@@ -109,15 +108,15 @@ def _share(arrangement: Arrangement, fit: Level) -> tuple[FloatArray, FloatArray
     between lines has none.
     """
     terms, n = fit.terms, fit.terms.pairs
-    omega = arrangement.omega[
-        np.argmin(np.abs(arrangement.frequency_hz[:, None] - terms.frequency_hz), axis=0)
-    ]
+    place = np.argmin(np.abs(arrangement.frequency_hz[:, None] - terms.frequency_hz), axis=0)
+    omega = arrangement.omega[place]
     reference = float(np.sqrt(arrangement.omega[0] * arrangement.omega[-1]))
     at = columns(omega, terms, arrangement.power, reference)  # (n, q), line k at pole k
     own = at[np.arange(n)[:, None], np.stack([2 * np.arange(n), 2 * np.arange(n) + 1], axis=1)]
     c = fit.linear.coefficients
     height = np.abs(c[:, 0 : 2 * n : 2] * own[:, 0] + c[:, 1 : 2 * n : 2] * own[:, 1])
-    whole = np.abs(c @ at.T)
+    beside = fit.background[:, place] if isinstance(fit.background, np.ndarray) else 0.0
+    whole = np.abs(beside + c @ at.T)
     total = np.sqrt(np.sum(height**2, axis=0))
     share = total / np.maximum(np.sqrt(np.sum(whole**2, axis=0)), np.finfo(float).tiny)
     return total, np.asarray(np.clip(share, *_SHARE))

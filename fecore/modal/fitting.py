@@ -21,9 +21,11 @@ from fecore.modal.growth import (
     ROUNDS,
     STEPS,
     grow,
+    likely,
     linear_weight,
     local_level,
     pruned,
+    settled,
     with_residual_terms,
     without_poles,
 )
@@ -33,6 +35,9 @@ from fecore.modal.probability import probability
 from fecore.modal.refinement import Fit, Level, level_at, refine, spare
 
 _CULLS = 2  # turns of probability and refinement
+# steps, and the decrease of χ² that ends them, of the poles that stand: a move of a thirtieth of a
+# standard deviation
+_MANY, _SETTLED = 40, 1e-3
 _LAST = 3  # steps of the refinement with all FRFs and a weight for each value
 _ONE = 0.05  # distance below which the residues of two poles cancel, and have no phase of their own
 # probability below which a pole is rather no mode, and what it takes up is error of its neighbours
@@ -46,7 +51,9 @@ class Fitted:
     """The series fitted to all FRFs."""
 
     arrangement: Arrangement  # the FRFs without their drift
-    fit: Fit
+    fit: Fit  # of the poles that may be modes, or stand out of band or for much
+    whole: Level  # the fit before, of all n poles
+    free: BoolArray  # (n,) those of the last fit
     noise: FloatArray  # (N, L) variance of the FRFs' noise
     linear: LinearPoles  # the linear poles
     drift: FloatArray  # (N,) relative drift of each FRF's frequencies, all 0 where no drift pays
@@ -89,12 +96,13 @@ def fit_series(
     empty = Terms(np.empty(0), np.empty(0), (-2, 0))
     terms = data.grown(empty, pool, most, step, 1)
     still, terms, drift = _aligned(data, terms, pool, most, step)
-    fit = still.fitted(terms)
+    fit = still.fitted(still.settled(terms, steps=_MANY, enough=_SETTLED))
     report("refining with all FRFs", 0.6)
     full = fit.terms.pairs >= most
     fit = _without_company(still, fit)
     report("refining with all FRFs", 0.8)
-    return Fitted(still.arrangement, _last(still, fit), noise, linear, drift=drift, full=full)
+    last, free = _last(still, fit)
+    return Fitted(still.arrangement, last, fit, free, noise, linear, drift=drift, full=full)
 
 
 @dataclass(frozen=True)
@@ -112,10 +120,21 @@ class _Data:
     def of(cls, arrangement: Arrangement, noise: FloatArray) -> _Data:
         return cls(arrangement, noise, *compress(arrangement, noise))
 
-    def settled(self, terms: Terms) -> Terms:
-        """The poles refined on the combinations."""
-        variance = local_level(self.few, terms, self.few_noise).variance
-        return refine(self.few, terms, variance, steps=STEPS, enough=ENOUGH).terms
+    def settled(
+        self,
+        terms: Terms,
+        before: Terms | None = None,
+        steps: int = STEPS,
+        enough: float = ENOUGH,
+    ) -> Terms:
+        """The poles refined on the combinations, under the variance that they leave, or poles
+        before them.
+
+        Where poles left, the others would make a variance large first that then lets them stray.
+        """
+        variance = local_level(self.few, before or terms, self.few_noise).variance
+        level = level_at(self.few, terms, variance)
+        return settled(self.few, level, steps, enough=enough).terms
 
     def grown(
         self,
@@ -190,7 +209,7 @@ def _without_company(data: _Data, fit: Level) -> Level:
         gone = _company(data.arrangement, fit.terms, p) | (evidence.apart < _ONE)
         if not gone.any():
             break
-        fit = data.fitted(data.settled(without_poles(fit.terms, gone)))
+        fit = data.fitted(data.settled(without_poles(fit.terms, gone), fit.terms))
     return fit
 
 
@@ -204,20 +223,25 @@ def _company(arrangement: Arrangement, terms: Terms, p: FloatArray) -> BoolArray
     )
 
 
-def _last(data: _Data, fit: Level) -> Fit:
+def _last(data: _Data, level: Level) -> tuple[Fit, BoolArray]:
     """A few steps with a variance for each value (Student's law of the errors), and what the
-    covariance needs.
+    covariance needs; and (n,) the poles that have a part in it.
+
+    What hardly is a mode stands fixed in the background.
     """
     arrangement = data.arrangement
-    variance = student(arrangement, fit.residual, data.noise, spare(arrangement, fit))
-    fit = refine(arrangement, fit.terms, variance, steps=_LAST)
-    tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
-    return replace(fit, memory=tau, sessions=arrangement.session, shared=_shared(arrangement, fit))
+    variance = student(arrangement, level.residual, data.noise, spare(arrangement, level))
+    free = likely(arrangement, level)
+    background = level.part(np.flatnonzero(np.repeat(~free, 2))) if not free.all() else 0.0
+    fit = refine(arrangement, level.terms.some(free), variance, steps=_LAST, background=background)
+    tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model)
+    shared = _shared(arrangement, fit)
+    return replace(fit, memory=tau, sessions=arrangement.session, shared=shared), free
 
 
 def _shared(arrangement: Arrangement, fit: Fit) -> FloatArray:
     """(n,) error of each pole's curve that all FRFs share; what poles that are rather no modes take
-    up is error too.
+    up, and the background, is error too.
     """
     evidence = evidence_of(arrangement, fit)
     p = probability(evidence, fit.terms.damping_ratio)

@@ -19,10 +19,12 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import DAMPING_RANGE, ONE, Terms, columns
 from fecore.modal.error_model import RELATIVE
+from fecore.modal.evidence import evidence_of
 from fecore.modal.linear import stacked
 from fecore.modal.lscf import NARROW, clusters, linear_poles
 from fecore.modal.noise import local_variance
-from fecore.modal.refinement import Fit, Level, level_at, refine
+from fecore.modal.probability import probability
+from fecore.modal.refinement import Level, gains, level_at, refine
 
 EXPONENTS = (-3, -2, -1, 0, 1, 2)
 """Powers of iω of the receptance that stand for the modes outside the band and for rigid body
@@ -39,11 +41,24 @@ STEPS = 8
 ENOUGH = 1.0
 """Decrease of χ² that a step is worth before the last round."""
 
+_FIRST = 2  # steps after which new poles are looked at
+_LESS = 1.0  # fall of the mean ln v from which poles are refined again under what is left
+_SPARE = 6  # poles beside twice those that are not refused, from which a search must find more
 _SETTLES = (
     # times that a variance follows a fit and a fit the variance: the first fit's own is too large
     # for clean data
     2
 )
+REFUSED = 0.1
+"""Probability below which a pole is refused."""
+
+HARDLY = 0.02
+"""Probability below which a pole is not refined."""
+
+HOPELESS = 0.001
+"""... where it is new."""
+
+_STRONG = 30.0  # times its price that a pole gains which may stay all the same
 PRICE = 2.0
 """Of an unknown (Akaike)."""
 
@@ -61,7 +76,7 @@ def grow(
     pool: ComplexArray,
     rounds: int = ROUNDS,
     beside: int = 0,
-) -> Fit:
+) -> Level:
     """The poles that FRFs, or combinations of them, need.
 
     Args:
@@ -76,7 +91,9 @@ def grow(
     """
     first = np.append(pool, _beyond(arrangement))
     fit = local_level(arrangement, start, noise)
+    count = _count(arrangement, fit)
     for number in range(rounds):
+        pairs = fit.terms.pairs
         candidates = np.append(_in_residual(arrangement, fit), first) if fit.terms.pairs else first
         if not fit.terms.pairs and len(fit.residual) <= _FEW:
             fit = _as_all_leave(arrangement, fit, candidates[:most], noise)
@@ -88,24 +105,69 @@ def grow(
             added = _chosen(arrangement, fit, candidates, room, 0)
         if not added.size:
             break
-        larger = refine(
-            arrangement, with_poles(fit.terms, added), fit.variance, steps=STEPS, enough=ENOUGH
-        )
-        before = fit.terms.pairs
-        # Not before there are poles, as residual terms would take the place of a broad one; then
-        # all of them again, as a better fit may need what a poor one did without.
-        whole = level_at(
-            arrangement, with_residual_terms(arrangement, larger.terms), larger.variance
-        )
-        fit = pruned(
-            arrangement,
-            level_at(arrangement, whole.terms, local_variance(arrangement, whole.residual, noise)),
-            beside,
-        )
+        larger = level_at(arrangement, with_poles(fit.terms, added), fit.variance)
+        larger = settled(arrangement, larger, _FIRST, HOPELESS)
+        for _ in range(_SETTLES):
+            larger = settled(arrangement, larger)
+            # Not before there are poles, as residual terms would take the place of a broad one;
+            # then all of them again, as a better fit may need what a poor one did without.
+            terms, variance = with_residual_terms(arrangement, larger.terms), larger.variance
+            whole = level_at(arrangement, terms, variance, larger.weights)
+            own = local_variance(arrangement, whole.residual, noise)
+            larger = level_at(arrangement, terms, own)
+            if np.mean(np.log(variance / own)) < _LESS:
+                break
+        fit = pruned(arrangement, larger, beside)
         step(fit.terms.pairs)
-        if number and fit.terms.pairs <= before:
+        before, count = count, _count(arrangement, fit)
+        more = count > before or fit.terms.pairs <= _SPARE + 2 * count
+        if (number and fit.terms.pairs <= pairs) or not more:
             break
-    return refine(arrangement, fit.terms, fit.variance)
+    return fit
+
+
+def settled(
+    arrangement: Arrangement,
+    fit: Level,
+    steps: int = STEPS,
+    least: float = HARDLY,
+    enough: float = ENOUGH,
+) -> Level:
+    """The fit with its poles refined under its own variance, but for those of a probability below
+    the least: they stay as they are meanwhile.
+    """
+    free = np.flatnonzero(likely(arrangement, fit, least))
+    return refine(arrangement, fit.terms, fit.variance, steps=steps, enough=enough, free=free)
+
+
+def _near(pole: ComplexArray, others: ComplexArray) -> BoolArray:
+    """(n,) whether a pole may be one with another."""
+    reach = ONE * -(pole.real[:, None] + others.real)
+    return np.asarray((np.abs(pole[:, None] - others) <= reach).any(axis=1))
+
+
+def likely(arrangement: Arrangement, fit: Level, least: float = HARDLY) -> BoolArray:
+    """(n,) poles that may be modes, stand out of band, or hide most of what is beside them: of the
+    last as many as there are others.
+    """
+    p, poor = _probability(arrangement, fit)
+    poor &= p < least
+    worth = np.where(poor, fit.gains / pole_price(fit), 0.0)
+    strong = np.argsort(-worth, kind="stable")[: int(np.sum(p >= least))]
+    poor[strong[worth[strong] > _STRONG]] = False
+    return ~poor
+
+
+def _count(arrangement: Arrangement, fit: Level) -> int:
+    """Number of the poles that are not refused."""
+    return int(np.sum(_probability(arrangement, fit)[0] >= REFUSED))
+
+
+def _probability(arrangement: Arrangement, fit: Level) -> tuple[FloatArray, BoolArray]:
+    """(n,) P of each pole, and which ones it is asked of: those in band but for tones."""
+    evidence = evidence_of(arrangement, fit)
+    asked = arrangement.in_band(fit.terms.frequency_hz) & ~evidence.tone
+    return np.where(asked, probability(evidence, fit.terms.damping_ratio), 0.0), asked
 
 
 def _in_residual(arrangement: Arrangement, fit: Level) -> ComplexArray:
@@ -160,26 +222,7 @@ def with_poles(terms: Terms, pole: ComplexArray) -> Terms:
 
 def without_poles(terms: Terms, gone: BoolArray) -> Terms:
     """The terms without the marked poles (n,)."""
-    return replace(
-        terms,
-        frequency_hz=terms.frequency_hz[~gone],
-        damping_ratio=terms.damping_ratio[~gone],
-    )
-
-
-def gains(fit: Level) -> FloatArray:
-    """(n,) what χ² would rise by without each pole, all other coefficients fitted anew: Σ_i cᵀV⁻¹c,
-    V the covariance of c.
-    """
-    return _gains(fit.linear.coefficients, fit.linear.spread, fit.linear.share, fit.terms.pairs)
-
-
-def _gains(c: FloatArray, C: FloatArray, share: FloatArray, pairs: int) -> FloatArray:
-    one, two = c[:, 0 : 2 * pairs : 2], c[:, 1 : 2 * pairs : 2]
-    at = 2 * np.arange(pairs)
-    a, b, d = C[:, at, at], C[:, at, at + 1], C[:, at + 1, at + 1]
-    determinant = np.maximum(a * d - b**2, 1e-12 * a * d + np.finfo(float).tiny)
-    return np.asarray(share @ ((d * one**2 - 2 * b * one * two + a * two**2) / determinant))
+    return terms.some(~gone)
 
 
 def pole_price(fit: Level, beside: int = 0) -> float:
@@ -202,7 +245,7 @@ def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
     terms, c, C, share = fit.terms, fit.linear.coefficients, fit.linear.spread, fit.linear.share
     price = pole_price(fit, beside)
     while terms.pairs:
-        poor = _gains(c, C, share, terms.pairs) < price
+        poor = gains(c, C, share, terms.pairs) < price
         if not poor.any():
             break
         k = int(np.argmax(np.where(poor, terms.half_bandwidth_hz, -1.0)))
@@ -292,7 +335,7 @@ def _chosen(
             g - np.sum(x * y, axis=0)
             for g, (x, y) in zip(gram, ((a, a), (a, b), (b, b)), strict=True)
         ]
-        open_ &= np.abs(pool - pool[k]) > ONE * -(pool.real + pool[k].real)
+        open_ &= ~_near(pool, pool[[k]])
     return pool[taken]
 
 

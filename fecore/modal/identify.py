@@ -18,20 +18,17 @@ from fecore.modal.diagram import diagram_of
 from fecore.modal.evidence import Evidence, evidence_of
 from fecore.modal.findings import finding, not_used
 from fecore.modal.fitting import Fitted, Report, fit_series
-from fecore.modal.growth import gains, pole_price
+from fecore.modal.growth import REFUSED, pole_price
 from fecore.modal.noise import OUTLYING
 from fecore.modal.parting import part
 from fecore.modal.preparation import Prepared, prepare
 from fecore.modal.probability import Feature, features, probability
-from fecore.modal.refinement import Fit
+from fecore.modal.refinement import Fit, Level
 from fecore.modal.remarks import remarks
 from fecore.modal.result import Found, Identification, RefusedPole
 from fecore.modal.screening import lines_in_words
 from fecore.modal.shapes import Shapes, shapes_from_residues
 from fecore.modes import MeasuredModes
-
-REFUSED = 0.1
-"""Probability below which a pole is refused."""
 
 _SAID = 3  # features that are said of a pole
 _FEW_OUTLIERS = 0.01  # share of a record that may be outliers
@@ -122,10 +119,11 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
     diagram = diagram_of(arrangement, fitted.linear)
     evidence = evidence_of(arrangement, fit)
     verdict = _verdict(arrangement, fit, evidence)
+    verdict = replace(verdict, refused=_all_refused(fitted, verdict.refused))
     if not verdict.kept.size:
         raise IdentificationError(_nothing(arrangement, verdict.refused, fitted.full))
     significance, toned = (
-        gains(fit) / (pole_price(fit) * fit.memory),
+        fit.gains / (pole_price(fit) * fit.memory),
         _toned(arrangement, fit, evidence),
     )
     fit, old, parted = part(arrangement, fit, verdict.kept)
@@ -168,7 +166,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
         frequency_hz=arrangement.frequency_hz,
         quantity=arrangement.quantity,
         measured=np.where(arrangement.measured & ~outliers & ~toned, arrangement.values, np.nan),
-        predicted=fit.model(arrangement),
+        predicted=fit.model,
         noise_variance=np.where(known, arrangement.variance, fit.variance),
         noise_ratio=ratio,
         model_error=_model_error(arrangement, fitted),
@@ -179,7 +177,18 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
     )
 
 
-def _verdict(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> _Verdict:
+def _all_refused(fitted: Fitted, refused: tuple[RefusedPole, ...]) -> tuple[RefusedPole, ...]:
+    """Refused poles with those of the background."""
+    arrangement, terms = fitted.arrangement, fitted.whole.terms
+    if fitted.free.all():
+        return refused
+    before = _verdict(arrangement, fitted.whole, evidence_of(arrangement, fitted.whole))
+    still = terms.frequency_hz[~fitted.free]
+    both = (*refused, *(each for each in before.refused if each.frequency_hz in still))
+    return tuple(sorted(both, key=lambda each: each.frequency_hz))
+
+
+def _verdict(arrangement: Arrangement, fit: Level, evidence: Evidence) -> _Verdict:
     terms = fit.terms
     p = probability(evidence, terms.damping_ratio)
     said = features(evidence, terms.frequency_hz, terms.damping_ratio)

@@ -25,6 +25,7 @@ from fecore.modal.noise import WHOLE
 
 # of the largest singular value: below it a direction of the scaled coefficients is round-off
 _NULL = 1e-9
+_CLEAR = 1e-3  # singular value of scaled columns over the largest, from which products keep 1e-10
 
 
 @dataclass(frozen=True)
@@ -56,13 +57,18 @@ class LinearFit:
     """Coefficients of every FRF on one basis."""
 
     coefficients: FloatArray  # (N, q) real coefficients
-    frame: ComplexArray  # (L, r) the basis made orthonormal, r <= q
+    basis: ComplexArray  # (L, q)
     turn: FloatArray  # (q, r) coefficients of the basis from those of the frame
     # (N, r, r) R with RᵀR the inverse normal matrices of the frame; (1, r, r) where these are alike
     # but for the share. What is left of a product after projection keeps twice the digits when it
     # is made from the root.
     root: FloatArray
     share: FloatArray  # (N,) by which the normal matrices are larger than R says
+
+    @cached_property
+    def frame(self) -> ComplexArray:
+        """(L, r) the basis made orthonormal, r <= q."""
+        return real_times(self.turn.T, self.basis.T).T
 
     @cached_property
     def spread(self) -> FloatArray:
@@ -79,27 +85,30 @@ class LinearFit:
         return np.asarray(np.einsum("nii->ni", self.spread) / self.share[:, None])
 
 
+def whitening(scaled: FloatArray) -> FloatArray:
+    """(q, r) what makes weighted real columns (2L, q) orthonormal; null directions are left out.
+
+    From their products where these keep the digits, else from the columns themselves.
+    """
+    products = scaled.T @ scaled
+    length = np.sqrt(np.diag(products))
+    length = np.where(length > 0, length, 1.0)
+    triangle, fault = scipy.linalg.lapack.dpotrf(products / length / length[:, None])
+    if fault or scipy.linalg.lapack.dtrcon(triangle)[0] < _CLEAR:
+        triangle = np.linalg.qr(scaled / length, mode="r")
+        _, singular, right = np.linalg.svd(triangle)
+        singular, right = singular[: len(right)], right[: singular.size]
+        kept = singular > _NULL * singular.max(initial=0.0)
+        return np.asarray((right[kept] / singular[kept, None]).T / length[:, None])
+    return np.asarray(scipy.linalg.lapack.dtrtri(triangle)[0] / length[:, None])
+
+
 def orthonormal(basis: ComplexArray, root: FloatArray) -> tuple[ComplexArray, FloatArray]:
     """The basis made orthonormal under the square of a weight (L,), as (L, r), and (q, r) what makes
     it so; null directions are left out.
     """
-    scaled = stacked(basis, root)
-    length = np.sqrt(np.einsum("lq,lq->q", scaled, scaled))
-    length = np.where(length > 0, length, 1.0)
-    triangle = np.linalg.qr(scaled / length, mode="r")
-    turn = _inverse(triangle) / length[:, None]
+    turn = whitening(stacked(basis, root))
     return real_times(turn.T, basis.T).T, turn
-
-
-def _inverse(triangle: FloatArray) -> FloatArray:
-    """(q, r) the pseudoinverse of a triangle of unit columns without its null directions."""
-    square = triangle.shape[0] == triangle.shape[1]
-    if square and scipy.linalg.lapack.dtrcon(triangle)[0] > 1e3 * _NULL:
-        return np.asarray(scipy.linalg.lapack.dtrtri(triangle)[0])
-    _, singular, right = np.linalg.svd(triangle)
-    singular, right = singular[: len(right)], right[: singular.size]
-    kept = singular > _NULL * singular.max(initial=0.0)
-    return np.asarray((right[kept] / singular[kept, None]).T)
 
 
 def stacked(basis: ComplexArray, root: FloatArray) -> FloatArray:
@@ -113,16 +122,16 @@ def mean_weight(weight: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.mean(weight / np.where(level > 0, level, 1.0), axis=0)))
 
 
-def solved(
-    frame: ComplexArray, turn: FloatArray, values: ComplexArray, weights: Weights
-) -> LinearFit:
-    """The coefficients of all FRFs (N, L) on a basis that was made orthonormal.
+def solved(basis: ComplexArray, values: ComplexArray, weights: Weights) -> LinearFit:
+    """The coefficients of all FRFs (N, L) on a basis (L, q).
 
     Raises:
         IdentificationError: an FRF has fewer measured lines than unknowns.
     """
+    turn = whitening(stacked(basis, weights.root))
     if weights.share is not None:
-        return _alike(frame, turn, values, weights)
+        return _alike(basis, turn, values, weights)
+    frame = real_times(turn.T, basis.T).T
     right = real_part(weights.each * values, frame.T)
     normal = normal_columns(frame, weights.each)
     scale = np.sqrt(np.einsum("nii->ni", normal))
@@ -134,26 +143,25 @@ def solved(
         inverse = _roots(unit)
     root = inverse / scale[:, None, :]
     found = np.matmul(root.transpose(0, 2, 1), np.matmul(root, right[:, :, None]))[:, :, 0]
-    return LinearFit(found @ turn.T, frame, turn, root, np.ones(len(values)))
+    return LinearFit(found @ turn.T, basis, turn, root, np.ones(len(values)))
 
 
 def _alike(
-    frame: ComplexArray, turn: FloatArray, values: ComplexArray, weights: Weights
+    basis: ComplexArray, turn: FloatArray, values: ComplexArray, weights: Weights
 ) -> LinearFit:
     """The same where the weights are alike but for a share; gaps count in the coefficients alone,
     not in their covariance.
     """
     assert weights.share is not None
     _check_weight(weights.share)
-    power = weights.root**2
-    masked = values * power
+    masked = values * weights.root**2
     for row, lines in weights.gaps:
         masked[row, lines] = 0.0
-    found = real_part(masked, frame.T)
+    found = real_part(masked, basis.T) @ turn
     for row, lines in weights.gaps:
-        own = stacked(frame[lines], weights.root[lines])
+        own = stacked(basis[lines], weights.root[lines]) @ turn
         found[row] += own.T @ (_without(own) @ (own @ found[row]))
-    return LinearFit(found @ turn.T, frame, turn, np.eye(turn.shape[1])[None], weights.share)
+    return LinearFit(found @ turn.T, basis, turn, np.eye(turn.shape[1])[None], weights.share)
 
 
 def _check_weight(size: FloatArray) -> None:

@@ -80,11 +80,9 @@ class Site:
         root = np.sqrt(2 / fit.variance[:, use][place].mean(axis=0))
         basis = columns(arrangement.omega[use], others, arrangement.power)
         frames = tuple(stacked(orthonormal(basis, w)[0], w) for w in root)
+        own = arrangement.values - fit.background
         values = np.stack(
-            [
-                stacked(arrangement.values[:, use][rows].T, w)
-                for rows, w in zip(place.T, root, strict=True)
-            ]
+            [stacked(own[:, use][rows].T, w) for rows, w in zip(place.T, root, strict=True)]
         )
         target = _cleared(frames, values)
         return cls(

@@ -143,7 +143,8 @@ def _with(arrangement: Arrangement, fit: Fit, parted: tuple[Parted, ...]) -> Par
         own[2 * first : 2 * first + 4] = True
     terms = replace(terms, frequency_hz=f, damping_ratio=zeta)
     basis = columns(arrangement.omega, terms, arrangement.power)
-    values = arrangement.values - c[:, own] @ basis[:, own].T
+    measured = arrangement.values - fit.background
+    values = measured - c[:, own] @ basis[:, own].T
     others = without_poles(terms, own[: 2 * terms.pairs : 2])
     c[:, ~own] = level_at(
         replace(arrangement, values=values), others, fit.variance
@@ -151,8 +152,8 @@ def _with(arrangement: Arrangement, fit: Fit, parted: tuple[Parted, ...]) -> Par
     kept = {name: getattr(fit, name) for name in Fit.__dataclass_fields__}
     kept |= {
         "terms": terms,
-        "linear": replace(fit.linear, coefficients=c),
-        "residual": np.where(arrangement.measured, arrangement.values - c @ basis.T, 0),
+        "linear": replace(fit.linear, coefficients=c, basis=basis),
+        "residual": np.where(arrangement.measured, measured - c @ basis.T, 0),
     }
     return PartedFit(**kept, base=fit, parted=parted)
 

@@ -53,6 +53,8 @@ class Level:
     weights: Weights  # what each value counts
     residual: ComplexArray  # (N, L) measured minus model
     chi_squared: float  # weighted sum of squared residuals
+    # (N, L) what stands fixed beside the terms, taken from the FRFs before they are fitted
+    background: ComplexArray | float = 0.0
 
     @property
     def weight(self) -> FloatArray:
@@ -65,11 +67,22 @@ class Level:
         c = self.linear.coefficients[:, : 2 * self.terms.pairs]
         return np.asarray(c[:, 0::2] + 1j * c[:, 1::2])
 
-    def model(self, arrangement: Arrangement) -> ComplexArray:
+    @cached_property
+    def gains(self) -> FloatArray:
+        """(n,) what χ² would rise by without each pole, all other coefficients fitted anew: Σ_i
+        cᵀV⁻¹c, V the covariance of c.
+        """
+        linear = self.linear
+        return gains(linear.coefficients, linear.spread, linear.share, self.terms.pairs)
+
+    @property
+    def model(self) -> ComplexArray:
         """(N, L) fitted FRFs."""
-        return (
-            self.linear.coefficients @ columns(arrangement.omega, self.terms, arrangement.power).T
-        )
+        return np.asarray(self.background + self.part(np.arange(self.terms.columns)))
+
+    def part(self, which: IntArray) -> ComplexArray:
+        """(N, L) what some of the terms' columns make of the FRFs."""
+        return real_times(self.linear.coefficients[:, which], self.linear.basis[:, which].T)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,8 +92,9 @@ class Fit(Level):
     # twice the number of measured values less the number of unknowns, the expectation of χ²
     freedom: int
     information: FloatArray  # (parameters, parameters) matrix H of (ln ω_1 … ln ω_n, ζ_1 … ζ_n)
-    # (N, q, 2n), or (1, q, 2n), coefficients of the basis in the derivative columns
+    # (N, q, 2m), or (1, q, 2m), coefficients of the basis in the derivative columns
     inside: FloatArray
+    free: IntArray  # (m,) numbers of the poles that are refined, whose f and ζ are the parameters
     pull: FloatArray  # (N, parameters) what each FRF adds to the gradient of -χ²/2
     memory: float = 1.0  # number of lines that count as one independent line
     # (N,) number of the test that each FRF belongs to, where the scatter between tests is to count
@@ -95,7 +109,7 @@ class Fit(Level):
     @property
     def lever(self) -> FloatArray:
         """(N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles."""
-        turn, n = _slope_parts(self.terms, self.residues), self.terms.pairs
+        turn, n = _slope_parts(self.terms, self.residues, self.free), self.free.size
         inside = self.inside.reshape(*self.inside.shape[:2], n, 2)
         return np.asarray(
             np.einsum("nqka,npka->nqpk", inside, turn).reshape(
@@ -144,6 +158,15 @@ class Fit(Level):
         )
 
 
+def gains(c: FloatArray, spread: FloatArray, share: FloatArray, pairs: int) -> FloatArray:
+    """(n,) the gains of poles by their coefficients (N, q), see `Level.gains` and `LinearFit`."""
+    one, two = c[:, 0 : 2 * pairs : 2], c[:, 1 : 2 * pairs : 2]
+    at = 2 * np.arange(pairs)
+    a, b, d = spread[:, at, at], spread[:, at, at + 1], spread[:, at + 1, at + 1]
+    determinant = np.maximum(a * d - b**2, 1e-12 * a * d + np.finfo(float).tiny)
+    return np.asarray(share @ ((d * one**2 - 2 * b * one * two + a * two**2) / determinant))
+
+
 def widened(
     inverse: FloatArray, inflation: float, pull: FloatArray, sessions: IntArray | None
 ) -> FloatArray:
@@ -181,23 +204,34 @@ def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fi
     Raises:
         IdentificationError: an FRF has no weight on the lines of a term.
     """
-    return _with_slopes(arrangement, level_at(arrangement, terms, variance))
+    level = level_at(arrangement, terms, variance)
+    return _with_slopes(arrangement, level, np.arange(terms.pairs))
 
 
 def level_at(
-    arrangement: Arrangement, terms: Terms, variance: FloatArray, weights: Weights | None = None
+    arrangement: Arrangement,
+    terms: Terms,
+    variance: FloatArray,
+    weights: Weights | None = None,
+    background: ComplexArray | float = 0.0,
 ) -> Level:
-    """Linear coefficients and residual at given poles; `weights` are those of the variance, where
-    they are known.
+    """Linear coefficients and residual at given poles.
+
+    Args:
+        arrangement: the FRFs.
+        terms: poles and residual terms.
+        variance: (N, L) of the FRFs' noise.
+        weights: those of the variance, where they are known.
+        background: (N, L) what stands fixed beside the terms.
 
     Raises:
         IdentificationError: an FRF has no weight on the lines of a term.
     """
     weights = weights or Weights.of(variance, arrangement.measured)
     basis = columns(arrangement.omega, terms, arrangement.power)
-    frame, turn = orthonormal(basis, weights.root)
-    linear = solved(frame, turn, arrangement.values, weights)
-    residual = arrangement.values - real_times(linear.coefficients, basis.T)
+    values = arrangement.values - background
+    linear = solved(basis, values, weights)
+    residual = values - real_times(linear.coefficients, basis.T)
     residual[~arrangement.measured] = 0
     square = residual.real**2 + residual.imag**2
     return Level(
@@ -207,6 +241,7 @@ def level_at(
         linear=linear,
         residual=residual,
         chi_squared=float(np.vdot(weights.each, square)),
+        background=background,
     )
 
 
@@ -226,21 +261,21 @@ def spare(arrangement: Arrangement, level: Level) -> FloatArray:
     return np.asarray(np.clip(1 - leverage, 0.0, 1.0))
 
 
-def _with_slopes(arrangement: Arrangement, level: Level) -> Fit:
+def _with_slopes(arrangement: Arrangement, level: Level, free: IntArray) -> Fit:
     """The same fit with its Gauss-Newton matrices.
 
     The derivative columns are taken less their projection on the frame, which leaves H as it is and
     spares it the cancellation.
     """
-    terms, linear, frame, weights = level.terms, level.linear, level.linear.frame, level.weights
-    steep = derivatives(arrangement.omega, terms, arrangement.power)
-    onto = real_part(frame.T, (weights.root[:, None] ** 2 * steep).T)
-    steep = steep - real_times(onto.T, frame.T).T
-    turn = _slope_parts(terms, level.residues)
-    n, inside = terms.pairs, onto[None]
+    terms, linear, weights = level.terms, level.linear, level.weights
+    steep = derivatives(arrangement.omega, terms.some(free), arrangement.power)
+    onto = linear.turn.T @ real_part(linear.basis.T, (weights.root[:, None] ** 2 * steep).T)
+    steep = steep - real_times((linear.turn @ onto).T, linear.basis.T).T
+    turn = _slope_parts(terms, level.residues, free)
+    n, inside = free.size, onto[None]
     if weights.share is None:
-        r = frame.shape[1]
-        gram = normal_columns(np.concatenate([frame, steep], axis=1), weights.each, r)
+        r = len(onto)
+        gram = normal_columns(np.concatenate([linear.frame, steep], axis=1), weights.each, r)
         seen = np.matmul(linear.root, gram[:, :r])
         products = gram[:, r:] - np.matmul(seen.transpose(0, 2, 1), seen)
         inside = inside + np.matmul(linear.root.transpose(0, 2, 1), seen)
@@ -253,17 +288,18 @@ def _with_slopes(arrangement: Arrangement, level: Level) -> Fit:
         products = (own.T @ own).reshape(n, 2, n, 2)
         information = np.einsum("pkaqlb,kalb->pkql", pairs, products)
         for row, lines in weights.gaps:
-            lost = missing_slopes(frame, steep, weights.root, lines).reshape(2 * lines.size, n, 2)
+            lost = missing_slopes(linear.frame, steep, weights.root, lines).reshape(
+                2 * lines.size, n, 2
+            )
             lost = np.einsum("gka,pka->gpk", lost, turn[row])
             information -= weights.share[row] * np.einsum("gpk,gql->pkql", lost, lost)
     pull = real_part(weights.each * level.residual, steep.T).reshape(len(turn), n, 2)
     return Fit(
         **{each.name: getattr(level, each.name) for each in fields(Level)},
-        freedom=2 * int(arrangement.measured.sum())
-        - terms.parameters
-        - len(level.residual) * terms.columns,
+        freedom=2 * int(arrangement.measured.sum()) - 2 * n - len(level.residual) * terms.columns,
         information=information.reshape(2 * n, 2 * n),
         inside=np.matmul(linear.turn, inside),
+        free=free,
         pull=np.einsum("npka,nka->npk", turn, pull).reshape(len(turn), 2 * n),
     )
 
@@ -274,29 +310,37 @@ def refine(
     variance: FloatArray,
     steps: int = 40,
     enough: float = 1e-3,
+    background: ComplexArray | float = 0.0,
+    free: IntArray | None = None,
 ) -> Fit:
-    """Poles of least χ² for a given noise variance, from the given start; a step that would gain
-    less than `enough` ends it.
+    """Poles of least χ² for a given noise variance and background, from the given start; a step that
+    would gain less than `enough` ends it. The poles numbered `free` move, all of them where it is
+    None.
 
     A decrease of χ² by 1e-3 is a move of a thirtieth of a standard deviation.
 
     Raises:
         IdentificationError: a term has no weight.
     """
-    fit = evaluate(arrangement, terms, variance)
+    free = np.arange(terms.pairs) if free is None else free
+    both = np.concatenate([free, terms.pairs + free])
+    start = level_at(arrangement, terms, variance, None, background)
+    fit = _with_slopes(arrangement, start, free)
     damping = 1e-4
     for _ in range(steps):
-        step, predicted = _step(fit, damping)
+        own, predicted = _step(fit, damping)
         if predicted < enough:
             break
+        step = np.zeros(terms.parameters)
+        step[both] = own
         try:
-            trial = level_at(arrangement, moved(fit.terms, step), variance, fit.weights)
+            trial = level_at(arrangement, moved(fit.terms, step), variance, fit.weights, background)
         except IdentificationError:  # a term has no weight there: a shorter step
             trial = fit
         if trial.chi_squared < fit.chi_squared:
             gain = fit.chi_squared - trial.chi_squared
             damping = max(damping / (10 if gain > 0.7 * predicted else 2), 1e-10)
-            fit = _with_slopes(arrangement, trial)
+            fit = _with_slopes(arrangement, trial, free)
         else:
             damping = max(damping, 1e-6) * 10
             if damping > 1e8:
@@ -322,7 +366,7 @@ def _step(fit: Fit, damping: float) -> tuple[FloatArray, float]:
     where one vague parameter is cut, what the others did to make up for it is left.
     """
     scale, value, vector, null = spectrum(fit.information)
-    zeta = fit.terms.damping_ratio
+    zeta = fit.terms.damping_ratio[fit.free]
     limit = np.concatenate([np.maximum(zeta, 1e-3), np.maximum(0.7 * zeta, 1e-4)]) * scale
     size = np.where(null, 1.0, value) + damping
     pull = vector @ np.where(null, 0.0, vector.T @ (fit.gradient / scale))
@@ -358,9 +402,9 @@ def _within(
     )
 
 
-def _slope_parts(terms: Terms, residues: ComplexArray) -> FloatArray:
-    """(N, 2, n, 2) of how much of its two derivative columns the derivative of each FRF by ln ω_k,
+def _slope_parts(terms: Terms, residues: ComplexArray, free: IntArray) -> FloatArray:
+    """(N, 2, m, 2) of how much of its two derivative columns the derivative of each FRF by ln ω_k,
     and by ζ_k, is made.
     """
-    pull = residues[:, None] * np.stack(slopes(terms))
+    pull = residues[:, None, free] * np.stack(slopes(terms.some(free)))
     return np.stack([pull.real, pull.imag], axis=3)
