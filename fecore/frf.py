@@ -115,14 +115,11 @@ class FrfSet:
                 "quantity", f"is {self.quantity!r}, expected one of {', '.join(get_args(Quantity))}"
             )
         if not np.all(np.isfinite(self.values)):
-            raise InputError("values", "holds NaN or infinite ordinates")
+            row = int(np.argmin(np.isfinite(self.values).all(axis=1)))
+            raise InputError("values", f"holds NaN or infinite ordinates ({self._named(row)})")
         if (reason := size_fault(self.values)) is not None:
             row = next(i for i, values in enumerate(self.values) if size_fault(values) is not None)
-            between = (
-                f"response point {self.responses[row].point}, reference point"
-                f" {self.references[row].point}"
-            )
-            raise InputError("values", f"{reason} (FRF {row + 1}, {between})")
+            raise InputError("values", f"{reason} ({self._named(row)})")
         if self.variance is not None and self.variance.shape != self.values.shape:
             raise InputError(
                 "variance", f"has shape {self.variance.shape}, expected {self.values.shape}"
@@ -131,6 +128,10 @@ class FrfSet:
             raise InputError(
                 "measured", f"has shape {self.measured.shape}, expected {self.values.shape}"
             )
+
+    def _named(self, row: int) -> str:
+        between = self.responses[row].point, self.references[row].point
+        return f"FRF {row + 1}, response point {between[0]}, reference point {between[1]}"
 
     @property
     def points(self) -> tuple[tuple[int, ...], tuple[int, ...]]:

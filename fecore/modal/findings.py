@@ -5,7 +5,7 @@ from functools import partial
 
 from fecore.findings import Finding, make, remark
 
-_MODE = "mode {number} ({hz:.2f} Hz)"
+_MODE = "{which} ({hz:.2f} Hz)"
 
 OF_FRFS = {
     "line_at_zero": remark("the line at 0 Hz is left out: it holds no modal information"),
@@ -42,6 +42,12 @@ OF_FRFS = {
     "copies_averaged": remark(
         "{frf} was measured more than once: the copies agree and were averaged", subject="{frf}"
     ),
+    "off_scale": remark(
+        "{frf} is {times:.2g} times as large as most FRFs: a point that hardly moves, or another"
+        " unit",
+        "check its unit and calibration",
+        "{frf}",
+    ),
     "frf_not_used": remark("FRF {frf} was not used: {reason}", subject="FRF {frf}"),
     "noise_understated": remark(
         "{count} FRFs scatter more from line to line than the noise that coherence and averages"
@@ -60,6 +66,10 @@ WHY_NOT_USED = {
         "is at most {largest:.2g} where {strongest} reaches {reached:.2g}: a dead channel, or the"
         " scale of one of the two is wrong",
         "check cable and scale",
+    ),
+    "loud": remark(
+        "is {times:.2g} times as large as most FRFs: another unit (mV for V), or scale",
+        "check its unit and calibration",
     ),
     "few_lines": remark(
         "has only {lines} measured lines in the band, at least {fewest} are needed"
@@ -118,8 +128,8 @@ OF_MODES = {
         f"{_MODE}: damping is known to ± {{percent:.0f}} % only", "", _MODE
     ),
     "close_pair": remark(
-        "modes {low} and {high} ({first:.2f} and {second:.2f} Hz) overlap: a close pair",
-        subject="modes {low} and {high}",
+        "{low} ({first:.2f} Hz) and {high} ({second:.2f} Hz) overlap: a close pair",
+        subject="{low} and {high}",
     ),
     "one_record": remark(
         f"{_MODE}: {{frf}} alone shows it: a local mode, or a resonance of that sensor or hammer",

@@ -345,7 +345,7 @@ def _two_by_two(right: FloatArray, a: FloatArray, b: FloatArray, d: FloatArray) 
     """
     one, two = right[:, 0::2], right[:, 1::2]
     determinant = a * d - b**2
-    new = 1e-6  # of a candidate's power: what the series leaves below it is round-off
+    new = 1e-10  # of a candidate's power: what the series leaves below it is round-off
     alone = (a > new) & (d > new) & (determinant > new * a * d)
     total = (
         d * np.sum(one**2, axis=0) - 2 * b * np.sum(one * two, axis=0) + a * np.sum(two**2, axis=0)

@@ -24,9 +24,14 @@ import scipy
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 
-WIDE, NARROW = 220, 75  # lines of the windows
+WIDE, NARROW, SHORT = 220, 75, 30  # lines of the windows
 # of each window
-ORDERS: dict[int, tuple[int, ...]] = {WIDE: (6, 12, 18, 24, 30), NARROW: (6, 10, 14, 18)}
+ORDERS: dict[int, tuple[int, ...]] = {
+    WIDE: (6, 12, 18, 24, 30),
+    NARROW: (6, 10, 14, 18),
+    SHORT: (3, 4, 5, 6, 8, 10),
+}
+_NEAR_0 = 3 * NARROW  # lines next to 0 Hz with short windows as well: modes are dense there
 _MEANS = (1, 4, 16)  # lines that are taken together
 _INNER = 0.15  # of a window at each end, where another window sees more
 _CIRCLE = 0.95  # of the circle that a window is mapped to
@@ -70,6 +75,10 @@ def linear_poles(
             orders = tuple(n for n in ORDERS[size] if n <= max(highest, ORDERS[size][0]))
             for part in _parts(w.size, size):
                 found += _in_window(w, h, g, part, orders)
+        if lines == 1:
+            near = min(w.size, _NEAR_0)
+            for part in _parts(near, SHORT):
+                found += _in_window(w[:near], h[:, :near], g[:, :near], part, ORDERS[SHORT])
     counts = [pole.size for _, pole, _ in found]
     return LinearPoles(
         order=np.repeat(np.array([order for order, _, _ in found], dtype=np.int64), counts),

@@ -18,6 +18,8 @@ OUTLYING = (_FREEDOM + 2 - 0.1 * _FREEDOM) / 2
 """|r|² over its variance v/u from which a value's weight u is below 0.1."""
 
 _LARGE, _MOST_RELATIVE = 0.95, 0.05  # quantile of the values that are large; largest ε
+# FRFs from which they show what is common, lines on each side, and times that a scatter may be more
+_MANY, _BESIDE, _TIMES = 8, 8, 4.0
 WHOLE = 0.9
 """Of its lines that every FRF has where gaps are few."""
 
@@ -79,13 +81,48 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
         out[row] = (
             np.exp(np.interp(line, nodes[known], np.log(own[known]))) if known.any() else usual[row]
         )
-    return np.asarray(np.maximum(out, _FLOOR**2 * np.maximum(usual, np.finfo(float).tiny)[:, None]))
+    return np.asarray(np.maximum(out, _floor(values)))
+
+
+def _floor(values: ComplexArray) -> FloatArray:
+    """(N, 1) the least variance that is believed."""
+    usual = np.mean(np.abs(values) ** 2, axis=1, keepdims=True)
+    return np.asarray(_FLOOR**2 * np.maximum(usual, np.finfo(float).tiny))
 
 
 def scatter_of(arrangement: Arrangement) -> FloatArray:
-    """(N, L) variance of what changes from line to line of FRFs."""
+    """(N, L) variance of what changes from line to line of FRFs, at most several times what they do
+    not have in common.
+    """
     first = float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, np.finfo(float).tiny))
-    return line_scatter(arrangement.values, arrangement.measured, first)
+    scatter = line_scatter(arrangement.values, arrangement.measured, first)
+    level = np.median(scatter, axis=1, keepdims=True)
+    least = np.minimum(scatter, _TIMES * level * _uncommon(arrangement, level))
+    return np.asarray(np.maximum(least, _floor(arrangement.values)))
+
+
+def _uncommon(arrangement: Arrangement, level: FloatArray) -> FloatArray:
+    """(L,) power, over the level (N, 1), of what many FRFs do not have in common on neighbouring
+    lines; infinite where they are few or have gaps.
+
+    Modes are common to all FRFs: they fill few directions of the FRFs, or of the lines, and noise
+    fills all. It is the mean of the smaller half of the singular values' squares. Second differences
+    take several resonances on the few lines next to 0 Hz for noise.
+    """
+    lines, out = arrangement.frequency_hz.size, np.full(arrangement.frequency_hz.size, np.inf)
+    if len(level) < _MANY or lines <= 2 * _BESIDE:
+        return out
+    scaled = arrangement.values / np.sqrt(level)
+    nodes = np.unique(np.append(np.arange(_BESIDE, lines - _BESIDE, _BESIDE), lines - 1 - _BESIDE))
+    power = np.full(nodes.size, np.inf)
+    for place, node in enumerate(nodes):
+        near = slice(node - _BESIDE, node + _BESIDE + 1)
+        if arrangement.measured[:, near].all():
+            both = np.concatenate([scaled[:, near].real, scaled[:, near].imag], axis=1)
+            small = both @ both.T if len(both) < both.shape[1] else both.T @ both
+            value = np.linalg.eigvalsh(small)
+            power[place] = max(value[: value.size // 2].mean(), 0.0) * 2 / max(both.shape)
+    return np.asarray(np.repeat(power, np.diff(np.r_[0, (nodes[1:] + nodes[:-1]) // 2, lines])))
 
 
 def local_variance(

@@ -28,9 +28,10 @@ def remarks(
     """What a user should know of the poles that were kept, whose reasons for doubt are given."""
     f, zeta = fit.terms.frequency_hz[kept], fit.terms.damping_ratio[kept]
     sd = np.sqrt(np.diag(fit.parameter_covariance))[fit.terms.pairs + kept]
+    named = _named(doubt)
     notes = []
     for k in range(f.size):
-        of_mode = partial(finding, number=k + 1, hz=f[k])
+        of_mode = partial(finding, which=named[k], hz=f[k])
         if (why := doubt[k]) is not None:
             notes.append(of_mode("mode_uncertain", why=why))
         lines = 2 * zeta[k] * f[k] / max(arrangement.spacing_hz, np.finfo(float).tiny)
@@ -43,16 +44,29 @@ def remarks(
         if sd[k] > 0.1 * zeta[k]:
             notes.append(of_mode("damping_uncertain", percent=100 * sd[k] / zeta[k]))
         if k and (f[k] - f[k - 1]) < _CLOSE * (zeta[k] * f[k] + zeta[k - 1] * f[k - 1]) / 2:
-            notes.append(finding("close_pair", low=k, high=k + 1, first=f[k - 1], second=f[k]))
+            notes.append(
+                finding("close_pair", low=named[k - 1], high=named[k], first=f[k - 1], second=f[k])
+            )
     return (
         notes
-        + _of_one_record(arrangement, fit, kept)
-        + _rank_two(arrangement, fit, kept)
+        + _of_one_record(arrangement, fit, kept, named)
+        + _rank_two(arrangement, fit, kept, named)
         + _driving_points(arrangement, fit, kept)
     )
 
 
-def _of_one_record(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[Finding]:
+def _named(doubt: tuple[str | None, ...]) -> list[str]:
+    """Modes by their number in the set, which has no uncertain pole."""
+    sure = np.cumsum([why is None for why in doubt])
+    return [
+        "an uncertain pole" if why else f"mode {number}"
+        for why, number in zip(doubt, sure, strict=True)
+    ]
+
+
+def _of_one_record(
+    arrangement: Arrangement, fit: Fit, kept: IntArray, named: list[str]
+) -> list[Finding]:
     """Poles that one of several FRFs shows: a mode and a resonance of that sensor have the same
     phase.
     """
@@ -62,7 +76,7 @@ def _of_one_record(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[F
     return [
         finding(
             "one_record",
-            number=k + 1,
+            which=named[k],
             hz=fit.terms.frequency_hz[kept[k]],
             frf=arrangement.label(int(np.argmax(size[:, k]))),
         )
@@ -70,14 +84,16 @@ def _of_one_record(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[F
     ]
 
 
-def _rank_two(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[Finding]:
+def _rank_two(
+    arrangement: Arrangement, fit: Fit, kept: IntArray, named: list[str]
+) -> list[Finding]:
     """Poles whose residues against several fixed dofs are not one shape, and which the data did not
     part.
     """
     two = of_rank_two(arrangement, fit.residues, fit.residue_variance)
     return [
-        finding("rank_two", number=number, hz=fit.terms.frequency_hz[k])
-        for number, k in enumerate(kept, start=1)
+        finding("rank_two", which=which, hz=fit.terms.frequency_hz[k])
+        for which, k in zip(named, kept, strict=True)
         if two[k]
     ]
 

@@ -23,6 +23,9 @@ from fecore.modal.findings import finding
 FEWEST_LINES = 16
 """That an FRF must have in the band."""
 
+# times the median of the FRFs' rms from which one is in another unit, and what is left of it below
+# which one may be
+_OFF = 300.0
 _SPIKE = 400.0  # jump squared over the local median of jumps squared
 _SHARED = 0.25  # share of the FRFs that may show a spike at one line
 _ALONE = (
@@ -97,6 +100,7 @@ def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None 
     out = [Refused(arrangement.label(r), why) for r, why in refused.items()]
     if refused:
         arrangement = arrangement.without(list(refused))
+    notes += _off_scale(arrangement)
     conjugated = turned_backwards(arrangement if band_hz is None else _alive(arrange(sets)))
     if conjugated:  # judged by all lines: a band about an antiresonance alone turns the other way
         arrangement = replace(arrangement, values=arrangement.values.conj())
@@ -164,16 +168,18 @@ def _alive(arrangement: Arrangement) -> Arrangement:
 
 
 def _unusable(arrangement: Arrangement) -> dict[int, Finding]:
-    rms = np.sqrt(
-        np.sum(np.abs(arrangement.values) ** 2, axis=1)
-        / np.maximum(arrangement.measured.sum(axis=1), 1)
-    )
+    rms = _rms(arrangement)
+    usual = np.median(rms[rms > 0]) if np.any(rms) else 1.0
+    loud = (rms > _OFF * usual) & (rms.size >= FEW)
+    heard = np.where(loud, 0.0, rms)
     found = {}
     for row, (level, lines) in enumerate(zip(rms, arrangement.measured.sum(axis=1), strict=True)):
         if not np.any(arrangement.values[row]):
             found[row] = finding("dead")
-        elif level <= 1e-9 * rms.max():  # no converter has so many digits
-            largest, strongest = np.abs(arrangement.values).max(axis=1), int(np.argmax(rms))
+        elif loud[row]:
+            found[row] = finding("loud", times=level / usual)
+        elif level <= 1e-9 * heard.max():  # no converter has so many digits
+            largest, strongest = np.abs(arrangement.values).max(axis=1), int(np.argmax(heard))
             found[row] = finding(
                 "faint",
                 largest=largest[row],
@@ -192,6 +198,22 @@ def _unusable(arrangement: Arrangement) -> dict[int, Finding]:
             )
             found[row] = finding("one_part", part=part, other=other)
     return found
+
+
+def _rms(arrangement: Arrangement) -> FloatArray:
+    square = np.sum(np.abs(arrangement.values) ** 2, axis=1)
+    return np.asarray(np.sqrt(square / np.maximum(arrangement.measured.sum(axis=1), 1)))
+
+
+def _off_scale(arrangement: Arrangement) -> list[Finding]:
+    """FRFs so much smaller than most that their unit may be another one."""
+    if len(arrangement.pairs) < FEW:
+        return []
+    times = _rms(arrangement) / np.median(_rms(arrangement))
+    return [
+        finding("off_scale", frf=arrangement.label(int(row)), times=times[row])
+        for row in np.flatnonzero(times < 1 / _OFF)
+    ]
 
 
 def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[Finding]]:

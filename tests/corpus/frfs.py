@@ -57,6 +57,12 @@ def made(
     )
 
 
+def scaled(times: float) -> FrfSet:
+    """One FRF so many times as large as it should be."""
+    frfs = made()
+    return replace(frfs, values=frfs.values * np.where(ONE_ROW, times, 1.0)[:, None])
+
+
 def resonance(
     hz: float, zeta: float, rows: Any, size: float
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
@@ -84,6 +90,7 @@ def tone(hz: float, size: float) -> Callable[[np.ndarray, np.ndarray], np.ndarra
 
 
 ONE_ROW = np.arange(12) == 4
+LOW, TO_200 = np.array([2.0, 2.6, 3.4, 22.0, 45.0, 77.0, 130.0]), 0.125 * np.arange(1, 1601)
 TURNING = np.exp(2j * np.pi * np.arange(12) / 12)  # a shape without a phase of its own
 PRODUCT = np.random.default_rng(3).standard_normal((12, 2))
 
@@ -157,6 +164,21 @@ def measured_bridge(*band_hz: float) -> Case:
         return identify(frfs, Options(band_hz=band_hz or None))
 
     return found, modes_of_the_measured_bridge
+
+
+def every_fourth_line() -> Identification:
+    """The same with modes less than a line wide and four lines apart."""
+    frfs = with_coherence(shared_file("MEASURED", "measured", "dam0.unv"))
+    variance = None if frfs.variance is None else frfs.variance[:, ::4]
+    return identify(
+        replace(
+            frfs,
+            frequency_hz=frfs.frequency_hz[::4],
+            values=frfs.values[:, ::4],
+            measured=frfs.measured[:, ::4],
+            variance=variance,
+        )
+    )
 
 
 def modes_of_the_measured_bridge(found: Identification) -> None:
@@ -292,6 +314,12 @@ FRFS: dict[str, Case] = {
     "a heavily damped mode": (lambda: identify(made(zeta=np.array([0.01, 0.16]))), Modes(HZ, zeta=[0.01, 0.16])),
     "a close pair": (lambda: identify(made(np.array([101.3, 102.0, 160.7]), np.array([0.01, 0.01, 0.02]))), Modes(
         [101.3, 102.0, 160.7], rel=2e-4, says=["overlap: a close pair"])),
+    "three modes in the lowest 2 % of a band": (lambda: identify(made(LOW, np.full(LOW.size, 0.01), lines=TO_200)), Modes(
+        LOW, rel=2e-3)),
+    "one FRF of another scale": (lambda: identify(scaled(1e9)), Modes(
+        HZ, zeta=ZETA, says=["FRF 5Z/99Z was not used: is 3.7e+09 times as large as most FRFs"])),
+    "one FRF in mV for V": (lambda: identify(scaled(1e3)), Modes(
+        HZ, zeta=ZETA, says=["FRF 5Z/99Z was not used: is 3.7e+03 times as large as most FRFs: another unit (mV for V)"])),
     "no imaginary part": (half_of_the_numbers("real"), "no FRF is usable: 33Z/1Z has no imaginary part"),
     "no real part": (half_of_the_numbers("imag"), "no FRF is usable: 33Z/1Z has no real part"),
     "one FRF": (one_frf, modes_of_one_frf),
@@ -304,4 +332,5 @@ FRFS: dict[str, Case] = {
     **{f"open {kind}": of_open_set(kind) for kind in ("bridge", "plate", "aeroplane")},
     **{f"a measured bridge, {band or 'all lines'}": measured_bridge(*band)
        for band in ((), (0.4, 6.0), (2.0, 8.0))},
+    "a measured bridge, every fourth line": (every_fourth_line, modes_of_the_measured_bridge),
 }

@@ -146,7 +146,7 @@ MEASUREMENTS: list[tuple[Callable[[], object], str]] = [
     (lambda: frfs(values=np.ones((2, 4))), "values: has shape (2, 4), expected (1, 4)"),
     (lambda: frfs(references=()), "references: has 0 entries, expected 1"),
     (lambda: frfs(quantity="strain"), "quantity: is 'strain', expected one of accelerance, mobility, receptance"),
-    (lambda: frfs(values=np.full((1, 4), np.nan)), "values: holds NaN or infinite ordinates"),
+    (lambda: frfs(values=np.full((1, 4), np.nan)), "values: holds NaN or infinite ordinates (FRF 1, response point "),
     (lambda: frfs(variance=np.ones((2, 4))), "variance: has shape (2, 4), expected (1, 4)"),
     (lambda: frfs(measured=np.ones((2, 4), bool)), "measured: has shape (2, 4), expected (1, 4)"),
     (lambda: frfs().band(10, 20), "band_hz: no frequency line lies in 10 to 20 Hz"),
