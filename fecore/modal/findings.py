@@ -113,7 +113,9 @@ OF_MODES = {
         " are any two of their plane",
         subject="the modes at {first:.3f} and {second:.3f} Hz",
     ),
-    "mode_uncertain": remark(f"{_MODE} is uncertain: {{why}}", subject=_MODE),
+    "mode_uncertain": remark(
+        "the pole at {hz:.2f} Hz is uncertain: {why}", subject="the pole at {hz:.2f} Hz"
+    ),
     "few_lines_in_peak": remark(
         f"{_MODE}: its half-power bandwidth covers {{lines:.1f}} lines, so its damping rests on the"
         " window and on leakage",

@@ -35,9 +35,9 @@ from fecore.modal.probability import probability
 from fecore.modal.refinement import Fit, Level, level_at, refine, spare
 
 _CULLS = 2  # turns of probability and refinement
-# steps, and the decrease of χ² that ends them, of the poles that stand: a move of a thirtieth of a
+# steps, and the decrease of χ² that ends them, of the poles that stand: a move of a tenth of a
 # standard deviation
-_MANY, _SETTLED = 40, 1e-3
+_MANY, _SETTLED = 16, 1e-2
 _LAST = 3  # steps of the refinement with all FRFs and a weight for each value
 _ONE = 0.05  # distance below which the residues of two poles cancel, and have no phase of their own
 # probability below which a pole is rather no mode, and what it takes up is error of its neighbours

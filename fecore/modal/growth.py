@@ -17,7 +17,7 @@ import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import DAMPING_RANGE, ONE, Terms, columns
+from fecore.modal.basis import BESIDE, DAMPING_RANGE, ONE, Terms, columns
 from fecore.modal.error_model import RELATIVE
 from fecore.modal.evidence import evidence_of
 from fecore.modal.linear import stacked
@@ -41,6 +41,7 @@ STEPS = 8
 ENOUGH = 1.0
 """Decrease of χ² that a step is worth before the last round."""
 
+_SAME = 0.03  # summed half bandwidths within which a candidate is a pole that is there
 _FIRST = 2  # steps after which new poles are looked at
 _LESS = 1.0  # fall of the mean ln v from which poles are refined again under what is left
 _SPARE = 6  # poles beside twice those that are not refused, from which a search must find more
@@ -97,6 +98,7 @@ def grow(
         candidates = np.append(_in_residual(arrangement, fit), first) if fit.terms.pairs else first
         if not fit.terms.pairs and len(fit.residual) <= _FEW:
             fit = _as_all_leave(arrangement, fit, candidates[:most], noise)
+        candidates = candidates[~_near(candidates, fit.terms.poles, _SAME)]
         room = most - fit.terms.pairs
         added = _chosen(arrangement, fit, candidates, room, beside)
         if not fit.terms.pairs and not added.size:
@@ -140,9 +142,9 @@ def settled(
     return refine(arrangement, fit.terms, fit.variance, steps=steps, enough=enough, free=free)
 
 
-def _near(pole: ComplexArray, others: ComplexArray) -> BoolArray:
-    """(n,) whether a pole may be one with another."""
-    reach = ONE * -(pole.real[:, None] + others.real)
+def _near(pole: ComplexArray, others: ComplexArray, most: float = ONE) -> BoolArray:
+    """(n,) whether a pole may be one with another, or within so many summed half bandwidths."""
+    reach = most * -(pole.real[:, None] + others.real)
     return np.asarray((np.abs(pole[:, None] - others) <= reach).any(axis=1))
 
 
@@ -317,10 +319,12 @@ def _chosen(
     one, two = extra[:, 0::2], extra[:, 1::2]
     gram = [np.einsum("lc,lc->c", a, b) for a, b in ((one, one), (one, two), (two, two))]
     price, basis = pole_price(fit, beside), np.empty((len(extra), 0))
+    # of a candidate's power: what the series leaves below it is round-off, or a pole that it has
+    new = np.where(_near(pool, fit.terms.poles, BESIDE), 1e-6, 1e-10)
     taken: list[int] = []
     open_ = np.ones(pool.size, dtype=bool)
     while len(taken) < room:
-        gain = np.where(open_, _two_by_two(right, *gram), 0.0)
+        gain = np.where(open_, _two_by_two(right, *gram, new), 0.0)
         k = int(np.argmax(gain))
         if gain[k] < price:
             break
@@ -339,13 +343,14 @@ def _chosen(
     return pool[taken]
 
 
-def _two_by_two(right: FloatArray, a: FloatArray, b: FloatArray, d: FloatArray) -> FloatArray:
+def _two_by_two(
+    right: FloatArray, a: FloatArray, b: FloatArray, d: FloatArray, new: FloatArray
+) -> FloatArray:
     """(C,) gain of each pair of columns from their products with the residuals (M, 2C) and with one
-    another.
+    another, 0 where less than `new` (C,) is left of them.
     """
     one, two = right[:, 0::2], right[:, 1::2]
     determinant = a * d - b**2
-    new = 1e-10  # of a candidate's power: what the series leaves below it is round-off
     alone = (a > new) & (d > new) & (determinant > new * a * d)
     total = (
         d * np.sum(one**2, axis=0) - 2 * b * np.sum(one * two, axis=0) + a * np.sum(two**2, axis=0)

@@ -25,7 +25,7 @@ from fecore.modal.noise import WHOLE
 
 # of the largest singular value: below it a direction of the scaled coefficients is round-off
 _NULL = 1e-9
-_CLEAR = 1e-3  # singular value of scaled columns over the largest, from which products keep 1e-10
+_CLEAR = 1e-4  # singular value of scaled columns over the largest, from which products keep 1e-8
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ def remarks(
     for k in range(f.size):
         of_mode = partial(finding, which=named[k], hz=f[k])
         if (why := doubt[k]) is not None:
-            notes.append(of_mode("mode_uncertain", why=why))
+            notes.append(finding("mode_uncertain", hz=f[k], why=why))
         lines = 2 * zeta[k] * f[k] / max(arrangement.spacing_hz, np.finfo(float).tiny)
         if lines < _FEW_LINES:
             notes.append(of_mode("few_lines_in_peak", lines=lines))

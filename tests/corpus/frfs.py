@@ -181,10 +181,10 @@ def every_fourth_line() -> Identification:
     )
 
 
-def modes_of_the_measured_bridge(found: Identification) -> None:
+def modes_of_the_measured_bridge(found: Identification, rel: float = 0.002) -> None:
     f = found.modes.frequency_hz
     for true in (2.482, 2.958, 3.497, 4.081, 4.166, 4.632):
-        assert np.sum(np.abs(f / true - 1) < 0.002) == 1
+        assert np.sum(np.abs(f / true - 1) < rel) == 1
     assert np.sum(f < 6) == 6  # above, there are resonances of which nobody knows what they are
 
 
@@ -299,7 +299,7 @@ FRFS: dict[str, Case] = {
         HZ, doubtful=[(125.3, "it is 6 % of the FRFs at its frequency")], says=["125.31 Hz): weak"])),
     "a mode in the noise": (lambda: identify(made(more=resonance(125.3, 0.01, PRODUCT[:, 0], 0.0015))), Modes(HZ)),
     "a tone between lines": (
-        lambda: identify(made(lines=BETWEEN, more=tone(150.0, 0.02))), Modes(HZ, says=["interference at"])),
+        lambda: identify(made(lines=BETWEEN, more=tone(150.0, 0.02))), Modes(HZ, says=["150.3 Hz left out"])),
     "as narrow as a tone": (lambda: identify(made(np.array([101.3, 150.1]), NARROW, lines=BETWEEN)), Modes([101.3, 150.1])),
     "narrow, and the mains on a line": (beside_the_mains(), Modes([100.5, 180.0, 290.0], rel=1e-3)),
     "narrow, and the mains beside a line": (beside_the_mains(300.2 / 290.0), Modes(
@@ -332,5 +332,6 @@ FRFS: dict[str, Case] = {
     **{f"open {kind}": of_open_set(kind) for kind in ("bridge", "plate", "aeroplane")},
     **{f"a measured bridge, {band or 'all lines'}": measured_bridge(*band)
        for band in ((), (0.4, 6.0), (2.0, 8.0))},
-    "a measured bridge, every fourth line": (every_fourth_line, modes_of_the_measured_bridge),
+    "a measured bridge, every fourth line": (
+        every_fourth_line, functools.partial(modes_of_the_measured_bridge, rel=0.004)),
 }
