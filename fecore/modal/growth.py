@@ -324,7 +324,7 @@ def _chosen(
     taken: list[int] = []
     open_ = np.ones(pool.size, dtype=bool)
     while len(taken) < room:
-        gain = np.where(open_, _two_by_two(right, *gram, new), 0.0)
+        gain = np.where(open_, _two_by_two(right, gram, new), 0.0)
         k = int(np.argmax(gain))
         if gain[k] < price:
             break
@@ -343,13 +343,11 @@ def _chosen(
     return pool[taken]
 
 
-def _two_by_two(
-    right: FloatArray, a: FloatArray, b: FloatArray, d: FloatArray, new: FloatArray
-) -> FloatArray:
+def _two_by_two(right: FloatArray, gram: list[FloatArray], new: FloatArray) -> FloatArray:
     """(C,) gain of each pair of columns from their products with the residuals (M, 2C) and with one
     another, 0 where less than `new` (C,) is left of them.
     """
-    one, two = right[:, 0::2], right[:, 1::2]
+    (a, b, d), one, two = gram, right[:, 0::2], right[:, 1::2]
     determinant = a * d - b**2
     alone = (a > new) & (d > new) & (determinant > new * a * d)
     total = (
