@@ -233,10 +233,19 @@ def _last(data: _Data, level: Level) -> tuple[Fit, BoolArray]:
     variance = student(arrangement, level.residual, data.noise, spare(arrangement, level))
     free = likely(arrangement, level)
     background = level.part(np.flatnonzero(np.repeat(~free, 2))) if not free.all() else 0.0
-    fit = refine(arrangement, level.terms.some(free), variance, steps=_LAST, background=background)
+    start = level.terms.some(free)
+    fit = refine(arrangement, start, variance, steps=_LAST, background=background)
     tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model)
     shared = _shared(arrangement, fit)
-    return replace(fit, memory=tau, sessions=arrangement.session, shared=shared), free
+    change = np.concatenate(
+        [
+            np.log(fit.terms.frequency_hz / start.frequency_hz),
+            fit.terms.damping_ratio - start.damping_ratio,
+        ]
+    )
+    return replace(
+        fit, memory=tau, sessions=arrangement.session, shared=shared, change=change
+    ), free
 
 
 def _shared(arrangement: Arrangement, fit: Fit) -> FloatArray:

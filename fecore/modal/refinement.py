@@ -100,6 +100,8 @@ class Fit(Level):
     # (N,) number of the test that each FRF belongs to, where the scatter between tests is to count
     sessions: IntArray | None = None
     shared: FloatArray | float = 0.0  # (n,) relative error of each mode's curve that all FRFs share
+    # (parameters,) change of ln ω and ζ where the values are weighted in another way
+    change: FloatArray | float = 0.0
 
     @property
     def gradient(self) -> FloatArray:
@@ -145,7 +147,9 @@ class Fit(Level):
         A null direction of the information gives its own parameters a large variance and touches no
         other. Where the sessions are known, each standard deviation is at least what the scatter
         between them shows (`widened`). Errors e that all FRFs share are taken to have shifted a
-        pole by `_SHIFT` e half bandwidths.
+        pole by `_SHIFT` e half bandwidths. Then each is at least the change under other weights:
+        where the series is the whole truth, both fits estimate the same poles, and differ by what
+        noise does to them (Hausman 1978).
         """
         scale, value, vector, null = spectrum(self.information)
         inverse = (vector[:, ~null] / value[~null]) @ vector[:, ~null].T
@@ -153,9 +157,9 @@ class Fit(Level):
         inverse[np.diag_indices_from(inverse)] += np.where(null, 1 / _VAGUE, 0.0) @ part
         inverse = inverse / scale[:, None] / scale
         shifts = np.tile((_SHIFT * self.shared * self.terms.damping_ratio) ** 2, 2)
-        return np.asarray(
-            widened(inverse, self.inflation, self.pull, self.sessions) + np.diag(shifts)
-        )
+        spread = widened(inverse, self.inflation, self.pull, self.sessions) + np.diag(shifts)
+        lacking = np.maximum(np.square(self.change) - np.diag(spread), 0.0)
+        return np.asarray(spread + np.diag(lacking))
 
 
 def gains(c: FloatArray, spread: FloatArray, share: FloatArray, pairs: int) -> FloatArray:

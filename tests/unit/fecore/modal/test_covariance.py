@@ -366,6 +366,17 @@ def test_an_error_that_all_frfs_share_is_counted_whole(size: float) -> None:
     np.testing.assert_allclose(added, np.tile((4 * shared * ZETA) ** 2, 2), rtol=1e-6, atol=1e-20)
 
 
+def test_a_deviation_is_at_least_the_change_under_other_weights() -> None:
+    """Of three poles one changes by more than its deviation: that alone becomes the change."""
+    arrangement = measured(line=0.125)
+    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 2e-14))
+    before = np.sqrt(np.diag(fit.parameter_covariance))
+    times = np.where(np.arange(before.size) == 1, -3.0, 0.5)
+    changed = replace(fit, change=times * before).parameter_covariance
+    expected = before * np.maximum(1.0, np.abs(times))
+    np.testing.assert_allclose(np.sqrt(np.diag(changed)), expected, rtol=1e-9)
+
+
 @pytest.mark.parametrize("first", [0.2, long(0.5), 1.0])
 @pytest.mark.parametrize("noise", [1e-4, 5e-3])
 def test_an_interval_allows_for_a_frequency_that_falls_with_the_amplitude(
