@@ -95,7 +95,7 @@ def test_each_row_is_used_with_the_values_that_it_names() -> None:
         if isinstance(kind, ast.Constant) and kind.value in ROWS and not starred:
             row = ROWS[kind.value]
             given = {keyword.arg for keyword in call.keywords} | (
-                {"number", "hz"} if called(call) == "of_mode" else set()
+                {"which", "hz"} if called(call) == "of_mode" else set()
             )
             wanted = named(row.sentence, row.advice, row.subject)
             assert wanted <= given, f"{kind.value} lacks {wanted - given}"
