@@ -98,9 +98,8 @@ def a_pole_is_dropped_in_the_diagram(page: Page) -> None:
     box = marker.bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, steps=3)
-    page.wait_for_selector(
-        f"{DIAGRAM} .hoverlayer .hovertext"
-    )  # a click counts for what the figure has found below the pointer
+    # A click counts for what the figure has found below the pointer, which was elsewhere on the way.
+    page.wait_for_selector(f"{DIAGRAM} .hoverlayer .hovertext:has-text(', P ')")
     page.mouse.down()
     page.mouse.up()
     page.wait_for_selector("#say:has-text('dropped')")
