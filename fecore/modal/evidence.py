@@ -115,7 +115,7 @@ def _share(arrangement: Arrangement, fit: Level) -> tuple[FloatArray, FloatArray
     own = at[np.arange(n)[:, None], np.stack([2 * np.arange(n), 2 * np.arange(n) + 1], axis=1)]
     c = fit.linear.coefficients
     height = np.abs(c[:, 0 : 2 * n : 2] * own[:, 0] + c[:, 1 : 2 * n : 2] * own[:, 1])
-    beside = fit.background[:, place] if isinstance(fit.background, np.ndarray) else 0.0
+    beside = np.broadcast_to(fit.background, fit.residual.shape)[:, place]
     whole = np.abs(beside + c @ at.T)
     total = np.sqrt(np.sum(height**2, axis=0))
     share = total / np.maximum(np.sqrt(np.sum(whole**2, axis=0)), np.finfo(float).tiny)

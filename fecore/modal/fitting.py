@@ -27,7 +27,6 @@ from fecore.modal.growth import (
     pruned,
     settled,
     with_residual_terms,
-    without_poles,
 )
 from fecore.modal.lscf import LinearPoles, clusters, linear_poles
 from fecore.modal.noise import student
@@ -209,7 +208,7 @@ def _without_company(data: _Data, fit: Level) -> Level:
         gone = _company(data.arrangement, fit.terms, p) | (evidence.apart < _ONE)
         if not gone.any():
             break
-        fit = data.fitted(data.settled(without_poles(fit.terms, gone), fit.terms))
+        fit = data.fitted(data.settled(fit.terms.some(~gone), fit.terms))
     return fit
 
 
@@ -255,7 +254,7 @@ def _shared(arrangement: Arrangement, fit: Fit) -> FloatArray:
     evidence = evidence_of(arrangement, fit)
     p = probability(evidence, fit.terms.damping_ratio)
     gone = (p < _RATHER) & arrangement.in_band(fit.terms.frequency_hz) & ~evidence.tone
-    alone = level_at(arrangement, without_poles(fit.terms, gone), fit.variance)
+    alone = level_at(arrangement, fit.terms.some(~gone), fit.variance)
     shared = shared_error(arrangement, fit)
     shared[~gone] = np.maximum(shared[~gone], shared_error(arrangement, alone))
     return shared

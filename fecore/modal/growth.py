@@ -222,11 +222,6 @@ def with_poles(terms: Terms, pole: ComplexArray) -> Terms:
     )
 
 
-def without_poles(terms: Terms, gone: BoolArray) -> Terms:
-    """The terms without the marked poles (n,)."""
-    return terms.some(~gone)
-
-
 def pole_price(fit: Level, beside: int = 0) -> float:
     """Akaike's price of a pole, of two unknowns an FRF and two for the pole, and that of having
     looked for it at every line.
@@ -252,7 +247,7 @@ def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
             break
         k = int(np.argmax(np.where(poor, terms.half_bandwidth_hz, -1.0)))
         c, C = _left_out(c, C, [2 * k, 2 * k + 1])
-        terms = without_poles(terms, np.arange(poor.size) == k)
+        terms = terms.some(np.arange(poor.size) != k)
     while len(terms.exponents) > 1:
         spread = np.einsum("nii->ni", C)[:, 2 * terms.pairs :]
         gain = share @ (c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, np.finfo(float).tiny))

@@ -16,7 +16,6 @@ import scipy
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import DAMPING_RANGE, Terms, columns, derivatives
-from fecore.modal.growth import without_poles
 from fecore.modal.linear import orthonormal, stacked
 from fecore.modal.refinement import Fit, widened
 
@@ -72,7 +71,7 @@ class Site:
         where lines are few.
         """
         terms, use = fit.terms, arrangement.measured.all(axis=0)
-        others = without_poles(terms, np.arange(terms.pairs) == k)
+        others = terms.some(np.arange(terms.pairs) != k)
         if 2 * use.sum() <= others.columns + 4:
             return None
         place = np.empty((len(arrangement.roving), len(arrangement.fixed)), dtype=np.int64)

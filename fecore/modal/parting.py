@@ -24,7 +24,6 @@ from fecore.findings import Finding
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import columns
 from fecore.modal.findings import finding
-from fecore.modal.growth import without_poles
 from fecore.modal.local_pair import Site
 from fecore.modal.refinement import Fit, level_at
 from fecore.modal.shapes import of_rank_two
@@ -145,7 +144,7 @@ def _with(arrangement: Arrangement, fit: Fit, parted: tuple[Parted, ...]) -> Par
     basis = columns(arrangement.omega, terms, arrangement.power)
     measured = arrangement.values - fit.background
     values = measured - c[:, own] @ basis[:, own].T
-    others = without_poles(terms, own[: 2 * terms.pairs : 2])
+    others = terms.some(~own[: 2 * terms.pairs : 2])
     c[:, ~own] = level_at(
         replace(arrangement, values=values), others, fit.variance
     ).linear.coefficients
