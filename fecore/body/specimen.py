@@ -8,6 +8,7 @@ structure follow from them.
 from __future__ import annotations
 
 import re
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -125,9 +126,9 @@ class FlatBody(OfStructure):
         return max(1, len(self.profile) // (len(self.zones) + 1))
 
     @property
+    @abstractmethod
     def section(self) -> Section:
         """The nominal section."""
-        raise NotImplementedError
 
     @property
     def even_thickness(self) -> float:
@@ -163,9 +164,9 @@ class FlatBody(OfStructure):
         EI = self.bending_stiffness(constants) * self.root_thickness**3
         return Root(EI, *(float(own[name]) for name in ("length", "width", "thickness")))
 
+    @abstractmethod
     def bending_stiffness(self, constants: FloatArray) -> float:
         """EI along x at the own thickness and some constants, N·m²."""
-        raise NotImplementedError
 
     @property
     def root_thickness(self) -> float:

@@ -1,16 +1,12 @@
 """What is fitted to complex FRFs: a damping law alone, or a law and the elastic constants in turn.
 
-What stage 2 minimises: the misfit of the FRFs by a law's coefficients, the modes' shifts and
-their own rates.
-
 Every derivative goes through the modes' eigenvalues λ_k and damping rates c_k, of which there are
 few: ∂H_i/∂λ_k = -f A_ik/D_k² and ∂H_i/∂c_k = iω ∂H_i/∂λ_k. So the normal equations are accumulated
 once for (λ, c), and any law is a small matrix on top of them.
 
-Stage 2: a damping law from complex FRFs, all FRFs and modes of a band together (Eq. 11).
-
-The modes and their residues come from the updated elastic model and stay; the law's coefficients a
-and a frequency shift δ_k of each measured mode (a misfit of a natural frequency looks like damping)
+A law alone (stage 2) is fitted to all FRFs and modes of a band together (Eq. 11). The modes and
+their residues come from the updated elastic model and stay; the law's coefficients a and a
+frequency shift δ_k of each measured mode (a misfit of a natural frequency looks like damping)
 minimise
 
     E(a, δ) = Σ_i Σ_l w_il |r_il|²,    r = H_exp - H(λ_k (1 + δ_k)², c(a, ω_k))   (or ln H_exp/H for `log`)
@@ -23,11 +19,10 @@ the band say, have shifts and deviations with priors too: else their tails, take
 show a damping that nobody measured. Rigid-body modes, and those that move on the springs of the
 supports, are damped by what they hang on and not by the law: each has a rate of its own.
 
-Elastic constants and damping from the FRFs without modes (beyond the paper).
-
-The two-stage update needs modes. Where FRFs do not let them be identified one by one, the model
-itself can distinguish them: its own shapes say what each mode contributes to each FRF, and only
-frequencies and damping are left to find. So two fits take turns until the constants stand still:
+A law and the constants in turn are beyond the paper: the two-stage update needs modes. Where FRFs
+do not let them be identified one by one, the model itself can distinguish them: its own shapes say
+what each mode contributes to each FRF, and only frequencies and damping are left to find. So two
+fits take turns until the constants stand still:
 
     1. frequency shifts δ_k and damping ratios ζ_k of the model's modes, from the FRFs with the
        model's shapes;
