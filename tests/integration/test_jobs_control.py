@@ -152,6 +152,15 @@ def test_cancelled_computation_is_gone(
     assert run(worked, "echo").state == "succeeded"
 
 
+def test_a_job_cancelled_before_its_work_starts_leaves_its_place(
+    sessions: Sessions, database: str
+) -> None:
+    (first,), (second,) = put(sessions, "stubborn"), put(sessions, "echo")
+    with worker(database, work="work_where_an_abort_comes_first"):
+        assert wait(sessions, first).state == "cancelled"
+        assert wait(sessions, second).state == "succeeded"
+
+
 def test_retried_job_runs_again(worked: Sessions) -> None:
     (job_id,) = put(worked, "refusing")
     assert wait(worked, job_id).state == "failed"

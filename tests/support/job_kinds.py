@@ -1,18 +1,28 @@
 """Kinds of job for the tests, and a worker that runs them."""
 
+import asyncio
 import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 from uuid import UUID
 
+from procrastinate import jobs
+from procrastinate.manager import JobManager, NotificationCallback
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.nouns.updates.tables import UpdateJob
 from service.platform.access.tables import AuditEvent
+from service.platform.db.engine import make_engine, make_sessions
+from service.platform.logs import configure_logs
 from service.platform.queue.kinds import REQUESTS, JobKind
+from service.platform.queue.manager import Manager
+from service.platform.queue.queue import request_cancel
 from service.platform.queue.tables import Job
+from service.platform.queue.worker import run_worker
+from service.platform.settings import Settings
 from tests.support import computations
 
 ITEM = "test.item"
@@ -84,9 +94,33 @@ KINDS = {
 
 def work() -> None:
     """Be a worker of these kinds; settings from the environment."""
-    from service.platform.logs import configure_logs
-    from service.platform.queue.worker import run_worker
-    from service.platform.settings import Settings
-
     configure_logs(Settings())
     run_worker(Settings(), tuple(KINDS.values()))
+
+
+def work_where_an_abort_comes_first() -> None:
+    """Be a worker whose first job is cancelled once it has begun; the notice of that is the next
+    thing that the engine does, before the task that it has made for the job.
+    """
+    sessions = make_sessions(make_engine(Settings().database_url or ""))
+    fetch, listen = Manager.fetch_job, JobManager.listen_for_jobs
+    hear, notices = list[NotificationCallback](), list[asyncio.Task[None]]()
+
+    async def listen_too(*given: Any, **named: Any) -> None:
+        hear.append(named["on_notification"])
+        await listen(*given, **named)
+
+    async def fetch_and_cancel(manager: Manager, *given: Any, **named: Any) -> jobs.Job | None:
+        ticket = await fetch(manager, *given, **named)
+        if ticket is not None and ticket.id is not None and not notices:
+            with sessions.begin() as session:
+                request_cancel(session, manager.running[ticket.id].id)
+            abort: jobs.Notification = {"type": "abort_job_requested", "job_id": ticket.id}
+            notices.append(asyncio.create_task(hear[0](channel="", notification=abort)))
+        return ticket
+
+    with (
+        patch.multiple(Manager, fetch_job=fetch_and_cancel),
+        patch.multiple(JobManager, listen_for_jobs=listen_too),
+    ):
+        work()

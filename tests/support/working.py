@@ -56,7 +56,7 @@ def held(sessions: Sessions, job_id: UUID, step: int = 10) -> Job:
 
 @contextmanager
 def worker(
-    database: str, gate: Gate | None = None, **settings: Any
+    database: str, gate: Gate | None = None, work: str = "work", **settings: Any
 ) -> Iterator[subprocess.Popen[bytes]]:
     """A worker process of its own, that knows the kinds of the tests; killed at the end if it still
     runs.
@@ -64,6 +64,7 @@ def worker(
     Args:
         database: its URL.
         gate: where its jobs wait.
+        work: the function of `job_kinds` that it runs.
         settings: beside the database.
     """
     given = environment(Settings(database_url=database, log_level="warning", **settings))
@@ -71,7 +72,7 @@ def worker(
         given[GATE] = str(gate.folder)
     given["PYTHONPATH"] = str(ROOT)
     # A worker's children import the file that it was started with once more: this one has none.
-    command = [sys.executable, "-c", "from tests.support.job_kinds import work; work()"]
+    command = [sys.executable, "-c", f"from tests.support.job_kinds import {work}; {work}()"]
     process = subprocess.Popen(command, env=os.environ | given)
     try:
         yield process

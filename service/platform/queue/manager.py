@@ -34,6 +34,8 @@ class Manager(JobManager):
 
     Attributes:
         running: the begun jobs by ticket; who has ended one removes it.
+        abortable: tickets of those whose work has started; the engine hears of no other's abort, as
+            it would cancel a task that has not run a line and so could not say that it has ended.
         draining: nothing more is fetched.
         unsure: the database may say that this worker runs what it does not.
     """
@@ -55,6 +57,7 @@ class Manager(JobManager):
         self._places = settings.worker_concurrency
         self._recover_at, self._worker_id = 0.0, 0
         self.running: dict[int, Job] = {}
+        self.abortable: set[int] = set()
         self.draining = self.unsure = False
 
     async def unregister_worker(self, worker_id: int) -> None:
@@ -109,7 +112,7 @@ class Manager(JobManager):
 
     def _to_abort(self) -> list[int]:
         with self._sessions.begin() as session:
-            return queue_adapter.to_abort(session, self._worker_id, list(self.running))
+            return queue_adapter.to_abort(session, self._worker_id, list(self.abortable))
 
     async def update_heartbeat(self, worker_id: int) -> None:
         """Show that this worker lives, and look for jobs of those that do not."""
@@ -130,10 +133,17 @@ class Manager(JobManager):
     async def listen_for_jobs(
         self, *, on_notification: NotificationCallback, queues: Iterable[str] | None = None
     ) -> None:
-        """Listen for tickets and aborts, on another connection when one breaks."""
+        """Listen for tickets and aborts, on another connection when one breaks. An abort that comes
+        before the work has started is found by looking.
+        """
+
+        async def pass_on(*, channel: str, notification: jobs.Notification) -> None:
+            if notification["type"] == "job_inserted" or notification["job_id"] in self.abortable:
+                await on_notification(channel=channel, notification=notification)
+
         while True:
             try:
-                await super().listen_for_jobs(on_notification=on_notification, queues=queues)
+                await super().listen_for_jobs(on_notification=pass_on, queues=queues)
             except ConnectorException as error:
                 log.warning(
                     "notices are interrupted; connecting again",

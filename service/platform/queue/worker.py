@@ -219,6 +219,7 @@ class _Worker:
         waits for.
         """
         assert ticket.job.id is not None
+        self.manager.abortable.add(ticket.job.id)
         job = self.manager.running[ticket.job.id]
         assert str(job.id) == job_id
         attempt = Attempt(
@@ -235,6 +236,7 @@ class _Worker:
                 drained = ticket.abort_reason() is AbortReason.SHUTDOWN
                 attempt.stop(DRAINED if drained else CANCELLED)
         self.work.discard(work)
+        self.manager.abortable.discard(ticket.job.id)
         del self.manager.running[ticket.job.id]
         if (error := work.exception()) is not None:
             log.error(
