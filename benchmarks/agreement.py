@@ -18,7 +18,7 @@ from benchmarks.made_frfs import GOOD, KINDS, Harsh
 from benchmarks.tables import Table
 from fecore.errors import IdentificationError
 from fecore.frf import FrfSet
-from fecore.modal import Found, Options, identify
+from fecore.modal import IdentifiedPoles, Options, identify
 from tests.support.measured import with_coherence
 from tests.support.places import SHARED
 
@@ -102,7 +102,7 @@ def _compared(name: str, frfs: FrfSet, table: Table) -> np.ndarray:
     return np.array([agree[0], counts[0], agree[1], counts[1]])
 
 
-def _found(frfs: FrfSet, band_hz: tuple[float, float] | None) -> Found | None:
+def _found(frfs: FrfSet, band_hz: tuple[float, float] | None) -> IdentifiedPoles | None:
     try:
         return identify(frfs, Options(band_hz=band_hz)).found
     except IdentificationError:
@@ -110,7 +110,7 @@ def _found(frfs: FrfSet, band_hz: tuple[float, float] | None) -> Found | None:
 
 
 def _missing(
-    one: Found | None, other: Found | None, low: float, high: float
+    one: IdentifiedPoles | None, other: IdentifiedPoles | None, low: float, high: float
 ) -> tuple[list[str], int]:
     """Modes of one between limits that the other has not with P >= 0.9, in words; and how many
     there are in one.

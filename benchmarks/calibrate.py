@@ -1,7 +1,7 @@
 """Fit and judge the probability of a pole: `python -m benchmarks calibrate`.
 
 Made sets (`made_frfs`, good and harsh laboratories alike) are identified, each pole's features are
-kept with whether it is a mode (`truth`), and the weights of `fecore.modal.weights` are fitted by
+kept with whether it is a mode (`truth`), and the weights of `fecore.modal.judge` are fitted by
 Bayesian logistic regression,
 
     ln p(b) = Σ_k ln P(y_k | b) - ½ (b - m)ᵀ S⁻¹ (b - m),
@@ -15,7 +15,7 @@ others, are printed for the weights in use. Poles that cannot be modes whatever 
 `python -m benchmarks calibrate agreement` compares bands and halves of one record (`agreement`).
 
 `CALIBRATE_SEEDS` (default 10) draws of each kind; the printed table replaces the one in
-`fecore/modal/weights.py`.
+`fecore/modal/judge.py`.
 """
 
 import os
@@ -32,12 +32,19 @@ from benchmarks.made_frfs import GOOD, KINDS, Draw, Harsh
 from benchmarks.tables import Table
 from benchmarks.truth import OPTIONAL, OTHER, SPLIT, modes_of_poles
 from fecore.errors import IdentificationError
-from fecore.modal.evidence import evidence_of
-from fecore.modal.fitting import Fitted, fit_series
-from fecore.modal.preparation import prepare
-from fecore.modal.probability import NAMES as FEATURES
-from fecore.modal.probability import design, judged, no_mode
-from fecore.modal.weights import COVARIANCE, MEAN, PRIOR_MEAN, PRIOR_SD
+from fecore.modal import identify
+from fecore.modal.judge import (
+    COVARIANCE,
+    MEAN,
+    PRIOR_MEAN,
+    PRIOR_SD,
+    design,
+    evidence_of,
+    judged,
+    no_mode,
+)
+from fecore.modal.judge import NAMES as FEATURES
+from fecore.modal.result import FittedSeries
 from fecore.normal import Z_95
 
 SEEDS = int(os.environ.get("CALIBRATE_SEEDS", "10"))
@@ -72,11 +79,8 @@ class Poles:
 def collect(draw: Draw, kind: str, number: int, poles: Poles) -> None:
     """Identify a draw and keep its poles in band."""
     began = time.process_time()
-    prepared = prepare(draw.frfs, None)
     try:
-        fitted = fit_series(
-            prepared.arrangement, prepared.noise, 40, 100, lambda _stage, _share: None
-        )
+        fitted = identify(draw.frfs).fitted
     except IdentificationError as why:
         print(f"    {kind} {number}: {why}")
         poles.lost[kind] = poles.lost.get(kind, 0) + int(np.sum(~draw.optional))
@@ -85,7 +89,7 @@ def collect(draw: Draw, kind: str, number: int, poles: Poles) -> None:
     keep(draw, kind, number, fitted, poles)
 
 
-def keep(draw: Draw, kind: str, number: int, fitted: Fitted, poles: Poles) -> None:
+def keep(draw: Draw, kind: str, number: int, fitted: FittedSeries, poles: Poles) -> None:
     """Add the poles of a fit with the truth about them."""
     hz, zeta = fitted.fit.terms.frequency_hz, fitted.fit.terms.damping_ratio
     evidence = evidence_of(fitted.arrangement, fitted.fit)

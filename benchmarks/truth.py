@@ -18,7 +18,7 @@ import scipy
 from benchmarks.made_frfs import Draw
 from fecore.correlation import mac
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.refinement import Level
+from fecore.modal.refine import LinearFit
 
 OTHER, SPLIT, OPTIONAL = -1, -2, -3
 """In place of the number of a mode: neither; a second pole on a mode; a mode that may be lost."""
@@ -28,7 +28,7 @@ _RATIO = np.log(3)
 _LEAST = 0.1
 
 
-def modes_of_poles(draw: Draw, arrangement: Arrangement, fit: Level) -> np.ndarray:
+def modes_of_poles(draw: Draw, arrangement: Arrangement, fit: LinearFit) -> np.ndarray:
     """(n,) number of the mode that each pole is, or why it is none."""
     hz, zeta = fit.terms.frequency_hz, fit.terms.damping_ratio
     of = np.full(hz.size, OTHER)

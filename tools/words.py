@@ -11,8 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGES = ("fecore", "modalbase", "service")
-# `fecore/modal` is renamed with the search for modes, which is written anew.
-LATER = ("fecore/modal/",)
+
 
 WORDS = {
     "likest": "force_best_match",
@@ -92,8 +91,9 @@ CONTRACTS: dict[str, str] = {
     "fecore/updating/contradictions.py:said": "REST: a cause in a result",
     "fecore/updating/elastic_findings.py:said": "REST: a cause in a result",
     "fecore/updating/sampling.py:moves": "emcee: a parameter",
-    "service/compute/identifying.py:Found": "fecore.modal",
-    "service/compute/identifying.py:found": "fecore.modal: field of Identification",
+    "fecore/modal/identify.py:found": "the library: Identification.found",
+    "fecore/modal/result.py:found": "the library: Identification.found",
+    "service/compute/identifying.py:found": "the library: Identification.found",
     "service/nouns/search/routes.py:Found": "REST: a schema",
     "service/tasks/forecast/task.py:found": "REST: a forecast",
     "service/tasks/model/routes.py:found": "REST: a model",
@@ -143,8 +143,6 @@ def main(folders: list[str]) -> int:
     """Print each name that uses a word of the list, with its place and what to write."""
     faults = []
     for path in sorted(path for folder in folders for path in Path(folder).rglob("*.py")):
-        if str(path).startswith(LATER):
-            continue
         tree = ast.parse(path.read_text(encoding="utf-8"))
         for line, name in [(1, path.stem), *sorted(set(names(tree)))]:
             if (word := word_in(name, str(path))) is not None:

@@ -1,26 +1,32 @@
 """FRFs to modes: natural frequencies, damping ratios and shapes, with their covariance and
 probability.
 
-`identify` does it all; `shapes_at_poles` finds shapes at poles that a user has typed in. The files
-in the order of the data: arrangement, screening, leakage, causality, noise, preparation,
-compression, lscf, diagram, basis, linear, refinement, error_model, growth, drift, evidence,
-local_pair, weights, probability, fitting, parting, shapes, residues, findings, remarks, result,
-identify.
+In the order of the data:
+
+- `findings`: all that can be said of FRFs and of their modes, one table.
+- `arrangement`: FRFs on one axis, in positive directions, a roving side and a fixed side.
+- `prepare`: what can be used of them, and how noisy each value is.
+- `series`: the modal series, and its coefficients in all FRFs by linear least squares.
+- `judge`: what speaks for a pole being a mode, and one probability of that.
+- `refine`: fits at given poles, at the poles of least misfit, and the errors of these.
+- `candidates`: the few combinations of many FRFs; linear estimates of poles.
+- `search`: which poles FRFs need, and how the structure drifted between the tests.
+- `shapes`: residues to shapes; two modes under one pole.
+- `result`: what an identification hands on, and what a user should know of it.
+- `identify`: `identify`, all of it in numbered steps, and `shapes_at_poles` for known poles.
 """
 
 from fecore.modal.arrangement import set_with_gaps
-from fecore.modal.diagram import Stabilisation
-from fecore.modal.identify import Options, identify
-from fecore.modal.probability import Feature
-from fecore.modal.residues import shapes_at_poles
-from fecore.modal.result import Found, Identification, RefusedPole
-from fecore.modal.screening import Refused
+from fecore.modal.identify import Options, identify, shapes_at_poles
+from fecore.modal.judge import Feature, RefusedPole
+from fecore.modal.prepare import Refused
+from fecore.modal.result import Identification, IdentifiedPoles, Stabilisation
 from fecore.modal.shapes import Shapes, phase_collinearity, turn_real
 
 __all__ = [
     "Feature",
-    "Found",
     "Identification",
+    "IdentifiedPoles",
     "Options",
     "Refused",
     "RefusedPole",

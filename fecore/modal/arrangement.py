@@ -24,6 +24,12 @@ FEW = 4
 one that is alone.
 """
 
+MANY = 8
+"""... and from which their common part, or their scatter, is known well."""
+
+CLEAR = 5.0
+"""Times what chance or the others make from which something stands out."""
+
 
 @dataclass(frozen=True)
 class Arrangement:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 
+from fecore.arrays import FloatArray
 from fecore.findings import Finding, make, remark
 
 _MODE = "{which} ({hz:.2f} Hz)"
@@ -169,3 +170,11 @@ finding = partial(make, {**OF_FRFS, **WHY_NOT_USED, **OF_MODES})
 def not_used(frf: str, why: Finding) -> Finding:
     """That an FRF was not used, of the kind that the reason has."""
     return replace(finding("frf_not_used", frf=frf, reason=why.text), kind=why.kind)
+
+
+def lines_in_words(frequency_hz: FloatArray, most: int = 4) -> str:
+    """`120, 121, 122 Hz` or `120, 121, 122, 123 … 180 Hz (61 lines)`."""
+    named = [f"{f:g}" for f in frequency_hz]
+    if len(named) <= most + 1:
+        return ", ".join(named) + " Hz"
+    return f"{', '.join(named[:most])} … {named[-1]} Hz ({len(named)} lines)"

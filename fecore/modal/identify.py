@@ -1,37 +1,58 @@
-"""FRFs in, modes out: FRFs -> candidates -> one joint fit -> probability -> modes."""
+"""FRFs to modes: `identify` where nothing is known of the poles, `shapes_at_poles` at poles that
+somebody has typed in.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 
-from fecore.arrays import BoolArray, FloatArray, IntArray, real_times
+from fecore.arrays import FloatArray
 from fecore.errors import IdentificationError, InputError
-from fecore.findings import Finding
 from fecore.frf import FrfSet
-from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import columns
-from fecore.modal.diagram import diagram_of
-from fecore.modal.evidence import Evidence, evidence_of
+from fecore.modal.arrangement import Arrangement, arrange
+from fecore.modal.candidates import clusters, linear_estimates
 from fecore.modal.findings import finding, not_used
-from fecore.modal.fitting import Fitted, Report, fit_series
-from fecore.modal.growth import REFUSED, pole_price
-from fecore.modal.noise import OUTLYING
-from fecore.modal.parting import part
-from fecore.modal.preparation import Prepared, prepare
-from fecore.modal.probability import Feature, features, probability
-from fecore.modal.refinement import Fit, Level
-from fecore.modal.remarks import remarks
-from fecore.modal.result import Found, Identification, RefusedPole
-from fecore.modal.screening import lines_in_words
-from fecore.modal.shapes import Shapes, shapes_from_residues
+from fecore.modal.judge import REFUSED, evidence_of, judge, no_mode_message, plausible
+from fecore.modal.prepare import noise_of, prepare
+from fecore.modal.refine import (
+    ErrorModel,
+    LinearFit,
+    linear_fit,
+    memory,
+    refine,
+    reweighted_fit,
+    shared_error,
+    student,
+)
+from fecore.modal.result import (
+    FittedSeries,
+    Identification,
+    IdentifiedPoles,
+    diagram_of,
+    interference,
+    left_out,
+    of_series,
+    outlying,
+    remarks,
+)
+from fecore.modal.search import CombinedFrfs, aligned_search, forward_selection, without_spurious
+from fecore.modal.series import Terms, one_minus_leverage
+from fecore.modal.shapes import Shapes, of_rank_two, separate_close_modes, shapes_from_residues
 from fecore.modes import MeasuredModes
 
-_SAID = 3  # features that are said of a pole
-_FEW_OUTLIERS = 0.01  # share of a record that may be outliers
+# steps, and the decrease of χ² that ends them, of the poles that are searched no more: a move of a
+# tenth of a standard deviation
+_STEPS, _SETTLED = 16, 1e-2
+
+
+_LAST = 3  # steps of the refinement with all FRFs and a weight for each value
+
+Report = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
@@ -65,6 +86,21 @@ def identify(
     """Natural frequencies, damping ratios and shapes of all modes in the band, with their
     covariance and probability.
 
+    1. Prepare: FRFs that can be used, on one axis, and how noisy each value is.
+    2. Combine: the few combinations of many FRFs that carry their common content.
+    3. Candidates: poles of linear estimates that come back from order to order.
+    4. Search: of the candidates, those that lower the misfit of the combinations by more than they
+       cost.
+    5. Align: without what the structure drifted between the tests, where that pays, the search goes
+       on with what the residual shows.
+    6. Refine: all poles together on the combinations, then the series with all FRFs.
+    7. Cull: refused poles that only bend a better one beside them leave.
+    8. Fit: all FRFs with a variance for each value, and the errors of the poles.
+    9. Judge: features and probability of each pole, which is a mode, uncertain, or refused.
+    10. Separate: two modes for a pole whose residues are two shapes.
+    11. Shapes: one for each pole that was kept, with its modal mass.
+    12. Result: the modes and what a user should know of them.
+
     Args:
         frfs: the FRFs of one campaign: one set, or several with different axes or quantities.
         options: band, order, number of modes and threshold; defaults suit an unattended run.
@@ -76,248 +112,220 @@ def identify(
         IdentificationError: the data support no mode; the message says what was seen and what to
             try.
     """
-    options = options or Options()
-    times = [time.perf_counter()]
+    options, began = options or Options(), time.perf_counter()
+    # 1. Prepare.
     report("screening the FRFs", 0.0)
     prepared = prepare(frfs, options.band_hz)
-    times.append(time.perf_counter())
-    fitted = fit_series(
-        prepared.arrangement, prepared.noise, options.highest_order, options.most_modes, report
-    )
-    times.append(time.perf_counter())
+    # 2. Combine.
+    screened = time.perf_counter()
+    combined = CombinedFrfs.of(prepared.arrangement, prepared.noise)
+    # 3. Candidates.
+    report("linear estimates", 0.05)
+    linear = linear_estimates(combined.few, combined.few_noise, options.highest_order)
+    candidates = clusters(linear)
+    # 4. Search.
+    rounds = count(1)
+
+    def step(poles: int) -> None:
+        report(f"searching poles: {poles} found", 0.1 + 0.5 * (1 - 0.7 ** next(rounds)))
+
+    most = min(options.most_modes, int(prepared.arrangement.measured.sum(axis=1).min()) // 4)
+    empty = Terms(np.empty(0), np.empty(0), (-2, 0))
+    terms = forward_selection(combined, empty, candidates, most, step, 1)
+    # 5. Align.
+    aligned, terms, drift = aligned_search(combined, terms, candidates, most, step)
+    # 6. Refine.
+    terms = aligned.refined(terms, steps=_STEPS, enough=_SETTLED)
+    series = aligned.fitted(terms)
+    full = series.terms.pairs >= most
+    # 7. Cull.
+    report("refining with all FRFs", 0.6)
+    series = without_spurious(aligned, series)
+    # 8. Fit.
+    report("refining with all FRFs", 0.8)
+    arrangement, noise = aligned.arrangement, aligned.noise
+    free = plausible(arrangement, series)
+    left = one_minus_leverage(arrangement, series.terms, series.linear, series.weights)
+    variance = student(arrangement, series.residual, noise, left)
+    background = series.part(np.flatnonzero(np.repeat(~free, 2))) if not free.all() else 0.0
+    start = series.terms.some(free)
+    fit = refine(arrangement, start, variance, steps=_LAST, background=background)
+    # 9. Judge.
     report("judging the poles", 0.9)
-    found = _judged(prepared, fitted, options.threshold)
-    times.append(time.perf_counter())
-    report("done", 1.0)
-    steps = ("screening", "search and refinement", "probability and shapes")
-    return replace(found, seconds=dict(zip(steps, np.diff(times).tolist(), strict=True)))
-
-
-@dataclass(frozen=True)
-class _Verdict:
-    """The poles of a fit that are modes or uncertain, `kept` in ascending frequency, and those
-    refused.
-    """
-
-    kept: IntArray
-    probability: FloatArray
-    features: list[tuple[Feature, ...]]
-    refused: tuple[RefusedPole, ...]
-
-    def of(self, old: IntArray, frequency_hz: FloatArray) -> _Verdict:
-        """The verdict of new poles with these frequencies, each with what was found of an old
-        one.
-        """
-        kept = np.concatenate([np.flatnonzero(old == k) for k in self.kept])
-        kept = kept[np.argsort(frequency_hz[kept], kind="stable")]
-        return _Verdict(kept, self.probability[old], [self.features[k] for k in old], self.refused)
-
-
-def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identification:
-    """Which of the poles are modes, with their shapes, and all that there is to say of them."""
-    arrangement, fit = fitted.arrangement, fitted.fit
-    diagram = diagram_of(arrangement, fitted.linear)
+    searched = time.perf_counter()
     evidence = evidence_of(arrangement, fit)
-    verdict = _verdict(arrangement, fit, evidence)
-    verdict = replace(verdict, refused=_all_refused(fitted, verdict.refused))
+    verdict = judge(arrangement, fit, evidence, options.threshold)
+    if not free.all():  # the others are judged by the fit that had them
+        before = judge(arrangement, series, evidence_of(arrangement, series), options.threshold)
+        verdict = verdict.with_refused(before, series.terms.frequency_hz[~free])
     if not verdict.kept.size:
-        raise IdentificationError(_nothing(arrangement, verdict.refused, fitted.full))
-    significance, toned = (
-        fit.gains / (pole_price(fit) * fit.memory),
-        _toned(arrangement, fit, evidence),
+        raise IdentificationError(no_mode_message(arrangement, verdict.refused, full))
+    rather_not = arrangement.in_band(fit.terms.frequency_hz) & ~evidence.tone
+    rather_not &= verdict.probability < 0.5
+    others = linear_fit(arrangement, fit.terms.some(~rather_not), fit.variance)
+    shared = shared_error(arrangement, fit)
+    # what poles that are rather no modes take up, and the background, is error too
+    shared[~rather_not] = np.maximum(shared[~rather_not], shared_error(arrangement, others))
+    tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model)
+    changes = (
+        np.log(fit.terms.frequency_hz / start.frequency_hz),
+        fit.terms.damping_ratio - start.damping_ratio,
     )
-    fit, old, parted = part(arrangement, fit, verdict.kept)
-    fitted = replace(fitted, fit=fit)
+    errors = ErrorModel(tau, arrangement.session, shared, np.concatenate(changes))
+    fit = replace(fit, errors=errors)
+    fitted = FittedSeries(arrangement, fit, noise, linear, drift, full)
+    significance = fit.gains / (fit.pole_price * fit.memory)
+    # 10. Separate.
+    fit, old, separated = separate_close_modes(arrangement, fit, verdict.kept)
     verdict = verdict.of(old, fit.terms.frequency_hz)
-    kept = verdict.kept
-    doubt = tuple(_doubt(verdict, int(k), threshold) for k in kept)
-    shapes = _shapes(arrangement, fit, kept)
-    known, outliers = arrangement.measured & np.isfinite(arrangement.variance), _outliers(fit)
+    # 11. Shapes.
+    kept, f, zeta = verdict.kept, fit.terms.frequency_hz, fit.terms.damping_ratio
+    shapes = shapes_from_residues(
+        arrangement,
+        fit.residues[:, kept],
+        fit.residue_variance[:, kept],
+        fit.terms.poles[kept].imag,
+    )
+    two = of_rank_two(arrangement, fit.residues, fit.residue_variance)
+    # 12. Result.
+    report("done", 1.0)
+    doubt = tuple(verdict.doubt[k] for k in kept)
+    outliers, toned = outlying(fit), interference(arrangement, fitted.fit, evidence)
+    known = arrangement.measured & np.isfinite(arrangement.variance)
     ratio = fit.chi_squared / fit.freedom
     if known.any():
         ratio = float(np.mean(np.abs(fit.residual[known]) ** 2 / arrangement.variance[known]))
-    notes = (
-        *prepared.notes,
-        *_of_drift(fitted),
-        *_of_phase(evidence),
-        *_of_tones(arrangement, toned),
-        *([finding("most_modes")] if fitted.full else []),
-        *parted,
-        *remarks(arrangement, fit, kept, shapes, evidence.share[old], doubt),
-        *_of_outliers(arrangement, outliers),
-        *(_of_noise(ratio) if known.any() and ratio >= 2 else []),
-        *(not_used(refused.frf, refused.why) for refused in prepared.refused),
+    both = np.concatenate([kept, f.size + kept])
+    scale = np.concatenate([f[kept], np.ones(kept.size)])  # from ln f to f
+    separate = replace(fitted, fit=fit)
+    covariance = separate.covariance[np.ix_(both, both)] * np.outer(scale, scale)
+    probability = verdict.probability[kept]
+    modes = MeasuredModes(
+        f[kept], zeta[kept], shapes.complex, arrangement.roving, covariance, probability
     )
+    diagram, of_phases = diagram_of(arrangement, linear), of_series(fitted, evidence)
+    of_modes = remarks(
+        arrangement, fit, kept=kept, shapes=shapes, share=evidence.share[old], doubt=doubt, two=two
+    )
+    of_interference, of_outliers = left_out(arrangement, toned, outliers)
     return Identification(
-        found=Found(
-            modes=_modes(fitted, verdict, shapes),
+        found=IdentifiedPoles(
+            modes=modes,
             shapes=shapes,
             significance=significance[old][kept],
             features=tuple(verdict.features[int(k)] for k in kept),
             doubt=doubt,
         ),
+        fitted=fitted,
         terms=fit.terms,
         stabilisation=diagram,
         used=tuple(arrangement.label(r) for r in range(len(arrangement.pairs))),
         rows=arrangement.source,
         refused=prepared.refused,
         refused_poles=verdict.refused,
-        notes=notes,
+        notes=(
+            *prepared.notes,
+            *of_phases,
+            *of_interference,
+            *([finding("most_modes")] if full else []),
+            *separated,
+            *of_modes,
+            *of_outliers,
+            *(
+                [finding("residual_large", times=np.sqrt(ratio))]
+                if known.any() and ratio >= 2
+                else []
+            ),
+            *(not_used(refused.frf, refused.why) for refused in prepared.refused),
+        ),
         frequency_hz=arrangement.frequency_hz,
         quantity=arrangement.quantity,
         measured=np.where(arrangement.measured & ~outliers & ~toned, arrangement.values, np.nan),
         predicted=fit.model,
         noise_variance=np.where(known, arrangement.variance, fit.variance),
         noise_ratio=ratio,
-        model_error=_model_error(arrangement, fitted),
-        drift=float(fitted.drift.std()),
+        model_error=separate.model_error,
+        drift=float(drift.std()),
         delay=evidence.delay,
         memory_lines=fit.memory,
-        seconds={},
+        seconds={
+            "screening": screened - began,
+            "search and refinement": searched - screened,
+            "probability and shapes": time.perf_counter() - searched,
+        },
     )
 
 
-def _all_refused(fitted: Fitted, refused: tuple[RefusedPole, ...]) -> tuple[RefusedPole, ...]:
-    """Refused poles with those of the background."""
-    arrangement, terms = fitted.arrangement, fitted.whole.terms
-    if fitted.free.all():
-        return refused
-    before = _verdict(arrangement, fitted.whole, evidence_of(arrangement, fitted.whole))
-    still = terms.frequency_hz[~fitted.free]
-    both = (*refused, *(each for each in before.refused if each.frequency_hz in still))
-    return tuple(sorted(both, key=lambda each: each.frequency_hz))
+def shapes_at_poles(
+    frfs: FrfSet | Sequence[FrfSet],
+    frequency_hz: FloatArray,
+    damping_ratio: FloatArray,
+    *,
+    band_hz: tuple[float, float] | None = None,
+    exponents: tuple[int, ...] = (-2, -1, 0, 1, 2),
+) -> tuple[MeasuredModes, Shapes]:
+    """Mode shapes from FRFs at given natural frequencies and damping ratios.
 
+    Args:
+        frfs: FRFs of one campaign, one set or several; poles outside their band are fitted too and
+            returned.
+        frequency_hz: (n,) ascending undamped natural frequencies, Hz.
+        damping_ratio: (n,) viscous damping ratios, above 0 and below 1.
+        band_hz: lines to use; all where not given.
+        exponents: powers of iω of the lower and upper residual terms (of the receptance).
 
-def _verdict(arrangement: Arrangement, fit: Level, evidence: Evidence) -> _Verdict:
-    terms = fit.terms
-    p = probability(evidence, terms.damping_ratio)
-    said = features(evidence, terms.frequency_hz, terms.damping_ratio)
-    order = np.argsort(terms.frequency_hz, kind="stable")
-    order = order[arrangement.in_band(terms.frequency_hz)[order]]
-    refused = tuple(
-        RefusedPole(
-            float(terms.frequency_hz[k]),
-            float(terms.damping_ratio[k]),
-            _against(said[k]),
-            float(p[k]),
-            said[k][:_SAID],
-        )
-        for k in order[p[order] < REFUSED]
-    )
-    return _Verdict(order[p[order] >= REFUSED], p, [each[:_SAID] for each in said], refused)
+    Returns:
+        The modes with complex shapes at the roving dofs (positive directions), and the shapes in
+        full: realised, mass normalised where a driving point was measured, with standard deviations
+        and phase collinearity. The poles' own uncertainty is not known here: the modes carry no
+        covariance.
 
-
-def _against(said: tuple[Feature, ...]) -> str:
-    """What speaks most against a pole, in words."""
-    against = [each.words for each in said if each.weight < 0][:2]
-    return "; ".join(against) if against else "nothing speaks for it clearly"
-
-
-def _doubt(verdict: _Verdict, k: int, threshold: float) -> str | None:
-    p = verdict.probability[k]
-    if p >= threshold:
-        return None
-    return (
-        f"a mode with probability {p:.2f}: {'; '.join(each.words for each in verdict.features[k])}"
-    )
-
-
-def _shapes(arrangement: Arrangement, fit: Fit, kept: IntArray) -> Shapes:
-    damped = fit.terms.poles[kept].imag
-    return shapes_from_residues(
-        arrangement, fit.residues[:, kept], fit.residue_variance[:, kept], damped
-    )
-
-
-def _modes(fitted: Fitted, verdict: _Verdict, shapes: Shapes) -> MeasuredModes:
-    arrangement, fit, kept = fitted.arrangement, fitted.fit, verdict.kept
-    n, f = fit.terms.pairs, fit.terms.frequency_hz[kept]
-    both = np.concatenate([kept, n + kept])
-    scale = np.concatenate([f, np.ones(f.size)])  # from ln f to f
-    covariance = fitted.covariance[np.ix_(both, both)] * np.outer(scale, scale)
-    zeta, p = fit.terms.damping_ratio[kept], verdict.probability[kept]
-    return MeasuredModes(f, zeta, shapes.complex, arrangement.roving, covariance, p)
-
-
-def _of_drift(fitted: Fitted) -> list[Finding]:
-    if not fitted.drift.any():
-        return []
-    return [finding("drift", percent=100 * fitted.drift.std())]
-
-
-def _toned(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> BoolArray:
-    """(N, L) values of which a tone is the larger part, and larger than their noise: they are no
-    answer to the force.
+    Raises:
+        InputError: frequencies or ratios that are not usable.
+        IdentificationError: two poles coincide, or a pole has no support in the data's band.
     """
-    pairs, tone = slice(0, 2 * fit.terms.pairs), np.repeat(evidence.tone, 2)
-    own = columns(arrangement.omega, fit.terms, arrangement.power)[:, pairs][:, tone]
-    part = real_times(fit.linear.coefficients[:, pairs][:, tone], own.T)
-    rest = np.abs(arrangement.values - part) ** 2
-    return np.asarray(np.abs(part) ** 2 > np.maximum(fit.variance, rest))
-
-
-def _of_tones(arrangement: Arrangement, toned: BoolArray) -> list[Finding]:
-    lines = lines_in_words(arrangement.frequency_hz[toned.any(axis=0)])
-    return [finding("tones", lines=lines)] if toned.any() else []
-
-
-def _of_phase(evidence: Evidence) -> list[Finding]:
-    if evidence.turned:
-        return [finding("residues_turned")]
-    if abs(evidence.delay) < 2e-5:
-        return []
-    side = "after" if evidence.delay > 0 else "before"
-    return [finding("channels_delayed", delay=1e6 * evidence.delay, side=side)]
-
-
-def _outliers(fit: Fit) -> BoolArray:
-    """(N, L) single values that Student's law has left hardly any weight."""
-    far = np.abs(fit.residual) ** 2 > OUTLYING * fit.variance
-    alone = far.copy()
-    alone[:, 1:] &= ~far[:, :-1]
-    alone[:, :-1] &= ~far[:, 1:]
-    return np.asarray(
-        alone & (far.sum(axis=1, keepdims=True) <= np.maximum(1, _FEW_OUTLIERS * far.shape[1]))
-    )
-
-
-def _of_outliers(arrangement: Arrangement, outliers: BoolArray) -> list[Finding]:
-    rows = np.flatnonzero(outliers.any(axis=1))
-    words = [lines_in_words(arrangement.frequency_hz[outliers[row]]) for row in rows]
-    notes = [
-        finding("outliers", frf=arrangement.label(int(row)), lines=lines)
-        for row, lines in zip(rows, words, strict=True)
-    ]
-    more = len(notes) - 8
-    return notes if more <= 0 else [*notes[:8], finding("more_outliers", count=more)]
-
-
-def _model_error(arrangement: Arrangement, fitted: Fitted) -> float:
-    """Relative error of the FRFs beside the noise, from lines where they are large: root of Σ(|r|²
-    - n²)|H|²/Σ|H|⁴.
-    """
-    size = np.where(arrangement.measured, np.abs(arrangement.values) ** 2, 0.0)
-    excess = (np.abs(fitted.fit.residual) ** 2 - fitted.noise) * size
-    total = float(np.sum(size**2))
-    return float(np.sqrt(max(float(np.sum(excess)), 0.0) / total)) if total > 0 else 0.0
-
-
-def _of_noise(ratio: float) -> list[Finding]:
-    return [finding("residual_large", times=np.sqrt(ratio))]
-
-
-def _nothing(arrangement: Arrangement, refused: tuple[RefusedPole, ...], full: bool) -> str:
-    """What was seen and what to try, for a record without a mode."""
-    band = f"{arrangement.frequency_hz[0]:g} to {arrangement.frequency_hz[-1]:g} Hz"
-    seen = [f"{p.frequency_hz:.1f} Hz ({p.reason})" for p in refused[:8]]
-    return (
-        f"no mode is supported by the {len(arrangement.pairs)} FRFs from {band}. "
-        + (
-            f"Poles seen and refused: {'; '.join(seen)}. "
-            if seen
-            else "No pole lowers the misfit by what it costs. "
+    frequency, zeta = np.asarray(frequency_hz, dtype=float), np.asarray(damping_ratio, dtype=float)
+    if frequency.ndim != 1 or frequency.size == 0 or zeta.shape != frequency.shape:
+        raise InputError(
+            "frequency_hz",
+            f"and damping_ratio have shapes {frequency.shape} and {zeta.shape}, expected one of"
+            " each a mode",
         )
-        + ("The search stopped at most_modes; raise it, or leave it out. " if full else "")
-        + "Try a band around a resonance, more averages, or a higher order; check that responses"
-        " and forces are not swapped, and that the imaginary part has the sign of exp(+iωt)."
+    if not np.all(np.isfinite(frequency) & (frequency > 0)) or np.any(np.diff(frequency) < 0):
+        raise InputError("frequency_hz", "must be positive and ascend")
+    if not np.all((zeta > 0) & (zeta < 1)):
+        raise InputError(
+            "damping_ratio",
+            "must be above 0 and below 1 to find shapes from FRFs (a ratio, not per cent)",
+        )
+    arrangement = arrange(frfs, band_hz)
+    dead = [r for r in range(len(arrangement.pairs)) if not np.any(arrangement.values[r])]
+    arrangement = arrangement.without(dead) if dead else arrangement
+    fit = _fit_at(arrangement, Terms(frequency, zeta, exponents))
+    spread = fit.linear.variance[:, : 2 * frequency.size]
+    shapes = shapes_from_residues(
+        arrangement, fit.residues, spread[:, 0::2] + spread[:, 1::2], fit.terms.poles.imag
     )
+    return MeasuredModes(frequency, zeta, shapes.complex, arrangement.roving), shapes
+
+
+def _fit_at(arrangement: Arrangement, terms: Terms) -> LinearFit:
+    """The series at given poles under the variance of its own misfit.
+
+    Raises:
+        IdentificationError: fewer lines than unknowns, or terms that cannot be separated.
+    """
+    lines = arrangement.measured.sum(axis=1)
+    if 2 * lines.min() <= terms.columns:
+        raise IdentificationError(
+            f"{terms.pairs} poles and the residual terms are {terms.columns} unknowns an FRF, but"
+            f" {arrangement.label(int(lines.argmin()))} has only {lines.min()} lines; use a wider"
+            " band or fewer modes"
+        )
+    fit = reweighted_fit(arrangement, terms, noise_of(arrangement))
+    if fit.linear.turn.shape[1] < terms.columns:
+        raise IdentificationError(
+            "the model's terms cannot be distinguished on the measured lines: two poles coincide,"
+            " or there are fewer lines than unknowns; use fewer poles or a wider band"
+        )
+    return fit

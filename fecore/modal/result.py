@@ -1,37 +1,89 @@
-"""What an identification hands on."""
+"""What an identification hands on, and what a user should know of it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
 from fecore.findings import Finding, texts
 from fecore.frf import Quantity
-from fecore.modal.basis import Terms
-from fecore.modal.diagram import Stabilisation
-from fecore.modal.probability import Feature
-from fecore.modal.screening import Refused
+from fecore.modal.arrangement import Arrangement
+from fecore.modal.candidates import LinearPoles
+from fecore.modal.findings import finding, lines_in_words
+from fecore.modal.judge import Evidence, Feature, RefusedPole
+from fecore.modal.prepare import Refused
+from fecore.modal.refine import OUTLYING, PoleFit
+from fecore.modal.series import Terms
 from fecore.modal.shapes import Shapes
 from fecore.modes import MeasuredModes
 
-
-@dataclass(frozen=True)
-class RefusedPole:
-    """A pole that the fit needed, and that is not a mode."""
-
-    frequency_hz: float  # its natural frequency
-    damping_ratio: float  # its damping ratio
-    reason: str  # why it is not a mode, in words
-    probability: float = 0.0  # that it is one all the same
-    # the reasons for and against it, those that weigh most first
-    features: tuple[Feature, ...] = ()
+_FEW_LINES = 2.0  # lines in the half-power bandwidth below which the damping is not resolved
+_COMPLEX = 0.8  # modal phase collinearity below which a mode is called complex
+_WEAK = 0.1  # of the FRFs at its frequency, below which a mode is called weak
+_CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
+_FEW_OUTLIERS = 0.01  # share of a record that may be outliers
+FREQUENCY_TOLERANCE = 0.01  # relative, between orders: the usual 1 % of stabilisation diagrams
+DAMPING_TOLERANCE = 0.05  # relative, between orders: the usual 5 %
 
 
 @dataclass(frozen=True)
-class Found:
+class Stabilisation:
+    """Data of the stabilisation diagram, one entry a pole."""
+
+    order: IntArray  # (k,) model order
+    frequency_hz: FloatArray  # (k,) natural frequency
+    damping_ratio: FloatArray  # (k,) damping ratio
+    frequency_stable: BoolArray  # (k,) True where a lower order has a pole within 1 % in frequency
+    damping_stable: BoolArray  # (k,) True where that pole is also within 5 % in damping
+    line_hz: FloatArray  # (L,) axis of the indicator
+    indicator: FloatArray  # (L,) root of the sum of squares of all FRFs
+    cmif: FloatArray  # (c, L) the complex mode indicator function, to be drawn behind the poles
+
+
+@dataclass(frozen=True)
+class FittedSeries:
+    """The series fitted to all FRFs."""
+
+    arrangement: Arrangement  # the FRFs without their drift
+    fit: PoleFit  # of the poles that may be modes, or stand out of band or for much
+    noise: FloatArray  # (N, L) variance of the FRFs' noise
+    linear: LinearPoles  # the linear poles
+    drift: FloatArray  # (N,) relative drift of each FRF's frequencies, all 0 where no drift pays
+    full: bool  # whether the search had as many poles as it may
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(2n, 2n) covariance of (ln f, ζ).
+
+        The mean of as many drifts as there are tests is common to all frequencies. Where the mass
+        of a roving sensor moves them, modes do not drift alike: each may be off by the mean of the
+        drifts by its own power in the FRFs.
+        """
+        covariance, n = self.fit.parameter_covariance.copy(), self.fit.terms.pairs
+        power = np.abs(self.fit.residues) ** 2
+        own = self.drift @ power / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
+        covariance[:n, :n] += self.drift.var() / self.arrangement.sessions + np.diag(own**2)
+        return covariance
+
+    @property
+    def model_error(self) -> float:
+        """Relative error of the FRFs beside the noise, from lines where they are large: root of
+        Σ(|r|² - n²)|H|²/Σ|H|⁴.
+        """
+        measured, values = self.arrangement.measured, self.arrangement.values
+        size = np.where(measured, np.abs(values) ** 2, 0.0)
+        excess = (np.abs(self.fit.residual) ** 2 - self.noise) * size
+        total = float(np.sum(size**2))
+        return float(np.sqrt(max(float(np.sum(excess)), 0.0) / total)) if total > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class IdentifiedPoles:
     """Poles with shapes: modes and uncertain ones, in ascending frequency."""
 
     # frequencies, damping, complex shapes at the roving dofs (positive directions), the
@@ -53,11 +105,11 @@ class Found:
         assert self.modes.probability is not None, "an identification gives it"
         return self.modes.probability
 
-    def select(self, which: IntArray) -> Found:
+    def select(self, which: IntArray) -> IdentifiedPoles:
         """Some of them, at least one."""
         modes, shapes, n = self.modes, self.shapes, len(self.modes)
         both = np.concatenate([which, n + which])
-        return Found(
+        return IdentifiedPoles(
             MeasuredModes(
                 modes.frequency_hz[which],
                 modes.damping_ratio[which],
@@ -77,7 +129,8 @@ class Found:
 class Identification:
     """Modes identified from FRFs, and everything that a reader needs to judge them."""
 
-    found: Found  # modes and uncertain poles
+    found: IdentifiedPoles  # modes and uncertain poles
+    fitted: FittedSeries  # with one pole for each close pair
     terms: Terms  # the whole fitted series, with the poles out of band and the residual terms
     stabilisation: Stabilisation  # data of the stabilisation diagram
     used: tuple[str, ...]  # labels of the FRFs that were used, response first
@@ -103,7 +156,7 @@ class Identification:
     memory_lines: float
     seconds: dict[str, float]  # time of each step
 
-    def chosen(self, *, include_doubtful: bool = False) -> Found:
+    def chosen(self, *, include_doubtful: bool = False) -> IdentifiedPoles:
         """The modes, with the uncertain poles where they are asked for.
 
         Raises:
@@ -140,9 +193,221 @@ class Identification:
         return self.chosen().shapes
 
     @property
-    def doubtful(self) -> Found | None:
+    def doubtful(self) -> IdentifiedPoles | None:
         """The uncertain poles, with the reason of each."""
         which = np.array(
             [k for k, why in enumerate(self.found.doubt) if why is not None], dtype=np.int64
         )
         return self.found.select(which) if which.size else None
+
+
+def interference(arrangement: Arrangement, fit: PoleFit, evidence: Evidence) -> BoolArray:
+    """(N, L) values of which a tone is the larger part, and larger than their noise: they are no
+    answer to the force.
+    """
+    part = fit.part(np.flatnonzero(np.repeat(evidence.tone, 2)))
+    rest = np.abs(arrangement.values - part) ** 2
+    return np.asarray(np.abs(part) ** 2 > np.maximum(fit.variance, rest))
+
+
+def outlying(fit: PoleFit) -> BoolArray:
+    """(N, L) single values that Student's law has left hardly any weight."""
+    far = np.abs(fit.residual) ** 2 > OUTLYING * fit.variance
+    isolated = far.copy()
+    isolated[:, 1:] &= ~far[:, :-1]
+    isolated[:, :-1] &= ~far[:, 1:]
+    return np.asarray(
+        isolated & (far.sum(axis=1, keepdims=True) <= np.maximum(1, _FEW_OUTLIERS * far.shape[1]))
+    )
+
+
+def of_series(fitted: FittedSeries, evidence: Evidence) -> tuple[Finding, ...]:
+    """What a user should know of drift and phases."""
+    drift = fitted.drift
+    return (
+        *([finding("drift", percent=100 * drift.std())] if drift.any() else ()),
+        *_of_phase(evidence),
+    )
+
+
+def _of_phase(evidence: Evidence) -> list[Finding]:
+    if evidence.turned:
+        return [finding("residues_turned")]
+    if abs(evidence.delay) < 2e-5:
+        return []
+    side = "after" if evidence.delay > 0 else "before"
+    return [finding("channels_delayed", delay=1e6 * evidence.delay, side=side)]
+
+
+def left_out(
+    arrangement: Arrangement, toned: BoolArray, outliers: BoolArray
+) -> tuple[list[Finding], list[Finding]]:
+    """The lines with interference, and the FRFs with outlying values and their lines."""
+    where = lines_in_words(arrangement.frequency_hz[toned.any(axis=0)])
+    of_interference = [finding("tones", lines=where)] if toned.any() else []
+    rows = np.flatnonzero(outliers.any(axis=1))
+    words = [lines_in_words(arrangement.frequency_hz[outliers[row]]) for row in rows]
+    notes = [
+        finding("outliers", frf=arrangement.label(int(row)), lines=lines)
+        for row, lines in zip(rows, words, strict=True)
+    ]
+    more = len(notes) - 8
+    if more <= 0:
+        return of_interference, notes
+    return of_interference, [*notes[:8], finding("more_outliers", count=more)]
+
+
+def remarks(
+    arrangement: Arrangement,
+    fit: PoleFit,
+    kept: IntArray,
+    shapes: Shapes,
+    share: FloatArray,
+    doubt: tuple[str | None, ...],
+    two: BoolArray,
+) -> list[Finding]:
+    """What a user should know of the poles that were kept, whose reasons for doubt are given, and
+    which of all poles have the residues of two shapes.
+    """
+    named = _named(doubt)
+    return [
+        *_of_modes(
+            arrangement, fit, kept, shapes=shapes, share=share[kept], doubt=doubt, named=named
+        ),
+        *_of_one_record(arrangement, fit, kept, named),
+        *(
+            finding("rank_two", which=which, hz=fit.terms.frequency_hz[k])
+            for which, k in zip(named, kept, strict=True)
+            if two[k]
+        ),
+        *_driving_points(arrangement, fit, kept),
+    ]
+
+
+def _of_modes(
+    arrangement: Arrangement,
+    fit: PoleFit,
+    kept: IntArray,
+    shapes: Shapes,
+    share: FloatArray,
+    doubt: tuple[str | None, ...],
+    named: list[str],
+) -> Iterator[Finding]:
+    """What a user should know of each pole by itself, and beside the one below it."""
+    f, zeta = fit.terms.frequency_hz[kept], fit.terms.damping_ratio[kept]
+    sd = np.sqrt(np.diag(fit.parameter_covariance))[fit.terms.pairs + kept]
+    for k in range(f.size):
+        of_mode = partial(finding, which=named[k], hz=f[k])
+        if (why := doubt[k]) is not None:
+            yield finding("mode_uncertain", hz=f[k], why=why)
+        lines = 2 * zeta[k] * f[k] / max(arrangement.spacing_hz, np.finfo(float).tiny)
+        if lines < _FEW_LINES:
+            yield of_mode("few_lines_in_peak", lines=lines)
+        if share[k] < _WEAK:
+            yield of_mode("weak", percent=100 * share[k])
+        if shapes.collinearity[k] < _COMPLEX:
+            yield of_mode("complex_shape", collinearity=shapes.collinearity[k])
+        if sd[k] > 0.1 * zeta[k]:
+            yield of_mode("damping_uncertain", percent=100 * sd[k] / zeta[k])
+        if k and (f[k] - f[k - 1]) < _CLOSE * (zeta[k] * f[k] + zeta[k - 1] * f[k - 1]) / 2:
+            low, high = named[k - 1], named[k]
+            yield finding("close_pair", low=low, high=high, first=f[k - 1], second=f[k])
+
+
+def _named(doubt: tuple[str | None, ...]) -> list[str]:
+    """Modes by their number in the set, which has no uncertain pole."""
+    sure = np.cumsum([why is None for why in doubt])
+    return [
+        "an uncertain pole" if why else f"mode {number}"
+        for why, number in zip(doubt, sure, strict=True)
+    ]
+
+
+def _of_one_record(
+    arrangement: Arrangement, fit: PoleFit, kept: IntArray, named: list[str]
+) -> list[Finding]:
+    """Poles that one of several FRFs shows: a mode and a resonance of that sensor have the same
+    phase.
+    """
+    size = np.abs(fit.residues[:, kept]) ** 2
+    if len(size) < 3:
+        return []
+    return [
+        finding(
+            "one_record",
+            which=named[k],
+            hz=fit.terms.frequency_hz[kept[k]],
+            frf=arrangement.label(int(np.argmax(size[:, k]))),
+        )
+        for k in np.flatnonzero(size.max(axis=0) > 0.99 * size.sum(axis=0))
+    ]
+
+
+def _driving_points(arrangement: Arrangement, fit: PoleFit, kept: IntArray) -> list[Finding]:
+    """A driving point has positive modal masses; where most come out negative, one of its signs is
+    wrong.
+    """
+    masses = (2j * fit.terms.poles.imag * fit.residues)[:, kept].real
+    return [
+        finding(
+            "driving_point",
+            frf=arrangement.label(row),
+            negative=int(np.sum(modal < 0)),
+            count=modal.size,
+        )
+        for row, (a, b) in enumerate(arrangement.pairs)
+        if a == b
+        and (modal := masses[row]).size
+        and np.sum(modal[modal < 0]) < -0.5 * np.sum(np.abs(modal))
+    ]
+
+
+def diagram_of(arrangement: Arrangement, linear: LinearPoles) -> Stabilisation:
+    """The diagram of the linear stage's poles, in ascending frequency."""
+    at = np.argsort(np.abs(linear.pole), kind="stable")
+    order, pole = linear.order[at], linear.pole[at]
+    size = np.abs(pole)
+    hz, zeta = size / (2 * np.pi), -pole.real / np.maximum(size, np.finfo(float).tiny)
+    near, both = np.zeros(hz.size, dtype=bool), np.zeros(hz.size, dtype=bool)
+    for below in np.unique(order)[:-1]:
+        lower = order == below
+        next_above = order == np.min(order[order > below])
+        close, alike = _close(hz[next_above], hz[lower], zeta[next_above], zeta[lower])
+        near[next_above] |= close
+        both[next_above] |= alike
+    return Stabilisation(
+        order=order,
+        frequency_hz=hz,
+        damping_ratio=zeta,
+        frequency_stable=near,
+        damping_stable=both,
+        line_hz=arrangement.frequency_hz,
+        indicator=np.sqrt(np.sum(np.abs(arrangement.values) ** 2, axis=0)),
+        cmif=mode_indicator(arrangement),
+    )
+
+
+def _close(
+    hz: FloatArray, below_hz: FloatArray, zeta: FloatArray, below_zeta: FloatArray
+) -> tuple[BoolArray, BoolArray]:
+    """Whether each pole has one of the order below within the tolerance in frequency, and in
+    damping as well.
+    """
+    off = np.abs(hz[:, None] / below_hz - 1) < FREQUENCY_TOLERANCE
+    alike = np.abs(zeta[:, None] / below_zeta - 1) < DAMPING_TOLERANCE
+    return np.asarray(off.any(axis=1)), np.asarray((off & alike).any(axis=1))
+
+
+def mode_indicator(arrangement: Arrangement) -> FloatArray:
+    """(c, L) the largest singular values of H(ω), roving by fixed dofs: as many are large at a line
+    as modes are there (complex mode indicator function, Shih et al. 1988). With one fixed dof it is
+    the root of the sum of squares. At most three, as of more modes at one frequency nobody reads
+    off the number.
+    """
+    whole = np.zeros(
+        (arrangement.frequency_hz.size, len(arrangement.roving), len(arrangement.fixed)),
+        dtype=complex,
+    )
+    whole[:, arrangement.row[:, 0], arrangement.row[:, 1]] = arrangement.values.T
+    gram = np.einsum("lpm,lpn->lmn", whole.conj(), whole)
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(gram)[:, ::-1][:, :3], 0)).T

@@ -22,8 +22,8 @@ from fecore.dynamics.damping_laws import DampingLaw
 from fecore.findings import Finding
 from fecore.frf import FrfSet, convert
 from fecore.least_squares import nearest
-from fecore.modal.error_model import memory
-from fecore.modal.noise import line_scatter
+from fecore.modal.prepare import line_scatter
+from fecore.modal.refine import memory
 from fecore.updating.damping_data import DampingData
 from fecore.updating.elastic import settled
 from fecore.updating.forward import ForwardState
@@ -157,7 +157,7 @@ class ReferenceFit:
     fit: DampingFit  # the modal fit
     # what the misfit of one value is by noise alone, with the weighting of this stage, times how
     # many lines are worth
-    # one: an error of the model's shapes lasts over a resonance (`fecore.modal.error_model.memory`)
+    # one: an error of the model's shapes lasts over a resonance (`fecore.modal.refine.memory`)
     scale: float
     # mean square of the residual over the noise of the lines, 1 at least: what is above 1 is the
     # model's error

@@ -24,7 +24,7 @@ from fecore.frf import Dof, FrfSet
 from fecore.modal import Identification, Options, identify, shapes_at_poles
 from fecore.modal.arrangement import split_sides
 from fecore.modal.findings import not_used
-from fecore.modal.screening import screen
+from fecore.modal.prepare import screen
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.modal import Found, Identification, Stabilisation
+from fecore.modal import Identification, IdentifiedPoles, Stabilisation
 
 
 def describe_identification(identification: Identification) -> dict[str, Any]:
@@ -34,7 +34,7 @@ def describe_identification(identification: Identification) -> dict[str, Any]:
     }
 
 
-def _rows(assessed: Found) -> list[dict[str, Any]]:
+def _rows(assessed: IdentifiedPoles) -> list[dict[str, Any]]:
     modes = assessed.modes
     sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
     return [

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 STEP = re.compile(r"^(\d+)\. ")
-WHOLE = ("fit_elastic", "update_from_several_starts", "fit_damping", "update")
+WHOLE = ("identify", "fit_elastic", "update_from_several_starts", "fit_damping", "update")
 
 
 def algorithms() -> Iterator[tuple[str, ast.FunctionDef, str]]:
@@ -46,7 +46,7 @@ def done(function: ast.FunctionDef, text: str) -> list[tuple[int, int]]:
 ALGORITHMS = list(algorithms())
 
 
-def test_both_stages_and_the_pipeline_state_their_steps() -> None:
+def test_the_algorithms_of_the_core_state_their_steps() -> None:
     assert {name for name, *_ in ALGORITHMS} >= set(WHOLE)
 
 

@@ -9,7 +9,7 @@ import pytest
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
 from fecore.modal import identify, set_with_gaps
-from fecore.modal.screening import screen
+from fecore.modal.prepare import screen
 from tests.support.beams import LINES, PAPER_HZ, PAPER_ZETA, assert_papers_modes, paper_frfs
 
 

@@ -10,11 +10,10 @@ from fecore.errors import IdentificationError
 from fecore.frf import Dof
 from fecore.modal import identify
 from fecore.modal.arrangement import arrange, split_sides
-from fecore.modal.basis import Terms
-from fecore.modal.leakage import leakage
-from fecore.modal.lscf import linear_poles
-from fecore.modal.noise import line_scatter
-from fecore.modal.refinement import evaluate, moved
+from fecore.modal.candidates import linear_poles
+from fecore.modal.prepare import leakage, line_scatter
+from fecore.modal.refine import moved, refine
+from fecore.modal.series import Terms
 from fecore.updating.misfit import residual_variance
 from tests.support.beams import ABOVE_HZ, ABOVE_ZETA, PAPER_HZ, PAPER_ZETA, paper_frfs
 from tests.support.lengths import long
@@ -24,10 +23,10 @@ def test_gradient_and_information_against_differences() -> None:
     arrangement = arrange(paper_frfs(0.05, 3))
     variance = line_scatter(arrangement.values, arrangement.measured, 1.0)
     start = Terms(PAPER_HZ * 1.01, PAPER_ZETA * 1.2, (-2, 0))
-    fit = evaluate(arrangement, start, variance)
+    fit = refine(arrangement, start, variance, steps=0)
 
     def chi(step: np.ndarray) -> float:
-        return evaluate(arrangement, moved(start, step), variance).chi_squared
+        return refine(arrangement, moved(start, step), variance, steps=0).chi_squared
 
     units = np.eye(start.parameters) * 1e-6
     numeric = np.array([(chi(u) - chi(-u)) / 2e-6 for u in units])
@@ -35,9 +34,9 @@ def test_gradient_and_information_against_differences() -> None:
     # at the optimum of clean data χ² = eᵀHe to second order: Kaufman's matrix is exact there
     clean = arrange(paper_frfs(0.0))
     true = Terms(np.append(PAPER_HZ, ABOVE_HZ), np.append(PAPER_ZETA, ABOVE_ZETA), (0,))
-    best = evaluate(clean, true, variance)
+    best = refine(clean, true, variance, steps=0)
     step = 1e-6 * np.random.default_rng(1).standard_normal(true.parameters)
-    moved_chi = evaluate(clean, moved(true, step), variance).chi_squared
+    moved_chi = refine(clean, moved(true, step), variance, steps=0).chi_squared
     assert moved_chi == pytest.approx(step @ best.information @ step, rel=1e-3)
 
 

@@ -1,8 +1,15 @@
-"""Linear stage: least-squares complex frequency estimates (LSCF) in windows of the band, and the
-poles that come back.
+"""Candidates for poles: linear estimates (LSCF) in windows of the band, from the few combinations of
+the FRFs that carry all of their common content, and the poles that come back.
 
-In a window of lines the M rows of FRFs share a denominator of order n with complex coefficients, in
-z = exp(i(ω - ω₀)T), which maps the window to 0.95 of the circle:
+The FRFs of one structure are real combinations of as many functions of frequency as there are modes
+and residual terms, so N FRFs span few dimensions above their noise. With a_i the noise of FRF i,
+the rows H_i/a_i (real beside imaginary parts) have a singular value decomposition U S Vᵀ; its
+leading rows UᵀH/a are themselves FRFs with the same poles: real combinations keep the conjugate
+symmetry of the series. Poles are searched in these; residues, covariance and verdicts come from all
+FRFs.
+
+In a window of lines the M rows of FRFs share a denominator of order n with
+complex coefficients, in z = exp(i(ω - ω₀)T), which maps the window to 0.95 of the circle:
 
     H_m(z) = (Σ_r β_mr z^r) / (Σ_r α_r z^r),    r = 0 … n,    α_n = 1,
 
@@ -10,20 +17,25 @@ and Σ_r β_mr z^r - H_m Σ_r α_r z^r is made small in the weighted least-squar
 Verboven and Vanlanduit 1998). The β_m are eliminated; the poles are the eigenvalues of the
 companion matrix of the α. Complex coefficients spare the mirror poles and let the numerators stand
 for all that lies outside the window. All inner products are Toeplitz in r: moments Σ_l w (...) z^k.
-
 Windows of 220 and of 75 lines see modes of some lines; the same windows on the means of 4 and of 16
 lines see broad ones. A pole of the structure comes back from order to order and from window to
 window; the median of such a cluster is a candidate. The estimate is biased by noise: it is a start
 for the refinement and the stuff of the stabilisation diagram, nothing more.
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 
-from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.modal.arrangement import Arrangement
 
+_MOST = 24  # combinations kept
+_SHORT = 0.02  # of the lines: a gap up to here is bridged for the search
 WIDE, NARROW, SHORT = 220, 75, 30  # lines of the windows
 # of each window
 ORDERS: dict[int, tuple[int, ...]] = {
@@ -38,7 +50,73 @@ _CIRCLE = 0.95  # of the circle that a window is mapped to
 _CLOSE = 0.3  # distance over the half bandwidth within which two poles are one that came back
 _OF_LINE = 0.05  # ... and over the line spacing
 _TIMES = 3  # that a pole must come at least
-_BROADEST = 0.5  # of a window that a pole's half bandwidth may take
+
+RELATIVE = 0.02
+"""What errors that grow with the FRF usually are, over it: where a hit lands, calibrations."""
+
+
+def compress(arrangement: Arrangement, noise: FloatArray) -> tuple[Arrangement, FloatArray]:
+    """The leading combinations under a noise variance (N, L), as if they were FRFs, and the (r, L)
+    variance of their noise.
+
+    Their pairs name no true dofs. FRFs that are few or full of gaps stay as they are.
+    """
+    rows = len(arrangement.pairs)
+    if rows <= _MOST // 2:  # nothing is gained
+        return arrangement, noise
+    values, bridged = _bridged(arrangement)
+    if 2 * bridged.sum() < rows:
+        return arrangement, noise
+    own = np.sqrt(np.median(noise[bridged], axis=1))
+    scaled = values[bridged] / own[:, None]
+    weight = 1 / np.sqrt(
+        np.mean(noise[bridged] / own[:, None] ** 2 + np.abs(scaled) ** 2 * 1e-4, axis=0)
+    )
+    flat = np.concatenate([scaled.real * weight, scaled.imag * weight], axis=1)
+    value, vector = np.linalg.eigh(flat @ flat.T)
+    count = _rank(value[::-1], flat.shape[1])
+    if count >= rows:
+        return arrangement, noise
+    mixing = np.zeros((count, rows))
+    mixing[:, bridged] = vector[:, ::-1][:, :count].T / own
+    few = replace(
+        arrangement,
+        values=mixing @ values,
+        measured=np.ones((count, arrangement.frequency_hz.size), dtype=bool),
+        variance=np.full((count, arrangement.frequency_hz.size), np.nan),
+        pairs=arrangement.pairs[:count],
+        row=arrangement.row[:count],
+        source=arrangement.source[:count],
+    )
+    return few, np.asarray(mixing**2 @ noise)
+
+
+def _rank(value: FloatArray, columns: int) -> int:
+    """Combinations above the noise: eigenvalues over twice the edge (1 + √(N/columns))² of those of
+    noise alone.
+    """
+    usual = float(np.median(value[len(value) // 2 :]))
+    edge = 2 * usual * (1 + np.sqrt(len(value) / columns)) ** 2
+    return int(np.clip(np.sum(value > edge), 4, _MOST))
+
+
+def _bridged(arrangement: Arrangement) -> tuple[ComplexArray, BoolArray]:
+    """The values with short gaps bridged by straight lines, and (N,) the FRFs in which that was
+    possible.
+    """
+    gaps = ~arrangement.measured
+    fine = np.ones(len(gaps), dtype=bool)
+    if not gaps.any():
+        return arrangement.values, fine
+    values = arrangement.values.copy()
+    line = np.arange(arrangement.frequency_hz.size)
+    longest = max(2, _SHORT * line.size)
+    for row in np.flatnonzero(gaps.any(axis=1)):
+        known = np.concatenate([[-1], line[~gaps[row]], [line.size]])
+        fine[row] = np.diff(known).max() <= longest + 1
+        if fine[row]:
+            values[row] = np.interp(line, known[1:-1], values[row, known[1:-1]])
+    return values, fine
 
 
 @dataclass(frozen=True)
@@ -48,6 +126,24 @@ class LinearPoles:
     order: IntArray  # (k,) model order
     pole: ComplexArray  # (k,) with positive imaginary part, rad/s
     spacing: FloatArray  # (k,) distance of the lines that were used, rad/s
+
+
+def linear_estimates(arrangement: Arrangement, noise: FloatArray, highest: int) -> LinearPoles:
+    """The poles of FRFs with a variance (N, L) of their noise, up to an order."""
+    weight = _linear_weight(arrangement, noise)
+    return linear_poles(arrangement.omega, arrangement.values, weight, highest)
+
+
+def _linear_weight(arrangement: Arrangement, noise: FloatArray) -> FloatArray:
+    """(N, L) weights of the linear stage: noise, and errors that grow with the FRF; alike for all
+    where nothing is missing.
+    """
+    weight = np.where(
+        arrangement.measured, 1 / (noise + RELATIVE**2 * np.abs(arrangement.values) ** 2), 0.0
+    )
+    return (
+        np.broadcast_to(weight.mean(axis=0), weight.shape) if arrangement.measured.all() else weight
+    )
 
 
 def linear_poles(
@@ -66,32 +162,35 @@ def linear_poles(
         highest: largest order.
         windows: numbers of lines.
     """
-    found: list[tuple[int, ComplexArray, float]] = []
-    for lines in _MEANS:
-        if lines > 1 and omega.size < lines * NARROW:
-            break
-        w, h, g = (omega, values, weight) if lines == 1 else _means(omega, values, weight, lines)
-        for size in windows if lines == 1 else (WIDE,):
-            orders = tuple(n for n in ORDERS[size] if n <= max(highest, ORDERS[size][0]))
-            for part in _parts(w.size, size):
-                found += _in_window(w, h, g, part, orders)
-        if lines == 1:
-            near = min(w.size, _NEAR_0)
-            for part in _parts(near, SHORT):
-                found += _in_window(w[:near], h[:, :near], g[:, :near], part, ORDERS[SHORT])
-    counts = [pole.size for _, pole, _ in found]
+    near = min(omega.size, _NEAR_0)
+    whole, start = (omega, values, weight), (omega[:near], values[:, :near], weight[:, :near])
+    means = [_means(*whole, lines) for lines in _MEANS[1:] if omega.size >= lines * NARROW]
+    orders = {
+        size: [n for n in each if n <= max(highest, each[0])] for size, each in ORDERS.items()
+    }
+    estimates = [
+        estimate
+        for (w, h, g), size, own in (
+            *((whole, size, orders[size]) for size in windows),
+            (start, SHORT, ORDERS[SHORT]),
+            *((mean, WIDE, orders[WIDE]) for mean in means),
+        )
+        for part in _parts(w.size, size)
+        for estimate in _in_window(w, h, g, part, own)
+    ]
+    counts = [pole.size for _, pole, _ in estimates]
     return LinearPoles(
-        order=np.repeat(np.array([order for order, _, _ in found], dtype=np.int64), counts),
-        pole=np.concatenate([np.empty(0, dtype=complex), *(pole for _, pole, _ in found)]),
-        spacing=np.repeat(np.array([spacing for _, _, spacing in found]), counts),
+        order=np.repeat(np.array([order for order, _, _ in estimates], dtype=np.int64), counts),
+        pole=np.concatenate([np.empty(0, dtype=complex), *(pole for _, pole, _ in estimates)]),
+        spacing=np.repeat(np.array([spacing for _, _, spacing in estimates]), counts),
     )
 
 
-def clusters(found: LinearPoles) -> ComplexArray:
+def clusters(linear: LinearPoles) -> ComplexArray:
     """(c,) the medians of poles that came back, those that came most often first."""
-    order = np.argsort(found.pole.imag)
-    pole = found.pole[order]
-    reach = np.maximum(_CLOSE * -pole.real, _OF_LINE * found.spacing[order])
+    order = np.argsort(linear.pole.imag)
+    pole = linear.pole[order]
+    reach = np.maximum(_CLOSE * -pole.real, _OF_LINE * linear.spacing[order])
     # poles next in frequency that one is compared with: more than come near
     most = min(60, pole.size)
     near = np.zeros((2 * most + 1, pole.size), dtype=bool)
@@ -139,7 +238,7 @@ def _in_window(
     values: ComplexArray,
     weight: FloatArray,
     part: tuple[slice, float, float],
-    orders: tuple[int, ...],
+    orders: Sequence[int],
 ) -> list[tuple[int, ComplexArray, float]]:
     """Order, poles (rad/s) and line spacing, order by order."""
     lines, low, high = part
@@ -147,21 +246,15 @@ def _in_window(
     span = float(w[-1] - w[0])
     top = [n for n in orders if n <= w.size // 3] or [max(w.size // 3, 2)]
     period = 2 * np.pi * _CIRCLE / span
-    found = []
+    out = []
     for n, z in _of_orders(h, g, np.exp(1j * (w - w[0]) * period), top):
         turned = np.log(z)
         turned = np.where(turned.imag < -(1 - _CIRCLE) * np.pi, turned + 2j * np.pi, turned)
         s = turned / period + 1j * w[0]
         place = (s.imag - w[0]) / span
-        keep = (
-            (s.real < 0)
-            & (-s.real < _BROADEST * span)
-            & (s.imag > 0)
-            & (place > low)
-            & (place < high)
-        )
-        found.append((n, s[keep], span / max(w.size - 1, 1)))
-    return found
+        keep = (s.real < 0) & (-2 * s.real < span) & (s.imag > 0) & (place > low) & (place < high)
+        out.append((n, s[keep], span / max(w.size - 1, 1)))
+    return out
 
 
 def _of_orders(

@@ -1,6 +1,7 @@
 """What identification says of its own errors: held to formulas written out anew."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,11 +11,9 @@ from fecore.errors import IdentificationError
 from fecore.frf import Dof, FrfSet
 from fecore.modal import identify
 from fecore.modal.arrangement import Arrangement, arrange
-from fecore.modal.basis import Terms, columns
-from fecore.modal.error_model import memory, shared_error
-from fecore.modal.linear import mean_weight, orthonormal
-from fecore.modal.local_pair import Modes, Site
-from fecore.modal.refinement import Fit, evaluate, moved, spectrum
+from fecore.modal.refine import ErrorModel, PoleFit, memory, moved, refine, shared_error
+from fecore.modal.series import Terms, columns, mean_weight, orthonormal, spectrum
+from fecore.modal.shapes import PairModes, PairProblem
 from fecore.normal import Z_95
 from tests.support.lengths import long
 
@@ -43,8 +42,15 @@ def measured(
 TERMS = Terms(HZ, ZETA, (0,))
 
 
-def explicit(arrangement: Arrangement, fit: Fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Covariance of θ, variance of the residues, and each FRF's pull, by the whole Jacobian of all
+def assessed(fit: PoleFit, **known: Any) -> PoleFit:
+    """The fit with errors of which no more is known than this."""
+    n = fit.terms.pairs
+    nothing = ErrorModel(1.0, np.zeros(FRFS, dtype=np.int64), np.zeros(n), np.zeros(2 * n))
+    return replace(fit, errors=replace(nothing, **known))
+
+
+def explicit(arrangement: Arrangement, fit: PoleFit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Covariance of θ, variance of the residues, and each FRF's score, by the whole Jacobian of all
     unknowns at once.
     """
     s = 2j * np.pi * arrangement.frequency_hz[:, None]
@@ -63,18 +69,18 @@ def explicit(arrangement: Arrangement, fit: Fit) -> tuple[np.ndarray, np.ndarray
         other.append(basis * weight)
         rows.append(fit.residual[i][:, None] * weight)
     total = np.zeros((2 * n + q * len(own), 2 * n + q * len(own)))
-    pull = []
+    score = []
     for i, (j, phi, left) in enumerate(zip(own, other, rows, strict=True)):
         at = slice(2 * n + i * q, 2 * n + (i + 1) * q)
         total[: 2 * n, : 2 * n] += (j.conj().T @ j).real
         total[: 2 * n, at] = (j.conj().T @ phi).real
         total[at, : 2 * n] = total[: 2 * n, at].T
         total[at, at] = (phi.conj().T @ phi).real
-        pull.append((j.conj().T @ left).real[:, 0])
+        score.append((j.conj().T @ left).real[:, 0])
     scale = np.sqrt(np.diag(total))
     inverse = np.linalg.inv(total / np.outer(scale, scale)) / np.outer(scale, scale)
     variance = np.diag(inverse)[2 * n :].reshape(len(own), q)
-    return inverse[: 2 * n, : 2 * n], variance[:, :n] + variance[:, n : 2 * n], np.array(pull)
+    return inverse[: 2 * n, : 2 * n], variance[:, :n] + variance[:, n : 2 * n], np.array(score)
 
 
 @pytest.mark.parametrize("stated", [0.25, 4.0])
@@ -85,8 +91,8 @@ def test_covariances_are_those_of_all_unknowns_at_once(stated: float) -> None:
     arrangement = measured()
     variance = np.full(arrangement.values.shape, stated * 2e-14)
     variance[::2] *= 1.5
-    fit = evaluate(arrangement, TERMS, variance)
-    theta, residues, pull = explicit(arrangement, fit)
+    fit = refine(arrangement, TERMS, variance, steps=0)
+    theta, residues, score = explicit(arrangement, fit)
     freedom = 2 * arrangement.values.size - 2 * 2 - FRFS * 5
     chi_squared = float(np.sum(2 / variance * np.abs(fit.residual) ** 2))
     assert (fit.freedom, fit.chi_squared) == (freedom, pytest.approx(chi_squared, rel=1e-12))
@@ -96,8 +102,8 @@ def test_covariances_are_those_of_all_unknowns_at_once(stated: float) -> None:
         fit.parameter_covariance, theta * inflation, rtol=1e-6, atol=1e-9 * theta.max()
     )
     np.testing.assert_allclose(fit.residue_variance, residues * inflation, rtol=1e-6)
-    np.testing.assert_allclose(fit.pull, pull, rtol=1e-6, atol=1e-9 * np.abs(pull).max())
-    longer = replace(fit, memory=3.0)
+    np.testing.assert_allclose(fit.scores, score, rtol=1e-6, atol=1e-9 * np.abs(score).max())
+    longer = assessed(fit, memory=3.0)
     assert longer.inflation == pytest.approx(3 * inflation, rel=1e-12)
     np.testing.assert_allclose(
         longer.parameter_covariance, 3 * fit.parameter_covariance, rtol=1e-12
@@ -109,22 +115,22 @@ def test_scatter_between_sessions_counts_from_eight_on() -> None:
     grows by its own.
     """
     arrangement = measured()
-    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 8e-14))
+    fit = refine(arrangement, TERMS, np.full(arrangement.values.shape, 8e-14), steps=0)
     plain = fit.parameter_covariance
-    pull = (
+    score = (
         40
-        * np.random.default_rng(1).standard_normal(fit.pull.shape)
+        * np.random.default_rng(1).standard_normal(fit.scores.shape)
         * np.sqrt(np.diag(fit.information))
     )
-    pull[:, 1:] *= 1e-3
-    few = replace(fit, pull=pull, sessions=np.arange(FRFS) % 7)
+    score[:, 1:] *= 1e-3
+    few = assessed(replace(fit, scores=score), sessions=np.arange(FRFS) % 7)
     np.testing.assert_array_equal(few.parameter_covariance, plain)
     inverse = np.linalg.inv(fit.information)
     for sessions, count in ((np.arange(FRFS), FRFS), (np.arange(FRFS) % 8, 8)):
-        sums = np.array([pull[sessions == s].sum(axis=0) for s in range(count)])
+        sums = np.array([score[sessions == s].sum(axis=0) for s in range(count)])
         between = np.sqrt(np.diag(inverse @ sums.T @ sums @ inverse) * count / (count - 1))
         expected = np.maximum(np.sqrt(np.diag(plain)), between / (1 + 1 / np.sqrt(2 * (count - 1))))
-        found = replace(fit, pull=pull, sessions=sessions).parameter_covariance
+        found = assessed(replace(fit, scores=score), sessions=sessions).parameter_covariance
         np.testing.assert_allclose(np.sqrt(np.diag(found)), expected, rtol=1e-9)
         assert expected[0] > 2 * np.sqrt(plain[0, 0])
 
@@ -134,7 +140,7 @@ def test_what_the_data_do_not_determine_is_vague_and_spoils_nothing_else() -> No
     variance.
     """
     arrangement = measured()
-    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 8e-14))
+    fit = refine(arrangement, TERMS, np.full(arrangement.values.shape, 8e-14), steps=0)
     both = np.zeros(4)
     both[[1, 3]] = 1.0
     blind = replace(fit, information=np.diag([4.0, 0.0, 25.0, 0.0]) + 9 * np.outer(both, both))
@@ -163,14 +169,14 @@ def test_a_step_keeps_damping_where_it_means_something() -> None:
     assert after.damping_ratio.tolist() == [0.95, 1e-5]
 
 
-PAIR = Modes(
+PAIR = PairModes(
     np.array([101.0, 101.6]),
     np.array([0.01, 0.012]),
     np.array([[1.0, 0.4 + 0.1j], [-0.5 + 0.2j, 1.0]]),
 )
 
 
-def site_of_pair(noise: float = 1e-7) -> tuple[Arrangement, Site]:
+def site_of_pair(noise: float = 1e-7) -> tuple[Arrangement, PairProblem]:
     """Receptances of twelve roving dofs by two references, of two modes near to each other beside a
     third.
     """
@@ -179,9 +185,9 @@ def site_of_pair(noise: float = 1e-7) -> tuple[Arrangement, Site]:
     s, shapes = 2j * np.pi * lines, random.standard_normal((FRFS, 3))
     hz, zeta = np.append(PAIR.frequency_hz, HZ[1]), np.append(PAIR.damping_ratio, ZETA[1])
     pole = 2 * np.pi * hz * (-zeta + 1j * np.sqrt(1 - zeta**2))
-    residue = np.einsum("pq,qm->pmq", shapes, np.concatenate([PAIR.seen, [[1.0, 1.0]]])) / (
-        2j * pole.imag
-    )
+    residue = np.einsum(
+        "pq,qm->pmq", shapes, np.concatenate([PAIR.participation, [[1.0, 1.0]]])
+    ) / (2j * pole.imag)
     direct, mirror = 1 / (s - pole[:, None]), 1 / (s - pole.conj()[:, None])
     values = (residue @ direct + residue.conj() @ mirror).reshape(2 * FRFS, -1)
     white = random.standard_normal((2, *values.shape))
@@ -192,14 +198,14 @@ def site_of_pair(noise: float = 1e-7) -> tuple[Arrangement, Site]:
             lines, values + noise * (white[0] + 1j * white[1]), responses, references, "receptance"
         )
     )
-    fit = evaluate(arrangement, TERMS, np.full(values.shape, 2e-14))
-    site = Site.about(arrangement, fit, 0)
+    fit = refine(arrangement, TERMS, np.full(values.shape, 2e-14), steps=0)
+    site = PairProblem.about(arrangement, fit, 0)
     assert site is not None
     return arrangement, site
 
 
 def explicit_pair(
-    arrangement: Arrangement, modes: Modes, row: int
+    arrangement: Arrangement, modes: PairModes, row: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Coefficients of one roving dof (ψ₁, ψ₂, and of each reference the other pole and constant),
     covariance, misfit.
@@ -214,7 +220,7 @@ def explicit_pair(
     away = 2 * np.pi * HZ[1] * (-ZETA[1] + 1j * np.sqrt(1 - ZETA[1] ** 2))
     lengths, blocks, right = [], [], []
     for j in range(2):
-        seen = modes.seen[:, j]
+        seen = modes.participation[:, j]
         own, mirror = seen / (s - pole), seen.conj() / (s - pole.conj())
         other = np.concatenate(
             [
@@ -249,9 +255,12 @@ def test_residues_of_a_pair_are_those_of_least_squares_written_out() -> None:
         for j in range(2):
             frf = np.flatnonzero((arrangement.row == [row, j]).all(axis=1))[0]
             assert values[frf] == pytest.approx(
-                (c[0:4:2] + 1j * c[1:4:2]) * PAIR.seen[:, j], rel=1e-6
+                (c[0:4:2] + 1j * c[1:4:2]) * PAIR.participation[:, j], rel=1e-6
             )
-            own = np.diag(covariance)[:4].reshape(2, 2).sum(axis=1) * np.abs(PAIR.seen[:, j]) ** 2
+            own = (
+                np.diag(covariance)[:4].reshape(2, 2).sum(axis=1)
+                * np.abs(PAIR.participation[:, j]) ** 2
+            )
             np.testing.assert_allclose(spread[frf], own, rtol=1e-6)
 
 
@@ -266,7 +275,7 @@ def test_a_pair_is_found_from_its_pole_within_its_errors() -> None:
     assert np.all(np.abs(np.log(found.frequency_hz[order] / PAIR.frequency_hz)) < 3 * sd[:2][order])
     assert np.all(np.abs(found.damping_ratio[order] - PAIR.damping_ratio) < 3 * sd[2:4][order])
     theta, step = found.theta, np.append(np.full(4, 1e-5), np.full(found.theta.size - 4, 1e-3))
-    jacobian, pull = [], []
+    jacobian, score = [], []
     for row in range(FRFS):
         slopes = []
         for k, size in enumerate(step):
@@ -278,9 +287,9 @@ def test_a_pair_is_found_from_its_pole_within_its_errors() -> None:
             )
             slopes.append((ahead - back) / (2 * size))
         jacobian.append(np.array(slopes))
-        pull.append(np.array(slopes) @ explicit_pair(arrangement, found, row)[2])
+        score.append(np.array(slopes) @ explicit_pair(arrangement, found, row)[2])
     inverse = np.linalg.inv(sum(j @ j.T for j in jacobian))
-    between = np.sqrt(np.sum((np.array(pull) @ inverse) ** 2, axis=0) * FRFS / (FRFS - 1)) / (
+    between = np.sqrt(np.sum((np.array(score) @ inverse) ** 2, axis=0) * FRFS / (FRFS - 1)) / (
         1 + 1 / np.sqrt(2 * FRFS - 2)
     )
     np.testing.assert_allclose(sd, np.maximum(np.sqrt(1.5 * np.diag(inverse)), between), rtol=0.02)
@@ -288,13 +297,13 @@ def test_a_pair_is_found_from_its_pole_within_its_errors() -> None:
 
 def test_a_pair_needs_more_lines_than_unknowns() -> None:
     arrangement, _ = site_of_pair()
-    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 2e-14))
+    fit = refine(arrangement, TERMS, np.full(arrangement.values.shape, 2e-14), steps=0)
     one_frf = np.arange(len(arrangement.pairs)) == 0
     few = replace(
         arrangement,
         measured=arrangement.measured & ~(one_frf[:, None] & (arrangement.frequency_hz > 61.2)),
     )
-    assert Site.about(few, fit, 0) is None
+    assert PairProblem.about(few, fit, 0) is None
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.6])
@@ -344,7 +353,7 @@ def test_an_error_that_all_frfs_share_is_counted_whole(size: float) -> None:
     makes it less.
     """
     arrangement = measured(line=0.125)
-    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 2e-14))
+    fit = refine(arrangement, TERMS, np.full(arrangement.values.shape, 2e-14), steps=0)
     off = (arrangement.frequency_hz - HZ[0]) / (HZ[0] * ZETA[0])
     error = size * np.cos(2 * off)
     own = (
@@ -361,7 +370,7 @@ def test_an_error_that_all_frfs_share_is_counted_whole(size: float) -> None:
     expected = np.sqrt(np.sum(power * error**2) / np.sum(power) * (1 - chance))
     assert shared[0] == pytest.approx(expected, rel=0.05, abs=1e-12)
     assert shared[1] == 0.0
-    wide = replace(fit, shared=shared)
+    wide = assessed(fit, shared=shared)
     added = np.diag(wide.parameter_covariance - fit.parameter_covariance)
     np.testing.assert_allclose(added, np.tile((4 * shared * ZETA) ** 2, 2), rtol=1e-6, atol=1e-20)
 
@@ -369,10 +378,10 @@ def test_an_error_that_all_frfs_share_is_counted_whole(size: float) -> None:
 def test_a_deviation_is_at_least_the_change_under_other_weights() -> None:
     """Of three poles one changes by more than its deviation: that alone becomes the change."""
     arrangement = measured(line=0.125)
-    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 2e-14))
+    fit = refine(arrangement, TERMS, np.full(arrangement.values.shape, 2e-14), steps=0)
     before = np.sqrt(np.diag(fit.parameter_covariance))
     times = np.where(np.arange(before.size) == 1, -3.0, 0.5)
-    changed = replace(fit, change=times * before).parameter_covariance
+    changed = assessed(fit, change=times * before).parameter_covariance
     expected = before * np.maximum(1.0, np.abs(times))
     np.testing.assert_allclose(np.sqrt(np.diag(changed)), expected, rtol=1e-9)
 
@@ -419,4 +428,4 @@ def test_a_basis_is_made_orthonormal_whatever_the_size_of_its_columns() -> None:
         IdentificationError,
         match="has no weight on the measured lines of an FRF; leave that FRF out",
     ):
-        evaluate(arrangement, TERMS, variance)
+        refine(arrangement, TERMS, variance, steps=0)

@@ -13,7 +13,7 @@ from benchmarks.made_frfs import KINDS
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
 from fecore.modal import Identification, Options, identify
-from fecore.modal.probability import phase_ratio, predictive
+from fecore.modal.judge import phase_ratio, predictive
 from tests.support.lengths import long
 
 SURE = 0.9

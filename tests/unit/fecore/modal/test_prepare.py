@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fecore.frf import Dof, FrfSet
-from fecore.modal.screening import lines_in_words, screen
+from fecore.modal.findings import lines_in_words
+from fecore.modal.prepare import screen
 
 HZ = np.arange(20.0, 180.0)
 # a resonance at 100 Hz, turned as exp(+iωt) turns it

@@ -1,0 +1,597 @@
+"""Fits of the modal series to FRFs: at given poles, at the poles of least misfit, and without poles
+that do not pay; and the errors of what they give.
+
+Minimises χ²(θ, c) = Σ_il w_il |H_il - Φ(θ)_l c_i|², w = 2/v, over the poles θ = (ln ω_k, ζ_k),
+common to all FRFs, and the linear coefficients c_i of each FRF. With Gaussian noise of variance v
+that is the maximum likelihood estimate. The c_i are eliminated (variable projection, Golub and
+Pereyra 1973, with Kaufman's Jacobian): per FRF, J_i = ∂(Φ c_i)/∂θ with c_i held, and
+
+    H = Σ_i J_iᵀJ_i - J_iᵀΦ (ΦᵀΦ)⁻¹ ΦᵀJ_i,    g = Σ_i J_iᵀ r_i        (weighted inner products),
+
+the Gauss-Newton step is H⁻¹g, damped as by Levenberg and Marquardt. At the optimum H⁻¹ is the
+covariance of θ. All inner products of all FRFs come from one matrix product over the lines, since
+every J_i is a combination of the same 2n derivative columns.
+
+The variance follows the local misfit, v_il = g_i p_l, at least the noise. A pole is worth its place
+where χ² would rise without it by more than Akaike's price of 2 for each unknown.
+
+A series leaves more of measured FRFs than noise. Hits beside the point, cables and slight
+non-linearity make errors that grow with the FRF and are smooth over some lines. A line is then
+worth less than one: with the correlation ρ_j of the standardised residual j lines apart, n lines
+are worth n/τ, τ = 1 + 2 Σ_j ρ_j. Errors that all FRFs share do not become less by their number: a
+joint that high hits open, a spring that is not linear. In the shape of mode k, m_ik its part in FRF
+i, they are the relative error of its curve,
+
+    e_k(l) = Σ_i w_i m̄_ik r_i / Σ_i w_i |m_ik|².
+
+A pole takes up most of such an error as a shift. Where a spring makes the frequency of a mode
+depend on its amplitude, which falls as e^{-σt}, its curve gains iδ/2 (1/(σ + iΔ) - 1/(3σ + iΔ)), Δ
+the distance in frequency and δ half bandwidths the shift at first. By least squares on the lines
+about it the pole shifts by 0.19 δ and leaves an rms e of 0.047 δ: a shift of 4 e.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+import scipy
+
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.errors import IdentificationError
+from fecore.modal.arrangement import MANY, Arrangement
+from fecore.modal.judge import HARDLY, plausible
+from fecore.modal.series import (
+    DAMPING_RANGE,
+    NEAR,
+    VAGUE,
+    WHOLE,
+    Coefficients,
+    Terms,
+    Weights,
+    bounded_step,
+    columns,
+    derivatives,
+    expanded,
+    missing_slopes,
+    normal_columns,
+    real_part,
+    slope_parts,
+    solved,
+    spectrum,
+    stacked,
+)
+
+PRICE = 2.0
+"""Of an unknown (Akaike)."""
+
+PASSES = 2
+"""Turns of two estimates that each need the other, a variance and a fit: the first fit's own is too
+large for clean data.
+"""
+
+EXPONENTS = tuple(range(-3, 3))
+"""Powers of iω of the receptance that stand for the modes outside the band and for rigid body
+motion with its damping.
+"""
+
+# half bandwidths by which a pole is off over the relative error that all FRFs share
+_SHIFT = 4.0
+_LOCAL = 25  # lines over which the misfit is averaged
+_LARGE, _MOST_RELATIVE = 0.95, 0.05  # quantile of the values that are large; largest ε
+_FREEDOM = 8.0  # of Student's law
+
+OUTLYING = (_FREEDOM + 2 - 0.1 * _FREEDOM) / 2
+"""|r|² over its variance v/u from which a value's weight u is below 0.1."""
+
+_STILL = 0.05  # correlation below which the sum ends
+_CAP = 3.0  # standard deviations
+
+
+@dataclass(frozen=True)
+class LinearFit:
+    """A fit at given poles, without its derivatives: all that a choice between series needs."""
+
+    terms: Terms  # poles and residual terms
+    linear: Coefficients  # coefficients of every FRF, with their covariance for fixed poles
+    variance: FloatArray  # (N, L) noise variance that weighted the fit
+    weights: Weights  # what each value counts
+    residual: ComplexArray  # (N, L) measured minus model
+    chi_squared: float  # weighted sum of squared residuals
+    # (N, L) what stands fixed beside the terms, taken from the FRFs before they are fitted
+    background: ComplexArray | float
+
+    @property
+    def weight(self) -> FloatArray:
+        """(N, L) 2/v of each complex value, 0 where nothing was measured."""
+        return self.weights.each
+
+    @cached_property
+    def residues(self) -> ComplexArray:
+        """(N, n) residues of the receptance."""
+        c = self.linear.coefficients[:, : 2 * self.terms.pairs]
+        return np.asarray(c[:, 0::2] + 1j * c[:, 1::2])
+
+    @cached_property
+    def gains(self) -> FloatArray:
+        """(n,) what χ² would rise by without each pole, all other coefficients fitted anew: Σ_i
+        cᵀV⁻¹c, V the covariance of c.
+        """
+        linear = self.linear
+        return gains(linear.coefficients, linear.spread, linear.share, self.terms.pairs)
+
+    @property
+    def pole_price(self) -> float:
+        """Akaike's price of a pole, of two unknowns an FRF and two for the pole, and that of having
+        looked for it at every line.
+        """
+        rows, lines = self.residual.shape
+        return float(PRICE * (2 * rows + 2) + 2 * np.log(lines))
+
+    @property
+    def model(self) -> ComplexArray:
+        """(N, L) fitted FRFs."""
+        return np.asarray(self.background + self.part(np.arange(self.terms.columns)))
+
+    def part(self, which: IntArray) -> ComplexArray:
+        """(N, L) what some of the terms' columns make of the FRFs."""
+        return expanded(self.linear.coefficients[:, which], self.linear.basis[:, which])
+
+
+def gains(c: FloatArray, spread: FloatArray, share: FloatArray, pairs: int) -> FloatArray:
+    """(n,) the gains of poles by their coefficients (N, q), see `Level.gains` and `LinearFit`."""
+    one, two = c[:, 0 : 2 * pairs : 2], c[:, 1 : 2 * pairs : 2]
+    at = 2 * np.arange(pairs)
+    a, b, d = spread[:, at, at], spread[:, at, at + 1], spread[:, at + 1, at + 1]
+    determinant = np.maximum(a * d - b**2, 1e-12 * a * d + np.finfo(float).tiny)
+    return np.asarray(share @ ((d * one**2 - 2 * b * one * two + a * two**2) / determinant))
+
+
+def linear_fit(
+    arrangement: Arrangement,
+    terms: Terms,
+    variance: FloatArray,
+    weights: Weights | None = None,
+    background: ComplexArray | float = 0.0,
+) -> LinearFit:
+    """Linear coefficients and residual at given poles.
+
+    Args:
+        arrangement: the FRFs.
+        terms: poles and residual terms.
+        variance: (N, L) of the FRFs' noise.
+        weights: those of the variance, where they are known.
+        background: (N, L) what stands fixed beside the terms.
+
+    Raises:
+        IdentificationError: an FRF has no weight on the lines of a term.
+    """
+    weights = weights or Weights.of(variance, arrangement.measured)
+    basis = columns(arrangement.omega, terms, arrangement.power)
+    values = arrangement.values - background
+    linear = solved(basis, values, weights)
+    residual = values - expanded(linear.coefficients, basis)
+    residual[~arrangement.measured] = 0
+    square = residual.real**2 + residual.imag**2
+    return LinearFit(
+        terms=terms,
+        variance=variance,
+        weights=weights,
+        linear=linear,
+        residual=residual,
+        chi_squared=float(np.vdot(weights.each, square)),
+        background=background,
+    )
+
+
+def local_variance(
+    arrangement: Arrangement,
+    residual: ComplexArray,
+    noise: FloatArray,
+    *,
+    one_minus_leverage: FloatArray | float = 1.0,
+    alike: bool = True,
+) -> FloatArray:
+    """(N, L) variance that follows the local misfit: the mean of |residual|² over 25 lines, at
+    least the noise, and at least the share ε²|H|² that is usual where the FRFs are large: errors of
+    the chain stand on the few lines of a peak.
+
+    Args:
+        arrangement: the FRFs.
+        residual: (N, L) of a fit.
+        noise: (N, L) variance of the noise.
+        one_minus_leverage: (L,) share of each line that the fit leaves to its errors, 1 less the leverage: on
+            the two or three lines of a narrow peak the residue and the pole take up most of them.
+        alike: take the variances as one function of frequency but for a factor, v_il = g_i p_l,
+            where few values are missing.
+    """
+    values, measured = arrangement.values, arrangement.measured
+    square = scipy.ndimage.uniform_filter1d(
+        np.where(measured, np.abs(residual) ** 2, 0.0), _LOCAL, axis=1, mode="nearest"
+    )
+    count = scipy.ndimage.uniform_filter1d(
+        measured * one_minus_leverage, _LOCAL, axis=1, mode="nearest"
+    )
+    variance = np.maximum(np.where(measured, noise, 0.0), square / np.maximum(count, 1 / _LOCAL))
+    variance = np.maximum(
+        variance, _relative(residual, values, one_minus_leverage) * np.abs(values) ** 2
+    )
+    variance = np.maximum(variance, np.finfo(float).tiny)
+    if not alike or measured.mean(axis=1).min() < WHOLE:
+        return np.asarray(variance)
+    log = np.log(variance)
+    level = np.mean(log, axis=1, keepdims=True, where=measured)
+    size = np.exp(log - level)
+    shape = np.mean(size, axis=0, where=measured | ~measured.any(axis=0))
+    return np.asarray(np.exp(level) * shape)
+
+
+def _relative(
+    residual: ComplexArray, values: ComplexArray, one_minus_leverage: FloatArray | float
+) -> float:
+    """ε², the usual |residual|² over |H|² of the largest twentieth of the values, at most 0.05²."""
+    size = np.abs(values) ** 2
+    large = size >= np.quantile(size, _LARGE)
+    share = np.abs(residual[large]) ** 2 / np.maximum(
+        (size * one_minus_leverage)[large], np.finfo(float).tiny
+    )
+    return float(min(np.median(share) / np.log(2), _MOST_RELATIVE**2))
+
+
+def reweighted_fit(arrangement: Arrangement, terms: Terms, noise: FloatArray) -> LinearFit:
+    """The fit at given poles under the variance of its own misfit, at least the noise (N, L)."""
+    missed_by = arrangement.values
+    for _ in range(1 + PASSES):
+        variance = local_variance(arrangement, missed_by, noise)
+        fit = linear_fit(arrangement, terms, variance)
+        missed_by = fit.residual
+    return fit
+
+
+def with_residual_terms(arrangement: Arrangement, terms: Terms) -> Terms:
+    """The terms with all residual terms that the lines carry, fewer where these are few."""
+    lines = int(arrangement.measured.sum(axis=1).min())
+    return replace(terms, exponents=EXPONENTS if lines >= 8 * len(EXPONENTS) else (-2, 0))
+
+
+@dataclass(frozen=True)
+class ErrorModel:
+    """What is known of the errors of a fit's poles, beside the variance of the values."""
+
+    memory: float  # number of lines that count as one independent line
+    sessions: IntArray  # (N,) number of the test that each FRF belongs to
+    shared: FloatArray  # (n,) relative error of each mode's curve that all FRFs share
+    # (parameters,) change of ln ω and ζ where the values are weighted in another way
+    change: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoleFit(LinearFit):
+    """A model fitted to all FRFs."""
+
+    # twice the number of measured values less the number of unknowns, the expectation of χ²
+    freedom: int
+    information: FloatArray  # (parameters, parameters) matrix H of (ln ω_1 … ln ω_n, ζ_1 … ζ_n)
+    # (N, q, 2m), or (1, q, 2m), coefficients of the basis in the derivative columns
+    inside: FloatArray
+    free: IntArray  # (m,) numbers of the poles that are refined, whose f and ζ are the parameters
+    scores: FloatArray  # (N, parameters) what each FRF adds to the gradient of -χ²/2
+    errors: ErrorModel | None = None  # what is known of them, beside their variance
+
+    @property
+    def memory(self) -> float:
+        """Number of lines that count as one independent line."""
+        return 1.0 if self.errors is None else self.errors.memory
+
+    @property
+    def gradient(self) -> FloatArray:
+        """(parameters,) of -χ²/2."""
+        return np.asarray(self.scores.sum(axis=0))
+
+    @property
+    def pole_jacobian(self) -> FloatArray:
+        """(N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles."""
+        turn, n = slope_parts(self.terms, self.residues, self.free), self.free.size
+        inside = self.inside.reshape(*self.inside.shape[:2], n, 2)
+        return np.asarray(
+            np.einsum("nqka,npka->nqpk", inside, turn).reshape(
+                len(turn), self.inside.shape[1], 2 * n
+            )
+        )
+
+    @property
+    def inflation(self) -> float:
+        """Factor of all variances: the residual's size over the stated noise, and the lines that
+        are worth one.
+        """
+        return max(1.0, self.chi_squared / self.freedom) * self.memory
+
+    @cached_property
+    def residue_variance(self) -> FloatArray:
+        """(N, n) E|error|² of the residues, the uncertainty of the poles included.
+
+        With c = A⁻¹(Φᵀy) and poles that err by e, δc = -A⁻¹ΦᵀJ e: Cov(c) = A⁻¹ + A⁻¹B Cov(θ) BᵀA⁻¹,
+        B = ΦᵀJ.
+        """
+        n = self.terms.pairs
+        jacobian = self.pole_jacobian[:, : 2 * n]
+        own = self.linear.variance[:, : 2 * n] * self.inflation
+        spread = own + np.sum(np.matmul(jacobian, self.parameter_covariance) * jacobian, axis=2)
+        return np.asarray(spread[:, 0::2] + spread[:, 1::2])
+
+    @cached_property
+    def parameter_covariance(self) -> FloatArray:
+        """Covariance of the non-linear parameters, scaled up where the residual is larger than the
+        stated noise.
+
+        A null direction of the information gives its own parameters a large variance and touches no
+        other. Where the sessions are known, each standard deviation is at least what the scatter
+        between them shows (`widened`). Errors e that all FRFs share are taken to have shifted a
+        pole by `_SHIFT` e half bandwidths. Then each is at least the change under other weights:
+        where the series is the whole truth, both fits estimate the same poles, and differ by what
+        noise does to them (Hausman 1978).
+        """
+        scale, value, vector, null = spectrum(self.information)
+        inverse = (vector[:, ~null] / value[~null]) @ vector[:, ~null].T
+        part = np.where(vector.T**2 > 1e-4, vector.T**2, 0.0)  # less is round-off
+        inverse[np.diag_indices_from(inverse)] += np.where(null, 1 / VAGUE, 0.0) @ part
+        inverse = inverse / scale[:, None] / scale
+        if self.errors is None:
+            return np.asarray(inverse * self.inflation)
+        shifts = np.tile((_SHIFT * self.errors.shared * self.terms.damping_ratio) ** 2, 2)
+        spread = widened(inverse, self.inflation, self.scores, self.errors.sessions)
+        spread = spread + np.diag(shifts)
+        lacking = np.maximum(np.square(self.errors.change) - np.diag(spread), 0.0)
+        return np.asarray(spread + np.diag(lacking))
+
+
+def widened(
+    inverse: FloatArray, inflation: float, scores: FloatArray, sessions: IntArray
+) -> FloatArray:
+    """The covariance H⁻¹ times the inflation, each standard deviation at least what the scatter
+    between sessions shows:
+
+    H⁻¹ (Σ_s g_s g_sᵀ) H⁻¹ · S/(S - 1), g_s the sessions' own gradients about the optimum (White
+    1980, for clusters Liang and Zeger 1986). It asks nothing of the errors within a session, so it
+    holds where these last over lines, channels or modes. Of S sessions it is known to 1 ± 1/√(2(S -
+    1)).
+    """
+    factor = np.sqrt(inflation) * np.ones(len(inverse))
+    if (count := int(sessions.max()) + 1) >= MANY:
+        sums = np.zeros((count, scores.shape[1]))
+        np.add.at(sums, sessions, scores)
+        between = np.sqrt(np.sum((sums @ inverse) ** 2, axis=0) * count / (count - 1))
+        usual = np.sqrt(np.maximum(np.diag(inverse), np.finfo(float).tiny))
+        factor = np.maximum(factor, between / usual / (1 + 1 / np.sqrt(2 * count - 2)))
+    return np.asarray(inverse * np.outer(factor, factor))
+
+
+def refine(
+    arrangement: Arrangement,
+    terms: Terms,
+    variance: FloatArray,
+    steps: int = 40,
+    enough: float = 1e-3,
+    background: ComplexArray | float = 0.0,
+    free: IntArray | None = None,
+) -> PoleFit:
+    """Poles of least χ² for a given noise variance and background, from the given start; a step that
+    would gain less than `enough` ends it. The poles numbered `free` move, all of them where it is
+    None.
+
+    A decrease of χ² by 1e-3 is a move of a thirtieth of a standard deviation.
+
+    Raises:
+        IdentificationError: a term has no weight.
+    """
+    free = np.arange(terms.pairs) if free is None else free
+    both = np.concatenate([free, terms.pairs + free])
+    start = linear_fit(arrangement, terms, variance, None, background)
+    fit = _with_slopes(arrangement, start, free)
+    damping = 1e-4
+    for _ in range(steps):
+        zeta = fit.terms.damping_ratio[free]  # no pole moves by more than its width
+        limit = np.concatenate([np.maximum(zeta, 1e-3), np.maximum(0.7 * zeta, 1e-4)])
+        own, predicted = bounded_step(fit.information, fit.gradient, limit, damping)
+        if predicted < enough:
+            break
+        step = np.zeros(terms.parameters)
+        step[both] = own
+        try:
+            trial = linear_fit(
+                arrangement, moved(fit.terms, step), variance, fit.weights, background
+            )
+        except IdentificationError:  # a term has no weight there: a shorter step
+            trial = fit
+        if trial.chi_squared < fit.chi_squared:
+            gain = fit.chi_squared - trial.chi_squared
+            damping = max(damping / (10 if gain > 0.7 * predicted else 2), 1e-10)
+            fit = _with_slopes(arrangement, trial, free)
+        else:
+            damping = max(damping, 1e-6) * 10
+            if damping > 1e8:
+                break
+    return fit
+
+
+def moved(terms: Terms, step: FloatArray) -> Terms:
+    """Terms after a step in (ln ω, ζ); damping stays within its physical range."""
+    n = terms.pairs
+    return replace(
+        terms,
+        frequency_hz=terms.frequency_hz * np.exp(step[:n]),
+        damping_ratio=np.clip(terms.damping_ratio + step[n:], *DAMPING_RANGE),
+    )
+
+
+def _with_slopes(arrangement: Arrangement, level: LinearFit, free: IntArray) -> PoleFit:
+    """The same fit with its Gauss-Newton matrices.
+
+    The derivative columns are taken less their projection on the frame, which leaves H as it is and
+    spares it the cancellation.
+    """
+    terms, linear, weights = level.terms, level.linear, level.weights
+    turn = slope_parts(terms, level.residues, free)
+    steep = derivatives(arrangement.omega, terms.some(free), arrangement.power)
+    onto = linear.turn.T @ real_part(linear.basis.T, (weights.root[:, None] ** 2 * steep).T)
+    steep = steep - expanded((linear.turn @ onto).T, linear.basis).T
+    n, inside = free.size, onto[None]
+    if weights.share is None:
+        r = len(onto)
+        gram = normal_columns(np.concatenate([linear.frame, steep], axis=1), weights.each, r)
+        framed = np.matmul(linear.root, gram[:, :r])
+        products = gram[:, r:] - np.matmul(framed.transpose(0, 2, 1), framed)
+        inside = inside + np.matmul(linear.root.transpose(0, 2, 1), framed)
+        half = np.einsum("nkalb,nqlb->nkaql", products.reshape(len(turn), n, 2, n, 2), turn)
+        information = np.einsum("npka,nkaql->pkql", turn, half)
+    else:
+        flat = turn.reshape(len(turn), -1)
+        pairs = (flat.T @ (weights.share[:, None] * flat)).reshape(2, n, 2, 2, n, 2)
+        own = stacked(steep, weights.root)
+        products = (own.T @ own).reshape(n, 2, n, 2)
+        information = np.einsum("pkaqlb,kalb->pkql", pairs, products)
+        for row, lines in weights.gaps:
+            lost = missing_slopes(linear.frame, steep, weights.root, lines).reshape(
+                2 * lines.size, n, 2
+            )
+            lost = np.einsum("gka,pka->gpk", lost, turn[row])
+            information -= weights.share[row] * np.einsum("gpk,gql->pkql", lost, lost)
+    score = real_part(weights.each * level.residual, steep.T).reshape(len(turn), n, 2)
+    return PoleFit(
+        **{each.name: getattr(level, each.name) for each in fields(LinearFit)},
+        freedom=2 * int(arrangement.measured.sum()) - 2 * n - len(level.residual) * terms.columns,
+        information=information.reshape(2 * n, 2 * n),
+        inside=np.matmul(linear.turn, inside),
+        free=free,
+        scores=np.einsum("npka,nka->npk", turn, score).reshape(len(turn), 2 * n),
+    )
+
+
+def refined_modes(
+    arrangement: Arrangement,
+    fit: LinearFit,
+    steps: int,
+    least: float = HARDLY,
+    enough: float = 1.0,
+) -> LinearFit:
+    """The fit with its poles refined under its own variance, but for those of a probability below
+    the least: they stay as they are meanwhile.
+    """
+    free = np.flatnonzero(plausible(arrangement, fit, least))
+    return refine(arrangement, fit.terms, fit.variance, steps=steps, enough=enough, free=free)
+
+
+def pruned(arrangement: Arrangement, fit: LinearFit, beside: int = 0) -> LinearFit:
+    """The fit without poles that do not pay, the broadest of them first: what a narrower one
+    explains must not outlive it.
+
+    Combinations stand for more FRFs, `beside` them. In each of these a pole has two unknowns too,
+    that gain 1 each from noise. Residual terms that do not pay go after the poles, the least worth first.
+    """
+    terms, c, C, share = fit.terms, fit.linear.coefficients, fit.linear.spread, fit.linear.share
+    price = fit.pole_price + (PRICE - 1) * 2 * beside
+    while terms.pairs:
+        poor = gains(c, C, share, terms.pairs) < price
+        if not poor.any():
+            break
+        k = int(np.argmax(np.where(poor, terms.half_bandwidth_hz, -1.0)))
+        c, C = _left_out(c, C, [2 * k, 2 * k + 1])
+        terms = terms.some(np.arange(poor.size) != k)
+    while len(terms.exponents) > 1:
+        spread = np.einsum("nii->ni", C)[:, 2 * terms.pairs :]
+        gain = share @ (c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, np.finfo(float).tiny))
+        least = int(np.argmin(gain))
+        if gain[least] > PRICE * len(fit.residual) + (PRICE - 1) * beside:
+            break
+        c, C = _left_out(c, C, [2 * terms.pairs + least])
+        terms = replace(terms, exponents=terms.exponents[:least] + terms.exponents[least + 1 :])
+    return fit if terms is fit.terms else linear_fit(arrangement, terms, fit.variance, fit.weights)
+
+
+def _left_out(c: FloatArray, C: FloatArray, gone: list[int]) -> tuple[FloatArray, FloatArray]:
+    """Coefficients (N, q) and their covariance, or one for all, without some columns, the others fitted anew: c -
+    C_g C_gg⁻¹ c_g.
+    """
+    own = C[:, :, gone]
+    back = np.matmul(own, np.linalg.pinv(own[:, gone], hermitian=True))
+    c = c - np.matmul(back, c[:, gone, None])[:, :, 0]
+    C = C - np.matmul(back, own.transpose(0, 2, 1))
+    return np.delete(c, gone, axis=1), np.delete(np.delete(C, gone, axis=1), gone, axis=2)
+
+
+def student(
+    arrangement: Arrangement,
+    residual: ComplexArray,
+    noise: FloatArray,
+    one_minus_leverage: FloatArray,
+) -> FloatArray:
+    """(N, L) variance of each value by Student's law with ν degrees of freedom about the local one:
+    v/u, at least the noise.
+
+    u = (ν + 2)/(ν + 2|r|²/v), v the local mean of u|r|² (expectation maximisation; Lange, Little
+    and Taylor 1989): a line of interference or an overload counts for little, and does not raise
+    the variance of the lines beside it.
+    """
+    weight: FloatArray = np.ones(residual.shape)
+    for _ in range(3):  # the weights change little after these
+        v = local_variance(
+            arrangement,
+            residual * np.sqrt(weight),
+            noise,
+            one_minus_leverage=one_minus_leverage,
+            alike=False,
+        )
+        weight = (_FREEDOM + 2) / (_FREEDOM + 2 * np.abs(residual) ** 2 / v)
+    return np.asarray(v / np.minimum(weight, 1.0))
+
+
+def memory(
+    residual: ComplexArray, variance: FloatArray, measured: BoolArray, model: ComplexArray
+) -> float:
+    """τ, the number of lines that are worth one, from the correlation of the standardised residual;
+    at least 1.
+
+    The error is taken relative to the model, for a relative error turns with the phase of a
+    resonance, and lines count by their signal to noise: what matters for a mode are the lines where
+    it is seen.
+    """
+    z = np.where(measured, residual / np.sqrt(variance), 0)
+    # one line of interference must not hide what the others share
+    z = z / np.maximum(1.0, np.abs(z) / _CAP)
+    z = z * model.conj() / np.sqrt(variance)
+    lines = z.shape[1]
+    size = 1 << int(2 * lines - 1).bit_length()
+    power = np.sum(np.abs(np.fft.fft(z, size, axis=1)) ** 2, axis=0)
+    lagged = np.fft.ifft(power).real[: min(200, lines // 4) + 1]
+    if not lagged[0] > 0:
+        return 1.0
+    rho = lagged[1:] / lagged[0] / (1 - np.arange(1, lagged.size) / lines)
+    ends = np.flatnonzero(rho < _STILL)
+    return float(1 + 2 * np.sum(rho[: ends[0] if ends.size else rho.size]))
+
+
+def shared_error(arrangement: Arrangement, fit: LinearFit) -> FloatArray:
+    """(n,) the root mean square of e about each pole, less what FRFs leave whose errors do not
+    depend on each other.
+    """
+    terms, shared = fit.terms, np.zeros(fit.terms.pairs)
+    basis = fit.linear.basis
+    reach = NEAR * np.maximum(terms.half_bandwidth_hz, arrangement.spacing_hz)
+    for k in range(terms.pairs):
+        near = np.abs(arrangement.frequency_hz - terms.frequency_hz[k]) <= reach[k]
+        freedom = 2 * int(near.sum()) - 4  # two values less for the residue, two for the pole
+        own = fit.linear.coefficients[:, 2 * k : 2 * k + 2] @ basis[near, 2 * k : 2 * k + 2].T
+        weighted = fit.weight[:, near] * own.conj()
+        power = np.sum((weighted * own).real, axis=0)
+        if freedom <= 0 or not np.all(power > 0):
+            continue
+        each = weighted * fit.residual[:, near]
+        square = float(np.sum(np.abs(each.sum(axis=0)) ** 2 / power))
+        usual = (
+            float(np.sum(np.abs(each) ** 2 / power))
+            * (freedom + 2 * np.sqrt(2 * freedom))
+            / (2 * int(near.sum()))
+        )
+        shared[k] = np.sqrt(max(square - usual, 0.0) / power.sum())
+    return shared

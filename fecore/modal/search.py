@@ -1,0 +1,418 @@
+"""The search for the poles that FRFs need, and for the drift of the structure between the tests.
+
+A pole that is not in the series, all other coefficients fitted anew, lowers χ² by
+rᵀE(EᵀE)⁻¹Eᵀr, E its two columns less their projection on the series: a 2x2 problem. The candidate
+of the largest gain is taken, its columns leave all others and the residual, and so on (orthogonal
+matching pursuit) while Akaike's price of 2 for each unknown is paid. Then all poles are refined
+together, poles that no longer pay leave, and the residual offers new candidates, a few rounds in
+all.
+
+Drift. Temperature, moved sensors or a support that comes loose turn all natural frequencies of test s by
+one factor 1 + d_s. Where a resonance is as narrow as the drift, the FRFs do not fit one series:
+damping comes out too large, and modes are found twice or more. With poles s_k(1 + d) the FRFs of a
+test are linear in their residues, so
+
+    χ²_s(d) = min_c Σ_l w_l |H_s(l) - Φ(l; s_k(1 + d)) c|²
+
+is found on a grid, with one decomposition of Φ for all tests (a separable problem; Golub and
+Pereyra 2003). A test drifts at most five times as far as half of them do: that is all the prior.
+Poles that lie side by side, as a drift makes them, are one in this series. Drift and poles are
+found in turn while the series with the drift costs less (Akaike, by independent lines) than the
+series with the twins and without.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.modal.arrangement import CLEAR, FEW, Arrangement
+from fecore.modal.candidates import NARROW, clusters, compress, linear_poles
+from fecore.modal.judge import HOPELESS, count_modes, spurious
+from fecore.modal.refine import (
+    PASSES,
+    PRICE,
+    LinearFit,
+    linear_fit,
+    local_variance,
+    memory,
+    pruned,
+    refined_modes,
+    reweighted_fit,
+    with_residual_terms,
+)
+from fecore.modal.series import (
+    BESIDE,
+    ONE,
+    Terms,
+    columns,
+    overlapping,
+    stacked,
+    with_poles,
+    without_drift,
+)
+
+ROUNDS = 5
+"""Of growth on the residual."""
+
+_RESIDUAL_ORDER = 10  # of the linear stage on the residual
+
+STEPS = 8
+"""Of the refinement in each round."""
+
+ENOUGH = 1.0
+"""Decrease of χ² that a step is worth before the last round."""
+
+_SAME = 0.03  # summed half bandwidths within which a candidate is a pole that is there
+_FIRST = 2  # steps after which new poles are looked at
+_SPARE = 6  # poles beside twice those that are not refused, from which a search must find more
+# FRFs up to which the first round looks at groups: where more differ by a drift, doubles would pay
+# too
+_FEW = 2
+# relative drift of a frequency to either side: 8 % of a modulus, beyond any room's temperature
+_WIDEST = 0.02
+_ALIKE = 3.0  # ratio of the widths of poles that a drift makes of one mode
+# half bandwidths, and lines at least, on each side of a pole whose lines show the drift
+_REACH = 6.0
+
+
+@dataclass(frozen=True)
+class CombinedFrfs:
+    """All FRFs and the few combinations that stand for them, each with the variance of its
+    noise.
+    """
+
+    arrangement: Arrangement
+    noise: FloatArray
+    few: Arrangement
+    few_noise: FloatArray
+
+    @classmethod
+    def of(cls, arrangement: Arrangement, noise: FloatArray) -> CombinedFrfs:
+        """FRFs with the variance (N, L) of their noise, and their combinations."""
+        return cls(arrangement, noise, *compress(arrangement, noise))
+
+    def aligned(self, weight: FloatArray, terms: Terms, drift: FloatArray) -> CombinedFrfs:
+        """The FRFs less what a (N,) drift makes of a series, by weights (N, L)."""
+        arrangement = without_drift(self.arrangement, terms, weight, drift)
+        return CombinedFrfs.of(arrangement, self.noise)
+
+    def refined(
+        self,
+        terms: Terms,
+        before: Terms | None = None,
+        steps: int = STEPS,
+        enough: float = ENOUGH,
+    ) -> Terms:
+        """The poles refined on the combinations, under the variance that they leave, or poles
+        before them.
+
+        Where poles left, the others would make a variance large first that then lets them stray.
+        """
+        variance = reweighted_fit(self.few, before or terms, self.few_noise).variance
+        fit = linear_fit(self.few, terms, variance)
+        return refined_modes(self.few, fit, steps, enough=enough).terms
+
+    def misfit(self, terms: Terms, variance: FloatArray) -> float:
+        """χ² of the series with all FRFs under a variance (N, L), its poles refined."""
+        refined = self.refined(terms)
+        return linear_fit(self.arrangement, refined, variance).chi_squared
+
+    def fitted(self, terms: Terms) -> LinearFit:
+        """The series with all FRFs, without poles and residual terms that do not pay."""
+        terms = with_residual_terms(self.arrangement, terms)
+        return pruned(self.arrangement, reweighted_fit(self.arrangement, terms, self.noise))
+
+
+def forward_selection(
+    data: CombinedFrfs,
+    start: Terms,
+    pool: ComplexArray,
+    most: int,
+    step: Callable[[int], None],
+    rounds: int = ROUNDS,
+) -> Terms:
+    """The poles that the combinations of FRFs need.
+
+    Args:
+        data: the FRFs.
+        start: the series to start from.
+        pool: candidates, rad/s; in every round those that the residual shows are added.
+        most: largest number of poles.
+        step: called after every round with the number of poles.
+        rounds: most rounds.
+    """
+    arrangement, noise = data.few, data.few_noise
+    beside = len(data.arrangement.pairs) - len(arrangement.pairs)
+    first = np.append(pool, _beyond(arrangement))
+    fit = reweighted_fit(arrangement, start, noise)
+    count = count_modes(arrangement, fit)
+    for number in range(rounds):
+        pairs = fit.terms.pairs
+        candidates = first
+        if pairs:
+            missed = linear_poles(
+                arrangement.omega, fit.residual, fit.weight, _RESIDUAL_ORDER, (NARROW,)
+            )
+            candidates = np.append(clusters(missed), first)
+        elif len(fit.residual) <= _FEW:
+            # Under its own variance, which follows what it misses, no mode of a group of overlapping
+            # ones can gain more than two for each line of the group, and none pays alone: the
+            # variance is what the fit would leave with all candidates in it.
+            all_of_them = with_poles(fit.terms, candidates[:most])
+            whole = linear_fit(arrangement, all_of_them, fit.variance)
+            variance = local_variance(arrangement, whole.residual, noise)
+            fit = linear_fit(arrangement, fit.terms, variance)
+        added = _chosen(arrangement, fit, candidates, most - pairs, beside)
+        if not added.size:
+            break
+        terms = with_poles(fit.terms, added)
+        larger = linear_fit(arrangement, terms, fit.variance)
+        larger = refined_modes(arrangement, larger, _FIRST, HOPELESS)
+        for _ in range(PASSES):
+            larger = refined_modes(arrangement, larger, STEPS)
+            # Not before there are poles, as residual terms would take the place of a broad one;
+            # then all of them again, as a better fit may need what a poor one did without.
+            terms, variance = with_residual_terms(arrangement, larger.terms), larger.variance
+            whole = linear_fit(arrangement, terms, variance, larger.weights)
+            own = local_variance(arrangement, whole.residual, noise)
+            larger = linear_fit(arrangement, terms, own)
+            if np.mean(np.log(variance / own)) < 1:
+                break
+        fit = pruned(arrangement, larger, beside)
+        step(fit.terms.pairs)
+        before, count = count, count_modes(arrangement, fit)
+        more = count > before or fit.terms.pairs <= _SPARE + 2 * count
+        if (number and fit.terms.pairs <= pairs) or not more:
+            break
+    return fit.terms
+
+
+def _beyond(arrangement: Arrangement) -> ComplexArray:
+    """Candidates outside the band, for modes whose skirts reach into it."""
+    low, high = arrangement.omega[0], arrangement.omega[-1]
+    at = np.append(high * np.array([1.03, 1.1, 1.25, 1.6]), low * np.array([0.6, 0.8, 0.95]))
+    return np.asarray((np.array([[-0.01], [-0.05]]) + 1j) * at).ravel()
+
+
+def _chosen(
+    arrangement: Arrangement, fit: LinearFit, pool: ComplexArray, room: int, beside: int
+) -> ComplexArray:
+    """The candidates that pay, most gain first, each on top of those before it."""
+    pool = pool[~overlapping(pool, fit.terms.poles, _SAME)]
+    if not pool.size or room <= 0:
+        return pool[:0]
+    root = np.sqrt(fit.weight.mean(axis=0))
+    scaled = fit.residual * np.sqrt(fit.weight)
+    target = np.concatenate([scaled.real, scaled.imag], axis=1)
+    frame = stacked(fit.linear.frame, root)
+    extra = stacked(
+        columns(
+            arrangement.omega,
+            with_poles(Terms(np.empty(0), np.empty(0), ()), pool),
+            arrangement.power,
+        ),
+        root,
+    )
+    extra = extra / np.maximum(np.linalg.norm(extra, axis=0), np.finfo(float).tiny)
+    frame = np.linalg.qr(frame)[0]
+    extra = extra - frame @ (frame.T @ extra)
+    right = target @ extra
+    one, two = extra[:, 0::2], extra[:, 1::2]
+    gram = [np.einsum("lc,lc->c", a, b) for a, b in ((one, one), (one, two), (two, two))]
+    price, basis = fit.pole_price + (PRICE - 1) * 2 * beside, np.empty((len(extra), 0))
+    # of a candidate's power: what the series leaves below it is round-off, or a pole that it has
+    new = np.where(overlapping(pool, fit.terms.poles, BESIDE), 1e-6, 1e-10)
+    taken: list[int] = []
+    open_ = np.ones(pool.size, dtype=bool)
+    while len(taken) < room:
+        # of each pair of columns, where more than `new` is left of them
+        (a, b, d), one, two = gram, right[:, 0::2], right[:, 1::2]
+        determinant = a * d - b**2
+        solvable = (a > new) & (d > new) & (determinant > new * a * d)
+        total = (
+            d * np.sum(one**2, axis=0)
+            - 2 * b * np.sum(one * two, axis=0)
+            + a * np.sum(two**2, axis=0)
+        )
+        gain = np.where(solvable, total / np.where(solvable, determinant, 1.0), 0.0)
+        gain = np.where(open_, gain, 0.0)
+        k = int(np.argmax(gain))
+        if gain[k] < price and not fit.terms.pairs and not taken:
+            # A first pole that most of the FRFs' own variance is gains no more than that: it pays
+            # for the combinations alone.
+            price = fit.pole_price
+        if gain[k] < price:
+            break
+        taken.append(k)
+        own = extra[:, 2 * k : 2 * k + 2]
+        own = np.linalg.qr(own - basis @ (basis.T @ own))[0]
+        basis = np.concatenate([basis, own], axis=1)
+        along = own.T @ extra  # (2, 2C)
+        right = right - (target @ own) @ along
+        a, b = along[:, 0::2], along[:, 1::2]
+        gram = [
+            g - np.sum(x * y, axis=0)
+            for g, (x, y) in zip(gram, ((a, a), (a, b), (b, b)), strict=True)
+        ]
+        open_ &= ~overlapping(pool, pool[[k]])
+    return pool[taken]
+
+
+def aligned_search(
+    data: CombinedFrfs, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None]
+) -> tuple[CombinedFrfs, Terms, FloatArray]:
+    """The FRFs and the series that they need, extended from a first one: without the drift of their
+    tests where it pays.
+
+    Poles that the series lacks may pass for a drift, and a drift for poles. So both are extended on aligned
+    FRFs first, and the same poles, refined, must do worse by the price of the drift without it.
+    """
+    fit = data.fitted(terms)
+    pool = np.append(pool, terms.poles)
+    tau = memory(fit.residual, fit.variance, data.arrangement.measured, fit.model)
+    # of a drift of all tests but one (Akaike), where lines share their errors
+    price = PRICE * (data.arrangement.sessions - 1) * tau
+    drift, merged = _drift_of(data, fit, price)
+    if np.any(drift):
+        frfs = data.aligned(fit.weight, merged, drift)
+        extended = forward_selection(frfs, merged, pool, most, step)
+        frfs = data.aligned(fit.weight, extended, drift)
+        left, without = (of.misfit(extended, fit.variance) for of in (frfs, data))
+        if without - left > price:
+            return frfs, extended, drift
+    return data, forward_selection(data, terms, pool, most, step), np.zeros(drift.shape)
+
+
+def _drift_of(data: CombinedFrfs, fit: LinearFit, price: float) -> tuple[FloatArray, Terms]:
+    """(N,) the drift of each FRF that lowers χ² most, and the series that shows it; 0 where no drift
+    pays its price.
+    """
+    arrangement = data.arrangement
+    each: FloatArray = np.zeros(len(arrangement.pairs))
+    inside = arrangement.in_band(fit.terms.frequency_hz)
+    if arrangement.sessions < FEW or not inside.any():
+        return each, fit.terms
+    terms = _merged(fit, inside)
+    twins = (fit.terms.pairs - terms.pairs) * fit.pole_price
+    reach, least = _WIDEST, fit.chi_squared + twins - price
+    while True:  # every turn lowers χ² by the price of a test, so it ends
+        trial, gain = _drifts(arrangement, terms, fit.weight, reach)
+        if gain <= price:
+            break
+        frfs = data.aligned(fit.weight, terms, trial)
+        refined = frfs.refined(terms)
+        left = linear_fit(frfs.arrangement, refined, fit.variance).chi_squared
+        if left > least:
+            break
+        each, terms, least = trial, refined, left - price / (arrangement.sessions - 1)
+        reach = CLEAR * float(np.median(np.abs(each)))
+    return each, terms
+
+
+def _merged(fit: LinearFit, inside: BoolArray) -> Terms:
+    """The series with one pole, in their middle and as narrow as the narrowest, for those side by
+    side.
+
+    Poles within half a bandwidth are what a small drift makes of one mode; those further apart may
+    be true pairs, unless at least half of the modes come in pairs.
+    """
+    near, double = _side_by_side(fit, inside, BESIDE)
+    return near if double else _side_by_side(fit, inside, ONE)[0]
+
+
+def _side_by_side(fit: LinearFit, inside: BoolArray, reach: float) -> tuple[Terms, bool]:
+    """The series with one pole for those within so many summed half bandwidths, and whether half of
+    the modes were more.
+    """
+    terms = fit.terms
+    hz, zeta, gain = terms.frequency_hz.copy(), terms.damping_ratio.copy(), fit.gains
+    width, gone = terms.half_bandwidth_hz, np.zeros(hz.size, dtype=bool)
+    several = []
+    for k in np.argsort(-gain):
+        if gone[k] or not inside[k]:
+            continue
+        off, wide = np.abs(hz - hz[k]), np.maximum(width / width[k], width[k] / width)
+        near = (
+            inside
+            & ~gone
+            & (off < reach * (width + width[k]))
+            & (off < _WIDEST * hz[k])
+            & (wide < _ALIKE)
+        )
+        several.append(near.sum() > 1)
+        hz[k], zeta[k] = hz[near].mean(), zeta[near].min()
+        near[k] = False
+        gone |= near
+    merged = replace(terms, frequency_hz=hz[~gone], damping_ratio=zeta[~gone])
+    return merged, bool(np.mean(several) >= 0.5)
+
+
+def _drifts(
+    arrangement: Arrangement, terms: Terms, weight: FloatArray, reach: float
+) -> tuple[FloatArray, float]:
+    """(N,) the most probable drifts about their mean, on a grid about none, and what they lower χ²
+    by.
+    """
+    grid, tests = np.linspace(-reach, reach, 41), arrangement.session
+    lines = _lines(arrangement, terms)
+    each = _misfits(arrangement, terms, weight, grid, lines)
+    misfit: FloatArray = np.stack([np.bincount(tests, own) for own in each]).astype(float)
+    # where each test's misfit is least, by a parabola about the best of the grid
+    best = np.clip(np.argmin(misfit, axis=0), 1, grid.size - 2)
+    low, mid, high = (misfit[best + shift, np.arange(best.size)] for shift in (-1, 0, 1))
+    step, bend = grid[1] - grid[0], np.maximum(low - 2 * mid + high, 0.0)
+    off = np.clip(np.where(bend > 0, (low - high) / np.where(bend > 0, 2 * bend, 1.0), 0.0), -1, 1)
+    drift, least = grid[best] + off * step, mid + (high - low) * off / 2 + bend * off**2 / 2
+    drift -= np.median(drift)
+    most = CLEAR * float(np.median(np.abs(drift)))
+    # a test that shows nothing drifts no further than the others
+    drift = np.clip(drift, -most, most)
+    return np.asarray((drift - drift.mean())[tests]), float(np.sum(misfit[grid.size // 2] - least))
+
+
+def _lines(arrangement: Arrangement, terms: Terms) -> IntArray:
+    """Numbers of the lines about the poles in band."""
+    inside = arrangement.in_band(terms.frequency_hz)
+    off = np.abs(arrangement.frequency_hz[:, None] - terms.frequency_hz[inside])
+    reach = _REACH * np.maximum(terms.half_bandwidth_hz[inside], arrangement.spacing_hz)
+    return np.flatnonzero((off <= reach).any(axis=1))
+
+
+def _misfits(
+    arrangement: Arrangement, terms: Terms, weight: FloatArray, grid: FloatArray, lines: IntArray
+) -> FloatArray:
+    """(g, N) misfit of every FRF for every drift of the grid."""
+    omega, values, own = arrangement.omega[lines], arrangement.values[:, lines], weight[:, lines]
+    mean = own.mean(axis=0)
+    root, level = np.sqrt(mean), own.sum(axis=1) / max(mean.sum(), np.finfo(float).tiny)
+    target = stacked(values.T, root).T
+    whole = np.sum(target**2, axis=1)
+    out = np.empty((grid.size, len(values)))
+    for place, drift in enumerate(grid):
+        basis = stacked(
+            columns(omega, terms.drifted(float(drift), arrangement.spacing_hz), arrangement.power),
+            root,
+        )
+        frame = np.linalg.qr(
+            basis / np.maximum(np.linalg.norm(basis, axis=0), np.finfo(float).tiny)
+        )[0]
+        out[place] = level * (whole - np.sum((target @ frame) ** 2, axis=1))
+    return out
+
+
+def without_spurious(data: CombinedFrfs, fit: LinearFit) -> LinearFit:
+    """The fit without refused poles that only bend a better one beside them, or that no distance
+    separates from a larger one.
+    """
+    for _ in range(PASSES):
+        if not fit.terms.pairs:
+            break
+        gone = spurious(data.arrangement, fit)
+        if not gone.any():
+            break
+        fit = data.fitted(data.refined(fit.terms.some(~gone), fit.terms))
+    return fit

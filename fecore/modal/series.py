@@ -1,0 +1,502 @@
+"""The modal series, and weighted linear least squares of all FRFs at once at given poles.
+
+A receptance is, with s = iω,
+
+    α(s) = Σ_k R_k/(s - s_k) + R̄_k/(s - s̄_k)  +  Σ_e c_e s^e,
+
+s_k = ω_k(-ζ_k + i√(1 - ζ_k²)). The last sum is the residual terms: s⁻³ to s⁻¹ stand for modes below
+the band (rigid body motion and its damping), s⁰, s¹, s² for modes above it; their coefficients are
+real because α is the transform of a real function. A mobility or accelerance is α times s or s².
+Everything is linear in (Re R, Im R, c) for given poles: H = Φc.
+
+Each FRF i has its own weights w_i² = 1/v_i, so its own normal matrix G_i = Re Φᴴ W_i² Φ. Normal
+matrices square the condition number of Φ. Therefore Φ is first made orthonormal under the weights'
+mean over the FRFs, Φ = Q T⁻¹: what is left of G_i is as well conditioned as the FRFs' weights are
+alike, and a direction of the coefficients that the lines do not determine (a singular value of the
+scaled columns below round-off) is left out, so that it is 0 in the solution and touches no other
+coefficient. Where the weights are one function of frequency but for a factor, w_i² = a_i p, every
+G_i is a_i, and an FRF with gaps g has a_i (1 - Q_gᵀQ_g), whose inverse is (1 + Q_gᵀS⁻¹Q_g)/a_i, S =
+1 - Q_g Q_gᵀ of the gaps' size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy
+
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray, real_times
+from fecore.errors import IdentificationError
+from fecore.modal.arrangement import Arrangement
+
+# of the largest singular value: below it a direction of the scaled coefficients is round-off
+_NULL = 1e-9
+_TURNS = 30  # in which the bounds of a step are found
+# eigenvalue of the scaled information below which a direction is null: a large variance, not
+# infinity
+VAGUE = 1e-10
+_WELL_CONDITIONED = (
+    1e-4  # singular value of scaled columns over the largest, from which products keep 1e-8
+)
+
+WHOLE = 0.9
+"""Of its lines that every FRF has where gaps are few."""
+
+DAMPING_RANGE = (1e-5, 0.95)
+"""Of ζ: a pole beyond is no resonance."""
+
+ONE, BESIDE = 0.5, 1.5
+"""Summed half bandwidths within which two poles may be one mode, and within which one bends the
+other.
+"""
+
+NEAR = 3.0
+"""Half bandwidths on each side of a pole within which a misfit is its own."""
+
+_TONE = 0.1  # lines: a half bandwidth below is a tone's
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What a model of the FRFs is made of."""
+
+    frequency_hz: FloatArray  # (n,) undamped natural frequencies of the complex pole pairs, Hz
+    damping_ratio: FloatArray  # (n,) their damping ratios
+    exponents: tuple[int, ...]  # powers of s of the residual terms (of a receptance)
+
+    @property
+    def pairs(self) -> int:
+        """Number of complex pole pairs."""
+        return int(self.frequency_hz.size)
+
+    @property
+    def columns(self) -> int:
+        """Number of real linear coefficients of each FRF."""
+        return 2 * self.pairs + len(self.exponents)
+
+    @property
+    def half_bandwidth_hz(self) -> FloatArray:
+        """(n,) ζf, Hz."""
+        return self.frequency_hz * self.damping_ratio
+
+    @property
+    def poles(self) -> ComplexArray:
+        """(n,) poles with positive imaginary part, rad/s: s = ω(-ζ + i√(1 - ζ²))."""
+        zeta = self.damping_ratio
+        return np.asarray(2 * np.pi * self.frequency_hz * (-zeta + 1j * np.sqrt(1 - zeta**2)))
+
+    def some(self, which: IntArray | BoolArray) -> Terms:
+        """The terms with some of the poles."""
+        return replace(
+            self,
+            frequency_hz=self.frequency_hz[which],
+            damping_ratio=self.damping_ratio[which],
+        )
+
+    def drifted(self, drift: float, spacing_hz: float) -> Terms:
+        """The terms with all resonances moved; a pole much narrower than a line is a tone, which
+        stays where it is.
+        """
+        tone = self.half_bandwidth_hz < _TONE * spacing_hz
+        return replace(self, frequency_hz=self.frequency_hz * np.where(tone, 1.0, 1 + drift))
+
+    @property
+    def parameters(self) -> int:
+        """Number of non-linear parameters: frequency and damping of each pair."""
+        return 2 * self.pairs
+
+
+def with_poles(terms: Terms, pole: ComplexArray) -> Terms:
+    """The terms with more poles, rad/s."""
+    hz = np.abs(pole) / (2 * np.pi)
+    return replace(
+        terms,
+        frequency_hz=np.append(terms.frequency_hz, hz),
+        damping_ratio=np.append(
+            terms.damping_ratio, np.clip(-pole.real / np.abs(pole), *DAMPING_RANGE)
+        ),
+    )
+
+
+def overlapping(pole: ComplexArray, others: ComplexArray, most: float = ONE) -> BoolArray:
+    """(n,) whether a pole may be one with another, or within so many summed half bandwidths."""
+    reach = most * -(pole.real[:, None] + others.real)
+    return np.asarray((np.abs(pole[:, None] - others) <= reach).any(axis=1))
+
+
+def columns(
+    omega: FloatArray, terms: Terms, power: int, reference: float | None = None
+) -> ComplexArray:
+    """(L, q) basis: for each pole pair the factors of Re R and Im R, then residual terms.
+
+    Residual terms are taken in s/ω_ref to be of like size; `reference` is ω_ref, by default the
+    geometric mean of the first and the last line.
+    """
+    s, n = 1j * omega, 2 * terms.pairs
+    lift, pole = (s**power)[:, None], terms.poles
+    basis = np.empty((omega.size, terms.columns), dtype=complex)
+    # the temporaries of so many entries stay in the processor's cache
+    step = max(1, 30_000 // max(terms.pairs, 1))
+    for part in (slice(first, first + step) for first in range(0, omega.size, step)):
+        direct, mirror = (
+            lift[part] / (s[part, None] - pole),
+            lift[part] / (s[part, None] - pole.conj()),
+        )
+        np.add(direct, mirror, out=basis[part, 0:n:2])
+        np.multiply(direct - mirror, 1j, out=basis[part, 1:n:2])
+    scaled = s / (reference or np.sqrt(omega[0] * omega[-1]))
+    for place, e in enumerate(terms.exponents, n):
+        basis[:, place] = lift[:, 0] * scaled**e
+    return basis
+
+
+def derivatives(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
+    """(L, 2n) columns of which all derivatives of the model by its poles are made, see `slopes`.
+
+    For each pole pair 1/(s - s_k)² + 1/(s - s̄_k)² and i times their difference.
+    """
+    s, n = 1j * omega, 2 * terms.pairs
+    lift, pole = (s**power)[:, None], terms.poles
+    direct, mirror = (lift / (s[:, None] - each) ** 2 for each in (pole, pole.conj()))
+    steep = np.empty((omega.size, n), dtype=complex)
+    np.add(direct, mirror, out=steep[:, 0:n:2])
+    np.multiply(direct - mirror, 1j, out=steep[:, 1:n:2])
+    return steep
+
+
+def slopes(terms: Terms) -> tuple[ComplexArray, ComplexArray]:
+    """(n,) ∂s_k/∂ln ω_k and ∂s_k/∂ζ_k.
+
+    With R_k the residue, ∂H/∂θ = Re(R_k ∂s_k/∂θ) E₁ + Im(R_k ∂s_k/∂θ) E₂, E the two columns of the
+    pair in `derivatives`.
+    """
+    zeta = terms.damping_ratio
+    by_zeta = 2 * np.pi * terms.frequency_hz * (-1 - 1j * zeta / np.sqrt(1 - zeta**2))
+    return terms.poles, np.asarray(by_zeta)
+
+
+def slope_parts(terms: Terms, residues: ComplexArray, free: IntArray) -> FloatArray:
+    """(N, 2, m, 2) of how much of its two derivative columns the derivative of each FRF by ln ω_k,
+    and by ζ_k, is made.
+    """
+    parts = residues[:, None, free] * np.stack(slopes(terms.some(free)))
+    return np.stack([parts.real, parts.imag], axis=3)
+
+
+@dataclass(frozen=True)
+class Weights:
+    """What each value of the FRFs counts."""
+
+    each: FloatArray  # (N, L) 2/v of each complex value, 0 where nothing was measured
+    # (N,) of each FRF, where all have one function of frequency but for this factor and few gaps
+    share: FloatArray | None
+    root: FloatArray  # (L,) of the weights' mean over the FRFs, see `mean_weight`
+    gaps: tuple[tuple[int, IntArray], ...] = ()  # number and missing lines of FRFs with a share
+
+    @classmethod
+    def of(cls, variance: FloatArray, measured: BoolArray) -> Weights:
+        """The weights for a variance (N, L) of the values that were measured."""
+        whole = 2 / np.maximum(variance, np.finfo(float).tiny)
+        each = np.where(measured, whole, 0.0)
+        if measured.mean(axis=1).min() < WHOLE or (share := proportional(whole)) is None:
+            return cls(each, None, mean_weight(each))
+        level = whole[0].mean()
+        gaps = tuple(
+            (int(i), np.flatnonzero(~measured[i])) for i in np.flatnonzero(~measured.all(1))
+        )
+        return cls(each, share * level, np.sqrt(whole[0] / level), gaps)
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """Coefficients of every FRF on one basis."""
+
+    coefficients: FloatArray  # (N, q) real coefficients
+    basis: ComplexArray  # (L, q)
+    turn: FloatArray  # (q, r) coefficients of the basis from those of the frame
+    # (N, r, r) R with RᵀR the inverse normal matrices of the frame; (1, r, r) where these are alike
+    # but for the share. What is left of a product after projection keeps twice the digits when it
+    # is made from the root.
+    root: FloatArray
+    share: FloatArray  # (N,) by which the normal matrices are larger than R says
+
+    @cached_property
+    def frame(self) -> ComplexArray:
+        """(L, r) the basis made orthonormal, r <= q."""
+        return expanded(self.turn.T, self.basis).T
+
+    @cached_property
+    def spread(self) -> FloatArray:
+        """(N, q, q), or (1, q, q), covariance of the coefficients for the stated weights, times the
+        share.
+        """
+        root = np.matmul(self.root, self.turn.T)
+        spread: FloatArray = np.matmul(root.transpose(0, 2, 1), root)
+        return spread
+
+    @property
+    def variance(self) -> FloatArray:
+        """(N, q) variance of the coefficients for the stated weights."""
+        return np.asarray(np.einsum("nii->ni", self.spread) / self.share[:, None])
+
+
+def solved(basis: ComplexArray, values: ComplexArray, weights: Weights) -> Coefficients:
+    """The coefficients of all FRFs (N, L) on a basis (L, q).
+
+    Raises:
+        IdentificationError: an FRF has fewer measured lines than unknowns.
+    """
+    turn = whitening(stacked(basis, weights.root))
+    if weights.share is not None:
+        return _alike(basis, turn, values, weights)
+    frame = expanded(turn.T, basis).T
+    right = real_part(weights.each * values, frame.T)
+    normal = normal_columns(frame, weights.each)
+    scale = np.sqrt(np.einsum("nii->ni", normal))
+    _check_weight(scale)
+    unit = normal / (scale[:, :, None] * scale[:, None, :])
+    try:
+        inverse: FloatArray = np.asarray(np.linalg.inv(np.linalg.cholesky(unit)), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        inverse = _roots(unit)
+    root = inverse / scale[:, None, :]
+    own = np.matmul(root.transpose(0, 2, 1), np.matmul(root, right[:, :, None]))[:, :, 0]
+    return Coefficients(own @ turn.T, basis, turn, root, np.ones(len(values)))
+
+
+def expanded(real: FloatArray, columns: ComplexArray) -> ComplexArray:
+    """(N, L) what real coefficients (N, q) make of columns (L, q)."""
+    return real_times(real, columns.T)
+
+
+def _alike(
+    basis: ComplexArray, turn: FloatArray, values: ComplexArray, weights: Weights
+) -> Coefficients:
+    """The same where the weights are alike but for a share; gaps count in the coefficients alone,
+    not in their covariance.
+    """
+    assert weights.share is not None
+    _check_weight(weights.share)
+    masked = values * weights.root**2
+    for row, lines in weights.gaps:
+        masked[row, lines] = 0.0
+    framed = real_part(masked, basis.T) @ turn
+    for row, lines in weights.gaps:
+        own = stacked(basis[lines], weights.root[lines]) @ turn
+        framed[row] += own.T @ (_without(own) @ (own @ framed[row]))
+    return Coefficients(framed @ turn.T, basis, turn, np.eye(turn.shape[1])[None], weights.share)
+
+
+def _check_weight(size: FloatArray) -> None:
+    if not np.all(size > 0):
+        raise IdentificationError(
+            "a term has no weight on the measured lines of an FRF; leave that FRF out"
+        )
+
+
+def _without(own: FloatArray) -> FloatArray:
+    """S⁻¹ of the rows of an orthonormal frame at the gaps of an FRF."""
+    return np.asarray(np.linalg.pinv(np.eye(len(own)) - own @ own.T, _NULL, hermitian=True))
+
+
+def missing_slopes(
+    frame: ComplexArray, steep: ComplexArray, root: FloatArray, lines: IntArray
+) -> FloatArray:
+    """(k, p) F with FᵀF what gaps take of the products of columns less their projection on the
+    frame.
+    """
+    own = stacked(frame[lines], root[lines])
+    return np.asarray(np.linalg.cholesky(_without(own)).T @ stacked(steep[lines], root[lines]))
+
+
+def whitening(scaled: FloatArray) -> FloatArray:
+    """(q, r) what makes weighted real columns (2L, q) orthonormal; null directions are left out.
+
+    From their products where these keep the digits, else from the columns themselves.
+    """
+    products = scaled.T @ scaled
+    length = np.sqrt(np.diag(products))
+    length = np.where(length > 0, length, 1.0)
+    triangle, fault = scipy.linalg.lapack.dpotrf(products / length / length[:, None])
+    if fault or scipy.linalg.lapack.dtrcon(triangle)[0] < _WELL_CONDITIONED:
+        triangle = np.linalg.qr(scaled / length, mode="r")
+        _, singular, right = np.linalg.svd(triangle)
+        singular, right = singular[: len(right)], right[: singular.size]
+        kept = singular > _NULL * singular.max(initial=0.0)
+        return np.asarray((right[kept] / singular[kept, None]).T / length[:, None])
+    return np.asarray(scipy.linalg.lapack.dtrtri(triangle)[0] / length[:, None])
+
+
+def orthonormal(basis: ComplexArray, root: FloatArray) -> tuple[ComplexArray, FloatArray]:
+    """The basis made orthonormal under the square of a weight (L,), as (L, r), and (q, r) what makes
+    it so; null directions are left out.
+    """
+    turn = whitening(stacked(basis, root))
+    return expanded(turn.T, basis).T, turn
+
+
+def stacked(basis: ComplexArray, root: FloatArray) -> FloatArray:
+    """(2L, q) real above imaginary parts of columns, weighted by (L,)."""
+    return np.concatenate([basis.real * root[:, None], basis.imag * root[:, None]])
+
+
+def mean_weight(weight: FloatArray) -> FloatArray:
+    """(L,) root of the mean over the FRFs of their weights, each FRF's scaled to mean 1."""
+    level = weight.mean(axis=1, keepdims=True)
+    return np.asarray(np.sqrt(np.mean(weight / np.where(level > 0, level, 1.0), axis=0)))
+
+
+def proportional(weight: FloatArray) -> FloatArray | None:
+    """(N,) the FRFs' weights over those of the first, where these are one function of frequency but
+    for a factor.
+    """
+    share: FloatArray = weight.sum(axis=1) / weight[0].sum()
+    expected = share[:, None] * weight[0]
+    return share if np.all(np.abs(weight - expected) <= 1e-9 * expected) else None
+
+
+def normal_columns(basis: ComplexArray, weight: FloatArray, first: int = 0) -> FloatArray:
+    """(N, q, q - first) the columns, from the `first` on, of the normal matrices Re Φᴴ W_i² Φ of
+    all FRFs.
+    """
+    q, rows = basis.shape[1], weight.shape[0]
+    real, imag = np.ascontiguousarray(basis.real.T), np.ascontiguousarray(basis.imag.T)
+    across = np.ascontiguousarray(weight.T)
+    normal = np.empty((q, q - first, rows))
+    for i in range(q):  # one row of the matrices at a time: its products stay in the cache
+        start = max(i, first)
+        outer = real[start:] * real[i] + imag[start:] * imag[i]
+        normal[i, start - first :] = outer @ across
+        if i >= first:
+            normal[i:, i - first] = normal[i, i - first :]
+    return np.ascontiguousarray(normal.transpose(2, 0, 1))
+
+
+def real_part(rows: ComplexArray, others: ComplexArray) -> FloatArray:
+    """(n, m) Re Y Zᴴ of (n, L) Y and (m, L) Z, as one real product."""
+    own, other = (np.ascontiguousarray(each).view(np.float64) for each in (rows, others))
+    product: FloatArray = own @ other.T
+    return product
+
+
+def _roots(normal: FloatArray) -> FloatArray:
+    """(N, r, r) R with RᵀR the inverse of each matrix on the directions that it determines, 0 on
+    the others.
+    """
+    value, vector = np.linalg.eigh(normal)
+    floor = _NULL * value[:, -1:]
+    inverse = np.where(value > floor, 1 / np.sqrt(np.where(value > floor, value, 1.0)), 0.0)
+    return np.asarray(inverse[:, :, None] * vector.transpose(0, 2, 1))
+
+
+def spectrum(information: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Scale of the parameters, eigenvalues and vectors of the scaled information, and which
+    directions are null.
+    """
+    diagonal = np.diag(information)
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    value, vector = np.linalg.eigh(information / scale[:, None] / scale)
+    return scale, value, vector, value < VAGUE
+
+
+def bounded_step(
+    information: FloatArray, gradient: FloatArray, limit: FloatArray, damping: float
+) -> tuple[FloatArray, float]:
+    """The damped step of most predicted decrease of χ² between -limit and limit, and this decrease,
+    from the gradient of -χ²/2.
+
+    The limits are bounds of the quadratic problem. A step cut to them afterwards may lead uphill:
+    where one vague parameter is cut, what the others did to make up for it is left.
+    """
+    scale, value, vector, null = spectrum(information)
+    limit = limit * scale
+    size = np.where(null, 1.0, value) + damping
+    score = vector @ np.where(null, 0.0, vector.T @ (gradient / scale))
+    step = _bounded_minimum(
+        (vector * size) @ vector.T, vector @ ((vector.T @ score) / size), score, limit
+    )
+    step /= scale
+    return step, float(2 * step @ gradient - step @ information @ step)
+
+
+def _bounded_minimum(
+    matrix: FloatArray, free: FloatArray, score: FloatArray, limit: FloatArray
+) -> FloatArray:
+    """The x of least ½ xᵀM x - pᵀx between -limit and limit, from its place without these bounds.
+
+    Bounds that hold and their multipliers are found in turn (primal-dual active sets; Hintermüller, Ito and
+    Kunisch 2002).
+    """
+    x, before = free, np.zeros(free.size)
+    for _ in range(_TURNS):
+        excess = x + score - matrix @ x
+        at = np.where(excess > limit, 1.0, np.where(excess < -limit, -1.0, 0.0))
+        if np.array_equal(at, before):
+            return x
+        before, held = at, at != 0
+        x = at * limit
+        if not held.all():
+            left = matrix[np.ix_(~held, ~held)]
+            x[~held] = np.linalg.solve(left, (score - matrix @ x)[~held])
+    root = np.linalg.cholesky(matrix).T
+    return np.asarray(
+        scipy.optimize.lsq_linear(
+            root, np.linalg.solve(root.T, score), (-limit, limit), method="bvls"
+        ).x
+    )
+
+
+def without_drift(
+    arrangement: Arrangement, terms: Terms, weight: FloatArray, drift: FloatArray
+) -> Arrangement:
+    """The FRFs less what a (N,) drift makes of the series, whose residues are found for each drift
+    by itself.
+    """
+    values = arrangement.values.copy()
+    unmoved = columns(arrangement.omega, terms, arrangement.power)
+    pairs, root = slice(0, 2 * terms.pairs), np.sqrt(weight.mean(axis=0))
+    for own in np.unique(drift):
+        rows = np.flatnonzero(drift == own)
+        moved = columns(
+            arrangement.omega,
+            terms.drifted(float(own), arrangement.spacing_hz),
+            arrangement.power,
+        )
+        coefficients = _solved(moved, arrangement.values[rows], root)
+        values[rows] += coefficients[:, pairs] @ (unmoved - moved)[:, pairs].T
+    return replace(arrangement, values=np.where(arrangement.measured, values, 0))
+
+
+def _solved(basis: np.ndarray, values: np.ndarray, root: FloatArray) -> FloatArray:
+    """(N, q) real coefficients, all FRFs with the same weights, each term a priori as large as the
+    FRFs.
+
+    A pole beyond the band and residual terms look nearly alike on the lines: without the prior both
+    are large and cancel, and the drift of that pole alone spoils all FRFs. With B the weighted
+    columns of length 1, (BᵀB + N/|H|² I) c = BᵀH (Tikhonov).
+    """
+    scaled = stacked(basis, root)
+    size = np.maximum(np.linalg.norm(scaled, axis=0), np.finfo(float).tiny)
+    both = stacked(values.T, root).T
+    price = np.sqrt(len(both) / max(float(np.sum(both**2)), np.finfo(float).tiny))
+    unit = scaled / size
+    products = unit.T @ unit + price**2 * np.eye(size.size)
+    return np.asarray(scipy.linalg.solve(products, unit.T @ both.T, assume_a="pos").T / size)
+
+
+def one_minus_leverage(
+    arrangement: Arrangement, terms: Terms, linear: Coefficients, weights: Weights
+) -> FloatArray:
+    """(L,) share of each line that a fit leaves to the errors: 1 less the leverage, in the mean
+    over the FRFs and both parts.
+
+    The hat matrix of the coefficients has the diagonal |Q_l|² of the weighted orthonormal frame;
+    the poles, which N FRFs share, add an N-th of what the derivatives add to the frame.
+    """
+    steep = derivatives(arrangement.omega, terms, arrangement.power)
+    both, _ = orthonormal(np.concatenate([linear.basis, steep], axis=1), weights.root)
+    own, all_ = (np.sum(np.abs(frame) ** 2, axis=1) for frame in (linear.frame, both))
+    leverage = weights.root**2 * (own + (all_ - own) / len(arrangement.pairs)) / 2
+    return np.asarray(np.clip(1 - leverage, 0.0, 1.0))
