@@ -92,6 +92,7 @@ CONTRACTS: dict[str, str] = {
     "fecore/updating/elastic_findings.py:said": "REST: a cause in a result",
     "fecore/updating/sampling.py:moves": "emcee: a parameter",
     "fecore/modal/identify.py:found": "the library: Identification.found",
+    "fecore/modal/output_only.py:found": "the library: Identification.found",
     "fecore/modal/result.py:found": "the library: Identification.found",
     "service/compute/identifying.py:found": "the library: Identification.found",
     "service/nouns/search/routes.py:Found": "REST: a schema",

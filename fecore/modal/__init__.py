@@ -14,11 +14,13 @@ In the order of the data:
 - `shapes`: residues to shapes; two modes under one pole.
 - `result`: what an identification hands on, and what a user should know of it.
 - `identify`: `identify`, all of it in numbered steps, and `shapes_at_poles` for known poles.
+- `output_only`: modes of responses to loads that nobody measured.
 """
 
 from fecore.modal.arrangement import set_with_gaps
 from fecore.modal.identify import Options, identify, shapes_at_poles
 from fecore.modal.judge import Feature, RefusedPole
+from fecore.modal.output_only import OutputOnly, identify_output_only
 from fecore.modal.prepare import Refused
 from fecore.modal.result import Identification, IdentifiedPoles, Stabilisation
 from fecore.modal.shapes import Shapes, phase_collinearity, turn_real
@@ -28,11 +30,13 @@ __all__ = [
     "Identification",
     "IdentifiedPoles",
     "Options",
+    "OutputOnly",
     "Refused",
     "RefusedPole",
     "Shapes",
     "Stabilisation",
     "identify",
+    "identify_output_only",
     "phase_collinearity",
     "set_with_gaps",
     "shapes_at_poles",

@@ -1,4 +1,5 @@
-"""Time blocks of hammer hits to FRFs with variance, in the order of the data.
+"""Time blocks of hammer hits to FRFs with variance, and responses alone to half spectra, in the
+order of the data.
 
 blocks, recording               hits as time blocks; a long recording, cut into them
 pulse, windows, unstated        the force's pulse; windows that are stated, and one that is not
@@ -13,12 +14,14 @@ frf_scale                       whether FRFs fit the mass and stiffness of a str
 points                          hits as a person beside the hammer sees them
 document                        what a processing is asked, and what it answers
 process                         all of it, point by point
+half_spectra                    responses to loads that nobody measured
 """
 
 from fecore.signal.blocks import Block, ChannelQuantity, Hit
 from fecore.signal.document import Averages, Findings, Processed, Processing
 from fecore.signal.estimators import Estimate, Estimator, estimate
 from fecore.signal.frf_scale import Strip
+from fecore.signal.half_spectra import HalfSpectra, half_spectra
 from fecore.signal.judgement import FALSE_DISCOVERY, HitVerdict
 from fecore.signal.points import EachHit, Inspection, each_hit, inspect
 from fecore.signal.process import Shelf, process, process_in_parts
@@ -35,6 +38,7 @@ __all__ = [
     "Estimate",
     "Estimator",
     "Findings",
+    "HalfSpectra",
     "Hit",
     "HitFinding",
     "HitVerdict",
@@ -48,6 +52,7 @@ __all__ = [
     "by_point",
     "each_hit",
     "estimate",
+    "half_spectra",
     "inspect",
     "process",
     "process_in_parts",

@@ -1,0 +1,320 @@
+"""Responses to loads that nobody measured, to half spectra with their scatter over blocks.
+
+Wind, traffic and machines move a structure, and only its responses x(t) are recorded. In blocks of
+n samples their correlations are, divided by n - τ,
+
+    R_ij(τ) = E[x_i(t + τ) x_j(t)],        S⁺_ij(ω) = Δt Σ_{0 ≤ τ < L} w(τ) R_ij(τ) e^{-iωτΔt},
+
+with half weight at τ = 0 and w = e^{-βτΔt}, which is 0.05 at the last lag. Of loads that are white
+over the band of a mode (Peeters, PhD thesis, K.U. Leuven, 2000; Reynders, Arch. Comput. Methods
+Eng. 19, 2012)
+
+    S⁺(ω) = Σ_n φ_n g_nᵀ/(iω + β - λ_n) + conj.:
+
+the residue is of rank one and not symmetric, and the poles decay faster by β. At the lines
+ω_k = 2πk/(LΔt) the cut at L changes residues alone, as e^{-iω_k LΔt} = 1. All lines and pairs share the same
+few blocks, so their errors are correlated: the spectra of blocks are kept, in at most 40 groups.
+Loads come in gusts, and the half spectrum of a gust is larger, not better: each block is taken in
+its own power, in that of the whole recording where it is calm.
+
+A recording comes in chunks, and memory does not grow with its samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.errors import InputError
+from fecore.frf import Dof, FrfSet
+
+BLOCKS = 20
+"""Disjoint blocks that a recording is cut into at least, and groups of blocks that are kept at
+least where there are more.
+"""
+
+LEFT = 0.05
+"""The window at the last lag, and what is left there of the correlation of the slowest mode."""
+
+BAND = 1 / 2.56
+"""Share of the sampling rate up to which lines are kept, as analysers do: filters begin there."""
+
+_FEWEST_LAGS, _MOST_LAGS = 64, 8192  # of half spectra: some 25 to 3200 lines
+_MOST_REFERENCES = 4  # that are chosen; more add work and little else
+_CALM = 0.05  # of the usual power, below which a block counts less, as its noise does not
+_EXPLAINED = 0.98  # of the responses, from where no other reference is taken
+
+
+@dataclass(frozen=True)
+class HalfSpectra:
+    """Half spectra of one recording: N responses to R of them, which are references."""
+
+    frequency_hz: FloatArray  # (L,) lines, without 0 Hz
+    # (G, N, R, L) mean of the blocks of each group, (unit of x)²/Hz in the power of the recording
+    blocks: ComplexArray
+    weights: FloatArray  # (G,) share of each group in the recording
+    responses: tuple[Dof, ...]  # N
+    references: tuple[Dof, ...]  # R
+    window_rate_per_s: float  # β
+    lag_s: float  # L Δt
+    length_s: float  # of what was used of the recording
+    # (L,) spectral kurtosis of the responses, 0 for random ones and -1 for a steady sine, and its
+    # standard deviation
+    kurtosis: FloatArray
+    kurtosis_sd: FloatArray
+
+    @property
+    def mean(self) -> ComplexArray:
+        """(N, R, L) half spectra of the whole recording."""
+        whole: ComplexArray = np.einsum("g,gnrl->nrl", self.weights, self.blocks)
+        return whole
+
+    def frfs(self, setup: int = 0) -> FrfSet:
+        """As mobilities, pair by pair: correlations of accelerations begin at their largest, as the
+        response of a velocity to an impulse does.
+
+        Args:
+            setup: which of several recordings that share references. The unknown loads stand in
+                place of a force, others in each recording and nowhere a driving point: each
+                reference of each setup is a column of its own.
+        """
+        n, r = len(self.responses), len(self.references)
+        columns = tuple(column_of(dof, setup) for dof in self.references)
+        return FrfSet(
+            self.frequency_hz,
+            self.mean.reshape(n * r, -1),
+            tuple(dof for dof in self.responses for _ in columns),
+            columns * n,
+            "mobility",
+        )
+
+
+def column_of(reference: Dof, setup: int) -> Dof:
+    """The column of a reference of a setup, among force degrees of freedom."""
+    return Dof(reference.point + (setup + 1) * _COLUMNS, reference.direction)
+
+
+_COLUMNS = 1_000_000_000  # above all labels of points
+
+Chunks = Callable[[], Iterable[FloatArray]]
+"""Gives the (N, n) parts of a recording in their order, as often as it is called."""
+
+
+def half_spectra(
+    chunks: Chunks,
+    sample_rate_hz: float,
+    responses: Sequence[Dof],
+    references: Sequence[Dof] | None = None,
+    lag_s: float | None = None,
+) -> HalfSpectra:
+    """Half spectra of a recording.
+
+    1. Length: how long the recording is, and the longest lag, a 40th of it.
+    2. References: channels in which all responses are seen.
+    3. Groups: the spectra of blocks of two lags, summed.
+    4. Half spectra: of the correlations of each group.
+
+    Args:
+        chunks: gives the recording, channel by channel.
+        sample_rate_hz: samples a second.
+        responses: where and along what each channel measures.
+        references: those that the others are correlated with; chosen where not stated.
+        lag_s: longest lag; the slowest mode should have decayed to 5 % by then.
+
+    Raises:
+        InputError: the recording is too short, not finite or constant in a channel, or a reference
+            is none of its channels.
+    """
+    # 1. Length.
+    length, variance = _length(chunks(), len(responses))
+    lags = _lags(length, sample_rate_hz, lag_s)
+    # 2. References.
+    rows = (
+        _choose(chunks(), lags, _MOST_REFERENCES)
+        if references is None
+        else _rows_of(references, responses)
+    )
+    # 3. Groups.
+    groups = _Groups.of(chunks(), lags, rows, variance)
+    # 4. Half spectra.
+    beta = -np.log(LEFT) * sample_rate_hz / lags
+    window = LEFT ** (np.arange(lags) / lags) / (2 * lags - np.arange(lags))
+    window[0] /= 2
+    line = scipy.fft.rfftfreq(lags, 1 / sample_rate_hz)
+    keep = (line > 0) & (line <= BAND * sample_rate_hz)
+    correlations = scipy.fft.irfft(groups.cross, axis=-1)[..., :lags] * window
+    spectra = scipy.fft.rfft(correlations, axis=-1)[..., keep] / sample_rate_hz
+    kurtosis, sd = groups.kurtosis
+    return HalfSpectra(
+        frequency_hz=line[keep],
+        blocks=spectra / groups.counts[:, None, None, None],
+        weights=groups.counts / groups.counts.sum(),
+        responses=tuple(responses),
+        references=tuple(responses[row] for row in rows),
+        window_rate_per_s=float(beta),
+        lag_s=lags / sample_rate_hz,
+        length_s=float(groups.counts.sum()) * 2 * lags / sample_rate_hz,
+        kurtosis=kurtosis[keep],
+        kurtosis_sd=sd[keep],
+    )
+
+
+def needed_s(frequency_hz: float, damping_ratio: float) -> float:
+    """Length of a recording in which a mode's correlation decays to 5 % within a lag: 40 lags of
+    -ln 0.05/(ζω).
+    """
+    return float(2 * BLOCKS * -np.log(LEFT) / (2 * np.pi * frequency_hz * damping_ratio))
+
+
+def _length(chunks: Iterable[FloatArray], channels: int) -> tuple[int, FloatArray]:
+    """Number of samples, and (N,) variances; raises InputError where a sample is not finite, or a
+    channel is constant.
+    """
+    length, sums = 0, np.zeros((2, channels))
+    low, high = np.full(channels, np.inf), np.full(channels, -np.inf)
+    for chunk in chunks:
+        if chunk.shape[0] != channels:
+            raise InputError("recording", f"has {chunk.shape[0]} channels, expected {channels}")
+        if not np.isfinite(chunk).all():
+            row, at = np.argwhere(~np.isfinite(chunk))[0]
+            raise InputError(
+                "recording",
+                f"channel {row + 1} holds NaN or infinity at sample {length + at + 1}",
+            )
+        length += chunk.shape[1]
+        sums += np.stack(
+            [chunk.sum(axis=1, dtype=float), np.square(chunk).sum(axis=1, dtype=float)]
+        )
+        low, high = np.minimum(low, chunk.min(axis=1)), np.maximum(high, chunk.max(axis=1))
+    if length and (constant := np.flatnonzero(low == high)).size:
+        raise InputError(
+            "recording",
+            f"channel {constant[0] + 1} is {low[constant[0]]:g} throughout: it carried nothing",
+        )
+    mean, square = sums / max(length, 1)
+    return length, square - mean**2
+
+
+def _lags(length: int, sample_rate_hz: float, stated_s: float | None) -> int:
+    most = length // (2 * BLOCKS)
+    lags = min(most, _MOST_LAGS) if stated_s is None else round(stated_s * sample_rate_hz)
+    if most < _FEWEST_LAGS:
+        least = 2 * BLOCKS * _FEWEST_LAGS / sample_rate_hz
+        raise InputError(
+            "recording",
+            f"is {length / sample_rate_hz:.3g} s long, expected {least:.3g} s or more; modes of 1 %"
+            " damping need some 1900 periods of the slowest",
+        )
+    if not _FEWEST_LAGS <= lags <= most:
+        raise InputError(
+            "lag_s",
+            f"is {lags / sample_rate_hz:.3g} s, expected {_FEWEST_LAGS / sample_rate_hz:.3g} to"
+            f" {most / sample_rate_hz:.3g} s, a 40th of the recording",
+        )
+    return lags
+
+
+def _rows_of(references: Sequence[Dof], responses: Sequence[Dof]) -> list[int]:
+    rows = []
+    for dof in references:
+        if dof not in responses:
+            raise InputError(
+                "references", f"point {dof.point} along {dof.direction} is no channel of these"
+            )
+        rows.append(responses.index(dof))
+    return rows
+
+
+def _blocks(chunks: Iterable[FloatArray], size: int) -> Iterator[FloatArray]:
+    """(N, size) disjoint blocks, without their linear trends; the rest of the recording is left."""
+    held: FloatArray = np.empty((0, 0))
+    for chunk in chunks:
+        held = np.concatenate((held, chunk), axis=1) if held.size else chunk
+        whole = held.shape[1] // size * size
+        for at in range(0, whole, size):
+            yield scipy.signal.detrend(np.asarray(held[:, at : at + size], dtype=np.float64))
+        held = held[:, whole:]
+
+
+def _choose(chunks: Iterable[FloatArray], lags: int, most: int) -> list[int]:
+    """Channels that show what all show: a pivoted Cholesky decomposition of the spectra, each line
+    of which counts alike, so that a weak mode asks for its channel too.
+    """
+    total = sum(_share(block) for block in _blocks(chunks, 2 * lags))
+    left = np.array(total) / np.trace(total)
+    rows = list[int]()
+    while len(rows) < min(most, left.shape[0]) and np.trace(left) > 1 - _EXPLAINED:
+        row = int(np.argmax(np.diag(left)))
+        rows.append(row)
+        left = left - np.outer(left[:, row], left[row]) / left[row, row]
+    return rows
+
+
+def _share(block: FloatArray) -> FloatArray:
+    """(N, N) real parts of the spectra of a block, each line in its own power."""
+    spectrum = scipy.fft.rfft(block, axis=1)[:, 1 : int(BAND * block.shape[1])]
+    power = np.sum(np.abs(spectrum) ** 2, axis=0)
+    scaled = spectrum / np.sqrt(np.maximum(power, np.finfo(float).tiny))
+    return np.asarray((scaled @ scaled.conj().T).real)
+
+
+@dataclass(frozen=True)
+class _Groups:
+    """Sums over the blocks of each group, and over all segments of a lag's length."""
+
+    cross: ComplexArray  # (G, N, R, F) X_i X_j* of blocks padded with zeros
+    counts: FloatArray  # (G,) blocks
+    powers: FloatArray  # (2, N, K) sums of |Y|² and |Y|⁴ of Hann segments Y, three a block
+
+    @classmethod
+    def of(
+        cls, chunks: Iterable[FloatArray], lags: int, rows: list[int], variance: FloatArray
+    ) -> _Groups:
+        padded = scipy.fft.next_fast_len(3 * lags, real=True)
+        padded += padded % 2
+        sums, counts, powers = list[ComplexArray](), list[int](), np.zeros(())
+        size = 1  # blocks of a full group
+        for block in _blocks(chunks, 2 * lags):
+            power = np.mean(block.var(axis=1) / variance)
+            spectrum = scipy.fft.rfft(block / np.sqrt(max(power, _CALM)), padded, axis=1)
+            cross = spectrum[:, None] * spectrum[rows].conj()
+            if not counts or counts[-1] == size:
+                if len(counts) == 2 * BLOCKS:
+                    sums = [a + b for a, b in zip(sums[::2], sums[1::2], strict=True)]
+                    counts, size = [2 * size] * BLOCKS, 2 * size
+                sums.append(cross)
+                counts.append(1)
+            else:
+                sums[-1] += cross
+                counts[-1] += 1
+            powers = powers + _powers(block, lags)
+        return cls(np.array(sums), np.array(counts, dtype=float), powers)
+
+    @property
+    def kurtosis(self) -> tuple[FloatArray, FloatArray]:
+        """(K,) spectral kurtosis E|Y|⁴/(E|Y|²)² - 2 (Antoni, Mech. Syst. Signal Process. 20, 2006),
+        of the channels by their shares of the power, and its standard deviation.
+        """
+        segments = _SEGMENTS * float(self.counts.sum())
+        second, fourth = self.powers / segments
+        each = fourth / np.maximum(second**2, np.finfo(float).tiny) - 2
+        share = second / np.maximum(second.sum(axis=0), np.finfo(float).tiny)
+        return np.sum(share * each, axis=0), np.full(
+            each.shape[1], 2 / np.sqrt(segments / _OVERLAP)
+        )
+
+
+_SEGMENTS = 3  # of a block
+_OVERLAP = 1.056  # segments for each independent one, of Hann segments that overlap by half
+
+
+def _powers(block: FloatArray, lags: int) -> FloatArray:
+    """(2, N, K) sums of powers of the three half-overlapping segments of a block."""
+    window = scipy.signal.windows.hann(lags, sym=False)
+    segments = np.stack([block[:, at : at + lags] for at in (0, lags // 2, lags)])
+    power = np.abs(scipy.fft.rfft(segments * window, axis=-1)) ** 2
+    return np.stack([power.sum(axis=0), (power**2).sum(axis=0)])
