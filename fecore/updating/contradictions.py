@@ -41,7 +41,7 @@ from fecore.updating.additions import Kind
 from fecore.updating.damage import lost_stiffness
 from fecore.updating.damage_effects import DamageEffects
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.explanations import Explanation, Hints, Search, hints_of, loosened
+from fecore.updating.explanations import Explanation, Hints, Search, Suspects, loosened
 from fecore.updating.layout import Unknown
 from fecore.updating.posterior import LinearProblem, Mixture
 from fecore.updating.result import (
@@ -117,6 +117,7 @@ class _Sources:
     allowed: frozenset[str] = frozenset()  # names of those that are allowed a slip
     # of each body, None where nobody looks for any
     damage_effects: tuple[DamageEffects | None, ...] = ()
+    suspects: tuple[Suspects, ...] = ()  # of each body
 
     @classmethod
     def of(cls, elastic: ElasticResult) -> _Sources:
@@ -140,7 +141,12 @@ class _Sources:
             DamageEffects.of(elastic, number) if looks else None for number in range(bodies)
         )
         sources = cls(
-            elastic, elastic.problem, layout.scatter, tuple(statements), damage_effects=effects
+            elastic,
+            elastic.problem,
+            layout.scatter,
+            tuple(statements),
+            damage_effects=effects,
+            suspects=tuple(Suspects(elastic, number) for number in range(bodies)),
         )
         return replace(sources, count=sources.independent + (6 * bodies if bodies > 1 else 4))
 
@@ -289,8 +295,8 @@ class _Sources:
     def _hints(self) -> dict[int, Hints]:
         """Of each campaign, what may be added to its body."""
         return {
-            number: hints_of(self.elastic, number, self.problem, self.posterior_with_logs, SLIPS)
-            for number in range(len(self.elastic.rows))
+            number: each.hints(self.problem, self.posterior_with_logs, SLIPS)
+            for number, each in enumerate(self.suspects)
             if not any(self._of_body(kind, number) in self.allowed for kind in _ADDED)
         }
 

@@ -78,7 +78,7 @@ import scipy
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.quantities import kind_of
-from fecore.updating.damage_effects import LOSSES, SHAPES, DamageEffects, DamageShapesAt, Stretch
+from fecore.updating.damage_effects import LOSSES, SHAPES, DamageEffects, DamageTerms, Stretch
 from fecore.updating.elastic import Misfit
 from fecore.updating.elastic_result import DamageIntervals, ElasticResult
 from fecore.updating.elastic_starts import LEAST_FACTOR_SD
@@ -394,9 +394,11 @@ class _Given:
         change = np.zeros((LOSSES.size, len(effects.intervals), self.problem.residual.size))
         change[..., self.elastic.rows[self.number]] = effects.change
         scatter = self.elastic.layout.scatter
-        both = [(), effects.shapes] if effects.shapes else [()]
         prior = effects.log_prior - np.log(_FINE.size)
-        logs = [_likelier(self.problem, scatter, each, change) + prior for each in both]
+        discrepancies, log_priors = grid_of_discrepancies(coarse=_COARSE)
+        given = [_by_frequencies(self.problem, scatter, s, change) for s in discrepancies]
+        both = [(), effects.shapes] if effects.shapes else [()]
+        logs = [_likelier(given, log_priors, each) + prior for each in both]
         return _Compared(effects, change, logs[-1], float(scipy.special.logsumexp(logs[0])))
 
     def near(self, effects: DamageEffects, log: FloatArray) -> _Compared:
@@ -440,53 +442,51 @@ def _without_joints(elastic: ElasticResult, problem: LinearProblem) -> LinearPro
     return replace(problem, noise=noise)
 
 
-def _likelier(
-    problem: LinearProblem, scatter: float, shapes: tuple[DamageShapesAt, ...], change: FloatArray
-) -> FloatArray:
-    """(a, P) ln B of each loss and stretch, from (l, P, n) changes of ln f and what the shapes say,
-    if they are asked.
-    """
-    discrepancies, log_priors = grid_of_discrepancies(coarse=_COARSE)
-    log_sizes = log_prior_of_scale(SHAPES, 1.0).tolist()
-    terms = [
-        (log_size + log_prior, *_given(problem, scatter, s, own, change))
-        for log_size, own in (zip(log_sizes, shapes, strict=True) if shapes else [(0.0, None)])
-        for s, log_prior in zip(discrepancies.tolist(), log_priors.tolist(), strict=True)
-    ]
-    logs = np.array([log + own for log, own, _ in terms])
-    weight = logs - scipy.special.logsumexp(logs)
-    # ln B is zero without a loss, and nearly a parabola in it.
-    over = [each / LOSSES[:, None] for *_, each in terms]
-    each = [w + _FINE[:, None] * _between(own) for w, own in zip(weight, over, strict=True)]
-    return np.asarray(scipy.special.logsumexp(each, axis=0))
-
-
-def _given(
-    problem: LinearProblem,
-    scatter: float,
-    s: float,
-    shapes: DamageShapesAt | None,
-    change: FloatArray,
-) -> tuple[float, FloatArray]:
-    """The log evidence without a loss at s, and (l, P) ln B of each loss there."""
+def _by_frequencies(
+    problem: LinearProblem, scatter: float, s: float, change: FloatArray
+) -> DamageTerms:
+    """The terms at a discrepancy by (l, P, n) changes of ln f."""
     S, r, root = problem.sensitivity, problem.residual, np.sqrt(problem.weights)[:, None]
     variance, precision = problem.noise + s**2 * np.eye(r.size), problem.prior(scatter)
     W = root * np.linalg.inv(variance) * root.T
-    H, g = S.T @ W @ S + precision, S.T @ W @ r + problem.other_descent - precision @ problem.x
-    H = np.sum([H, *problem.others.values()], axis=0)
-    pulled, across = change @ W, change @ (W @ S)
-    cost = r @ W @ r + np.linalg.slogdet(variance)[1]
-    gain = pulled @ r - np.sum(pulled * change, axis=2) / 2
-    if shapes is not None:
-        H, g, cost = H + shapes.hessian, g + shapes.descent, cost + shapes.cost
-        across, gain = across + shapes.across, gain + shapes.along
-    z = np.linalg.solve(H, g)
-    gain = gain - across @ z + np.sum((across @ np.linalg.inv(H)) * across, axis=2) / 2
-    return float(g @ z - cost - np.linalg.slogdet(H)[1]) / 2, gain
+    pulled = change @ W
+    return DamageTerms(
+        cost=float(r @ W @ r + np.linalg.slogdet(variance)[1]),
+        hessian=np.sum([S.T @ W @ S + precision, *problem.others.values()], axis=0),
+        descent=S.T @ W @ r + problem.other_descent - precision @ problem.x,
+        across=change @ (W @ S),
+        along=pulled @ r - np.sum(pulled * change, axis=2) / 2,
+    )
+
+
+def _likelier(
+    given: list[DamageTerms], log_priors: FloatArray, shapes: tuple[DamageTerms, ...]
+) -> FloatArray:
+    """(a, P) ln B of each loss and stretch, from what frequencies say at discrepancies of such
+    priors, and shapes, if they are asked.
+    """
+    log_sizes = log_prior_of_scale(SHAPES, 1.0).tolist() if shapes else [0.0]
+    both = [[each + own for each in given] for own in shapes] or [given]
+    gains = [[each.likelier for each in own] for own in both]
+    logs = np.array(
+        [
+            log_size + log_prior + log
+            for log_size, own in zip(log_sizes, gains, strict=True)
+            for log_prior, (log, _) in zip(log_priors.tolist(), own, strict=True)
+        ]
+    )
+    weight = (logs - scipy.special.logsumexp(logs)).reshape(-1, len(given))
+    # ln B is zero without a loss, and nearly a parabola in it.
+    over = [np.stack([gain / LOSSES[:, None] for _, gain in own], axis=1) for own in gains]
+    each = [
+        w[:, None, None] + (_FINE[:, None, None] * _between(own)).transpose(1, 0, 2)
+        for w, own in zip(weight, over, strict=True)
+    ]
+    return np.asarray(scipy.special.logsumexp(np.concatenate(each), axis=0))
 
 
 def _between(over: FloatArray) -> FloatArray:
-    """(a, P) of what is smooth, (l, P) at the losses solved for, at all losses."""
+    """(a, …) of what is smooth, (l, …) at the losses solved for, at all losses."""
     return np.asarray(scipy.interpolate.PchipInterpolator(LOSSES, over)(_FINE))
 
 

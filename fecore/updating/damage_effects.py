@@ -114,11 +114,11 @@ class DamageShapes:
             np.zeros(by.shape[1]) if fitted is None else elastic.problem.other_descent,
         )
 
-    def given(self, k: float) -> DamageShapesAt:
+    def given(self, k: float) -> DamageTerms:
         """What they say where a shape's standard deviation is k times the usual one."""
         variance = k**2 + self.variance
         r, J, d = self.residual, self.by / variance[:, None], self.change
-        return DamageShapesAt(
+        return DamageTerms(
             cost=float(np.sum(r**2 / variance + np.log(variance))),
             hessian=self.by.T @ J - self.information,
             descent=J.T @ r - self.descent,
@@ -128,14 +128,34 @@ class DamageShapes:
 
 
 @dataclass(frozen=True)
-class DamageShapesAt:
-    """The terms of the shapes in ln B: of the misfit twice, by the unknowns, and by losses."""
+class DamageTerms:
+    """The terms of frequencies or shapes in ln B: of the misfit twice, by the unknowns, and by
+    losses.
+    """
 
     cost: float
     hessian: FloatArray  # (X, X)
     descent: FloatArray  # (X,)
     across: FloatArray  # (l, P, X) dᵀWS
     along: FloatArray  # (l, P) dᵀWr - ½ dᵀWd
+
+    def __add__(self, other: DamageTerms) -> DamageTerms:
+        """Those of both."""
+        return DamageTerms(
+            self.cost + other.cost,
+            self.hessian + other.hessian,
+            self.descent + other.descent,
+            self.across + other.across,
+            self.along + other.along,
+        )
+
+    @property
+    def likelier(self) -> tuple[float, FloatArray]:
+        """The log evidence without a loss, and (l, P) ln B of each loss."""
+        H, g, across = self.hessian, self.descent, self.across
+        z = np.linalg.solve(H, g)
+        gain = self.along - across @ z + np.sum((across @ np.linalg.inv(H)) * across, axis=2) / 2
+        return float(g @ z - self.cost - np.linalg.slogdet(H)[1]) / 2, gain
 
 
 def _evenly(missed: FloatArray, same: BoolArray) -> FloatArray:
@@ -258,7 +278,7 @@ class DamageEffects:
     log_prior: FloatArray  # (P,)
     change: FloatArray  # (l, P, n) of ln f, by the losses solved for
     # what the measured shapes say, for each scale of their error; empty without any
-    shapes: tuple[DamageShapesAt, ...]
+    shapes: tuple[DamageTerms, ...]
     step: float  # between places where stretches end, m
     # length of the elements along the body, m: within one the energy is taken as even
     element: float

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from fecore.updating.additions import (
     Addition,
     AdditionScreening,
     AlteredForward,
+    Effect,
     Kind,
     effect_of,
     screened,
@@ -333,51 +335,74 @@ Hints = dict[Kind, tuple[list[Addition], AdditionScreening]]
 """By kind, what may be added to a body, and what screening makes of it."""
 
 
-def hints_of(
-    elastic: ElasticResult,
-    number: int,
-    problem: LinearProblem,
-    posterior: tuple[Mixture, FloatArray],
-    slips: Sequence[float],
-) -> Hints:
-    """What may be added to a campaign's body, beside the body as it is stated, whose clamp may
-    yield by its tolerance.
+@dataclass(frozen=True)
+class Suspects:
+    """What may be added to a campaign's body, beside the body as it is stated.
 
-    Args:
+    Attributes:
         elastic: the update.
         number: of the campaign.
-        problem: at the estimate.
-        posterior: about it, as of `screened`.
-        slips: sizes, in those that are usual.
     """
-    state, pairing, at = elastic.states[number], elastic.pairings[number], elastic.rows[number]
-    columns = [column for _, column in pairing.pairs]
-    every: dict[Kind, list[Addition]] = {
-        "mass": suspects.masses(state),
-        "foot": suspects.feet(state, max(columns)),
-        "support": suspects.supports(state, max(columns)),
-    }
 
-    hints = Hints()
-    for kind in ("mass", "foot"):
-        if additions := every[kind]:
-            sigma = np.array(slips)[:, None] * [each.usual for each in additions]
-            hint = screened(effect_of(state, additions), at, columns, problem, posterior, sigma)
-            hints[kind] = additions, hint
-    if not every["support"]:
-        return hints
-    yielding = compliance_of(elastic, number, every["support"], problem, posterior)
-    hints["support"] = every["support"], yielding.screened(slips)
-    yields = (
-        elastic.layout.campaigns[number].inputs.standard_deviation(CLAMP) / TOLERANCES[CLAMP][0]
-    )
-    if not yields:
-        return hints
-    stated = max(yielding.screened([yields]).evidence, 0.0)
-    return {
-        kind: (some, replace(each, evidence=each.evidence - stated, stated=stated))
-        for kind, (some, each) in hints.items()
-    }
+    elastic: ElasticResult
+    number: int
+
+    @cached_property
+    def additions(self) -> dict[Kind, list[Addition]]:
+        """Of each kind."""
+        state, highest = self.elastic.states[self.number], max(self._columns)
+        return {
+            "mass": suspects.masses(state),
+            "foot": suspects.feet(state, highest),
+            "support": suspects.supports(state, highest),
+        }
+
+    def hints(
+        self,
+        problem: LinearProblem,
+        posterior: tuple[Mixture, FloatArray],
+        slips: Sequence[float],
+    ) -> Hints:
+        """What screening makes of them, where the clamp may yield by its tolerance.
+
+        Args:
+            problem: at the estimate.
+            posterior: about it, as of `screened`.
+            slips: sizes, in those that are usual.
+        """
+        elastic, number = self.elastic, self.number
+        hints = Hints()
+        for kind, effect in self._effects.items():
+            sigma = np.array(slips)[:, None] * [each.usual for each in self.additions[kind]]
+            hint = screened(effect, elastic.rows[number], self._columns, problem, posterior, sigma)
+            hints[kind] = self.additions[kind], hint
+        supports = self.additions["support"]
+        if not supports:
+            return hints
+        yielding = compliance_of(elastic, number, supports, problem, posterior)
+        hints["support"] = supports, yielding.screened(slips)
+        yields = (
+            elastic.layout.campaigns[number].inputs.standard_deviation(CLAMP) / TOLERANCES[CLAMP][0]
+        )
+        if not yields:
+            return hints
+        stated = max(yielding.screened([yields]).evidence, 0.0)
+        return {
+            kind: (some, replace(each, evidence=each.evidence - stated, stated=stated))
+            for kind, (some, each) in hints.items()
+        }
+
+    @property
+    def _columns(self) -> list[int]:
+        return [column for _, column in self.elastic.pairings[self.number].pairs]
+
+    @cached_property
+    def _effects(self) -> dict[Kind, Effect]:
+        state = self.elastic.states[self.number]
+        kinds: tuple[Kind, ...] = ("mass", "foot")
+        return {
+            kind: effect_of(state, self.additions[kind]) for kind in kinds if self.additions[kind]
+        }
 
 
 def compliance_of(

@@ -175,7 +175,7 @@ def plan_tests(
     gains = [_gain(each, known, slope, count=count, about=about) for each in simulated]
     gains += [_gain_of_coupons(each, known, simulated[0], slope, about) for each in coupons]
     return Plan(
-        by_name(reported, known.standard_deviations(now) * slope),
+        by_name(reported, known.beside(now).standard_deviations() * slope),
         tuple(sorted(gains, key=lambda each: -each.information)),
     )
 
@@ -239,23 +239,45 @@ class _Known:
     def _is_made(self, unknown: Unknown) -> bool:
         return any(campaign.specimen == unknown.owner for campaign in self.campaigns)
 
-    def covariances(self, layout: Layout, more: FloatArray | float = 0.0) -> FloatArray:
+    def beside(self, layout: Layout) -> _Beside:
+        """What is known of the material beside more that is brought."""
+        scatters, probabilities = self.scatters(layout)
+        return _Beside(
+            self.informed(layout),
+            tuple(layout.precision(float(scatter)) for scatter in scatters),
+            probabilities,
+            len(layout.shared),
+        )
+
+
+@dataclass(frozen=True)
+class _Beside:
+    """The precision of the unknowns at each scatter, as the campaigns so far say."""
+
+    informed: FloatArray  # (X, X) that the campaigns bring
+    priors: tuple[FloatArray, ...]  # (X, X) of the prior at each scatter
+    probabilities: FloatArray  # (t,) of the scatters
+    shared: int  # how many unknowns are the material's, the first
+
+    def covariances(self, more: FloatArray | float = 0.0) -> FloatArray:
         """(t, q, q) of the material's parameters at each scatter, (X, X) information `more`
         included.
         """
-        information, shared = self.informed(layout) + more, len(layout.shared)
-        precisions = [
-            layout.precision(float(scatter)) + information for scatter in self.scatters(layout)[0]
-        ]
-        covariances: FloatArray = np.linalg.inv(precisions)[:, :shared, :shared]
+        information = self.informed + more
+        precisions = [prior + information for prior in self.priors]
+        covariances: FloatArray = np.linalg.inv(precisions)[:, : self.shared, : self.shared]
         return covariances
 
-    def standard_deviations(self, layout: Layout, more: FloatArray | float = 0.0) -> FloatArray:
+    def standard_deviations(self, more: FloatArray | float = 0.0) -> FloatArray:
         """(q,) of the material's parameters, whatever the scatter is."""
-        probabilities = self.scatters(layout)[1]
-        variances = np.diagonal(self.covariances(layout, more), axis1=1, axis2=2)
-        deviations: FloatArray = np.sqrt(probabilities @ variances)
+        variances = np.diagonal(self.covariances(more), axis1=1, axis2=2)
+        deviations: FloatArray = np.sqrt(self.probabilities @ variances)
         return deviations
+
+    def volume(self, rows: Sequence[int], more: FloatArray | float = 0.0) -> float:
+        """Mean of ½ ln |C| of some of the material's parameters."""
+        logs = np.linalg.slogdet(self.covariances(more)[:, rows][:, :, rows])[1]
+        return float(self.probabilities @ logs) / 2
 
 
 @dataclass(frozen=True)
@@ -342,12 +364,8 @@ def _information(known: _Known, layout: Layout, about: str | None) -> Callable[[
     """
     rows = [row for row, name in enumerate(layout.shared) if about in (None, name)]
 
-    def volume(of: Layout, more: FloatArray | float) -> float:
-        logs = np.linalg.slogdet(known.covariances(of, more)[:, rows][:, :, rows])[1]
-        return float(known.scatters(of)[1] @ logs) / 2
-
-    base = volume(known.now, 0.0)
-    return lambda brought: base - volume(layout, brought)
+    base, beside = known.beside(known.now).volume(rows), known.beside(layout)
+    return lambda brought: base - beside.volume(rows, brought)
 
 
 def _gain_of_coupons(
@@ -360,7 +378,7 @@ def _gain_of_coupons(
     layout = lay_out(campaigns, known.parameters, SCATTER, coupons.tested(beside.theta))
     combinations, _, sds = layout.of_coupons
     brought = combinations.T @ (combinations / sds[:, None] ** 2)
-    expected = by_name(layout.shared, known.standard_deviations(layout, brought) * slope)
+    expected = by_name(layout.shared, known.beside(layout).standard_deviations(brought) * slope)
     return TestGain(
         coupons.name, _information(known, layout, about)(brought), expected, np.zeros(0), (), 1.0
     )
@@ -397,7 +415,7 @@ def _gain(
         name=each.test.name,
         information=information(chosen),
         standard_deviations=by_name(
-            layout.shared, known.standard_deviations(layout, brought(chosen)) * slope
+            layout.shared, known.beside(layout).standard_deviations(brought(chosen)) * slope
         ),
         frequencies_hz=each.campaign.modes.frequency_hz[seen],
         points=tuple(chosen),

@@ -273,12 +273,13 @@ _TOLERANCE = TOLERANCES[CLAMP][0]
 def masses(state: ForwardState) -> list[Addition]:
     """A mass at each of some nodes, evenly spread."""
     model, nodes = state.forward.specimen.model, sites(state)
-    additions = []
-    for node in nodes:
-        place = tuple(model.mesh.nodes[node].tolist())
-        motion = _moving(model, np.array([node]), np.ones(1))
-        additions.append(Addition("mass", MASS, "kg", place, TYPICAL * UNSTATED_SENSOR, motion))
-    return additions
+    median = TYPICAL * UNSTATED_SENSOR
+    return [
+        Addition("mass", MASS, "kg", tuple(place), median, motion)
+        for place, motion in zip(
+            model.mesh.nodes[nodes].tolist(), _each_moving(model, nodes), strict=True
+        )
+    ]
 
 
 def feet(state: ForwardState, highest: int) -> list[Addition]:
@@ -287,12 +288,16 @@ def feet(state: ForwardState, highest: int) -> list[Addition]:
     The median is that which raises the most affected one of the elastic modes up to `highest` by a
     few times what a careful laboratory's clamp lowers it.
     """
-    model, additions = state.forward.specimen.model, []
-    nodes = model.mesh.nodes
-    for group in [*_ends(model), *(np.array([node]) for node in sites(state))]:
+    model, single = state.forward.specimen.model, sites(state)
+    nodes, additions = model.mesh.nodes, []
+    for group in _ends(model):
         motion = _moving(model, group, np.sqrt(_shares(nodes[group])))
         place = tuple(nodes[group].mean(axis=0).tolist())
-        additions.append(Addition("foot", "foot", "N/m", place, 1.0, motion, len(group) > 1))
+        additions.append(Addition("foot", "foot", "N/m", place, 1.0, motion, along_an_end=True))
+    additions += [
+        Addition("foot", "foot", "N/m", tuple(place), 1.0, motion)
+        for place, motion in zip(nodes[single].tolist(), _each_moving(model, single), strict=True)
+    ]
     shapes = state.every_shape[:, state.modes.rigid :][:, : highest + 1]
     value = state.modes.eigenvalue[state.modes.rigid :][: highest + 1]
     softest = [
@@ -401,3 +406,16 @@ def _moving(model: Model, nodes: IntArray, weights: FloatArray) -> scipy.sparse.
     rows = model.unfolded[(6 * nodes[:, None] + np.arange(3)).ravel()]
     rows.data *= np.repeat(np.repeat(weights, 3), np.diff(rows.indptr))
     return rows[np.diff(rows.indptr) > 0]
+
+
+def _each_moving(model: Model, nodes: IntArray) -> list[scipy.sparse.csr_array]:
+    """The same of each of (n,) nodes: one selection of all takes a tenth of one for each."""
+    selected, dofs = _moving(model, nodes, np.ones(nodes.size)), model.unfolded.shape[1]
+    rows = np.sum(np.diff(model.unfolded.indptr).reshape(-1, 6)[nodes, :3] > 0, axis=1)
+    motions, last = [], np.cumsum(rows)
+    for first, after in zip((last - rows).tolist(), last.tolist(), strict=True):
+        at = selected.indptr[first : after + 1]
+        entries = slice(int(at[0]), int(at[-1]))
+        own = selected.data[entries], selected.indices[entries], at - at[0]
+        motions.append(scipy.sparse.csr_array(own, shape=(after - first, dofs)))
+    return motions
