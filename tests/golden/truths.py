@@ -50,6 +50,24 @@ def is_no_rayleigh_body(api: httpx.Client, result: Result) -> None:
     assert 0.88 <= held["coverage_95"] <= 1.0
 
 
+def agree(sampled: Result, gaussian: Result) -> None:
+    """The posteriors of the same update, of whose frequencies all is nearly linear."""
+    assert min(sampled["posterior"]["effective_samples"]) >= 5000
+    expected = rows_of(gaussian)
+    for name, one in rows_of(sampled).items():
+        assert one["estimate"] == expected[name]["estimate"]
+        # 5,000 independent samples know a standard deviation to 1 %; the frequencies are not quite
+        # linear in the logarithms.
+        assert one["standard_deviation"] == pytest.approx(
+            expected[name]["standard_deviation"], rel=0.05
+        ), name
+    # Excursions reach to one side and the law's tails are long, so of a correlation the samples
+    # know 0.02 to 0.05.
+    np.testing.assert_allclose(
+        sampled["posterior"]["correlation"], gaussian["posterior"]["correlation"], atol=0.1
+    )
+
+
 def has_no_spring(result: Result) -> None:
     """A soft spring under the tip's edge, which is not there: the estimate is next to nothing, and
     not identifiable.

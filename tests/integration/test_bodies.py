@@ -190,7 +190,9 @@ COUPON_SD = 0.2e9
 def test_coupons_of_one_wall_are_the_prior_of_its_constants(
     api: httpx.Client, project: str
 ) -> None:
-    """A prior that reached another wall would pass as a measurement of it."""
+    """A prior that reached another wall would pass as a measurement of it; and a sensor on a wall
+    is a mass there.
+    """
     structure = made(api, project)["id"]
     unknown = {"name": "rib", "constants": ["Ex"], "sets": ["web", "rib"]}
     (fault,) = ok(api.post(f"structures/{structure}/coupon-batches", json=unknown), 422)["errors"]
@@ -201,8 +203,10 @@ def test_coupons_of_one_wall_are_the_prior_of_its_constants(
     batch = of_web(api, structure)
     assert ok(api.get(f"coupon-batches/{batch}"), 200)["sets"] == ["web"]
     recipe = {"prior_from_coupon_batch": batch, **FEW_MODES}
-    _, result = updated(api, structure, measured(), "free", recipe)
+    sensor = {"sensor_mass_kg": 0.002, "sensor_point": 2}
+    _, result = updated(api, structure, measured(), "free", recipe, instruments=sensor)
     constants = {row["name"]: row for row in result["parameters"]}
+    assert "sensor_mass" in {each["source"] for row in constants.values() for each in row["budget"]}
     assert constants["web.E2"]["prior_mean"] == TRUTH["web.E2"]
     # one more piece than the twenty
     assert COUPON_SD < constants["web.E2"]["prior_sd"] < 1.1 * COUPON_SD
@@ -213,15 +217,6 @@ def test_coupons_of_one_wall_are_the_prior_of_its_constants(
         < constants["web.E2"]["interval_95"][1]
     )
     assert constants["web.E2"]["standard_deviation"] <= constants["web.E2"]["prior_sd"]
-
-
-def test_a_sensor_on_a_wall_is_a_mass_there(api: httpx.Client, project: str) -> None:
-    structure = made(api, project)
-    sensor = {"sensor_mass_kg": 0.002, "sensor_point": 2}
-    recipe = {"parameters": [{"name": "flange.E1"}], **FEW_MODES}
-    _, result = updated(api, structure["id"], measured(), "free", recipe, instruments=sensor)
-    sources = {entry["source"] for row in result["parameters"] for entry in row["budget"]}
-    assert "sensor_mass" in sources
 
 
 def test_a_shape_is_kept_in_versions(api: httpx.Client, project: str) -> None:

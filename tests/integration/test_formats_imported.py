@@ -4,10 +4,10 @@
 
 import io
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
 from typing import Any
+from uuid import uuid4
 
 import httpx
 import numpy as np
@@ -249,17 +249,8 @@ def test_the_same_bytes_are_read_again_by_another_mapping_or_for_a_script(
     assert "hit 2 of point 4 is in the campaign already" in ok(twice, 409)["detail"]
 
 
-@pytest.fixture
-def idle(new_service: Callable[..., LocalService]) -> Iterator[Callable[..., LocalService]]:
-    """Services without a worker."""
-    with ExitStack() as stack:
-        yield lambda **settings: stack.enter_context(new_service(worker=False, **settings))
-
-
-def test_what_nobody_reads_in_time_is_answered_with_its_import(
-    idle: Callable[..., LocalService],
-) -> None:
-    with client_of(idle(import_wait_seconds=0.05), "k") as client:
+def test_what_nobody_reads_in_time_is_answered_with_its_import(idle: LocalService) -> None:
+    with client_of(idle, f"k {uuid4()}") as client:
         campaign = f"campaigns/{campaigns_of(client, 'p')[0]}"
         frf = client.post(
             f"{campaign}/frfs", content=frfs("npz"), headers={"Content-Type": "application/x-npz"}
@@ -275,49 +266,31 @@ def test_what_nobody_reads_in_time_is_answered_with_its_import(
             assert ok(client.get(f"imports/{state['id']}"), 200) == state
 
 
-def test_who_waits_for_a_file_keeps_nobody_else_waiting(idle: Callable[..., LocalService]) -> None:
-    """With one slot and one connection, another request is answered while a file is waited for."""
-    service = idle(database_pool=1, import_wait_seconds=600)
-    with client_of(service, "k") as client, ThreadPoolExecutor(3) as threads:
+def test_who_waits_for_a_file_keeps_nobody_else_waiting(
+    new_service: Callable[..., LocalService],
+) -> None:
+    """With one slot and one connection, another request is answered while files are waited for. A
+    wait counts as a stream of events, of which a key may have half: the import of one more file is
+    said at once.
+    """
+    headers = {"Content-Type": "application/x-npz"}
+    narrow = new_service(worker=False, database_pool=1, event_streams=6, import_wait_seconds=600)
+    with narrow as service, client_of(service, "k") as client, ThreadPoolExecutor(3) as threads:
         campaign = f"campaigns/{campaigns_of(client, 'p')[0]}"
-        waits = [
-            threads.submit(
-                client.post,
-                f"{campaign}/frfs",
-                content=frfs("npz"),
-                headers={"Content-Type": "application/x-npz"},
-            )
-            for _ in range(3)
-        ]
+
+        def send() -> httpx.Response:
+            return client.post(f"{campaign}/frfs", content=frfs("npz"), headers=headers)
+
+        waits = [threads.submit(send) for _ in range(3)]
         until(
             lambda: len(ok(client.get(f"{campaign}/imports"), 200)["items"]) == 3, "three imports"
         )
         assert ok(client.get("projects"), 200)["items"]
+        assert [send().status_code for _ in range(2)] == [202, 202]
         assert not any(one.done() for one in waits)
         service.processes["api"].terminate()
         # whose addresses are said before it ends
         assert {one.result().status_code for one in waits} == {202}
-
-
-def test_where_no_more_may_wait_the_import_is_said_at_once(
-    idle: Callable[..., LocalService],
-) -> None:
-    """A wait counts as a stream of events, of which a key may have half."""
-    service = idle(event_streams=2, import_wait_seconds=600)
-    headers = {"Content-Type": "application/x-npz"}
-    with client_of(service, "k") as client, ThreadPoolExecutor(1) as threads:
-        campaign = f"campaigns/{campaigns_of(client, 'p')[0]}"
-        waits = threads.submit(
-            client.post, f"{campaign}/frfs", content=frfs("npz"), headers=headers
-        )
-        until(lambda: ok(client.get(f"{campaign}/imports"), 200)["items"], "the import")
-        answers = [
-            client.post(f"{campaign}/frfs", content=frfs("npz"), headers=headers) for _ in range(2)
-        ]
-        assert [answer.status_code for answer in answers] == [202, 202]
-        assert not waits.done()
-        service.processes["api"].terminate()
-        assert waits.result().status_code == 202
 
 
 def test_bombs_of_every_format_are_refused_in_words_and_the_api_holds_none(

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from modalbase.formats.models.inp import read_inp
-from tests.integration.test_bodies import FEW_MODES, updated
+from tests.integration.test_bodies import updated
 from tests.support.calculix import ccx, frequencies
 from tests.support.lengths import long
 from tests.support.places import ROOT, shared_file
@@ -108,22 +108,8 @@ def zipped(**files: bytes) -> bytes:
     return buffer.getvalue()
 
 
-def test_a_deck_and_what_it_includes_come_in_one_zip(api: httpx.Client, bare: str) -> None:
+def test_an_archive_without_one_deck_is_refused(api: httpx.Client, bare: str) -> None:
     whole = deck()
-    start, end = whole.index(b"*MATERIAL"), whole.index(b"*SHELL SECTION")
-    main = whole[:start] + b"*INCLUDE, INPUT=mat/gfrp.inp\n" + whole[end:]
-    files = {"job/angle.inp": main, "job/mat/gfrp.inp": whole[start:end]}
-    model = sent(api, bare, zipped(**files), units="m-N-kg", filename="angle.zip")
-    assert model["status"] == "succeeded", model["message"]
-    assert model["found"]["materials"][0]["constants"]["E1"] == 23e9
-    one = {"parameters": [{"name": "flange.E1"}], **FEW_MODES}
-    address, _ = updated(api, bare, measured(), "free", one)
-    answer = api.get(f"{api.base_url.join(address)}/deck")
-    assert answer.headers["content-disposition"] == 'attachment; filename="updated-angle.zip"'
-    with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
-        assert archive.namelist() == list(files)
-        assert b"updated: E1 of" in archive.read("job/mat/gfrp.inp")
-        assert b"*INCLUDE, INPUT=mat/gfrp.inp" in archive.read("job/angle.inp")
     two = sent(
         api, bare, zipped(**{"a.inp": whole, "b.inp": whole}), units="m-N-kg", filename="two.zip"
     )
@@ -249,8 +235,12 @@ def test_what_is_wrong_with_a_deck_is_said_by_line(api: httpx.Client, bare: str)
 def test_an_update_of_a_deck_finds_the_constants_of_its_sets(
     api: httpx.Client, bare: str, boundary: str
 ) -> None:
-    """What a user of a solver wants: a deck and FRFs go in, the same deck comes back with its constants."""
-    assert sent(api, bare, deck(), units="m-N-kg")["status"] == "succeeded"
+    """What a user of a solver wants: a deck with what it includes and FRFs go in, the same files
+    come back with their constants.
+    """
+    model = sent(api, bare, zipped(**parted()), units="m-N-kg", filename="angle.zip")
+    assert model["status"] == "succeeded", model["message"]
+    assert model["found"]["materials"][0]["constants"]["E1"] == 23e9
     content = measured(boundary="free" if boundary == "free" else "cantilever")
     address, result = updated(api, bare, content, boundary)
     constants = {row["name"]: row for row in result["parameters"]}
@@ -258,10 +248,18 @@ def test_an_update_of_a_deck_finds_the_constants_of_its_sets(
         low, high = constants[name]["interval_95"]
         assert low < value < high, name
     report = api.get(f"{api.base_url.join(address)}/report").text
-    assert "model angle.inp: flange 4 mm, web 4 mm" in report
+    assert "model angle.zip: flange 4 mm, web 4 mm" in report
     handed_back(api, address, constants)
     for name in ("frf", "shapes", "sac"):
         assert ok(api.get(f"{api.base_url.join(address)}/figures/{name}"), 200)["data"]
+
+
+def parted() -> dict[str, bytes]:
+    """The deck in two files, of which one includes the other."""
+    whole = deck()
+    start, end = whole.index(b"*MATERIAL"), whole.index(b"*SHELL SECTION")
+    main = whole[:start] + b"*INCLUDE, INPUT=mat/gfrp.inp\n" + whole[end:]
+    return {"job/angle.inp": main, "job/mat/gfrp.inp": whole[start:end]}
 
 
 def handed_back(api: httpx.Client, address: str, constants: dict[str, Any]) -> None:
@@ -269,15 +267,20 @@ def handed_back(api: httpx.Client, address: str, constants: dict[str, Any]) -> N
     back.
     """
     answer = api.get(f"{api.base_url.join(address)}/deck")
-    assert answer.headers["content-disposition"] == 'attachment; filename="updated-angle.inp"'
+    assert answer.headers["content-disposition"] == 'attachment; filename="updated-angle.zip"'
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
+        assert archive.namelist() == list(parted())
+        main, included = map(archive.read, archive.namelist())
+    assert b"updated: E1 of" in included
+    content = main.replace(b"*INCLUDE, INPUT=mat/gfrp.inp\n", included)
     assert "/deck is it" in ok(api.get(f"{api.base_url.join(address)}/cards"), 409)["detail"]
-    lines, before = answer.content.splitlines(), deck().splitlines()
+    lines, before = content.splitlines(), deck().splitlines()
     nodes = slice(before.index(b"*NODE, NSET=ALL"), before.index(b"*ORIENTATION, NAME=O"))
-    assert b"\n".join(before[nodes]) in answer.content
+    assert b"\n".join(before[nodes]) in content
     head = [line for line in lines if line.startswith(b"**")]
     assert any(b"with joints" in line for line in head)
     assert sum(b"mode " in line and b"% from" in line for line in head) >= 6
-    model = read_inp(answer.content)
+    model = read_inp(content)
     for name in ("flange", "web"):
         (material,) = (model.materials[each] for each in model.sections[name].materials)
         for constant in ("E1", "E2", "G12", "G13", "G23"):

@@ -57,22 +57,6 @@ def day(number: int) -> str:
     return (START + timedelta(days=30 * number)).isoformat()
 
 
-@pytest.fixture(scope="module")
-def service(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
-    """A service of its own, whose scheduler looks at every monitor every two seconds and whose
-    webhooks may go to loopback.
-    """
-    with new_service(
-        monitor_sweep_seconds=2.0,
-        campaign_settle_seconds=0.0,
-        webhook_networks="127.0.0.0/8",
-        webhook_ports="1-65535",
-        delivery_pause_seconds=0.1,
-        job_lease_seconds=5.0,
-    ) as running:
-        yield running
-
-
 class Lab:
     """A structure with a monitor, and what one does with them."""
 
@@ -135,7 +119,7 @@ def outcome(series: Any, campaign: str) -> Any:
 
 @pytest.fixture(scope="module")
 def client(service: LocalService) -> Iterator[httpx.Client]:
-    with client_of(service, "laboratory") as client:
+    with client_of(service, f"laboratory {uuid4()}") as client:
         yield client
 
 

@@ -196,7 +196,7 @@ class Round:
         known = [name for name in only or asked if name in judged]
         for name in sorted(known, key=lambda name: (name.startswith("DELETE"), name)):
             for caller in callers:
-                if long or _tells(caller, *judged[name]):
+                if long or _tells(name, caller, *judged[name]):
                     self._ask_all(name, asked[name], judged[name], caller)
         owner = next(caller for caller in callers if caller.role == "owner")
         reads = [name for name in known if name.startswith("GET") and judged[name][0] == "read"]
@@ -405,13 +405,16 @@ class Round:
             )["id"]
 
 
-def _tells(caller: Caller, scope: str, role: str) -> bool:
-    """Whether the answer to a caller shows what the answers to others do not."""
-    if caller.administrator and "admin" not in caller.scopes:
-        return "admin" in (scope, role) or role == "administrator"
+def _tells(name: str, caller: Caller, scope: str, role: str) -> bool:
+    """Whether the answer to a caller shows what the answers to others do not: an administrator may
+    look after users, and nothing else that others may not.
+    """
+    if caller.administrator:
+        read = name.startswith("GET") and "admin" in caller.scopes
+        return read or "admin" in (scope, role) or role == "administrator"
     if len(caller.scopes) == 1 and scope in SCOPES:
         return caller.scopes[0] in (scope, SCOPES[SCOPES.index(scope) - 1])
-    if caller.role in ("viewer", "editor") and not caller.administrator:
+    if caller.role in ("viewer", "editor"):
         return caller.role in {"editor": ("viewer", "editor"), "owner": ("editor",)}.get(
             role, ("viewer",)
         )

@@ -268,28 +268,6 @@ class Kept:
         self.all.append(data)
 
 
-def test_sampled_and_gaussian_posteriors_agree(identified: Measurement) -> None:
-    recipe, kept = Recipe(parameters=(Parameter("Ex"), Parameter("Gxy")), seed=1), Kept()
-    sampled = update(identified, COARSE, replace(recipe, posterior="mcmc"), checkpoint=kept)
-    assert min(sampled.posterior.effective_samples) >= 5000
-    expected, samples = update(identified, COARSE, recipe), sampled.posterior.samples
-    assert samples is not None
-    for gaussian, one in zip(expected.parameters, sampled.parameters, strict=True):
-        assert gaussian.estimate == one.estimate
-        # 5,000 independent samples know a standard deviation to 1 %; the frequencies are not quite
-        # linear in the logarithms.
-        assert one.standard_deviation == pytest.approx(gaussian.standard_deviation, rel=0.05)
-    # Excursions reach to one side and the law's tails are long, so of a correlation the samples
-    # know 0.02 to 0.05.
-    np.testing.assert_allclose(
-        sampled.posterior.correlation, expected.posterior.correlation, atol=0.1
-    )
-    low, high = np.quantile(samples[:, -1], [0.025, 0.975])
-    assert expected.posterior.names[-1] == "a1"
-    assert (low, high) == pytest.approx(expected.parameters[-1].interval_95, rel=0.005)
-    assert len(kept.all) > 2
-
-
 def test_a_chain_taken_up_again_ends_with_the_same_bits() -> None:
     covariance = np.array([[4.0, 1.0], [1.0, 1.0]])
     inverse = np.linalg.inv(covariance)

@@ -181,7 +181,7 @@ def test_a_clamp_that_yields_moves_the_frequencies_as_a_block_on_springs_does() 
 
 @pytest.mark.long
 def test_the_clamp_of_a_body_that_was_tested_free_too_is_found() -> None:
-    """In short that of the paper's bar is, in `test_campaigns.py`."""
+    """In short that of the paper's bar is, in `tests/golden`."""
     truth = {"flange.E1": 25e9, "web.E1": 22e9, "flange.G12": 2.7e9, "web.G12": 3.3e9}
     held = replace(BEAM, supports=of_boundary("cantilever"))
     soft = yielding(held, replace(Inputs.exact(), clamp_compliance_sd=0.012 / 0.6745))
