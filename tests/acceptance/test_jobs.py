@@ -15,7 +15,8 @@ from service.platform.queue.child import PURGED
 from service.platform.queue.tables import Job
 from service.tasks.kinds import KINDS
 from tests.support import backups, kills
-from tests.support.backups import RECIPE, Laboratory, hits_of_a_point, restored
+from tests.support.backups import RECIPE, Laboratory, hits_of_a_point
+from tests.support.command import modalbase_here
 from tests.support.floor import Floor, floor
 from tests.support.lengths import long
 from tests.support.outage import outage
@@ -213,12 +214,13 @@ def test_jobs_of_every_kind_run_to_their_end_in_a_restored_service() -> None:
     assert tally.after["update", "cancelled"] == 2
 
 
-def test_the_jobs_of_an_older_schema_run_to_their_end(short_folder: Path) -> None:
+def test_the_jobs_of_an_older_schema_run_to_their_end(empty_database: str) -> None:
     """`jobs-0057.modalbase` was written at revision 0057, of the service that `keep_waiting` leaves,
     with an update of one campaign and one of two that had ended.
     """
     file = Path(__file__).parents[1] / "integration" / "files" / "jobs-0057.modalbase"
-    ended = Counter((job.kind, job.state) for job in restored(file, short_folder / "data"))
+    modalbase_here("restore", file, code=0, MODALBASE_DATABASE_URL=empty_database)
+    ended = Counter((job.kind, job.state) for job in backups.ended(empty_database))
     assert {kind for kind, _ in ended} == EVERY_KIND
     assert ended.pop(("update", "cancelled")) == 2
     assert {state for _, state in ended} == {"succeeded"}

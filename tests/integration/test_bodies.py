@@ -52,15 +52,21 @@ def updated(
     return job.headers["Location"], result_of(api, job.headers["Location"])
 
 
-@pytest.mark.parametrize("boundary", ["cantilever", long("free"), long("simply_supported")])
-def test_constants_of_each_wall_come_back_from_an_empty_recipe(
-    api: httpx.Client, project: str, boundary: str
+@pytest.mark.parametrize(
+    ("boundary", "recipe"),
+    [
+        ("cantilever", FEW_MODES),
+        *(long(each, {}) for each in ("cantilever", "free", "simply_supported")),
+    ],
+)
+def test_constants_of_each_wall_come_back(
+    api: httpx.Client, project: str, boundary: str, recipe: dict[str, Any]
 ) -> None:
     """The main promise of bodies in space, as a user meets it: FRFs go in, the constants of each
-    wall come out within their intervals.
+    wall come out within their intervals; from an empty recipe in short in `test_models.py`.
     """
     structure = made(api, project)
-    address, result = updated(api, structure["id"], measured(boundary=boundary), boundary)
+    address, result = updated(api, structure["id"], measured(boundary=boundary), boundary, recipe)
     assert result["verdict"]["level"] in ("usable", "with_care")
     constants = {row["name"]: row for row in result["parameters"]}
     assert list(constants)[:10] == [

@@ -342,7 +342,6 @@ def test_a_monitor_by_hand_and_one_on_a_schedule(
 def test_a_deleted_monitor_is_gone_until_it_is_restored(client: httpx.Client) -> None:
     lab = Lab(client, runs_on="hand")
     working = lab.watch(name="works")
-    first = lab.campaign(0)
     path = f"monitors/{working}"
     ok(client.post(f"{path}/restore"), 409)
     etag = client.get(path).headers["ETag"]
@@ -365,14 +364,12 @@ def test_a_deleted_monitor_is_gone_until_it_is_restored(client: httpx.Client) ->
         assert working not in ids(client, listed)
         assert working in ids(client, listed, deleted="true")
         assert lab.monitor not in ids(client, listed, deleted="true")
-    second = post_campaign(
-        client, lab.structure, {"name": "in between", "performed_at": day(1)}, frfs(1.0, 1)
-    )
-    assert ok(client.post(f"campaigns/{second}/complete"))["runs"] == []
+    between = lab.campaign(1)
+    assert ok(client.post(f"campaigns/{between}/complete"))["runs"] == []
     shown = ok(client.post(f"{path}/restore"))
     assert (shown["deleted_at"], shown["name"]) == (None, "works")
     lab.monitor = working
-    lab.judged([first, second])
+    lab.judged([between])
     acts = [
         e["action"] for e in ok(client.get("audit-events"))["items"] if e["subject_id"] == working
     ]

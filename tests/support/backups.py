@@ -81,7 +81,9 @@ def soak() -> Tally:
             keep_waiting(here)
             before = here.jobs()
             run("backup", str(folder / "backup"), MODALBASE_DATABASE_URL=here.url)
-        after = {job.id: job for job in restored(folder / "backup", folder / "data")}
+        run("restore", str(folder / "backup"), "--data", str(folder / "data"))
+        with embedded_server(folder / "data") as url:
+            after = {job.id: job for job in ended(url)}
     for job in before:
         state = "cancelling" if job.state == "running" and job.cancel_requested else job.state
         expected = "cancelled" if state.startswith("cancel") else "succeeded"
@@ -94,10 +96,9 @@ def soak() -> Tally:
     return tally
 
 
-def restored(file: Path, data: Path) -> list[Job]:
-    """Restore a backup into a new data folder, and let its jobs end there."""
-    run("restore", str(file), "--data", str(data))
-    with embedded_server(data) as url, floor(url) as there:
+def ended(database_url: str) -> list[Job]:
+    """Let the jobs of a restored database end."""
+    with floor(database_url) as there:
         # until the jobs that the killed worker had are taken over
         there.modalbase("worker", job_lease_seconds=5.0)
         there.until(

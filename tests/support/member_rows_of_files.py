@@ -58,7 +58,7 @@ _TYPED = {"mode_set": "{mode_set_id}"}
 _IDENTIFIED = {"mode_set": None, "identification": RECIPE["identification"]}
 RECIPE_ROWS: dict[str, Any] = {
     "method": held("joint", "estimate", _IDENTIFIED),
-    "mode_set": To("{second_mode_set_id}", "measured_hz"),
+    "mode_set": held("{second_mode_set_id}", "measured_hz"),
     "identification": (
         held({"band_hz": [5, 300], "highest_order": 10}, "measured_hz", _IDENTIFIED),
         Refused({"highest_order": 10}),
@@ -68,8 +68,8 @@ RECIPE_ROWS: dict[str, Any] = {
     ),
     "zones_m": held([0.25], "initial_hz"),
     "junctions": Refused("off"),
-    "parameters": To([{"name": "Ex"}], "estimate"),
-    "prior_from_coupon_batch": To("{batch_id}", "prior_mean"),
+    "parameters": held([{"name": "Ex"}], "estimate"),
+    "prior_from_coupon_batch": held("{batch_id}", "prior_mean"),
     "processing": Refused({"estimator": "H2"}),
     "use_shapes": held(True, "estimate"),
     "damping_models": held(["modal"], "coefficients"),
@@ -77,7 +77,10 @@ RECIPE_ROWS: dict[str, Any] = {
     "band_hz": held([5, 400], "band_hz"),
     "hold_out": held({"points": [4]}, "frac"),
     "reference_temperature_c": held(60.0, "estimate"),
-    "inputs": (To({"thickness_sd_m": 1e-3}, "standard_deviation"), Refused({"height_sd_m": 1e-4})),
+    "inputs": (
+        held({"thickness_sd_m": 1e-3}, "standard_deviation"),
+        Refused({"height_sd_m": 1e-4}),
+    ),
     "posterior": held("mcmc", "standard_deviation"),
     "seed": held(7, "standard_deviation", {"posterior": "mcmc"}),
     "priority": To(3, "priority", waits="never"),

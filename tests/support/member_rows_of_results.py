@@ -62,8 +62,8 @@ def _of(*rows: tuple[Any, Any]) -> Any:
 RESULTS: dict[str, Body] = {
     "POST /update-jobs": Body(
         {
-            "recipe": To({**JOINT_RECIPE, "parameters": [{"name": "Ex"}]}, "estimate"),
-            "jobs": To([{"campaign_id": "{campaign_id}"}, _LATER], "campaigns"),
+            "recipe": held({**JOINT_RECIPE, "parameters": [{"name": "Ex"}]}, "estimate"),
+            "jobs": held([{"campaign_id": "{campaign_id}"}, _LATER], "campaigns"),
             "joint": To(False, "items", waits="never"),
             "scatter": (held(0.2, "standard_deviation", {"jobs": _TWO_SPECIMENS}), Refused(0.2)),
             "coupon_batches": held(["{batch_id}"], "standard_deviation"),
