@@ -58,7 +58,7 @@ def socket_of(url: str) -> Path:
     return Path(str(make_url(url).query["host"]))
 
 
-@pytest.mark.parametrize("name", ["a b", "Prüfstand µε", LONG, "x,y", "$HOME`id`\"'\\"])
+@pytest.mark.parametrize("name", ["a b, Prüfstand µε $HOME`id`\"'\\", LONG])
 def test_any_path_will_do(folder: Path, cluster: Path, name: str) -> None:
     data = filled(folder / name / "data", cluster)
     with embedded_server(data) as url, psycopg.connect(url) as connection:

@@ -141,7 +141,7 @@ def test_one_key_has_half_of_the_streams_of_events(narrow: LocalService) -> None
 
 def test_many_clients_and_streams_at_once_get_answers(service: LocalService) -> None:
     """The soak under load in short: whoever asks has an answer, which is no bare error."""
-    outcome = load(service, seconds=2, clients=40, streams=40, keys=4, pause=1)
+    outcome = load(service, seconds=1, clients=40, streams=40, keys=4, pause=1)
     assert outcome.bare_errors == []
     assert outcome.streams == 40
     assert outcome.events >= 40

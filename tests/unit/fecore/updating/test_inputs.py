@@ -26,6 +26,8 @@ from tests.support.cantilever import MEASURED_HZ, PARAMETERS
 from tests.support.draws import Drawn
 from tests.support.fits import COARSE, at_prior, forward_model, update_elastic
 
+RAYLEIGH = Recipe(damping_models=("rayleigh",))
+
 
 @pytest.fixture(scope="module")
 def exact(identified: Measurement) -> UpdateResult:
@@ -122,19 +124,22 @@ def test_a_stated_window_is_taken_off_the_damping(
     # 1/τ = 4 1/s on top of what the body has: a0 comes out 8 1/s lower, and nothing else moves.
     seen = {p.name: p.estimate for p in exact.parameters}
     windowed = replace(identified, inputs=replace(Inputs.exact(), window_rate=4.0))
-    stated = update(windowed, COARSE)
+    stated = update(windowed, COARSE, RAYLEIGH)
     found = {p.name: p.estimate for p in stated.parameters}
     assert found["a0"] == pytest.approx(seen["a0"] - 8, abs=0.25)
     assert found["a1"] == pytest.approx(seen["a1"], rel=0.01)
     assert found["Ex"] == pytest.approx(seen["Ex"], rel=1e-4)
     rough = _half_widths(
-        update(replace(windowed, inputs=replace(windowed.inputs, window_rate_sd=0.5)), COARSE)
+        update(
+            replace(windowed, inputs=replace(windowed.inputs, window_rate_sd=0.5)), COARSE, RAYLEIGH
+        )
     )
     sure = _half_widths(stated)
     # a0 has twice the window's rate
     assert rough["a0"] == pytest.approx(np.hypot(sure["a0"], 1.96 * 2 * 0.5), rel=0.1)
     assert rough["Ex"] == pytest.approx(sure["Ex"])
-    unsure = update(replace(windowed, inputs=replace(windowed.inputs, window_rate_sd=None)), COARSE)
+    unknown = replace(windowed.inputs, window_rate_sd=None)
+    unsure = update(replace(windowed, inputs=unknown), COARSE, RAYLEIGH)
     assert _half_widths(unsure)["a0"] > 1.5 * sure["a0"]
     window = "the response seems to have had an exponential window that is not stated"
     assert any(window in warning for warning in unsure.warnings)
@@ -162,8 +167,8 @@ def test_a_delay_between_channels_is_found_and_leaves_the_damping_alone(
     delay, frfs = -80e-6, drawn.measurement.frfs
     assert frfs is not None
     late = replace(frfs, values=frfs.values * np.exp(-1j * frfs.omega * delay))
-    clean = update(replace(identified, inputs=inputs), COARSE)
-    result = update(replace(drawn.measurement, frfs=late, inputs=inputs), COARSE)
+    clean = update(replace(identified, inputs=inputs), COARSE, RAYLEIGH)
+    result = update(replace(drawn.measurement, frfs=late, inputs=inputs), COARSE, RAYLEIGH)
     assert result.channel_delay_s == pytest.approx(delay, abs=1e-6)
     for one, other in zip(result.parameters[-2:], clean.parameters[-2:], strict=True):
         assert one.estimate == pytest.approx(other.estimate, rel=0.005), one.name

@@ -87,7 +87,8 @@ def test_directions_that_are_typed_negative_change_nothing(
 def test_held_out_points_and_band_are_not_seen_by_the_fit(drawn: Drawn) -> None:
     """Spoiling what is held out must leave every estimate as it was, to the bit."""
     measurement = drawn.measurement
-    recipe = Recipe(hold_out=HoldOut(points=(4, 7), band_hz=(500.0, 600.0)))
+    held = HoldOut(points=(4, 7), band_hz=(500.0, 600.0))
+    recipe = Recipe(hold_out=held, damping_models=("rayleigh",))
     spoilt = measurement.frfs.values.copy()
     rows = [i for i, dof in enumerate(measurement.frfs.references) if dof.point in (4, 7)]
     spoilt[rows] *= 3
@@ -108,7 +109,9 @@ def test_a_tied_constant_has_the_doubt_of_its_tie(identified: Measurement) -> No
         found = {
             p.name: p
             for p in update(
-                replace(identified, frfs=None), COARSE, Recipe(parameters=parameters)
+                replace(identified, frfs=None),
+                COARSE,
+                Recipe(parameters=parameters, damping_models=("rayleigh",)),
             ).parameters
         }
         low, high = np.log(found["Gyz"].interval_95)
@@ -233,7 +236,11 @@ def test_shapes_tell_what_frequencies_do(
     drawn: Drawn, identified: Measurement, result: UpdateResult
 ) -> None:
     true = drawn.true
-    shaped = update(replace(identified, frfs=None), COARSE, Recipe(use_shapes=True))
+    shaped = update(
+        replace(identified, frfs=None),
+        COARSE,
+        Recipe(use_shapes=True, damping_models=("rayleigh",)),
+    )
     assert all(inside(shaped, true)[name] for name in ("Ex", "Gxy", "Gxz"))
     # As shares of the estimates: their coordinates are logarithms.
     one = {p.name: p.standard_deviation / p.estimate for p in result.parameters}
