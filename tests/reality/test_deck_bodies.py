@@ -15,6 +15,7 @@ from modalbase.formats.models.units import in_si
 from service.compute.models.bodies import body_of_model
 from service.compute.models.reading import parsed
 from tests.support.bodies import hz
+from tests.support.lengths import long
 from tests.support.places import shared_file
 
 
@@ -103,7 +104,7 @@ def test_a_trailing_edge() -> None:
     forecasts_find_their_points(body)
 
 
-@pytest.mark.parametrize("thickness", ["1.0", "6.0"])
+@pytest.mark.parametrize("thickness", ["6.0", long("1.0")])
 def test_a_trailing_edge_of_other_skins(thickness: str) -> None:
     content = deck("deck_trailing_edge.inp").replace(b"\n3.0\n", f"\n{thickness}\n".encode())
     body = body_of(content, "a.inp")
