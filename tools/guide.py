@@ -35,6 +35,7 @@ def _page(address: str) -> str:
         "../" * address.count("/"),
         tuple(f"static/{style}" for style in STYLES),
         service=False,
+        search=False,
     )
     assert html is not None, address
     return html

@@ -234,3 +234,27 @@ def test_points_are_joined_along_the_files_trace_lines(
     match = re.search(r'id="in-space">(.*?)</script>', page)
     assert match
     assert json.loads(match.group(1))["joined"] == [[1, 2]]
+
+
+@pytest.mark.parametrize(
+    ("question", "first", "text"),
+    [
+        ("zweifel prior", None, "No section has all of"),
+        ("", None, "Type words that a page has"),
+        ("<scriptum> & 'x'", None, "No section has all of"),
+        ("Restore backup", "database.html", "<mark>backup</mark>"),
+        ("COUPON prior", "coupons.html", "<mark>prior"),
+    ],
+)
+def test_the_guide_is_searched(
+    service: LocalService, question: str, first: str | None, text: str
+) -> None:
+    with httpx.Client(base_url=f"{service.url}/guide/", trust_env=False, timeout=60) as anybody:
+        answer = anybody.get("search", params={"q": question})
+        assert answer.status_code == 200
+        assert text in answer.text
+        assert "<script" not in answer.text
+        hits = re.findall(r'<li><a href="([^"#]+\.html)#([^"]+)">', answer.text.partition("<ol")[2])
+        assert (hits[0][0] if hits else None) == first
+        for address, anchor in hits[:3]:
+            assert f'id="{anchor}"' in anybody.get(address).text

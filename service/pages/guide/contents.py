@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import posixpath
 import re
-from collections.abc import Iterator, Set
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -42,6 +42,7 @@ class Rendered:
     title: str  # its first heading
     body: str  # HTML
     sections: tuple[PageHeading, ...]  # the headings of the second level
+    texts: tuple[tuple[PageHeading, str], ...]  # each heading with the text below it
 
 
 def render(text: str, name: str, names: Set[str]) -> Rendered:
@@ -65,13 +66,13 @@ def render(text: str, name: str, names: Set[str]) -> Rendered:
         if token.type in ("th_open", "td_open") and "style" in token.attrs:
             token.attrs = {"class": "num"} if "right" in str(token.attrs["style"]) else {}
     _close_alike(tokens)
-    headings = list(_headings(tokens))
+    headings, texts = list(_headings(tokens)), tuple(_texts(tokens))
     body = "".join(
         f'<div class="scroll" tabindex="0">{html}</div>\n' if wide else html
         for wide, html in _pieces(markdown, tokens)
     )
     sections = tuple(heading for level, heading in headings if level == "h2")
-    return Rendered(headings[0][1].text, body, sections)
+    return Rendered(headings[0][1].text, body, sections, texts)
 
 
 def anchor(text: str) -> str:
@@ -120,6 +121,23 @@ def _headings(tokens: list[Token]) -> Iterator[tuple[str, PageHeading]]:
             text = "".join(part.content for part in inline.children or [])
             opening.attrs["id"] = anchor(text)
             yield opening.tag, PageHeading(anchor(text), text)
+
+
+def _texts(tokens: list[Token]) -> Iterator[tuple[PageHeading, str]]:
+    """Each heading with the text below it, without marks."""
+    heading, words, within = PageHeading("", ""), list[str](), False
+    for token in tokens:
+        if token.type == "heading_open":
+            if heading.text:
+                yield heading, " ".join(words)
+            heading, words, within = PageHeading(str(token.attrs["id"]), ""), [], True
+        elif within:
+            text = "".join(part.content for part in token.children or [])
+            heading, within = PageHeading(heading.anchor, text), False
+        elif token.type in ("inline", "fence", "code_block"):
+            parts = token.children or [token]
+            words += "".join(part.content or " " for part in parts).split()
+    yield heading, " ".join(words)
 
 
 def _pieces(markdown: MarkdownIt, tokens: list[Token]) -> Iterator[tuple[bool, str]]:
@@ -186,12 +204,25 @@ def chapters() -> tuple[Chapter, ...]:
     return tuple(Chapter(title, tuple(pages)) for title, pages in entries)
 
 
+def rendered(address: str) -> Rendered:
+    """The page at an address that it has."""
+    return _rendered(address.removesuffix(".html") + ".md")
+
+
 @cache
 def _rendered(name: str) -> Rendered:
     return render(files()[name].read_text(encoding="utf-8"), name, files().keys())
 
 
-def whole_page(address: str, root: str, styles: tuple[str, ...], *, service: bool) -> str | None:
+def whole_page(
+    address: str,
+    root: str,
+    styles: tuple[str, ...],
+    *,
+    service: bool,
+    search: bool,
+    answer: Mapping[str, object] | None = None,
+) -> str | None:
     """HTML of the page at an address below the guide; None where there is none.
 
     Args:
@@ -199,16 +230,20 @@ def whole_page(address: str, root: str, styles: tuple[str, ...], *, service: boo
         root: the way from the page to the place that `styles` are relative to.
         styles: addresses of style sheets.
         service: whether the service's own pages are at hand, so that links to them lead somewhere.
+        search: whether a search is at hand.
+        answer: the question and hits of a search, shown in place of a page.
     """
     name = address.removesuffix(".html") + ".md"
-    if not address.endswith(".html") or name not in files():
+    if answer is None and (not address.endswith(".html") or name not in files()):
         return None
     home = "../" * address.count("/")
     return (
         templates_in(Path(__file__).parent / "templates")
         .get_template("guide.html")
         .render(
-            page=_rendered(name),
+            page=None if answer else _rendered(name),
+            answer=answer,
+            search=search,
             chapters=chapters(),
             home=home,
             here="decisions/README.html" if address.startswith("decisions/") else address,
