@@ -23,6 +23,7 @@ from service.nouns.frfs.schemas import FrfOut
 from service.nouns.imports.operations import trace_lines_of
 from service.nouns.modes import routes as modes
 from service.nouns.modes.operations import mode_set_for
+from service.nouns.modes.schemas import ModeSetOut
 from service.nouns.monitors.live import look_at_monitors
 from service.nouns.records import routes as records
 from service.nouns.records.schemas import HitDecisionOut, Proposal, RecordOut
@@ -149,6 +150,7 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         reports=_reports(sent),
         starts=_starts(_reports(sent), sent),
         mode_sets=mode_sets,
+        job_of=_jobs_of(mode_sets),
         other_sets=_sets_to_compare(visit, context["campaign"]),
         identifications=identify.of_jobs.page(
             visit.session, visit.user, campaign_id, limit=10
@@ -162,6 +164,15 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         joint=joint_updates_of(visit, context["project"].id, campaign_id),
         cards=cards_of(visit, "campaign", campaign_id),
     )
+
+
+def _jobs_of(mode_sets: Sequence[ModeSetOut]) -> dict[UUID, UUID | None]:
+    """The job that found the poles of each mode set, of an edited one those of the set before."""
+    jobs: dict[UUID, UUID | None] = {}
+    for each in mode_sets:  # a set comes after that which it was made of
+        before = each.details.get("edited_from")
+        jobs[each.id] = each.job_id if before is None else jobs.get(UUID(before))
+    return jobs
 
 
 def _sent(visit: Visit, campaign_id: UUID) -> list[ImportOut]:

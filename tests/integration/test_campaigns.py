@@ -249,7 +249,8 @@ def test_poles_kept_and_dropped_by_hand_are_a_new_set_that_says_who_and_why(
     api: httpx.Client, campaign: str
 ) -> None:
     modes = [
-        {"frequency_hz": hz, "damping_ratio": 0.01, "shape": SHAPE} for hz in (25.63, 50.0, 160.06)
+        {"frequency_hz": hz, "damping_ratio": 0.01, "frequency_sd_hz": 0.01, "shape": SHAPE}
+        for hz in (25.63, 50.0, 160.06)
     ]
     first = ok(
         api.post(f"campaigns/{campaign}/mode-sets", json={"name": "typed", "modes": modes}), 201
@@ -274,6 +275,28 @@ def test_poles_kept_and_dropped_by_hand_are_a_new_set_that_says_who_and_why(
     assert decision["by"]
     assert decision["at"]
     assert ok(api.get(f"mode-sets/{first['id']}"), 200) == first
+    assert edited["details"]["dropped"] == [
+        {
+            "frequency_hz": 50.0,
+            "damping_ratio": 0.01,
+            "frequency_sd_hz": 0.01,
+            "damping_sd": None,
+            "reason": "hum of the mains",
+        }
+    ]
+    back = [
+        {"frequency_hz": 50.0, "keep": True, "reason": "it moves with the mass"},
+        {"frequency_hz": 25.63, "keep": False, "reason": "of the supports"},
+    ]
+    again = ok(
+        api.post(f"mode-sets/{edited['id']}/edits", json={"name": "again", "decisions": back}), 201
+    )
+    assert [mode["frequency_hz"] for mode in again["modes"]] == [50.0, 160.06]
+    told = ("frequency_hz", "damping_ratio", "frequency_sd_hz", "shape")
+    assert all(again["modes"][0][part] == first["modes"][1][part] for part in told)
+    assert [pole["frequency_hz"] for pole in again["details"]["dropped"]] == [25.63]
+    assert [each["keep"] for each in again["details"]["decisions"]] == [False, True, False]
+    assert again["details"]["edited_from"] == edited["id"]
     nowhere = {"name": "x", "decisions": [{"frequency_hz": 99.0, "keep": False, "reason": "none"}]}
     refused = ok(api.post(f"mode-sets/{first['id']}/edits", json=nowhere), 422)
     assert "no pole of the set is there; it has 25.63, 50, 160.06 Hz" in str(refused)

@@ -2,9 +2,8 @@
 why.
 """
 
-import bisect
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from typing import IO, Annotated, Any
 from uuid import UUID
@@ -19,6 +18,7 @@ from modalbase.formats.uff.write import encode
 from service.nouns.campaigns.operations import campaign_for, campaign_of, stored_points
 from service.nouns.modes import operations
 from service.nouns.modes.operations import (
+    EVIDENCE,
     Mode,
     ModeSet,
     mode_set_for,
@@ -133,11 +133,15 @@ _SAME = 1e-3
 
 _BESIDE = ("doubtful", "refused_poles")
 _MODE = ("frequency_hz", "damping_ratio", "frequency_sd_hz", "damping_sd", "shape")
+_INTERNAL = ("place", "beside", "decision", "shape")
 
 
 def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) -> ModeSet:
     """A new mode set with the modes of another one, less those dropped, and with the poles beside
     it that were kept.
+
+    It is the set that was found, typed in or read, under all decisions up to now, of which the last
+    on a pole counts: what an edit dropped can be kept again as it was.
 
     Args:
         session: the request's transaction.
@@ -149,74 +153,120 @@ def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) 
         InputError: a decision names no pole, or one twice, or no mode is left.
         QuotaExceeded: the project has no room for the set.
     """
-    modes = modes_of(session, [mode_set.id])[mode_set.id]
-    rows = [{part: getattr(mode, part) for part in _MODE} for mode in modes]
-    evidence = list(mode_set.details.get("evidence", [{}] * len(rows)))
-    places: list[int | None] = list(range(len(rows)))
-    beside = {part: list(mode_set.details.get(part, [])) for part in _BESIDE}
-    poles = sorted(itertools.chain(rows, *beside.values()), key=lambda pole: pole["frequency_hz"])
-    named: list[dict[str, Any]] = []
-    decided = []
-    for number, decision in enumerate(body.decisions):
-        pole = _pole(f"decisions.{number}.frequency_hz", decision, poles)
-        if any(pole is earlier for earlier in named):
-            raise InputError(
-                f"decisions.{number}",
-                f"is a second one on {pole['frequency_hz']:.6g} Hz; expected one",
-            )
-        named.append(pole)
-        if decision.keep and pole not in rows:
-            place = bisect.bisect([row["frequency_hz"] for row in rows], pole["frequency_hz"])
-            rows.insert(place, {part: pole.get(part) for part in _MODE})
-            evidence.insert(
-                place, {part: pole[part] for part in ("probability", "features") if part in pole}
-            )
-            places.insert(place, None)
-            beside = {
-                part: [one for one in poles if one is not pole] for part, poles in beside.items()
-            }
-        elif not decision.keep and pole in rows:
-            place = rows.index(pole)
-            del rows[place], evidence[place], places[place]
-        at = {"by": user.name, "at": datetime.now(UTC).isoformat()}
-        stated = decision.model_dump(include={"keep", "reason"})
-        decided.append({"frequency_hz": pole["frequency_hz"], **stated, **at})
-    if not rows:
+    origin, earlier = _origin(session, mode_set), mode_set.details.get("decisions", [])
+    poles = _poles(session, origin)
+    for one in earlier:
+        if (k := _nearest(poles, one["frequency_hz"])) is not None:
+            poles[k]["decision"] = one
+    decided = _decided(poles, body.decisions, user)
+    kept = [pole for pole in poles if pole.get("decision", {"keep": "place" in pole})["keep"]]
+    if not kept:
         raise InputError("decisions", "drop every mode of the set; keep at least one")
-    details = {**mode_set.details, **beside, "evidence": evidence}
-    details["edited_from"] = str(mode_set.id)
-    details["decisions"] = [*mode_set.details.get("decisions", []), *decided]
-    covariance = _covariance(mode_set, places)
+    left = [pole for pole in poles if not any(pole is one for one in kept)]
+    details = {
+        **origin.details,
+        **{
+            part: [_described(pole) for pole in left if pole.get("beside") == part]
+            for part in _BESIDE
+        },
+        "dropped": [
+            {**_described(pole), "reason": pole["decision"]["reason"]}
+            for pole in left
+            if "place" in pole
+        ],
+        "edited_from": str(mode_set.id),
+        "decisions": [*earlier, *decided],
+    }
+    if "evidence" in origin.details:
+        details["evidence"] = [
+            {part: pole[part] for part in EVIDENCE if part in pole} for pole in kept
+        ]
     edited = ModeSet(
         campaign_id=mode_set.campaign_id,
         name=body.name,
         origin="edited",
-        covariance=covariance,
+        covariance=_covariance(origin, [pole.get("place") for pole in kept]),
         details=details,
     )
+    written = [{part: pole.get(part) for part in _MODE} for pole in kept]
     book(
         session,
         campaign_for,
         campaign_of(session, mode_set.campaign_id),
         "modes",
-        len(str(rows)) + len(str(details)),
+        len(str(written)) + len(str(details)),
     )
-    store(session, edited, rows)
+    store(session, edited, written)
     session.refresh(edited)
     mode_set_for.note(session, user, edited, "edit", name=body.name, edited_from=str(mode_set.id))
     return edited
 
 
-def _pole(field: str, decision: DecisionIn, poles: list[dict[str, Any]]) -> dict[str, Any]:
-    """The pole that a decision names.
+def _origin(session: Session, mode_set: ModeSet) -> ModeSet:
+    """The set that an edited one was first made of, or the first that is still there."""
+    while (key := mode_set.details.get("edited_from")) and (
+        before := session.get(ModeSet, UUID(key))
+    ):
+        mode_set = before
+    return mode_set
+
+
+def _poles(session: Session, mode_set: ModeSet) -> list[dict[str, Any]]:
+    """The modes of a set, with their place in it, and the poles beside them, each with the list
+    that it stands in; by frequency.
+    """
+    rows = modes_of(session, [mode_set.id])[mode_set.id]
+    known = mode_set.details.get("evidence", [{}] * len(rows))
+    poles: list[dict[str, Any]] = [
+        {**{part: getattr(row, part) for part in _MODE}, **seen, "place": k}
+        for k, (row, seen) in enumerate(zip(rows, known, strict=True))
+    ]
+    poles += [
+        {**pole, "beside": part} for part in _BESIDE for pole in mode_set.details.get(part, [])
+    ]
+    return sorted(poles, key=lambda pole: pole["frequency_hz"])
+
+
+def _decided(
+    poles: list[dict[str, Any]], decisions: Sequence[DecisionIn], user: User
+) -> list[dict[str, Any]]:
+    """The decisions as they are stored; each pole gets its own.
+
+    Raises:
+        InputError: one names no pole, or a pole twice.
+    """
+    at, taken, stored = datetime.now(UTC).isoformat(), set[int](), []
+    for number, decision in enumerate(decisions):
+        k = _pole(f"decisions.{number}.frequency_hz", decision, poles)
+        hz = poles[k]["frequency_hz"]
+        if k in taken:
+            raise InputError(f"decisions.{number}", f"is a second one on {hz:.6g} Hz; expected one")
+        taken.add(k)
+        stated = decision.model_dump(include={"keep", "reason"})
+        poles[k]["decision"] = {"frequency_hz": hz, **stated, "by": user.name, "at": at}
+        stored.append(poles[k]["decision"])
+    return stored
+
+
+def _described(pole: dict[str, Any]) -> dict[str, Any]:
+    """What the details of a set have of a pole beside its modes."""
+    return {part: value for part, value in pole.items() if part not in _INTERNAL}
+
+
+def _nearest(poles: list[dict[str, Any]], hz: float) -> int | None:
+    """The number of the pole at a frequency; None where there is none."""
+    off = [abs(pole["frequency_hz"] / hz - 1) for pole in poles]
+    return off.index(min(off)) if off and min(off) <= _SAME else None
+
+
+def _pole(field: str, decision: DecisionIn, poles: list[dict[str, Any]]) -> int:
+    """The number of the pole that a decision names.
 
     Raises:
         InputError: there is none at that frequency.
     """
-    near = min(
-        poles, key=lambda pole: abs(pole["frequency_hz"] - decision.frequency_hz), default=None
-    )
-    if near is None or abs(near["frequency_hz"] / decision.frequency_hz - 1) > _SAME:
+    near = _nearest(poles, decision.frequency_hz)
+    if near is None:
         there = ", ".join(f"{pole['frequency_hz']:.6g}" for pole in poles[:30])
         raise InputError(
             field,

@@ -134,7 +134,7 @@ class DecisionIn(RequestModel):
     frequency_hz: float = Field(
         gt=0,
         le=1e9,
-        description="of a mode of the set, or of an uncertain or refused pole beside it",
+        description="of a mode of the set, or of an uncertain, refused or dropped one beside it",
     )
     keep: bool = Field(description="whether the pole is in the new set")
     reason: str = Field(
@@ -179,8 +179,8 @@ class ModeSetOut(StrictModel):
         description=(
             "of an identified set, what stands beside its modes: `warnings`, `doubtful` modes with"
             " the reason of each, `refused` FRFs, `refused_poles`, `evidence` for each mode; of an"
-            " edited set `edited_from` and `decisions` as well, each with who made it; empty for"
-            " others, and for sets of versions up to 0.2"
+            " edited set `edited_from`, `dropped` modes, and `decisions`, each with who made it, as"
+            " well; empty for others, and for sets of versions up to 0.2"
         )
     )
     created_at: datetime

@@ -162,7 +162,8 @@ for (const form of document.querySelectorAll("form[data-poles]")) {
  */
 for (const figure of document.querySelectorAll("figure[data-figure$='/figures/stabilisation']"))
   figure.addEventListener("drawn", () => {
-    const set = document.querySelector(`[data-set-of="${figure.dataset.figure.split("/")[1]}"]`);
+    const of = figure.dataset.figure.split("/")[1];
+    const set = [...document.querySelectorAll(`[data-set-of="${of}"]`)].at(-1); // edited last
     if (set)
       figure.querySelector(".js-plotly-plot").on("plotly_click", ({ points: [point] }) => {
         const hz = point.customdata ?? point.x;
