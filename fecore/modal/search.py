@@ -31,7 +31,7 @@ import numpy as np
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import CLEAR, FEW, Arrangement
 from fecore.modal.candidates import NARROW, clusters, compress, linear_poles
-from fecore.modal.judge import HOPELESS, count_modes, spurious
+from fecore.modal.judge import HOPELESS, count_modes, plausible, spurious
 from fecore.modal.refine import (
     PASSES,
     PRICE,
@@ -172,6 +172,11 @@ def forward_selection(
         terms = with_poles(fit.terms, added)
         larger = linear_fit(arrangement, terms, fit.variance)
         larger = refined_modes(arrangement, larger, _FIRST, HOPELESS)
+        # what is no mode is error: it leaves, and its power goes into the variance of its lines
+        keep = plausible(arrangement, larger, HOPELESS)
+        if not keep.all():
+            terms = larger.terms.some(keep)
+            larger = linear_fit(arrangement, terms, larger.variance, larger.weights)
         for _ in range(PASSES):
             larger = refined_modes(arrangement, larger, STEPS)
             # Not before there are poles, as residual terms would take the place of a broad one;
