@@ -31,6 +31,17 @@ CLEAR = 5.0
 """Times what chance or the others make from which something stands out."""
 
 
+QUANTITIES = {power: quantity for quantity, power in POWER_OF_I_OMEGA.items()}
+"""By the power of iω that makes them of a receptance."""
+
+# parts of a band, from a thirtieth of its end on as leakage may be larger below, and least ratio of
+# its ends, by which FRFs are compared
+_PARTS, _LOWEST, _WIDE = 12, 30.0, 2.0
+# standard deviations of the slope and of ln of the size of two FRFs of one structure; what a wrong
+# unit, and a wrong quantity, are less likely than none (twice the logarithm of the odds)
+_SLOPE_SD, _SIZE_SD, _UNIT, _SURE = 0.3, np.log(3.0), 9.0, 9.0
+
+
 @dataclass(frozen=True)
 class Arrangement:
     """All FRFs on one frequency axis, their signs turned to positive directions."""
@@ -189,6 +200,49 @@ def arrange(
         row=row,
         source=source,
     )
+
+
+def other_quantities(arrangement: Arrangement) -> dict[int, tuple[int, float]]:
+    """FRFs that are another quantity than most: number to the power p of iω by which they differ,
+    and how many times as large as most they are.
+
+    ln|H_i| less the median of all FRFs, on parts of the band, is p ln ω but for the mode shapes: p
+    is its slope, and its size agrees. A wrong unit makes a size without a slope. An odd p turns the
+    phase by 90°: squares of opposite sign on most lines.
+    """
+    hz, values = arrangement.frequency_hz, arrangement.values
+    whole = arrangement.measured.mean(axis=1) > 0.5
+    alive = np.flatnonzero(whole & values.imag.any(axis=1) & values.real.any(axis=1))
+    if alive.size < FEW or hz[-1] < _WIDE * hz[0]:
+        return {}
+    first = max(float(hz[0]), float(hz[-1]) / _LOWEST)
+    ends = np.searchsorted(hz, np.geomspace(first, hz[-1], _PARTS + 1)[:-1])
+    parts = [part for part in np.split(np.arange(hz.size), ends)[1:] if part.size]
+    size = np.abs(values[alive])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        power = [np.nanmean(size[:, part] ** 2, axis=1) for part in parts]
+        level = np.log(np.array(power)) / 2
+        level -= np.nanmedian(level, axis=1, keepdims=True)
+        square = (values[alive] / np.maximum(size, np.finfo(float).tiny)) ** 2
+    x = np.log(2 * np.pi * np.array([np.exp(np.log(hz[part]).mean()) for part in parts]))
+    off, total, others = x - x.mean(), square.sum(axis=0), {}
+    for row, own, phase in zip(alive, level.T, square, strict=True):
+        if not np.all(np.isfinite(own)):
+            continue
+        slope = float(off @ own / (off @ off))
+        rest = own - own.mean() - slope * off
+        variance = float(rest @ rest / max(x.size - 2, 1) / (off @ off)) + _SLOPE_SD**2
+        turned = np.vdot(total - phase, phase).real < 0
+        misfits = {
+            p: (slope - p) ** 2 / variance + ((own.mean() - p * x.mean()) / _SIZE_SD) ** 2
+            for p in (-2, -1, 0, 1, 2)
+            if not p or (arrangement.power + p in QUANTITIES and turned == bool(p % 2))
+        }
+        best = min(misfits, key=lambda p: misfits[p])
+        none = slope**2 / variance + min((own.mean() / _SIZE_SD) ** 2, _UNIT)
+        if misfits[best] + _SURE < none and best:
+            others[int(row)] = best, float(np.exp(own.mean()))
+    return others
 
 
 def split_sides(

@@ -72,6 +72,11 @@ WHY_NOT_USED = {
         "is {times:.2g} times as large as most FRFs: another unit (mV for V), or scale",
         "check its unit and calibration",
     ),
+    "other_quantity": remark(
+        "is {times:.2g} times as large as most FRFs, and {how} with {power} beside them: {true}"
+        " stated as {stated}",
+        "state its quantity at import",
+    ),
     "few_lines": remark(
         "has only {lines} measured lines in the band, at least {fewest} are needed"
     ),
@@ -150,6 +155,12 @@ OF_MODES = {
         " sign of hammer or sensor is wrong (a hit along -Z entered as +Z?); all shapes of this"
         " fixed dof are turned if it is the sensor, one entry if it is the hit",
         subject="driving point {frf}",
+    ),
+    "driving_point_quantity": remark(
+        "driving point {frf}: all resonances point the other way than its values below them, which"
+        " {how}: {true} stated as {stated}, larger or smaller by ω²",
+        "state the quantity at import",
+        "driving point {frf}",
     ),
     "outliers": remark(
         "{frf}: {lines} left out, far off what the other lines say", subject="{frf}"

@@ -246,7 +246,7 @@ def _delay(terms: Terms, residues: ComplexArray, strength: FloatArray) -> tuple[
 
     Maximises Σ_k w_k cos(2(φ_k + ω_k d)) less d²/2d₀² over a grid, φ_k = ½ arg Σ_i (2iω_d R_ik)².
     """
-    if np.sum(strength > 0) < 3:
+    if np.sum(strength > 0) < 2:
         return 0.0, False
     turns = _turns(terms, residues)
     square = np.sum(turns**2, axis=0)
@@ -263,7 +263,8 @@ def _delay(terms: Terms, residues: ComplexArray, strength: FloatArray) -> tuple[
     best = int(np.argmax(straight))
     across = int(np.argmin(np.abs(grid)))
     turned = bool(crossed[across] > 0.8 * weight.sum() and straight.max() < 0.5 * weight.sum())
-    return (0.0, True) if turned else (float(grid[best]), False)
+    several = np.sum(strength > 0) > 2
+    return (0.0, True) if turned else (float(grid[best]) if several else 0.0, False)
 
 
 def _phase(terms: Terms, residues: ComplexArray, delay: float, turned: bool) -> FloatArray:

@@ -33,7 +33,15 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError, InputError
 from fecore.findings import Finding, listed, texts
 from fecore.frf import FrfSet
-from fecore.modal.arrangement import CLEAR, FEW, MANY, Arrangement, arrange
+from fecore.modal.arrangement import (
+    CLEAR,
+    FEW,
+    MANY,
+    QUANTITIES,
+    Arrangement,
+    arrange,
+    other_quantities,
+)
 from fecore.modal.findings import finding, lines_in_words
 
 FEWEST_LINES = 16
@@ -253,10 +261,22 @@ def _unusable(arrangement: Arrangement) -> dict[int, Finding]:
     quieter = np.where(loud, 0.0, rms)
     strongest, largest = int(np.argmax(quieter)), np.abs(arrangement.values).max(axis=1)
 
+    mistaken = other_quantities(arrangement)
+
     def why(row: int) -> Finding | None:
         own, lines = arrangement.values[row], int(arrangement.measured[row].sum())
         if not np.any(own):
             return finding("dead")
+        if row in mistaken:
+            p, times = mistaken[row]
+            return finding(
+                "other_quantity",
+                times=times,
+                how="rises" if p > 0 else "falls",
+                power="ω²" if p % 2 == 0 else "ω",
+                true=QUANTITIES[arrangement.power + p],
+                stated=arrangement.quantity,
+            )
         if loud[row]:
             return finding("loud", times=rms[row] / usual)
         if rms[row] <= 1e-9 * quieter[strongest]:  # no converter has so many digits

@@ -26,6 +26,8 @@ _FEW_LINES = 2.0  # lines in the half-power bandwidth below which the damping is
 _COMPLEX = 0.8  # modal phase collinearity below which a mode is called complex
 _WEAK = 0.1  # of the FRFs at its frequency, below which a mode is called weak
 _CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
+# of the lowest mode: where a driving point shows its asymptote, and lines that must be there
+_BELOW, _FEWEST_BELOW = (0.05, 0.25), 5
 _FEW_OUTLIERS = 0.01  # share of a record that may be outliers
 FREQUENCY_TOLERANCE = 0.01  # relative, between orders: the usual 1 % of stabilisation diagrams
 DAMPING_TOLERANCE = 0.05  # relative, between orders: the usual 5 %
@@ -347,19 +349,62 @@ def _driving_points(arrangement: Arrangement, fit: PoleFit, kept: IntArray) -> l
     """A driving point has positive modal masses; where most come out negative, one of its signs is
     wrong.
     """
-    masses = (2j * fit.terms.poles.imag * fit.residues)[:, kept].real
-    return [
-        finding(
-            "driving_point",
-            frf=arrangement.label(row),
-            negative=int(np.sum(modal < 0)),
-            count=modal.size,
-        )
-        for row, (a, b) in enumerate(arrangement.pairs)
-        if a == b
-        and (modal := masses[row]).size
-        and np.sum(modal[modal < 0]) < -0.5 * np.sum(np.abs(modal))
-    ]
+    notes = []
+    turned = (2j * fit.terms.poles.imag * fit.residues)[:, kept]
+    for row, (a, b) in enumerate(arrangement.pairs):
+        if a != b:
+            continue
+        modal = turned[row].real
+        # a phase of neither sign is that of another quantity, which the residues of all FRFs show
+        if np.sum(np.abs(modal)) < np.sum(np.abs(turned[row].imag)):
+            continue
+        if modal.size and np.sum(modal[modal < 0]) < -0.5 * np.sum(np.abs(modal)):
+            if (quantity := _other_quantity(arrangement, fit, kept, row)) is not None:
+                notes.append(quantity)
+                continue
+            notes.append(
+                finding(
+                    "driving_point",
+                    frf=arrangement.label(row),
+                    negative=int(np.sum(modal < 0)),
+                    count=modal.size,
+                )
+            )
+    return notes
+
+
+def _other_quantity(
+    arrangement: Arrangement, fit: PoleFit, kept: IntArray, row: int
+) -> Finding | None:
+    """That a driving point of negative modal masses is receptance stated as accelerance, or the
+    other way, where its lines below the modes say so.
+
+    Either turns the residues by 180°, as a wrong sign does. Below its modes a receptance is 1/k or
+    -1/(mω²), an accelerance -ω²/k or 1/m: a wrong sign turns these too, a wrong quantity does not.
+    """
+    first, hz = fit.terms.frequency_hz[kept].min(), arrangement.frequency_hz
+    low = arrangement.measured[row] & (hz > _BELOW[0] * first) & (hz < _BELOW[1] * first)
+    if low.sum() < _FEWEST_BELOW:
+        return None
+    values, omega = arrangement.values[row, low], arrangement.omega[low]
+    size = np.abs(values)
+    slope = np.polyfit(np.log(omega), np.log(size + np.finfo(float).tiny), 1)[0]
+    asymptotes = {
+        (2, 0): (1, "are 1/k"),
+        (2, -2): (-1, "fall with 1/ω²"),
+        (0, 2): (-1, "rise with ω²"),
+        (0, 0): (1, "are 1/m"),
+    }
+    sign, how = asymptotes.get((arrangement.power, round(float(slope))), (0, ""))
+    if sign * np.sum(values.real) < 0.5 * np.sum(size):
+        return None
+    return finding(
+        "driving_point_quantity",
+        frf=arrangement.label(row),
+        how=how,
+        true="receptance" if arrangement.power else "accelerance",
+        stated=arrangement.quantity,
+    )
 
 
 def diagram_of(arrangement: Arrangement, linear: LinearPoles) -> Stabilisation:

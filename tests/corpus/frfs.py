@@ -63,6 +63,23 @@ def scaled(times: float) -> FrfSet:
     return replace(frfs, values=frfs.values * np.where(ONE_ROW, times, 1.0)[:, None])
 
 
+def of_power(power: int, **others: Any) -> FrfSet:
+    """Receptances of which one was multiplied by a power of iω, as if it were another quantity."""
+    frfs = made(**others)
+    s = (2j * np.pi * frfs.frequency_hz) ** power
+    return replace(frfs, values=frfs.values * np.where(ONE_ROW[:, None], s, 1.0))
+
+
+def sent_as_accelerance(sign: float = 1.0) -> Identification:
+    """Receptances with a driving point, stated as accelerances, and perhaps of the wrong sign."""
+    frfs = made(lines=1 + np.arange(220.0), shapes=PRODUCT * PRODUCT[0])
+    s = (2j * np.pi * frfs.frequency_hz) ** (0 if sign > 0 else 2)
+    references = (frfs.responses[0],) * 12
+    return identify(
+        replace(frfs, values=sign * s * frfs.values, references=references, quantity="accelerance")
+    )
+
+
 def resonance(
     hz: float, zeta: float, rows: Any, size: float
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
@@ -320,6 +337,18 @@ FRFS: dict[str, Case] = {
         HZ, zeta=ZETA, says=["FRF 5Z/99Z was not used: is 3.7e+09 times as large as most FRFs"])),
     "one FRF in mV for V": (lambda: identify(scaled(1e3)), Modes(
         HZ, zeta=ZETA, says=["FRF 5Z/99Z was not used: is 3.7e+03 times as large as most FRFs: another unit (mV for V)"])),
+    "one FRF an accelerance among receptances": (lambda: identify(of_power(2)), Modes(
+        HZ, zeta=ZETA, says=[
+            "5Z/99Z was not used: is 1.6e+06 times as large as most FRFs, and rises with ω² beside them: accelerance"])),
+    "one FRF a mobility among receptances": (lambda: identify(of_power(1)), Modes(
+        HZ, zeta=ZETA, says=["rises with ω beside them: mobility stated as receptance"])),
+    "two modes of mobilities stated as receptances": (
+        lambda: identify(replace(made(), values=made().values * 2j * np.pi * LINES)), Modes(
+            HZ, zeta=ZETA, says=["the residues of all strong poles are turned by 90°"])),
+    "receptances stated as accelerances": (sent_as_accelerance, Modes(
+        HZ, zeta=ZETA, says=["which are 1/k: receptance stated as accelerance"])),
+    "accelerances of the wrong sign": (lambda: sent_as_accelerance(-1.0), Modes(
+        HZ, zeta=ZETA, says=["so the sign of hammer or sensor is wrong"])),
     "no imaginary part": (half_of_the_numbers("real"), "no FRF is usable: 33Z/1Z has no imaginary part"),
     "no real part": (half_of_the_numbers("imag"), "no FRF is usable: 33Z/1Z has no real part"),
     "one FRF": (one_frf, modes_of_one_frf),
