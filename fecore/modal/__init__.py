@@ -18,7 +18,7 @@ In the order of the data:
 """
 
 from fecore.modal.arrangement import set_with_gaps
-from fecore.modal.identify import Options, identify, shapes_at_poles
+from fecore.modal.identify import Options, StatedPole, identify, shapes_at_poles
 from fecore.modal.judge import Feature, RefusedPole
 from fecore.modal.output_only import OutputOnly, identify_output_only
 from fecore.modal.prepare import Refused
@@ -35,6 +35,7 @@ __all__ = [
     "RefusedPole",
     "Shapes",
     "Stabilisation",
+    "StatedPole",
     "identify",
     "identify_output_only",
     "phase_collinearity",

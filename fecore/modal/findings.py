@@ -122,6 +122,11 @@ OF_MODES = {
     "mode_uncertain": remark(
         "the pole at {hz:.2f} Hz is uncertain: {why}", subject="the pole at {hz:.2f} Hz"
     ),
+    "pole_stated": remark(
+        "the pole at {hz:.2f} Hz was stated, and is a mode for that; by the FRFs alone it is one with"
+        " probability {p:.2f}",
+        subject="the pole at {hz:.2f} Hz",
+    ),
     "few_lines_in_peak": remark(
         f"{_MODE}: its half-power bandwidth covers {{lines:.1f}} lines, so its damping rests on the"
         " window and on leakage",

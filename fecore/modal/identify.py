@@ -40,19 +40,29 @@ from fecore.modal.result import (
     outlying,
     remarks,
 )
-from fecore.modal.search import CombinedFrfs, aligned_search, forward_selection, without_spurious
-from fecore.modal.series import Terms, one_minus_leverage
+from fecore.modal.search import (
+    REFINED,
+    SETTLED,
+    CombinedFrfs,
+    aligned_search,
+    forward_selection,
+    with_stated,
+    without_spurious,
+)
+from fecore.modal.series import DAMPING_RANGE, Terms, one_minus_leverage
 from fecore.modal.shapes import Shapes, of_rank_two, separate_close_modes, shapes_from_residues
 from fecore.modes import MeasuredModes
 
-# steps, and the decrease of χ² that ends them, of the poles that are searched no more: a move of a
-# tenth of a standard deviation
-_STEPS, _SETTLED = 16, 1e-2
-
-
 _LAST = 3  # steps of the refinement with all FRFs and a weight for each value
-
 Report = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class StatedPole:
+    """A pole that a person sees in the FRFs: where its fit starts."""
+
+    frequency_hz: float
+    damping_ratio: float | None = None  # a line's width where None
 
 
 @dataclass(frozen=True)
@@ -65,6 +75,8 @@ class Options:
     most_modes: int = 100  # largest number of pole pairs of the fitted series
     # probability from which a pole is a mode; below it, from 0.1 on, it is uncertain
     threshold: float = 0.9
+    # fitted beside those that the search finds, and modes whatever their probability
+    poles: tuple[StatedPole, ...] = ()
 
     def __post_init__(self) -> None:
         if not 4 <= self.highest_order <= 200:
@@ -76,6 +88,23 @@ class Options:
                 "threshold",
                 f"is {self.threshold:g}, expected a probability from {REFUSED:g} to below 1",
             )
+
+    def stated(self, arrangement: Arrangement) -> Terms:
+        """The poles as terms.
+
+        Raises:
+            InputError: one lies outside the lines.
+        """
+        hz = np.array([pole.frequency_hz for pole in self.poles])
+        width = arrangement.spacing_hz / 2
+        zeta = [pole.damping_ratio or width / pole.frequency_hz for pole in self.poles]
+        for number in np.flatnonzero(~arrangement.in_band(hz))[:1]:
+            low, high = arrangement.frequency_hz[[0, -1]]
+            raise InputError(
+                f"poles.{number}.frequency_hz",
+                f"is {hz[number]:g}, outside the lines, {low:g} to {high:g} Hz",
+            )
+        return Terms(hz, np.clip(zeta, *DAMPING_RANGE), ())
 
 
 def identify(
@@ -94,7 +123,8 @@ def identify(
     5. Align: without what the structure drifted between the tests, where that pays, the search goes
        on with what the residual shows.
     6. Refine: all poles together on the combinations, then the series with all FRFs.
-    7. Cull: refused poles that only bend a better one beside them leave.
+    7. Cull: refused poles that only bend a better one beside them leave, and those that a person
+       stated come in.
     8. Fit: all FRFs with a variance for each value, and the errors of the poles.
     9. Judge: features and probability of each pole, which is a mode, uncertain, or refused.
     10. Separate: two modes for a pole whose residues are two shapes.
@@ -116,6 +146,7 @@ def identify(
     # 1. Prepare.
     report("screening the FRFs", 0.0)
     prepared = prepare(frfs, options.band_hz)
+    stated = options.stated(prepared.arrangement)
     # 2. Combine.
     screened = time.perf_counter()
     combined = CombinedFrfs.of(prepared.arrangement, prepared.noise)
@@ -135,16 +166,18 @@ def identify(
     # 5. Align.
     aligned, terms, drift = aligned_search(combined, terms, candidates, most, step)
     # 6. Refine.
-    terms = aligned.refined(terms, steps=_STEPS, enough=_SETTLED)
+    terms = aligned.refined(terms, steps=REFINED, enough=SETTLED)
     series = aligned.fitted(terms)
     full = series.terms.pairs >= most
     # 7. Cull.
     report("refining with all FRFs", 0.6)
-    series = without_spurious(aligned, series)
+    series, by_hand = with_stated(aligned, without_spurious(aligned, series), stated)
     # 8. Fit.
     report("refining with all FRFs", 0.8)
     arrangement, noise = aligned.arrangement, aligned.noise
     free = plausible(arrangement, series)
+    free[by_hand] = True
+    by_hand = np.cumsum(free)[by_hand] - 1  # among those
     left = one_minus_leverage(arrangement, series.terms, series.linear, series.weights)
     variance = student(arrangement, series.residual, noise, left)
     background = series.part(np.flatnonzero(np.repeat(~free, 2))) if not free.all() else 0.0
@@ -154,7 +187,7 @@ def identify(
     report("judging the poles", 0.9)
     searched = time.perf_counter()
     evidence = evidence_of(arrangement, fit)
-    verdict = judge(arrangement, fit, evidence, options.threshold)
+    verdict = judge(arrangement, fit, evidence, options.threshold, by_hand)
     if not free.all():  # the others are judged by the fit that had them
         before = judge(arrangement, series, evidence_of(arrangement, series), options.threshold)
         verdict = verdict.with_refused(before, series.terms.frequency_hz[~free])
@@ -219,6 +252,7 @@ def identify(
         fitted=fitted,
         terms=fit.terms,
         stabilisation=diagram,
+        stated=tuple(f[verdict.stated].tolist()),
         used=tuple(arrangement.label(r) for r in range(len(arrangement.pairs))),
         rows=arrangement.source,
         refused=prepared.refused,
@@ -229,6 +263,7 @@ def identify(
             *of_interference,
             *([finding("most_modes")] if full else []),
             *separated,
+            *(finding("pole_stated", hz=f[k], p=verdict.probability[k]) for k in verdict.stated),
             *of_modes,
             *of_outliers,
             *(

@@ -82,6 +82,7 @@ HARDLY = 0.02
 HOPELESS = 0.001
 """... where it is new."""
 
+_NONE = np.empty(0, dtype=np.int64)
 _WORTH = 30.0  # times its price that a pole gains which may stay all the same
 
 PRIOR_MEAN = np.array([3.2, 1.15, 6.9, 1.0, 9.6, 4.0, 1.0])
@@ -158,6 +159,7 @@ class Verdict:
     features: tuple[tuple[Feature, ...], ...]  # n, those that weigh most first
     doubt: tuple[str | None, ...]  # n reasons why a pole is uncertain; None for modes
     refused: tuple[RefusedPole, ...]
+    stated: IntArray  # (s,) those that a person stated, in the order of the statement
 
     def of(self, old: IntArray, frequency_hz: FloatArray) -> Verdict:
         """The verdict of new poles with these frequencies, each with that of an old one."""
@@ -165,7 +167,8 @@ class Verdict:
         kept = kept[np.argsort(frequency_hz[kept], kind="stable")]
         features = tuple(self.features[k] for k in old)
         doubt = tuple(self.doubt[k] for k in old)
-        return Verdict(kept, self.probability[old], features, doubt, self.refused)
+        stated = np.array([np.flatnonzero(old == k)[0] for k in self.stated], dtype=np.int64)
+        return Verdict(kept, self.probability[old], features, doubt, self.refused, stated)
 
     def with_refused(self, other: Verdict, frequency_hz: FloatArray) -> Verdict:
         """The same with poles of these frequencies that another verdict has refused."""
@@ -387,28 +390,34 @@ def predictive(logit: FloatArray, variance: FloatArray) -> FloatArray:
 
 
 def judge(
-    arrangement: Arrangement, fit: LinearFit, evidence: Evidence, threshold: float
+    arrangement: Arrangement,
+    fit: LinearFit,
+    evidence: Evidence,
+    threshold: float,
+    stated: IntArray = _NONE,
 ) -> Verdict:
-    """Which poles of a fit are modes, from a probability on, uncertain, or refused."""
+    """Which poles of a fit are modes, from a probability on or because a person stated them,
+    uncertain, or refused.
+    """
     f, zeta = fit.terms.frequency_hz, fit.terms.damping_ratio
     p, reasons = probability(evidence, zeta), features(evidence, f, zeta)
     order = np.argsort(f, kind="stable")
     order = order[arrangement.in_band(f)[order]]
+    may_be = (p[order] >= REFUSED) | np.isin(order, stated)
     refused = tuple(
         RefusedPole(
             float(f[k]), float(zeta[k]), _against(reasons[k]), float(p[k]), reasons[k][:_REASONS]
         )
-        for k in order[p[order] < REFUSED]
+        for k in order[~may_be]
     )
-    kept = order[p[order] >= REFUSED]
     most = tuple(each[:_REASONS] for each in reasons)
     doubt = tuple(
         None
-        if own >= threshold
+        if own >= threshold or k in stated
         else f"a mode with probability {own:.2f}: {'; '.join(one.words for one in each)}"
-        for own, each in zip(p, most, strict=True)
+        for k, (own, each) in enumerate(zip(p, most, strict=True))
     )
-    return Verdict(kept, p, most, doubt, refused)
+    return Verdict(order[may_be], p, most, doubt, refused, stated)
 
 
 def _against(reasons: tuple[Feature, ...]) -> str:

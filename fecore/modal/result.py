@@ -135,6 +135,8 @@ class Identification:
     fitted: FittedSeries  # with one pole for each close pair
     terms: Terms  # the whole fitted series, with the poles out of band and the residual terms
     stabilisation: Stabilisation  # data of the stabilisation diagram
+    # frequencies of the poles that were stated, as fitted, Hz, in the order of the statement
+    stated: tuple[float, ...]
     used: tuple[str, ...]  # labels of the FRFs that were used, response first
     rows: IntArray  # (N,) their numbers among those handed in
     refused: tuple[Refused, ...]  # the FRFs that were not, with reasons

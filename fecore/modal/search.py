@@ -29,6 +29,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.errors import IdentificationError
 from fecore.modal.arrangement import CLEAR, FEW, Arrangement
 from fecore.modal.candidates import NARROW, clusters, compress, linear_poles
 from fecore.modal.judge import HOPELESS, count_modes, plausible, spurious
@@ -40,6 +41,7 @@ from fecore.modal.refine import (
     local_variance,
     memory,
     pruned,
+    refine,
     refined_modes,
     reweighted_fit,
     with_residual_terms,
@@ -62,6 +64,11 @@ _RESIDUAL_ORDER = 10  # of the linear stage on the residual
 
 STEPS = 8
 """Of the refinement in each round."""
+
+REFINED, SETTLED = 16, 1e-2
+"""Steps of the refinement of poles that are searched no more, and the decrease of χ² that ends them:
+a move of a tenth of a standard deviation.
+"""
 
 ENOUGH = 1.0
 """Decrease of χ² that a step is worth before the last round."""
@@ -421,3 +428,32 @@ def without_spurious(data: CombinedFrfs, fit: LinearFit) -> LinearFit:
             break
         fit = data.fitted(data.refined(fit.terms.some(~gone), fit.terms))
     return fit
+
+
+def with_stated(data: CombinedFrfs, fit: LinearFit, stated: Terms) -> tuple[LinearFit, IntArray]:
+    """The fit with the poles that a person stated, and (s,) their numbers: one is a pole of the fit
+    where it may be one with it, else it is added and refined with the others.
+
+    Raises:
+        IdentificationError: it does not stay where it is.
+    """
+    if not stated.pairs:
+        return fit, np.empty(0, dtype=np.int64)
+    arrangement, s, other = data.arrangement, stated.poles, fit.terms.poles
+    new = ~overlapping(s, other)
+    off = np.abs(s[:, None] - other) / -(s.real[:, None] + other.real)
+    at = off.argmin(axis=1) if other.size else np.zeros(s.size, dtype=np.int64)
+    at = np.where(new, other.size + np.cumsum(new) - 1, at)
+    free = np.union1d(np.flatnonzero(plausible(arrangement, fit)), at)
+    terms = with_poles(fit.terms, s[new])
+    refined = refine(arrangement, terms, fit.variance, REFINED, SETTLED, free=free).terms
+    for k, pole, hz in zip(at, s, stated.frequency_hz, strict=True):
+        near, there = int(np.argmin(np.abs(refined.poles - pole))), refined.frequency_hz
+        beyond = not arrangement.in_band(there[[k]])[0]
+        if near != k or beyond:
+            where = "beyond the lines" if beyond else f"and that at {there[near]:.2f} Hz is nearer"
+            raise IdentificationError(
+                f"the FRFs hold no pole of its own at {hz:g} Hz: fitted from there, it goes to"
+                f" {there[k]:.2f} Hz, {where}; leave it out of the poles to fit"
+            )
+    return reweighted_fit(arrangement, refined, data.noise), at

@@ -394,7 +394,7 @@ class Campaign(Editable):
 
         Args:
             options: `band_hz`, `highest_order`, `most_modes`, `threshold`, `include_doubtful`,
-                `name`.
+                `poles`, `name`.
 
         Raises:
             JobFailed: no mode was found; the text says why.

@@ -20,6 +20,7 @@ def describe_identification(identification: Identification) -> dict[str, Any]:
             for k, row in enumerate((row for row, why in chosen if why is None), start=1)
         ],
         "doubtful": [{**row, "reason": why} for row, why in chosen if why is not None],
+        "stated": list(identification.stated),
         "used": list(identification.used),
         "refused": [{"frf": each.frf, "reason": each.reason} for each in identification.refused],
         "refused_poles": [asdict(pole) for pole in identification.refused_poles],
@@ -71,7 +72,7 @@ def up_to_date(document: dict[str, Any]) -> dict[str, Any]:
     One of 0.1.0 has no class of doubtful modes, none up to 0.2.0 a probability.
     """
     none = dict.fromkeys(("model_error", "drift", "delay_s", "memory_lines"))
-    defaults: dict[str, Any] = {"doubtful": [], "refused_poles": [], **none}
+    defaults: dict[str, Any] = {"doubtful": [], "refused_poles": [], "stated": [], **none}
     document = {**defaults, **document}
     unknown: dict[str, Any] = {"probability": None, "features": []}
     poles = ("modes", "doubtful", "refused_poles")

@@ -17,6 +17,7 @@ from tests.support.laboratory import BEAM
 from tests.support.lengths import long
 from tests.support.places import shared_file
 from tests.support.rest import client_at, finished, ok, posted
+from tests.support.waiting import until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -59,6 +60,16 @@ def test_poles_and_campaigns_are_judged_by_eye(
             pairs = len(whole["modes"]) * len(less["modes"])
             sets_are_compared(page, less["name"], pairs)
             address = campaigns_are_compared(page, structure)
+            hz = a_pole_is_fitted_too(page, one)
+            until(
+                lambda: len(ok(api.get(f"campaigns/{one}/mode-sets"))["items"]) == 3,
+                "the set of the fit",
+                lambda: ok(api.get(f"campaigns/{one}/identifications")),
+            )
+            fitted = ok(api.get(f"campaigns/{one}/mode-sets"))["items"][-1]
+            [decision] = fitted["details"]["decisions"]
+            assert decision["reason"] == "seen by eye"
+            assert abs(decision["frequency_hz"] / hz - 1) < 0.05
             assert (seen.complaints, seen.strangers) == ([], [])
     if not on_a_phone:
         return
@@ -107,6 +118,29 @@ def a_pole_is_dropped_in_the_diagram(page: Page) -> None:
     page.fill("form[data-poles] [name=reason]", "a tone of the fan")
     saved(page, "Save as a new mode set")
     page.wait_for_selector("summary:has-text('found, checked')")
+
+
+def a_pole_is_fitted_too(page: Page, campaign: str) -> float:
+    """A grey pole, which stands for none of the fitted ones, comes into a form and is fitted with
+    them; gives its frequency.
+    """
+    page.goto(f"/ui/campaigns/{campaign}")
+    page.click("summary:has-text('Stabilisation diagram')")
+    drawn(page, DIAGRAM)
+    page.wait_for_selector(f"{DIAGRAM} .files a")  # it listens to clicks
+    hz = page.eval_on_selector(
+        f"{DIAGRAM} .js-plotly-plot",
+        """plot => {
+            const grey = plot.data.find((trace) => trace.marker && !trace.customdata);
+            const k = Math.floor(grey.x.length / 2);
+            plot.emit("plotly_click", { points: [{ x: grey.x[k], text: grey.text[k] }] });
+            return grey.x[k];
+        }""",
+    )
+    page.wait_for_selector("#say:has-text('to be fitted')")
+    page.fill("form[data-fit] [data-field=reason]", "seen by eye")
+    saved(page, "Fit again with these poles")
+    return float(hz)
 
 
 def sets_are_compared(page: Page, name: str, pairs: int) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.made_frfs import KINDS, Draw
 from fecore.frf import Dof, FrfSet
-from fecore.modal import Identification, Options, identify
+from fecore.modal import Identification, Options, StatedPole, identify
 from tests.corpus.outcomes import Case, Modes
 from tests.support.beams import PAPER_HZ, paper_frfs
 from tests.support.measured import with_coherence
@@ -78,6 +78,12 @@ def sent_as_accelerance(sign: float = 1.0) -> Identification:
     return identify(
         replace(frfs, values=sign * s * frfs.values, references=references, quantity="accelerance")
     )
+
+
+def stated(hz: float, zeta: float | None = None) -> Callable[[], Identification]:
+    """A mode that hardly is above the noise, and a pole that a person states."""
+    frfs = made(more=resonance(125.3, 0.01, PRODUCT[:, 0], 0.0015))
+    return lambda: identify(frfs, Options(poles=(StatedPole(hz, zeta),)))
 
 
 def resonance(
@@ -349,6 +355,9 @@ FRFS: dict[str, Case] = {
         HZ, zeta=ZETA, says=["which are 1/k: receptance stated as accelerance"])),
     "accelerances of the wrong sign": (lambda: sent_as_accelerance(-1.0), Modes(
         HZ, zeta=ZETA, says=["so the sign of hammer or sensor is wrong"])),
+    "a pole that is stated": (stated(125.0), Modes([101.3, 125.3, 160.7], says=["the pole at 125.32 Hz was stated"])),
+    "a pole stated where there is none": (stated(99.0, 0.02), "the FRFs hold no pole of its own at 99 Hz"),
+    "a pole stated beyond the lines": (stated(300.0), "poles.0.frequency_hz: is 300, outside the lines, 60 to 220 Hz"),
     "no imaginary part": (half_of_the_numbers("real"), "no FRF is usable: 33Z/1Z has no imaginary part"),
     "no real part": (half_of_the_numbers("imag"), "no FRF is usable: 33Z/1Z has no real part"),
     "one FRF": (one_frf, modes_of_one_frf),

@@ -155,6 +155,25 @@ def test_a_mode_set_of_the_same_settings_takes_the_place_of_the_first(
     edit = {"name": "by hand", "decisions": [{**_of(listed[0]), "keep": True, "reason": "seen"}]}
     edited = ok(api.post(f"mode-sets/{first['mode_set']}/edits", json=edit), 201)
     assert ids(ok(api.get(path), 200)["items"]) == [*present, edited["id"]]
+    pole = {"frequency_hz": 206.0, "damping_ratio": 0.01, "reason": "seen in the imaginary part"}
+    refit = identified(api, campaign, **LOW, poles=[pole])
+    [hz] = refit["result"]["stated"]
+    fitted = ok(api.get(f"mode-sets/{refit['mode_set']}"), 200)
+    assert fitted["details"]["decisions"] == [
+        {"frequency_hz": hz, "keep": True, "reason": pole["reason"]}
+    ]
+    [mode] = [mode for mode in fitted["modes"] if mode["frequency_hz"] == hz]
+    assert mode["shape"]
+    assert mode["frequency_sd_hz"]
+    assert any("was stated, and is a mode for that" in w for w in fitted["details"]["warnings"])
+    listed = ids(ok(api.get(path), 200)["items"])
+    assert listed == [*present, edited["id"], fitted["id"]]
+    outside = api.post(
+        f"campaigns/{campaign}/identifications",
+        json=LOW | {"poles": [pole | {"frequency_hz": 900}]},
+    )
+    failed = finished(api, outside.headers["Location"])
+    assert "is 900, outside the lines, 6.25 to 250 Hz" in str(failed["error"])
 
 
 def _of(mode_set: dict[str, Any]) -> dict[str, Any]:

@@ -281,6 +281,7 @@ FILES: dict[str, Body] = {
             "threshold": To(0.9999, "status"),
             "name": To(NEW, "name"),
             "include_doubtful": To(True, "status", {"threshold": 0.9999}),
+            "poles": held([{"frequency_hz": 250.0, "reason": "r"}], "modes"),
         },
         {"band_hz": [5, 500], "highest_order": 10},
         then="campaigns/{campaign_id}/mode-sets?limit=1",

@@ -42,6 +42,7 @@ _PLIES = {
 _PLIES["*"]["laminate"] = {"plies": [_PLY]}
 _ANGLE = {"*": {**ANGLE, "name": "s {n}"}}
 _PIECES = {"pieces": [{"from_m": 0.1, "to_m": 0.2, "thickness_m": 0.012}]}
+_STATED = {"poles": [{"frequency_hz": 250.0, "reason": "r"}]}
 STRUCTURE: dict[str, Any] = {
     **_rows("geometry", {"length_m": 0.6, "width_m": 0.05, "thickness_m": 0.012}),
     **_rows(
@@ -173,6 +174,11 @@ WITHIN: dict[str, dict[str, Any]] = {
         _rows("decisions", {"frequency_hz": 163.23, "keep": True}, "modes")
         | {"decisions.reason": To("another")}
     ),
+    "POST /campaigns/{campaign_id}/identifications": {
+        "poles.frequency_hz": held(300.0, "modes", _STATED),
+        "poles.damping_ratio": held(0.02, "modes", _STATED),
+        "poles.reason": held("another", "decisions", _STATED),
+    },
     "POST /structures/{structure_id}/coupon-batches": _rows(
         "published.*", {"mean": 30e9, "standard_deviation": 2e9, "n": 6}, None, _PUBLISHED
     ),

@@ -96,12 +96,15 @@ def keep_identified(
     *,
     job_id: UUID,
     settings: dict[str, Any],
+    decisions: Sequence[dict[str, Any]] = (),
 ) -> ModeSet:
     """Store modes that a job found in the specimen's frame, with their directions in the file's
     coordinates, as all stored shapes are, with covariance and how they were found. Those that an
     earlier job found by the same settings leave.
     """
     details = {part: document[part] for part in DETAILS}
+    if decisions:  # on the poles that a person stated
+        details["decisions"] = [*decisions]
     by_frequency = {row["frequency_hz"]: row for row in (*document["modes"], *document["doubtful"])}
     details["evidence"] = [
         {part: by_frequency[float(hz)][part] for part in EVIDENCE} for hz in modes.frequency_hz

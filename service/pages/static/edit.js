@@ -158,19 +158,31 @@ for (const form of document.querySelectorAll("form[data-poles]")) {
     );
   });
 }
-/* A click on a pole of a stabilisation diagram turns the box of the fitted pole that it stands for.
- */
+/* A click on a pole of a stabilisation diagram turns the box of the fitted pole that it stands for;
+   a pole that stands for none comes into the form of those to fit. */
 for (const figure of document.querySelectorAll("figure[data-figure$='/figures/stabilisation']"))
   figure.addEventListener("drawn", () => {
     const of = figure.dataset.figure.split("/")[1];
     const set = [...document.querySelectorAll(`[data-set-of="${of}"]`)].at(-1); // edited last
-    if (set)
+    const fit = document.querySelector(`form[data-fit="${of}"]`);
+    if (set || fit)
       figure.querySelector(".js-plotly-plot").on("plotly_click", ({ points: [point] }) => {
         const hz = point.customdata ?? point.x;
         const off = (box) => Math.abs(Number(box.dataset.pole) / hz - 1);
-        const [box] = [...set.querySelectorAll("[data-pole]")].sort((a, b) => off(a) - off(b));
-        if (!box || off(box) > 1e-3)
-          return say(`No fitted pole lies near ${Number(point.x.toPrecision(5))} Hz.`);
+        const boxes = [...(set?.querySelectorAll("[data-pole]") ?? [])];
+        const [box] = boxes.sort((a, b) => off(a) - off(b));
+        if (!box || off(box) > 1e-3) {
+          if (!fit || point.customdata)
+            return say(`No fitted pole lies near ${Number(point.x.toPrecision(5))} Hz.`);
+          const rows = fit.querySelector("[data-rows]");
+          if (fit.hidden) for (const pole of JSON.parse(fit.dataset.stated)) addRow(rows, pole);
+          addRow(rows, {
+            frequency_hz: point.x,
+            damping_ratio: Number.parseFloat(point.text) / 100,
+          });
+          fit.hidden = false;
+          return say(`${Number(point.x.toPrecision(5))} Hz: to be fitted.`);
+        }
         for (
           let closed = box.closest("details:not([open])");
           closed;

@@ -3,6 +3,7 @@ and what it keeps.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -12,6 +13,7 @@ from sqlalchemy import JSON, ForeignKey, Index
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.errors import InputError
+from fecore.modal import Options, StatedPole
 from service.nouns.campaigns.operations import campaign_for
 from service.nouns.frfs.data import load_measured_campaign
 from service.nouns.modes.operations import keep_identified
@@ -44,6 +46,16 @@ class Identification(Base):
     document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
 
 
+class StatedPoleIn(RequestModel):
+    """A pole to fit that a person sees in the FRFs."""
+
+    frequency_hz: float = Field(gt=0, le=1e7, description="where the fit of it starts")
+    damping_ratio: float | None = Field(
+        None, gt=0, lt=1, description="where its fit starts; default: a line's width"
+    )
+    reason: str = Field(min_length=1, max_length=2000, description="why it is a mode")
+
+
 class IdentificationIn(PolesIn, RequestModel):
     """How to identify; `{}` will do."""
 
@@ -53,6 +65,17 @@ class IdentificationIn(PolesIn, RequestModel):
     include_doubtful: bool = Field(
         False, description="keep the uncertain poles, from probability 0.1 on, in the mode set too"
     )
+    poles: list[StatedPoleIn] = Field(
+        [],
+        max_length=100,
+        description="to fit beside those that the search finds; each is a mode of the set, whatever"
+        " its probability",
+    )
+
+    def options(self) -> Options:
+        """The core's options, the poles included."""
+        stated = tuple(StatedPole(each.frequency_hz, each.damping_ratio) for each in self.poles)
+        return replace(super().options(), poles=stated)
 
 
 def _load(session: Session, row: Identification, _workspace: Path) -> IdentificationInputs:
@@ -77,6 +100,11 @@ def _store(session: Session, row: Identification, items: Iterator[Identification
     for output in items:
         row.document = output.document
         how: dict[str, Any] = {"job_id": row.id, "settings": row.options}
+        if "poles" in row.options:
+            how["decisions"] = [
+                {"frequency_hz": hz, "keep": True, "reason": pole["reason"]}
+                for hz, pole in zip(output.document["stated"], row.options["poles"], strict=True)
+            ]
         keep_identified(session, row.campaign_id, name, output.modes, output.document, **how)
 
 
@@ -98,7 +126,9 @@ def start_identification(
     campaign = campaign_for(session, user, campaign_id, "editor")
     body.options()  # a wrong band is refused before it is queued
     require_room(session, campaign_for.project_of(session, campaign))
-    row = Identification(campaign_id=campaign.id, options=body.model_dump(mode="json"))
+    # without poles the settings are those of before there were any: the set takes an older's place
+    options = body.model_dump(mode="json", exclude=None if body.poles else {"poles"})
+    row = Identification(campaign_id=campaign.id, options=options)
     return IDENTIFICATIONS.start(session, user, row)
 
 
