@@ -292,8 +292,8 @@ def test_poles_kept_and_dropped_by_hand_are_a_new_set_that_says_who_and_why(
         api.post(f"mode-sets/{edited['id']}/edits", json={"name": "again", "decisions": back}), 201
     )
     assert [mode["frequency_hz"] for mode in again["modes"]] == [50.0, 160.06]
-    told = ("frequency_hz", "damping_ratio", "frequency_sd_hz", "shape")
-    assert all(again["modes"][0][part] == first["modes"][1][part] for part in told)
+    compared = ("frequency_hz", "damping_ratio", "frequency_sd_hz", "shape")
+    assert all(again["modes"][0][part] == first["modes"][1][part] for part in compared)
     assert [pole["frequency_hz"] for pole in again["details"]["dropped"]] == [25.63]
     assert [each["keep"] for each in again["details"]["decisions"]] == [False, True, False]
     assert again["details"]["edited_from"] == edited["id"]
