@@ -1,7 +1,11 @@
 """The service as a stranger uses it, who has the documentation page alone."""
 
+import json
+import os
 import re
+import subprocess
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -103,6 +107,33 @@ def test_a_stranger_runs_the_main_job_from_the_documentation_page(stranger: Stra
     stranger.put("/update-jobs/{job_id}/labels")
     wrong = stranger.api.get(f"update-jobs/{stranger.ids['job_id']}/result?include=all")
     assert wrong.status_code == 422
+
+
+def test_the_main_job_runs_by_the_curl_of_its_steps(
+    stranger: Stranger, service: LocalService, api: httpx.Client, tmp_path: Path
+) -> None:
+    (tmp_path / "beam.uff").write_bytes(paper.uff_file())
+    key = api.headers["authorization"].removeprefix("Bearer ")
+    variables = {"URL": service.url, "KEY": key, "PATH": os.environ["PATH"]}
+    kinds = iter(("project", "structure", "campaign", "import", "", "job", "", ""))
+    steps = re.findall(r"`(POST|GET) (/[^`]+)`", stranger.document["info"]["description"])
+    for (method, step), kind in zip(steps, kinds, strict=True):
+        (description,) = (
+            operations[method.lower()]["description"]
+            for path, operations in stranger.document["paths"].items()
+            if re.sub(r"\{\w+\}", "{id}", path) == f"/api/v1{step}" and method.lower() in operations
+        )
+        command = description.partition("```sh\n")[2].partition("\n```")[0]
+        said = subprocess.run(
+            ["bash", "-c", command], env=variables, cwd=tmp_path, capture_output=True, check=True
+        )
+        answer = json.loads(said.stdout)
+        if kind:
+            variables[f"{kind.upper()}_ID"] = answer["id"]
+        if kind in ("import", "job"):
+            stranger.ids[f"{kind}_id"] = answer["id"]
+            stranger.wait({"import": "/imports/{import_id}", "job": "/update-jobs/{job_id}"}[kind])
+    assert answer["verdict"]["level"]
 
 
 @pytest.mark.long

@@ -3,6 +3,7 @@ order of the main job; and the page that shows it, from this host alone.
 """
 
 import hashlib
+import json
 import re
 from base64 import b64encode
 from collections.abc import Iterator, Mapping
@@ -62,11 +63,47 @@ def complete(document: Node) -> None:
         for body in _bodies(operation):
             _describe("", body)
         _list_errors(path, operation)
+    _add_curl(document)
     used = {tag for _, operation in _operations(document) for tag in operation["tags"]}
     own = {tag["name"]: tag["description"] for tag in document.get("tags", ())}
     document["tags"] = [
         {"name": name, "description": text} for name, text in headings(own) if name in used
     ]
+
+
+_STEP = re.compile(r"`(GET|POST) (/[^`]+)`")
+_ASKED = "With curl:"
+
+
+def _add_curl(document: Node) -> None:
+    """Say to each step of the main job, which the document's description lists, how curl does it:
+    `$URL` and `$KEY` are the service and a key, `$PROJECT_ID` and so on ids of earlier answers.
+    """
+    for method, step in _STEP.findall(document["info"].get("description", "")):
+        shape = re.compile(re.sub(r"\\\{\w+\\\}", r"\\{\\w+\\}", re.escape(f"/api/v1{step}")))
+        for path, methods in document["paths"].items():
+            operation = methods.get(method.lower())
+            if operation is None or not shape.fullmatch(path):
+                continue
+            text = operation.get("description") or operation.get("summary", "")
+            if _ASKED not in text:
+                content = operation.get("requestBody", {}).get("content", {})
+                command = _curl(path, content, document["components"]["schemas"])
+                operation["description"] = f"{text}\n\n{_ASKED}\n\n```sh\n{command}\n```"
+
+
+def _curl(path: str, content: Node, schemas: Node) -> str:
+    """A command that sends the example of a body, or a file."""
+    address = re.sub(r"\{(\w+)\}", lambda name: f"${name[1].upper()}", path)
+    send = ""
+    if "multipart/form-data" in content:
+        send = " -F file=@beam.uff"
+    elif "application/json" in content:
+        schema = content["application/json"]["schema"]
+        name = schema.get("anyOf", [schema])[0]["$ref"].rsplit("/", 1)[1]
+        body = json.dumps(schemas[name]["examples"][0]).replace("'", "'\\''")
+        send = f" -H 'Content-Type: application/json' \\\n  -d '{body}'"
+    return f'curl -H "Authorization: Bearer $KEY" "$URL{address}"{send}'
 
 
 def undescribed(document: Node) -> list[str]:
