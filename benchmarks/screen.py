@@ -138,7 +138,7 @@ def _page(url: str, key: str, job: str) -> Iterator[Callable[[], float]]:
 
         def visit() -> float:
             seen.page.goto(f"ui/update-jobs/{job}")
-            seen.page.locator("figure[data-figure] .main-svg").first.wait_for(state="attached")
+            seen.page.locator("[data-frf-viewer] .uplot").first.wait_for(state="attached")
             while (at := seen.page.evaluate(marked)) is None:
                 time.sleep(0.01)
             return float(at)

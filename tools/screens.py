@@ -20,7 +20,7 @@ from tests.support.waiting import until
 LOOKS = [
     (*size, dark) for size in (("desk", 1400, 900), ("phone", 390, 844)) for dark in (False, True)
 ]
-LISTS = ("", "new", "projects", "update-jobs", "monitors", "keys", "nowhere")
+LISTS = ("", "new", "projects", "update-jobs", "monitors", "keys", "kit", "nowhere")
 DRAWN = ".main-svg, .uplot, .wait:not(:text('Drawing …'))"  # or says why not
 WATCH = {
     "name": "stringer",
@@ -92,13 +92,13 @@ def main(folder: Path) -> None:
                     for number, path in enumerate(pages):
                         seen.visit(path)
                         for figure in seen.page.locator(
-                            "figure[data-figure]:visible, [data-frf-viewer]"
+                            "figure[data-figure]:visible, [data-frf-viewer]:visible"
                         ).all():
                             figure.scroll_into_view_if_needed()
                             figure.locator(DRAWN).first.wait_for(state="attached")
-                        for place in seen.page.locator("[data-space]").all():
+                        for place in seen.page.locator("[data-space]:visible").all():
                             place.scroll_into_view_if_needed()
-                            seen.page.wait_for_selector("[data-space][data-ready]")
+                            seen.page.wait_for_selector("[data-space][data-ready]:visible")
                         # Else the head, which stays in sight, would cover its middle.
                         seen.page.evaluate("scrollTo(0, 0)")
                         name = f"{number:02}-{path.split('/')[2].split('?')[0]}-{size}{'-dark' if dark else ''}.png"

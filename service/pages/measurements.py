@@ -30,7 +30,7 @@ from service.nouns.records.schemas import HitDecisionOut, Proposal, RecordOut
 from service.pages.look import Visit, VisitDep
 from service.pages.tasks import cards_of
 from service.pages.updates import NamedJob, joint_updates_of, name_jobs, over_time
-from service.pages.viewer import draw_grid, has_mesh, marked, points_in_space, viewer_of
+from service.pages.viewer import has_mesh, marked, points_in_space, viewer_of
 from service.platform.web.routing import UI, page_router
 from service.tasks.identify import routes as identify
 from service.tasks.import_file import routes as imports
@@ -136,7 +136,6 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         frfs=listed.items,
         viewer=viewer_of(visit, context["campaign"], listed.items, map(marked, mode_sets)),
         more_frfs=listed.next_cursor is not None,
-        grid=draw_grid(points, context["structure"].geometry, counts),
         space=points_in_space(
             points,
             listed.items,

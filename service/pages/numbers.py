@@ -80,7 +80,7 @@ def percent(value: float | None, digits: int = 2) -> str:
     if value is None or not math.isfinite(value):
         return NOTHING
     text = f"{value:+.{digits}f}"
-    return text if float(text) else text[1:]  # no sign of nothing
+    return text.replace("-", "−") if float(text) else text[1:]  # no sign of nothing
 
 
 def in_laboratory_units(text: str) -> str:

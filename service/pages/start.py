@@ -55,6 +55,12 @@ def get_start(visit: VisitDep) -> HTMLResponse:
     return visit.show("start.html", projects=active, jobs=name_jobs(visit, jobs), alarms=alarms)
 
 
+@router.get("/kit")
+def get_kit(visit: VisitDep) -> HTMLResponse:
+    """Each part that pages are made of, in each state."""
+    return visit.show("kit_page.html")
+
+
 @router.get("/projects")
 def get_projects(visit: VisitDep, cursor: Cursor = None) -> HTMLResponse:
     """All projects."""

@@ -4,11 +4,12 @@ result; and the next tests.
 Lists everywhere name update jobs by what they belong to.
 """
 
+import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 from uuid import UUID
 
 from fastapi import Query
@@ -37,7 +38,7 @@ from service.nouns.updates.schemas import JointUpdateOut, RecipeIn, UpdateJobOut
 from service.pages.findings import opening
 from service.pages.forms import OF_PARAMETER, fields_of
 from service.pages.look import Visit, VisitDep
-from service.pages.numbers import leaves
+from service.pages.numbers import leaves, mean, number
 from service.pages.quantities import units_of_parameter
 from service.pages.viewer import viewer_of
 from service.platform.access import routes as access
@@ -46,6 +47,7 @@ from service.platform.web.parameters import Cursor
 from service.platform.web.routing import UI, page_router
 from service.platform.web.typed import in_words
 from service.reports import routes as shown
+from service.reports.decks import Program
 from service.reports.figures import FIGURES
 from service.tasks.update import routes as updating
 
@@ -114,6 +116,7 @@ def over_time(
 
 router = page_router(UI)
 MOST = 100  # rows of a list on a page
+OF_FRFS = [each for each in CRITERIA.values() if each.of == "FRFs"]
 PRINCIPAL = (
     "mode_set",
     "prior_from_coupon_batch",
@@ -124,29 +127,16 @@ PRINCIPAL = (
 )
 """What an engineer chooses first; the rest of a recipe stands below."""
 PARTS = {
-    "verdict": "Verdict",
-    "parameters": "Parameters",
-    "steps": "What to do",
-    "modes": "Modes",
+    "overview": "Overview",
     "correlation": "Correlation",
-    "frfs": "FRFs",
     "damping": "Damping",
-    "budget": "Budget",
+    "budget": "Uncertainty",
     "convergence": "Convergence",
-    "recipe": "Recipe",
-    "report": "Report",
-}
-PARTS_OF_SEVERAL = {
-    "verdict": "Verdict",
-    "parameters": "Parameters",
-    "steps": "What to do",
-    "campaigns": "Campaigns",
-    "frequencies": "Frequencies",
-    "budget": "Budget",
     "recipe": "Recipe",
     "report": "Files",
 }
-"""Parts of a result's page, of one campaign and of several: anchor and what its link says."""
+OF_ONE = ("correlation", "damping", "convergence")
+"""Parts of a result's page, anchor and what its tab says; and those of one campaign alone."""
 
 
 @router.get("/campaigns/{campaign_id}/update")
@@ -252,11 +242,12 @@ def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
         visit,
         common,
         result,
-        PARTS,
+        PARTS.items(),
         figures=shown.list_figures(job_id, visit.session, visit.user).items,
         outdated=outdated(visit.session, row, result),
         viewer=_viewer(visit, campaign, job_id, result),
-        of_frfs=[each for each in CRITERIA.values() if each.of == "FRFs"],
+        of_frfs=OF_FRFS,
+        agreement=_agreement(result),
         recipe=list(
             leaves(job.recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True))
         ),
@@ -296,9 +287,10 @@ def get_joint(joint_id: UUID, visit: VisitDep) -> HTMLResponse:
         visit,
         common,
         result_document(visit.session, joint_update_for(visit.session, visit.user, joint_id)),
-        PARTS_OF_SEVERAL,
+        ((key, name) for key, name in PARTS.items() if key not in OF_ONE),
         outdated=None,
         viewer=None,
+        agreement=[],
         figures=shown.list_joint_figures(joint_id, visit.session, visit.user).items,
         newest=_newest_single(visit, names),
         recipe=[
@@ -313,13 +305,56 @@ def _result(
     visit: Visit,
     common: Mapping[str, Any],
     result: Mapping[str, Any],
-    parts: Mapping[str, str],
+    parts: Iterable[tuple[str, str]],
     **own: Any,
 ) -> HTMLResponse:
     """The page of a result: what opens it, then its parts."""
     steps, notes = opening(result)
-    opened = {"steps": steps, "notes": notes, "parts_of_page": parts.items(), "tabs": _tabs()}
+    opened = {
+        "steps": steps,
+        "notes": notes,
+        "parts_of_page": [(key, name, None) for key, name in parts],
+        "tabs": _tabs(),
+        "downloads": list(_downloads(common)),
+    }
     return visit.show("result.html", **common, result=result, **opened, **own)
+
+
+def _downloads(common: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """What can be fetched of a result: address, name, format."""
+    address, structure = common["address"], common.get("structure")
+    if structure is not None:
+        yield f"{address}/report?format=pdf", "Report", "PDF"
+        yield f"{address}/report?format=html", "Report", "HTML"
+        yield f"{address}/frfs/data?format=uff", "Predicted FRFs", "UFF"
+        yield f"{address}/mesh?format=vtu", "Shapes on the mesh", "VTU"
+        if structure.model:
+            yield f"{address}/deck", "Your deck, updated", "as it was sent"
+        elif not structure.shape:
+            for program in get_args(Program):
+                yield f"{address}/cards?format={program}", "Deck", program.capitalize()
+    yield f"{address}/result", "Result", "JSON"
+
+
+def _agreement(result: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """How well the model agrees: name, before and after the update."""
+    modes, correlation = result["modes"], result.get("correlation") or {}
+    pairs = [m for m in modes if m["updated_hz"] and m["initial_hz"]]
+    rows = []
+    if pairs:
+        before, after = (
+            math.sqrt(mean([(m[name] / m["measured_hz"] - 1) ** 2 for m in pairs]) or 0.0)
+            for name in ("initial_hz", "updated_hz")
+        )
+        rows.append(("Frequencies, rms", f"{100 * before:.2g}", f"{100 * after:.2g} %"))
+    if shapes := [m["mac"] for m in modes if m["mac"] is not None]:
+        rows.append(("MAC, least", "", number(min(shapes), 3)))
+    initial = correlation.get("initial") or {}
+    for each in OF_FRFS:
+        if mean(correlation.get(each.member)) is not None:
+            was, now = (number(mean(of.get(each.member)), 2) for of in (initial, correlation))
+            rows.append((f"{each.label}, mean", was, now))
+    return rows
 
 
 def _tabs() -> dict[str, list[str]]:

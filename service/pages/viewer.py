@@ -1,12 +1,8 @@
 """What the pictures of a page start with: the measured points on their structure, and the FRF
-viewer's choices.
-
-Points are drawn to scale in an SVG of our own, and given as the picture in space takes them. The
-viewer has the FRFs to choose from, modes to mark, models and campaigns to lay over them.
+viewer's choices: the FRFs, modes to mark, models and campaigns to lay over them.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 from uuid import UUID
 
@@ -18,108 +14,12 @@ from service.nouns.campaigns import routes as campaigns
 from service.nouns.campaigns.schemas import CampaignOut
 from service.nouns.frfs.schemas import FrfOut
 from service.nouns.modes.schemas import ModeSetOut
-from service.nouns.structures.schemas import Geometry, StructureOut
+from service.nouns.structures.schemas import StructureOut
 from service.pages.look import Visit
 from service.pages.numbers import moment
 from service.tasks.update import routes as updating
 
-WIDTH = 760.0  # of the drawing, in its own units
-MARGIN = 26.0
-LOWEST, HIGHEST = 60.0, 420.0  # height of what is drawn
-MOST_LABELS = 120
-
 Point3 = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Mark:
-    """A grid point in the drawing."""
-
-    label: int  # its number
-    x: float  # place in the drawing
-    y: float
-    place: str  # its coordinates in words
-    frfs: int  # how many FRFs it has
-
-
-@dataclass(frozen=True)
-class Grid:
-    """A drawing to scale."""
-
-    # width, height: of the drawing
-    width: float
-    height: float
-    marks: list[Mark]  # the points
-    # x, y, width and height of the specimen; None where its geometry is not known
-    outline: tuple[float, float, float, float] | None
-    bar: tuple[float, str]  # length of the scale's bar in the drawing, and in words
-    labels: bool  # whether there is room for the points' numbers
-
-
-def draw_grid(
-    points: Mapping[int, Point3], geometry: Geometry | None, frfs: Mapping[int, int]
-) -> Grid | None:
-    """A campaign's points on their specimen, seen along −z; a body that lies along z is seen along
-    −y.
-
-    Args:
-        points: label to coordinates in the specimen's frame, m.
-        geometry: of the strip or plate, x from 0 to its length, y from −b/2 to b/2.
-        frfs: how many FRFs each point has.
-
-    Returns:
-        The drawing; None where there is nothing to draw.
-    """
-    if not points and geometry is None:
-        return None
-    across = _across(points, geometry)
-    places = {label: (xyz[0], xyz[across]) for label, xyz in points.items()}
-    xs, ys = [x for x, _ in places.values()], [y for _, y in places.values()]
-    if geometry is not None:
-        xs += [0.0, geometry.length_m]
-        ys += [-geometry.width_m / 2, geometry.width_m / 2]
-    left, bottom = min(xs), min(ys)
-    wide, high = max(max(xs) - left, 1e-9), max(max(ys) - bottom, 1e-9)
-    scale = min((WIDTH - 2 * MARGIN) / wide, (HIGHEST - 2 * MARGIN) / high)
-    height = max(LOWEST, high * scale + 2 * MARGIN)
-    middle = (height - high * scale) / 2
-
-    def place(x: float, y: float) -> tuple[float, float]:
-        return MARGIN + (x - left) * scale, height - middle - (y - bottom) * scale
-
-    marks = [
-        Mark(label, *place(*xy), _words(points[label]), frfs.get(label, 0))
-        for label, xy in sorted(places.items())
-    ]
-    outline = None
-    if geometry is not None:
-        x, y = place(0.0, geometry.width_m / 2)
-        outline = (x, y, geometry.length_m * scale, geometry.width_m * scale)
-    return Grid(WIDTH, height + 24, marks, outline, _bar(wide, scale), len(marks) <= MOST_LABELS)
-
-
-def _across(points: Mapping[int, Point3], geometry: Geometry | None) -> int:
-    """Which axis is drawn upwards: y, or z where a body without a geometry is flat in y."""
-    if geometry is not None or not points:
-        return 1
-    spread = [
-        max(p[i] for p in points.values()) - min(p[i] for p in points.values()) for i in (1, 2)
-    ]
-    return 1 if spread[0] >= spread[1] else 2
-
-
-def _words(xyz: Point3) -> str:
-    return (
-        ", ".join(f"{axis} {1e3 * value:.4g}" for axis, value in zip("xyz", xyz, strict=True))
-        + " mm"
-    )
-
-
-def _bar(wide: float, scale: float) -> tuple[float, str]:
-    """A round length of about a fifth of the specimen's."""
-    power = 10.0 ** int(f"{wide / 5:e}".split("e")[1])
-    length = max(step for step in (1, 2, 5) if step * power <= wide / 5) * power
-    return length * scale, f"{1e3 * length:g} mm" if length < 1 else f"{length:g} m"
 
 
 def points_in_space(

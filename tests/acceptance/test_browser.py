@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from service.app.supervisor import LocalService
-from tests.support.browser import Watched, drawn, held, hindrances, watched_page
+from tests.support.browser import Watched, answered, drawn, held, hindrances, watched_page
 from tests.support.lengths import long
 from tests.support.places import shared_file
 from tests.support.rest import client_at, ok, posted
@@ -25,19 +25,8 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 MOST_CLICKS = 8
-PARTS = (
-    "verdict",
-    "parameters",
-    "steps",
-    "modes",
-    "correlation",
-    "frfs",
-    "damping",
-    "budget",
-    "convergence",
-    "recipe",
-    "report",
-)
+PANES = ("shapes", "frfs", "parameters", "modes", "verdict")
+TABS = ("correlation", "damping", "budget", "convergence", "recipe", "report")
 
 
 @pytest.fixture(scope="module")
@@ -69,19 +58,32 @@ def main_job(seen: Watched, key: str, file: Path) -> str:
 
 
 def look_at_every_part(seen: Watched) -> None:
-    """Every part of a result is on its page; each figure is drawn as it comes into sight."""
+    """Panes of a result fill a desk's window, or a phone's one by one; each figure is drawn as its
+    tab is opened.
+    """
     page = seen.page
-    for part in PARTS:
-        page.locator(f"#{part}").scroll_into_view_if_needed()
-        assert page.locator(f"#{part} h2").is_visible()
+    on_a_phone = page.locator(".phone button").first.is_visible()
+    for number, pane in enumerate(PANES):
+        if on_a_phone:
+            page.locator(".phone button").nth(number).click()
+        page.locator(f"#{pane}").wait_for()
+        assert overflow(seen) == 0, pane
+    height = "document.documentElement.scrollHeight - innerHeight"
+    assert page.evaluate(height) == 0
+    for tab in TABS:
+        page.click(f".tabs [href='#{tab}']")
+        assert page.locator(f"#{tab} h2").is_visible()
+        figures = page.locator("figure[data-figure]:visible")
+        for i in range(figures.count()):
+            figure = figures.nth(i)
+            figure.scroll_into_view_if_needed()
+            figure.locator(".main-svg").first.wait_for()
+        assert overflow(seen) == 0
+        assert spilled(seen) == []
+    page.click(".tabs [href='#overview']")
+    if on_a_phone:
+        page.click(".phone button:text('Curves')")
     drawn(page, "[data-frf-viewer]")
-    figures = page.locator("figure[data-figure]:visible")
-    for i in range(figures.count()):
-        figure = figures.nth(i)
-        figure.scroll_into_view_if_needed()
-        figure.locator(".main-svg").first.wait_for()
-    assert overflow(seen) == 0
-    assert spilled(seen) == []
 
 
 def overflow(seen: Watched) -> int:
@@ -126,7 +128,7 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
         with page.context.expect_event(
             "response", lambda answer: "/report" in answer.url
         ) as report:
-            seen.click("[data-report] >> nth=0")
+            seen.click("a.button[data-report]")
         assert report.value.status == 200
         assert report.value.headers["content-type"] == "application/pdf"
         assert seen.clicks <= MOST_CLICKS
@@ -178,30 +180,34 @@ def a_result_opens_with_what_was_found(page: Page) -> None:
 
 
 def a_mode_zooms_and_a_cell_opens_its_shapes(page: Page) -> None:
-    """A row of the table of modes zooms the FRF, also before any is read; a cell of the MAC shows
-    its pair of shapes. All of it stands in the address, and nothing that stood there is lost.
+    """A mode is chosen by its row, a key or a cell of the MAC, and seen in space, over the curves
+    and in the figure of shapes; its number zooms the FRF, also before any is read. All of it stands
+    in the address, and nothing that stood there is lost.
     """
-    page.locator("tr[data-zoom]").nth(1).locator("td").nth(2).click()
+    page.locator("tr[data-zoom] a").nth(1).click()
     until(lambda: highest_line(page) < 400, "the FRF zoomed to the mode")
-    cells = page.locator("figure[data-figure$='/figures/mac'] .nsewdrag")
-    cells.scroll_into_view_if_needed()
-    columns = page.evaluate(
-        "document.querySelector(\"figure[data-figure$='/figures/mac']"
-        ' .js-plotly-plot").data[0].x.length'
-    )
-    box = cells.bounding_box()
-    # The first measured mode, the third of the model.
-    page.mouse.click(box["x"] + 2.5 / columns * box["width"], box["y"] + 4)
-    page.wait_for_selector("figure[data-figure$='/figures/shapes'] :text('updated model, mode 3')")
-    assert "shapes=1%7E3" in page.evaluate("location.search")
+    page.wait_for_selector("[data-space-said]:has-text('Measured mode 2')")
+    page.locator("tr[data-zoom]").nth(1).press("ArrowRight")
+    page.wait_for_selector("[data-space-said]:has-text('Measured mode 3')")
+    page.click("[data-tab=mac]")
+    page.click("[data-pair='1~3']")
+    page.wait_for_selector("[data-space-said]:has-text('Measured mode 1'):has-text('model mode 3')")
+    until(lambda: highest_line(page) < 400, "the band that follows the mode")
+    assert "space-measured=1&space-model=3" in page.evaluate("location.search")
     page.reload()
-    page.wait_for_selector("figure[data-figure$='/figures/shapes'] :text('updated model, mode 3')")
+    assert page.get_attribute("[data-pair='1~3']", "aria-pressed") == "true"
+    page.click(".tabs [href='#correlation']")
+    shapes = "figure[data-figure$='/figures/shapes']"
+    page.wait_for_selector("figure[data-figure$='/figures/mac'] .main-svg")
+    page.locator(shapes).scroll_into_view_if_needed()
+    page.wait_for_selector(f"{shapes} :text('updated model, mode 3')")
     assert highest_line(page) < 400
-    page.goto(f"{page.url.split('?')[0]}?hz=160~40")  # as earlier versions wrote it
+    page.goto(f"{page.url.split('?')[0]}?hz=160~40&shapes=2~4")  # as earlier versions wrote it
     until(lambda: highest_line(page) == 200, "the FRF zoomed by an old address")
+    page.wait_for_selector("[data-space-said]:has-text('model mode 4')")
     page.goto(f"{page.url.split('?')[0]}?s=*")
     with held(page, "**/data?format=npz") as waiting:
-        page.locator("tr[data-zoom]").nth(1).locator("td").nth(2).click()
+        page.locator("tr[data-zoom] a").nth(1).click()
         until(waiting, "FRFs to be read")
     until(lambda: highest_line(page) < 400, "the FRF zoomed to the mode")
     drawn(page, "[data-frf-viewer]")
@@ -283,14 +289,20 @@ def a_curve_and_hits_are_drawn(seen: Watched, pages: list[str]) -> None:
 
 
 def a_file_is_dropped(seen: Watched, campaign: str) -> None:
-    """A file that is dropped is sent, and what was wrong with it is said in place."""
-    seen.page.goto(campaign)
+    """A file that is dropped is sent, unless one cancels it; what was wrong with it is said."""
+    seen.page.goto(f"{campaign}#files")
     dropped = seen.page.evaluate_handle(
         "() => { const t = new DataTransfer(); t.items.add(new File(['no sets in here'],"
         " 'dropped.uff')); return t; }"
     )
     seen.page.dispatch_event(".drop", "dragover", {"dataTransfer": dropped})
     assert "over" in (seen.page.get_attribute(".drop", "class") or "")
+    with held(seen.page, "**/imports?*") as waiting:
+        seen.page.dispatch_event(".drop", "drop", {"dataTransfer": dropped})
+        until(waiting, "the file on its way")
+        seen.page.click("p:has-text('Sending dropped.uff') button:text('Cancel')")
+        seen.page.wait_for_selector(".faults:text('dropped.uff was not sent.')")
+        waiting().clear()
     seen.page.dispatch_event(".drop", "drop", {"dataTransfer": dropped})
     seen.page.wait_for_selector("#uploaded .state.failed")
     assert "dropped.uff" in seen.page.inner_text("#uploaded")
@@ -330,17 +342,16 @@ def test_who_has_no_mouse_gets_everywhere(running: Browser, service: LocalServic
         assert "thickness of 0.9 m is not below the length" in page.inner_text(".faults")
         assert page.evaluate("document.activeElement.name") == "structure/geometry/thickness_m"
         page.fill("[name='structure/geometry/thickness_m']", "400")
-        doubts: list[str] = []
-        page.once("dialog", lambda dialog: (doubts.append(dialog.message), dialog.dismiss()))
         page.click("button:text('Store the test')")
+        doubts = answered(page, yes=False)
         page.wait_for_selector(".faults:has-text('usual is')")
         assert (
             "is 0.4 m (400 mm), usual is 5e-5 m (0.05 mm) to 0.3 m (300 mm); did you mean 0.0004 m"
-            in doubts[0]
+            in doubts
         )
-        page.once("dialog", lambda dialog: dialog.accept())
+        page.click("button:text('Store the test')")
         with page.expect_navigation():
-            page.click("button:text('Store the test')")
+            answered(page, yes=True)
         assert "/ui/campaigns/" in page.url
         seen.complaints.clear()  # the console names each 422
         page.goto("/ui/keys")
@@ -348,15 +359,13 @@ def test_who_has_no_mouse_gets_everywhere(running: Browser, service: LocalServic
         page.press("[name=name]", "Enter")
         page.wait_for_selector("output.key:not(:empty)")
         page.reload()
-        asked: list[str] = []
         revoke = page.locator("[aria-label='Revoke spare']")
-        page.once("dialog", lambda dialog: (asked.append(dialog.message), dialog.dismiss()))
         revoke.press("Enter")
-        assert "opens nothing" in asked[0]
+        assert "opens nothing" in answered(page, yes=False)
         assert revoke.count() == 1
-        page.once("dialog", lambda dialog: dialog.accept())
+        revoke.press("Enter")
         with page.expect_navigation():
-            revoke.press("Enter")
+            answered(page, yes=True)
         assert revoke.count() == 0
 
 
@@ -423,8 +432,8 @@ def test_a_search_is_typed_with_suggestions_and_kept(
         assert file.value.path().read_text().splitlines()[1:2] == ["warm day,north's bridge"]
         page.click(".kept a:text('clamped and warm')")
         page.wait_for_selector("h2:text('1 campaigns')")
-        page.once("dialog", lambda dialog: dialog.accept())
         page.click("[aria-label='Forget clamped and warm']")
+        answered(page, yes=True)
         page.wait_for_selector("#saved", state="detached")
         page.goto("/ui/search?noun=modes&for=frequency_hz > 4")
         page.click("button:text('Draw')")

@@ -80,8 +80,7 @@ def test_poles_and_campaigns_are_judged_by_eye(
         as_bars(seen.page, pairs)
         assert overflow(seen) == 0
         assert hindrances(seen.page) == []
-        seen.visit(f"/ui/campaigns/{one}")
-        seen.page.click("summary:has-text('Stabilisation diagram')")
+        seen.visit(f"/ui/campaigns/{one}#stabilisation")
         drawn(seen.page, DIAGRAM)
         assert overflow(seen) == 0
         assert (seen.complaints, seen.strangers) == ([], [])
@@ -91,10 +90,7 @@ def a_pole_is_dropped_in_the_diagram(page: Page) -> None:
     """The first of the fitted poles, which stand in a row on top; the table shows it, and a new set
     is made of the rest.
     """
-    page.locator("[data-space]").first.scroll_into_view_if_needed()
-    page.wait_for_selector("[data-space][data-ready]")
-    drawn(page, "[data-frf-viewer]")  # what comes later above would move the diagram
-    page.click("summary:has-text('Stabilisation diagram')")
+    page.click(".tabs a:text('Stabilisation')")
     drawn(page, DIAGRAM)
     page.wait_for_selector(f"{DIAGRAM} .files a")  # it listens to clicks
     names = page.eval_on_selector(
@@ -114,18 +110,18 @@ def a_pole_is_dropped_in_the_diagram(page: Page) -> None:
     page.mouse.down()
     page.mouse.up()
     page.wait_for_selector("#say:has-text('dropped')")
+    page.click(".tabs a:text('Measurement')")
     assert not page.locator("[data-pole]").first.is_checked()
     page.fill("form[data-poles] [name=reason]", "a tone of the fan")
     saved(page, "Save as a new mode set")
-    page.wait_for_selector("summary:has-text('found, checked')")
+    page.wait_for_selector("[data-sets] option:has-text('found, checked')", state="attached")
 
 
 def a_pole_is_fitted_too(page: Page, campaign: str) -> float:
     """A grey pole, which stands for none of the fitted ones, comes into a form and is fitted with
     them; gives its frequency.
     """
-    page.goto(f"/ui/campaigns/{campaign}")
-    page.click("summary:has-text('Stabilisation diagram')")
+    page.goto(f"/ui/campaigns/{campaign}#stabilisation")
     drawn(page, DIAGRAM)
     page.wait_for_selector(f"{DIAGRAM} .files a")  # it listens to clicks
     hz = page.eval_on_selector(
@@ -147,7 +143,7 @@ def sets_are_compared(page: Page, name: str, pairs: int) -> None:
     """Two sets of a campaign: each mode that is in both is itself, and that which was dropped has
     no partner.
     """
-    form = page.locator("details[open] form[data-choose]").first
+    form = page.locator("aside section:visible form[data-choose]").first
     assert "found" in form.locator("select").inner_text()
     with page.expect_navigation():
         form.locator("button").click()
@@ -191,5 +187,5 @@ def campaigns_are_compared(page: Page, structure: str) -> str:
     assert hindrances(page) == []
     address = page.url
     page.click("a:has-text('Lay their FRFs over each other')")
-    page.wait_for_selector("[data-frfs] option:has-text('wet')", state="attached")
+    page.wait_for_selector("[data-frfs] tr:has-text('wet')", state="attached")
     return address

@@ -11,7 +11,7 @@ import pytest
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import more_pages, overflow, signed_in
 from tests.integration.test_coupons import CURVE, machine_file
-from tests.support.browser import held, hindrances, watched_page
+from tests.support.browser import answered, held, hindrances, watched_page
 from tests.support.lengths import long
 from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
@@ -123,20 +123,24 @@ def test_what_was_typed_is_corrected_deleted_and_restored(
 
 
 def a_mode_is_dropped(page: Page, campaign: str) -> None:
-    """A box that is turned shows the form, which asks why and makes a new set; from that the mode
-    can be taken back.
+    """R drops the mode that is chosen; the form then asks why and makes a new set, from which the
+    mode can be taken back.
     """
     page.goto(f"/ui/campaigns/{campaign}")
     reason = page.locator("form[data-poles] [name=reason]")
     assert not reason.is_visible()
-    page.click("[data-pole='50.0']")
+    row = page.locator("tr:has([data-pole='50.0'])")
+    row.locator("td").nth(1).click()
+    row.press("r")
+    assert not page.is_checked("[data-pole='50.0']")
     reason.fill("hum of the mains")
     saved(page, "Save as a new mode set")
-    page.wait_for_selector("summary:has-text('typed, checked')")
+    page.wait_for_selector("[data-sets] option:has-text('typed, checked')", state="attached")
     page.locator("[data-pole='50.0']").last.check()
     reason.last.fill("it moves with the mass")
     saved(page, "Save as a new mode set")
-    page.wait_for_selector("summary:has-text('typed, checked, checked edited, 2 modes')")
+    twice = "[data-sets] option:has-text('typed, checked, checked')"
+    page.wait_for_selector(twice, state="attached")
 
 
 def a_structure_takes_other_units(page: Page, structure: str) -> None:
@@ -161,10 +165,10 @@ def a_structure_takes_other_units(page: Page, structure: str) -> None:
 def deleted_and_restored(page: Page, campaign: str, structure: str) -> None:
     """Deleting says what it hides, and asks; the structure's page of corrections brings it back."""
     page.goto(f"/ui/edit/campaigns/{campaign}")
-    asked: list[str] = []
-    page.once("dialog", lambda dialog: (asked.append(dialog.message), dialog.accept()))
-    saved(page, "Delete first")
-    assert "hides 0 FRFs and 3 mode sets" in asked[0]
+    page.click("button:has-text('Delete first')")
+    with page.expect_navigation():
+        asked = answered(page, yes=True)
+    assert "hides 0 FRFs and 3 mode sets" in asked
     page.goto(f"/ui/edit/structures/{structure}")
     with page.expect_navigation():
         page.click("[aria-label='Restore first']")
@@ -189,6 +193,8 @@ def a_hit_is_refused(page: Page, hits: str) -> None:
         return page.locator("summary:text-is('Refuse')").count() > 0
 
     until(judged, "the hits are judged")
+    page.goto(f"{hits}#modes")
+    page.click("[data-tab=judged]")
     page.locator("summary:text-is('Refuse')").first.click()
     page.locator("[name=why]").first.fill("a cable was touched")
     with page.expect_navigation():

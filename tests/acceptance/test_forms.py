@@ -125,7 +125,7 @@ def test_raw_hits_become_a_printed_report_in_few_clicks(
         with page.context.expect_event(
             "response", lambda answer: "/report" in answer.url
         ) as report:
-            seen.click("[data-report] >> nth=0")
+            seen.click("a.button[data-report]")
         assert (report.value.status, report.value.headers["content-type"]) == (
             200,
             "application/pdf",

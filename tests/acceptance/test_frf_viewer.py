@@ -27,9 +27,12 @@ VIEWER = "[data-frf-viewer]"
 
 
 def accelerance(factor: float) -> np.ndarray[Any, Any]:
-    """Of one degree of freedom; nothing at 0 Hz."""
+    """Of one degree of freedom, with noise that hides it below 5 Hz."""
     f = STEP * np.arange(LINES)
-    return np.asarray(factor * f**2 / (F0**2 - f**2 + 2j * ZETA * F0 * f))
+    noise = 0.002 * np.random.default_rng(57).standard_normal((2, LINES))
+    return np.asarray(
+        factor * (f**2 / (F0**2 - f**2 + 2j * ZETA * F0 * f) + noise[0] + 1j * noise[1])
+    )
 
 
 def new_campaign(api: httpx.Client, structure: str, name: str, factors: tuple[float, ...]) -> str:
@@ -76,8 +79,15 @@ def cells(page: Page, row: int) -> list[str]:
     return page.locator("[data-readings] tbody tr").nth(row).locator("th, td").all_inner_texts()
 
 
+def options(page: Page) -> None:
+    """Open the viewer's menu."""
+    if page.get_attribute(f"{VIEWER} .menu", "open") is None:
+        page.click(f"{VIEWER} summary")
+
+
 def copied(page: Page, kind: str) -> str:
     """What a button of the viewer puts on the clipboard, as text."""
+    options(page)
     page.click(f"[data-do={kind}]")
     page.wait_for_selector(f"[data-note]:has-text('{kind.upper()} copied')")
     return str(page.evaluate("navigator.clipboard.readText()"))
@@ -109,8 +119,9 @@ def test_frfs_are_laid_over_one_another_read_and_copied(
         cursors_read_what_was_made(page)
         what_is_still_read_is_copied_whole(page, factors)
         singular_values_are_those_of_one_column(page, factors)
+        options(page)
         page.select_option("[data-other]", other)
-        page.wait_for_selector("[data-frfs] option:has-text('second')", state="attached")
+        page.wait_for_selector("[data-frfs] tr:has-text('second')", state="attached")
         page.select_option("[data-view]", "nyquist")
         page.reload()
         drawn(page, VIEWER)
@@ -119,11 +130,12 @@ def test_frfs_are_laid_over_one_another_read_and_copied(
             other,
             "nyquist",
         )
-        assert page.locator("[data-frfs] option").count() == 2 * len(factors)
+        assert page.locator("[data-frfs] tbody tr").count() == 2 * len(factors)
         assert hindrances(page) == []
         assert (seen.complaints, seen.strangers) == ([], [])
     with watched_page(running, service.url, width=390, height=844, dark=True) as seen:
         page = signed_in(seen, key, path)
+        page.click(".phone button:text('Curves')")
         drawn(page, VIEWER)
         a_finger_moves_the_band(seen)
         assert overflow(seen) == 0
@@ -132,7 +144,7 @@ def test_frfs_are_laid_over_one_another_read_and_copied(
 
 
 def cursors_read_what_was_made(page: Page) -> None:
-    """The next peak is the mode, half-power gives its damping, values carry the random error and
+    """The next peak is the mode and none of the noise, half-power gives its damping, values carry the random error and
     follow the quantity.
     """
     assert page.locator(f"{VIEWER} .uplot").count() == 3  # magnitude, phase, coherence
@@ -147,6 +159,7 @@ def cursors_read_what_was_made(page: Page) -> None:
     )
     assert float(phase.removesuffix("°")) == pytest.approx(np.degrees(np.angle(at_peak)), abs=0.1)
     assert float(damping.split(" %")[0]) == pytest.approx(100 * ZETA, rel=0.02)
+    options(page)
     page.select_option("[data-quantity]", "receptance")
     receptance = abs(at_peak) / (2 * np.pi * F0) ** 2
     assert float(cells(page, 0)[1].split(" ± ")[0]) == pytest.approx(receptance, rel=0.02)
@@ -161,12 +174,14 @@ def cursors_read_what_was_made(page: Page) -> None:
 
 def what_is_still_read_is_copied_whole(page: Page, factors: tuple[float, ...]) -> None:
     """A copy that is asked for while FRFs are on their way has all that were chosen."""
+    page.click("[data-tab=frfs]")
     with held(page, "**/data?format=npz") as waiting:
         page.select_option("[data-all]", "1+z")
         until(
             lambda: said(page).get("s") == "*" and len(waiting()) == len(factors) - 1,
             "all, two on their way",
         )
+        options(page)
         page.click("[data-do=csv]")
     page.wait_for_selector("[data-note]:has-text('CSV copied')")
     rows = str(page.evaluate("navigator.clipboard.readText()")).splitlines()
@@ -194,6 +209,7 @@ def singular_values_are_those_of_one_column(page: Page, factors: tuple[float, ..
     assert len(drawing.findall(".//{*}path")) == 3 * len(factors)  # real, imaginary, coherence
     rows = copied(page, "csv").splitlines()
     assert len(rows) == 1 + len(factors) * len(inside)
+    options(page)
     page.click("[data-do=png]")
     page.wait_for_selector("[data-note]:has-text('PNG copied')")
     page.click("[data-do=whole]")

@@ -57,15 +57,15 @@ def test_processing_and_identification_show_themselves(
         with worker_stopped(service):
             ok(api.post(f"campaigns/{campaign}/processings", json={}), 202)
             begun(page, hits)
-            assert page.inner_text("#hits ~ p .state[data-job]") == "queued"
-        renewed(page, "section[aria-labelledby=grid] [data-frf-viewer]")
+            assert page.inner_text("#hits .state[data-job]") == "queued"
+        renewed(page, "[data-frf-viewer]")
         with worker_stopped(service):
             ok(api.post(f"campaigns/{campaign}/identifications", json={"name": "found"}), 202)
             begun(page, hits)
-            assert page.inner_text("#modes ~ p .state[data-job]") == "queued"
+            assert page.inner_text("aside .state[data-job]") == "queued"
         renewed(
             page,
-            "#modes ~ details summary:has-text('Stabilisation diagram of found'), #modes ~ p"
+            "#stabilisation summary:has-text('Stabilisation diagram of found'), aside"
             " .state.failed",
         )
         assert (seen.complaints, seen.strangers) == ([], [])

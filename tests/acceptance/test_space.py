@@ -119,6 +119,7 @@ def test_a_structure_is_turned_zoomed_and_its_points_chosen(
         page = opened(seen, bracket["campaign"])
         a_point_is_chosen(page)
         a_shape_moves(page)
+        page.click("[data-space] summary")
         page.click("[data-space-distances]")
         until(
             lambda: "1 point further than an update takes: 90" in said(page),
@@ -127,6 +128,13 @@ def test_a_structure_is_turned_zoomed_and_its_points_chosen(
         assert "points off the structure" in page.inner_text("[data-space-legend]")
         assert (hindrances(page), overflow(seen)) == ([], 0)
         assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def pane(page: Page, name: str) -> None:
+    """Go to a pane, where a phone shows one at a time."""
+    button = page.locator(f".phone button:text-is('{name}')")
+    if button.is_visible():
+        button.click()
 
 
 def said(page: Page) -> str:
@@ -158,6 +166,7 @@ def views_differ(page: Page) -> None:
 def a_point_is_chosen(page: Page) -> None:
     """From the list and by key it is marked, named in the address, and its FRF is shown."""
     before = picture(page)
+    page.click("[data-space] summary")
     page.select_option(
         "[data-space-point]",
         label=next(
@@ -169,19 +178,25 @@ def a_point_is_chosen(page: Page) -> None:
     assert said(page).startswith("Point 2: ")
     assert "1 FRF" in said(page)
     assert "point=2" in page.evaluate("location.search")
-    assert page.inner_text("[data-frfs] option:checked").startswith("2+z/1−y")
+    pane(page, "Table")
+    page.click("[data-tab=frfs]")
+    page.wait_for_selector("[data-frfs] [aria-selected=true]:has-text('2+z/1−y')")
+    pane(page, "Space")
     assert picture(page) != before
     page.focus("[data-space-canvas]")
     page.keyboard.press("p")
     assert said(page).startswith("Point 1: ")
+    pane(page, "Table")
     page.select_option("[data-all]", "*")
     page.reload()
+    pane(page, "Curves")
     drawn(page, "[data-frf-viewer]")
+    pane(page, "Space")
     page.locator("[data-space]").scroll_into_view_if_needed()
     page.wait_for_selector(READY)
     assert said(page).startswith("Point 1: ")
     assert (
-        page.locator("[data-frfs] option:checked").count() == 2
+        page.locator("[data-frfs] [aria-selected=true]").count() == 2
     )  # not those of the point alone, whichever comes first
     place = page.eval_on_selector(
         "[data-space-labels] span:text-is('5')", "label => label.style.transform"
@@ -193,10 +208,14 @@ def a_point_is_chosen(page: Page) -> None:
 
 def a_shape_moves(page: Page) -> None:
     """Who prefers stillness sees it at its largest; the phase turns it over; Move moves it."""
-    page.click("[data-shape]")
+    pane(page, "Table")
+    page.click("[data-tab=modes]")
+    page.locator("[data-shape] td").nth(1).click()
+    pane(page, "Space")
     until(lambda: "typed in, mode 1: 25 Hz" in said(page), "the shape of the mode set")
     assert page.inner_text("[data-space-run]") == "Move"
     largest = picture(page)
+    page.click("[data-space] summary")
     page.locator("[data-space-phase]").fill("180")
     assert picture(page) != largest
     page.click("[data-space-run]")
@@ -292,7 +311,7 @@ def test_a_browser_without_webgl_has_a_still_picture(
         page.wait_for_selector("[data-space][data-ready=still] svg path")
         assert page.locator("[data-space-canvas]").is_hidden()
         seen.visit(bracket["campaign"])
-        seen.page.wait_for_selector("[data-space][data-ready=still] svg.grid")
-        seen.page.click("[data-shape]")
-        seen.page.wait_for_selector("[data-space-picture] svg:not(.grid) circle")
+        seen.page.wait_for_selector("[data-space][data-ready=still] svg circle")
+        seen.page.locator("[data-shape] td").nth(1).click()
+        until(lambda: "mode 1: 25 Hz" in said(seen.page), "the still shape")
         assert seen.complaints == []

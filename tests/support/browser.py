@@ -149,6 +149,14 @@ def watched_page(
         context.close()
 
 
+def answered(page: Page, yes: bool) -> str:
+    """Answer the question that a page asks before it acts; its words."""
+    dialog = page.locator("dialog[open]")
+    asked = dialog.inner_text()
+    dialog.locator("button").nth(int(yes)).click()
+    return asked
+
+
 @contextmanager
 def held(page: Page, address: str) -> Iterator[Callable[[], list[Route]]]:
     """Hold requests for an address back, as a slow network does, and yield a function that lists

@@ -17,7 +17,7 @@ POLICY = (
     "default-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'; style-src"
     " 'self'; img-src 'self'"
 )
-STYLES = ("pages.css", "guide.css")
+STYLES = ("kit.css", "pages.css", "guide.css")
 
 router = page_router()
 

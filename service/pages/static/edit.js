@@ -183,13 +183,9 @@ for (const figure of document.querySelectorAll("figure[data-figure$='/figures/st
           fit.hidden = false;
           return say(`${Number(point.x.toPrecision(5))} Hz: to be fitted.`);
         }
-        for (
-          let closed = box.closest("details:not([open])");
-          closed;
-          closed = closed.parentElement.closest("details:not([open])")
-        )
-          closed.open = true;
         box.click();
-        return say(`${Number(hz.toPrecision(5))} Hz: ${box.checked ? "kept" : "dropped"}.`);
+        return say(`${Number(hz.toPrecision(5))} Hz: ${box.checked ? "kept" : "dropped"}.`, () =>
+          box.click(),
+        );
       });
   });

@@ -19,19 +19,18 @@ const CONFIG = {
   plotlyServerURL: "",
   modeBarButtonsToRemove: ["select2d", "lasso2d"],
 };
-const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const withQuery = (path, more) =>
   path + (path.includes("?") ? "&" : "?") + new URLSearchParams(more);
 
 function plain(layout) {
-  const line = { gridcolor: css("--line"), linecolor: css("--hint"), zeroline: false };
+  const line = { linecolor: css("--hint"), zeroline: false };
   const axes = Object.fromEntries(
     Object.entries(layout)
       .filter(([key]) => /^[xy]axis/.test(key))
       .map(([key, value]) => [key, { ...line, ...value }]),
   );
   return {
-    font: { family: "system-ui, sans-serif", size: 13, color: css("--text") },
+    font: { family: "system-ui, sans-serif", size: 12, color: css("--text") },
     paper_bgcolor: css("--ground"),
     plot_bgcolor: css("--ground"),
     margin: { l: 70, r: 20, t: 30, b: 60 },
@@ -80,7 +79,7 @@ function draw(place, figure) {
   const layout = { ...figure.layout, autosize: true };
   delete layout.width;
   const narrow = place.clientWidth < 640;
-  layout.font = { ...layout.font, size: narrow ? 11 : 13 };
+  layout.font = { ...layout.font, size: narrow ? 11 : 12 };
   layout.legend = {
     ...layout.legend,
     orientation: "h",
@@ -107,7 +106,12 @@ function draw(place, figure) {
   if (layout.height) layout.height += below - 95 + above - 50;
   if (narrow) narrowed(layout);
   const axes = Object.entries(layout).filter(([key]) => /^[xy]axis/.test(key));
-  for (const [, axis] of axes) if (axis.ticktext) axis.automargin = true;
+  for (const [, axis] of axes) {
+    Object.assign(axis, { gridcolor: css("--line"), tickcolor: css("--line") });
+    const power = axis.type === "log" ? { size: 10 } : {}; // which Plotly draws larger
+    axis.tickfont = { color: css("--hint"), ...power, ...axis.tickfont };
+    if (axis.ticktext) axis.automargin = true;
+  }
   if (axes.some(([key, axis]) => key === "yaxis" && axis.ticktext))
     layout.margin.l = narrow ? 30 : 60;
   const across = axes.filter(([key, axis]) => key[0] === "x" && axis.title?.text);
@@ -115,15 +119,6 @@ function draw(place, figure) {
     for (const [key, axis] of across)
       layout[key] = { ...axis, title: { ...axis.title, standoff: 8 } };
   return Plotly.newPlot(place, figure.data, layout, CONFIG);
-}
-/* What is shown stands in the address, so that a colleague who opens it sees the same. */
-const shown = new URLSearchParams(location.search);
-function keep(changes) {
-  for (const [key, value] of Object.entries(changes))
-    if (value === null) shown.delete(key);
-    else shown.set(key, value);
-  const query = shown.toString();
-  history.replaceState(null, "", location.pathname + (query && "?" + query) + location.hash);
 }
 const get = (path) =>
   call("GET", path).catch((problem) => {
@@ -234,8 +229,7 @@ for (const list of document.querySelectorAll("select[data-part-of]")) {
   });
 }
 
-/* The FRF of a result with the model's interval is the one that the viewer shows; a row of the
-   table of modes zooms the viewer. */
+/* The FRF of a result with the model's interval is the one that the viewer shows. */
 const overlay = figureOf("frf");
 document.addEventListener("chosen", ({ detail: [first, ...more] }) => {
   if (!overlay || !first || more.length) return;
@@ -246,54 +240,23 @@ document.addEventListener("chosen", ({ detail: [first, ...more] }) => {
   sight.unobserve(overlay); // one that was drawn is drawn anew once it is seen
   sight.observe(overlay);
 });
-for (const row of document.querySelectorAll("[data-zoom]"))
-  row.addEventListener("click", (event) => {
-    event.preventDefault();
-    const [hz, damping] = [Number(row.dataset.zoom), Number(row.dataset.damping)];
-    const half = Math.max(0.25 * hz, 12 * damping * hz);
-    document.dispatchEvent(
-      new CustomEvent("zoom-frfs", { detail: { low: Math.max(0, hz - half), high: hz + half } }),
-    );
-    goTo(document.getElementById("frfs"));
-  });
-
-/* A pair of shapes: chosen in two lists, or by a cell of the MAC. */
+/* The figure of a pair of shapes follows what is chosen; a cell of the MAC chooses. */
 const shapes = figureOf("shapes");
-const [measured, model] = ["measured", "model"].map((side) =>
-  document.querySelector(`[data-shape-of=${side}]`),
+hear("mode-chosen", ({ pair: [measured, model] }) => {
+  if (!shapes || !measured || !model) return;
+  shapes.dataset.query = new URLSearchParams({ measured, model }).toString();
+  sight.unobserve(shapes);
+  sight.observe(shapes);
+});
+const mac = figureOf("mac");
+mac?.addEventListener("drawn", () =>
+  mac.querySelector(".js-plotly-plot").on("plotly_click", ({ points: [cell] }) => {
+    const [measured, model] = cell.customdata.map(String);
+    tell("choose-mode", { measured, model });
+    if (shapes) goTo(shapes, "center");
+  }),
 );
-if (shapes && measured) {
-  const choose = (pair) => {
-    [measured.value, model.value] = pair ?? ["", ""];
-    shapes.dataset.query = pair
-      ? new URLSearchParams({ measured: pair[0], model: pair[1] }).toString()
-      : "";
-  };
-  const pair = (shown.get("shapes") ?? "").split("~");
-  if (pair.length === 2) {
-    choose(pair);
-    show(shapes);
-    goTo(shapes, "center");
-  }
-  const chosen = (which) => {
-    choose(which);
-    keep({ shapes: which ? which.join("~") : null });
-    show(shapes);
-  };
-  for (const list of [measured, model])
-    list.addEventListener("change", () => {
-      const other = list === measured ? model : measured;
-      if (list.value && !other.value) other.value = list.value;
-      chosen(list.value && other.value ? [measured.value, model.value] : null);
-    });
-  const mac = figureOf("mac");
-  mac?.addEventListener("drawn", () =>
-    mac.querySelector(".js-plotly-plot").on("plotly_click", ({ points: [cell] }) => {
-      chosen(cell.customdata.map(String));
-      goTo(shapes, "center");
-    }),
-  );
-}
+
 /* Parameters over time, or of results side by side. */
 const UNITS = { Pa: [1e-9, "GPa"], s: [1e6, "µs"], m: [1e3, "mm"] };
 for (const box of document.querySelectorAll("[data-over-time]")) {

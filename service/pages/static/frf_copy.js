@@ -13,11 +13,7 @@ async function handOver(name, kind, content, say) {
     ]);
     say(`${name.toUpperCase()} copied.`);
   } catch {
-    const link = document.createElement("a");
-    link.href = URL.createObjectURL(blob);
-    link.download = `frfs.${name}`;
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    save(blob, `frfs.${name}`);
     say(`frfs.${name} saved: this browser lends no clipboard here.`);
   }
 }

@@ -103,21 +103,42 @@ class FrfCursors {
       if (hz !== null) this.drawCursor(panel, ctx, area, { hz, k, x: at(hz) });
     });
   }
+  /* A line and a number at each mode; the one that is chosen says what it is. */
   drawModes(panel, ctx, area, at) {
     const [low, high] = this.view.zoom.seen;
-    let left = -Infinity;
-    for (const [number, hz, ratio] of this.view.modes()) {
-      if (hz < low || hz > high) continue;
-      upright(ctx, at(hz), area, css("--hint"), [2, 4]);
-      if (panel !== this.view.panels[0] || at(hz) - left <= 14 * devicePixelRatio) continue;
-      left = at(hz);
-      label(
-        ctx,
-        left,
-        area.top,
-        `${number}${ratio === null ? "" : `: ζ ${short(100 * ratio, 3)} %`}`,
-      );
+    const first = panel === this.view.panels[0];
+    const modes = this.view.modes().filter(([, hz]) => hz >= low && hz <= high);
+    const chosen = ([, hz]) => Math.abs(hz / this.view.mode - 1) < 1e-9;
+    this.tags = first ? [] : this.tags;
+    for (const mode of modes) {
+      const [, hz] = mode;
+      const look = chosen(mode) ? [css("--act"), []] : [css("--hint"), [2, 4]];
+      upright(ctx, at(hz), area, ...look);
     }
+    if (first)
+      for (const mode of modes.sort((a, b) => chosen(b) - chosen(a) || a[1] - b[1]))
+        this.tag(ctx, at(mode[1]), area, mode, chosen(mode));
+  }
+  tag(ctx, x, area, [number, hz, ratio], isChosen) {
+    const k = devicePixelRatio;
+    const damping = ratio === null ? "" : ` · ζ ${short(100 * ratio, 3)} %`;
+    const text = isChosen ? `${number} · ${short(hz, 5)} Hz${damping}` : String(number);
+    const wide = ctx.measureText(text).width + 8 * k;
+    const left = Math.min(Math.max(x - wide / 2, area.left), area.left + area.width - wide);
+    if (this.tags.some((other) => left < other.right && left + wide > other.left)) return;
+    this.tags.push({ left, right: left + wide, number });
+    ctx.textAlign = "left";
+    ctx.textBaseline = "alphabetic";
+    ctx.fillStyle = css(isChosen ? "--act" : "--card");
+    ctx.fillRect(left, area.top + 2 * k, wide, 16 * k);
+    ctx.fillStyle = css(isChosen ? "--on-act" : "--text");
+    ctx.fillText(text, left + 4 * k, area.top + 14 * k);
+  }
+  /* The mode whose number stands at a place of the first panel, in pixels from its corner. */
+  modeAt(x, y, panel) {
+    const k = devicePixelRatio;
+    const from = x * k + panel.plot.bbox.left;
+    return y > 20 ? null : this.tags?.find(({ left, right }) => from >= left && from <= right);
   }
   drawCursor(panel, ctx, area, { hz, k, x }) {
     ctx.fillStyle = css(k ? "--initial" : "--updated");
@@ -148,26 +169,6 @@ function dampingAt(curve, f, hz) {
     f === null ? null : FrfData.halfPower(curve.hz, sizeOf(curve), FrfData.nearest(curve.hz, f));
   if (!width) return "–";
   return `${short(100 * width.ratio, width.lines < 10 ? 2 : 3)} % at ${hz(width.hz)} Hz${width.lines < 4 ? `, of ${width.lines.toFixed(1)} lines only` : ""}`;
-}
-/* A name of a mode along its line, on a ground of its own so that curves do not cross it. */
-function label(ctx, x, top, text) {
-  const k = devicePixelRatio;
-  ctx.save();
-  ctx.translate(x, top + 3 * k);
-  ctx.rotate(-Math.PI / 2);
-  ctx.textAlign = "right";
-  ctx.fillStyle = css("--ground");
-  ctx.globalAlpha = 0.8;
-  ctx.fillRect(
-    -ctx.measureText(text).width - 2 * k,
-    -13 * k,
-    ctx.measureText(text).width + 4 * k,
-    12 * k,
-  );
-  ctx.globalAlpha = 1;
-  ctx.fillStyle = css("--text");
-  ctx.fillText(text, 0, -3 * k);
-  ctx.restore();
 }
 function upright(ctx, x, area, color, dash) {
   ctx.beginPath();

@@ -95,8 +95,22 @@ const FrfData = (() => {
     }
     return Math.abs(hz[b] - f) < Math.abs(f - hz[a]) ? b : a;
   }
-  /* The next local maximum in a direction (±1) that stands out of its neighbourhood by a tenth;
-     null where there is none. */
+  const AROUND = 40; // lines on each side, of which the noise is known
+  const median = (values) => values.sort((a, b) => a - b)[values.length >> 1];
+  /* Standard deviation of ln |H| from line to line, that of a normal distribution with the same
+     median of second differences, which no peak moves; and the middle of |H| there. */
+  function noiseAt(size, i) {
+    const [levels, bends] = [[], []];
+    const last = Math.min(size.length - 2, i + AROUND);
+    for (let k = Math.max(1, i - AROUND); k <= last; k += 1) {
+      levels.push(size[k]);
+      bends.push(Math.abs(Math.log((size[k - 1] * size[k + 1]) / size[k] ** 2)));
+    }
+    return { sd: (1.4826 * median(bends)) / Math.sqrt(6), level: median(levels) };
+  }
+  /* The next local maximum in a direction (±1) whose prominence is a tenth of it and 5 standard
+     deviations of a difference, and which lies 4 above its neighbourhood, as the deep gaps of mere
+     noise make others prominent; null where there is none. */
   function nextPeak(size, from, step) {
     for (let i = from + step; i > 0 && i < size.length - 1; i += step) {
       if (!(size[i] >= size[i - 1] && size[i] > size[i + 1])) continue;
@@ -106,7 +120,10 @@ const FrfData = (() => {
           low = Math.min(low, size[k]);
         return low;
       };
-      if (Math.max(floor(-1), floor(1)) < 0.9 * size[i]) return i;
+      const prominence = Math.log(size[i] / Math.max(floor(-1), floor(1)));
+      if (!(prominence > 0.1)) continue;
+      const { sd, level } = noiseAt(size, i);
+      if (prominence > 5 * Math.SQRT2 * sd && Math.log(size[i] / level) > 4 * sd) return i;
     }
     return null;
   }

@@ -30,6 +30,7 @@ class FrfList {
   add(campaign, first = false) {
     const several = this.view.source.campaigns.length > 1;
     for (const frf of campaign.frfs) this.append(this.rowOf(campaign, frf, first, several));
+    this.view.part("frfs").sheet.reach(this.rows[0]?.line);
     const all = (key, prefix, word) =>
       [...new Set(this.rows.map((row) => row[key]))]
         .slice(0, MOST_OFFERED)
@@ -45,7 +46,10 @@ class FrfList {
   }
   append(row) {
     this.rows.push(row);
-    this.view.part("frfs").append(row.option);
+    this.body.append(row.line);
+  }
+  get body() {
+    return this.view.part("frfs").tBodies[0];
   }
   rowOf(campaign, [id, response, rd, reference, fd, quantity, label, averages], first, several) {
     const dof = `${response}${SIGNED(rd)}/${reference}${SIGNED(fd)}`;
@@ -64,10 +68,7 @@ class FrfList {
       response: `${response}${SIGNED(rd)}`,
       reference: `${reference}${SIGNED(fd)}`,
       name: (several ? `${campaign.name}: ` : "") + dof,
-      option: new Option(
-        `${dof} · ${quantity}${label ? ` · ${label}` : ""}${first ? "" : ` · ${campaign.name}`}`,
-        key,
-      ),
+      line: tableLine([dof, quantity, averages ?? "–", label || "–", campaign.name]),
     };
   }
   async addCampaign(id) {
@@ -98,10 +99,10 @@ class FrfList {
   }
 
   chosen() {
-    return this.rows.filter((row) => row.option.selected);
+    return this.rows.filter(isChosen);
   }
   choose(test) {
-    for (const row of this.rows) row.option.selected = test(row);
+    this.view.part("frfs").sheet.choose(this.rows.filter(test).map((row) => row.line));
     this.view.part("all").value = "";
     this.load();
   }
@@ -109,8 +110,8 @@ class FrfList {
   choosePoint(point, more) {
     const mine = this.rows.filter((row) => row.points.includes(point));
     if (!mine.length) return;
-    const next = (mine.findIndex((row) => row.option.selected) + 1) % mine.length;
-    this.choose((row) => (more && row.option.selected) || row === mine[next]);
+    const next = (mine.findIndex(isChosen) + 1) % mine.length;
+    this.choose((row) => (more && isChosen(row)) || row === mine[next]);
   }
 
   /* What was chosen in the meantime wins; `shown` ends once the last choice is drawn. */
@@ -193,6 +194,13 @@ class FrfList {
       );
     return this.loaded.get(path);
   }
+}
+const isChosen = ({ line }) => line.ariaSelected === "true";
+function tableLine(texts) {
+  const line = document.createElement("tr");
+  line.ariaSelected = "false";
+  for (const text of texts) line.insertCell().textContent = text;
+  return line;
 }
 async function fetched(path) {
   const answer = await fetch(

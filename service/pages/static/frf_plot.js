@@ -13,12 +13,12 @@ class FrfPanel {
     this.y = kind.range ?? [0, 1];
     this.hooks = hooks;
     const axis = {
-      stroke: hooks.color("--text"),
+      stroke: hooks.color("--hint"),
       grid: { stroke: hooks.color("--line"), width: 1 },
       ticks: { stroke: hooks.color("--line"), width: 1 },
       font: "12px system-ui, sans-serif",
     };
-    const decade = (v) => (Number.isInteger(v) ? `1e${v}`.replace("1e0", "1") : "");
+    const decade = (v) => (Number.isInteger(v) ? (v === 0 ? "1" : v === 1 ? "10" : "10" + raised(v)) : "");
     this.plot = new uPlot(
       {
         width: place.clientWidth,
@@ -47,7 +47,7 @@ class FrfPanel {
             label: kind.last ? (kind.across ?? "frequency [Hz]") : undefined,
             labelSize: 18,
             labelFont: "12px system-ui, sans-serif",
-            values: kind.last ? undefined : (_, ticks) => ticks.map(() => ""),
+            values: (_, ticks) => ticks.map((v) => (kind.last ? tickOf(v) : "")),
           },
           {
             ...axis,
@@ -57,7 +57,7 @@ class FrfPanel {
             labelFont: "12px system-ui, sans-serif",
             ...(kind.decades
               ? { values: (_, ticks) => ticks.map(decade), incrs: [1, 2, 3, 5] }
-              : {}),
+              : { values: (_, ticks) => ticks.map(tickOf) }),
             ...(kind.ticks ? { splits: () => kind.ticks } : {}),
           },
         ],
@@ -241,6 +241,15 @@ class FrfPanel {
   destroy() {
     this.plot.destroy();
   }
+}
+/* A number of an axis as print has it: 10², −180, 2·10⁻⁵. */
+const RAISED = "⁻⁰¹²³⁴⁵⁶⁷⁸⁹";
+const raised = (n) => String(n).replace(/./g, (c) => RAISED["-0123456789".indexOf(c)]);
+function tickOf(value) {
+  const [digits, power] = value.toExponential().split("e");
+  const far = Math.abs(power) > 4 && value !== 0;
+  const text = far ? `${short(Number(digits), 3)}·10${raised(Number(power))}` : short(value, 6);
+  return text.replace(/^-/, "−");
 }
 /* A curve in a plane, such as a Nyquist diagram, over the lines of a band. */
 function trail({ x, y, hz }, pen, across, up, [low, high]) {

@@ -16,10 +16,11 @@ const PHASE = {
   name: "phase",
   title: "phase [°]",
   range: [-190, 190],
-  ticks: [-180, -90, 0, 90, 180],
+  ticks: [-180, 0, 180],
 };
-const COHERENCE = { name: "coherence", title: "γ²", range: [0, 1.05], ticks: [0, 0.5, 1] };
+const COHERENCE = { name: "coherence", title: "γ²", range: [0, 1.05], ticks: [0, 1] };
 const AXIS = 22; // pixels of the numbers below the last panel
+const SHARES = { log: 7, db: 7, real: 5, imag: 5, phase: 3, coherence: 2.5 }; // of the pane's height
 
 /* Two numbers of the address, or one; null where it has none. */
 function pairOf(key) {
@@ -51,7 +52,7 @@ class FrfView {
     };
   }
   part(name) {
-    return this.box.querySelector(`[data-${name}]`);
+    return this.box.querySelector(`[data-${name}]`) ?? document.querySelector(`[data-${name}]`);
   }
   say(text) {
     this.part("note").textContent = text;
@@ -63,7 +64,7 @@ class FrfView {
     return this.part("quantity").value || (this.curves[0]?.quantity ?? "accelerance");
   }
   get unit() {
-    return FrfData.UNIT[this.quantity];
+    return FrfData.UNIT[this.quantity].replace(/^(.+\/.+)\/N$/, "($1)/N");
   }
 
   /* Curves that were read, of rows that were chosen. */
@@ -71,12 +72,8 @@ class FrfView {
     this.curves = curves;
     this.say([...new Set(faults)].join("; ") || (curves.length ? "" : "Choose an FRF."));
     this.build();
+    performance.mark("drawn FRFs");
     this.box.dispatchEvent(new CustomEvent("chosen", { bubbles: true, detail: rows }));
-    for (const point of document.querySelectorAll("[data-point]"))
-      point.classList.toggle(
-        "chosen",
-        rows.some((row) => row.points.includes(Number(point.dataset.point))),
-      );
   }
   /* The panels of a view, made anew. */
   build() {
@@ -93,9 +90,11 @@ class FrfView {
     for (const panel of this.panels) panel.destroy();
     const place = this.part("panels");
     place.replaceChildren();
-    this.panels = this.kinds().map(
-      (kind) => new FrfPanel(place, kind, this.height(kind), this.hooks),
+    const kinds = this.kinds();
+    this.panels = kinds.map(
+      (kind) => new FrfPanel(place, kind, this.height(kind, kinds), this.hooks),
     );
+    this.built = [place.clientWidth, place.clientHeight].join();
     this.lines = this.kind === "cmif" ? this.indicator() : null;
     this.panels[0].kind.marked = !this.panels[0].kind.across;
     for (const panel of this.panels) {
@@ -125,17 +124,10 @@ class FrfView {
     wanted.at(-1).last = true;
     return wanted;
   }
-  height(kind) {
-    const width = this.part("panels").clientWidth;
-    const usual = {
-      log: 330,
-      db: 330,
-      real: 220,
-      imag: kind.across ? Math.min(560, width) : 220,
-      phase: 140,
-      coherence: 110,
-    };
-    return usual[kind.name] * (width < 640 ? 0.8 : 1) + (kind.last ? AXIS : 0);
+  height(kind, all) {
+    const high = Math.max(160, this.part("panels").clientHeight - AXIS);
+    const whole = all.reduce((sum, { name }) => sum + SHARES[name], 0);
+    return Math.floor((high * SHARES[kind.name]) / whole) + (kind.last ? AXIS : 0);
   }
   indicator() {
     const measured = this.curves.filter(
@@ -159,6 +151,9 @@ class FrfView {
   }
   legend() {
     const named = this.lines ?? this.curves;
+    const rows = this.list.chosen();
+    this.box.querySelector("h2").textContent =
+      rows.length === 1 ? rows[0].name : rows.length ? `${rows.length} FRFs` : "FRFs";
     this.part("legend").replaceChildren(
       ...named.slice(0, MOST_NAMED).map(entryOf),
       named.length > MOST_NAMED ? `and ${named.length - MOST_NAMED} more` : "",
@@ -272,9 +267,16 @@ class FrfView {
         for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
       });
     this.part("panels").addEventListener("keydown", (event) => this.key(event, acts));
-    document.addEventListener("point-chosen", ({ detail: { point, more } }) =>
-      this.list.choosePoint(Number(point), more),
-    );
+    hear("point-chosen", ({ point, more }) => this.list.choosePoint(Number(point), more));
+    hear("mode-chosen", ({ hz }) => {
+      this.mode = hz;
+      const [low, high] = this.zoom.seen;
+      if (this.zoom.band && (hz < low || hz > high)) {
+        const half = (high - low) / 2;
+        this.zoom.to(hz - half, hz + half);
+      }
+      this.panels.forEach((panel) => panel.redraw());
+    });
     document.addEventListener("zoom-frfs", ({ detail: { low, high, moving } }) => {
       if (this.curves.length) this.zoom.to(low, high, moving);
       else {
@@ -283,7 +285,8 @@ class FrfView {
       } // the FRFs are still to be read
     });
     new ResizeObserver(() => {
-      if (this.panels.length && this.panels[0].plot.width !== this.part("panels").clientWidth)
+      const { clientWidth, clientHeight } = this.part("panels");
+      if (this.panels.length && clientWidth && this.built !== [clientWidth, clientHeight].join())
         this.build();
     }).observe(this.part("panels"));
     this.listenToLists();
@@ -310,7 +313,7 @@ class FrfView {
       this.remember();
       this.build();
     };
-    on("frfs", () => this.list.load());
+    this.part("frfs").addEventListener("picked", () => this.list.load());
     on("all", () => {
       const which = this.part("all").value;
       if (which)
@@ -365,7 +368,6 @@ class FrfView {
       { rootMargin: "300px" },
     );
     once.observe(this.box);
-    if (shown.has("hz")) goTo(this.box); // an old address of a mode
   }
 }
 function entryOf({ color, dash, name }) {
@@ -386,15 +388,3 @@ function drawnOf(curve, kind) {
     : { ...look, x: curve.hz, y, wraps: kind.name === "phase" };
 }
 for (const box of document.querySelectorAll("[data-frf-viewer]")) new FrfView(box).open();
-for (const point of document.querySelectorAll("[data-point]"))
-  point.addEventListener("click", (event) => {
-    event.preventDefault();
-    document.dispatchEvent(
-      new CustomEvent("point-chosen", {
-        detail: {
-          point: point.dataset.point,
-          more: event.ctrlKey || event.metaKey || event.shiftKey,
-        },
-      }),
-    );
-  });

@@ -70,7 +70,11 @@ class FrfZoom {
     });
     over.addEventListener("pointerup", (event) => {
       released(event);
-      if (pressed !== null && Math.abs(event.clientX - pressed) < 4)
+      const { offsetX, offsetY } = event;
+      const mode =
+        panel === this.view.panels[0] && this.view.cursors.modeAt(offsetX, offsetY, panel);
+      if (mode) tell("choose-mode", mode);
+      else if (pressed !== null && Math.abs(event.clientX - pressed) < 4)
         this.view.cursors.to(hzAt(event.clientX), event.shiftKey ? 1 : undefined);
       pressed = null;
     });

@@ -12,16 +12,18 @@ async function call(method, path, body, headers = {}) {
     credentials: "same-origin",
     headers: { Accept: "application/json", "X-CSRF-Token": page.csrf, ...headers },
   });
-  const text = await answer.text();
+  return valueIn(answer.status, await answer.text());
+}
+function valueIn(status, text) {
   const value = text ? JSON.parse(text) : null;
-  if (answer.status === 401 && page.csrf)
+  if (status === 401 && page.csrf)
     location.assign(
       at(
         "sign-in?next=" +
           encodeURIComponent(location.pathname.slice(new URL(at("")).pathname.length)),
       ),
     );
-  if (!answer.ok) throw value ?? { detail: `status ${answer.status}` };
+  if (status >= 400) throw value ?? { detail: `status ${status}` };
   return value;
 }
 /* Numbers that are probably in another unit are sent again where a person says that they are meant.
@@ -32,7 +34,7 @@ async function meant(path, sent) {
   } catch (problem) {
     if (
       !problem.confirmable ||
-      !confirm(`${linesOf(speaking, problem).join("\n")}\n\nTake them as they are?`)
+      !(await agreed(linesOf(speaking, problem).join("\n"), "Take them as they are"))
     )
       throw problem;
     return sent(path + "?confirm=true");
@@ -42,9 +44,6 @@ const send = (method, path, value, headers = {}) =>
   meant(path, (to) =>
     call(method, to, JSON.stringify(value), { "Content-Type": "application/json", ...headers }),
   );
-const say = (text) => {
-  document.getElementById("say").textContent = text;
-};
 
 /* The value of an input: of a quantity what the service understood; undefined where nothing was
    said. */
@@ -184,11 +183,13 @@ document.addEventListener("submit", (event) => {
     });
   } else if (form.dataset.delete) {
     event.preventDefault();
-    if (confirm(form.dataset.confirm))
+    agreed(form.dataset.confirm, event.submitter?.textContent).then((yes) => {
+      if (!yes) return;
       submitted(form, async () => {
         await call("DELETE", form.dataset.delete);
         goOn(form.dataset.then);
       });
+    });
   } else if ("signIn" in form.dataset) {
     event.preventDefault();
     submitted(form, async () => {
@@ -264,13 +265,39 @@ const upload = (path, file, form) => {
         : [],
   );
 };
-const sendFile = (path, file, name, stated) =>
-  call(
-    "POST",
-    `${path}?${new URLSearchParams([["filename", name.slice(0, 200)], ...stated])}`,
-    file,
-    { "Content-Type": "application/octet-stream" },
-  );
+/* A file on its way: a line says how far it is, and takes it back. */
+async function sendFile(path, file, name, stated) {
+  const query = new URLSearchParams([["filename", name.slice(0, 200)], ...stated]);
+  const request = new XMLHttpRequest();
+  const line = Object.assign(document.createElement("p"), { className: "live" });
+  const bar = Object.assign(document.createElement("progress"), { value: 0, ariaLabel: name });
+  const cancel = Object.assign(document.createElement("button"), {
+    className: "plain",
+    type: "button",
+    textContent: "Cancel",
+  });
+  cancel.addEventListener("click", () => request.abort());
+  line.append(`Sending ${name}`, bar, cancel);
+  document.querySelector(".drop")?.after(line);
+  request.upload.addEventListener("progress", ({ loaded, total }) => {
+    bar.value = loaded / total;
+  });
+  try {
+    await new Promise((done, failed) => {
+      request.open("POST", rest(`${path}?${query}`));
+      request.setRequestHeader("Accept", "application/json");
+      request.setRequestHeader("X-CSRF-Token", page.csrf);
+      request.setRequestHeader("Content-Type", "application/octet-stream");
+      request.onload = done;
+      request.onerror = () => failed({ detail: `${name}: the connection broke.` });
+      request.onabort = () => failed({ detail: `${name} was not sent.` });
+      request.send(file);
+    });
+  } finally {
+    line.remove();
+  }
+  return valueIn(request.status, request.responseText);
+}
 /* A file that was looked at is read as its form says, with others that have its arrays where that
    is wished. */
 async function sendAgain({ read, into, name }, stated) {
@@ -363,7 +390,6 @@ async function uploadAll(form, files) {
   sending += files.length;
   form.querySelector(".faults").textContent = "";
   for (const file of files) {
-    say(`Sending ${file.name} …`);
     try {
       const made = await upload(form.dataset.upload, file, form).finally(() => {
         sending -= 1;
@@ -539,20 +565,4 @@ if (project) {
   };
   for (const list of [structure, project]) list.addEventListener("change", follow);
   follow();
-}
-/* The part of a result that is in sight is the marked one. */
-const tabs = [...document.querySelectorAll(".tabs a")];
-if (tabs.length) {
-  const mark = (id) =>
-    tabs.forEach((tab) =>
-      tab.hash === "#" + id
-        ? tab.setAttribute("aria-current", "true")
-        : tab.removeAttribute("aria-current"),
-    );
-  const seen = new IntersectionObserver(
-    (entries) => entries.forEach((e) => e.isIntersecting && mark(e.target.id)),
-    { rootMargin: "-25% 0px -70% 0px" },
-  );
-  tabs.forEach((tab) => seen.observe(document.querySelector(tab.hash)));
-  mark(location.hash.slice(1).split("=")[0] || tabs[0].hash.slice(1));
 }

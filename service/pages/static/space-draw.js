@@ -4,8 +4,9 @@
 const VERTEX = `
   attribute vec3 real; attribute vec3 imag;
   uniform float amplitude; uniform float cosine; uniform float sine; uniform float size;
-  varying vec3 place;
+  varying vec3 place; varying float far;
   void main() {
+    far = length(sqrt(real * real + imag * imag));
     vec4 seen = modelViewMatrix * vec4(position + amplitude * (cosine * real - sine * imag), 1.0);
     place = seen.xyz;
     gl_Position = projectionMatrix * seen;
@@ -13,10 +14,16 @@ const VERTEX = `
   }`;
 const FRAGMENT = {
   surface: `
-    uniform vec3 color; uniform float opacity; varying vec3 place;
+    uniform vec3 color; uniform float opacity; uniform bool scaled;
+    varying vec3 place; varying float far;
+    vec3 cividis(float t) {
+      vec3 low = mix(vec3(0.0, 0.13, 0.31), vec3(0.49, 0.49, 0.47), min(1.0, 2.0 * t));
+      return mix(low, vec3(1.0, 0.91, 0.22), max(0.0, 2.0 * t - 1.0));
+    }
     void main() {
       vec3 normal = normalize(cross(dFdx(place), dFdy(place)));
-      gl_FragColor = vec4(color * (0.6 + 0.4 * abs(normal.z)), opacity);
+      vec3 shade = scaled ? cividis(min(1.0, far)) : color;
+      gl_FragColor = vec4(shade * (0.6 + 0.4 * abs(normal.z)), opacity);
     }`,
   line: "uniform vec3 color; uniform float opacity; void main() { gl_FragColor = vec4(color, opacity); }",
   point: `
@@ -59,6 +66,7 @@ class Body {
         ...(said.still ? still : this.motion),
         color: { value: rgb(color) },
         opacity: { value: opacity },
+        scaled: { value: Boolean(said.scaled) },
         size: { value: said.size ?? 1 },
       },
     });
@@ -143,7 +151,7 @@ function bodyOf(three, scene, rest, colors, look) {
       three.Mesh,
       "nodes",
       set.triangles,
-      body.material("surface", color, { opacity: look.opacity }),
+      body.material("surface", color, { opacity: look.opacity, scaled: look.scaled }),
     );
     body.add(
       three.LineSegments,
@@ -268,13 +276,16 @@ export class Space {
     const over = shapes.length > 1 && !beside;
     const before = this.beside;
     this.beside = shapes.length > 1 && beside;
-    const looks = shapes.map(({ measured }, i) => ({
+    const looks = shapes.map(({ measured, nodes }, i) => ({
       moves: true,
       points: measured,
       wires: measured ? colors.measured : colors.updated,
       color: measured ? colors.hint : colors.updated,
-      opacity: over && i ? 0.35 : measured && !beside ? 0.3 : 1,
+      opacity: over && i ? 0.35 : measured && over ? 0.3 : 1,
+      scaled: !over && Boolean(nodes),
     }));
+    const { sets } = scene.mesh;
+    this.coloured = looks[0]?.scaled && sets.some((set) => set.triangles.length);
     if (!shapes.length) looks.push({ points: true, wires: colors.text });
     this.bodies = looks.map((look) => bodyOf(three, scene, rest, colors, look));
     this.bodies.forEach((body, i) => body.move(shapes[i], 0.2 * this.radius));
@@ -302,40 +313,60 @@ export class Space {
     Object.assign(this.state, changes);
     this.dirty();
   }
-  /* The camera as near as all corners of the box, with room for motion and arrows, are in sight. */
-  home() {
+  /* Corners of the box, with room for motion and arrows, along the first view's back, right, up. */
+  corners() {
     const { Vector3 } = this.three;
     const back = new Vector3(...FROM).normalize();
     const right = new Vector3(0, 0, 1).cross(back).normalize();
-    const up = back.clone().cross(right);
-    const high = Math.tan((FIELD * Math.PI) / 360),
-      wide = high * this.camera.aspect;
+    const axes = [back, right, back.clone().cross(right)];
     const { min, max } = this.box.clone().expandByScalar(0.1 * this.radius);
-    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) =>
+    const found = [0, 1, 2, 3, 4, 5, 6, 7].map((i) =>
       new Vector3(i & 1 ? max.x : min.x, i & 2 ? max.y : min.y, i & 4 ? max.z : min.z).sub(
         this.centre,
       ),
     );
-    const away = Math.max(
-      ...corners.map(
-        (c) => c.dot(back) + Math.max(Math.abs(c.dot(right)) / wide, Math.abs(c.dot(up)) / high),
+    return found.map((corner) => axes.map((axis) => corner.dot(axis)));
+  }
+  /* How far off the camera has all corners in sight, of a picture that is so wide for it. */
+  away(aspect) {
+    const high = Math.tan((FIELD * Math.PI) / 360);
+    return Math.max(
+      ...this.corners().map(
+        ([back, right, up]) =>
+          back + Math.max(Math.abs(right) / (high * aspect), Math.abs(up) / high),
       ),
     );
+  }
+  home() {
+    this.touched = false;
     this.controls.target.copy(this.centre);
     this.camera.position
-      .copy(back)
-      .multiplyScalar(1.03 * away)
+      .set(...FROM)
+      .normalize()
+      .multiplyScalar(1.03 * this.away(this.camera.aspect))
       .add(this.centre);
     this.controls.update();
     this.dirty();
   }
+  /* Two pictures stand beside or above each other, as they are larger. */
   resize() {
     const { clientWidth: wide, clientHeight: high } = this.canvas;
     if (!wide || !high) return;
     this.renderer.setSize(wide, high, false);
-    this.camera.aspect = wide / high / (this.beside ? 2 : 1);
+    const aspect = wide / high;
+    this.stacked = this.beside && this.away(2 * aspect) < this.away(aspect / 2);
+    this.camera.aspect = aspect * (this.beside ? (this.stacked ? 2 : 0.5) : 1);
     this.camera.updateProjectionMatrix();
-    this.dirty();
+    if (this.touched) this.dirty();
+    else this.home();
+  }
+  /* Left, top, width and height of a picture in the canvas, CSS pixels. */
+  cell(i) {
+    const { clientWidth: wide, clientHeight: high } = this.canvas;
+    if (!this.beside) return [0, 0, wide, high];
+    return this.stacked
+      ? [0, (i * high) / 2, wide, high / 2]
+      : [(i * wide) / 2, 0, wide / 2, high];
   }
   dirty() {
     this.frame ||= requestAnimationFrame((now) => this.draw(now));
@@ -349,11 +380,11 @@ export class Space {
       state.phase = (state.phase + 2 * Math.PI * state.speed * passed) % (2 * Math.PI);
     renderer.setScissorTest(false);
     renderer.clear();
-    const { clientWidth: wide, clientHeight: high } = this.canvas;
+    const whole = this.canvas.clientHeight;
     bodies.forEach((body, i) => {
       body.turn(state.phase, state.amplitude);
-      const [left, width] = this.beside ? [(i * wide) / 2, wide / 2] : [0, wide];
-      renderer.setViewport(left, 0, width, high);
+      const [left, top, wide, high] = this.cell(i);
+      renderer.setViewport(left, whole - top - high, wide, high);
       renderer.render(this.scenes[i], this.camera);
     });
     this.label();
@@ -362,35 +393,30 @@ export class Space {
   }
   /* Where the points are seen, CSS pixels of the canvas. */
   seenAt() {
-    const { clientWidth, clientHeight: high } = this.canvas;
     const at = Math.max(
       0,
       this.bodies.findIndex(({ marker }) => marker),
     );
-    const [left, wide] = this.beside ? [(at * clientWidth) / 2, clientWidth / 2] : [0, clientWidth];
+    const [left, top, wide, high] = this.cell(at);
     const place = new this.three.Vector3();
     return this.scene.points.map((_, i) => {
       place.set(...this.bodies[at].place(i)).project(this.camera);
-      return [left + ((place.x + 1) / 2) * wide, ((1 - place.y) / 2) * high];
+      return [left + ((place.x + 1) / 2) * wide, top + ((1 - place.y) / 2) * high];
     });
   }
   label() {
-    const { labels } = this.said;
+    const { frame } = this.said;
+    const { clientWidth: wide, clientHeight: high } = this.canvas;
+    const pictured = this.cell(0)[3];
+    frame.draw(this.camera, this.controls.target, [wide, high, pictured], this.coloured);
     this.named ??= this.scene.points.flatMap(({ label }, i) => (label === "" ? [] : [i]));
-    if (!labels || this.named.length > MOST_LABELS) return;
-    if (!labels.childElementCount)
-      labels.append(
-        ...this.named.map((i) =>
-          Object.assign(document.createElement("span"), {
-            textContent: this.scene.points[i].label,
-          }),
-        ),
-      );
+    if (!this.named.length || this.named.length > MOST_LABELS) return;
     const seen = this.seenAt();
-    this.named.forEach((i, k) => {
-      labels.children[k].style.transform =
-        `translate(${seen[i].map((value) => value.toFixed(1)).join("px, ")}px)`;
-    });
+    frame.name(
+      this.named.map((i) => this.scene.points[i].label),
+      this.named.map((i) => seen[i]),
+      this.named.indexOf(this.chosen),
+    );
   }
   /* The point nearest to a place of the canvas, CSS pixels; −1 where none is near. */
   pick(x, y) {
@@ -405,6 +431,9 @@ export class Space {
   listen() {
     const { canvas, controls } = this;
     let down = null;
+    controls.addEventListener("start", () => {
+      this.touched = true;
+    });
     canvas.addEventListener("pointerdown", (event) => {
       down = [event.offsetX, event.offsetY];
       canvas.focus({ preventScroll: true });
@@ -439,6 +468,7 @@ export class Space {
     }[event.key];
     if (event.ctrlKey || event.metaKey || event.altKey || (!across && !does)) return;
     event.preventDefault();
+    this.touched = true;
     if (does) does();
     else if (event.shiftKey) controls.pan(30 * across[0], 30 * across[1]);
     else if (across[0]) controls.rotateLeft(0.1 * across[0]);

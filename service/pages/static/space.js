@@ -85,12 +85,13 @@ class Viewer {
   async open() {
     const { dataset } = this.place;
     try {
-      const [three, geometry, drawing, bars] = await Promise.all(
-        dataset.modules.split(" ").map((path) => import(address(path).href)),
+      const [three, geometry, drawing, frame, bars] = await Promise.all(
+        dataset.modules.trim().split(/\s+/).map((path) => import(address(path).href)),
       );
       this.geometry = geometry;
       this.scene = bars ? await this.bars(bars) : await this.structure();
-      if (document.createElement("canvas").getContext("webgl2")) this.draw(three, drawing);
+      if (document.createElement("canvas").getContext("webgl2"))
+        this.draw(three, drawing, new frame.Frame(this.part("labels"), !bars));
       else this.flat();
     } catch (error) {
       this.say(error.message);
@@ -125,12 +126,12 @@ class Viewer {
     }
     return sceneOf(found ? this.geometry.meshOf(found) : this.geometry.noMesh(), this.said);
   }
-  draw(three, drawing) {
+  draw(three, drawing, frame) {
     const canvas = this.part("canvas");
     canvas.hidden = false;
     this.part("picture").hidden = true;
     this.space = new drawing.Space(three, canvas, this.scene, this.colors, {
-      labels: this.part("labels"),
+      frame,
       chosen: (i) => this.choose(i),
       moved: () => this.run(!this.state.running),
     });
@@ -152,7 +153,6 @@ class Viewer {
         }),
       );
     const picture = this.part("picture");
-    if (picture.querySelector(".grid") && !shapes.length) return; // the service's drawing, with links
     const nodes = shapes.find((shape) => shape.nodes)?.nodes,
       points = shapes.find((shape) => shape.measured)?.points;
     picture.replaceChildren(geometry.still(scene, { nodes, points }, 0.5 * reach, colors));
@@ -222,11 +222,18 @@ class Viewer {
     on("distances", "click", (button) => this.distances(button));
     for (const name of ["measured", "model", "layout"])
       on(name, "change", (list) => {
-        globalThis.keep?.({ ["space-" + name]: list.value || null });
-        this.compare();
+        keep({ ["space-" + name]: list.value || null });
+        const pair = ["measured", "model"].map((side) => this.part(side).value);
+        if (work?.contains(this.place)) tell("mode-chosen", { pair });
+        else this.compare();
       });
-    for (const button of document.querySelectorAll("[data-shape]"))
-      button.addEventListener("click", () => this.setOf(button));
+    if (this.place.dataset.result && work?.contains(this.place))
+      hear("mode-chosen", ({ pair }) => this.choosePair(pair));
+    hear("chosen", ([row, ...more]) => {
+      const at = this.scene.points.findIndex((p) => p.label === row?.points[0]);
+      if (at >= 0 && !more.length) this.mark(at, false);
+    });
+    hear("shape-chosen", (which) => this.said && this.setOf(which));
     const list = this.part("point");
     if (list)
       list.append(
@@ -257,13 +264,15 @@ class Viewer {
       );
       const pair = this.said.measured.find((m) => String(m.number) === this.part("measured").value);
       if (!this.asked.has("space-model") && pair) this.part("model").value = pair.model ?? "";
-      for (const name of ["measured", "layout"])
-        this.part(name).closest("label").hidden = !this.said.measured.length;
+      this.part("measured").hidden = this.part("layout").parentElement.hidden =
+        !this.said.measured.length;
       this.part("layout").value =
         this.asked.get("space-layout") ??
         (matchMedia("(max-width: 640px)").matches ? "over" : "beside");
       await this.compare();
     }
+    if (this.place.dataset.campaign && this.asked.has("mode") && chosenShape)
+      await this.setOf(chosenShape);
     const at = this.scene.points.findIndex((p) => String(p.label) === this.asked.get("point"));
     if (at >= 0) this.mark(at);
   }
@@ -277,6 +286,12 @@ class Viewer {
     } catch (error) {
       if (this.wish === wish) this.say(error.message);
     }
+  }
+  choosePair(pair) {
+    ["measured", "model"].forEach((side, k) => {
+      if (pair[k] !== undefined) this.part(side).value = pair[k];
+    });
+    return this.compare();
   }
   /* The shapes of a result that its lists name. */
   compare() {
@@ -301,10 +316,10 @@ class Viewer {
     return [found.map((shape, i) => ({ ...shape, measured: wanted[i][0] === "measured" })), words];
   }
   /* A measured mode of a test's mode sets. */
-  async setOf({ dataset }) {
+  async setOf({ set: id, number: which }) {
     await this.latest(
-      ask(`mode-sets/${dataset.shape}`).then((set) => {
-        const mode = set.modes.find((m) => m.number === Number(dataset.mode));
+      ask(`mode-sets/${id}`).then((set) => {
+        const mode = set.modes.find((m) => m.number === which);
         const shape = shapeOf(mode.shape, this.said);
         const words = `${set.name}, mode ${mode.number}: ${number(mode.frequency_hz, 5)} Hz`;
         return [
@@ -313,12 +328,11 @@ class Viewer {
         ];
       }),
     );
-    this.place.scrollIntoView({ block: "nearest" });
   }
   show(shapes, words) {
     this.shapes = shapes;
     this.part("motion").hidden = !shapes.length;
-    this.part("run").hidden = !this.space;
+    this.part("run").hidden = !this.space || !shapes.length;
     if (this.space) this.space.show(shapes, this.part("layout")?.value === "beside");
     else this.flat();
     this.say(words);
@@ -344,13 +358,14 @@ class Viewer {
     if (!point) return;
     this.mark(i);
     if (point.words) return;
-    globalThis.keep?.({ point: point.label });
-    document.dispatchEvent(new CustomEvent("point-chosen", { detail: { point: point.label } }));
+    keep({ point: point.label });
+    tell("point-chosen", { point: point.label });
   }
-  mark(i) {
+  mark(i, said = true) {
     const point = this.scene.points[i];
     this.space?.select(i);
     this.part("point").value = i;
+    if (!said) return;
     if (point.words) return this.say(point.words);
     const place = AXES.map((axis) => `${axis} ${number(1e3 * point[axis + "_m"], 4)}`).join(", ");
     this.say(
