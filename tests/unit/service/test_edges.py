@@ -19,7 +19,6 @@ from service.compute.spectra import decode, encode
 from service.figures.modes import aligned
 from service.nouns.campaigns.operations import from_csv
 from service.pages.numbers import in_unit, number, percent, seconds_between, size
-from service.pages.viewer import draw_grid
 from service.platform.db.engine import DatabaseUrlError, sqlalchemy_url
 from service.platform.errors import MOST_FAULTS, Damaged, Invalid
 from service.platform.queue.child import CHECKPOINT_BYTES, _Reporter
@@ -102,7 +101,6 @@ def test_a_setting_stands_in_the_environment_or_in_a_file(
 
 
 def test_nothing_is_drawn_of_nothing() -> None:
-    assert draw_grid({}, None, {}) is None
     measured, updated = aligned(np.zeros(0, complex), np.array([0.0, -2.0]))
     assert (measured.size, updated.tolist()) == (0, [0.0, -1.0])
 

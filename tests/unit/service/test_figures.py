@@ -33,7 +33,6 @@ from service.figures.temperature import temperature_figure
 from service.figures.trend import series_figure
 from service.figures.updates import OTHERS, budget_figure, parameters_figure
 from service.nouns.monitors.runs import unit_of
-from service.pages.viewer import draw_grid
 from service.platform.errors import Conflict, NotFound
 from service.reports.as_pdf import as_pdf
 from service.reports.blocks import Picture, Report
@@ -425,15 +424,6 @@ def test_lines_modes_and_points_that_a_result_has_not() -> None:
         NotFound, match="FRF at point 1 and 1 in this result; there are points 1, 2, 3"
     ):
         _row_at(pairs, FigureQuery(point=1, reference=1))
-
-
-def test_points_without_a_geometry_are_seen_from_where_they_spread() -> None:
-    flat, upright = ({1: (0.0, 0.0, 0.0), 2: (1.0, y, z)} for y, z in ((0.5, 0.0), (0.0, 0.5)))
-    for points in (flat, upright):
-        drawn = draw_grid(points, None, {2: 3})
-        assert drawn.outline is None
-        assert [(mark.label, mark.frfs) for mark in drawn.marks] == [(1, 0), (2, 3)]
-        assert drawn.marks[0].y > drawn.marks[1].y
 
 
 # --- the figure of a watched series: what it draws is what the judgement says, on the screen and in
