@@ -95,6 +95,17 @@ class Arrangement:
         """Name of an FRF, response first: `33Z/1Z`."""
         return pair_label(*self.pairs[row])
 
+    def on(self, lines: slice, mean: int = 1) -> Arrangement:
+        """The same on some lines, or on the means of so many of them."""
+        have = means(self.measured[:, lines], mean)
+        return replace(
+            self,
+            frequency_hz=means(self.frequency_hz[lines], mean),
+            values=np.asarray(means(self.values[:, lines], mean) / np.where(have > 0, have, 1.0)),
+            measured=have > 0,
+            variance=means(self.variance[:, lines], mean) / mean,
+        )
+
     def without(self, rows: Sequence[int]) -> Arrangement:
         """The same without some FRFs.
 
@@ -117,6 +128,12 @@ class Arrangement:
             row=row,
             source=self.source[keep],
         )
+
+
+def means(each: np.ndarray, lines: int) -> np.ndarray:
+    """(…, L // lines) means of neighbouring lines of (…, L)."""
+    whole = each.shape[-1] // lines * lines
+    return np.asarray(each[..., :whole].reshape(*each.shape[:-1], -1, lines).mean(axis=-1))
 
 
 def pair_label(response: Dof, reference: Dof) -> str:

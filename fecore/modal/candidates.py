@@ -32,7 +32,7 @@ import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from fecore.modal.arrangement import Arrangement
+from fecore.modal.arrangement import Arrangement, means
 
 _MOST = 24  # combinations kept
 _SHORT = 0.02  # of the lines: a gap up to here is bridged for the search
@@ -127,6 +127,12 @@ class LinearPoles:
     pole: ComplexArray  # (k,) with positive imaginary part, rad/s
     spacing: FloatArray  # (k,) distance of the lines that were used, rad/s
 
+    def between(self, low: float, high: float) -> LinearPoles:
+        """Those with a natural frequency from `low` to below `high`, Hz."""
+        hz = np.abs(self.pole) / (2 * np.pi)
+        own = (hz >= low) & (hz < high)
+        return LinearPoles(self.order[own], self.pole[own], self.spacing[own])
+
 
 def linear_estimates(arrangement: Arrangement, noise: FloatArray, highest: int) -> LinearPoles:
     """The poles of FRFs with a variance (N, L) of their noise, up to an order."""
@@ -214,12 +220,7 @@ def _means(
     omega: FloatArray, values: ComplexArray, weight: FloatArray, lines: int
 ) -> tuple[FloatArray, ComplexArray, FloatArray]:
     """The same with as many neighbouring lines as that in one."""
-    whole = omega.size // lines * lines
-
-    def taken(each: np.ndarray) -> np.ndarray:
-        return np.asarray(each[..., :whole].reshape(*each.shape[:-1], -1, lines).mean(axis=-1))
-
-    return taken(omega), taken(values), taken(weight)
+    return means(omega, lines), means(values, lines), means(weight, lines)
 
 
 def _parts(lines: int, size: int) -> list[tuple[slice, float, float]]:

@@ -5,8 +5,9 @@ somebody has typed in.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import count
 
 import numpy as np
@@ -44,8 +45,11 @@ from fecore.modal.search import (
     REFINED,
     SETTLED,
     CombinedFrfs,
+    Searched,
     aligned_search,
     forward_selection,
+    joined,
+    octaves,
     with_stated,
     without_spurious,
 )
@@ -116,20 +120,22 @@ def identify(
     covariance and probability.
 
     1. Prepare: FRFs that can be used, on one axis, and how noisy each value is.
-    2. Combine: the few combinations of many FRFs that carry their common content.
-    3. Candidates: poles of linear estimates that come back from order to order.
-    4. Search: of the candidates, those that lower the misfit of the combinations by more than they
+    2. Divide: a wide band of many lines into octaves, which take steps 3 to 8 each for itself.
+    3. Combine: the few combinations of many FRFs that carry their common content.
+    4. Candidates: poles of linear estimates that come back from order to order.
+    5. Search: of the candidates, those that lower the misfit of the combinations by more than they
        cost.
-    5. Align: without what the structure drifted between the tests, where that pays, the search goes
+    6. Align: without what the structure drifted between the tests, where that pays, the search goes
        on with what the residual shows.
-    6. Refine: all poles together on the combinations, then the series with all FRFs.
-    7. Cull: refused poles that only bend a better one beside them leave, and those that a person
-       stated come in.
-    8. Fit: all FRFs with a variance for each value, and the errors of the poles.
-    9. Judge: features and probability of each pole, which is a mode, uncertain, or refused.
-    10. Separate: two modes for a pole whose residues are two shapes.
-    11. Shapes: one for each pole that was kept, with its modal mass.
-    12. Result: the modes and what a user should know of them.
+    7. Refine: all poles together on the combinations, then the series with all FRFs.
+    8. Cull: refused poles that only bend a better one beside them leave.
+    9. Join: one series of the whole band with the poles of all octaves, and those that a person
+       stated.
+    10. Fit: all FRFs with a variance for each value, and the errors of the poles.
+    11. Judge: features and probability of each pole, which is a mode, uncertain, or refused.
+    12. Separate: two modes for a pole whose residues are two shapes.
+    13. Shapes: one for each pole that was kept, with its modal mass.
+    14. Result: the modes and what a user should know of them.
 
     Args:
         frfs: the FRFs of one campaign: one set, or several with different axes or quantities.
@@ -147,32 +153,43 @@ def identify(
     report("screening the FRFs", 0.0)
     prepared = prepare(frfs, options.band_hz)
     stated = options.stated(prepared.arrangement)
-    # 2. Combine.
-    screened = time.perf_counter()
-    combined = CombinedFrfs.of(prepared.arrangement, prepared.noise)
-    # 3. Candidates.
-    report("linear estimates", 0.05)
-    linear = linear_estimates(combined.few, combined.few_noise, options.highest_order)
-    candidates = clusters(linear)
-    # 4. Search.
-    rounds = count(1)
+    # 2. Divide.
+    screened, full = time.perf_counter(), False
+    parts = octaves(prepared.arrangement, prepared.noise)
+    of_parts: list[Searched] = []
 
-    def step(poles: int) -> None:
-        report(f"searching poles: {poles} found", 0.1 + 0.5 * (1 - 0.7 ** next(rounds)))
+    def step(number: int, rounds: Iterator[int], poles: int) -> None:
+        share = (number + 1 - 0.7 ** next(rounds)) / len(parts)
+        report(f"searching poles: {poles} found", 0.05 + 0.55 * share)
 
-    most = min(options.most_modes, int(prepared.arrangement.measured.sum(axis=1).min()) // 4)
-    empty = Terms(np.empty(0), np.empty(0), (-2, 0))
-    terms = forward_selection(combined, empty, candidates, most, step, 1)
-    # 5. Align.
-    aligned, terms, drift = aligned_search(combined, terms, candidates, most, step)
-    # 6. Refine.
-    terms = aligned.refined(terms, steps=REFINED, enough=SETTLED)
-    series = aligned.fitted(terms)
-    full = series.terms.pairs >= most
-    # 7. Cull.
+    for number, part in enumerate(parts):
+        # 3. Combine.
+        combined = CombinedFrfs.of(part.arrangement, part.noise)
+        # 4. Candidates.
+        report("linear estimates", 0.05 + 0.55 * number / len(parts))
+        linear = linear_estimates(combined.few, combined.few_noise, options.highest_order)
+        candidates = clusters(linear)
+        # 5. Search.
+        steps = partial(step, number, count(1))
+        taken = (p.own(o.series.terms).size for p, o in zip(parts, of_parts, strict=False))
+        lines = int(part.arrangement.measured.sum(axis=1).min())
+        room = min(options.most_modes - sum(taken), lines // 4)
+        empty = Terms(np.empty(0), np.empty(0), (-2, 0))
+        terms = forward_selection(combined, empty, candidates, room, steps, 1)
+        # 6. Align.
+        aligned, terms, drift = aligned_search(combined, terms, candidates, room, steps)
+        # 7. Refine.
+        terms = aligned.refined(terms, steps=REFINED, enough=SETTLED)
+        series = aligned.fitted(terms)
+        full |= series.terms.pairs >= room
+        # 8. Cull.
+        of_parts.append(Searched(aligned, without_spurious(aligned, series), drift, linear))
+    # 9. Join.
     report("refining with all FRFs", 0.6)
-    series, by_hand = with_stated(aligned, without_spurious(aligned, series), stated)
-    # 8. Fit.
+    whole = joined(prepared.arrangement, prepared.noise, parts, of_parts)
+    aligned, drift, linear = whole.data, whole.drift, whole.linear
+    series, by_hand = with_stated(aligned, whole.series, stated)
+    # 10. Fit.
     report("refining with all FRFs", 0.8)
     arrangement, noise = aligned.arrangement, aligned.noise
     free = plausible(arrangement, series)
@@ -183,7 +200,7 @@ def identify(
     background = series.part(np.flatnonzero(np.repeat(~free, 2))) if not free.all() else 0.0
     start = series.terms.some(free)
     fit = refine(arrangement, start, variance, steps=_LAST, background=background)
-    # 9. Judge.
+    # 11. Judge.
     report("judging the poles", 0.9)
     searched = time.perf_counter()
     evidence = evidence_of(arrangement, fit)
@@ -208,10 +225,10 @@ def identify(
     fit = replace(fit, errors=errors)
     fitted = FittedSeries(arrangement, fit, noise, linear, drift, full)
     significance = fit.gains / (fit.pole_price * fit.memory)
-    # 10. Separate.
+    # 12. Separate.
     fit, old, separated = separate_close_modes(arrangement, fit, verdict.kept)
     verdict = verdict.of(old, fit.terms.frequency_hz)
-    # 11. Shapes.
+    # 13. Shapes.
     kept, f, zeta = verdict.kept, fit.terms.frequency_hz, fit.terms.damping_ratio
     shapes = shapes_from_residues(
         arrangement,
@@ -220,7 +237,7 @@ def identify(
         fit.terms.poles[kept].imag,
     )
     two = of_rank_two(arrangement, fit.residues, fit.residue_variance)
-    # 12. Result.
+    # 14. Result.
     report("done", 1.0)
     doubt = tuple(verdict.doubt[k] for k in kept)
     outliers, toned = outlying(fit), interference(arrangement, fitted.fit, evidence)

@@ -46,7 +46,7 @@ import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import FEW, Arrangement
-from fecore.modal.series import BESIDE, NEAR, Terms
+from fecore.modal.series import BESIDE, NEAR, Terms, curves_alike
 
 if TYPE_CHECKING:
     from fecore.modal.refine import LinearFit
@@ -312,8 +312,7 @@ def _trend(terms: Terms, strength: FloatArray) -> FloatArray:
 
 def _curves(terms: Terms, height: FloatArray) -> FloatArray:
     """(n, n) C of the resonance curves of each pole and each larger one, 0 of others."""
-    s = terms.poles
-    alike = 4 * np.outer(s.real, s.real) / np.abs(s[:, None] + s.conj()) ** 2
+    alike = curves_alike(terms.poles, terms.poles)
     return np.asarray(np.where(height[None, :] > height[:, None], alike, 0.0))
 
 

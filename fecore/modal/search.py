@@ -23,15 +23,17 @@ series with the twins and without.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import astuple, dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
-from fecore.modal.arrangement import CLEAR, FEW, Arrangement
-from fecore.modal.candidates import NARROW, clusters, compress, linear_poles
+from fecore.modal.arrangement import CLEAR, FEW, Arrangement, means
+from fecore.modal.candidates import NARROW, LinearPoles, clusters, compress, linear_poles
 from fecore.modal.judge import HOPELESS, count_modes, plausible, spurious
 from fecore.modal.refine import (
     PASSES,
@@ -49,8 +51,10 @@ from fecore.modal.refine import (
 from fecore.modal.series import (
     BESIDE,
     ONE,
+    WHOLE,
     Terms,
     columns,
+    curves_alike,
     overlapping,
     stacked,
     with_poles,
@@ -84,6 +88,14 @@ _WIDEST = 0.02
 _ALIKE = 3.0  # ratio of the widths of poles that a drift makes of one mode
 # half bandwidths, and lines at least, on each side of a pole whose lines show the drift
 _REACH = 6.0
+# lines up to which a band stays whole, the finest setting of most analysers; fewest of the lowest
+# octave; most of an octave that is searched on them, and not on means
+_UNDIVIDED, _LOWEST, _MOST_LINES = 3200, 150, 1500
+_GAP = 10  # lines that may be missing in one place of a band that is divided
+_BEYOND = 0.18  # of its ends by which an octave's window goes on beyond them
+# of an end by which it is moved to where FRFs are smallest, and lines over which that is seen
+_VALLEY, _SMOOTH = 0.1, 9
+_ONE_CURVE = 0.5  # MAC of the resonance curves from which poles of two octaves are one
 
 
 @dataclass(frozen=True)
@@ -457,3 +469,83 @@ def with_stated(data: CombinedFrfs, fit: LinearFit, stated: Terms) -> tuple[Line
                 f" {there[k]:.2f} Hz, {where}; leave it out of the poles to fit"
             )
     return reweighted_fit(arrangement, refined, data.noise), at
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a band, in which poles are searched alone."""
+
+    arrangement: Arrangement  # a window of lines, or means of them, that goes on beyond its ends
+    noise: FloatArray  # (N, L) variance of their noise
+    ends_hz: tuple[float, float]  # between which it gives the poles
+
+    def own(self, terms: Terms) -> ComplexArray:
+        """Its poles among the terms, rad/s: those between its ends, or half a bandwidth beyond."""
+        hz, width, (low, high) = terms.frequency_hz, terms.half_bandwidth_hz, self.ends_hz
+        return terms.poles[(hz + width >= low) & (hz - width < high)]
+
+
+@dataclass(frozen=True)
+class Searched:
+    """What FRFs show: the poles that they need, and the drift of their tests."""
+
+    data: CombinedFrfs  # the FRFs without the drift, where it pays
+    series: LinearFit
+    drift: FloatArray  # (N,) relative drift of each FRF's frequencies
+    linear: LinearPoles  # the linear poles
+
+
+def octaves(arrangement: Arrangement, noise: FloatArray) -> list[Part]:
+    """The parts in which the poles of FRFs with a variance (N, L) of their noise are searched: the
+    whole band where lines are few, or many are missing.
+
+    A mode is as wide as its damping times its frequency. Over many octaves no window of lines suits
+    all modes, and what a mode of the upper ones leaves hides those of the lower ones.
+    """
+    hz, lines = arrangement.frequency_hz, arrangement.frequency_hz.size
+    gaps = np.diff(hz).max() > _GAP * arrangement.spacing_hz
+    if lines <= _UNDIVIDED or gaps or arrangement.measured.mean(axis=1).min() < WHOLE:
+        return [Part(arrangement, noise, (0.0, np.inf))]
+    size = np.mean(np.log(np.abs(arrangement.values) + np.finfo(float).tiny), axis=0)
+    size = scipy.ndimage.uniform_filter1d(size, _SMOOTH)
+    ends, high = [np.inf], float(hz[-1]) / 2
+    while np.searchsorted(hz, high) >= _LOWEST:
+        first, last = np.searchsorted(hz, high * np.array([1 - _VALLEY, 1 + _VALLEY]))
+        ends.append(float(hz[first + np.argmin(size[first:last])]))
+        high /= 2
+    parts = []
+    for low, high in pairwise([0.0, *ends[::-1]]):
+        start, stop = np.searchsorted(hz, [low * (1 - _BEYOND), high * (1 + _BEYOND)])
+        window, mean = slice(start, stop), max(1, round((stop - start) / _MOST_LINES))
+        own = means(noise[:, window], mean) / mean
+        parts.append(Part(arrangement.on(window, mean), own, (low, high)))
+    return parts
+
+
+def joined(
+    arrangement: Arrangement, noise: FloatArray, parts: Sequence[Part], searched: Sequence[Searched]
+) -> Searched:
+    """What the FRFs of a band show, from what its parts do: of each its own poles, where no lower
+    part has their curve; and the median of the drifts, where it pays in the whole band.
+    """
+    if len(parts) == 1:
+        return searched[0]
+    poles: ComplexArray = np.empty(0, dtype=complex)
+    for part, each in zip(parts, searched, strict=True):
+        own = part.own(each.series.terms)
+        poles = np.append(poles, own[~(curves_alike(own, poles) >= _ONE_CURVE).any(axis=1)])
+    data = CombinedFrfs.of(arrangement, noise)
+    series = data.fitted(with_poles(Terms(np.empty(0), np.empty(0), ()), poles))
+    within = [
+        each.linear.between(*part.ends_hz) for part, each in zip(parts, searched, strict=True)
+    ]
+    linear = LinearPoles(*map(np.concatenate, zip(*map(astuple, within), strict=True)))
+    drifts = [each.drift for each in searched if each.drift.any()]
+    drift: FloatArray = np.median(drifts, axis=0) if drifts else np.zeros(len(noise))
+    if drifts:
+        tau = memory(series.residual, series.variance, arrangement.measured, series.model)
+        trial = data.aligned(series.weight, series.terms, drift)
+        left = linear_fit(trial.arrangement, series.terms, series.variance).chi_squared
+        if left < series.chi_squared - PRICE * (arrangement.sessions - 1) * tau:
+            return Searched(trial, trial.fitted(series.terms), drift, linear)
+    return Searched(data, series, np.zeros(len(noise)), linear)

@@ -126,6 +126,12 @@ def overlapping(pole: ComplexArray, others: ComplexArray, most: float = ONE) -> 
     return np.asarray((np.abs(pole[:, None] - others) <= reach).any(axis=1))
 
 
+def curves_alike(pole: ComplexArray, others: ComplexArray) -> FloatArray:
+    """(n, m) MAC of the resonance curves of poles and others, 4σ_kσ_j/|s_k + s̄_j|², σ = ζω."""
+    both = np.abs(pole[:, None] + others.conj()) ** 2
+    return np.asarray(4 * np.outer(pole.real, others.real) / both)
+
+
 def columns(
     omega: FloatArray, terms: Terms, power: int, reference: float | None = None
 ) -> ComplexArray:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.identification import SETS
 from benchmarks.made_frfs import KINDS, Harsh
 from examples.paper import synthesis
 from examples.paper.published import FREE_UPDATED, free_beam
@@ -272,3 +273,43 @@ def test_measured_free_beam_of_the_corpus() -> None:
         assert found.found.doubt[k] is not None or any(name in w for w in found.warnings)
     assert any("0 Hz" in w for w in found.warnings)
     assert any("finer line spacing" in w for w in found.warnings)
+
+
+@pytest.mark.parametrize("drift", [0.0, 1e-3])
+def test_a_wide_band_has_its_modes_down_to_its_lowest_hundredth(drift: float) -> None:
+    rng, hz = np.random.default_rng(4), 0.25 * np.arange(1, 5001)
+    f = np.array([10, 14, 22, 41, 60, 98, 150, 230, 340, 351, 470, 600, 760, 980, 1170.0])
+    zeta, residues = rng.uniform(0.005, 0.015, f.size), rng.standard_normal((10, f.size))
+    d = drift * rng.standard_normal(10)
+    w, s = 2 * np.pi * f * (1 + d - d.mean())[:, None], 2j * np.pi * hz[:, None, None]
+    values = (residues * s**2 / (s**2 + 2 * zeta * w * s + w**2)).sum(axis=2).T
+    points = tuple(Dof(point, 3) for point in range(1, 11))
+    frfs = FrfSet(hz, add_noise(values, 0.01, 0.0, rng), points, points[:1] * 10)
+    found = identify(frfs)
+    modes = found.modes
+    assert len(modes) == f.size
+    off = (modes.frequency_hz - f) / modes.frequency_sd_hz
+    of_zeta = (modes.damping_ratio - zeta) / modes.damping_sd
+    assert np.abs(np.append(off, of_zeta)).max() < 4.5  # of 30 standard normal values
+    assert np.all(np.abs(modes.damping_ratio / zeta - 1) < 0.2)  # half a line wide, the lowest
+    assert np.isclose(found.drift, d.std(), rtol=0.2)
+
+
+def test_measured_ruler_to_2_khz() -> None:
+    shared_file("MEASURED", "measured", "ruler.mat")
+    found = identify(SETS["ruler to 2 kHz"]())
+    modes, seen = found.modes, found.found.modes.frequency_hz
+    # as octaves that were identified alone have them
+    for hz, percent in (
+        (39.38, 0.70),
+        (108.57, 0.84),
+        (212.5, 1.19),
+        (352.3, 0.66),
+        (517.3, 1.35),
+        (728.8, 1.28),
+        (967, 2.0),
+    ):
+        k = int(np.argmin(np.abs(modes.frequency_hz - hz)))
+        assert abs(modes.frequency_hz[k] / hz - 1) < 4e-3
+        assert abs(100 * modes.damping_ratio[k] / percent - 1) < 0.2
+    assert np.all(np.abs(seen[:, None] / [269.8, 551.3] - 1).min(axis=0) < 2e-3)
