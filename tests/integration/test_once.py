@@ -193,7 +193,7 @@ def test_a_secret_is_answered_again_to_its_own_key_alone_and_is_not_stored(place
     assert "another API key" in ok(other, 409)["detail"]
     with place.engine.connect() as connection:
         answers = connection.scalars(text("SELECT answer FROM idempotency_keys")).all()
-    secret = made["key"].rsplit("_", 1)[1].encode()
+    secret = made["key"].split("_", 2)[2].encode()  # it may hold underscores of its own
     assert answers
     assert not any(secret in bytes(answer) for answer in answers)
 
