@@ -61,6 +61,9 @@ def test_poles_and_campaigns_are_judged_by_eye(
             sets_are_compared(page, less["name"], pairs)
             address = campaigns_are_compared(page, structure)
             hz = a_pole_is_fitted_too(page, one)
+            assert (seen.complaints, seen.strangers) == ([], [])
+            # that page follows the job, and would load itself anew while the browser closes it
+            page.goto("about:blank")
             until(
                 lambda: len(ok(api.get(f"campaigns/{one}/mode-sets"))["items"]) == 3,
                 "the set of the fit",
@@ -70,7 +73,6 @@ def test_poles_and_campaigns_are_judged_by_eye(
             [decision] = fitted["details"]["decisions"]
             assert decision["reason"] == "seen by eye"
             assert abs(decision["frequency_hz"] / hz - 1) < 0.05
-            assert (seen.complaints, seen.strangers) == ([], [])
     if not on_a_phone:
         return
     with watched_page(running, service.url, width=390, height=844, dark=True) as seen:
@@ -136,8 +138,6 @@ def a_pole_is_fitted_too(page: Page, campaign: str) -> float:
     page.wait_for_selector("#say:has-text('to be fitted')")
     page.fill("form[data-fit] [data-field=reason]", "seen by eye")
     saved(page, "Fit again with these poles")
-    # that page follows the job, and would load itself anew while the browser closes it
-    page.goto("about:blank")
     return float(hz)
 
 
