@@ -34,7 +34,7 @@ from fecore.frf import POWER_OF_I_OMEGA, Dof
 from fecore.modal.arrangement import pair_label
 from fecore.modal.identify import Options, Report, identify
 from fecore.modal.result import Identification, IdentifiedPoles
-from fecore.modal.series import columns, derivatives, slope_parts
+from fecore.modal.series import columns, derivatives, slope_parts, stacked
 from fecore.modes import MeasuredModes
 from fecore.signal.half_spectra import HalfSpectra, column_of, needed_s
 
@@ -167,18 +167,19 @@ def scatter_of_blocks(identification: Identification, setups: Sequence[HalfSpect
     missed = np.zeros((len(setups), 2 * n))
     which = np.tile(np.arange(n), 2)
     for row, (weight, curve) in enumerate(zip(root, identification.predicted, strict=True)):
-        frame, triangle = np.linalg.qr(_real(weight[:, None] * basis))
-        linear = np.linalg.lstsq(triangle, frame.T @ _real(weight * curve), rcond=None)[0]
+        off = np.where(measured[row], identification.measured[row] - curve, 0.0)
+        modelled, residual = stacked(np.stack([curve, off], axis=1), weight).T
+        frame, triangle = np.linalg.qr(stacked(basis, weight))
+        linear = np.linalg.lstsq(triangle, frame.T @ modelled, rcond=None)[0]
         residues = linear[0 : 2 * n : 2] + 1j * linear[1 : 2 * n : 2]
         parts = slope_parts(terms, residues[None], np.arange(n))[0].reshape(2 * n, 2)
         slope = parts[:, 0] * steep[:, 2 * which] + parts[:, 1] * steep[:, 2 * which + 1]
-        slope = _real(weight[:, None] * slope)
+        slope = stacked(slope, weight)
         slope -= frame @ (frame.T @ slope)
         number, place, blocks = deviations[row]
         information[number] += slope.T @ slope
-        moved[:, place] += slope.T @ _real(weight[:, None] * blocks.T)
-        off = np.where(measured[row], identification.measured[row] - curve, 0.0)
-        missed[number] += slope.T @ _real(weight * off)
+        moved[:, place] += slope.T @ stacked(blocks.T, weight)
+        missed[number] += slope.T @ residual
     hz = identification.found.modes.frequency_hz
     own = [int(np.argmin(np.abs(terms.frequency_hz - each))) for each in hz]
     both = np.array([*own, *(n + k for k in own)])
@@ -235,11 +236,6 @@ def _factors(setup: HalfSpectra, frequency_hz: FloatArray) -> FloatArray:
     return np.asarray(setup.weights / (1 - np.minimum(share, 0.5)) * t)
 
 
-def _real(values: ComplexArray) -> FloatArray:
-    """Real parts above imaginary parts."""
-    return np.concatenate([values.real, values.imag])
-
-
 def without_window(
     modes: MeasuredModes, covariance: FloatArray, rate_per_s: float
 ) -> MeasuredModes:
@@ -271,7 +267,7 @@ def _sines(
     frequency_hz: FloatArray,
     damping_ratio: FloatArray,
     setups: Sequence[HalfSpectra],
-    damping_sd: FloatArray | float | None,
+    damping_sd: FloatArray | None,
 ) -> BoolArray:
     """(n,) which poles are harmonics: hardly any decay beside the window's, and a kurtosis nearer to
     a sine's in some setup.
