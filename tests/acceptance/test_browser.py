@@ -72,7 +72,7 @@ def look_at_every_part(seen: Watched) -> None:
     assert page.evaluate(height) == 0
     for tab in TABS:
         page.click(f".tabs [href='#{tab}']")
-        assert page.locator(f"#{tab} h2").is_visible()
+        page.locator(f"#{tab} h2").wait_for()
         figures = page.locator("figure[data-figure]:visible")
         for i in range(figures.count()):
             figure = figures.nth(i)

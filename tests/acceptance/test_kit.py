@@ -70,6 +70,7 @@ def test_parts_do_what_they_show(running: Browser, service: LocalService) -> Non
     with watched_page(running, service.url, width=1400) as seen:
         page = signed_in(seen, key, "/ui/kit")
         page.click(".tabs [href='#work']")
+        page.locator("[aria-label=many] tbody tr").first.wait_for()
         assert {row["height"] for row in boxes(page, "[aria-label=many] tbody tr")} == {28}
         rows_are_sorted_filtered_and_chosen(page)
         lines_move_and_are_kept(page)
